@@ -1,0 +1,1 @@
+"""MJCF models: data, no code. See README.md in this folder."""
