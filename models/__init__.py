@@ -1,1 +1,1 @@
-"""MJCF models: data, no code. See README.md in this folder."""
+"""MJCF models: data, and `make_meshes`, which wrote the meshes. See README.md in this folder."""

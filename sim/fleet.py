@@ -1,0 +1,155 @@
+"""Fleet: N robots, each in a world of its own, stepped together by mujoco.batch."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from mujoco import batch
+from numpy.typing import ArrayLike
+
+from sim.drive import Drive, DriveState
+from sim.ground import Ground
+from sim.robot import Robot
+from trackslip.errors import InvalidValueError
+from trackslip.kinematics import Array
+
+RADIUS_ERROR = 0.0067
+"""Default relative error of the effective sprocket radius, real / nominal - 1 [-]: tuned to the paper's slips."""
+_SETTLING = 1.0  # time for a robot set down on the ground to come to rest [s]
+
+
+class Fleet:
+    """N robots on their grounds. Same arguments, same bits, at any number of threads."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        start: ArrayLike,
+        ground: Ground | Sequence[Ground] | None = None,
+        radius_error: ArrayLike = RADIUS_ERROR,
+        drive: Drive | None = None,
+        threads: int = 0,
+    ) -> None:
+        """Set N robots down, tracks at rest.
+
+        Args:
+            robot: the compiled model.
+            start: poses (N, 3).
+            ground: of all robots, or one each.
+            radius_error: of the effective sprocket radius, one number or (N,) [-].
+            drive: of all sprockets.
+            threads: worker threads, 0 for one per processor.
+
+        Raises:
+            InvalidValueError: for poses that aren't finite, a wrong number of grounds, a servo period that is no
+                multiple of the physics step.
+        """
+        start = np.atleast_2d(np.asarray(start, float))
+        if start.ndim != 2 or start.shape[1] != 3 or not np.isfinite(start).all():
+            raise InvalidValueError("start", start.tolist(), "N finite poses (x, y, phi)")
+        if threads < 0:
+            raise InvalidValueError("threads", threads, "0 (one per processor) or more")
+        self.robot = robot
+        self.size = len(start)
+        self._radius = robot.geometry.sprocket_radius * (1 + np.broadcast_to(radius_error, (self.size,)))[:, None]
+        drive = drive or Drive()
+        self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius)
+        self.period = drive.period
+        step = robot.model.opt.timestep
+        self._substeps = round(drive.period / step)
+        if self._substeps < 1 or abs(self._substeps * step - drive.period) > 1e-9:
+            raise InvalidValueError("drive.period", drive.period, f"a multiple of the physics step, {step} s")
+
+        self.batch = batch.Batch(robot.model, self.size, nthread=threads)
+        self._surface = self.batch.expand("geom_surfacevel")  # (N, ngeom, 6)
+        self._friction = self.batch.expand("pair_friction")  # (N, npair, 5)
+        self._force = self.batch.bind("sensordata").reshape(self.size, 2, 3)
+        self._turns = np.zeros(self.size)  # whole turns of the unwrapped heading
+        self.set_ground(ground or Ground())
+        self._set_down(start)
+
+    def set_ground(self, ground: Ground | Sequence[Ground]) -> None:
+        """Put the robots on a ground, all the same or one each; takes effect at once, also in mid-run."""
+        grounds = [ground] * self.size if isinstance(ground, Ground) else list(ground)
+        if len(grounds) != self.size:
+            raise InvalidValueError("ground", f"{len(grounds)} grounds", f"one or {self.size}")
+        friction = np.array([[g.along, g.across] for g in grounds])
+        self._friction[:, self.robot.pad_pairs, :2] = friction[:, None, :]
+
+    def command(self, omega: ArrayLike) -> None:
+        """Set points of the sprockets, (N, 2) or (2,) [rad/s]; they hold until the next."""
+        self.drive.command(np.broadcast_to(np.asarray(omega, float), (self.size, 2)))
+
+    def advance(self, duration: float) -> None:
+        """Let `duration` [s] pass; raises InvalidValueError unless it is a multiple of the servo period."""
+        periods = round(duration / self.period)
+        if abs(periods * self.period - duration) > 1e-9:
+            raise InvalidValueError("duration", duration, f"a multiple of the servo period, {self.period} s")
+        before = self._heading()
+        for _ in range(periods):
+            self._set_track_speed(self._radius * self.drive.advance(self.traction()))
+            self.batch.step(nstep=self._substeps)
+        self._turns -= np.round((self._heading() - before) / (2 * np.pi))
+
+    def pose(self) -> Array:
+        """True poses (N, 3) of the chassis [m, m, rad]; phi unwrapped."""
+        qpos = self.batch.qpos
+        return np.column_stack([qpos[:, 0], qpos[:, 1], self._heading() + 2 * np.pi * self._turns])
+
+    def twist(self) -> Array:
+        """True twists (N, 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]."""
+        velocity, heading = self.batch.qvel, self._heading()
+        cos, sin = np.cos(heading), np.sin(heading)
+        x, y = velocity[:, 0], velocity[:, 1]
+        return np.column_stack([cos * x + sin * y, -sin * x + cos * y, velocity[:, 5]])
+
+    def traction(self) -> Array:
+        """Forces of the ground on the (left, right) tracks, along the robot, (N, 2) [N]."""
+        heading = self._heading()[:, None]
+        return np.cos(heading) * self._force[..., 0] + np.sin(heading) * self._force[..., 1]
+
+    def load(self) -> Array:
+        """Forces of the ground that hold up the (left, right) tracks, (N, 2) [N]."""
+        return self._force[..., 2].copy()
+
+    def attitude(self) -> Array:
+        """Sink (positive downwards) [m], roll and pitch [rad] of the chassis, (N, 3)."""
+        w, x, y, z = self.batch.qpos[:, 3:7].T
+        roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+        pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
+        return np.column_stack([-self.batch.qpos[:, 2], roll, pitch])
+
+    def _set_track_speed(self, speed: Array) -> None:
+        """Let the belts run at (N, 2) [m/s]: their lower side backwards when the robot goes forwards."""
+        robot = self.robot
+        self._surface[:, robot.pads, :3] = -speed[:, robot.pad_side, None] * robot.pad_forward
+
+    def _set_down(self, start: Array) -> None:
+        qpos = self.batch.qpos
+        qpos[:, :3] = np.column_stack([start[:, :2], np.zeros(self.size)])
+        qpos[:, 3:7] = _yaw_quaternion(start[:, 2])
+        self.batch.step(nstep=round(_SETTLING / self.robot.model.opt.timestep))
+        # settling moves it by less than a micrometre; start exactly where asked
+        qpos[:, :2] = start[:, :2]
+        turn = _yaw_quaternion(start[:, 2] - self._heading())
+        qpos[:, 3:7] = np.array([_multiply(a, b) for a, b in zip(turn, qpos[:, 3:7], strict=True)])
+        self.batch.qvel[:] = 0
+        self.batch.time[:] = 0
+        self._turns = np.round((start[:, 2] - self._heading()) / (2 * np.pi))
+
+    def _heading(self) -> Array:
+        w, x, y, z = self.batch.qpos[:, 3:7].T
+        return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+
+def _yaw_quaternion(heading: Array) -> Array:
+    zero = np.zeros_like(heading)
+    return np.column_stack([np.cos(heading / 2), zero, zero, np.sin(heading / 2)])
+
+
+def _multiply(left: Array, right: Array) -> Array:
+    product = np.zeros(4)
+    mujoco.mju_mulQuat(product, left, right)
+    return product

@@ -1,0 +1,101 @@
+"""MJCF -> compiled model, and what the rest of the simulator reads from it."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import models
+import mujoco
+import numpy as np
+
+from trackslip.errors import TrackslipError
+from trackslip.kinematics import Array, RobotGeometry
+from trackslip.scan import Plate
+
+FIELD = Path(models.__file__).parent / "field.xml"
+"""The robot on the paper's field, with the laser range finder beside it."""
+VISUAL_GROUP = 1
+"""Geoms that are only looked at; they are left out of the physics."""
+SCANNED_GROUP = 0
+"""Geoms that the laser range finder sees."""
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A compiled model and the numbers in it."""
+
+    model: mujoco.MjModel
+    geometry: RobotGeometry
+    contact_half_length: float
+    """Half the length of track that carries load [m]."""
+    mass: float
+    """[kg]"""
+    plate: Plate
+    pads: np.ndarray  # (P,) geom ids of the contact capsules
+    pad_side: np.ndarray  # (P,) 0 left, 1 right
+    pad_forward: Array  # (P, 3) the robot's forward direction in each pad's frame
+    pad_pairs: np.ndarray  # (P,) contact pair ids
+    contact_points: Array  # (K, 2) places where the tracks touch the ground [m]
+    lrf_mount: Array  # (3,) pose of the laser range finder in the world
+    lrf_height: float
+    """[m]"""
+    digest: str
+    """SHA-256 of the model, visuals aside."""
+
+
+def load_robot(path: Path = FIELD) -> Robot:
+    """Compile a model without its visuals and read its geometry.
+
+    Raises:
+        TrackslipError: for a file that doesn't compile or lacks a named part.
+    """
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+        full = spec.compile()
+        sprocket_radius = float(full.geom("left_sprocket").size[0])
+        for geom in list(spec.geoms):
+            if geom.group == VISUAL_GROUP:
+                spec.delete(geom)
+        model = spec.compile()
+        return _read(model, sprocket_radius, hashlib.sha256(spec.to_xml().encode()).hexdigest())
+    except (ValueError, KeyError) as error:
+        raise TrackslipError(f"{path}: {' '.join(str(error).split())}") from error
+
+
+def _read(model: mujoco.MjModel, sprocket_radius: float, digest: str) -> Robot:
+    pads = np.array([i for i in range(model.ngeom) if "_pad" in model.geom(i).name])
+    side = np.array([0 if model.geom(i).name.startswith("left_") else 1 for i in pads])
+    pairs = {int(model.pair_geom2[i]): i for i in range(model.npair)}
+    rotation = np.array([_rotation(model.geom_quat[i]) for i in pads])  # (P, 3, 3) geom -> chassis
+    # a capsule lies along its own z; a contact point is at either end
+    ends = model.geom_size[pads, 1, None] * rotation[:, :, 2]
+    points = np.concatenate([model.geom_pos[pads] - ends, model.geom_pos[pads] + ends])[:, :2]
+    on_left = np.sort(points[points[:, 1] > 0, 0])
+    spacing = (on_left[-1] - on_left[0]) / (len(on_left) - 1)
+    plate_size = model.geom("plate").size
+    lrf = model.body("lrf")
+    heading = _rotation(model.body_quat[lrf.id])[:, 0]
+    model.flg_surfacevel = 1  # compiled with standing tracks, the engine would ignore later writes
+    return Robot(
+        model=model,
+        geometry=RobotGeometry(float(np.abs(points[:, 1]).mean()), sprocket_radius),
+        contact_half_length=float((on_left[-1] - on_left[0] + spacing) / 2),
+        mass=float(model.body_subtreemass[model.body("chassis").id]),
+        plate=Plate(2 * float(plate_size[0]), 2 * float(plate_size[1])),
+        pads=pads,
+        pad_side=side,
+        pad_forward=rotation[:, 0, :],
+        pad_pairs=np.array([pairs[int(i)] for i in pads]),
+        contact_points=points,
+        lrf_mount=np.array([*model.body_pos[lrf.id][:2], np.arctan2(heading[1], heading[0])]),
+        lrf_height=float(model.body_pos[lrf.id][2]),
+        digest=digest,
+    )
+
+
+def _rotation(quaternion: Array) -> Array:
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, quaternion)
+    return matrix.reshape(3, 3)

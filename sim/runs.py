@@ -1,0 +1,208 @@
+"""Open- and closed-loop runs of a fleet in front of the scanner -> RunLogs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from sim.fleet import Fleet
+from sim.scanner import ScannerFeed
+from trackslip.controllers import Controller
+from trackslip.errors import InvalidValueError
+from trackslip.kinematics import Array, limit_sprocket_speeds
+from trackslip.localization import Locator, PoseEstimate, Tracker
+from trackslip.runlog import RunLog, Truth
+from trackslip.slip import NoSlip, SlipLaw
+from trackslip.trajectory import Reference
+
+Progress = Callable[[float], None]
+"""Called with the seconds simulated since the last call."""
+
+_SCANS_AT_ONCE = 2000  # scans that are localised together, offline
+
+
+@dataclass(frozen=True)
+class Description:
+    """What a run is called and what is to be remembered of it."""
+
+    run: str
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Pilot:
+    """Who drives some robots of a fleet: a controller, and a slip law to turn its twist into sprocket speeds."""
+
+    controller: Controller
+    robots: Sequence[int]
+    law: SlipLaw = field(default_factory=NoSlip)
+
+
+def scan_count(duration: float, period: float) -> int:
+    """Scans in a run, the first at its start; raises InvalidValueError for a run without two."""
+    count = int(duration / period + 1e-9) + 1
+    if not count >= 2:
+        raise InvalidValueError("duration", duration, f"at least the time between two scans, {period:g} s")
+    return count
+
+
+def open_loop(
+    fleet: Fleet,
+    omega: Array,
+    duration: float,
+    feed: ScannerFeed,
+    locator: Locator,
+    descriptions: Sequence[Description],
+    progress: Progress = lambda seconds: None,
+) -> list[RunLog]:
+    """Drive constant sprocket speeds (N, 2) [rad/s] for `duration` [s]; the poses come from the scans, afterwards.
+
+    Speeds beyond the top speed are scaled for both tracks alike, so that the curvature is kept.
+    """
+    record = _Recorder(fleet, scan_count(duration, feed.period), feed.period)
+    start = fleet.pose()
+    block = max(1, _SCANS_AT_ONCE // fleet.size)
+    waiting: list[Array] = []
+    estimates: list[PoseEstimate] = []
+
+    def localise() -> None:
+        scan = feed.measure(np.stack(waiting, axis=1))  # (N, block, B)
+        estimates.append(locator.locate(feed.scan(scan.ranges.reshape(-1, scan.ranges.shape[-1]))))
+        waiting.clear()
+
+    for k in range(record.rows):
+        if k > 0:
+            fleet.advance(feed.period)
+            progress(feed.period)
+        record.measure(k)
+        waiting.append(feed.true_ranges())
+        if len(waiting) == block or k == record.rows - 1:
+            localise()
+        fleet.command(limit_sprocket_speeds(omega, fleet.drive.limit))
+        record.command[k] = fleet.drive.set_point
+
+    single = _joined(estimates, fleet.size)
+    tracker = Tracker(start, fleet.robot.geometry)
+    for k in range(record.rows):
+        if k > 0:
+            tracker.predict(record.omega[k], feed.period)
+        record.estimate(k, tracker.update(PoseEstimate(single.pose[k], single.covariance[k], single.valid[k])))
+    return record.logs(descriptions)
+
+
+def closed_loop(
+    fleet: Fleet,
+    pilots: Sequence[Pilot],
+    reference: Reference,
+    feed: ScannerFeed,
+    locator: Locator | None,
+    descriptions: Sequence[Description],
+    progress: Progress = lambda seconds: None,
+) -> list[RunLog]:
+    """Let controllers follow `reference` to its end, a command per scan, from the pose that the scan gave.
+
+    Without a `locator` the controllers are told the true pose. Commands beyond the top speed are scaled for both tracks
+    alike, so that the curvature is kept.
+
+    Raises:
+        InvalidValueError: unless each robot has exactly one pilot.
+    """
+    if sorted(i for pilot in pilots for i in pilot.robots) != list(range(fleet.size)):
+        raise InvalidValueError("pilots", [list(p.robots) for p in pilots], f"each robot 0..{fleet.size - 1} once")
+    geometry = fleet.robot.geometry
+    rows = math.ceil(reference.duration / feed.period - 1e-9) + 1  # the last at the reference's end or just after
+    record = _Recorder(fleet, rows, feed.period)
+    tracker = Tracker(fleet.pose(), geometry)
+    for pilot in pilots:
+        pilot.controller.reset()
+    omega = np.zeros((fleet.size, 2))
+    for k in range(record.rows):
+        if k > 0:
+            fleet.advance(feed.period)
+            progress(feed.period)
+        record.measure(k)
+        if locator is None:
+            record.estimate(k, _exactly(fleet.pose()))
+        else:
+            predicted = tracker.predict(record.omega[k], feed.period if k > 0 else 0.0)
+            scan = feed.measure(feed.true_ranges()[:, None, :])
+            record.estimate(k, tracker.update(locator.locate(feed.scan(scan.ranges[:, 0]), predicted)))
+        time = float(record.time[k])
+        for pilot in pilots:
+            twist = pilot.controller.twist(time, record.pose[k, pilot.robots], reference)
+            record.twist_command[k, pilot.robots] = twist
+            omega[pilot.robots] = pilot.law.sprocket_speeds(twist, geometry)
+        fleet.command(limit_sprocket_speeds(omega, fleet.drive.limit))
+        record.command[k] = fleet.drive.set_point
+    return record.logs(descriptions)
+
+
+class _Recorder:
+    """The rows of N runs as they are driven."""
+
+    def __init__(self, fleet: Fleet, rows: int, period: float) -> None:
+        n = fleet.size
+        self._fleet, self._period = fleet, period
+        self._angle = fleet.drive.encoder_angle()
+        self.rows = rows
+        self.time = np.arange(rows) * period
+        self.command = np.zeros((rows, n, 2))
+        self.twist_command = np.full((rows, n, 2), np.nan)
+        self.omega = np.zeros((rows, n, 2))
+        self.pose = np.zeros((rows, n, 3))
+        self._covariance = np.zeros((rows, n, 3, 3))
+        self._valid = np.zeros((rows, n), bool)
+        self._true_pose = np.zeros((rows, n, 3))
+        self._true_twist = np.zeros((rows, n, 3))
+        self._traction = np.zeros((rows, n, 2))
+        self._torque = np.zeros((rows, n, 2))
+
+    def measure(self, k: int) -> None:
+        """Encoders and truth."""
+        fleet = self._fleet
+        angle = fleet.drive.encoder_angle()
+        self.omega[k] = (angle - self._angle) / self._period
+        self._angle = angle
+        self._true_pose[k], self._true_twist[k] = fleet.pose(), fleet.twist()
+        self._traction[k], self._torque[k] = fleet.traction(), fleet.drive.torque
+
+    def estimate(self, k: int, estimate: PoseEstimate) -> None:
+        self.pose[k], self._covariance[k], self._valid[k] = estimate.pose, estimate.covariance, estimate.valid
+
+    def logs(self, descriptions: Sequence[Description]) -> list[RunLog]:
+        return [
+            RunLog(
+                run=d.run,
+                time=self.time,
+                omega=self.omega[:, i],
+                pose=self.pose[:, i],
+                command=self.command[:, i],
+                twist_command=None if np.isnan(self.twist_command[:, i]).any() else self.twist_command[:, i],
+                covariance=self._covariance[:, i],
+                valid=self._valid[:, i],
+                truth=Truth(self._true_pose[:, i], self._true_twist[:, i], self._traction[:, i], self._torque[:, i]),
+                metadata=dict(d.metadata),
+            )
+            for i, d in enumerate(descriptions)
+        ]
+
+
+def _exactly(pose: Array) -> PoseEstimate:
+    return PoseEstimate(pose, np.zeros((len(pose), 3, 3)), np.ones(len(pose), bool))
+
+
+def _joined(estimates: Sequence[PoseEstimate], robots: int) -> PoseEstimate:
+    """Estimates of blocks of scans (robots x scans) as one, with time first: (T, N, ...)."""
+
+    def join(parts: Sequence[np.ndarray]) -> np.ndarray:
+        return np.concatenate([np.moveaxis(p.reshape(robots, -1, *p.shape[1:]), 0, 1) for p in parts])
+
+    return PoseEstimate(
+        join([e.pose for e in estimates]),
+        join([e.covariance for e in estimates]),
+        join([e.valid for e in estimates]),
+    )

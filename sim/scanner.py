@@ -1,0 +1,99 @@
+"""The laser range finder (LRF): rays, noise, limits -> Scan."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.fleet import Fleet
+from sim.robot import SCANNED_GROUP
+from trackslip.errors import InvalidValueError, require_non_negative, require_positive
+from trackslip.kinematics import Array
+from trackslip.scan import Scan
+
+
+@dataclass(frozen=True)
+class LaserScanner:
+    """A line scanner in the manner of the SICK LMS 200; the paper doesn't name its own."""
+
+    field_of_view: float = np.pi
+    """Angle between the first and the last beam [rad]."""
+    resolution: float = np.radians(0.25)
+    """Angle between neighbouring beams [rad]."""
+    rate: float = 20.0
+    """Scans per second [Hz]."""
+    noise: float = 0.005
+    """Standard deviation of a range [m]."""
+    max_range: float = 20.0
+    """Beyond it nothing comes back [m]."""
+    dropout: float = 0.0
+    """Probability that a beam doesn't come back though it hit something [-]."""
+
+    def __post_init__(self) -> None:
+        for name in ("field_of_view", "resolution", "rate", "max_range"):
+            require_positive(name, getattr(self, name))
+        require_non_negative("noise", self.noise)
+        if self.field_of_view > 2 * np.pi or self.resolution >= self.field_of_view:
+            raise InvalidValueError("field_of_view", self.field_of_view, "greater than the resolution, at most 2 pi")
+        if not 0 <= self.dropout < 1:
+            raise InvalidValueError("dropout", self.dropout, "at least 0 and less than 1")
+
+    @property
+    def period(self) -> float:
+        """Time between scans [s]."""
+        return 1 / self.rate
+
+    @property
+    def bearings(self) -> Array:
+        """Directions (B,) of the beams in the LRF's frame [rad]."""
+        beams = round(self.field_of_view / self.resolution) + 1
+        return (np.arange(beams) - (beams - 1) / 2) * self.resolution
+
+
+class ScannerFeed:
+    """The scanner in front of a fleet: every robot is watched by an LRF of its own."""
+
+    def __init__(self, scanner: LaserScanner, fleet: Fleet, generators: Sequence[np.random.Generator]) -> None:
+        """`generators`: one for each robot, so that its noise doesn't depend on what else is simulated."""
+        if len(generators) != fleet.size:
+            raise InvalidValueError("generators", len(generators), f"{fleet.size}, one for each robot")
+        self._scanner, self._fleet = scanner, fleet
+        self._noise, self._dropout = zip(*(g.spawn(2) for g in generators), strict=True)
+        robot = fleet.robot
+        x, y, heading = robot.lrf_mount
+        self._origin = np.array([x, y, robot.lrf_height])
+        bearings = scanner.bearings
+        direction = heading + bearings
+        self._rays = np.column_stack([np.cos(direction), np.sin(direction), np.zeros_like(direction)])
+        self._template = Scan(bearings, np.empty((0, len(bearings))), scanner.noise, robot.lrf_mount)
+        self._groups = np.arange(6) == SCANNED_GROUP
+        self._lrf = robot.model.body("lrf").id
+
+    @property
+    def period(self) -> float:
+        """Time between scans [s]."""
+        return self._scanner.period
+
+    def true_ranges(self) -> Array:
+        """Ranges (N, B) without noise or dropouts, NaN where nothing is within range: one call for all robots."""
+        distance, _ = self._fleet.batch.ray(self._origin, self._rays, geomgroup=self._groups, bodyexclude=self._lrf)
+        return np.where((distance < 0) | (distance > self._scanner.max_range), np.nan, distance)
+
+    def measure(self, true_ranges: Array) -> Scan:
+        """Scans (N, T, B) with noise and dropouts of true ranges (N, T, B): the next T of each robot's stream."""
+        n, t, beams = true_ranges.shape
+        ranges = np.empty_like(true_ranges)
+        for k in range(n):  # a stream of random numbers per robot
+            np.multiply(self._noise[k].standard_normal((t, beams)), self._scanner.noise, out=ranges[k])
+        ranges += true_ranges
+        if self._scanner.dropout > 0:
+            for k in range(n):
+                ranges[k][self._dropout[k].random((t, beams)) < self._scanner.dropout] = np.nan
+        return self.scan(ranges)
+
+    def scan(self, ranges: Array) -> Scan:
+        """Ranges (..., B) as a Scan of this LRF."""
+        template = self._template
+        return Scan(template.bearings, ranges, template.noise, template.mount)

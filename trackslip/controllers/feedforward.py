@@ -1,0 +1,23 @@
+"""Feedforward (Sec. IV-B): the reference's own twist, whatever the pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trackslip.kinematics import Array
+from trackslip.trajectory import Reference
+
+
+@dataclass(frozen=True)
+class Feedforward:
+    """Drives the reference's twist open loop."""
+
+    def reset(self) -> None:
+        """Nothing to forget."""
+
+    def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
+        """The reference's twist, for each of the poses (..., 3): (..., 2)."""
+        return np.broadcast_to(reference.twist(time), (*np.shape(pose)[:-1], 2)).copy()

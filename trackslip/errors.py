@@ -1,0 +1,47 @@
+"""Errors that a user can mend: each message is one line and says what is allowed."""
+
+from __future__ import annotations
+
+
+class TrackslipError(Exception):
+    """Base of every error that trackslip raises on purpose."""
+
+
+class InvalidValueError(TrackslipError, ValueError):
+    """A value outside what is allowed.
+
+    Args:
+        field: name of the field or option.
+        value: what was given.
+        allowed: what is allowed, in words.
+    """
+
+    def __init__(self, field: str, value: object, allowed: str) -> None:
+        super().__init__(f"{field} = {value!r}: must be {allowed}")
+        self.field = field
+
+
+class LogError(TrackslipError, ValueError):
+    """A log file that can't be read; the message names the file, row and column."""
+
+
+class OutputError(TrackslipError, OSError):
+    """A result that can't be written."""
+
+
+def require_positive(field: str, value: float) -> None:
+    """Raise InvalidValueError unless `value` is finite and greater than zero."""
+    if not 0.0 < value < float("inf"):
+        raise InvalidValueError(field, value, "a finite number > 0")
+
+
+def require_non_negative(field: str, value: float) -> None:
+    """Raise InvalidValueError unless `value` is finite and at least zero."""
+    if not 0.0 <= value < float("inf"):
+        raise InvalidValueError(field, value, "a finite number >= 0")
+
+
+def require_finite(field: str, value: float) -> None:
+    """Raise InvalidValueError unless `value` is finite."""
+    if not -float("inf") < value < float("inf"):
+        raise InvalidValueError(field, value, "a finite number")

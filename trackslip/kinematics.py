@@ -1,0 +1,102 @@
+"""Kinematics of a tracked robot with slip: Eqs. 2-7 and 15 of the paper.
+
+Tracks are ordered (left, right) on the last axis, a twist is (v, w), a pose (x, y, phi). Any leading shape.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trackslip.errors import require_positive
+
+Array = NDArray[np.float64]
+
+SIDES = np.array([-1.0, 1.0])  # (2,) a track's speed is v + SIDES * b * w: the left one is slower when w > 0
+
+
+@dataclass(frozen=True)
+class RobotGeometry:
+    """What the kinematics need to know of a robot."""
+
+    half_gauge: float
+    """b: half the distance between the centre lines of the tracks [m]."""
+    sprocket_radius: float
+    """r: effective radius of the driving sprockets [m]."""
+
+    def __post_init__(self) -> None:
+        require_positive("half_gauge", self.half_gauge)
+        require_positive("sprocket_radius", self.sprocket_radius)
+
+
+def track_speeds(twist: ArrayLike, half_gauge: float) -> Array:
+    """Real speeds (V_l, V_r) of the tracks' centres over the ground [m/s], (..., 2), of a twist (..., 2)."""
+    v, w = _split(twist)
+    return v[..., None] + SIDES * half_gauge * w[..., None]
+
+
+def twist_of_tracks(speeds: ArrayLike, half_gauge: float) -> Array:
+    """Body twist (..., 2) of the real track speeds (V_l, V_r) (..., 2); Eq. 5."""
+    left, right = _split(speeds)
+    return np.stack([(right + left) / 2, (right - left) / (2 * half_gauge)], axis=-1)
+
+
+def body_twist(omega: ArrayLike, slip: ArrayLike, geometry: RobotGeometry) -> Array:
+    """Body twist (..., 2) of sprocket speeds omega (..., 2) [rad/s] and slips (..., 2); Eqs. 2 and 5."""
+    speeds = geometry.sprocket_radius * np.asarray(omega, float) * (1 - np.asarray(slip, float))
+    return twist_of_tracks(speeds, geometry.half_gauge)
+
+
+def sprocket_speeds(twist: ArrayLike, slip: ArrayLike, geometry: RobotGeometry) -> Array:
+    """Sprocket speeds (..., 2) [rad/s] that give a twist (..., 2) at known slips (..., 2) != 1; Eq. 15."""
+    return track_speeds(twist, geometry.half_gauge) / (
+        geometry.sprocket_radius * (1 - np.asarray(slip, float))
+    )
+
+
+def track_slip(omega: ArrayLike, twist: ArrayLike, geometry: RobotGeometry) -> Array:
+    """Slips (..., 2), i = 1 - V / (r omega), of a measured twist (..., 2); Eqs. 2-3.
+
+    A track whose sprocket stands still has no slip ratio: NaN there.
+    """
+    commanded = geometry.sprocket_radius * np.asarray(omega, float)
+    real = track_speeds(twist, geometry.half_gauge)
+    commanded, real = np.broadcast_arrays(commanded, real)
+    ratio = np.divide(real, commanded, out=np.full(real.shape, np.nan), where=commanded != 0)
+    return 1 - ratio
+
+
+def curvature(twist: ArrayLike) -> Array:
+    """Path curvature kappa = w / v [1/m], (...): signed infinity when turning in place, 0 when standing."""
+    v, w = _split(twist)
+    safe = np.where(v == 0, 1.0, v)
+    return np.where(v == 0, np.where(w == 0, 0.0, np.copysign(np.inf, w)), w / safe)
+
+
+def limit_sprocket_speeds(omega: ArrayLike, limit: float) -> Array:
+    """Scale both sprockets (..., 2) alike until neither exceeds `limit` [rad/s], so that curvature is kept."""
+    omega = np.asarray(omega, float)
+    largest = np.abs(omega).max(axis=-1, keepdims=True)
+    return omega * (limit / np.maximum(largest, limit))
+
+
+def advance(pose: ArrayLike, twist: ArrayLike, duration: ArrayLike) -> Array:
+    """Poses (..., 3) after driving a constant twist (..., 2) for `duration` [s]: an arc, exactly (Eqs. 6-7)."""
+    x, y, phi = np.moveaxis(np.asarray(pose, float), -1, 0)
+    v, w = _split(twist)
+    turn = w * duration
+    chord = v * duration * np.sinc(turn / (2 * np.pi))
+    heading = phi + turn / 2
+    return np.stack([x + chord * np.cos(heading), y + chord * np.sin(heading), phi + turn], axis=-1)
+
+
+def wrap_angle(angle: ArrayLike) -> Array:
+    """Angles wrapped to [-pi, pi)."""
+    return (np.asarray(angle, float) + np.pi) % (2 * np.pi) - np.pi
+
+
+def _split(pair: ArrayLike) -> tuple[Array, Array]:
+    array = np.asarray(pair, float)
+    return array[..., 0], array[..., 1]

@@ -1,0 +1,88 @@
+"""The paper's localisation: a line through the plate's points (Sec. III-B), mended where it must be."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from trackslip.kinematics import Array
+from trackslip.localization.base import PoseEstimate
+from trackslip.scan import Cluster, Plate, Scan, extract_plate
+
+
+@dataclass(frozen=True)
+class LineLocator:
+    """Total-least-squares line through the cluster: its slope is the heading, its mid-point the position.
+
+    Two things the paper leaves out. The points lie on the plate's face, half its thickness nearer to the LRF than its
+    centre. And twice per turn the plate is seen edge-on, when the line fits the thin face, off by 90 degrees: a cluster
+    shorter than `min_extent` is refused.
+    """
+
+    plate: Plate = field(default_factory=Plate)
+    min_extent: float = 0.35
+    """Shortest line that is believed [m]."""
+
+    def locate(self, scan: Scan, predicted: Array | None = None) -> PoseEstimate:
+        """Poses of the plate in scans with ranges (S, B); see `Locator`."""
+        near = None if predicted is None else scan.from_world(predicted)
+        cluster = extract_plate(scan, self.plate, near)
+        line = fit_line(cluster)
+        normal = np.stack([-np.sin(line.heading), np.cos(line.heading)], axis=-1)
+        away = np.sign(np.einsum("si,si->s", normal, line.middle))[:, None]
+        position = line.middle + away * normal * self.plate.thickness / 2
+        pose = np.concatenate([position, line.heading[:, None]], axis=-1)
+        valid = (cluster.count >= 3) & (line.extent > self.min_extent)
+        covariance = _covariance(scan, cluster, line, valid)
+        return PoseEstimate(scan.to_world(pose), scan.covariance_to_world(covariance), valid)
+
+
+@dataclass(frozen=True)
+class Line:
+    """Lines through clusters, in the LRF's frame."""
+
+    heading: Array  # (S,) up to half a turn [rad]
+    middle: Array  # (S, 2) half-way between the outermost points [m]
+    extent: Array  # (S,) distance of the outermost points along the line [m]
+
+
+def fit_line(cluster: Cluster) -> Line:
+    """Total least squares through the returns of each cluster; any line where there are none."""
+    x = cluster.range * np.cos(cluster.bearing)
+    y = cluster.range * np.sin(cluster.bearing)
+    n = np.maximum(cluster.count, 1)
+    mean_x = np.sum(x, axis=1, where=cluster.hit) / n
+    mean_y = np.sum(y, axis=1, where=cluster.hit) / n
+    dx, dy = x - mean_x[:, None], y - mean_y[:, None]
+    xx = np.sum(dx * dx, axis=1, where=cluster.hit)
+    yy = np.sum(dy * dy, axis=1, where=cluster.hit)
+    xy = np.sum(dx * dy, axis=1, where=cluster.hit)
+    heading = np.arctan2(2 * xy, xx - yy) / 2
+    cos, sin = np.cos(heading), np.sin(heading)
+    along = dx * cos[:, None] + dy * sin[:, None]
+    low = np.min(along, axis=1, where=cluster.hit, initial=np.inf)
+    high = np.max(along, axis=1, where=cluster.hit, initial=-np.inf)
+    empty = cluster.count == 0
+    low, high = np.where(empty, 0.0, low), np.where(empty, 0.0, high)
+    shift = (low + high) / 2
+    return Line(heading, np.stack([mean_x + shift * cos, mean_y + shift * sin], axis=-1), high - low)
+
+
+def _covariance(scan: Scan, cluster: Cluster, line: Line, valid: np.ndarray) -> Array:
+    """Covariance (S, 3, 3) of a line fit: noise across the line, the silhouette's beam spacing along it."""
+    n = np.maximum(cluster.count, 3)
+    distance = np.maximum(np.hypot(line.middle[:, 0], line.middle[:, 1]), 1e-3)
+    sight = np.arctan2(line.middle[:, 1], line.middle[:, 0])
+    grazing = np.maximum(np.abs(np.sin(line.heading - sight)), 1e-2)
+    across = (scan.noise * grazing) ** 2 / n
+    along = (distance * scan.beam_step / grazing) ** 2 / 12 / 2 + (scan.noise * (1 - grazing)) ** 2 / 2
+    heading = 12 * (scan.noise * grazing) ** 2 / (n * np.maximum(line.extent, 1e-2) ** 2)
+    cos, sin = np.cos(line.heading), np.sin(line.heading)
+    covariance = np.zeros((len(n), 3, 3))
+    covariance[:, 0, 0] = along * cos**2 + across * sin**2
+    covariance[:, 1, 1] = along * sin**2 + across * cos**2
+    covariance[:, 0, 1] = covariance[:, 1, 0] = (along - across) * cos * sin
+    covariance[:, 2, 2] = heading
+    covariance[~valid] = np.nan
+    return covariance

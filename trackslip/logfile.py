@@ -1,0 +1,267 @@
+"""RunLogs and steady samples to and from Parquet and CSV.
+
+One file holds any number of runs, told apart by the column `run`. A real robot's log needs only REQUIRED; samples of
+steady driving, without a trace, are SAMPLE_COLUMNS.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.csv
+import pyarrow.parquet
+
+from trackslip.errors import LogError
+from trackslip.kinematics import Array
+from trackslip.runlog import RunLog, Truth
+
+REQUIRED = ("run", "t", "omega_l", "omega_r", "x", "y", "phi")
+SAMPLE_COLUMNS = ("omega_l", "omega_r", "v", "w")
+_COMMAND = ("omega_cmd_l", "omega_cmd_r")
+_TWIST_COMMAND = ("v_cmd", "w_cmd")
+_COVARIANCE = ("var_x", "cov_xy", "cov_xphi", "var_y", "cov_yphi", "var_phi")
+_UPPER = np.triu_indices(3)
+_TRUE_POSE = ("true_x", "true_y", "true_phi")
+_TRUE_TWIST = ("true_v", "true_lateral", "true_w")
+_TRACTION = ("traction_l", "traction_r")
+_TORQUE = ("torque_l", "torque_r")
+_UNITS = {
+    "t": "s",
+    **dict.fromkeys(("omega_l", "omega_r", *_COMMAND, "w", "w_cmd", "true_w"), "rad/s"),
+    **dict.fromkeys(("x", "y", "true_x", "true_y"), "m"),
+    **dict.fromkeys(("phi", "true_phi"), "rad"),
+    **dict.fromkeys(("v", "v_cmd", "true_v", "true_lateral"), "m/s"),
+    **dict.fromkeys(("var_x", "cov_xy", "var_y"), "m^2"),
+    **dict.fromkeys(("cov_xphi", "cov_yphi"), "m rad"),
+    "var_phi": "rad^2",
+    **dict.fromkeys(_TRACTION, "N"),
+    **dict.fromkeys(_TORQUE, "N m"),
+}
+_METADATA_KEY = b"trackslip"
+
+
+def to_table(logs: Sequence[RunLog]) -> pa.Table:
+    """Runs as one table, a row a scan; units in the columns' metadata, the runs' metadata in the schema's.
+
+    Columns that some runs lack are null there.
+    """
+    table = pa.concat_tables([_run_table(log) for log in logs], promote_options="default")
+    fields = [
+        f.with_metadata({"unit": _UNITS[f.name]}) if f.name in _UNITS else f for f in table.schema.remove_metadata()
+    ]
+    metadata = {"version": 1, "runs": {log.run: log.metadata for log in logs}}
+    return table.cast(pa.schema(fields, metadata={_METADATA_KEY: json.dumps(metadata)}))
+
+
+def write_parquet(logs: Sequence[RunLog], path: Path) -> None:
+    """Write runs to a Parquet file."""
+    pa.parquet.write_table(to_table(logs), path)
+
+
+def write_csv(logs: Sequence[RunLog], path: Path) -> None:
+    """Write runs to a CSV file; metadata is lost, numbers are not."""
+    pa.csv.write_csv(to_table(logs), path)
+
+
+def read_table(path: Path) -> pa.Table:
+    """The table in a `.parquet` or `.csv` file; raises LogError when there is none."""
+    if not path.is_file():
+        raise LogError(f"{path}: no such file")
+    try:
+        if path.suffix == ".parquet":
+            return pa.parquet.read_table(path)
+        if path.suffix == ".csv":
+            return pa.csv.read_csv(path, convert_options=_as_text(path))
+    except (pa.ArrowInvalid, pa.ArrowTypeError, OSError) as error:
+        raise LogError(f"{path}: {_first_line(error)}") from error
+    raise LogError(f"{path}: must end in .parquet or .csv")
+
+
+def read_runs(path: Path) -> list[RunLog]:
+    """The runs in a file; raises LogError naming the row and column of what can't be read."""
+    return runs_from_table(read_table(path), str(path))
+
+
+def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
+    """The runs in a table read from `source` (named in errors)."""
+    columns = _Columns(table, source)
+    columns.require(REQUIRED)
+    names = table.column("run").cast(pa.string())
+    if names.null_count:
+        raise LogError(f"{source}: row {_row(names.is_null())}, column run: empty")
+    encoded = names.combine_chunks().dictionary_encode()
+    label, keys = encoded.indices.to_numpy(), encoded.dictionary.to_pylist()
+    if not keys:
+        raise LogError(f"{source}: no rows")
+    metadata = _stored_metadata(table)
+    valid = columns.boolean("valid")
+    ok = np.ones(len(label), bool) if valid is None else valid
+    time = columns.numbers(("t",))[:, 0]
+    omega = columns.numbers(("omega_l", "omega_r"))
+    pose = columns.numbers(("x", "y", "phi"), where=ok)
+    command = columns.optional(_COMMAND)
+    twist_command = columns.optional(_TWIST_COMMAND)
+    covariance = columns.optional(_COVARIANCE)
+    truth = [columns.optional(names) for names in (_TRUE_POSE, _TRUE_TWIST, _TRACTION, _TORQUE)]
+    logs = []
+    for number, key in enumerate(keys):
+        rows = np.flatnonzero(label == number)
+        true_parts = [_present(part, rows) for part in truth]
+        try:
+            logs.append(
+                RunLog(
+                    run=key,
+                    time=time[rows],
+                    omega=omega[rows],
+                    pose=pose[rows],
+                    command=_present(command, rows),
+                    twist_command=_present(twist_command, rows),
+                    covariance=None if covariance is None else _symmetric(covariance[rows]),
+                    valid=None if valid is None else valid[rows],
+                    truth=_truth(true_parts),
+                    metadata=metadata.get(key, {}),
+                )
+            )
+        except LogError as error:
+            raise LogError(f"{source}: {error}") from error
+    return logs
+
+
+def read_samples(table: pa.Table, source: str) -> tuple[Array, Array]:
+    """Sprocket speeds (n, 2) [rad/s] and twists (n, 2) of steady samples."""
+    columns = _Columns(table, source)
+    columns.require(SAMPLE_COLUMNS)
+    values = columns.numbers(SAMPLE_COLUMNS)
+    if not len(values):
+        raise LogError(f"{source}: no rows")
+    return values[:, :2], values[:, 2:]
+
+
+class _Columns:
+    """Columns of a table as arrays, with errors that name the row and the column."""
+
+    def __init__(self, table: pa.Table, source: str) -> None:
+        self._table, self._source = table, source
+
+    def require(self, names: Sequence[str]) -> None:
+        missing = [name for name in names if name not in self._table.column_names]
+        if missing:
+            raise LogError(
+                f"{self._source}: column {missing[0]} is missing (found {', '.join(self._table.column_names)})"
+            )
+
+    def numbers(self, names: Sequence[str], where: np.ndarray | None = None) -> Array:
+        """(T, len(names)), every value finite, or at least those in the rows `where`."""
+        return np.stack([self._number(name, where) for name in names], axis=-1)
+
+    def optional(self, names: Sequence[str]) -> Array | None:
+        """(T, len(names)) with NaN for nulls, or None if the columns aren't there."""
+        if any(name not in self._table.column_names for name in names):
+            return None
+        return np.stack([self._parse(name) for name in names], axis=-1)
+
+    def boolean(self, name: str) -> np.ndarray | None:
+        """(T,), or None if the column isn't there."""
+        if name not in self._table.column_names:
+            return None
+        text = self._table.column(name).cast(pa.string()).to_pylist()
+        known = {"true": True, "1": True, "false": False, "0": False}
+        for k, value in enumerate(text):
+            if str(value).lower() not in known:
+                raise LogError(f"{self._source}: row {k + 1}, column {name}: {value!r} is not true or false")
+        return np.array([known[value.lower()] for value in text])
+
+    def _number(self, name: str, where: np.ndarray | None) -> Array:
+        values = self._parse(name)
+        bad = ~np.isfinite(values) if where is None else ~np.isfinite(values) & where
+        if bad.any():
+            k = int(np.argmax(bad))
+            given = self._table.column(name)[k].as_py()
+            raise LogError(f"{self._source}: row {k + 1}, column {name}: {given!r} is not a finite number")
+        return values
+
+    def _parse(self, name: str) -> Array:
+        column = self._table.column(name)
+        if not pa.types.is_string(column.type):
+            return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), float)
+        values = np.full(len(column), np.nan)
+        for k, text in enumerate(column.to_pylist()):
+            if text:
+                try:
+                    values[k] = float(text)
+                except ValueError:
+                    raise LogError(
+                        f"{self._source}: row {k + 1}, column {name}: {text!r} is not a number"
+                    ) from None
+        return values
+
+
+def _as_text(path: Path) -> pa.csv.ConvertOptions:
+    """Options to read every column as text, so that a bad value can be named by its row and column."""
+    with path.open(encoding="utf-8", errors="replace") as file:
+        names = next(csv.reader(file), [])
+    return pa.csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string()))
+
+
+def _run_table(log: RunLog) -> pa.Table:
+    columns: dict[str, Any] = {"run": pa.array([log.run] * len(log.time)), "t": log.time}
+    blocks: list[tuple[Sequence[str], Array | None]] = [
+        (_COMMAND, log.command),
+        (_TWIST_COMMAND, log.twist_command),
+        (("omega_l", "omega_r"), log.omega),
+        (("x", "y", "phi"), log.pose),
+    ]
+    if log.covariance is not None:
+        blocks.append((_COVARIANCE, log.covariance[:, *_UPPER]))
+    if log.truth is not None:
+        blocks += [
+            (_TRUE_POSE, log.truth.pose),
+            (_TRUE_TWIST, log.truth.twist),
+            (_TRACTION, log.truth.traction),
+            (_TORQUE, log.truth.torque),
+        ]
+    for names, block in blocks:
+        if block is not None:
+            columns |= {name: np.ascontiguousarray(block[:, k]) for k, name in enumerate(names)}
+    if log.valid is not None:
+        columns["valid"] = log.valid
+    return pa.table(columns)
+
+
+def _present(block: Array | None, rows: np.ndarray) -> Array | None:
+    """Rows of a block of columns, or None where the run doesn't have them: columns of other runs are null there."""
+    return None if block is None or np.isnan(block[rows]).all() else block[rows]
+
+
+def _truth(parts: Sequence[Array | None]) -> Truth | None:
+    pose, twist, traction, torque = parts
+    if pose is None or twist is None or traction is None or torque is None:
+        return None
+    return Truth(pose, twist, traction, torque)
+
+
+def _symmetric(upper: Array) -> Array:
+    """(T, 3, 3) from the upper triangles (T, 6)."""
+    full = np.empty((len(upper), 3, 3))
+    full[:, *_UPPER] = upper
+    full[:, _UPPER[1], _UPPER[0]] = upper
+    return full
+
+
+def _stored_metadata(table: pa.Table) -> dict[str, dict[str, Any]]:
+    stored = (table.schema.metadata or {}).get(_METADATA_KEY)
+    return json.loads(stored)["runs"] if stored else {}
+
+
+def _row(mask: pa.ChunkedArray) -> int:
+    return int(np.argmax(mask.to_numpy())) + 1
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).splitlines()[0] if str(error) else type(error).__name__

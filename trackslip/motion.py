@@ -1,0 +1,58 @@
+"""Poses over time -> smooth poses and the body twist."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import butter, sosfiltfilt
+
+from trackslip.errors import LogError
+from trackslip.kinematics import Array
+from trackslip.runlog import RunLog
+
+CUTOFF = 0.5
+"""Normalised cutoff of the paper's Butterworth filter: half of half the sampling rate."""
+_SHORTEST = 16  # rows a filter without transients needs
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Motion of a robot between the rows of its log."""
+
+    time: Array  # (M,) [s]
+    pose: Array  # (M, 3) [m, m, rad]
+    twist: Array  # (M, 2) [m/s, rad/s]
+
+
+def butterworth_motion(log: RunLog) -> Motion:
+    """The paper's smoothing (Sec. III-B), run forwards and backwards so that it has no delay, then differences.
+
+    The heading and, since the paper doesn't say which low-pass it used, the coordinates too go through a second-order
+    Butterworth filter. The speed is the displacement between neighbouring rows projected on the mean heading, not its
+    length, which noise makes longer. Rows with no valid pose are interpolated; unequal time steps are resampled.
+
+    Raises:
+        LogError: for a run with too few valid poses to filter.
+    """
+    valid = log.is_valid
+    if valid.sum() < _SHORTEST:
+        raise LogError(f"run {log.run!r}: {int(valid.sum())} valid poses, needs at least {_SHORTEST}")
+    time = log.time[valid]
+    step = float(np.median(np.diff(log.time)))
+    even = time[0] + step * np.arange(int((time[-1] - time[0]) / step + 1e-6) + 1)
+    pose = np.stack([np.interp(even, time, log.pose[valid, k]) for k in range(3)], axis=-1)
+    if len(even) < _SHORTEST:
+        raise LogError(f"run {log.run!r}: {len(even)} even time steps, needs at least {_SHORTEST}")
+    smooth = sosfiltfilt(butter(2, CUTOFF, output="sos"), pose, axis=0)
+    return difference(even, smooth)
+
+
+def difference(time: Array, pose: Array) -> Motion:
+    """Twists between neighbouring poses (T, 3): exact for arcs."""
+    duration = np.diff(time)
+    dx, dy, turn = np.diff(pose, axis=0).T
+    middle = (pose[1:] + pose[:-1]) / 2
+    chord = dx * np.cos(middle[:, 2]) + dy * np.sin(middle[:, 2])
+    v = chord / np.sinc(turn / (2 * np.pi)) / duration
+    return Motion((time[1:] + time[:-1]) / 2, middle, np.stack([v, turn / duration], axis=-1))

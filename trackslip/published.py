@@ -1,0 +1,12 @@
+"""The paper's experiment and its printed results: the numbers to stand beside."""
+
+from __future__ import annotations
+
+COMMANDED_RADII = (0.5, 1.0, 1.5, 2.0, 2.5)
+"""Radii of the no-slip commands [m] (Eq. 8)."""
+
+SPEEDS = (0.05, 0.10, 0.15, 0.20, 0.25)
+"""Speeds of the no-slip commands [m/s] (Eq. 9)."""
+
+OBSERVED_RADII = (0.62, 1.34, 2.05, 2.68, 3.12)
+"""Radii the robot drove for COMMANDED_RADII [m] (legend of Fig. 5)."""

@@ -1,0 +1,61 @@
+"""RunLog: the one record of a run, simulated or real, on the time base of its scans."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from trackslip.errors import LogError
+from trackslip.kinematics import Array
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What only a simulator knows."""
+
+    pose: Array  # (T, 3) [m, m, rad]
+    twist: Array  # (T, 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]
+    traction: Array  # (T, 2) force of the ground on each track, along the robot [N]
+    torque: Array  # (T, 2) torque of each sprocket's drive [N m]
+
+
+@dataclass(frozen=True)
+class RunLog:
+    """One run. Row k holds what was measured at time k and the command given then."""
+
+    run: str
+    """Name of the run, unique within a file."""
+    time: Array  # (T,) [s], ascending
+    omega: Array  # (T, 2) measured sprocket speeds [rad/s]
+    pose: Array  # (T, 3) estimated pose [m, m, rad], phi unwrapped
+    command: Array | None = None  # (T, 2) commanded sprocket speeds [rad/s]
+    twist_command: Array | None = None  # (T, 2) body twist asked for by a controller [m/s, rad/s]
+    covariance: Array | None = None  # (T, 3, 3) of the pose
+    valid: np.ndarray | None = None  # (T,) bool: the pose was measured; None: every pose was
+    truth: Truth | None = None
+    metadata: dict[str, Any] = field(default_factory=dict)
+    """Whatever describes the run and fits into JSON: geometry, ground, reference, controller, seed."""
+
+    def __post_init__(self) -> None:
+        rows = len(self.time)
+        if rows < 2:
+            raise LogError(f"run {self.run!r}: {rows} row(s), needs at least 2")
+        backwards = np.flatnonzero(~(np.diff(self.time) > 0))
+        if backwards.size:
+            k = int(backwards[0]) + 1
+            raise LogError(f"run {self.run!r}: t = {self.time[k]!r} in row {k + 1} does not come after the row before")
+        bad = np.argwhere(~np.isfinite(self.pose) & self.is_valid[:, None])
+        if bad.size:
+            k, j = bad[0]
+            raise LogError(f"run {self.run!r}: {'x y phi'.split()[j]} is not finite in row {k + 1}")
+        bad = np.argwhere(~np.isfinite(self.omega))
+        if bad.size:
+            k, j = bad[0]
+            raise LogError(f"run {self.run!r}: {'omega_l omega_r'.split()[j]} is not finite in row {k + 1}")
+
+    @property
+    def is_valid(self) -> np.ndarray:
+        """(T,) bool: whether each pose was measured."""
+        return np.ones(len(self.time), bool) if self.valid is None else self.valid

@@ -1,0 +1,122 @@
+"""References: what a controller is asked to follow, as pose and twist over time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trackslip.errors import InvalidValueError, require_positive
+from trackslip.kinematics import Array, advance
+
+
+class Reference(Protocol):
+    """A path in time. Before 0 it stands at its start, after `duration` at its end."""
+
+    @property
+    def duration(self) -> float:
+        """When the reference stops [s]."""
+        ...
+
+    def pose(self, time: ArrayLike) -> Array:
+        """Poses (..., 3) at times (...) [s]; phi unwrapped."""
+        ...
+
+    def twist(self, time: ArrayLike) -> Array:
+        """Twists (..., 2) at times (...) [s]."""
+        ...
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A piece of path of constant curvature, driven at constant acceleration."""
+
+    duration: float
+    """[s]"""
+    start_speed: float
+    """[m/s]"""
+    end_speed: float
+    """[m/s]"""
+    curvature: float = 0.0
+    """[1/m], positive to the left."""
+
+    def __post_init__(self) -> None:
+        require_positive("duration", self.duration)
+
+    @property
+    def length(self) -> float:
+        """Signed path length [m]."""
+        return (self.start_speed + self.end_speed) / 2 * self.duration
+
+
+class SegmentedReference:
+    """Straight lines and arcs, one after the other; pose and twist in closed form."""
+
+    def __init__(self, start: ArrayLike, segments: Sequence[Segment]) -> None:
+        """`start` is the first pose (3,); raises InvalidValueError without segments."""
+        if not segments:
+            raise InvalidValueError("segments", segments, "at least one segment")
+        self._segments = tuple(segments)
+        poses = [np.asarray(start, float)]
+        for s in self._segments:
+            poses.append(advance(poses[-1], [s.length, s.length * s.curvature], 1.0))
+        self._start_poses = np.array(poses[:-1])  # (S, 3)
+        self._start_times = np.concatenate([[0.0], np.cumsum([s.duration for s in self._segments])])  # (S + 1,)
+        self._start_speeds = np.array([s.start_speed for s in self._segments])
+        self._accelerations = np.array([(s.end_speed - s.start_speed) / s.duration for s in self._segments])
+        self._curvatures = np.array([s.curvature for s in self._segments])
+
+    @property
+    def duration(self) -> float:
+        """When the reference stops [s]."""
+        return float(self._start_times[-1])
+
+    def pose(self, time: ArrayLike) -> Array:
+        """Poses (..., 3) at times (...) [s]; phi unwrapped."""
+        k, t = self._locate(time)
+        distance = self._start_speeds[k] * t + self._accelerations[k] * t**2 / 2
+        motion = np.stack([distance, distance * self._curvatures[k]], axis=-1)
+        return advance(self._start_poses[k], motion, 1.0)
+
+    def twist(self, time: ArrayLike) -> Array:
+        """Twists (..., 2) at times (...) [s]."""
+        k, t = self._locate(time)
+        time = np.asarray(time, float)
+        speed = self._start_speeds[k] + self._accelerations[k] * t
+        speed = np.where((time < 0) | (time >= self.duration), 0.0, speed)
+        return np.stack([speed, speed * self._curvatures[k]], axis=-1)
+
+    def _locate(self, time: ArrayLike) -> tuple[np.ndarray, Array]:
+        """Index of the segment and time since its start, each (...)."""
+        time = np.clip(np.asarray(time, float), 0.0, self.duration)
+        k = np.searchsorted(self._start_times, time, side="right") - 1
+        k = np.minimum(k, len(self._segments) - 1)
+        return k, time - self._start_times[k]
+
+
+def paper_reference() -> SegmentedReference:
+    """The verification path of Sec. IV-A: 45.8 s, start (0, 0, pi/2).
+
+    The five segments are those described in words; Eqs. 14c-14e contradict them (see the README's deviations).
+    """
+    speed, yaw_rate = 0.15, 0.12
+    turn = 4 * np.pi / 3 - np.pi / 2
+    return SegmentedReference(
+        start=(0.0, 0.0, np.pi / 2),
+        segments=[
+            Segment(5.0, 0.0, speed),
+            Segment(7.0, speed, speed),
+            Segment(turn / yaw_rate, speed, speed, yaw_rate / speed),
+            Segment(7.0, speed, speed),
+            Segment(5.0, speed, 0.0),
+        ],
+    )
+
+
+def circle(radius: float, speed: float, duration: float, start: ArrayLike = (0.0, 0.0, 0.0)) -> SegmentedReference:
+    """A circle of signed `radius` [m] (positive to the left), from `start`, at `speed` [m/s] for `duration` [s]."""
+    require_positive("abs(radius)", abs(radius))
+    return SegmentedReference(start, [Segment(duration, speed, speed, 1 / radius)])
