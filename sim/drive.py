@@ -9,6 +9,9 @@ import numpy as np
 from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array
 
+RADIUS_ERROR = 0.0067
+"""Default relative error of the effective sprocket radius, real / nominal - 1 [-]: tuned to the paper's slips."""
+
 
 @dataclass(frozen=True)
 class Drive:

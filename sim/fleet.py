@@ -9,14 +9,12 @@ import numpy as np
 from mujoco import batch
 from numpy.typing import ArrayLike
 
-from sim.drive import Drive, DriveState
+from sim.drive import RADIUS_ERROR, Drive, DriveState
 from sim.ground import Ground
 from sim.robot import Robot
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array
 
-RADIUS_ERROR = 0.0067
-"""Default relative error of the effective sprocket radius, real / nominal - 1 [-]: tuned to the paper's slips."""
 _SETTLING = 1.0  # time for a robot set down on the ground to come to rest [s]
 
 
@@ -106,7 +104,7 @@ class Fleet:
         return np.column_stack([cos * x + sin * y, -sin * x + cos * y, velocity[:, 5]])
 
     def traction(self) -> Array:
-        """Forces of the ground on the (left, right) tracks, along the robot, (N, 2) [N]."""
+        """Forces of the ground on the (left, right) tracks, along the robot, (N, 2) [N], in the last physics step."""
         heading = self._heading()[:, None]
         return np.cos(heading) * self._force[..., 0] + np.sin(heading) * self._force[..., 1]
 

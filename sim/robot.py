@@ -6,10 +6,10 @@ import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
-import models
 import mujoco
 import numpy as np
 
+import models
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.scan import Plate
@@ -18,8 +18,6 @@ FIELD = Path(models.__file__).parent / "field.xml"
 """The robot on the paper's field, with the laser range finder beside it."""
 VISUAL_GROUP = 1
 """Geoms that are only looked at; they are left out of the physics."""
-SCANNED_GROUP = 0
-"""Geoms that the laser range finder sees."""
 
 
 @dataclass(frozen=True)
@@ -80,8 +78,8 @@ def _read(model: mujoco.MjModel, sprocket_radius: float, digest: str) -> Robot:
     model.flg_surfacevel = 1  # compiled with standing tracks, the engine would ignore later writes
     return Robot(
         model=model,
-        geometry=RobotGeometry(float(np.abs(points[:, 1]).mean()), sprocket_radius),
-        contact_half_length=float((on_left[-1] - on_left[0] + spacing) / 2),
+        geometry=RobotGeometry(round(float(np.abs(points[:, 1]).mean()), 9), sprocket_radius),
+        contact_half_length=round(float(on_left[-1] - on_left[0] + spacing) / 2, 9),
         mass=float(model.body_subtreemass[model.body("chassis").id]),
         plate=Plate(2 * float(plate_size[0]), 2 * float(plate_size[1])),
         pads=pads,

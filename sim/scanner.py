@@ -4,23 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim.fleet import Fleet
-from sim.robot import SCANNED_GROUP
 from trackslip.errors import InvalidValueError, require_non_negative, require_positive
 from trackslip.kinematics import Array
 from trackslip.scan import Scan
+
+if TYPE_CHECKING:
+    from sim.fleet import Fleet
+
+SCANNED_GROUP = 0
+"""Geoms that the laser range finder sees."""
 
 
 @dataclass(frozen=True)
 class LaserScanner:
     """A line scanner in the manner of the SICK LMS 200; the paper doesn't name its own."""
 
-    field_of_view: float = np.pi
+    field_of_view: float = float(np.pi)
     """Angle between the first and the last beam [rad]."""
-    resolution: float = np.radians(0.25)
+    resolution: float = float(np.radians(0.25))
     """Angle between neighbouring beams [rad]."""
     rate: float = 20.0
     """Scans per second [Hz]."""

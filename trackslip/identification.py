@@ -15,11 +15,7 @@ from trackslip.metrics import rms
 from trackslip.motion import butterworth_motion
 from trackslip.runlog import RunLog
 from trackslip.slip import ConstantIcr, Exponential, SlipLaw
-
-SETTLE = 1.5
-"""Default time after the start of a run before which it is not steady [s]."""
-MARGIN = 0.5
-"""Time at either end of a run that the smoothing filter spoils [s]."""
+from trackslip.steady import SETTLE, steady_window
 
 
 @dataclass(frozen=True)
@@ -65,17 +61,17 @@ def slip_samples(logs: Sequence[RunLog], geometry: RobotGeometry, settle: float 
         settle: time at the start of each run that is left out [s].
 
     Raises:
-        LogError: for a run that has too few rows or valid poses left.
+        LogError: for a run that is too short, not steady, or has too few valid poses.
     """
     require_non_negative("settle", settle)
     omega, twist = [], []
     for log in logs:
-        begin, end = log.time[0] + max(settle, MARGIN), log.time[-1] - MARGIN
+        begin, end = steady_window(log, settle)
         motion = butterworth_motion(log)
         steady = (motion.time > begin) & (motion.time < end)
         rows = (log.time > begin) & (log.time < end)
-        if not steady.any() or not rows.any():
-            raise LogError(f"run {log.run!r}: nothing left between {begin:g} s and {end:g} s, where it is steady")
+        if not steady.any():
+            raise LogError(f"run {log.run!r}: no valid poses between {begin:g} s and {end:g} s, where it is steady")
         omega.append(log.omega[rows].mean(axis=0))
         twist.append(motion.twist[steady].mean(axis=0))
     return SlipSamples.of(np.array(omega), np.array(twist), geometry, [log.run for log in logs])
@@ -91,7 +87,8 @@ def true_samples(logs: Sequence[RunLog], geometry: RobotGeometry, settle: float 
     for log in logs:
         if log.truth is None:
             raise LogError(f"run {log.run!r}: has no truth")
-        rows = (log.time > log.time[0] + max(settle, MARGIN)) & (log.time < log.time[-1] - MARGIN)
+        begin, end = steady_window(log, settle)
+        rows = (log.time > begin) & (log.time < end)
         omega.append(log.omega[rows].mean(axis=0))
         twist.append(log.truth.twist[rows][:, [0, 2]].mean(axis=0))
     return SlipSamples.of(np.array(omega), np.array(twist), geometry, [log.run for log in logs])

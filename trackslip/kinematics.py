@@ -6,13 +6,14 @@ Tracks are ordered (left, right) on the last axis, a twist is (v, w), a pose (x,
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trackslip.errors import require_positive
 
-Array = NDArray[np.float64]
+Array = NDArray[np.floating[Any]]
 
 SIDES = np.array([-1.0, 1.0])  # (2,) a track's speed is v + SIDES * b * w: the left one is slower when w > 0
 
@@ -51,9 +52,7 @@ def body_twist(omega: ArrayLike, slip: ArrayLike, geometry: RobotGeometry) -> Ar
 
 def sprocket_speeds(twist: ArrayLike, slip: ArrayLike, geometry: RobotGeometry) -> Array:
     """Sprocket speeds (..., 2) [rad/s] that give a twist (..., 2) at known slips (..., 2) != 1; Eq. 15."""
-    return track_speeds(twist, geometry.half_gauge) / (
-        geometry.sprocket_radius * (1 - np.asarray(slip, float))
-    )
+    return track_speeds(twist, geometry.half_gauge) / (geometry.sprocket_radius * (1 - np.asarray(slip, float)))
 
 
 def track_slip(omega: ArrayLike, twist: ArrayLike, geometry: RobotGeometry) -> Array:
@@ -82,7 +81,7 @@ def limit_sprocket_speeds(omega: ArrayLike, limit: float) -> Array:
     return omega * (limit / np.maximum(largest, limit))
 
 
-def advance(pose: ArrayLike, twist: ArrayLike, duration: ArrayLike) -> Array:
+def advance(pose: ArrayLike, twist: ArrayLike, duration: float | Array) -> Array:
     """Poses (..., 3) after driving a constant twist (..., 2) for `duration` [s]: an arc, exactly (Eqs. 6-7)."""
     x, y, phi = np.moveaxis(np.asarray(pose, float), -1, 0)
     v, w = _split(twist)

@@ -93,8 +93,8 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
     columns = _Columns(table, source)
     columns.require(REQUIRED)
     names = table.column("run").cast(pa.string())
-    if names.null_count:
-        raise LogError(f"{source}: row {_row(names.is_null())}, column run: empty")
+    if "" in (listed := ["" if name is None else name for name in names.to_pylist()]):
+        raise LogError(f"{source}: row {listed.index('') + 1}, column run: empty")
     encoded = names.combine_chunks().dictionary_encode()
     label, keys = encoded.indices.to_numpy(), encoded.dictionary.to_pylist()
     if not keys:
@@ -196,9 +196,7 @@ class _Columns:
                 try:
                     values[k] = float(text)
                 except ValueError:
-                    raise LogError(
-                        f"{self._source}: row {k + 1}, column {name}: {text!r} is not a number"
-                    ) from None
+                    raise LogError(f"{self._source}: row {k + 1}, column {name}: {text!r} is not a number") from None
         return values
 
 
@@ -257,10 +255,6 @@ def _symmetric(upper: Array) -> Array:
 def _stored_metadata(table: pa.Table) -> dict[str, dict[str, Any]]:
     stored = (table.schema.metadata or {}).get(_METADATA_KEY)
     return json.loads(stored)["runs"] if stored else {}
-
-
-def _row(mask: pa.ChunkedArray) -> int:
-    return int(np.argmax(mask.to_numpy())) + 1
 
 
 def _first_line(error: Exception) -> str:

@@ -49,11 +49,11 @@ class RunLog:
         bad = np.argwhere(~np.isfinite(self.pose) & self.is_valid[:, None])
         if bad.size:
             k, j = bad[0]
-            raise LogError(f"run {self.run!r}: {'x y phi'.split()[j]} is not finite in row {k + 1}")
+            raise LogError(f"run {self.run!r}: {['x', 'y', 'phi'][j]} is not finite in row {k + 1}")
         bad = np.argwhere(~np.isfinite(self.omega))
         if bad.size:
             k, j = bad[0]
-            raise LogError(f"run {self.run!r}: {'omega_l omega_r'.split()[j]} is not finite in row {k + 1}")
+            raise LogError(f"run {self.run!r}: {['omega_l', 'omega_r'][j]} is not finite in row {k + 1}")
 
     @property
     def is_valid(self) -> np.ndarray:

@@ -50,7 +50,11 @@ class Scan:
         x, y, phi = self.mount
         cos, sin = np.cos(phi), np.sin(phi)
         return np.stack(
-            [x + cos * pose[..., 0] - sin * pose[..., 1], y + sin * pose[..., 0] + cos * pose[..., 1], pose[..., 2] + phi],
+            [
+                x + cos * pose[..., 0] - sin * pose[..., 1],
+                y + sin * pose[..., 0] + cos * pose[..., 1],
+                pose[..., 2] + phi,
+            ],
             axis=-1,
         )
 
@@ -76,6 +80,16 @@ class Cluster:
     range: Array  # (S, W) [m]; 1 where `hit` is false
     hit: np.ndarray  # (S, W) bool: the beam came back, and from the plate
     count: np.ndarray  # (S,) number of returns; 0 where no cluster was found
+
+    @property
+    def width(self) -> np.ndarray:
+        """(S,) beams from the first to the last return."""
+        return np.where(self.count > 0, self.hit.shape[1] - np.argmax(self.hit[:, ::-1], axis=1), 0)
+
+    def take(self, rows: np.ndarray) -> Cluster:
+        """The clusters `rows`, no wider than the widest of them."""
+        width = max(1, int(self.width[rows].max(initial=0)))
+        return Cluster(self.bearing[rows, :width], self.range[rows, :width], self.hit[rows, :width], self.count[rows])
 
 
 def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluster:

@@ -83,7 +83,7 @@ def line_contact(
 
 
 def steady_twist(surface_speeds: ArrayLike, contact: Contact) -> Array:
-    """Twists (..., 3), (v, lateral u, w) [m/s, m/s, rad/s], of a robot whose tracks run at (left, right) (..., 2) [m/s].
+    """Twists (..., 3), (v, lateral u, w) [m/s, m/s, rad/s], of tracks that run at (left, right) (..., 2) [m/s].
 
     Newton's method on the smoothed power, the smoothing taken away in steps. Raises InvalidValueError for speeds that
     are not finite.
@@ -96,7 +96,8 @@ def steady_twist(surface_speeds: ArrayLike, contact: Contact) -> Array:
     scale = np.abs(speeds).max(axis=1)
     moving = scale > 0
     twist = np.zeros((len(speeds), 3))
-    twist[moving] = _minimise(speeds[moving] / scale[moving, None], contact) * scale[moving, None]
+    if moving.any():
+        twist[moving] = _minimise(speeds[moving] / scale[moving, None], contact) * scale[moving, None]
     return twist.reshape(*shape, 3)
 
 
@@ -105,9 +106,7 @@ def _minimise(speeds: Array, contact: Contact) -> Array:
     x, y = contact.x, contact.y
     belt = np.where(y > 0, speeds[:, :1], speeds[:, 1:])  # (M, K)
     gauge = np.abs(y).mean()
-    twist = np.stack(
-        [speeds.mean(axis=1), np.zeros(len(speeds)), (speeds[:, 1] - speeds[:, 0]) / (4 * gauge)], axis=1
-    )
+    twist = np.stack([speeds.mean(axis=1), np.zeros(len(speeds)), (speeds[:, 1] - speeds[:, 0]) / (4 * gauge)], axis=1)
     # sliding velocity, weighted by friction, is linear in the twist: a = A twist - belt
     along = contact.along * np.stack([np.ones_like(x), np.zeros_like(x), -y], axis=1)  # (K, 3)
     across = contact.across * np.stack([np.zeros_like(x), np.ones_like(x), x], axis=1)  # (K, 3)

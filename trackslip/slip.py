@@ -63,7 +63,7 @@ class Exponential(SlipLaw):
     def __call__(self, kappa: ArrayLike) -> Array:
         """Slips (..., 2) at curvatures (...)."""
         kappa = np.asarray(kappa, float)
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", over="ignore"):
             radius = 1 / np.abs(kappa)
         outer = self.alpha_outer * np.exp(self.beta_outer * radius)
         inner = self.alpha_inner * np.exp(self.beta_inner * radius)

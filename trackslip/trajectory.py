@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array, advance
@@ -89,12 +89,12 @@ class SegmentedReference:
         speed = np.where((time < 0) | (time >= self.duration), 0.0, speed)
         return np.stack([speed, speed * self._curvatures[k]], axis=-1)
 
-    def _locate(self, time: ArrayLike) -> tuple[np.ndarray, Array]:
+    def _locate(self, time: ArrayLike) -> tuple[NDArray[np.intp], Array]:
         """Index of the segment and time since its start, each (...)."""
-        time = np.clip(np.asarray(time, float), 0.0, self.duration)
-        k = np.searchsorted(self._start_times, time, side="right") - 1
+        clipped: Array = np.clip(np.asarray(time, float), 0.0, self.duration)
+        k = np.searchsorted(self._start_times, clipped, side="right") - 1
         k = np.minimum(k, len(self._segments) - 1)
-        return k, time - self._start_times[k]
+        return k, clipped - self._start_times[k]
 
 
 def paper_reference() -> SegmentedReference:

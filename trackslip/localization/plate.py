@@ -25,6 +25,7 @@ from trackslip.localization.line import fit_line
 from trackslip.scan import Cluster, Plate, Scan, extract_plate
 
 _EDGE_ON = np.radians(2.0)  # the two starts beside the line of sight
+_STARTS = 4  # starts from a scan alone
 _CHUNK = 20_000  # elements (starts x beams) worked on at a time, so that they stay in the cache
 
 
@@ -48,28 +49,28 @@ class PlateLocator:
         """Poses of the plate in scans with ranges (S, B); see `Locator`."""
         near = None if predicted is None else scan.from_world(predicted)
         cluster = extract_plate(scan, self.plate, near)
-        starts = _starts(cluster, self.plate, near)  # (S, K, 3)
-        scans, k, _ = starts.shape
-        pose = np.zeros((scans, 3))
-        information = np.zeros((scans, 3, 3))
-        misfit = np.full(scans, np.inf)
-        width = cluster.hit.shape[1] - np.argmax(cluster.hit[:, ::-1], axis=1)
+        scans = len(cluster.count)
+        pose, information, misfit = np.zeros((scans, 3)), np.zeros((scans, 3, 3)), np.full(scans, np.inf)
+        width = cluster.width
         order = np.flatnonzero(cluster.count >= 3)
         order = order[np.argsort(width[order], kind="stable")]  # similar widths together: little padding
-        begin = 0
-        while begin < len(order):
-            rows = order[begin : begin + max(1, _CHUNK // (k * width[order[begin]]))]
-            begin += len(rows)
-            view = _View.of(scan, cluster, rows, width[rows[-1]])
-            every = np.repeat(np.arange(len(rows)), k)
-            screened = self._climb(view.take(every), starts[rows].reshape(-1, 3), self.screening)
-            best = np.argmin(screened.cost.reshape(-1, k), axis=1) + k * np.arange(len(rows))
-            fit = self._climb(view, screened.pose[best], self.iterations)
+        while len(order):
+            rows, order = np.split(order, [max(1, _CHUNK // (_STARTS * width[order[0]]))])
+            fit = self._fit(scan, cluster.take(rows), None if near is None else near[rows])
             pose[rows], information[rows], misfit[rows] = fit.pose, fit.hessian, fit.misfit
         covariance, regular = _inverse(information)
         valid = regular & (misfit < self.max_misfit) & (covariance[:, 2, 2] < self.max_heading_error**2)
         covariance[~valid] = np.nan
         return PoseEstimate(scan.to_world(pose), scan.covariance_to_world(covariance), valid)
+
+    def _fit(self, scan: Scan, cluster: Cluster, near: Array | None) -> _Fit:
+        """The best fit to each cluster."""
+        starts = _starts(cluster, self.plate, near)  # (S, K, 3)
+        scans, k, _ = starts.shape
+        view = _View.of(scan, cluster)
+        screened = self._climb(view.take(np.repeat(np.arange(scans), k)), starts.reshape(-1, 3), self.screening)
+        best = np.argmin(screened.cost.reshape(scans, k), axis=1) + k * np.arange(scans)
+        return self._climb(view, screened.pose[best], self.iterations)
 
     def _climb(self, view: _View, pose: Array, iterations: int) -> _Fit:
         """Levenberg-Marquardt from poses (M, 3) in the LRF's frame."""
@@ -168,22 +169,26 @@ class _View:
     edge_noise: float  # of an edge's bearing [rad]
 
     @classmethod
-    def of(cls, scan: Scan, cluster: Cluster, rows: np.ndarray, width: int) -> _View:
-        """The clusters `rows`, no wider than `width`."""
-        bearing, hit = cluster.bearing[rows, :width], cluster.hit[rows, :width]
-        low = np.min(bearing, axis=1, where=hit, initial=np.inf)
-        high = np.max(bearing, axis=1, where=hit, initial=-np.inf)
+    def of(cls, scan: Scan, cluster: Cluster) -> _View:
+        """What a scan shows of each cluster."""
+        low = np.min(cluster.bearing, axis=1, where=cluster.hit, initial=np.inf)
+        high = np.max(cluster.bearing, axis=1, where=cluster.hit, initial=-np.inf)
         step = scan.beam_step
         edges = np.stack([low - step / 2, high + step / 2], axis=1)
         noise = max(scan.noise, 1e-4)  # a perfect scanner still needs a scale
-        return cls(
-            np.cos(bearing), np.sin(bearing), cluster.range[rows, :width], hit, edges, noise, step / np.sqrt(12)
-        )
+        u_x, u_y = np.cos(cluster.bearing), np.sin(cluster.bearing)
+        return cls(u_x, u_y, cluster.range, cluster.hit, edges, noise, step / np.sqrt(12))
 
     def take(self, rows: np.ndarray) -> _View:
         """The scans `rows`, in that order, repeated where asked."""
         return _View(
-            self.u_x[rows], self.u_y[rows], self.range[rows], self.hit[rows], self.edges[rows], self.noise, self.edge_noise
+            self.u_x[rows],
+            self.u_y[rows],
+            self.range[rows],
+            self.hit[rows],
+            self.edges[rows],
+            self.noise,
+            self.edge_noise,
         )
 
 
@@ -235,7 +240,7 @@ def _place(x: Array, y: Array, hit: np.ndarray, heading: Array, middle: Array, p
         anchored = np.where(away, low + size / 2, high - size / 2)
         spanned = (low + high) / 2
         place = np.where(high - low > 0.8 * size, spanned, anchored)
-        centre += np.where(np.isfinite(place), place, 0.0)[:, None] * axis
+        centre += place[:, None] * axis
     return np.concatenate([centre, heading[:, None]], axis=-1)
 
 

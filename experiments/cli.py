@@ -1,0 +1,97 @@
+"""`trackslip <command>`: options in, results out, one line and exit code 2 for a user's mistake."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import io
+import os
+import re
+import sys
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+import tyro
+
+from experiments.config import GridConfig, IdentifyConfig, ReproduceConfig, TrackConfig
+from trackslip.errors import TrackslipError
+
+Command = (
+    Annotated[GridConfig, tyro.conf.subcommand("grid")]
+    | Annotated[IdentifyConfig, tyro.conf.subcommand("identify")]
+    | Annotated[TrackConfig, tyro.conf.subcommand("track")]
+    | Annotated[ReproduceConfig, tyro.conf.subcommand("reproduce")]
+)
+_DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate it. `trackslip COMMAND --help` lists a
+command's options."""
+_RUNNERS = {
+    GridConfig: "experiments.grid",
+    IdentifyConfig: "experiments.identify",
+    TrackConfig: "experiments.track",
+    ReproduceConfig: "experiments.reproduce",
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run a command; exits with 2 for a mistake in it, 130 when interrupted."""
+    arguments = sys.argv[1:] if arguments is None else list(arguments)
+    try:
+        command = parse(arguments)
+        importlib.import_module(_RUNNERS[type(command)]).run(command)
+    except TrackslipError as error:
+        _fail(str(error), 2)
+    except KeyboardInterrupt:
+        _fail("interrupted; nothing was written", 130)
+
+
+def parse(arguments: Sequence[str]) -> Any:
+    """The command's configuration; raises TrackslipError in one line for options that are wrong."""
+    try:
+        with contextlib.redirect_stderr(io.StringIO()):
+            return _parse(arguments)
+    except SystemExit as stop:
+        if stop.code != 2:
+            raise
+    # tyro explains in a box as wide as the terminal: ask again for one wide enough to hold each sentence on a line
+    box = io.StringIO()
+    width = os.environ.get("COLUMNS")
+    os.environ["COLUMNS"] = "2000"
+    try:
+        with contextlib.redirect_stderr(box), contextlib.suppress(SystemExit):
+            _parse(arguments)
+    finally:
+        os.environ.pop("COLUMNS")
+        if width is not None:
+            os.environ["COLUMNS"] = width
+    raise TrackslipError(_sentence(box.getvalue()))
+
+
+def _parse(arguments: Sequence[str]) -> Any:
+    return tyro.cli(Command, prog="trackslip", args=arguments, description=_DESCRIPTION)
+
+
+def _sentence(box: str) -> str:
+    """The first paragraph of tyro's box under its title, in one line. Where the terminal can't draw, so is the box."""
+    paragraphs: list[list[str]] = [[]]
+    for line in box.splitlines():
+        text = line.strip().strip("│").strip()
+        if line.startswith("╭") or set(text) <= set("-─╰╯"):
+            paragraphs.append([])
+        else:
+            paragraphs[-1].append(text)
+    filled = [" ".join(lines) for lines in paragraphs if lines]
+    sentence = filled[0 if "╭" in box else 1]
+    # name nested fields as the options are: 'Error parsing X.ground: along = -1' -> 'ground.along = -1'
+    nested = re.match(r"Error parsing [\w-]+\.([\w.]+): (?=\w+ = )", sentence)
+    if nested:
+        return f"{nested[1]}.{sentence[nested.end() :]}"
+    return re.sub(r"^Error parsing (?:\w+: (?=[\w.]+ = ))?", "", sentence)
+
+
+def _fail(message: str, code: int) -> None:
+    print(f"trackslip: {' '.join(message.split())}", file=sys.stderr)
+    sys.exit(code)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,110 @@
+"""`trackslip identify`: slip laws from a stored grid or from a real robot's log."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from experiments import store
+from experiments.config import IdentifyConfig
+from experiments.console import print_table
+from experiments.report import Report, render
+from trackslip.errors import InvalidValueError, LogError
+from trackslip.identification import FittedLaw, SlipSamples, fit_laws, slip_samples
+from trackslip.kinematics import RobotGeometry
+from trackslip.lawfile import laws_to_json
+from trackslip.logfile import REQUIRED, SAMPLE_COLUMNS, read_samples, read_table, runs_from_table
+from trackslip.runlog import RunLog
+
+
+@dataclass(frozen=True)
+class Source:
+    """What was read: samples, and the runs they come from, if there are any."""
+
+    geometry: RobotGeometry
+    samples: SlipSamples
+    logs: Sequence[RunLog]
+
+
+def run(config: IdentifyConfig) -> None:
+    """Fit the laws, store and print them."""
+    began = time.perf_counter()
+    source = read_source(config)
+    with store.results(config.out) as folder:
+        laws = fit_laws(source.samples, source.geometry)
+        summary = laws_to_json(laws, source.geometry) | {"samples": len(source.samples.run)}
+        wall = time.perf_counter() - began
+        summary["timing"] = {"wall_s": wall, "stages": {"identify": wall}}
+        about = store.manifest("identify", config, wall)
+        if source.logs:
+            store.write_parquet(folder, source.logs)
+        else:
+            store.write_samples(folder, source.samples)
+        store.write_json(folder / store.SUMMARY, summary)
+        store.write_json(folder / store.MANIFEST, about)
+        page = Report(
+            title=f"Slip laws identified from {config.path.name}",
+            command=store.command_line("identify"),
+            manifest=about,
+            summary=store.plain(summary),
+            comparison=(),
+            grid_logs=source.logs,
+            samples=source.samples,
+            laws=laws,
+        )
+        (folder / store.REPORT).write_text(render(page), encoding="utf-8")
+    print_table(f"Slip laws from {len(source.samples.run)} runs", LAW_HEADER, law_rows(laws))
+    print(f"{config.out / store.REPORT}: {time.perf_counter() - began:.1f} s")
+
+
+def read_source(config: IdentifyConfig) -> Source:
+    """Samples from a stored folder or a log; raises LogError or InvalidValueError for what can't be used."""
+    file = config.path / store.RUNS if config.path.is_dir() else config.path
+    table = read_table(file)
+    columns = table.column_names
+    if "x" not in columns and set(SAMPLE_COLUMNS) <= set(columns):
+        geometry = choose_geometry(config, {}, file)
+        omega, twist = read_samples(table, str(file))
+        names = [f"row {k + 1}" for k in range(len(omega))]
+        return Source(geometry, SlipSamples.of(omega, twist, geometry, names), ())
+    if not set(columns) & set(REQUIRED[1:]):
+        raise LogError(f"{file}: needs the columns {', '.join(REQUIRED)} or {', '.join(SAMPLE_COLUMNS)}")
+    logs = runs_from_table(table, str(file))
+    geometry = choose_geometry(config, logs[0].metadata.get("geometry", {}), file)
+    return Source(geometry, slip_samples(logs, geometry, config.settle), logs)
+
+
+def choose_geometry(config: IdentifyConfig, stored: Mapping[str, Any], file: Path) -> RobotGeometry:
+    """The geometry on the command line, else the log's."""
+    values = {}
+    for name in ("half_gauge", "sprocket_radius"):
+        given = getattr(config, name)
+        value = stored.get(name) if given is None else given
+        if value is None:
+            raise InvalidValueError(name, None, f"given with --{name.replace('_', '-')}: {file} doesn't say it")
+        values[name] = float(value)
+    return RobotGeometry(**values)
+
+
+LAW_HEADER = ("law", "parameter", "value", "std. error", "rms residual")
+_SYMBOLS = {
+    "alpha_outer": "alpha outer [-]",
+    "beta_outer": "beta outer [1/m]",
+    "alpha_inner": "alpha inner [-]",
+    "beta_inner": "beta inner [1/m]",
+    "offset": "D [m]",
+    "radius_error": "epsilon [-]",
+}
+
+
+def law_rows(laws: Mapping[str, FittedLaw]) -> list[tuple[str, ...]]:
+    """A row a parameter."""
+    rows: list[tuple[str, ...]] = []
+    for name, fit in laws.items():
+        for k, (parameter, value) in enumerate(fit.values.items()):
+            head, tail = (name, f"{fit.rms:.5f}") if k == 0 else ("", "")
+            rows.append((head, _SYMBOLS[parameter], f"{value:+.5f}", f"{fit.stderr[parameter]:.5f}", tail))
+    return rows

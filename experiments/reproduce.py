@@ -1,0 +1,181 @@
+"""`trackslip reproduce`: the paper from its first run to its last figure."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+
+from experiments import store
+from experiments.config import LINEAR_START, ReproduceConfig
+from experiments.console import print_table, progress
+from experiments.grid import drive_grid, grid_summary, make_fleet, make_locator, run_metadata, simulated_seconds
+from experiments.report import ComparisonRow, Report, render
+from experiments.track import (
+    CONTROLLERS,
+    TRACKING_HEADER,
+    compensation_laws,
+    tracking_rows,
+    tracking_summary,
+)
+from sim.robot import Robot, load_robot
+from sim.runs import Description, Pilot, closed_loop
+from sim.scanner import ScannerFeed
+from sim.seeds import generator
+from trackslip.identification import fit_laws, slip_samples
+from trackslip.lawfile import laws_to_json
+from trackslip.runlog import RunLog
+from trackslip.slip import PUBLISHED, SlipLaw
+from trackslip.trajectory import paper_reference
+
+
+def run(config: ReproduceConfig) -> None:
+    """Grid, identification, verification, report, in this order."""
+    began = time.perf_counter()
+    stages: dict[str, float] = {}
+    with store.results(config.out) as folder:
+        robot = load_robot()
+        with _timed(stages, "grid"):
+            grid_logs = drive_grid(config, robot)
+        with _timed(stages, "identify"):
+            samples = slip_samples(grid_logs, robot.geometry)
+            laws = fit_laws(samples, robot.geometry)
+            summary = laws_to_json(laws, robot.geometry)
+            summary["published"] = published_summary()
+            summary |= grid_summary(config, grid_logs, robot.geometry)
+        with _timed(stages, "track"):
+            tracking_logs = drive_paths(config, robot, {name: fit.law for name, fit in laws.items()})
+            summary["tracking"] = tracking_summary(tracking_logs, paper_reference())
+        summary = store.plain(summary)
+        rows = comparison(summary)
+        with _timed(stages, "report"):
+            about = store.manifest(
+                "reproduce", config, time.perf_counter() - began, seed=config.seed, model_sha256=robot.digest
+            )
+            page = Report(
+                title="Slip of a tracked robot: the paper and its simulation",
+                command=store.command_line("reproduce"),
+                manifest=about,
+                summary=summary,
+                comparison=rows,
+                grid_logs=grid_logs,
+                samples=samples,
+                laws=laws,
+                tracking_logs=tracking_logs,
+            )
+            (folder / store.REPORT).write_text(render(page), encoding="utf-8")
+            store.write_parquet(folder, [*grid_logs, *tracking_logs])
+        wall = time.perf_counter() - began
+        summary["timing"] = {
+            "wall_s": wall,
+            "simulated_s": simulated_seconds([*grid_logs, *tracking_logs]),
+            "stages": stages,
+        }
+        store.write_json(folder / store.SUMMARY, summary)
+        store.write_json(folder / store.MANIFEST, about)
+    print_table(
+        "Published | simulated",
+        ("quantity", "published", "simulated"),
+        [(row.quantity, row.published, row.simulated) for row in rows],
+    )
+    print_table("Tracking errors of the true pose", TRACKING_HEADER, tracking_rows(summary["tracking"]))
+    simulated = summary["timing"]["simulated_s"]
+    print(f"{config.out / store.REPORT}: {wall:.1f} s for {simulated:.0f} s of simulated driving")
+
+
+def drive_paths(config: ReproduceConfig, robot: Robot, identified: Mapping[str, SlipLaw]) -> list[RunLog]:
+    """Both controllers with every compensation on the paper's path, as one fleet; Sec. IV."""
+    reference = paper_reference()
+    starts = {"feedforward": reference.pose(0.0), "linear": np.array(LINEAR_START)}
+    laws = compensation_laws(identified)
+    cases = [(controller, compensation) for controller in CONTROLLERS for compensation in laws]
+    keys = [f"{controller} {compensation}" for controller, compensation in cases]
+    fleet = make_fleet(config, robot, np.array([starts[controller] for controller, _ in cases]))
+    feed = ScannerFeed(config.scanner, fleet, [generator(config.seed, f"track {key}") for key in keys])
+    pilots = [
+        Pilot(CONTROLLERS[controller](), [k], laws[compensation]) for k, (controller, compensation) in enumerate(cases)
+    ]
+    common = run_metadata(config, robot, config.localization) | {"reference": "paper"}
+    descriptions = [
+        Description(key, {"controller": controller, "compensation": compensation, **common})
+        for key, (controller, compensation) in zip(keys, cases, strict=True)
+    ]
+    with progress(f"{len(cases)} closed loops", reference.duration) as bar:
+        return closed_loop(fleet, pilots, reference, feed, make_locator(config.localization, robot), descriptions, bar)
+
+
+def published_summary() -> dict[str, Any]:
+    """Eq. 11 as it stands in a summary."""
+    return {
+        "outer": {"alpha": PUBLISHED.alpha_outer, "beta": PUBLISHED.beta_outer},
+        "inner": {"alpha": PUBLISHED.alpha_inner, "beta": PUBLISHED.beta_inner},
+    }
+
+
+def comparison(summary: Mapping[str, Any]) -> list[ComparisonRow]:
+    """The table published | simulated, from a summary."""
+    laws, radius = summary["slip_laws"], summary["radius"]
+    exponential, icr = laws["exponential"]["values"], laws["icr_radius"]
+    spread, error, found = summary["speed_spread"], summary["slip_error"], summary["localization"]
+    row = ComparisonRow
+    rows = [
+        row(
+            f"slip of the {track} track, i(R) =",
+            _exponential(summary["published"][track]["alpha"], summary["published"][track]["beta"]),
+            _exponential(exponential[f"alpha_{track}"], exponential[f"beta_{track}"]),
+        )
+        for track in ("outer", "inner")
+    ]
+    for commanded, observed, published in zip(
+        *(radius[key] for key in ("commanded", "observed", "published")), strict=True
+    ):
+        printed = "-" if published is None else f"{published:.2f} m"
+        rows.append(row(f"radius driven, {commanded:g} m commanded", printed, f"{observed:.2f} m"))
+    rows += [
+        row("radius minus published, rms", "-", _percent(radius["rms_vs_published"])),
+        row("slip minus Eq. 11, rms", "-", _number(summary["slip_rms_vs_published"])),
+        row("  at the simulation's own radii", "-", _number(summary["slip_rms_vs_published_at_simulated_radii"])),
+        row("spread over speeds, outer | inner", "almost none", f"{spread['outer']:.4f} | {spread['inner']:.4f}"),
+        row("offset of the ICRs, D", "-", f"{1e3 * icr['values']['offset']:.2f} mm"),
+        row("error of the effective radius", "-", _percent(icr["values"]["radius_error"])),
+        row("localisation, rms x | y", "-", f"{1e3 * found['rmse_x']:.1f} | {1e3 * found['rmse_y']:.1f} mm"),
+        row("localisation, rms heading", "-", f"{np.degrees(found['rmse_heading']):.2f} deg"),
+        row("valid poses per second", "at least 10", f"{found['rate_hz']:.1f}"),
+        row("slip error, std, outer | inner", "-", _pair(error, "std")),
+        row("slip error, bias, outer | inner", "-", _pair(error, "bias")),
+    ]
+    for controller, key, what, seen in (
+        ("feedforward", "final_position", "feedforward, final error", "much better (Fig. 8)"),
+        ("linear", "rms_position_after_12s", "Eq. 31, rms after 12 s", "better (Fig. 11)"),
+    ):
+        for entry in summary["tracking"]:
+            if entry["controller"] == controller:
+                printed = seen if entry["compensation"] == "published" else "-"
+                rows.append(row(f"{what}, {entry['compensation']}", printed, f"{1e3 * entry[key]:.1f} mm"))
+    return rows
+
+
+@contextmanager
+def _timed(stages: dict[str, float], stage: str) -> Iterator[None]:
+    began = time.perf_counter()
+    yield
+    stages[stage] = time.perf_counter() - began
+
+
+def _exponential(alpha: float, beta: float) -> str:
+    return f"{alpha:.3g} exp({beta:.2f} R)"
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4f}"
+
+
+def _percent(value: float | None) -> str:
+    return "-" if value is None else f"{100 * value:.2f} %"
+
+
+def _pair(error: Mapping[str, Mapping[str, float]], key: str) -> str:
+    return f"{error['outer'][key]:.5f} | {error['inner'][key]:.5f}"

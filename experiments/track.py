@@ -1,0 +1,124 @@
+"""`trackslip track`: one run in closed loop."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from experiments import store
+from experiments.config import LINEAR_START, TrackConfig
+from experiments.console import print_table, progress
+from experiments.grid import before_scanner, make_fleet, make_locator, run_metadata, simulated_seconds
+from sim.robot import Robot, load_robot
+from sim.runs import Description, Pilot, closed_loop
+from sim.scanner import ScannerFeed
+from sim.seeds import generator
+from trackslip.controllers import Controller, Feedforward, LinearTimeVarying
+from trackslip.errors import LogError
+from trackslip.kinematics import Array
+from trackslip.lawfile import SHIPPED, load_laws
+from trackslip.metrics import tracking_errors
+from trackslip.runlog import RunLog
+from trackslip.slip import PUBLISHED, NoSlip, SlipLaw
+from trackslip.trajectory import Reference, circle, paper_reference
+
+CONTROLLERS: dict[str, type[Controller]] = {"feedforward": Feedforward, "linear": LinearTimeVarying}
+
+
+def run(config: TrackConfig) -> None:
+    """Drive once, store the run and print its errors."""
+    began = time.perf_counter()
+    with store.results(config.out) as folder:
+        robot = load_robot()
+        reference = make_reference(config, robot)
+        law = compensation_laws(load_laws(config.laws or SHIPPED)).get(config.compensation)
+        if law is None:
+            raise LogError(f"{config.laws}: no law {config.compensation!r} in it")
+        start = start_pose(config, reference)
+        name = f"{config.controller} {config.compensation}"
+        fleet = make_fleet(config, robot, start[None])
+        feed = ScannerFeed(config.scanner, fleet, [generator(config.seed, f"track {name}")])
+        locator = None if config.localization == "truth" else make_locator(config.localization, robot)
+        metadata = run_metadata(config, robot, config.localization) | {
+            "controller": config.controller,
+            "compensation": config.compensation,
+            "reference": config.reference,
+            "start": start.tolist(),
+        }
+        with progress(name, reference.duration) as report:
+            pilot = Pilot(CONTROLLERS[config.controller](), [0], law)
+            logs = closed_loop(fleet, [pilot], reference, feed, locator, [Description(name, metadata)], report)
+        wall = time.perf_counter() - began
+        rows = tracking_summary(logs, reference)
+        summary = {
+            "tracking": rows,
+            "timing": {"wall_s": wall, "simulated_s": simulated_seconds(logs), "stages": {"track": wall}},
+        }
+        store.write_parquet(folder, logs)
+        store.write_json(folder / store.SUMMARY, summary)
+        store.write_json(
+            folder / store.MANIFEST,
+            store.manifest("track", config, wall, seed=config.seed, model_sha256=robot.digest),
+        )
+    print_table("Tracking errors of the true pose", TRACKING_HEADER, tracking_rows(rows))
+    print(f"{config.out / store.RUNS}: {wall:.1f} s")
+
+
+def make_reference(config: TrackConfig, robot: Robot) -> Reference:
+    """The configured path."""
+    if config.reference == "paper":
+        return paper_reference()
+    return circle(config.circle_radius, config.circle_speed, config.circle_duration, before_scanner(robot))
+
+
+def start_pose(config: TrackConfig, reference: Reference) -> Array:
+    """Where the robot is set down (3,)."""
+    if config.start is not None:
+        return np.array(config.start)
+    if config.controller == "linear" and config.reference == "paper":
+        return np.array(LINEAR_START)
+    return reference.pose(0.0)
+
+
+def compensation_laws(identified: Mapping[str, SlipLaw]) -> dict[str, SlipLaw]:
+    """Every compensation by name: none, the paper's law, and the identified ones."""
+    return {"none": NoSlip(), "published": PUBLISHED, **identified}
+
+
+def tracking_summary(logs: Sequence[RunLog], reference: Reference) -> list[dict[str, Any]]:
+    """Errors of each run's true pose against the reference [m, rad]."""
+    rows = []
+    for log in logs:
+        if log.truth is None:
+            raise LogError(f"run {log.run!r}: has no truth")
+        named = {key: log.metadata[key] for key in ("controller", "compensation", "localization")}
+        rows.append(named | store.plain(tracking_errors(log.time, log.truth.pose, reference)))
+    return rows
+
+
+TRACKING_HEADER = (
+    "controller",
+    "compensation",
+    "rms [mm]",
+    "after 12 s",
+    "max [mm]",
+    "end [mm]",
+    "end [deg]",
+)
+
+
+def tracking_rows(tracking: Sequence[Mapping[str, Any]]) -> list[tuple[str, ...]]:
+    """A summary's `tracking` as rows of text."""
+    keys = ("rms_position", "rms_position_after_12s", "max_position", "final_position")
+    return [
+        (
+            row["controller"],
+            row["compensation"],
+            *("-" if row[key] is None else f"{1e3 * row[key]:.1f}" for key in keys),
+            f"{np.degrees(row['final_heading']):.2f}",
+        )
+        for row in tracking
+    ]

@@ -1,0 +1,196 @@
+"""Figures of the tracking experiments, after Figs. 7, 8, 10, 11 and 12 of the paper.
+
+Every function returns a new Figure. A run is drawn where it really was if its log knows (a simulator's does),
+else where it was estimated to be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from experiments.figures import BLACK, BLUE, COLOURS, GREEN, LABELS, ORANGE, law_line, styled, thin
+from trackslip.identification import FittedLaw
+from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
+from trackslip.metrics import TRANSIENT, body_errors
+from trackslip.runlog import RunLog
+from trackslip.slip import PUBLISHED, SlipLaw
+from trackslip.trajectory import paper_reference
+
+_DESIRED = {"color": "#c9c9c9", "lw": 5.0, "solid_capstyle": "round", "label": "desired"}
+_SLOWEST = 0.3  # sprocket speed below which a measured slip is a quotient of noise [rad/s]
+_SMOOTH = 0.5  # length of the moving average over the true slip [s]
+_CLOSEST = 3e-4  # distance below which an error is a zero crossing, not news [m]
+_POLE = 0.5  # beyond it a law is near its pole, and a line across it would be no datum [-]
+_SLIP_RANGE = (-0.15, 0.10)  # of Fig. 12
+
+
+def runs_of(logs: Sequence[RunLog], controller: str) -> dict[str, RunLog]:
+    """Compensation -> the first run of `controller` with it on the paper's path, in the order of COLOURS."""
+    found: dict[str, RunLog] = {}
+    for log in logs:
+        if log.metadata.get("controller") == controller and log.metadata.get("reference", "paper") == "paper":
+            found.setdefault(str(log.metadata.get("compensation")), log)
+    known = [name for name in COLOURS if name in found]
+    return {name: found[name] for name in [*known, *(set(found) - set(known))]}
+
+
+def driven(log: RunLog) -> Array:
+    """(T, 3) the true poses, or without truth the estimated ones, NaN where there is none."""
+    if log.truth is not None:
+        return log.truth.pose
+    return np.where(log.is_valid[:, None], log.pose, np.nan)
+
+
+@styled
+def planned_trajectory() -> Figure:
+    """Fig. 7: the reference's position and heading over time."""
+    reference = paper_reference()
+    time = np.linspace(0, reference.duration, 460)
+    pose = reference.pose(time)
+    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
+    position, heading = figure.subplots(1, 2)
+    position.plot(time, pose[:, 0], color=BLUE, label="x$_d$")
+    position.plot(time, pose[:, 1], color=ORANGE, ls="--", label="y$_d$")
+    heading.plot(time, pose[:, 2], color=GREEN, label="φ$_d$")
+    turning = np.flatnonzero(reference.twist(time)[:, 1])
+    for axis in (position, heading):
+        axis.axvspan(time[turning[0]], time[turning[-1]], color="#efefef", lw=0, zorder=0)
+        middle = (time[turning[0]] + time[turning[-1]]) / 2
+        axis.text(middle, 0.03, "arc", transform=axis.get_xaxis_transform(), ha="center", color="#666666")
+        axis.set_xlabel("time [s]")
+        axis.set_xlim(0, reference.duration)
+    position.set(ylabel="desired position [m]", title="Position")
+    heading.set(ylabel="desired heading [rad]", title="Heading")
+    heading.set_yticks(np.pi * np.array([1 / 2, 2 / 3, 1, 4 / 3]), ["π/2", "2π/3", "π", "4π/3"])
+    position.legend(loc="lower left")
+    return figure
+
+
+@styled
+def paths(runs: Mapping[str, RunLog]) -> Figure:
+    """Figs. 8 and 10: the paths with each compensation, and the distance from the reference over time."""
+    reference = paper_reference()
+    figure = Figure(figsize=(9.0, 4.5), layout="constrained")
+    plane, distance = figure.subplots(1, 2, width_ratios=(1.25, 1))
+    desired = reference.pose(np.linspace(0, reference.duration, 300))
+    plane.plot(desired[:, 0], desired[:, 1], **_DESIRED)
+    for name, log in runs.items():
+        pose = driven(log)
+        rows = thin(len(log.time))
+        style = law_line(name, lw=1.3, label=LABELS.get(name, name))
+        plane.plot(pose[rows, 0], pose[rows, 1], **style)
+        plane.plot(*pose[-1, :2], "s", ms=4, color=style["color"])
+        error = body_errors(pose, reference.pose(log.time))
+        norm = np.hypot(error[:, 0], error[:, 1])
+        distance.semilogy(log.time[rows], 1e3 * np.maximum(norm[rows], _CLOSEST), **style)
+    start = driven(next(iter(runs.values())))[0]
+    plane.plot(*start[:2], "o", ms=8, mfc="white", mec=BLACK, mew=1.5, zorder=6)
+    plane.annotate("start", start[:2], xytext=(12, -3), textcoords="offset points", fontsize=8.5, annotation_clip=False)
+    plane.set_aspect("equal", adjustable="datalim")
+    plane.set(xlabel="x [m]", ylabel="y [m]", title="Path")
+    distance.set(
+        xlabel="time [s]", ylabel="distance from the desired position [mm]", title="Position error (log scale)"
+    )
+    distance.set_ylim(bottom=1e3 * _CLOSEST)
+    distance.axvspan(TRANSIENT, _arc_end(), color="#efefef", lw=0, zorder=0)
+    figure.legend(handles=plane.get_legend_handles_labels()[0], ncols=3, loc="outside lower center")
+    return figure
+
+
+def _arc_end() -> float:
+    """When the reference's arc ends [s]."""
+    reference = paper_reference()
+    time = np.arange(0, reference.duration, 0.05)
+    return float(time[np.flatnonzero(reference.twist(time)[:, 1])[-1]])
+
+
+@styled
+def tracking_errors_over_time(runs: Mapping[str, RunLog]) -> Figure:
+    """Fig. 11: position errors in the body frame and their norm; on the right from 12 s on, in mm."""
+    reference = paper_reference()
+    figure = Figure(figsize=(9.0, 6.0), layout="constrained")
+    axes = figure.subplots(3, 2, sharex="col", width_ratios=(1, 1.35))
+    for name in [n for n in ("none", "published", "icr_radius") if n in runs] or list(runs):
+        log = runs[name]
+        error = body_errors(driven(log), reference.pose(log.time))[:, :2]
+        traces = np.column_stack([error, np.hypot(error[:, 0], error[:, 1])])
+        late = log.time >= TRANSIENT
+        style = law_line(name, lw=1.2, label=LABELS.get(name, name))
+        for k in range(3):
+            rows = thin(len(log.time))
+            axes[k, 0].plot(log.time[rows], traces[rows, k], **style)
+            rows = thin(int(late.sum()))
+            axes[k, 1].plot(log.time[late][rows], 1e3 * traces[late][rows, k], **style)
+    for k, symbol in enumerate(("e$_x$", "e$_y$", "‖e‖")):
+        axes[k, 0].set_ylabel(f"{symbol} [m]")
+        axes[k, 1].set_ylabel(f"{symbol} [mm]")
+        for axis in axes[k]:
+            axis.axvspan(TRANSIENT, _arc_end(), color="#efefef", lw=0, zorder=0)
+            axis.axhline(0, color="#888888", lw=0.7, zorder=1)
+    axes[0, 0].set(title="Whole run", xlim=(0, reference.duration))
+    axes[0, 1].set(title=f"From {TRANSIENT:g} s on (grey: the arc)", xlim=(TRANSIENT, reference.duration))
+    for axis in axes[2]:
+        axis.set_xlabel("time [s]")
+    figure.legend(handles=axes[0, 0].get_legend_handles_labels()[0], ncols=3, loc="outside lower center")
+    return figure
+
+
+@styled
+def slip_during_tracking(runs: Mapping[str, RunLog], laws: Mapping[str, FittedLaw]) -> Figure | None:
+    """Fig. 12: the slip that a law gave the controller at each step, and where truth is known, the real one.
+
+    Up to two compensations, one above the other; None if no run has commanded twists and a law that is known.
+    """
+    known: dict[str, SlipLaw] = {"published": PUBLISHED, **{name: fit.law for name, fit in laws.items()}}
+    names = [n for n in ("published", "icr_radius", "icr", "exponential") if n in runs and n in known]
+    names = [n for n in names if runs[n].twist_command is not None][:2]
+    if not names:
+        return None
+    figure = Figure(figsize=(9.0, 2.4 + 1.9 * len(names)), layout="constrained")
+    column = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+    for axis, name in zip(column, names, strict=True):
+        _slip_panel(axis, runs[name], known[name])
+        axis.set(ylim=_SLIP_RANGE, ylabel="slip i [–]", title=f"Compensated by: {LABELS[name]}")
+    column[-1].set(xlabel="time [s]", xlim=(0, paper_reference().duration))
+    handles = [
+        Line2D([], [], color=colour, lw=width, alpha=alpha, label=f"{side} track, {kind}")
+        for side, colour in (("right", ORANGE), ("left", GREEN))
+        for kind, width, alpha in (("from the law", 2.4, 0.45), ("true", 0.8, 1.0))
+    ]
+    figure.legend(handles=handles, ncols=4, loc="outside lower center")
+    return figure
+
+
+def _slip_panel(axis: Axes, log: RunLog, law: SlipLaw) -> None:
+    """Slip of both tracks over time: from the law thick, true thin."""
+    assert log.twist_command is not None
+    axis.axvspan(TRANSIENT, _arc_end(), color="#efefef", lw=0, zorder=0)
+    axis.axhline(0, color="#888888", lw=0.7, zorder=1)
+    slip = law(curvature(log.twist_command))
+    slip = np.where(np.abs(slip) < _POLE, slip, np.nan)
+    true = _true_slip(log)
+    rows = thin(len(log.time), 1000)
+    for track, colour in ((1, ORANGE), (0, GREEN)):
+        axis.plot(log.time[rows], slip[rows, track], color=colour, lw=2.4, alpha=0.45)
+        if true is not None:
+            axis.plot(log.time[rows], true[rows, track], color=colour, lw=0.8)
+
+
+def _true_slip(log: RunLog) -> Array | None:
+    """(T, 2) smoothed true slip, NaN where a sprocket hardly turns; None without truth or geometry."""
+    geometry = log.metadata.get("geometry")
+    if log.truth is None or not isinstance(geometry, Mapping):
+        return None
+    robot = RobotGeometry(float(geometry["half_gauge"]), float(geometry["sprocket_radius"]))
+    width = max(1, round(_SMOOTH / float(np.median(np.diff(log.time)))))
+    window = np.ones(width) / width
+    twist = log.truth.twist[:, [0, 2]]
+    smooth = [np.convolve(column, window, mode="same") for column in (*log.omega.T, *twist.T)]
+    omega = np.column_stack(smooth[:2])
+    slip = track_slip(omega, np.column_stack(smooth[2:]), robot)
+    return np.where(np.abs(omega) > _SLOWEST, slip, np.nan)

@@ -1,0 +1,56 @@
+"""What several tests share."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from sim.robot import Robot, load_robot
+from trackslip.kinematics import Array, RobotGeometry
+from trackslip.scan import Plate, Scan
+
+
+@pytest.fixture(scope="session")
+def robot() -> Robot:
+    return load_robot()
+
+
+@pytest.fixture
+def geometry() -> RobotGeometry:
+    return RobotGeometry(half_gauge=0.168, sprocket_radius=0.06)
+
+
+@pytest.fixture(scope="session")
+def scan_rectangle():
+    """A scanner of its own: ranges from segment intersections, a side of the rectangle at a time."""
+
+    def scan(
+        poses: Array,
+        rng: np.random.Generator,
+        noise: float = 0.005,
+        mount: tuple[float, float, float] = (0.0, 0.0, 0.0),
+        plate: Plate | None = None,
+        step: float = np.radians(0.25),
+    ) -> Scan:
+        plate = plate or Plate()
+        bearings = np.arange(-round(np.pi / 2 / step), round(np.pi / 2 / step) + 1) * step
+        direction = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)  # (B, 2)
+        template = Scan(bearings, np.empty((0, len(bearings))), noise, np.array(mount))
+        local = template.from_world(np.asarray(poses, float))
+        e = np.stack([np.cos(local[:, 2]), np.sin(local[:, 2])], axis=-1) * plate.length / 2
+        n = np.stack([-np.sin(local[:, 2]), np.cos(local[:, 2])], axis=-1) * plate.thickness / 2
+        corners = [local[:, :2] + a * e + b * n for a, b in ((1, 1), (-1, 1), (-1, -1), (1, -1))]
+        ranges = np.full((len(local), len(bearings)), np.inf)
+        for k in range(4):
+            start, side = corners[k], corners[(k + 1) % 4] - corners[k]
+            # range * direction = start + fraction * side
+            determinant = direction[:, 1] * side[:, :1] - direction[:, 0] * side[:, 1:]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                distance = (start[:, 1:] * side[:, :1] - start[:, :1] * side[:, 1:]) / determinant
+                fraction = (start[:, 1:] * direction[:, 0] - start[:, :1] * direction[:, 1]) / determinant
+            hit = (distance > 0) & (fraction >= 0) & (fraction <= 1)
+            ranges = np.where(hit, np.minimum(ranges, distance), ranges)
+        ranges = np.where(np.isfinite(ranges), ranges + rng.normal(0, noise, ranges.shape), np.nan)
+        return Scan(bearings, ranges, noise, np.array(mount))
+
+    return scan

@@ -1,0 +1,53 @@
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from experiments.cli import main
+
+
+@dataclass(frozen=True)
+class Result:
+    folder: Path
+    summary: dict[str, Any]
+    manifest: dict[str, Any]
+    printed: str
+
+
+@pytest.fixture
+def trackslip(tmp_path, capsys):
+    """Runs a command into a folder of its own and reads back what it wrote."""
+
+    def run(*arguments: str) -> Result:
+        folder = tmp_path / arguments[0]
+        main([*arguments, "--out", str(folder)])
+        printed = capsys.readouterr().out
+        summary, manifest = (json.loads((folder / f"{name}.json").read_text()) for name in ("summary", "manifest"))
+        return Result(folder, summary, manifest, printed)
+
+    return run
+
+
+@pytest.fixture
+def refused(capsys, tmp_path, monkeypatch):
+    """Runs a command that must fail: exit code 2, one line, nothing written; returns the line."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: str) -> str:
+        before = sorted(tmp_path.rglob("*"))
+        with pytest.raises(SystemExit) as stop:
+            main(list(arguments))
+        captured = capsys.readouterr()
+        assert stop.value.code == 2
+        assert sorted(tmp_path.rglob("*")) == before
+        assert captured.out == ""
+        lines = captured.err.strip().splitlines()
+        assert len(lines) == 1
+        assert lines[0].startswith("trackslip: ")
+        return lines[0].removeprefix("trackslip: ")
+
+    return run

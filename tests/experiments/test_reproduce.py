@@ -1,0 +1,102 @@
+"""`trackslip reproduce`, whole, against the numbers it must reach."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from experiments.cli import main
+from trackslip.lawfile import SHIPPED, load_laws
+from trackslip.logfile import read_runs
+from trackslip.trajectory import paper_reference
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    out = tmp_path_factory.mktemp("reproduce") / "out"
+    main(["reproduce", "--out", str(out)])
+    return out
+
+
+@pytest.fixture(scope="module")
+def summary(folder):
+    return json.loads((folder / "summary.json").read_text())
+
+
+def test_slips_and_radii_stand_beside_the_published(summary):
+    assert summary["slip_rms_vs_published"] < 0.008
+    assert summary["radius"]["rms_vs_published"] < 0.06
+    np.testing.assert_allclose(summary["radius"]["published"], [0.62, 1.34, 2.05, 2.68, 3.12])
+    np.testing.assert_allclose(summary["radius"]["observed"], summary["radius"]["published"], rtol=0.09)
+    assert max(summary["speed_spread"].values()) < 0.003
+
+
+def test_localisation_and_slip_errors(summary):
+    found = summary["localization"]
+    assert max(found["rmse_x"], found["rmse_y"]) < 0.004
+    assert np.degrees(found["rmse_heading"]) < 0.4
+    assert found["valid_fraction"] > 0.98
+    assert found["rate_hz"] >= 10
+    for track in ("outer", "inner"):
+        assert summary["slip_error"][track]["std"] < 0.002
+        assert abs(summary["slip_error"][track]["bias"]) < 0.0005
+
+
+def test_whole_circles_with_edge_on_views(folder):
+    """Runs that went all the way round, edge-on views and bridged gaps included."""
+    runs = [log for log in read_runs(folder / "runs.parquet") if "radius" in log.metadata]
+    whole = [log for log in runs if np.ptp(log.truth.pose[:, 2]) > 2 * np.pi]
+    assert len(whole) >= 3
+    for log in whole:
+        error = log.pose - log.truth.pose
+        assert np.sqrt(np.mean(error[:, :2] ** 2, axis=0)).max() < 0.004
+        assert np.degrees(np.sqrt(np.mean(error[:, 2] ** 2))) < 0.4
+
+
+def test_compensation_pays(summary):
+    rows = {(row["controller"], row["compensation"]): row for row in summary["tracking"]}
+    assert len(rows) == 10
+    final = [rows["feedforward", law]["final_position"] for law in ("none", "exponential", "icr_radius")]
+    assert final[0] > final[1] > final[2]
+    assert np.all(np.array(final) < [1.6, 0.35, 0.06])
+    late = {law: rows["linear", law]["rms_position_after_12s"] for law in ("none", "exponential", "icr_radius")}
+    assert late["none"] > 2.5 * late["exponential"]
+    assert late["none"] > 2.5 * late["icr_radius"]
+
+
+def test_the_law_that_fits_best_is_the_physics(summary):
+    laws = summary["slip_laws"]
+    assert laws["icr_radius"]["rms"] < laws["icr"]["rms"]
+    assert laws["icr_radius"]["rms"] < laws["exponential"]["rms"]
+    assert laws["icr_radius"]["values"]["radius_error"] == pytest.approx(0.0067, abs=0.0006)
+
+
+def test_the_shipped_laws_are_these(summary):
+    stored = json.loads(SHIPPED.read_text())
+    for name in load_laws(SHIPPED):
+        fresh = summary["slip_laws"][name]
+        for key, value in stored["slip_laws"][name]["values"].items():
+            assert value == pytest.approx(fresh["values"][key], abs=0.01 * fresh["stderr"][key])
+
+
+def test_what_is_left_behind(folder, summary):
+    names = {"manifest.json", "summary.json", "runs.parquet", "report.html"}
+    assert {path.name for path in folder.iterdir()} == names
+    assert set(summary["timing"]["stages"]) == {"grid", "identify", "track", "report"}
+    assert summary["timing"]["simulated_s"] == pytest.approx(25 * 30 + 10 * paper_reference().duration, abs=1)
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["config"]["duration"] == 30
+    assert manifest["config"]["scanner"]["noise"] == 0.005
+    assert manifest["versions"]["mujoco"] >= "4.0"
+    assert len(manifest["model_sha256"]) == 64
+
+
+def test_the_report_is_one_file_that_needs_no_network(folder):
+    page = (folder / "report.html").read_text()
+    for figure in (4, 5, 6, 7, 8, 10, 11, 12):
+        assert f"Fig. {figure}" in page or f"Figure {figure}" in page
+    assert page.count("<svg") >= 8
+    for needle in ('src="http', 'href="http', "<script src", "@import", "url(http"):
+        assert needle not in page

@@ -1,0 +1,112 @@
+import numpy as np
+import pytest
+
+from sim.fleet import Fleet
+from sim.runs import Description, Pilot, closed_loop, open_loop
+from sim.scanner import LaserScanner, ScannerFeed
+from sim.seeds import generator
+from trackslip.controllers import Feedforward, LinearTimeVarying
+from trackslip.errors import InvalidValueError
+from trackslip.localization import PlateLocator
+from trackslip.metrics import tracking_errors
+from trackslip.skid_theory import line_contact, steady_twist
+from trackslip.slip import ConstantIcr, NoSlip
+from trackslip.trajectory import Segment, SegmentedReference
+
+START = np.array([[-1.5, 0.0, 0.0]] * 2)
+OMEGA = np.array([[2.0, 3.0], [3.0, 4.0]])
+
+
+def set_up(robot, start, threads=0, seed=0):
+    fleet = Fleet(robot, start, threads=threads)
+    feed = ScannerFeed(LaserScanner(), fleet, [generator(seed, f"{k}") for k in range(len(start))])
+    return fleet, feed
+
+
+def names(n):
+    return [Description(f"run {k}", {"number": k}) for k in range(n)]
+
+
+def test_open_loop_logs_what_happened(robot):
+    fleet, feed = set_up(robot, START)
+    seconds = []
+    logs = open_loop(fleet, OMEGA, 5.0, feed, PlateLocator(robot.plate), names(2), seconds.append)
+    assert sum(seconds) == pytest.approx(5.0)
+    for k, log in enumerate(logs):
+        assert log.run == f"run {k}"
+        assert log.metadata == {"number": k}
+        np.testing.assert_allclose(log.time, np.arange(101) * 0.05)
+        np.testing.assert_allclose(log.command, np.tile(OMEGA[k], (101, 1)))
+        np.testing.assert_allclose(log.omega[20:], np.tile(OMEGA[k], (81, 1)), atol=2e-3)
+        error = (log.pose - log.truth.pose)[log.is_valid]
+        assert np.abs(error[:, :2]).max() < 0.02
+        assert np.sqrt(np.mean(error[:, :2] ** 2)) < 0.004
+        # the true pose is the integral of the true twist
+        turn = np.trapezoid(log.truth.twist[:, 2], log.time)
+        assert turn == pytest.approx(log.truth.pose[-1, 2], rel=1e-3)
+        assert np.all(log.truth.torque[20:, 1] > 0)
+
+
+def test_same_seed_same_bits_at_one_and_two_threads(robot):
+    runs = []
+    for threads in (1, 2):
+        fleet, feed = set_up(robot, START, threads)
+        runs.append(open_loop(fleet, OMEGA, 3.0, feed, PlateLocator(robot.plate), names(2)))
+    for one, two in zip(*runs, strict=True):
+        np.testing.assert_array_equal(one.pose, two.pose)
+        np.testing.assert_array_equal(one.truth.pose, two.truth.pose)
+        np.testing.assert_array_equal(one.covariance, two.covariance)
+
+
+def short_path():
+    return SegmentedReference(
+        (0.0, 0.0, np.pi / 2),
+        [Segment(2.0, 0.0, 0.15), Segment(6.0, 0.15, 0.15, 0.8), Segment(2.0, 0.15, 0.0)],
+    )
+
+
+def theoretical_law(robot):
+    """A constant ICR from theory alone: nothing identified."""
+    contact = line_contact(robot.geometry.half_gauge, robot.contact_half_length, 0.70, 0.775)
+    yaw_rate = steady_twist([0.1, 0.14], contact)[2]
+    half_gauge = robot.geometry.half_gauge
+    return ConstantIcr(0.04 / (2 * yaw_rate) - half_gauge, half_gauge, 0.0067)
+
+
+@pytest.mark.parametrize("controller", [Feedforward(), LinearTimeVarying()])
+def test_the_right_law_keeps_the_robot_on_the_path(robot, controller):
+    reference = short_path()
+    start = np.tile(reference.pose(0.0), (2, 1))
+    fleet, feed = set_up(robot, start)
+    pilots = [Pilot(controller, [0], NoSlip()), Pilot(controller, [1], theoretical_law(robot))]
+    plain, compensated = (
+        tracking_errors(log.time, log.truth.pose, reference)
+        for log in closed_loop(fleet, pilots, reference, feed, PlateLocator(robot.plate), names(2))
+    )
+    assert compensated.rms_position < 0.012
+    assert compensated.rms_position < plain.rms_position / 1.5
+    assert compensated.final_position < plain.final_position or plain.final_position < 0.01
+
+
+def test_closed_loop_ends_with_the_reference_and_logs_its_twist(robot):
+    reference = short_path()
+    fleet, feed = set_up(robot, reference.pose([0.0]))
+    log = closed_loop(fleet, [Pilot(Feedforward(), [0])], reference, feed, None, names(1))[0]
+    assert log.time[-1] == pytest.approx(reference.duration)
+    np.testing.assert_array_equal(log.twist_command, reference.twist(log.time))
+    np.testing.assert_array_equal(log.pose, log.truth.pose)
+    # it brakes at 0.075 m/s^2, late by the servo's lag of 50 ms and a scan's hold of at most 50 ms
+    assert np.abs(log.truth.twist[-1]).max() < 0.075 * 0.1
+
+
+def test_each_robot_has_one_pilot(robot):
+    fleet, feed = set_up(robot, START)
+    for robots in ([0], [0, 0], [0, 2]):
+        with pytest.raises(InvalidValueError, match="pilots"):
+            closed_loop(fleet, [Pilot(Feedforward(), robots)], short_path(), feed, None, names(2))
+
+
+def test_a_run_needs_two_scans(robot):
+    fleet, feed = set_up(robot, START)
+    with pytest.raises(InvalidValueError, match="duration"):
+        open_loop(fleet, OMEGA, 0.01, feed, PlateLocator(robot.plate), names(2))

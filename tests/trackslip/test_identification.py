@@ -1,0 +1,112 @@
+import json
+
+import numpy as np
+import pytest
+
+from trackslip.errors import InvalidValueError, LogError
+from trackslip.identification import LAW_MODELS, SlipSamples, fit_law, fit_laws, slip_samples, true_samples
+from trackslip.kinematics import RobotGeometry, advance, body_twist
+from trackslip.lawfile import SHIPPED, laws_to_json, load_laws
+from trackslip.runlog import RunLog
+from trackslip.slip import PUBLISHED, ConstantIcr
+
+GEOMETRY = RobotGeometry(0.168, 0.06)
+KAPPA = np.array([1.6, 0.8, 0.5, 0.4, 0.3, -1.0, -0.35])
+
+
+def samples_of(law, kappa=KAPPA, noise=0.0, seed=0):
+    twist = np.column_stack([np.full(kappa.size, 0.15), 0.15 * kappa])
+    omega = law.sprocket_speeds(twist, GEOMETRY)
+    omega = omega * (1 + np.random.default_rng(seed).normal(0, noise, omega.shape))
+    return SlipSamples.of(omega, twist, GEOMETRY, [str(k) for k in range(kappa.size)])
+
+
+@pytest.mark.parametrize(
+    ("name", "law"),
+    [
+        ("exponential", PUBLISHED),
+        ("icr", ConstantIcr(0.0447, 0.168)),
+        ("icr_radius", ConstantIcr(0.0447, 0.168, 0.0067)),
+        ("icr_radius", ConstantIcr(-0.02, 0.168, -0.03)),
+    ],
+)
+def test_fits_find_the_law_that_made_the_samples(name, law):
+    fit = fit_law(name, samples_of(law), GEOMETRY)
+    assert fit.rms < 1e-7
+    for key, value in fit.values.items():
+        assert value == pytest.approx(getattr(law, key), abs=1e-6)
+
+
+def test_standard_errors_are_the_scatter_of_the_estimates():
+    law = ConstantIcr(0.0447, 0.168, 0.0067)
+    fits = [fit_law("icr_radius", samples_of(law, noise=0.001, seed=k), GEOMETRY) for k in range(300)]
+    for key in ("offset", "radius_error"):
+        scatter = np.std([fit.values[key] for fit in fits])
+        stated = np.sqrt(np.mean([fit.stderr[key] ** 2 for fit in fits]))
+        assert stated == pytest.approx(scatter, rel=0.2)
+
+
+def test_too_few_samples_and_unknown_laws():
+    with pytest.raises(LogError, match="4 parameters of exponential"):
+        fit_law("exponential", samples_of(PUBLISHED, KAPPA[:2]), GEOMETRY)
+    with pytest.raises(InvalidValueError, match="one of exponential, icr, icr_radius"):
+        fit_law("cubic", samples_of(PUBLISHED), GEOMETRY)
+    with pytest.raises(LogError, match="stands still"):
+        SlipSamples.of(np.array([[0.0, 1.0]]), np.array([[0.1, 0.1]]), GEOMETRY, ["still"])
+
+
+def trace(law, kappa, duration=20.0, omega_after=1.0):
+    twist = np.array([0.15, 0.15 * kappa])
+    time = np.arange(0, duration, 0.05)
+    omega = np.tile(law.sprocket_speeds(twist, GEOMETRY), (time.size, 1))
+    omega[time > duration / 2] *= omega_after
+    return RunLog(f"{kappa}", time, omega, advance([0, 0, 0], twist, time))
+
+
+def test_slip_of_traces():
+    law = ConstantIcr(0.045, 0.168, 0.01)
+    samples = slip_samples([trace(law, kappa) for kappa in KAPPA], GEOMETRY)
+    np.testing.assert_allclose(samples.slip, law(KAPPA), atol=1e-6)
+    np.testing.assert_allclose(samples.radius, 1 / KAPPA, rtol=1e-5)
+    np.testing.assert_allclose(body_twist(samples.omega, samples.slip, GEOMETRY), samples.twist)
+
+
+def test_runs_that_are_not_steady_are_refused():
+    law = ConstantIcr(0.045, 0.168)
+    with pytest.raises(LogError, match="change by"):
+        slip_samples([trace(law, 0.5, omega_after=1.3)], GEOMETRY)
+    with pytest.raises(LogError, match="too short"):
+        slip_samples([trace(law, 0.5, duration=1.0)], GEOMETRY)
+    with pytest.raises(LogError, match="has no truth"):
+        true_samples([trace(law, 0.5)], GEOMETRY)
+    with pytest.raises(InvalidValueError, match="settle"):
+        slip_samples([trace(law, 0.5)], GEOMETRY, settle=-1.0)
+
+
+def test_laws_survive_their_file(tmp_path):
+    laws = fit_laws(samples_of(PUBLISHED), GEOMETRY)
+    (tmp_path / "summary.json").write_text(json.dumps(laws_to_json(laws, GEOMETRY)))
+    for path in (tmp_path, tmp_path / "summary.json"):
+        back = load_laws(path)
+        assert back == {name: fit.law for name, fit in laws.items()}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("{", "not JSON"),
+        ("{}", "no slip laws"),
+        ('{"geometry": {"half_gauge": 0.1}, "slip_laws": {"icr": {"values": {}}}}', "offset"),
+        ('{"geometry": {"half_gauge": -1}, "slip_laws": {"icr": {"values": {"offset": 0.1}}}}', "half_gauge"),
+    ],
+)
+def test_files_without_laws(tmp_path, text, message):
+    (tmp_path / "laws.json").write_text(text)
+    with pytest.raises(LogError, match=message):
+        load_laws(tmp_path / "laws.json")
+    with pytest.raises(LogError, match="No such file"):
+        load_laws(tmp_path / "none.json")
+
+
+def test_the_shipped_laws_are_complete():
+    assert set(load_laws(SHIPPED)) == set(LAW_MODELS)

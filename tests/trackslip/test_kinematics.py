@@ -1,0 +1,97 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from trackslip.errors import InvalidValueError
+from trackslip.kinematics import (
+    RobotGeometry,
+    advance,
+    body_twist,
+    curvature,
+    limit_sprocket_speeds,
+    sprocket_speeds,
+    track_slip,
+    track_speeds,
+    twist_of_tracks,
+    wrap_angle,
+)
+
+GEOMETRY = RobotGeometry(0.168, 0.06)
+twists = arrays(float, (3, 2), elements=st.floats(-1, 1))
+slips = arrays(float, (3, 2), elements=st.floats(-0.9, 0.9))
+
+
+@given(twists, slips)
+def test_forward_of_inverse_is_identity(twist, slip):
+    np.testing.assert_allclose(body_twist(sprocket_speeds(twist, slip, GEOMETRY), slip, GEOMETRY), twist, atol=1e-12)
+
+
+@given(arrays(float, (4, 2), elements=st.floats(-10, 10)), slips.map(lambda s: s[0]))
+def test_inverse_of_forward_is_identity(omega, slip):
+    np.testing.assert_allclose(sprocket_speeds(body_twist(omega, slip, GEOMETRY), slip, GEOMETRY), omega, atol=1e-10)
+
+
+@given(arrays(float, (3, 2), elements=st.floats(0.1, 10)), slips)
+def test_slip_is_what_made_the_twist(omega, slip):
+    np.testing.assert_allclose(track_slip(omega, body_twist(omega, slip, GEOMETRY), GEOMETRY), slip, atol=1e-12)
+
+
+@given(twists)
+def test_track_speeds_invert(twist):
+    np.testing.assert_allclose(twist_of_tracks(track_speeds(twist, 0.168), 0.168), twist, atol=1e-12)
+
+
+def test_a_left_turn_is_outer_right():
+    left, right = sprocket_speeds([0.15, 0.12], [0.0, 0.0], GEOMETRY)
+    assert left * 0.06 == pytest.approx(0.15 - 0.168 * 0.12)
+    assert right * 0.06 == pytest.approx(0.15 + 0.168 * 0.12)
+
+
+def test_slip_of_a_standing_sprocket_is_undefined():
+    assert np.isnan(track_slip([0.0, 1.0], [0.03, 0.0], GEOMETRY)).tolist() == [True, False]
+
+
+def test_curvature_has_no_threshold():
+    np.testing.assert_array_equal(
+        curvature([[1.0, 0.5], [0.0, 0.0], [0.0, -1.0], [0.0, 1.0], [-1.0, 0.5], [1e-300, 0.0]]),
+        [0.5, 0.0, -np.inf, np.inf, -0.5, 0.0],
+    )
+
+
+@given(arrays(float, 2, elements=st.floats(-20, 20)))
+def test_limiting_keeps_the_curvature(omega):
+    limited = limit_sprocket_speeds(omega, 5.0)
+    assert np.abs(limited).max() <= 5.0 * (1 + 1e-12)
+    np.testing.assert_allclose(limited[0] * omega[1], limited[1] * omega[0], atol=1e-9)
+    if np.abs(omega).max() <= 5:
+        np.testing.assert_array_equal(limited, omega)
+
+
+@given(twists, st.floats(0, 30))
+def test_an_arc_is_many_small_steps(twist, duration):
+    pose = np.array([[0.3, -0.2, 1.0]] * 3)
+    steps = 4000
+    expected = pose.copy()
+    h = duration / steps
+    for _ in range(steps):  # mid-point rule, an independent integration
+        middle = expected[:, 2] + twist[:, 1] * h / 2
+        expected += np.column_stack([twist[:, 0] * np.cos(middle), twist[:, 0] * np.sin(middle), twist[:, 1]]) * h
+    np.testing.assert_allclose(advance(pose, twist, duration), expected, atol=1e-4)
+
+
+@given(st.floats(-100, 100))
+def test_wrapped_angles_are_the_same_angle(angle):
+    wrapped = float(wrap_angle(angle))
+    assert -np.pi <= wrapped < np.pi
+    assert np.cos(wrapped) == pytest.approx(np.cos(angle), abs=1e-9)
+    assert np.sin(wrapped) == pytest.approx(np.sin(angle), abs=1e-9)
+
+
+@pytest.mark.parametrize("value", [0.0, -1.0, np.nan, np.inf])
+def test_geometry_must_be_positive(value):
+    with pytest.raises(InvalidValueError, match="half_gauge"):
+        RobotGeometry(value, 0.06)
+    with pytest.raises(InvalidValueError, match="sprocket_radius"):
+        RobotGeometry(0.168, value)

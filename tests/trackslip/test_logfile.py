@@ -1,0 +1,140 @@
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from trackslip.errors import LogError
+from trackslip.logfile import read_runs, read_samples, read_table, runs_from_table, to_table, write_csv, write_parquet
+from trackslip.runlog import RunLog, Truth
+
+HEADER = "run,t,omega_l,omega_r,x,y,phi\n"
+LINES = ["a,0.0,1,2,0,0,0\n", "a,0.1,1,2,0.1,0,0\n", "a,0.2,1,2,0.2,0,0\n"]
+
+
+def make_log(name, rows=5, seed=0, truth=True):
+    rng = np.random.default_rng(seed)
+    valid = rng.random(rows) > 0.2
+    half = rng.normal(size=(rows, 3, 3))
+    return RunLog(
+        run=name,
+        time=np.cumsum(rng.uniform(0.01, 0.1, rows)),
+        omega=rng.normal(size=(rows, 2)),
+        pose=rng.normal(size=(rows, 3)),
+        command=rng.normal(size=(rows, 2)),
+        covariance=half @ half.swapaxes(1, 2),
+        valid=valid,
+        truth=Truth(*(rng.normal(size=(rows, n)) for n in (3, 3, 2, 2))) if truth else None,
+        metadata={"seed": seed, "geometry": {"half_gauge": 0.168}},
+    )
+
+
+def assert_same(a, b):
+    assert a.run == b.run
+    for name in ("time", "omega", "pose", "command", "covariance", "valid", "twist_command"):
+        np.testing.assert_array_equal(getattr(a, name), getattr(b, name))
+    assert (a.truth is None) == (b.truth is None)
+    if a.truth is not None and b.truth is not None:
+        for name in ("pose", "twist", "traction", "torque"):
+            np.testing.assert_array_equal(getattr(a.truth, name), getattr(b.truth, name))
+
+
+@pytest.mark.parametrize(("suffix", "write"), [("csv", write_csv), ("parquet", write_parquet)])
+def test_round_trip_is_exact(tmp_path, suffix, write):
+    logs = [make_log("a"), make_log("b", rows=9, seed=1), make_log("c", seed=2, truth=False)]
+    write(logs, tmp_path / f"runs.{suffix}")
+    back = read_runs(tmp_path / f"runs.{suffix}")
+    for before, after in zip(logs, back, strict=True):
+        assert_same(before, after)
+    assert [log.metadata for log in back] == ([log.metadata for log in logs] if suffix == "parquet" else [{}] * 3)
+
+
+@given(arrays(float, (2, 3), elements=st.floats(allow_nan=False, allow_infinity=False)))
+def test_csv_keeps_every_bit(tmp_path_factory, pose):
+    path = tmp_path_factory.mktemp("csv") / "run.csv"
+    write_csv([RunLog("r", np.array([0.0, 1.0]), np.ones((2, 2)), pose)], path)
+    np.testing.assert_array_equal(read_runs(path)[0].pose, pose)
+
+
+def test_columns_carry_their_units(tmp_path):
+    write_parquet([make_log("a")], tmp_path / "a.parquet")
+    schema = pyarrow.parquet.read_schema(tmp_path / "a.parquet")
+    units = {f.name: f.metadata[b"unit"].decode() for f in schema if f.metadata and b"unit" in f.metadata}
+    assert units["x"] == "m"
+    assert units["omega_l"] == "rad/s"
+    assert set(schema.names) - set(units) == {"run", "valid"}
+
+
+def test_a_real_robots_log_needs_seven_columns(tmp_path):
+    path = tmp_path / "real.csv"
+    path.write_text(HEADER + "".join(LINES) + "b,5,1,1,0,0,0\nb,6,1,1,1,0,0\n")
+    first, second = read_runs(path)
+    assert first.run == "a"
+    assert second.run == "b"
+    np.testing.assert_allclose(first.pose[:, 0], [0, 0.1, 0.2])
+    assert first.truth is None
+    assert first.is_valid.all()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("run,t,omega_l,omega_r,x,y\n", "column phi is missing"),
+        (HEADER, "no rows"),
+        ("", "Empty CSV file"),
+        (HEADER + LINES[0] + "a,0.1,1,2,oops,0,0\n", r"row 2, column x: 'oops' is not a number"),
+        (HEADER + LINES[0] + "a,0.1,1,2,nan,0,0\n", r"row 2, column x: 'nan' is not a finite number"),
+        (HEADER + LINES[0] + "a,0.1,1,2,0,,0\n", r"row 2, column y: '' is not a finite number"),
+        (HEADER + LINES[0] + "a,0.1,1,inf,0,0,0\n", r"row 2, column omega_r: 'inf'"),
+        (HEADER + LINES[0] + "a,0.1,1,2\n", "Expected 7 columns, got 4"),
+        (HEADER + LINES[0] + LINES[0], "does not come after"),
+        (HEADER + LINES[0], "1 row"),
+        (HEADER + LINES[0] + ",0.1,1,2,0,0,0\n", "row 2, column run: empty"),
+    ],
+)
+def test_malformed_logs_are_named_by_row_and_column(tmp_path: Path, text, message):
+    path = tmp_path / "bad.csv"
+    path.write_text(text)
+    with pytest.raises(LogError, match=message) as caught:
+        read_runs(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_poses_that_were_not_measured_may_be_missing(tmp_path):
+    path = tmp_path / "gap.csv"
+    path.write_text(
+        HEADER[:-1] + ",valid\n" + "a,0,1,2,0,0,0,true\na,0.1,1,2,nan,nan,nan,false\na,0.2,1,2,0,0,0,true\n"
+    )
+    log = read_runs(path)[0]
+    assert log.valid is not None
+    assert log.valid.tolist() == [True, False, True]
+    path.write_text(HEADER[:-1] + ",valid\n" + "a,0,1,2,0,0,0,perhaps\n")
+    with pytest.raises(LogError, match="row 1, column valid: 'perhaps'"):
+        read_runs(path)
+
+
+def test_steady_samples(tmp_path):
+    path = tmp_path / "samples.csv"
+    path.write_text("omega_l,omega_r,v,w\n1,2,0.1,0.2\n3,4,0.3,0.4\n")
+    omega, twist = read_samples(read_table(path), "samples")
+    np.testing.assert_array_equal(omega, [[1, 2], [3, 4]])
+    np.testing.assert_array_equal(twist, [[0.1, 0.2], [0.3, 0.4]])
+
+
+def test_files_that_are_no_logs(tmp_path):
+    with pytest.raises(LogError, match="no such file"):
+        read_runs(tmp_path / "none.csv")
+    (tmp_path / "x.parquet").write_text("not parquet")
+    with pytest.raises(LogError, match=r"x\.parquet"):
+        read_runs(tmp_path / "x.parquet")
+    (tmp_path / "x.txt").write_text("")
+    with pytest.raises(LogError, match="must end in"):
+        read_runs(tmp_path / "x.txt")
+
+
+def test_a_table_in_memory_is_read_as_well():
+    assert_same(runs_from_table(to_table([make_log("a")]), "memory")[0], make_log("a"))
