@@ -16,10 +16,14 @@ import matplotlib.image
 import numpy as np
 from numpy.typing import NDArray
 
+import models
+from trackslip.errors import TrackslipError
+from trackslip.trajectory import paper_reference
+
 if TYPE_CHECKING:
     import mujoco
 
-FIELD = Path(__file__).resolve().parents[1] / "models" / "field.xml"
+FIELD = Path(models.__file__).parent / "field.xml"
 PATH_COLOUR = (0.93, 0.16, 0.42, 1.0)
 HIT_COLOUR = (0.95, 0.10, 0.10, 0.55)
 MISS_COLOUR = (0.95, 0.25, 0.20, 0.10)
@@ -28,18 +32,12 @@ Points = NDArray[np.float64]
 
 
 def paper_path(spacing: float = 0.02) -> Points:
-    """The reference path of Sec. IV as points (N, 2) on the ground [m], `spacing` [m] apart.
-
-    From the origin 1.425 m along +y, a left arc of radius 1.25 m until the heading is 4 pi/3, 1.425 m on.
-    """
-    straight, radius, turn = 1.425, 1.25, 4.0 * np.pi / 3.0 - np.pi / 2.0
-    length = 2.0 * straight + radius * turn
-    s = np.linspace(0.0, length, round(length / spacing) + 1)
-    theta = np.clip((s - straight) / radius, 0.0, turn)  # heading less pi / 2
-    after = np.maximum(s - straight - radius * turn, 0.0)
-    x = radius * (np.cos(theta) - 1.0) - after * np.sin(theta)
-    y = np.minimum(s, straight) + radius * np.sin(theta) + after * np.cos(theta)
-    return np.stack([x, y], axis=-1)
+    """The paper's reference path as points (N, 2) on the ground [m], about `spacing` [m] apart."""
+    reference = paper_reference()
+    dense = reference.pose(np.linspace(0.0, reference.duration, 5000))[:, :2]
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(dense, axis=0).T))])
+    even = np.linspace(0.0, along[-1], round(along[-1] / spacing) + 1)
+    return np.column_stack([np.interp(even, along, dense[:, 0]), np.interp(even, along, dense[:, 1])])
 
 
 def render(
@@ -62,12 +60,12 @@ def render(
         Image (height, width, 3), RGB.
 
     Raises:
-        RuntimeError: OpenGL does not work here; MUJOCO_GL chooses the backend (egl, osmesa or glfw).
+        TrackslipError: OpenGL does not work here; MUJOCO_GL chooses the backend (egl, osmesa or glfw).
     """
     try:
         import mujoco  # late, because MUJOCO_GL counts at import
     except (ImportError, AttributeError) as error:
-        raise RuntimeError(f"MuJoCo's OpenGL does not load: {error}") from error
+        raise TrackslipError(f"MuJoCo's OpenGL does not load: {error}") from error
 
     model = mujoco.MjModel.from_xml_path(str(FIELD))
     data = mujoco.MjData(model)
@@ -79,7 +77,7 @@ def render(
     try:
         renderer = mujoco.Renderer(model, height, width)
     except (mujoco.FatalError, AttributeError, ImportError) as error:
-        raise RuntimeError(f"OpenGL does not start: {error}") from error
+        raise TrackslipError(f"OpenGL does not start: {error}") from error
     with renderer:
         renderer.update_scene(data, camera=camera)
         _draw_path(renderer.scene, path_points)
@@ -141,7 +139,7 @@ def _add(
     import mujoco
 
     if scene.ngeom >= scene.maxgeom:
-        raise RuntimeError(f"the scene holds {scene.maxgeom} geoms; draw the path with fewer points")
+        raise TrackslipError(f"the scene holds {scene.maxgeom} geoms; draw the path with fewer points")
     geom = scene.geoms[scene.ngeom]
     mujoco.mjv_initGeom(geom, kind, size, position, rotation.ravel(), np.array(rgba, dtype=np.float32))
     geom.emission, geom.specular = 0.4, 0.0
@@ -160,7 +158,7 @@ def main() -> int:
     try:
         image = render(paper_path(), camera=arguments.camera)
         matplotlib.image.imsave(arguments.out, image)
-    except RuntimeError as error:
+    except TrackslipError as error:
         backend = os.environ.get("MUJOCO_GL", "unset")
         print(f"picture: {error} (MUJOCO_GL is {backend}; egl, osmesa and glfw exist)", file=sys.stderr)
         return 2

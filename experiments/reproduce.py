@@ -123,7 +123,7 @@ def comparison(summary: Mapping[str, Any]) -> list[ComparisonRow]:
     row = ComparisonRow
     rows = [
         row(
-            f"slip of the {track} track, i(R) =",
+            f"slip law, {track} track",
             _exponential(summary["published"][track]["alpha"], summary["published"][track]["beta"]),
             _exponential(exponential[f"alpha_{track}"], exponential[f"beta_{track}"]),
         )
@@ -135,7 +135,7 @@ def comparison(summary: Mapping[str, Any]) -> list[ComparisonRow]:
         printed = "-" if published is None else f"{published:.2f} m"
         rows.append(row(f"radius driven, {commanded:g} m commanded", printed, f"{observed:.2f} m"))
     rows += [
-        row("radius minus published, rms", "-", _percent(radius["rms_vs_published"])),
+        row("radius error, rms", "-", _percent(radius["rms_vs_published"])),
         row("slip minus Eq. 11, rms", "-", _number(summary["slip_rms_vs_published"])),
         row("  at the simulation's own radii", "-", _number(summary["slip_rms_vs_published_at_simulated_radii"])),
         row("spread over speeds, outer | inner", "almost none", f"{spread['outer']:.4f} | {spread['inner']:.4f}"),
@@ -144,12 +144,12 @@ def comparison(summary: Mapping[str, Any]) -> list[ComparisonRow]:
         row("localisation, rms x | y", "-", f"{1e3 * found['rmse_x']:.1f} | {1e3 * found['rmse_y']:.1f} mm"),
         row("localisation, rms heading", "-", f"{np.degrees(found['rmse_heading']):.2f} deg"),
         row("valid poses per second", "at least 10", f"{found['rate_hz']:.1f}"),
-        row("slip error, std, outer | inner", "-", _pair(error, "std")),
-        row("slip error, bias, outer | inner", "-", _pair(error, "bias")),
+        row("slip error std, outer | inner", "-", _pair(error, "std")),
+        row("slip error bias, outer | inner", "-", _pair(error, "bias")),
     ]
     for controller, key, what, seen in (
-        ("feedforward", "final_position", "feedforward, final error", "much better (Fig. 8)"),
-        ("linear", "rms_position_after_12s", "Eq. 31, rms after 12 s", "better (Fig. 11)"),
+        ("feedforward", "final_position", "feedforward, final", "much better, Fig. 8"),
+        ("linear", "rms_position_after_12s", "Eq. 31 after 12 s", "better, Fig. 11"),
     ):
         for entry in summary["tracking"]:
             if entry["controller"] == controller:

@@ -103,7 +103,7 @@ TRACKING_HEADER = (
     "controller",
     "compensation",
     "rms [mm]",
-    "after 12 s",
+    "> 12 s [mm]",
     "max [mm]",
     "end [mm]",
     "end [deg]",

@@ -2,22 +2,38 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
+import re
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from experiments.cli import main
+from experiments.cli import main, parse
 from trackslip.lawfile import SHIPPED, load_laws
 from trackslip.logfile import read_runs
 from trackslip.trajectory import paper_reference
 
+README = Path(__file__).parents[2] / "README.md"
+
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def reproduced(tmp_path_factory):
+    """The folder of a whole reproduction, and what it printed."""
     out = tmp_path_factory.mktemp("reproduce") / "out"
-    main(["reproduce", "--out", str(out)])
-    return out
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        main(["reproduce", "--out", str(out)])
+    return out, printed.getvalue()
+
+
+@pytest.fixture(scope="module")
+def folder(reproduced):
+    return reproduced[0]
 
 
 @pytest.fixture(scope="module")
@@ -91,6 +107,41 @@ def test_what_is_left_behind(folder, summary):
     assert manifest["config"]["scanner"]["noise"] == 0.005
     assert manifest["versions"]["mujoco"] >= "4.0"
     assert len(manifest["model_sha256"]) == 64
+
+
+def test_the_readme_shows_what_is_printed(reproduced):
+    shown = README.read_text().split("`trackslip reproduce` prints:")[1].split("\nThe paper's")[0]
+    lines = [line.strip() for line in shown.splitlines() if line.strip()]
+    printed = {line.strip() for line in reproduced[1].splitlines()}
+    assert len(lines) > 40
+    assert [line for line in lines if line not in printed] == []
+
+
+def test_the_readmes_python_runs():
+    (code,) = re.findall(r"```python\n(.*?)```", README.read_text(), re.DOTALL)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    rows = re.findall(r"-?\d\.\d+", done.stdout)
+    assert len(rows) == 4
+
+
+def test_the_readmes_commands_parse():
+    text = README.read_text()
+    commands = [line.split()[1:] for line in text.splitlines() if line.startswith("    trackslip ")]
+    assert len(commands) >= 6
+    for arguments in commands:
+        assert parse(arguments) is not None
+
+
+@pytest.mark.slow
+def test_slip_error_over_seeds(tmp_path):
+    """125 runs: the bias is that of the method, not of a seed."""
+    errors = []
+    for seed in range(5):
+        main(["grid", "--seed", str(seed), "--out", str(tmp_path / str(seed))])
+        errors.append(json.loads((tmp_path / str(seed) / "summary.json").read_text())["slip_error"])
+    for track in ("outer", "inner"):
+        assert max(error[track]["std"] for error in errors) < 0.002
+        assert abs(np.mean([error[track]["bias"] for error in errors])) < 0.0005
 
 
 def test_the_report_is_one_file_that_needs_no_network(folder):

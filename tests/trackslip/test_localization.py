@@ -33,7 +33,7 @@ def test_plate_against_truth_at_every_viewing_angle(scan_rectangle):
     error = estimate.pose - poses
     error[:, 2] = half_turn(error[:, 2])
     good = estimate.valid
-    assert good.mean() > 0.985
+    assert good.mean() > 0.97
     assert np.sqrt(np.mean(error[good, :2] ** 2, axis=0)).max() < 0.003
     assert np.degrees(np.sqrt(np.mean(error[good, 2] ** 2))) < 0.35
     angle = viewing_angle(poses)
@@ -49,7 +49,8 @@ def test_plate_against_truth_at_every_viewing_angle(scan_rectangle):
     # nearly edge-on it may decline, but what it does say is near
     edge_on = good & (angle < 4)
     assert edge_on.sum() > 100
-    assert np.abs(np.degrees(error[edge_on, 2])).max() < 8
+    assert np.abs(np.degrees(error[edge_on, 2])).max() < 5
+    assert np.degrees(np.sqrt(np.mean(error[edge_on, 2] ** 2))) < 1
 
 
 def test_line_is_unbiased_where_one_face_is_seen_and_declines_edge_on(scan_rectangle):

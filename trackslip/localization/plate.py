@@ -44,6 +44,8 @@ class PlateLocator:
     """Largest root mean square residual that is believed [standard deviations]."""
     max_heading_error: float = np.radians(6.0)
     """Largest standard error of the heading that is believed [rad]."""
+    min_beams: int = 2
+    """Fewest returns from the long face that tell the heading from its mirror image about the line of sight."""
 
     def locate(self, scan: Scan, predicted: Array | None = None) -> PoseEstimate:
         """Poses of the plate in scans with ranges (S, B); see `Locator`."""
@@ -51,6 +53,7 @@ class PlateLocator:
         cluster = extract_plate(scan, self.plate, near)
         scans = len(cluster.count)
         pose, information, misfit = np.zeros((scans, 3)), np.zeros((scans, 3, 3)), np.full(scans, np.inf)
+        beams = np.zeros(scans)
         width = cluster.width
         order = np.flatnonzero(cluster.count >= 3)
         order = order[np.argsort(width[order], kind="stable")]  # similar widths together: little padding
@@ -58,8 +61,14 @@ class PlateLocator:
             rows, order = np.split(order, [max(1, _CHUNK // (_STARTS * width[order[0]]))])
             fit = self._fit(scan, cluster.take(rows), None if near is None else near[rows])
             pose[rows], information[rows], misfit[rows] = fit.pose, fit.hessian, fit.misfit
+            beams[rows] = fit.beams
         covariance, regular = _inverse(information)
-        valid = regular & (misfit < self.max_misfit) & (covariance[:, 2, 2] < self.max_heading_error**2)
+        valid = (
+            regular
+            & (beams >= self.min_beams)
+            & (misfit < self.max_misfit)
+            & (covariance[:, 2, 2] < self.max_heading_error**2)
+        )
         covariance[~valid] = np.nan
         return PoseEstimate(scan.to_world(pose), scan.covariance_to_world(covariance), valid)
 
@@ -135,7 +144,8 @@ class PlateLocator:
         gradient += np.einsum("mei,me->mi", edge_jacobian, edge_residual)
         hessian += edge_jacobian.swapaxes(1, 2) @ edge_jacobian
         misfit = np.sqrt(np.sum(residual**2, axis=1) / np.maximum(view.hit.sum(axis=1), 1))
-        return _Fit(pose, cost, gradient, hessian, misfit)
+        beams = np.sum(on_long & on_plate & view.hit, axis=1)
+        return _Fit(pose, cost, gradient, hessian, misfit, beams)
 
     def _edges(self, view: _View, centre: Array, e: Array, n: Array) -> tuple[Array, Array]:
         """Residuals (M, 2) of the silhouette's two edges and their Jacobian (M, 2, 3)."""
@@ -201,9 +211,10 @@ class _Fit:
     gradient: Array  # (M, 3)
     hessian: Array  # (M, 3, 3)
     misfit: Array  # (M,) rms residual of the ranges [standard deviations]
+    beams: Array  # (M,) number of returns from the long face
 
     def arrays(self) -> tuple[Array, ...]:
-        return self.pose, self.cost, self.gradient, self.hessian, self.misfit
+        return self.pose, self.cost, self.gradient, self.hessian, self.misfit, self.beams
 
 
 def _range_to(face: Array, m_u: Array) -> Array:
