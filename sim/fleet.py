@@ -65,7 +65,7 @@ class Fleet:
         self._friction = self.batch.expand("pair_friction")  # (N, npair, 5)
         self._force = self.batch.bind("sensordata").reshape(self.size, 2, 3)
         self._quaternion = tuple(self.batch.qpos[:, 3:7].T)  # four live views (N,)
-        self._heading = np.zeros(self.size)  # unwrapped
+        self._heading: Array = np.zeros(self.size)  # unwrapped
         self.set_ground(ground or Ground())
         self._set_down(start)
 
