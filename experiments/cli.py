@@ -7,6 +7,7 @@ import importlib
 import io
 import os
 import re
+import signal
 import sys
 from collections.abc import Sequence
 from typing import Annotated, Any
@@ -35,13 +36,18 @@ _RUNNERS = {
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command; exits with 2 for a mistake in it, 130 when interrupted."""
     arguments = sys.argv[1:] if arguments is None else list(arguments)
+    with contextlib.suppress(ValueError):  # only the main thread may
+        signal.signal(signal.SIGTERM, _terminate)
     try:
         command = parse(arguments)
         importlib.import_module(_RUNNERS[type(command)]).run(command)
     except TrackslipError as error:
         _fail(str(error), 2)
     except KeyboardInterrupt:
-        _fail("interrupted; nothing was written", 130)
+        _fail("interrupted", 130)
+    except BrokenPipeError:  # whoever reads has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
 
 
 def parse(arguments: Sequence[str]) -> Any:
@@ -72,6 +78,7 @@ def _parse(arguments: Sequence[str]) -> Any:
 
 def _sentence(box: str) -> str:
     """The first paragraph of tyro's box under its title, in one line. Where the terminal can't draw, so is the box."""
+    box = re.sub(r"\x1b\[[0-9;]*m", "", box)  # colours, on a terminal
     paragraphs: list[list[str]] = [[]]
     for line in box.splitlines():
         text = line.strip().strip("│").strip()
@@ -86,6 +93,10 @@ def _sentence(box: str) -> str:
     if nested:
         return f"{nested[1]}.{sentence[nested.end() :]}"
     return re.sub(r"^Error parsing (?:\w+: (?=[\w.]+ = ))?", "", sentence)
+
+
+def _terminate(*_: object) -> None:
+    raise KeyboardInterrupt
 
 
 def _fail(message: str, code: int) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
@@ -11,16 +12,23 @@ import tyro
 from sim.drive import RADIUS_ERROR, Drive
 from sim.ground import Ground
 from sim.scanner import LaserScanner
-from trackslip.errors import InvalidValueError, require_finite, require_non_negative, require_positive
+from trackslip.errors import InvalidValueError, require_at_most, require_non_negative, require_positive
 from trackslip.published import COMMANDED_RADII, SPEEDS
 from trackslip.steady import SETTLE
 
 Localization = Literal["plate", "line"]
 Compensation = Literal["none", "published", "exponential", "icr", "icr_radius"]
 
+MOST_THREADS = 1024
+SLOWEST = 1e-3
+"""Slowest run of a grid [m/s]."""
+LONGEST_RUN = 3600.0
+"""Longest run [s]."""
 SHORTEST_RUN = 4.0
 """Shortest run that leaves something steady to average [s]."""
-LINEAR_START = (0.3, -0.2, 1.0471975511965976)
+FARTHEST = 100.0
+"""Largest coordinate of a start [m]."""
+LINEAR_START = (0.3, -0.2, math.pi / 3)
 """Where the paper starts its linear controller: (x, y, phi) (Sec. IV-C) [m, m, rad]."""
 
 
@@ -41,11 +49,10 @@ class Simulation:
     def __post_init__(self) -> None:
         if self.seed < 0:
             raise InvalidValueError("seed", self.seed, "an integer >= 0")
-        if self.threads < 0:
-            raise InvalidValueError("threads", self.threads, "an integer >= 0")
-        require_finite("radius_error", self.radius_error)
-        if self.radius_error <= -1:
-            raise InvalidValueError("radius_error", self.radius_error, "> -1")
+        if not 0 <= self.threads <= MOST_THREADS:
+            raise InvalidValueError("threads", self.threads, f"an integer from 0 to {MOST_THREADS}")
+        if not -0.5 <= self.radius_error <= 0.5:
+            raise InvalidValueError("radius_error", self.radius_error, "from -0.5 to 0.5")
         scan_periods = self.scanner.period / self.drive.period
         if abs(scan_periods - round(scan_periods)) > 1e-6 or scan_periods < 0.5:
             raise InvalidValueError(
@@ -82,8 +89,10 @@ class GridConfig(Simulation):
         for speed in self.speeds:
             if speed > self.drive.top_speed:
                 raise InvalidValueError("speeds", speed, f"at most drive.top_speed = {self.drive.top_speed} m/s")
-        if not SHORTEST_RUN <= self.duration < float("inf"):
-            raise InvalidValueError("duration", self.duration, f"at least {SHORTEST_RUN:g} s")
+            if speed < SLOWEST:
+                raise InvalidValueError("speeds", speed, f"at least {SLOWEST:g} m/s")
+        if not SHORTEST_RUN <= self.duration <= LONGEST_RUN:
+            raise InvalidValueError("duration", self.duration, f"from {SHORTEST_RUN:g} to {LONGEST_RUN:g} s")
 
 
 @dataclass(frozen=True)
@@ -106,6 +115,7 @@ class IdentifyConfig:
         for name in ("half_gauge", "sprocket_radius"):
             if getattr(self, name) is not None:
                 require_positive(name, getattr(self, name))
+                require_at_most(name, getattr(self, name), 100.0, "m")
         require_non_negative("settle", self.settle)
 
 
@@ -143,8 +153,12 @@ class TrackConfig(Simulation):
             raise InvalidValueError(
                 "circle_speed", self.circle_speed, f"at most drive.top_speed = {self.drive.top_speed} m/s"
             )
+        require_at_most("circle_duration", self.circle_duration, LONGEST_RUN, "s")
+        if self.circle_radius < 0.1:
+            raise InvalidValueError("circle_radius", self.circle_radius, "at least 0.1 m")
         for value in self.start or ():
-            require_finite("start", value)
+            if not -FARTHEST <= value <= FARTHEST:
+                raise InvalidValueError("start", value, f"from -{FARTHEST:g} to {FARTHEST:g}")
 
 
 @dataclass(frozen=True)
@@ -153,3 +167,10 @@ class ReproduceConfig(GridConfig):
 
     out: Path = Path("out/reproduce")
     """Folder for the results."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.radii) < 2:
+            raise InvalidValueError("radii", self.radii, "at least two: slip laws are functions of radius")
+        if len(self.radii) * len(self.speeds) < 3:
+            raise InvalidValueError("speeds", self.speeds, "at least two for two radii: three runs or more")

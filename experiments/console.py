@@ -26,7 +26,12 @@ def progress(stage: str, seconds: float) -> Iterator[Report]:
     )
     with Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(stage, total=seconds)
-        yield lambda passed: bar.advance(task, passed)
+        try:
+            yield lambda passed: bar.advance(task, passed)
+        except BaseException:
+            bar.live.transient = True  # leave the terminal to the error message
+            raise
+        bar.update(task, completed=seconds)
 
 
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,7 +17,7 @@ from sim.robot import Robot, load_robot
 from sim.runs import Description, open_loop
 from sim.scanner import ScannerFeed
 from sim.seeds import generator
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification import SlipSamples, slip_samples, true_samples
 from trackslip.kinematics import Array, RobotGeometry, sprocket_speeds, wrap_angle
 from trackslip.localization import LineLocator, Locator, PlateLocator
@@ -36,9 +36,11 @@ def run(config: GridConfig) -> None:
     with store.results(config.out) as folder:
         robot = load_robot()
         logs = drive_grid(config, robot)
+        samples, warnings = usable_samples(logs, robot.geometry)
         wall = time.perf_counter() - began
-        summary = grid_summary(config, logs, robot.geometry) | {
-            "timing": {"wall_s": wall, "simulated_s": simulated_seconds(logs), "stages": {"grid": wall}}
+        summary = grid_summary(config, logs, samples, robot.geometry) | {
+            "warnings": warnings,
+            "timing": {"wall_s": wall, "simulated_s": simulated_seconds(logs), "stages": {"grid": wall}},
         }
         store.write_parquet(folder, logs)
         store.write_json(folder / store.SUMMARY, summary)
@@ -49,8 +51,10 @@ def run(config: GridConfig) -> None:
     print_table(
         f"{len(logs)} runs of {config.duration:g} s",
         ("commanded radius [m]", "observed [m]", "outer slip", "inner slip"),
-        radius_rows(config, slip_samples(logs, robot.geometry)),
+        radius_rows(config, summary),
     )
+    for warning in warnings:
+        print(f"warning: {warning}")
     print(f"{config.out / store.RUNS}: {len(logs)} runs in {wall:.1f} s")
 
 
@@ -66,7 +70,7 @@ def drive_grid(config: GridConfig, robot: Robot) -> list[RunLog]:
             )
     cells = list(itertools.product(config.radii, config.speeds))
     radius, speed = np.array(cells).T
-    keys = [f"radius={r:g} speed={v:g}" for r, v in cells]
+    keys = [f"radius={r!r} speed={v!r}" for r, v in cells]
     fleet = make_fleet(config, robot, np.tile(before_scanner(robot), (len(cells), 1)))
     feed = ScannerFeed(config.scanner, fleet, [generator(config.seed, f"grid {key}") for key in keys])
     omega = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, robot.geometry)
@@ -108,6 +112,7 @@ def run_metadata(config: Simulation, robot: Robot, localization: str) -> dict[st
             "scanner": config.scanner,
             "localization": localization,
             "seed": config.seed,
+            "model_sha256": robot.digest,
         }
     )
     return metadata
@@ -118,16 +123,46 @@ def simulated_seconds(logs: Sequence[RunLog]) -> float:
     return float(sum(log.time[-1] - log.time[0] for log in logs))
 
 
-def grid_summary(config: GridConfig, logs: Sequence[RunLog], geometry: RobotGeometry) -> dict[str, Any]:
-    """The numbers of a grid: radii, spread of the slips over speed, errors of localisation and of slip."""
-    samples, truth = slip_samples(logs, geometry), true_samples(logs, geometry)
+def usable_samples(logs: Sequence[RunLog], geometry: RobotGeometry) -> tuple[SlipSamples, list[str]]:
+    """Slip samples of the runs that give one, and why the others don't.
+
+    Raises:
+        LogError: when there is none.
+    """
+    usable, warnings = [], []
+    for log in logs:
+        try:
+            usable.append(slip_samples([log], geometry))
+        except LogError as error:
+            warnings.append(str(error))
+    if not usable:
+        raise LogError(f"none of the runs can be used; {warnings[0]}")
+    return SlipSamples.joined(usable), warnings
+
+
+def grid_summary(
+    config: GridConfig, logs: Sequence[RunLog], samples: SlipSamples, geometry: RobotGeometry
+) -> dict[str, Any]:
+    """The numbers of a grid: radii, spread of the slips over speed, errors of localisation and of slip.
+
+    What needs a run that gave no sample is NaN.
+    """
+    truth = true_samples([log for log in logs if log.run in samples.run], geometry)
+    sampled = np.isin([log.run for log in logs], samples.run)
+    slip, true_slip, radius = (
+        np.full((len(logs), 2), np.nan),
+        np.full((len(logs), 2), np.nan),
+        np.full(len(logs), np.nan),
+    )
+    slip[sampled], true_slip[sampled], radius[sampled] = samples.slip, truth.slip, samples.radius
     by_radius = (len(config.radii), len(config.speeds))
-    spread = np.ptp(truth.slip.reshape(*by_radius, 2), axis=1).max(axis=0)
+    by_cell = slip.reshape(*by_radius, 2)
+    spread = np.ptp(true_slip.reshape(*by_radius, 2), axis=1).max(axis=0)
     error = samples.slip - truth.slip
     published = published_radii(config.radii)
-    known = np.repeat(~np.isnan(published), len(config.speeds))
-    at_published = np.repeat(published, len(config.speeds))[known]
-    observed = samples.radius.reshape(by_radius).mean(axis=1)
+    at_published = np.repeat(published, len(config.speeds))
+    known = ~np.isnan(at_published)
+    observed = 1 / (1 / radius).reshape(by_radius).mean(axis=1)  # of the mean curvature
     relative = (observed / published - 1)[~np.isnan(published)]
     outer, inner = 1, 0  # the runs turn left
     return {
@@ -137,7 +172,8 @@ def grid_summary(config: GridConfig, logs: Sequence[RunLog], geometry: RobotGeom
             "published": published,
             "rms_vs_published": rms(relative) if relative.size else None,
         },
-        "slip_rms_vs_published": rms(samples.slip[known] - PUBLISHED(1 / at_published)) if known.any() else None,
+        "slip_by_radius": {"outer": by_cell[..., outer].mean(axis=1), "inner": by_cell[..., inner].mean(axis=1)},
+        "slip_rms_vs_published": rms(slip[known] - PUBLISHED(1 / at_published[known])) if known.any() else None,
         "slip_rms_vs_published_at_simulated_radii": rms(samples.slip - PUBLISHED(samples.curvature)),
         "speed_spread": {"outer": spread[outer], "inner": spread[inner]},
         "localization": localization_summary(logs),
@@ -168,12 +204,10 @@ def localization_summary(logs: Sequence[RunLog]) -> dict[str, Any]:
     }
 
 
-def radius_rows(config: GridConfig, samples: SlipSamples) -> list[tuple[str, ...]]:
+def radius_rows(config: GridConfig, summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
     """Means over the speeds, a row a radius."""
-    by_radius = (len(config.radii), len(config.speeds))
-    radius = samples.radius.reshape(by_radius).mean(axis=1)
-    slip = samples.slip.reshape(*by_radius, 2).mean(axis=1)
+    columns = (summary["radius"]["observed"], summary["slip_by_radius"]["outer"], summary["slip_by_radius"]["inner"])
     return [
-        (f"{commanded:g}", f"{r:.3f}", f"{s[1]:+.4f}", f"{s[0]:+.4f}")
-        for commanded, r, s in zip(config.radii, radius, slip, strict=True)
+        (f"{commanded:g}", f"{radius:.3f}", f"{outer:+.4f}", f"{inner:+.4f}")
+        for commanded, radius, outer, inner in zip(config.radii, *columns, strict=True)
     ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -28,17 +28,23 @@ class Source:
     samples: SlipSamples
     logs: Sequence[RunLog]
 
+    @property
+    def origin(self) -> dict[str, Any]:
+        """Seed and model of simulated runs; empty for a real robot's."""
+        metadata = self.logs[0].metadata if self.logs else {}
+        return {key: metadata[key] for key in ("seed", "model_sha256") if key in metadata}
+
 
 def run(config: IdentifyConfig) -> None:
     """Fit the laws, store and print them."""
     began = time.perf_counter()
     source = read_source(config)
     with store.results(config.out) as folder:
-        laws = fit_laws(source.samples, source.geometry)
-        summary = laws_to_json(laws, source.geometry) | {"samples": len(source.samples.run)}
+        laws, warnings = fit_laws(source.samples, source.geometry)
+        summary = laws_to_json(laws, source.geometry) | {"samples": len(source.samples.run), "warnings": warnings}
         wall = time.perf_counter() - began
         summary["timing"] = {"wall_s": wall, "stages": {"identify": wall}}
-        about = store.manifest("identify", config, wall)
+        about = store.manifest("identify", config, wall, **source.origin)
         if source.logs:
             store.write_parquet(folder, source.logs)
         else:
@@ -57,6 +63,8 @@ def run(config: IdentifyConfig) -> None:
         )
         (folder / store.REPORT).write_text(render(page), encoding="utf-8")
     print_table(f"Slip laws from {len(source.samples.run)} runs", LAW_HEADER, law_rows(laws))
+    for warning in warnings:
+        print(f"warning: {warning}")
     print(f"{config.out / store.REPORT}: {time.perf_counter() - began:.1f} s")
 
 
@@ -66,25 +74,30 @@ def read_source(config: IdentifyConfig) -> Source:
     table = read_table(file)
     columns = table.column_names
     if "x" not in columns and set(SAMPLE_COLUMNS) <= set(columns):
-        geometry = choose_geometry(config, {}, file)
+        geometry = choose_geometry(config, None, file)
         omega, twist = read_samples(table, str(file))
         names = [f"row {k + 1}" for k in range(len(omega))]
         return Source(geometry, SlipSamples.of(omega, twist, geometry, names), ())
     if not set(columns) & set(REQUIRED[1:]):
         raise LogError(f"{file}: needs the columns {', '.join(REQUIRED)} or {', '.join(SAMPLE_COLUMNS)}")
-    logs = runs_from_table(table, str(file))
-    geometry = choose_geometry(config, logs[0].metadata.get("geometry", {}), file)
+    runs = runs_from_table(table, str(file))
+    logs = [log for log in runs if "controller" not in log.metadata]
+    if not logs:
+        raise LogError(f"{file}: its {len(runs)} run(s) are closed loops; slip is identified from steady runs")
+    geometry = choose_geometry(config, logs[0].metadata.get("geometry"), file)
+    known = {"geometry": store.plain(geometry)}
+    logs = [replace(log, metadata=log.metadata | known) for log in logs]
     return Source(geometry, slip_samples(logs, geometry, config.settle), logs)
 
 
-def choose_geometry(config: IdentifyConfig, stored: Mapping[str, Any], file: Path) -> RobotGeometry:
+def choose_geometry(config: IdentifyConfig, stored: Any, file: Path) -> RobotGeometry:
     """The geometry on the command line, else the log's."""
     values = {}
     for name in ("half_gauge", "sprocket_radius"):
         given = getattr(config, name)
-        value = stored.get(name) if given is None else given
-        if value is None:
-            raise InvalidValueError(name, None, f"given with --{name.replace('_', '-')}: {file} doesn't say it")
+        value = stored.get(name) if given is None and isinstance(stored, dict) else given
+        if not isinstance(value, int | float):
+            raise InvalidValueError(name, value, f"given with --{name.replace('_', '-')}: {file} doesn't say it")
         values[name] = float(value)
     return RobotGeometry(**values)
 

@@ -12,7 +12,15 @@ import numpy as np
 from experiments import store
 from experiments.config import LINEAR_START, ReproduceConfig
 from experiments.console import print_table, progress
-from experiments.grid import drive_grid, grid_summary, make_fleet, make_locator, run_metadata, simulated_seconds
+from experiments.grid import (
+    drive_grid,
+    grid_summary,
+    make_fleet,
+    make_locator,
+    run_metadata,
+    simulated_seconds,
+    usable_samples,
+)
 from experiments.report import ComparisonRow, Report, render
 from experiments.track import (
     CONTROLLERS,
@@ -25,7 +33,7 @@ from sim.robot import Robot, load_robot
 from sim.runs import Description, Pilot, closed_loop
 from sim.scanner import ScannerFeed
 from sim.seeds import generator
-from trackslip.identification import fit_laws, slip_samples
+from trackslip.identification import fit_laws
 from trackslip.lawfile import laws_to_json
 from trackslip.runlog import RunLog
 from trackslip.slip import PUBLISHED, SlipLaw
@@ -41,11 +49,12 @@ def run(config: ReproduceConfig) -> None:
         with _timed(stages, "grid"):
             grid_logs = drive_grid(config, robot)
         with _timed(stages, "identify"):
-            samples = slip_samples(grid_logs, robot.geometry)
-            laws = fit_laws(samples, robot.geometry)
+            samples, warnings = usable_samples(grid_logs, robot.geometry)
+            laws, undetermined = fit_laws(samples, robot.geometry)
+            warnings += undetermined
             summary = laws_to_json(laws, robot.geometry)
             summary["published"] = published_summary()
-            summary |= grid_summary(config, grid_logs, robot.geometry)
+            summary |= grid_summary(config, grid_logs, samples, robot.geometry) | {"warnings": warnings}
         with _timed(stages, "track"):
             tracking_logs = drive_paths(config, robot, {name: fit.law for name, fit in laws.items()})
             summary["tracking"] = tracking_summary(tracking_logs, paper_reference())
@@ -82,6 +91,8 @@ def run(config: ReproduceConfig) -> None:
         [(row.quantity, row.published, row.simulated) for row in rows],
     )
     print_table("Tracking errors of the true pose", TRACKING_HEADER, tracking_rows(summary["tracking"]))
+    for warning in warnings:
+        print(f"warning: {warning}")
     simulated = summary["timing"]["simulated_s"]
     print(f"{config.out / store.REPORT}: {wall:.1f} s for {simulated:.0f} s of simulated driving")
 
@@ -117,15 +128,15 @@ def published_summary() -> dict[str, Any]:
 
 def comparison(summary: Mapping[str, Any]) -> list[ComparisonRow]:
     """The table published | simulated, from a summary."""
-    laws, radius = summary["slip_laws"], summary["radius"]
-    exponential, icr = laws["exponential"]["values"], laws["icr_radius"]
+    values = {name: law["values"] for name, law in summary["slip_laws"].items()}
+    exponential, icr, radius = values.get("exponential"), values.get("icr_radius"), summary["radius"]
     spread, error, found = summary["speed_spread"], summary["slip_error"], summary["localization"]
     row = ComparisonRow
     rows = [
         row(
             f"slip law, {track} track",
             _exponential(summary["published"][track]["alpha"], summary["published"][track]["beta"]),
-            _exponential(exponential[f"alpha_{track}"], exponential[f"beta_{track}"]),
+            _exponential(exponential[f"alpha_{track}"], exponential[f"beta_{track}"]) if exponential else "-",
         )
         for track in ("outer", "inner")
     ]
@@ -133,14 +144,19 @@ def comparison(summary: Mapping[str, Any]) -> list[ComparisonRow]:
         *(radius[key] for key in ("commanded", "observed", "published")), strict=True
     ):
         printed = "-" if published is None else f"{published:.2f} m"
-        rows.append(row(f"radius driven, {commanded:g} m commanded", printed, f"{observed:.2f} m"))
+        driven = "-" if observed is None else f"{observed:.2f} m"
+        rows.append(row(f"radius driven, {commanded:g} m commanded", printed, driven))
     rows += [
         row("radius error, rms", "-", _percent(radius["rms_vs_published"])),
         row("slip minus Eq. 11, rms", "-", _number(summary["slip_rms_vs_published"])),
         row("  at the simulation's own radii", "-", _number(summary["slip_rms_vs_published_at_simulated_radii"])),
-        row("spread over speeds, outer | inner", "almost none", f"{spread['outer']:.4f} | {spread['inner']:.4f}"),
-        row("offset of the ICRs, D", "-", f"{1e3 * icr['values']['offset']:.2f} mm"),
-        row("error of the effective radius", "-", _percent(icr["values"]["radius_error"])),
+        row(
+            "spread over speeds, outer | inner",
+            "almost none",
+            f"{_number(spread['outer'])} | {_number(spread['inner'])}",
+        ),
+        row("offset of the ICRs, D", "-", f"{1e3 * icr['offset']:.2f} mm" if icr else "-"),
+        row("error of the effective radius", "-", _percent(icr["radius_error"] if icr else None)),
         row("localisation, rms x | y", "-", f"{1e3 * found['rmse_x']:.1f} | {1e3 * found['rmse_y']:.1f} mm"),
         row("localisation, rms heading", "-", f"{np.degrees(found['rmse_heading']):.2f} deg"),
         row("valid poses per second", "at least 10", f"{found['rate_hz']:.1f}"),

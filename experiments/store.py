@@ -43,24 +43,42 @@ def results(out: Path) -> Iterator[Path]:
     Raises:
         OutputError: at once, before anything is computed, when `out` can't be written.
     """
-    existed = [p for p in (out, *out.parents) if p.exists()]
+    made: list[Path] = []
+    staging = None
     try:
-        out.mkdir(parents=True, exist_ok=True)
-        staging = Path(tempfile.mkdtemp(prefix=".partial-", dir=out))
-    except OSError as error:
-        raise OutputError(f"out = {str(out)!r}: can't be written ({error.strerror})") from error
-    try:
+        try:
+            made = [folder for folder in (out, *out.parents) if not folder.exists()]
+            out.mkdir(parents=True, exist_ok=True)
+            for name in (MANIFEST, SUMMARY, RUNS, REPORT):
+                if (out / name).is_dir():
+                    raise OutputError(f"out = {str(out)!r}: {name} is a folder there, and must be a file or absent")
+            staging = Path(tempfile.mkdtemp(prefix=".partial-", dir=out))
+        except OutputError:
+            raise
+        except OSError as error:
+            raise OutputError(f"out = {str(out)!r}: can't be written ({error.strerror})") from error
         yield staging
-        for file in sorted(staging.iterdir()):
-            os.replace(file, out / file.name)
+        _replace(staging, out)
     except OSError as error:
+        if isinstance(error, OutputError):
+            raise
         raise OutputError(f"out = {str(out)!r}: can't be written ({error.strerror or error})") from error
     finally:
-        shutil.rmtree(staging, ignore_errors=True)
-        for folder in (out, *out.parents):  # leave no empty folders of ours behind
-            if folder in existed or any(folder.iterdir()):
-                break
-            folder.rmdir()
+        if staging is not None:
+            shutil.rmtree(staging, ignore_errors=True)
+        for folder in made:  # leave no empty folders of ours behind
+            with contextlib.suppress(OSError):
+                folder.rmdir()
+
+
+def _replace(staging: Path, out: Path) -> None:
+    """Put the new files in place of the old ones, the manifest last: what it stands beside is complete."""
+    (out / MANIFEST).unlink(missing_ok=True)
+    new = {file.name for file in staging.iterdir()}
+    for name in {SUMMARY, RUNS, REPORT} - new:
+        (out / name).unlink(missing_ok=True)
+    for name in sorted(new - {MANIFEST}) + sorted(new & {MANIFEST}):
+        os.replace(staging / name, out / name)
 
 
 def write_parquet(folder: Path, logs: Sequence[RunLog]) -> None:

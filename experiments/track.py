@@ -11,7 +11,14 @@ import numpy as np
 from experiments import store
 from experiments.config import LINEAR_START, TrackConfig
 from experiments.console import print_table, progress
-from experiments.grid import before_scanner, make_fleet, make_locator, run_metadata, simulated_seconds
+from experiments.grid import (
+    before_scanner,
+    localization_summary,
+    make_fleet,
+    make_locator,
+    run_metadata,
+    simulated_seconds,
+)
 from sim.robot import Robot, load_robot
 from sim.runs import Description, Pilot, closed_loop
 from sim.scanner import ScannerFeed
@@ -34,7 +41,9 @@ def run(config: TrackConfig) -> None:
     with store.results(config.out) as folder:
         robot = load_robot()
         reference = make_reference(config, robot)
-        law = compensation_laws(load_laws(config.laws or SHIPPED)).get(config.compensation)
+        identified = config.compensation not in compensation_laws({})
+        stored = load_laws(config.laws or SHIPPED, robot.geometry) if identified else {}
+        law = compensation_laws(stored).get(config.compensation)
         if law is None:
             raise LogError(f"{config.laws}: no law {config.compensation!r} in it")
         start = start_pose(config, reference)
@@ -53,8 +62,10 @@ def run(config: TrackConfig) -> None:
             logs = closed_loop(fleet, [pilot], reference, feed, locator, [Description(name, metadata)], report)
         wall = time.perf_counter() - began
         rows = tracking_summary(logs, reference)
+        found = localization_summary(logs)
         summary = {
             "tracking": rows,
+            "localization": found,
             "timing": {"wall_s": wall, "simulated_s": simulated_seconds(logs), "stages": {"track": wall}},
         }
         store.write_parquet(folder, logs)
@@ -64,6 +75,7 @@ def run(config: TrackConfig) -> None:
             store.manifest("track", config, wall, seed=config.seed, model_sha256=robot.digest),
         )
     print_table("Tracking errors of the true pose", TRACKING_HEADER, tracking_rows(rows))
+    print(f"{found['valid_fraction']:.1%} of the scans gave a valid pose; the rest was dead reckoning")
     print(f"{config.out / store.RUNS}: {wall:.1f} s")
 
 

@@ -53,7 +53,7 @@ class Fleet:
         self.size = len(start)
         self._radius = robot.geometry.sprocket_radius * (1 + np.broadcast_to(radius_error, (self.size,)))[:, None]
         drive = drive or Drive()
-        self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius)
+        self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius, robot.mass, robot.grip_rate)
         self.period = drive.period
         step = robot.model.opt.timestep
         self._substeps = round(drive.period / step)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from trackslip.errors import require_positive
+from trackslip.errors import require_at_most, require_positive
 
 
 @dataclass(frozen=True)
@@ -23,3 +23,5 @@ class Ground:
     def __post_init__(self) -> None:
         require_positive("along", self.along)
         require_positive("across", self.across)
+        require_at_most("along", self.along, 10.0)
+        require_at_most("across", self.across, 10.0)

@@ -30,6 +30,8 @@ class Robot:
     """Half the length of track that carries load [m]."""
     mass: float
     """[kg]"""
+    grip_rate: float
+    """Rate at which friction takes up a sliding speed, before it reaches its limit [1/s]."""
     plate: Plate
     pads: np.ndarray  # (P,) geom ids of the contact capsules
     pad_side: np.ndarray  # (P,) 0 left, 1 right
@@ -81,6 +83,7 @@ def _read(model: mujoco.MjModel, sprocket_radius: float, digest: str) -> Robot:
         geometry=RobotGeometry(round(float(np.abs(points[:, 1]).mean()), 9), sprocket_radius),
         contact_half_length=round(float(on_left[-1] - on_left[0] + spacing) / 2, 9),
         mass=float(model.body_subtreemass[model.body("chassis").id]),
+        grip_rate=float(-model.pair_solreffriction[0, 1] / model.pair_solimp[0, 0]),
         plate=Plate(2 * float(plate_size[0]), 2 * float(plate_size[1])),
         pads=pads,
         pad_side=side,

@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, require_non_negative, require_positive
+from trackslip.errors import InvalidValueError, require_at_most, require_non_negative, require_positive
 from trackslip.kinematics import Array
 from trackslip.scan import Scan
 
 if TYPE_CHECKING:
     from sim.fleet import Fleet
 
+MOST_BEAMS = 20_000
+"""Beams in a scan, at most."""
+LOWEST_RATE = 5.0
+"""Scans per second, at least [Hz]."""
 SCANNED_GROUP = 0
 """Geoms that the laser range finder sees."""
 
@@ -40,6 +45,14 @@ class LaserScanner:
         for name in ("field_of_view", "resolution", "rate", "max_range"):
             require_positive(name, getattr(self, name))
         require_non_negative("noise", self.noise)
+        require_at_most("noise", self.noise, 0.5, "m")
+        require_at_most("max_range", self.max_range, 1000.0, "m")
+        if self.rate < LOWEST_RATE:
+            raise InvalidValueError("rate", self.rate, f"at least {LOWEST_RATE:g} Hz")
+        if self.field_of_view / self.resolution > MOST_BEAMS:
+            raise InvalidValueError(
+                "resolution", self.resolution, f"at least field_of_view / {MOST_BEAMS}: that many beams at most"
+            )
         if self.field_of_view > 2 * np.pi or self.resolution >= self.field_of_view:
             raise InvalidValueError("field_of_view", self.field_of_view, "greater than the resolution, at most 2 pi")
         if not 0 <= self.dropout < 1:
@@ -72,7 +85,14 @@ class ScannerFeed:
         bearings = scanner.bearings
         direction = heading + bearings
         self._rays = np.column_stack([np.cos(direction), np.sin(direction), np.zeros_like(direction)])
-        self._template = Scan(bearings, np.empty((0, len(bearings))), scanner.noise, robot.lrf_mount)
+        self._template = Scan(
+            bearings,
+            np.empty((0, len(bearings))),
+            scanner.noise,
+            robot.lrf_mount,
+            max_range=scanner.max_range,
+            dropout=scanner.dropout,
+        )
         self._groups = np.arange(6) == SCANNED_GROUP
         self._lrf = robot.model.body("lrf").id
 
@@ -100,5 +120,4 @@ class ScannerFeed:
 
     def scan(self, ranges: Array) -> Scan:
         """Ranges (..., B) as a Scan of this LRF."""
-        template = self._template
-        return Scan(template.bearings, ranges, template.noise, template.mount)
+        return dataclasses.replace(self._template, ranges=ranges)

@@ -41,6 +41,12 @@ def require_non_negative(field: str, value: float) -> None:
         raise InvalidValueError(field, value, "a finite number >= 0")
 
 
+def require_at_most(field: str, value: float, limit: float, unit: str = "") -> None:
+    """Raise InvalidValueError for a value above `limit`."""
+    if value > limit:
+        raise InvalidValueError(field, value, f"at most {limit:g} {unit}".strip())
+
+
 def require_finite(field: str, value: float) -> None:
     """Raise InvalidValueError unless `value` is finite."""
     if not -float("inf") < value < float("inf"):

@@ -10,12 +10,15 @@ import lmfit
 import numpy as np
 
 from trackslip.errors import InvalidValueError, LogError, require_non_negative
-from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
+from trackslip.kinematics import Array, RobotGeometry, body_twist, curvature, track_slip
 from trackslip.metrics import rms
 from trackslip.motion import butterworth_motion
 from trackslip.runlog import RunLog
 from trackslip.slip import ConstantIcr, Exponential, SlipLaw
 from trackslip.steady import SETTLE, steady_window
+
+_FEWEST = 20  # steps that a mean twist takes
+_WILD = 0.8  # slip of the faster track that no robot on wheels or tracks shows in steady motion
 
 
 @dataclass(frozen=True)
@@ -43,13 +46,39 @@ class SlipSamples:
         """Samples from steady sprocket speeds and twists (n, 2); Eqs. 2-3.
 
         Raises:
-            LogError: where a sprocket stands still, which leaves its slip undefined.
+            LogError: where a sprocket stands still, which leaves its slip undefined, or a slip is beyond belief.
         """
         slip = track_slip(omega, twist, geometry)
         undefined = ~np.isfinite(slip).all(axis=1)
         if undefined.any():
             raise LogError(f"run {run[int(np.argmax(undefined))]!r}: a sprocket stands still, its slip is undefined")
+        of_faster = np.take_along_axis(slip, np.abs(omega).argmax(axis=1)[:, None], axis=1)[:, 0]
+        wild = np.abs(of_faster) > _WILD
+        if wild.any():
+            k = int(np.argmax(wild))
+            raise LogError(
+                f"run {run[k]!r}: slip {of_faster[k]:.3g} of the faster track is beyond belief (over {_WILD}): "
+                f"check the units (rad/s, m, rad, s) and sprocket_radius = {geometry.sprocket_radius:g} m"
+            )
+        ideal = body_twist(omega, 0.0, geometry)[:, 1]
+        backwards = (ideal * twist[:, 1] < 0) & (np.abs(twist[:, 1]) > 0.2 * np.abs(ideal))
+        if backwards.any():
+            k = int(np.argmax(backwards))
+            raise LogError(
+                f"run {run[k]!r}: it turns at {twist[k, 1]:+.3g} rad/s where its sprockets say {ideal[k]:+.3g} rad/s: "
+                "are the tracks swapped, or phi not counter-clockwise?"
+            )
         return cls(omega, twist, slip, tuple(run))
+
+    @classmethod
+    def joined(cls, parts: Sequence[SlipSamples]) -> SlipSamples:
+        """All samples of the parts, in order."""
+        return cls(
+            omega=np.concatenate([part.omega for part in parts]),
+            twist=np.concatenate([part.twist for part in parts]),
+            slip=np.concatenate([part.slip for part in parts]),
+            run=tuple(name for part in parts for name in part.run),
+        )
 
 
 def slip_samples(logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE) -> SlipSamples:
@@ -70,8 +99,10 @@ def slip_samples(logs: Sequence[RunLog], geometry: RobotGeometry, settle: float 
         motion = butterworth_motion(log)
         steady = (motion.time > begin) & (motion.time < end)
         rows = (log.time > begin) & (log.time < end)
-        if not steady.any():
-            raise LogError(f"run {log.run!r}: no valid poses between {begin:g} s and {end:g} s, where it is steady")
+        if steady.sum() < _FEWEST:
+            raise LogError(
+                f"run {log.run!r}: hardly any valid pose between {begin:g} s and {end:g} s, where it is steady"
+            )
         omega.append(log.omega[rows].mean(axis=0))
         twist.append(motion.twist[steady].mean(axis=0))
     return SlipSamples.of(np.array(omega), np.array(twist), geometry, [log.run for log in logs])
@@ -99,10 +130,15 @@ class LawModel:
     """A family of slip laws with free parameters."""
 
     parameters: Mapping[str, tuple[float, float, float]]
-    """name -> (start, lowest, highest)."""
+    """name -> (start, lowest, highest); of a length, in half gauges of the robot."""
     build: Callable[[Mapping[str, float], RobotGeometry], SlipLaw]
     """A law from values of the parameters."""
 
+
+_VAGUE = 0.1  # standard error, as a fraction of its range, of a parameter that the samples say nothing about
+_EXACT = 1e-9  # rms residual of samples that lie on a law to within rounding
+_LENGTHS = ("offset",)
+_OFFSET = (0.05, -0.99, 50.0)
 
 LAW_MODELS: dict[str, LawModel] = {
     "exponential": LawModel(
@@ -115,11 +151,11 @@ LAW_MODELS: dict[str, LawModel] = {
         lambda p, geometry: Exponential(**p),
     ),
     "icr": LawModel(
-        {"offset": (0.01, -0.9, 10.0)},
+        {"offset": _OFFSET},
         lambda p, geometry: ConstantIcr(p["offset"], geometry.half_gauge),
     ),
     "icr_radius": LawModel(
-        {"offset": (0.01, -0.9, 10.0), "radius_error": (0.0, -0.5, 0.5)},
+        {"offset": _OFFSET, "radius_error": (0.0, -0.5, 0.5)},
         lambda p, geometry: ConstantIcr(p["offset"], geometry.half_gauge, p["radius_error"]),
     ),
 }
@@ -134,7 +170,7 @@ class FittedLaw:
     law: SlipLaw
     values: dict[str, float]
     stderr: dict[str, float]
-    """Standard errors, from the scatter about the law; NaN where the samples don't determine one."""
+    """Standard errors, from the scatter about the law; 0 for samples that lie on it exactly."""
     rms: float
     """Of the residual slip, both tracks [-]."""
 
@@ -144,16 +180,16 @@ def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry) -> FittedL
 
     Raises:
         InvalidValueError: for an unknown law.
-        LogError: for fewer samples than parameters need, or a fit that fails.
+        LogError: for samples that don't determine every parameter, or a fit that fails.
     """
     if name not in LAW_MODELS:
         raise InvalidValueError("law", name, f"one of {', '.join(LAW_MODELS)}")
     model = LAW_MODELS[name]
-    # an ICR inside the centre line by more than b would turn the robot the wrong way
-    lowest = {"offset": -0.99 * geometry.half_gauge}
     parameters = lmfit.Parameters()
-    for key, (start, low, high) in model.parameters.items():
-        parameters.add(key, value=start, min=max(low, lowest.get(key, low)), max=high)
+    for key, limits in model.parameters.items():
+        unit = geometry.half_gauge if key in _LENGTHS else 1.0
+        start, low, high = (unit * limit for limit in limits)
+        parameters.add(key, value=start, min=low, max=high)
     if samples.slip.size <= len(parameters):
         raise LogError(
             f"{len(samples.run)} sample(s) of two tracks can't determine the {len(parameters)} parameters of {name}"
@@ -163,16 +199,36 @@ def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry) -> FittedL
         return (model.build(p.valuesdict(), geometry)(samples.curvature) - samples.slip).ravel()
 
     result = lmfit.minimize(residual, parameters)
-    if not result.success:
-        raise LogError(f"the fit of law {name} failed: {result.message}")
+    left_over = rms(residual(result.params))
+    if not result.success and left_over > _EXACT:
+        raise LogError(f"law {name}: the fit failed ({' '.join(result.message.split())})")
+    for key, p in result.params.items():
+        at_limit = min(p.value - p.min, p.max - p.value) < 1e-3 * min(p.max - p.min, 1.0)
+        if at_limit or p.stderr is None or p.stderr > _VAGUE * (p.max - p.min):
+            raise LogError(
+                f"law {name}: the {len(samples.run)} samples don't determine {key} (the fit stopped at {p.value:.3g}); "
+                "it takes runs of different radii, in units of rad/s, m, rad and s"
+            )
     values = {key: float(p.value) for key, p in result.params.items()}
-    stderr = {key: float("nan") if p.stderr is None else float(p.stderr) for key, p in result.params.items()}
-    return FittedLaw(name, model.build(values, geometry), values, stderr, rms(residual(result.params)))
+    stderr = {key: float(p.stderr) for key, p in result.params.items()}
+    return FittedLaw(name, model.build(values, geometry), values, stderr, left_over)
 
 
-def fit_laws(samples: SlipSamples, geometry: RobotGeometry) -> dict[str, FittedLaw]:
-    """Every law of LAW_MODELS, fitted."""
-    return {name: fit_law(name, samples, geometry) for name in LAW_MODELS}
+def fit_laws(samples: SlipSamples, geometry: RobotGeometry) -> tuple[dict[str, FittedLaw], list[str]]:
+    """Every law of LAW_MODELS that the samples determine, and why not the others.
+
+    Raises:
+        LogError: when they determine none.
+    """
+    laws, warnings = {}, []
+    for name in LAW_MODELS:
+        try:
+            laws[name] = fit_law(name, samples, geometry)
+        except LogError as error:
+            warnings.append(str(error))
+    if not laws:
+        raise LogError(warnings[-1])
+    return laws, warnings
 
 
 def law_from_values(name: str, values: Mapping[str, Any], half_gauge: float) -> SlipLaw:
@@ -180,7 +236,8 @@ def law_from_values(name: str, values: Mapping[str, Any], half_gauge: float) -> 
     if name not in LAW_MODELS:
         raise InvalidValueError("law", name, f"one of {', '.join(LAW_MODELS)}")
     model = LAW_MODELS[name]
-    missing = [key for key in model.parameters if not isinstance(values.get(key), int | float)]
+    given = {key: values.get(key) for key in model.parameters}
+    missing = [key for key, value in given.items() if isinstance(value, bool) or not isinstance(value, int | float)]
     if missing:
         raise InvalidValueError(f"{name}.{missing[0]}", values.get(missing[0]), "a number")
     numbers = {key: float(values[key]) for key in model.parameters}

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification import LAW_MODELS, FittedLaw, law_from_values
 from trackslip.kinematics import RobotGeometry
@@ -24,25 +26,37 @@ def laws_to_json(laws: Mapping[str, FittedLaw], geometry: RobotGeometry) -> dict
     }
 
 
-def load_laws(path: Path = SHIPPED) -> dict[str, SlipLaw]:
+def load_laws(path: Path = SHIPPED, robot: RobotGeometry | None = None) -> dict[str, SlipLaw]:
     """The laws in a JSON file, or in the summary.json of a folder.
 
+    Args:
+        path: the file or folder.
+        robot: whom they are for, if that is to be checked.
+
     Raises:
-        LogError: for a file that isn't there, or isn't what `laws_to_json` makes.
+        LogError: for a file that isn't there, isn't what `laws_to_json` makes, or was made for another robot.
     """
-    file = path / "summary.json" if path.is_dir() else path
+    file = path
     try:
+        file = path / "summary.json" if path.is_dir() else path
         content = json.loads(file.read_text(encoding="utf-8"))
-        half_gauge = float(content["geometry"]["half_gauge"])
+        half_gauge, radius = (float(content["geometry"][key]) for key in ("half_gauge", "sprocket_radius"))
         stored = content["slip_laws"]
+        if robot is not None and not np.allclose([half_gauge, radius], [robot.half_gauge, robot.sprocket_radius]):
+            raise LogError(
+                f"{file}: its laws are for half_gauge = {half_gauge:g} m and sprocket_radius = {radius:g} m, "
+                f"the robot has {robot.half_gauge:g} m and {robot.sprocket_radius:g} m"
+            )
         return {
             name: law_from_values(name, stored[name]["values"], half_gauge) for name in LAW_MODELS if name in stored
         }
     except OSError as error:
         raise LogError(f"{file}: {error.strerror}") from error
-    except json.JSONDecodeError as error:
+    except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise LogError(f"{file}: not JSON ({error})") from error
-    except (KeyError, TypeError) as error:
-        raise LogError(f"{file}: no slip laws in it (missing {error})") from error
     except InvalidValueError as error:
         raise LogError(f"{file}: {error}") from error
+    except LogError:
+        raise
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
+        raise LogError(f"{file}: no slip laws in it ({type(error).__name__}: {error})") from error

@@ -51,6 +51,11 @@ def to_table(logs: Sequence[RunLog]) -> pa.Table:
 
     Columns that some runs lack are null there.
     """
+    names = [log.run for log in logs]
+    if len(set(names)) < len(names):
+        raise LogError(
+            f"run {max(names, key=names.count)!r}: there are {names.count(max(names, key=names.count))} of it"
+        )
     table = pa.concat_tables([_run_table(log) for log in logs], promote_options="default")
     fields = [
         f.with_metadata({"unit": _UNITS[f.name]}) if f.name in _UNITS else f for f in table.schema.remove_metadata()
@@ -71,14 +76,16 @@ def write_csv(logs: Sequence[RunLog], path: Path) -> None:
 
 def read_table(path: Path) -> pa.Table:
     """The table in a `.parquet` or `.csv` file; raises LogError when there is none."""
-    if not path.is_file():
-        raise LogError(f"{path}: no such file")
     try:
-        if path.suffix == ".parquet":
+        if not path.is_file():
+            raise LogError(f"{path}: no such file")
+        if path.suffix.lower() == ".parquet":
             return pa.parquet.read_table(path)
-        if path.suffix == ".csv":
+        if path.suffix.lower() == ".csv":
             return pa.csv.read_csv(path, convert_options=_as_text(path))
-    except (pa.ArrowInvalid, pa.ArrowTypeError, OSError) as error:
+    except LogError:
+        raise
+    except (pa.ArrowException, OSError, csv.Error, UnicodeError) as error:
         raise LogError(f"{path}: {_first_line(error)}") from error
     raise LogError(f"{path}: must end in .parquet or .csv")
 
@@ -92,6 +99,8 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
     """The runs in a table read from `source` (named in errors)."""
     columns = _Columns(table, source)
     columns.require(REQUIRED)
+    if pa.types.is_nested(table.schema.field("run").type):
+        raise LogError(f"{source}: column run: {table.schema.field('run').type} is not a name")
     names = table.column("run").cast(pa.string())
     if "" in (listed := ["" if name is None else name for name in names.to_pylist()]):
         raise LogError(f"{source}: row {listed.index('') + 1}, column run: empty")
@@ -99,10 +108,21 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
     label, keys = encoded.indices.to_numpy(), encoded.dictionary.to_pylist()
     if not keys:
         raise LogError(f"{source}: no rows")
-    metadata = _stored_metadata(table)
+    metadata = _stored_metadata(table, source)
+    if not isinstance(metadata, dict) or not all(isinstance(value, dict) for value in metadata.values()):
+        raise LogError(f"{source}: its metadata is damaged")
     valid = columns.boolean("valid")
     ok = np.ones(len(label), bool) if valid is None else valid
     time = columns.numbers(("t",))[:, 0]
+    for number, key in enumerate(keys):
+        rows = np.flatnonzero(label == number)
+        backwards = np.flatnonzero(np.diff(time[rows]) <= 0)
+        if backwards.size:
+            before, row = rows[backwards[0]], rows[backwards[0] + 1]
+            raise LogError(
+                f"{source}: row {row + 1}, column t: {time[row]:g} is not after {time[before]:g}, "
+                f"the time before it in run {key!r}"
+            )
     omega = columns.numbers(("omega_l", "omega_r"))
     pose = columns.numbers(("x", "y", "phi"), where=ok)
     command = columns.optional(_COMMAND)
@@ -119,7 +139,7 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
                     run=key,
                     time=time[rows],
                     omega=omega[rows],
-                    pose=pose[rows],
+                    pose=_unwrapped(pose[rows]),
                     command=_present(command, rows),
                     twist_command=_present(twist_command, rows),
                     covariance=None if covariance is None else _symmetric(covariance[rows]),
@@ -150,6 +170,10 @@ class _Columns:
         self._table, self._source = table, source
 
     def require(self, names: Sequence[str]) -> None:
+        found = self._table.column_names
+        twice = [name for name in found if found.count(name) > 1]
+        if twice:
+            raise LogError(f"{self._source}: column {twice[0]} is there {found.count(twice[0])} times")
         missing = [name for name in names if name not in self._table.column_names]
         if missing:
             raise LogError(
@@ -170,8 +194,10 @@ class _Columns:
         """(T,), or None if the column isn't there."""
         if name not in self._table.column_names:
             return None
+        if pa.types.is_nested(self._table.column(name).type):
+            raise LogError(f"{self._source}: column {name}: {self._table.column(name).type} is not true or false")
         text = self._table.column(name).cast(pa.string()).to_pylist()
-        known = {"true": True, "1": True, "false": False, "0": False}
+        known = {"true": True, "1": True, "1.0": True, "false": False, "0": False, "0.0": False}
         for k, value in enumerate(text):
             if str(value).lower() not in known:
                 raise LogError(f"{self._source}: row {k + 1}, column {name}: {value!r} is not true or false")
@@ -188,8 +214,10 @@ class _Columns:
 
     def _parse(self, name: str) -> Array:
         column = self._table.column(name)
-        if not pa.types.is_string(column.type):
-            return np.asarray(column.cast(pa.float64()).to_numpy(zero_copy_only=False), float)
+        if not (pa.types.is_string(column.type) or pa.types.is_large_string(column.type)):
+            if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
+                raise LogError(f"{self._source}: column {name}: {column.type} is not a number")
+            return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False), float)
         values = np.full(len(column), np.nan)
         for k, text in enumerate(column.to_pylist()):
             if text:
@@ -202,7 +230,7 @@ class _Columns:
 
 def _as_text(path: Path) -> pa.csv.ConvertOptions:
     """Options to read every column as text, so that a bad value can be named by its row and column."""
-    with path.open(encoding="utf-8", errors="replace") as file:
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
         names = next(csv.reader(file), [])
     return pa.csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string()))
 
@@ -232,6 +260,13 @@ def _run_table(log: RunLog) -> pa.Table:
     return pa.table(columns)
 
 
+def _unwrapped(pose: Array) -> Array:
+    """Poses (T, 3) whose headings go on without jumps, where a log wrapped them."""
+    known = np.isfinite(pose[:, 2])
+    pose[known, 2] = np.unwrap(pose[known, 2])
+    return pose
+
+
 def _present(block: Array | None, rows: np.ndarray) -> Array | None:
     """Rows of a block of columns, or None where the run doesn't have them: columns of other runs are null there."""
     return None if block is None or np.isnan(block[rows]).all() else block[rows]
@@ -252,9 +287,15 @@ def _symmetric(upper: Array) -> Array:
     return full
 
 
-def _stored_metadata(table: pa.Table) -> dict[str, dict[str, Any]]:
+def _stored_metadata(table: pa.Table, source: str) -> dict[str, dict[str, Any]]:
     stored = (table.schema.metadata or {}).get(_METADATA_KEY)
-    return json.loads(stored)["runs"] if stored else {}
+    if not stored:
+        return {}
+    try:
+        runs: dict[str, dict[str, Any]] = json.loads(stored)["runs"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise LogError(f"{source}: its metadata is damaged ({_first_line(error)})") from error
+    return runs
 
 
 def _first_line(error: Exception) -> str:

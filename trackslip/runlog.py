@@ -45,7 +45,7 @@ class RunLog:
         backwards = np.flatnonzero(~(np.diff(self.time) > 0))
         if backwards.size:
             k = int(backwards[0]) + 1
-            raise LogError(f"run {self.run!r}: t = {self.time[k]!r} in row {k + 1} does not come after the row before")
+            raise LogError(f"run {self.run!r}: t = {self.time[k]:g} in its row {k + 1} is not after the row before")
         bad = np.argwhere(~np.isfinite(self.pose) & self.is_valid[:, None])
         if bad.size:
             k, j = bad[0]

@@ -12,6 +12,7 @@ from trackslip.kinematics import Array
 MAX_GAP = 0.7
 """Neighbouring returns farther apart than this belong to different things [m]: longer than the plate, which seen
 nearly edge-on returns points as far apart as its whole length."""
+_PADDING = 16  # widths of clusters are multiples of this
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,10 @@ class Scan:
     noise: float
     """Standard deviation of a range [m]."""
     mount: Array  # (3,) pose of the LRF in the world
+    max_range: float = np.inf
+    """Beyond it nothing comes back [m]."""
+    dropout: float = 0.0
+    """Probability that a beam doesn't come back though it hit something, where that is known [-]."""
 
     @property
     def beam_step(self) -> float:
@@ -86,9 +91,14 @@ class Cluster:
         """(S,) beams from the first to the last return."""
         return np.where(self.count > 0, self.hit.shape[1] - np.argmax(self.hit[:, ::-1], axis=1), 0)
 
+    @property
+    def padded_width(self) -> np.ndarray:
+        """(S,) the width rounded up, so that few different ones occur."""
+        return -(-self.width // _PADDING) * _PADDING
+
     def take(self, rows: np.ndarray) -> Cluster:
-        """The clusters `rows`, no wider than the widest of them."""
-        width = max(1, int(self.width[rows].max(initial=0)))
+        """The clusters `rows`, padded to the widest of them."""
+        width = int(self.padded_width[rows].max(initial=_PADDING))
         return Cluster(self.bearing[rows, :width], self.range[rows, :width], self.hit[rows, :width], self.count[rows])
 
 
@@ -142,7 +152,8 @@ def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluste
     width[found] = beam[last[best]] - low[found] + 1
     total = np.zeros(scans, int)
     total[found] = count[best]
-    column = np.minimum(low[:, None] + np.arange(max(1, width.max())), beams - 1)
+    widest = max(1, -(-int(width.max()) // _PADDING)) * _PADDING
+    column = np.minimum(low[:, None] + np.arange(widest), beams - 1)
     inside = np.arange(column.shape[1]) < width[:, None]
     taken = ranges[np.arange(scans)[:, None], column]
     keep = inside & np.isfinite(taken)

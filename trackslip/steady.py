@@ -25,7 +25,7 @@ def steady_window(log: RunLog, settle: float = SETTLE) -> tuple[float, float]:
     if rows.sum() < 3:
         raise LogError(
             f"run {log.run!r}: lasts from {log.time[0]:g} s to {log.time[-1]:g} s, "
-            f"too short to be steady between {begin:g} s and {end:g} s"
+            f"too short: its first {begin - log.time[0]:g} s and last {MARGIN:g} s are left out"
         )
     thirds = np.array([part.mean(axis=0) for part in np.array_split(log.omega[rows], 3)])
     fastest = np.abs(thirds).max()

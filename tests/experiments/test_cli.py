@@ -1,5 +1,6 @@
 import json
 import os
+import pty
 import shutil
 import subprocess
 import sys
@@ -58,8 +59,9 @@ def test_same_seed_same_files_another_seed_others(trackslip, tmp_path):
 
 def test_a_run_does_not_depend_on_its_neighbours(trackslip):
     both = read_runs(trackslip("grid", *SMALL).folder / "runs.parquet")
-    alone = read_runs(trackslip("grid", "--radii", "1.5", "--speeds", "0.2", "--duration", "8").folder / "runs.parquet")
-    np.testing.assert_array_equal(alone[0].pose, both[3].pose)
+    alone = read_runs(trackslip("grid", "--radii", "0.6", "--speeds", "0.2", "--duration", "8").folder / "runs.parquet")
+    np.testing.assert_array_equal(alone[0].pose, both[1].pose)
+    np.testing.assert_array_equal(alone[0].covariance, both[1].covariance)
 
 
 def test_steady_samples_of_a_real_robot(trackslip, tmp_path):
@@ -108,7 +110,12 @@ def test_track_takes_a_start_and_laws(trackslip):
         (("grid", "--radii", "nan"), "radii = nan"),
         (("grid", "--radii", "1", "1"), "radii = (1.0, 1.0): must be all different"),
         (("grid", "--speeds", "0.5"), "speeds = 0.5: must be at most drive.top_speed = 0.3 m/s"),
-        (("grid", "--duration", "0"), "duration = 0.0: must be at least 4 s"),
+        (("grid", "--duration", "0"), "duration = 0.0: must be from 4 to 3600 s"),
+        (("grid", "--duration", "1e9"), "duration = 1000000000.0: must be from 4 to 3600 s"),
+        (("grid", "--scanner.resolution", "1e-9"), "scanner.resolution = 1e-09: must be at least"),
+        (("grid", "--scanner.rate", "2"), "scanner.rate = 2.0: must be at least 5 Hz"),
+        (("grid", "--radius-error", "9"), "radius_error = 9.0: must be from -0.5 to 0.5"),
+        (("reproduce", "--radii", "1"), "radii = (1.0,): must be at least two"),
         (("grid", "--duration", "long"), "--duration: could not convert string to float: 'long'"),
         (("grid", "--seed", "-1"), "seed = -1"),
         (("grid", "--threads", "-1"), "threads = -1"),
@@ -143,7 +150,7 @@ TRACE = "run,t,omega_l,omega_r,x,y,phi\n" + "".join(f"a,{k / 20},2,3,{k / 100},0
         ("a,b\n1,2\n", GEOMETRY, "needs the columns"),
         ("omega_l,omega_r,v,w\n1,2,0.1,x\n", GEOMETRY, "row 1, column w: 'x' is not a number"),
         ("omega_l,omega_r,v,w\n0,2,0.1,0.2\n", GEOMETRY, "stands still"),
-        ("omega_l,omega_r,v,w\n1,2,0.1,0.2\n", GEOMETRY, "can't determine"),
+        ("omega_l,omega_r,v,w\n1,1,0.06,0\n", GEOMETRY, "determine"),
         (TRACE[: TRACE.index("a,1.0")], GEOMETRY, "too short"),
     ],
 )
@@ -186,6 +193,45 @@ def test_older_results_are_replaced_and_other_files_left(trackslip, tmp_path):
     result = trackslip("grid", *SMALL)
     assert (result.folder / "notes.txt").read_text() == "mine"
     assert json.loads((result.folder / "summary.json").read_text())["radius"]
+
+
+def test_one_line_on_a_terminal_too(tmp_path):
+    """tyro draws boxes in colours where it finds a terminal."""
+    parent, child = pty.openpty()
+    environment = os.environ | {"TERM": "xterm-256color"}
+    for option, value, message in (("--radii", "-1", "radii = -1.0"), ("--ground.across", "0", "ground.across = 0.0")):
+        command = [sys.executable, "-m", "experiments.cli", "grid", option, value]
+        done = subprocess.run(command, stdout=child, stderr=subprocess.PIPE, text=True, env=environment, check=False)
+        assert done.returncode == 2
+        assert done.stderr.startswith(f"trackslip: {message}: must be")
+        assert done.stderr.count("\n") == 1
+    os.close(parent)
+    os.close(child)
+
+
+def test_runs_that_cannot_be_used_are_stored_and_named(trackslip):
+    """A short-sighted scanner loses the faster run before it is steady."""
+    grid = ("--radii", "3.0", "--speeds", "0.05", "0.25", "--duration", "10")
+    result = trackslip("grid", *grid, "--scanner.max-range", "1.5")
+    assert len(read_runs(result.folder / "runs.parquet")) == 2
+    (warning,) = result.summary["warnings"]
+    assert "speed=0.25" in warning
+    assert warning in result.printed
+    assert None in result.summary["radius"]["observed"]
+
+
+def test_identify_takes_the_steady_runs_of_a_reproduction(trackslip):
+    folder = trackslip("reproduce", *SMALL).folder
+    result = trackslip("identify", str(folder))
+    assert result.summary["samples"] == 4
+    assert result.manifest["seed"] == 0
+    assert len(result.manifest["model_sha256"]) == 64
+
+
+def test_nothing_old_is_left_beside_new_results(trackslip, tmp_path):
+    (tmp_path / "grid").mkdir()
+    (tmp_path / "grid" / "report.html").write_text("of another command")
+    assert not (trackslip("grid", *SMALL).folder / "report.html").exists()
 
 
 def test_help_starts_no_simulator():

@@ -7,7 +7,7 @@ from sim.drive import Drive
 from sim.fleet import Fleet
 from sim.ground import Ground
 from trackslip.errors import InvalidValueError
-from trackslip.kinematics import sprocket_speeds
+from trackslip.kinematics import sprocket_speeds, track_speeds
 from trackslip.published import COMMANDED_RADII, SPEEDS
 from trackslip.skid_theory import line_contact, steady_twist
 
@@ -37,6 +37,10 @@ def test_turning_agrees_with_theory_over_the_grid(robot, ratio):
     spread = surface[:, 1] - surface[:, 0]
     np.testing.assert_allclose(spread / twist[:, 2], spread / theory[:, 2], rtol=0.01)  # 2 (b + D)
     np.testing.assert_allclose(twist[:, 0], theory[:, 0], rtol=0.01)
+    slip, expected = (1 - track_speeds(t[:, [0, 2]], 0.168) / surface for t in (twist, theory))
+    np.testing.assert_allclose(slip, expected, atol=0.004)
+    slow = np.abs(theory[:, 2]) < 0.2
+    np.testing.assert_allclose(slip[slow], expected[slow], atol=0.001)
 
 
 def test_turning_in_place_and_turning_right_agree_with_theory(robot):
@@ -97,6 +101,33 @@ def test_traction_on_straight_ground_is_what_accelerates(robot):
         fleet.advance(fleet.period)
         impulse += fleet.traction().sum() * fleet.period
     assert impulse == pytest.approx(robot.mass * fleet.twist()[0, 0], rel=0.02)
+
+
+def test_a_weak_drive_takes_its_time_but_gets_there(robot):
+    fleet = Fleet(robot, np.zeros((1, 3)), drive=Drive(torque_limit=1.0))
+    fleet.command([3.0, 3.0])
+    for _ in range(400):
+        fleet.advance(fleet.period)
+        assert np.abs(fleet.drive.torque).max() <= 1.0
+    np.testing.assert_allclose(fleet.drive.omega, 3.0, rtol=0.05)
+    assert fleet.twist()[0, 0] == pytest.approx(3.0 * 0.06 * 1.0067, rel=0.05)
+
+
+def test_a_drive_too_weak_to_turn_in_place_stalls(robot):
+    strong, weak = (Fleet(robot, np.zeros((1, 3)), drive=Drive(torque_limit=limit)) for limit in (8.0, 1.5))
+    for fleet in (strong, weak):
+        fleet.command([-3.0, 3.0])
+        fleet.advance(4.0)
+    assert strong.pose()[0, 2] > 2.5
+    assert abs(weak.pose()[0, 2]) < 0.1 * strong.pose()[0, 2]
+
+
+def test_default_drives_do_not_saturate_in_the_grid(robot):
+    fleet = Fleet(robot, np.zeros((25, 3)))
+    fleet.command(grid_commands(robot))
+    for _ in range(200):
+        fleet.advance(fleet.period)
+        assert np.abs(fleet.drive.torque).max() < 0.99 * Drive().torque_limit
 
 
 def test_headings_are_unwrapped(robot):

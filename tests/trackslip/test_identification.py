@@ -55,6 +55,32 @@ def test_too_few_samples_and_unknown_laws():
         SlipSamples.of(np.array([[0.0, 1.0]]), np.array([[0.1, 0.1]]), GEOMETRY, ["still"])
 
 
+def test_parameters_that_the_samples_do_not_determine_are_not_reported():
+    rng = np.random.default_rng(0)
+    straight = samples_of(ConstantIcr(0.045, 0.168, 0.01), np.zeros(8))
+    for samples in (straight, samples_of(ConstantIcr(0.045, 0.168, 0.01), 1e-4 * rng.normal(size=8), noise=0.002)):
+        with pytest.raises(LogError, match="don't determine"):
+            fit_laws(samples, GEOMETRY)
+    few, warnings = fit_laws(samples_of(ConstantIcr(0.045, 0.168, 0.01), KAPPA[:2]), GEOMETRY)
+    assert set(few) == {"icr", "icr_radius"}
+    assert len(warnings) == 1
+    assert "exponential" in warnings[0]
+
+
+@pytest.mark.parametrize(
+    ("omega", "twist", "message"),
+    [
+        ([2.0, 3.0], [0.15, 0.2 * 57.3], "check the units"),
+        ([2.0, 3.0], [150.0, 0.2], "check the units"),
+        ([20.0, 30.0], [0.15, 0.2], "check the units"),
+        ([3.0, 2.0], [0.15, 0.2], "are the tracks swapped"),
+    ],
+)
+def test_wrong_units_and_swapped_tracks_are_noticed(omega, twist, message):
+    with pytest.raises(LogError, match=message):
+        SlipSamples.of(np.array([omega]), np.array([twist]), GEOMETRY, ["odd"])
+
+
 def trace(law, kappa, duration=20.0, omega_after=1.0):
     twist = np.array([0.15, 0.15 * kappa])
     time = np.arange(0, duration, 0.05)
@@ -84,7 +110,7 @@ def test_runs_that_are_not_steady_are_refused():
 
 
 def test_laws_survive_their_file(tmp_path):
-    laws = fit_laws(samples_of(PUBLISHED), GEOMETRY)
+    laws, _ = fit_laws(samples_of(PUBLISHED), GEOMETRY)
     (tmp_path / "summary.json").write_text(json.dumps(laws_to_json(laws, GEOMETRY)))
     for path in (tmp_path, tmp_path / "summary.json"):
         back = load_laws(path)
@@ -96,8 +122,14 @@ def test_laws_survive_their_file(tmp_path):
     [
         ("{", "not JSON"),
         ("{}", "no slip laws"),
-        ('{"geometry": {"half_gauge": 0.1}, "slip_laws": {"icr": {"values": {}}}}', "offset"),
-        ('{"geometry": {"half_gauge": -1}, "slip_laws": {"icr": {"values": {"offset": 0.1}}}}', "half_gauge"),
+        ('{"geometry": {"half_gauge": "abc", "sprocket_radius": 1}, "slip_laws": {}}', "no slip laws"),
+        ("[1, 2]", "no slip laws"),
+        ('{"geometry": {"half_gauge": 0.1, "sprocket_radius": 0.06}, "slip_laws": {"icr": {"values": {}}}}', "offset"),
+        (
+            '{"geometry": {"half_gauge": -1, "sprocket_radius": 0.06},'
+            ' "slip_laws": {"icr": {"values": {"offset": 0.1}}}}',
+            "half_gauge",
+        ),
     ],
 )
 def test_files_without_laws(tmp_path, text, message):
@@ -106,6 +138,15 @@ def test_files_without_laws(tmp_path, text, message):
         load_laws(tmp_path / "laws.json")
     with pytest.raises(LogError, match="No such file"):
         load_laws(tmp_path / "none.json")
+    (tmp_path / "latin.json").write_bytes(b"\xff\xfe{}")
+    with pytest.raises(LogError, match="not JSON"):
+        load_laws(tmp_path / "latin.json")
+
+
+def test_laws_of_another_robot_are_refused():
+    assert load_laws(SHIPPED, GEOMETRY)
+    with pytest.raises(LogError, match=r"the robot has 0\.3 m"):
+        load_laws(SHIPPED, RobotGeometry(0.3, 0.06))
 
 
 def test_the_shipped_laws_are_complete():

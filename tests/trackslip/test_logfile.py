@@ -1,6 +1,7 @@
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.parquet
 import pytest
 from hypothesis import given
@@ -23,7 +24,7 @@ def make_log(name, rows=5, seed=0, truth=True):
         run=name,
         time=np.cumsum(rng.uniform(0.01, 0.1, rows)),
         omega=rng.normal(size=(rows, 2)),
-        pose=rng.normal(size=(rows, 3)),
+        pose=np.cumsum(rng.uniform(-0.5, 0.5, size=(rows, 3)), axis=0),
         command=rng.normal(size=(rows, 2)),
         covariance=half @ half.swapaxes(1, 2),
         valid=valid,
@@ -52,8 +53,9 @@ def test_round_trip_is_exact(tmp_path, suffix, write):
     assert [log.metadata for log in back] == ([log.metadata for log in logs] if suffix == "parquet" else [{}] * 3)
 
 
-@given(arrays(float, (2, 3), elements=st.floats(allow_nan=False, allow_infinity=False)))
-def test_csv_keeps_every_bit(tmp_path_factory, pose):
+@given(arrays(float, (2, 2), elements=st.floats(allow_nan=False, allow_infinity=False)), st.floats(-1, 1))
+def test_csv_keeps_every_bit(tmp_path_factory, position, heading):
+    pose = np.column_stack([position, [heading, -heading]])
     path = tmp_path_factory.mktemp("csv") / "run.csv"
     write_csv([RunLog("r", np.array([0.0, 1.0]), np.ones((2, 2)), pose)], path)
     np.testing.assert_array_equal(read_runs(path)[0].pose, pose)
@@ -90,7 +92,7 @@ def test_a_real_robots_log_needs_seven_columns(tmp_path):
         (HEADER + LINES[0] + "a,0.1,1,2,0,,0\n", r"row 2, column y: '' is not a finite number"),
         (HEADER + LINES[0] + "a,0.1,1,inf,0,0,0\n", r"row 2, column omega_r: 'inf'"),
         (HEADER + LINES[0] + "a,0.1,1,2\n", "Expected 7 columns, got 4"),
-        (HEADER + LINES[0] + LINES[0], "does not come after"),
+        (HEADER + LINES[0] + LINES[0], "row 2, column t: 0 is not after 0, the time before it in run 'a'"),
         (HEADER + LINES[0], "1 row"),
         (HEADER + LINES[0] + ",0.1,1,2,0,0,0\n", "row 2, column run: empty"),
     ],
@@ -115,6 +117,61 @@ def test_poses_that_were_not_measured_may_be_missing(tmp_path):
     path.write_text(HEADER[:-1] + ",valid\n" + "a,0,1,2,0,0,0,perhaps\n")
     with pytest.raises(LogError, match="row 1, column valid: 'perhaps'"):
         read_runs(path)
+
+
+def test_wrapped_headings_are_unwrapped(tmp_path):
+    heading = 0.2 * np.arange(60) + 1.0
+    pose = np.column_stack([np.zeros((60, 2)), heading])
+    pose[20:25] = np.nan
+    wrapped = pose.copy()
+    wrapped[:, 2] = (wrapped[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    valid = np.isfinite(pose[:, 2])
+    write_csv([RunLog("r", np.arange(60) * 0.1, np.ones((60, 2)), wrapped, valid=valid)], tmp_path / "wrapped.csv")
+    np.testing.assert_allclose(read_runs(tmp_path / "wrapped.csv")[0].pose[:, 2], pose[:, 2])
+
+
+def test_rows_are_counted_in_the_file(tmp_path):
+    path = tmp_path / "two.csv"
+    path.write_text(HEADER + "".join(LINES) + "b,0.3,1,1,0,0,0\nb,0.2,1,1,0,0,0\n")
+    with pytest.raises(LogError, match=r"row 5, column t: 0\.2 is not after 0\.3"):
+        read_runs(path)
+
+
+@pytest.mark.parametrize(
+    ("column", "values"),
+    [
+        ("t", pa.array([0, 1, 2], pa.timestamp("ns"))),
+        ("x", pa.array([[0.0], [1.0], [2.0]])),
+        ("x", pa.array([True, False, True])),
+        ("phi", pa.array(["0", "east", "2"], pa.large_string())),
+        ("run", pa.array([[1], [1], [1]])),
+        ("valid", pa.array([[1], [1], [1]])),
+        ("y", pa.array([0.0, None, 1.0])),
+    ],
+)
+def test_odd_columns_are_named(tmp_path, column, values):
+    columns = {"run": ["a"] * 3, "t": [0.0, 1.0, 2.0]} | dict.fromkeys(
+        ("omega_l", "omega_r", "x", "y", "phi"), [0.0] * 3
+    )
+    pyarrow.parquet.write_table(pa.table(columns | {column: values}), tmp_path / "odd.parquet")
+    with pytest.raises(LogError, match=f"column {column}"):
+        read_runs(tmp_path / "odd.parquet")
+
+
+def test_damaged_files(tmp_path):
+    (tmp_path / "twice.csv").write_text(HEADER[:-1] + ",x\n" + LINES[0][:-1] + ",1\n")
+    with pytest.raises(LogError, match="column x is there 2 times"):
+        read_runs(tmp_path / "twice.csv")
+    for damage in (b"{", b"[]", b'{"runs": [1]}', b'{"runs": {"a": 1}}'):
+        table = to_table([make_log("a")]).replace_schema_metadata({b"trackslip": damage})
+        pyarrow.parquet.write_table(table, tmp_path / "damaged.parquet")
+        with pytest.raises(LogError, match="damaged"):
+            read_runs(tmp_path / "damaged.parquet")
+
+
+def test_two_runs_of_one_name_are_not_written(tmp_path):
+    with pytest.raises(LogError, match="run 'a': there are 2 of it"):
+        write_parquet([make_log("a"), make_log("a")], tmp_path / "a.parquet")
 
 
 def test_steady_samples(tmp_path):

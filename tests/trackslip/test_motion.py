@@ -52,6 +52,23 @@ def test_gaps_and_uneven_steps_are_bridged():
     assert np.diff(motion.time).std() < 1e-9
 
 
+@pytest.mark.parametrize(("radius", "seconds"), [(0.6, 1.0), (0.6, 5.0), (3.0, 15.0)])
+def test_gaps_are_bridged_along_the_arc(radius, seconds):
+    """A chord would be too short, by 1 - sinc(turn / 2) of the gap."""
+    twist = (0.15, 0.15 / radius)
+    time = np.arange(600) * 0.05
+    valid = (time < 10) | (time > 10 + seconds)
+    log = circle_log(twist, valid=valid)
+    log.pose[~valid] = np.nan
+    np.testing.assert_allclose(butterworth_motion(log).twist[20:-20], np.tile(twist, (559, 1)), atol=1e-6)
+
+
+def test_a_gap_too_wide_to_bridge_is_refused():
+    time = np.arange(600) * 0.05
+    with pytest.raises(LogError, match="can be bridged"):
+        butterworth_motion(circle_log((0.2, 0.4), valid=(time < 5) | (time > 15)))
+
+
 def test_too_little_to_filter():
     with pytest.raises(LogError, match="needs at least"):
         butterworth_motion(circle_log((0.1, 0.1), rows=10))

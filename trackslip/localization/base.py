@@ -16,8 +16,8 @@ class PoseEstimate:
     """Poses of the robot in the world."""
 
     pose: Array  # (S, 3) [m, m, rad]
-    covariance: Array  # (S, 3, 3) of (x, y, phi); NaN where not valid
-    valid: np.ndarray  # (S,) bool; where false, pose means nothing
+    covariance: Array  # (S, 3, 3) of (x, y, phi); of a locator NaN where not valid
+    valid: np.ndarray  # (S,) bool; where false, a locator's pose means nothing, a tracker's is a prediction
 
 
 class Locator(Protocol):

@@ -34,7 +34,7 @@ class LineLocator:
         position = line.middle + away * normal * self.plate.thickness / 2
         pose = np.concatenate([position, line.heading[:, None]], axis=-1)
         valid = (cluster.count >= 3) & (line.extent > self.min_extent)
-        covariance = _covariance(scan, cluster, line, valid)
+        covariance = _covariance(scan, cluster, line, self.plate, valid)
         return PoseEstimate(scan.to_world(pose), scan.covariance_to_world(covariance), valid)
 
 
@@ -69,15 +69,24 @@ def fit_line(cluster: Cluster) -> Line:
     return Line(heading, np.stack([mean_x + shift * cos, mean_y + shift * sin], axis=-1), high - low)
 
 
-def _covariance(scan: Scan, cluster: Cluster, line: Line, valid: np.ndarray) -> Array:
-    """Covariance (S, 3, 3) of a line fit: noise across the line, the silhouette's beam spacing along it."""
+def _covariance(scan: Scan, cluster: Cluster, line: Line, plate: Plate, valid: np.ndarray) -> Array:
+    """Covariance (S, 3, 3) of a line fit: noise across the line, the silhouette's beam spacing along it, model error.
+
+    The model is wrong where both faces are seen, for the line is drawn through the returns from both.
+    """
     n = np.maximum(cluster.count, 3)
     distance = np.maximum(np.hypot(line.middle[:, 0], line.middle[:, 1]), 1e-3)
     sight = np.arctan2(line.middle[:, 1], line.middle[:, 0])
     grazing = np.maximum(np.abs(np.sin(line.heading - sight)), 1e-2)
-    across = (scan.noise * grazing) ** 2 / n
-    along = (distance * scan.beam_step / grazing) ** 2 / 12 / 2 + (scan.noise * (1 - grazing)) ** 2 / 2
-    heading = 12 * (scan.noise * grazing) ** 2 / (n * np.maximum(line.extent, 1e-2) ** 2)
+    facing = np.abs(np.cos(line.heading - sight))  # how much of the short face is seen
+    short_share = plate.thickness * facing / (plate.thickness * facing + plate.length * grazing)  # of the returns
+    mixed = plate.thickness * short_share
+    across = (scan.noise * grazing) ** 2 / n + mixed**2
+    along = (distance * scan.beam_step / grazing) ** 2 / 12 / 2 + (scan.noise * (1 - grazing)) ** 2 / 2 + mixed**2
+    leaning = (
+        3 * plate.thickness / plate.length * short_share
+    )  # least squares with that share at one end, thickness off
+    heading = 12 * (scan.noise * grazing) ** 2 / (n * np.maximum(line.extent, 1e-2) ** 2) + leaning**2
     cos, sin = np.cos(line.heading), np.sin(line.heading)
     covariance = np.zeros((len(n), 3, 3))
     covariance[:, 0, 0] = along * cos**2 + across * sin**2

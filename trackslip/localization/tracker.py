@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array, RobotGeometry, advance, body_twist
 from trackslip.localization.base import PoseEstimate
 
@@ -17,9 +18,17 @@ class Gate:
     position: float = 0.10
     """[m]"""
     heading: float = np.radians(20.0)
-    """[rad], at most 90 degrees, where a plate can't be told from its opposite."""
+    """[rad]"""
     growth: float = 0.3
     """Error of dead reckoning, as a fraction of the way and turn since the last valid pose [-]."""
+    blind_turn: float = np.radians(60.0)
+    """Error of the predicted heading beyond which a plate can't be told from its opposite: the robot is lost [rad]."""
+
+    def __post_init__(self) -> None:
+        for name in ("position", "heading", "growth", "blind_turn"):
+            require_positive(name, getattr(self, name))
+        if self.heading + self.blind_turn >= np.pi / 2:
+            raise InvalidValueError("heading + blind_turn", self.heading + self.blind_turn, "less than pi / 2")
 
 
 class Tracker:
@@ -35,17 +44,13 @@ class Tracker:
         self._geometry = geometry
         self._gate = gate or Gate()
         self._blind = np.zeros((len(self._pose), 2))  # way [m] and turn [rad] since the last valid pose
-        self._covariance = np.zeros((len(self._pose), 3, 3))
+        self._last = np.zeros((len(self._pose), 3, 3))  # covariance of the last valid pose
 
     def predict(self, omega: Array, duration: float) -> Array:
         """Carry the poses on by sprocket speeds (N, 2) [rad/s] held for `duration` [s]; the new poses (N, 3)."""
         twist = body_twist(omega, 0.0, self._geometry)
         self._pose = advance(self._pose, twist, duration)
-        moved = np.abs(twist) * duration
-        self._blind += moved
-        spread = self._gate.growth * moved
-        self._covariance[:, [0, 1], [0, 1]] += spread[:, :1] ** 2
-        self._covariance[:, 2, 2] += spread[:, 1] ** 2
+        self._blind += np.abs(twist) * duration
         return self._pose.copy()
 
     def update(self, estimate: PoseEstimate) -> PoseEstimate:
@@ -57,8 +62,23 @@ class Tracker:
         growth = self._gate.growth * self._blind
         far = np.hypot(difference[:, 0], difference[:, 1]) > self._gate.position + growth[:, 0]
         turned = np.abs(pose[:, 2] - self._pose[:, 2]) > self._gate.heading + growth[:, 1]
-        valid = estimate.valid & ~far & ~turned
+        lost = growth[:, 1] > self._gate.blind_turn
+        valid = estimate.valid & ~far & ~turned & ~lost
         self._pose[valid] = pose[valid]
         self._blind[valid] = 0.0
-        self._covariance[valid] = estimate.covariance[valid]
-        return PoseEstimate(self._pose.copy(), self._covariance.copy(), valid)
+        self._last[valid] = estimate.covariance[valid]
+        return PoseEstimate(self._pose.copy(), self._covariance(), valid)
+
+    def _covariance(self) -> Array:
+        """Covariance (N, 3, 3): that of the last valid pose, and of the way driven blind since.
+
+        Slip is not noise: its error grows with the way, and a heading that is wrong leads the way astray.
+        """
+        way, turn = self._blind.T
+        heading = self._gate.growth * turn
+        astray = way * np.sqrt(self._last[:, 2, 2] + heading**2)
+        covariance = self._last.copy()
+        covariance[:, 0, 0] += (self._gate.growth * way) ** 2 + astray**2
+        covariance[:, 1, 1] += (self._gate.growth * way) ** 2 + astray**2
+        covariance[:, 2, 2] += heading**2
+        return covariance
