@@ -64,7 +64,8 @@ class Fleet:
         self._surface = self.batch.expand("geom_surfacevel")  # (N, ngeom, 6)
         self._friction = self.batch.expand("pair_friction")  # (N, npair, 5)
         self._force = self.batch.bind("sensordata").reshape(self.size, 2, 3)
-        self._turns = np.zeros(self.size)  # whole turns of the unwrapped heading
+        self._quaternion = tuple(self.batch.qpos[:, 3:7].T)  # four live views (N,)
+        self._heading: Array = np.zeros(self.size)  # unwrapped
         self.set_ground(ground or Ground())
         self._set_down(start)
 
@@ -85,28 +86,27 @@ class Fleet:
         periods = round(duration / self.period)
         if abs(periods * self.period - duration) > 1e-9:
             raise InvalidValueError("duration", duration, f"a multiple of the servo period, {self.period} s")
-        before = self._heading()
         for _ in range(periods):
             self._set_track_speed(self._radius * self.drive.advance(self.traction()))
             self.batch.step(nstep=self._substeps)
-        self._turns -= np.round((self._heading() - before) / (2 * np.pi))
+            self._follow_heading()
 
     def pose(self) -> Array:
         """True poses (N, 3) of the chassis [m, m, rad]; phi unwrapped."""
         qpos = self.batch.qpos
-        return np.column_stack([qpos[:, 0], qpos[:, 1], self._heading() + 2 * np.pi * self._turns])
+        return np.column_stack([qpos[:, 0], qpos[:, 1], self._heading])
 
     def twist(self) -> Array:
         """True twists (N, 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]."""
-        velocity, heading = self.batch.qvel, self._heading()
-        cos, sin = np.cos(heading), np.sin(heading)
+        velocity = self.batch.qvel
+        cos, sin = np.cos(self._heading), np.sin(self._heading)
         x, y = velocity[:, 0], velocity[:, 1]
         return np.column_stack([cos * x + sin * y, -sin * x + cos * y, velocity[:, 5]])
 
     def traction(self) -> Array:
         """Forces of the ground on the (left, right) tracks, along the robot, (N, 2) [N], in the last physics step."""
-        heading = self._heading()[:, None]
-        return np.cos(heading) * self._force[..., 0] + np.sin(heading) * self._force[..., 1]
+        cos, sin = np.cos(self._heading)[:, None], np.sin(self._heading)[:, None]
+        return cos * self._force[..., 0] + sin * self._force[..., 1]
 
     def load(self) -> Array:
         """Forces of the ground that hold up the (left, right) tracks, (N, 2) [N]."""
@@ -114,7 +114,7 @@ class Fleet:
 
     def attitude(self) -> Array:
         """Sink (positive downwards) [m], roll and pitch [rad] of the chassis, (N, 3)."""
-        w, x, y, z = self.batch.qpos[:, 3:7].T
+        w, x, y, z = self._quaternion
         roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
         pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
         return np.column_stack([-self.batch.qpos[:, 2], roll, pitch])
@@ -131,15 +131,21 @@ class Fleet:
         self.batch.step(nstep=round(_SETTLING / self.robot.model.opt.timestep))
         # settling moves it by less than a micrometre; start exactly where asked
         qpos[:, :2] = start[:, :2]
-        turn = _yaw_quaternion(start[:, 2] - self._heading())
+        turn = _yaw_quaternion(start[:, 2] - self._wrapped_heading())
         qpos[:, 3:7] = np.array([_multiply(a, b) for a, b in zip(turn, qpos[:, 3:7], strict=True)])
         self.batch.qvel[:] = 0
         self.batch.time[:] = 0
-        self._turns = np.round((start[:, 2] - self._heading()) / (2 * np.pi))
+        self._heading = start[:, 2].copy()
+        self._follow_heading()
 
-    def _heading(self) -> Array:
-        w, x, y, z = self.batch.qpos[:, 3:7].T
+    def _wrapped_heading(self) -> Array:
+        w, x, y, z = self._quaternion
         return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+
+    def _follow_heading(self) -> None:
+        """Unwrap the heading: no robot makes half a turn in a servo period."""
+        turned = self._wrapped_heading() - self._heading
+        self._heading += turned - 2 * np.pi * np.round(turned / (2 * np.pi))
 
 
 def _yaw_quaternion(heading: Array) -> Array:
