@@ -27,27 +27,44 @@ from trackslip.kinematics import Array
 
 _SMOOTHING = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # of the corner of |s| at 0, relative to the track speed
 _ITERATIONS = 50
+_INERTIA_ITERATIONS = 6
 
 
 @dataclass(frozen=True)
 class Contact:
-    """Where the tracks touch the ground, and with what load and friction."""
+    """Where the tracks touch the ground, with what friction, and where the weight is."""
 
     x: Array  # (K,) along the robot [m]
     y: Array  # (K,) to its left [m]; the left track is where y > 0
-    load: Array  # (K,) normal force, in any unit
     along: float
     """Friction coefficient along the track [-]."""
     across: float
     """Friction coefficient across the track [-]."""
+    centre_of_mass: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Forwards and to the left of the middle between the tracks, and above the ground [m]."""
 
     def __post_init__(self) -> None:
         require_positive("along", self.along)
         require_positive("across", self.across)
-        if not (self.x.shape == self.y.shape == self.load.shape and self.x.ndim == 1 and self.x.size > 0):
-            raise InvalidValueError("x, y, load", (self.x.shape, self.y.shape, self.load.shape), "three equal (K,)")
-        if not np.all(self.load >= 0) or not self.load.sum() > 0:
-            raise InvalidValueError("load", self.load, ">= 0, with a sum > 0")
+        if not (self.x.shape == self.y.shape and self.x.ndim == 1 and self.x.size > 0):
+            raise InvalidValueError("x, y", (self.x.shape, self.y.shape), "two equal (K,)")
+        if not np.isfinite(self.centre_of_mass).all():
+            raise InvalidValueError("centre_of_mass", self.centre_of_mass, "finite")
+        if self.loads(np.zeros(2)).min() < 0:
+            raise InvalidValueError(
+                "centre_of_mass", self.centre_of_mass, "near enough to the middle to load every point of the tracks"
+            )
+
+    def loads(self, acceleration: Array) -> Array:
+        """Fractions (..., K) of the weight that each point carries, at accelerations (..., 2) of the centre of mass
+        along and across the robot, in units of gravity.
+
+        A rigid robot on equal springs: the load is linear in place, and its moments are those of weight and inertia.
+        """
+        forwards, left, height = self.centre_of_mass
+        middle_x, middle_y = forwards - height * acceleration[..., :1], left - height * acceleration[..., 1:]
+        spread = 1 + middle_x * self.x / np.mean(self.x**2) + middle_y * self.y / np.mean(self.y**2)
+        return spread / self.x.size
 
 
 def line_contact(
@@ -55,16 +72,16 @@ def line_contact(
     half_length: float,
     along: float,
     across: float,
-    centre_of_mass: tuple[float, float] = (0.0, 0.0),
+    centre_of_mass: tuple[float, float, float] = (0.0, 0.0, 0.0),
     points: int = 200,
 ) -> Contact:
-    """Two tracks of uniform cross-section whose load varies linearly with place, as the centre of mass asks.
+    """Two tracks that press evenly on the ground, but for what the centre of mass changes.
 
     Args:
         half_gauge: half the distance between the tracks [m].
         half_length: half the length of contact [m].
         along, across: friction coefficients [-].
-        centre_of_mass: its (x, y) from the middle of the robot [m].
+        centre_of_mass: see `Contact` [m].
         points: points per track, at the middle of equal segments.
 
     Raises:
@@ -75,34 +92,51 @@ def line_contact(
     segment = (np.arange(points) + 0.5) / points * 2 - 1
     x = np.tile(segment * half_length, 2)
     y = np.repeat([half_gauge, -half_gauge], points)
-    offset_x, offset_y = centre_of_mass
-    load = 1 + x * offset_x / np.mean(x**2) + y * offset_y / np.mean(y**2)
-    if load.min() < 0:
-        raise InvalidValueError("centre_of_mass", centre_of_mass, "near enough to the middle to load every point")
-    return Contact(x, y, load / load.sum(), along, across)
+    return Contact(x, y, along, across, centre_of_mass)
 
 
-def steady_twist(surface_speeds: ArrayLike, contact: Contact) -> Array:
+def steady_twist(surface_speeds: ArrayLike, contact: Contact, gravity: float = np.inf) -> Array:
     """Twists (..., 3), (v, lateral u, w) [m/s, m/s, rad/s], of tracks that run at (left, right) (..., 2) [m/s].
 
-    Newton's method on the smoothed power, the smoothing taken away in steps. Raises InvalidValueError for speeds that
-    are not finite.
+    With a finite `gravity` [m/s^2] the ground also turns the robot's momentum: the centripetal force, and the load that
+    it moves to the outer track, are found by fixed-point iteration. Without, inertia counts for nothing, and slip does
+    not depend on speed. Raises InvalidValueError for speeds that are not finite.
     """
     speeds = np.asarray(surface_speeds, float)
     if not np.isfinite(speeds).all():
         raise InvalidValueError("surface_speeds", surface_speeds, "finite")
+    require_positive("gravity", 1.0 if gravity == np.inf else gravity)
     shape = speeds.shape[:-1]
     speeds = speeds.reshape(-1, 2)
-    scale = np.abs(speeds).max(axis=1)
-    moving = scale > 0
     twist = np.zeros((len(speeds), 3))
+    moving = np.abs(speeds).max(axis=1) > 0
     if moving.any():
-        twist[moving] = _minimise(speeds[moving] / scale[moving, None], contact) * scale[moving, None]
+        for _ in range(1 if gravity == np.inf else _INERTIA_ITERATIONS):
+            twist[moving] = _balance(speeds[moving], contact, _acceleration(twist[moving], contact) / gravity)
     return twist.reshape(*shape, 3)
 
 
-def _minimise(speeds: Array, contact: Contact) -> Array:
-    """Twists (M, 3) that dissipate least, for track speeds (M, 2) of order one."""
+def _acceleration(twist: Array, contact: Contact) -> Array:
+    """Of the centre of mass in a steady turn, along and across the robot, (M, 2) [m/s^2]."""
+    v, u, w = twist.T
+    forwards, left, _ = contact.centre_of_mass
+    return np.stack([-w * (u + w * forwards), w * (v - w * left)], axis=1)
+
+
+def _balance(speeds: Array, contact: Contact, acceleration: Array) -> Array:
+    """Twists (M, 3) at which the ground's forces give accelerations (M, 2), in units of gravity."""
+    scale = np.abs(speeds).max(axis=1)
+    forwards, left, _ = contact.centre_of_mass
+    moment = forwards * acceleration[:, 1] - left * acceleration[:, 0]
+    inertia = np.column_stack([acceleration, moment])
+    return _minimise(speeds / scale[:, None], contact, contact.loads(acceleration), inertia) * scale[:, None]
+
+
+def _minimise(speeds: Array, contact: Contact, load: Array, inertia: Array) -> Array:
+    """Twists (M, 3) of least power: dissipated under loads (M, K), and spent on forces `inertia` (M, 3).
+
+    Track speeds (M, 2) are of order one, loads and forces in units of the weight.
+    """
     x, y = contact.x, contact.y
     belt = np.where(y > 0, speeds[:, :1], speeds[:, 1:])  # (M, K)
     gauge = np.abs(y).mean()
@@ -115,13 +149,13 @@ def _minimise(speeds: Array, contact: Contact) -> Array:
         a = twist @ along.T - contact.along * belt
         c = twist @ across.T
         size = np.sqrt(a**2 + c**2 + smoothing**2)
-        return contact.load @ size.T, a, c, size
+        return np.sum(load * size, axis=1) + np.sum(inertia * twist, axis=1), a, c, size
 
     for smoothing in _SMOOTHING:
         for _ in range(_ITERATIONS):
             value, a, c, size = power(twist, smoothing)
-            n = contact.load / size
-            gradient = (n * a) @ along + (n * c) @ across
+            n = load / size
+            gradient = (n * a) @ along + (n * c) @ across + inertia
             h_aa = n * (1 - (a / size) ** 2)
             h_cc = n * (1 - (c / size) ** 2)
             h_ac = -n * a * c / size**2

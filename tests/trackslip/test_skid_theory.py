@@ -32,18 +32,34 @@ def test_icr_of_a_uniform_track_is_the_closed_form(ratio):
     np.testing.assert_allclose(half_width, B + closed_form_offset(ratio), rtol=1e-5)
 
 
-def test_ground_forces_balance():
-    contact = line_contact(B, L, 0.6, 0.8, centre_of_mass=(0.02, 0.01))
+@pytest.mark.parametrize("gravity", [np.inf, 9.81, 0.5])
+@pytest.mark.parametrize("centre_of_mass", [(0.0, 0.0, 0.0), (0.02, 0.01, 0.12), (-0.03, -0.02, 0.2)])
+def test_ground_forces_carry_weight_and_momentum(centre_of_mass, gravity):
+    """Newton and Euler for a robot of unit weight, written out from the twist alone."""
+    contact = line_contact(B, L, 0.6, 0.8, centre_of_mass)
     surface = np.array([0.1, 0.16])
-    v, u, w = steady_twist(surface, contact)
+    v, u, w = steady_twist(surface, contact, gravity)
+    forwards, left, height = centre_of_mass
+    a_x, a_y = -w * (u + w * forwards) / gravity, w * (v - w * left) / gravity
+    load = contact.loads(np.array([a_x, a_y]))
     belt = np.where(contact.y > 0, surface[0], surface[1])
     slide_x, slide_y = v - w * contact.y - belt, u + w * contact.x
     size = np.hypot(contact.along * slide_x, contact.across * slide_y)
-    force_x = -contact.load * contact.along**2 * slide_x / size
-    force_y = -contact.load * contact.across**2 * slide_y / size
-    np.testing.assert_allclose(
-        [force_x.sum(), force_y.sum(), (contact.x * force_y - contact.y * force_x).sum()], 0, atol=1e-6
-    )
+    force_x = -load * contact.along**2 * slide_x / size
+    force_y = -load * contact.across**2 * slide_y / size
+    x, y = contact.x - forwards, contact.y - left  # from the centre of mass
+    np.testing.assert_allclose([force_x.sum(), force_y.sum(), load.sum()], [a_x, a_y, 1.0], atol=1e-6)
+    np.testing.assert_allclose(np.sum(x * force_y - y * force_x), 0, atol=1e-6)  # yaw
+    np.testing.assert_allclose([np.sum(y * load), np.sum(x * load)], [-height * a_y, -height * a_x], atol=1e-6)
+
+
+def test_inertia_matters_little_at_these_speeds_and_much_at_great_ones():
+    slow, fast = (np.array([0.1, 0.15]) * k for k in (1, 20))
+    contact = line_contact(B, L, 0.7, 0.8, (0.0, 0.0, 0.12))
+    quasi_static = icr_half_width(slow, contact)
+    with_inertia = [(s[1] - s[0]) / (2 * steady_twist(s, contact, 9.81)[2]) for s in (slow, fast)]
+    assert with_inertia[0] == pytest.approx(quasi_static, rel=1e-3)
+    assert abs(with_inertia[1] / quasi_static - 1) > 0.05
 
 
 def test_slip_depends_on_neither_speed_nor_size_of_friction():
@@ -72,6 +88,6 @@ def test_impossible_contacts_are_refused():
     with pytest.raises(InvalidValueError, match="along"):
         line_contact(B, L, -0.7, 0.8)
     with pytest.raises(InvalidValueError, match="centre_of_mass"):
-        line_contact(B, L, 0.7, 0.8, centre_of_mass=(0.2, 0.0))
+        line_contact(B, L, 0.7, 0.8, centre_of_mass=(0.2, 0.0, 0.1))
     with pytest.raises(InvalidValueError, match="surface_speeds"):
         steady_twist([np.nan, 0.1], line_contact(B, L, 0.7, 0.8))
