@@ -16,14 +16,12 @@ import matplotlib.image
 import numpy as np
 from numpy.typing import NDArray
 
-import models
 from trackslip.errors import TrackslipError
 from trackslip.trajectory import paper_reference
 
 if TYPE_CHECKING:
     import mujoco
 
-FIELD = Path(models.__file__).parent / "field.xml"
 PATH_COLOUR = (0.93, 0.16, 0.42, 1.0)
 HIT_COLOUR = (0.95, 0.10, 0.10, 0.55)
 MISS_COLOUR = (0.95, 0.25, 0.20, 0.10)
@@ -64,6 +62,8 @@ def render(
     """
     try:
         import mujoco  # late, because MUJOCO_GL counts at import
+
+        from sim.robot import FIELD
     except (ImportError, AttributeError) as error:
         raise TrackslipError(f"MuJoCo's OpenGL does not load: {error}") from error
 

@@ -15,7 +15,7 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from experiments import figures, tracking_figures
+from experiments import figure_style, figures, tracking_figures
 from trackslip.identification import FittedLaw, SlipSamples
 from trackslip.metrics import rms
 from trackslip.runlog import RunLog
@@ -165,12 +165,12 @@ def _law_rows(report: Report) -> list[LawRow]:
     rows = []
     for name, fit in report.laws.items():
         parameters = tuple(_parameter(key, fit.values[key], fit.stderr.get(key, math.nan)) for key in fit.values)
-        label = figures.LABELS.get(name, name)
+        label = figure_style.LABELS.get(name, name)
         rows.append(LawRow(label, _FORMULAS.get(name, (MISSING,)), parameters, f"{fit.rms:.4f}"))
     if report.laws and report.samples is not None:
         residual = rms(PUBLISHED(report.samples.curvature) - report.samples.slip)
         values = tuple(_parameter(key, value, 0.0) for key, value in vars(PUBLISHED).items())
-        label = f"{figures.LABELS['published']}, at these radii"
+        label = f"{figure_style.LABELS['published']}, at these radii"
         rows.append(LawRow(label, _FORMULAS["exponential"], values, f"{residual:.4f}"))
     return rows
 
@@ -201,7 +201,7 @@ def _tracking_rows(rows: Sequence[Mapping[str, Any]]) -> list[list[str]]:
     printed = []
     for row in rows:
         names = [str(row.get(key, MISSING)) for key in ("controller", "compensation", "localization")]
-        names[1] = figures.LABELS.get(names[1], names[1])
+        names[1] = figure_style.LABELS.get(names[1], names[1])
         printed.append([*names, *(_number(row.get(key), factor) for key, factor in _TRACKING_COLUMNS)])
     return printed
 

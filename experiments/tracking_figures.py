@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.figures import BLACK, BLUE, COLOURS, GREEN, LABELS, ORANGE, law_line, styled, thin
+from experiments.figure_style import BLACK, BLUE, COLOURS, GREEN, LABELS, ORANGE, law_line, styled, thin
 from trackslip.identification import FittedLaw
 from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
 from trackslip.metrics import TRANSIENT, body_errors

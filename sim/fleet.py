@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import mujoco
 import numpy as np
 from mujoco import batch
 from numpy.typing import ArrayLike
@@ -131,8 +130,10 @@ class Fleet:
         self.batch.step(nstep=round(_SETTLING / self.robot.model.opt.timestep))
         # settling moves it by less than a micrometre; start exactly where asked
         qpos[:, :2] = start[:, :2]
-        turn = _yaw_quaternion(start[:, 2] - self._wrapped_heading())
-        qpos[:, 3:7] = np.array([_multiply(a, b) for a, b in zip(turn, qpos[:, 3:7], strict=True)])
+        half_turn = (start[:, 2] - self._wrapped_heading()) / 2
+        cos, sin = np.cos(half_turn), np.sin(half_turn)
+        w, x, y, z = qpos[:, 3:7].T.copy()
+        qpos[:, 3:7] = np.column_stack([cos * w - sin * z, cos * x - sin * y, cos * y + sin * x, cos * z + sin * w])
         self.batch.qvel[:] = 0
         self.batch.time[:] = 0
         self._heading = start[:, 2].copy()
@@ -151,9 +152,3 @@ class Fleet:
 def _yaw_quaternion(heading: Array) -> Array:
     zero = np.zeros_like(heading)
     return np.column_stack([np.cos(heading / 2), zero, zero, np.sin(heading / 2)])
-
-
-def _multiply(left: Array, right: Array) -> Array:
-    product = np.zeros(4)
-    mujoco.mju_mulQuat(product, left, right)
-    return product

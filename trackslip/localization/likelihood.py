@@ -1,0 +1,197 @@
+"""Likelihood of the known rectangle, given the ranges of a scan.
+
+A beam with direction u meets a face whose plane is m.p = h at range h / (m.u). Two faces at most are turned to the LRF,
+one long and one short; together they are a wedge, and a beam meets it where it enters the second of the two
+half-planes. The likelihood has two parts:
+
+- every return's range, with the scanner's noise, under a Huber loss;
+- the two edges of the silhouette: the plate's outermost corners lie somewhere between the last beam that missed it and
+  the first that hit it, uniformly, so the middle of that gap measures the corner's bearing with variance step^2 / 12.
+  Without them nothing would hold the plate along its own direction when it is seen broadside on. An edge of the field
+  of view, or of the scanner's reach, is no edge of the plate and measures nothing; and where beams inside the cluster
+  are missing, at a rate p, beams beyond its last return may be too, p / (1 - p) of them with variance p / (1 - p)^2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackslip.kinematics import Array
+from trackslip.scan import Cluster, Plate, Scan
+
+_MARGIN = 0.1  # returns this near to the scanner's reach may be cut off by it [m]
+_LEAST_NOISE = 0.5e-3  # what a perfect scanner is taken to have, for the plate is never a perfect rectangle [m]
+
+
+@dataclass(frozen=True)
+class PlateLikelihood:
+    """Minus the log likelihood of poses, with its derivatives."""
+
+    plate: Plate
+    huber: float
+    """Residual beyond which a range counts linearly only [standard deviations]."""
+
+    def evaluate(self, view: View, pose: Array, turn: bool) -> Fit:
+        """Cost, gradient and Gauss-Newton Hessian at poses (M, 3); without `turn` as if the heading were known."""
+        centre, phi = pose[:, :2], pose[:, 2]
+        e = np.stack([np.cos(phi), np.sin(phi)], axis=-1)  # along the plate
+        n = np.stack([-e[:, 1], e[:, 0]], axis=-1)  # across it
+        along, across = np.sum(e * centre, axis=1), np.sum(n * centre, axis=1)
+        u_e = e[:, :1] * view.u_x + e[:, 1:] * view.u_y  # (M, W)
+        u_n = n[:, :1] * view.u_x + n[:, 1:] * view.u_y
+
+        # range to the long and to the short face, whichever is turned to the LRF; -inf for one that isn't entered
+        half_length, half_thickness = self.plate.length / 2, self.plate.thickness / 2
+        long_face = np.where(np.abs(across) > half_thickness, across - np.sign(across) * half_thickness, 0.0)
+        short_face = np.where(np.abs(along) > half_length, along - np.sign(along) * half_length, 0.0)
+        to_long, to_short = _range_to(long_face, u_n), _range_to(short_face, u_e)
+        on_long = to_long > to_short
+        predicted = np.where(on_long, to_long, to_short)
+        distance = np.hypot(centre[:, 0], centre[:, 1])
+        reach = np.hypot(half_length, half_thickness)
+        low, high = (distance - reach)[:, None], (distance + reach)[:, None]
+        on_plate = (predicted > low) & (predicted < high)
+        predicted = np.where(on_plate, predicted, np.where(predicted > low, high, low))
+
+        residual = np.where(view.hit, (predicted - view.range) / view.noise, 0.0)
+        size = np.abs(residual)
+        weight = np.minimum(1.0, self.huber / np.maximum(size, 1e-12))
+        cost = np.sum(np.where(size < self.huber, residual**2 / 2, self.huber * (size - self.huber / 2)), axis=1)
+
+        # dr/dcentre = m / (m.u); dr/dphi = how far along the face the beam hits, over m.u
+        m_u = np.where(on_long, u_n, u_e)
+        slope = np.where(on_plate & view.hit, 1.0 / (np.where(m_u == 0, 1.0, m_u) * view.noise), 0.0)
+        lever = np.where(on_long, predicted * u_e - along[:, None], across[:, None] - predicted * u_n) * slope
+        in_long, in_short = np.where(on_long, slope, 0.0), np.where(on_long, 0.0, slope)
+        d_x = n[:, :1] * in_long + e[:, :1] * in_short
+        d_y = n[:, 1:] * in_long + e[:, 1:] * in_short
+        jacobian = np.stack([d_x, d_y, lever], axis=1)  # (M, 3, W)
+        weighted = jacobian * weight[:, None, :]
+        gradient = np.einsum("miw,mw->mi", weighted, residual)
+        hessian = weighted @ jacobian.swapaxes(1, 2)
+
+        edge_residual, edge_jacobian = self._edges(view, centre, e, n)
+        cost += np.sum(edge_residual**2, axis=1) / 2
+        gradient += np.einsum("mei,me->mi", edge_jacobian, edge_residual)
+        hessian += edge_jacobian.swapaxes(1, 2) @ edge_jacobian
+        misfit = np.sqrt(np.sum(residual**2, axis=1) / np.maximum(view.hit.sum(axis=1), 1))
+        if not turn:
+            gradient[:, 2] = 0.0
+            hessian[:, 2, :] = hessian[:, :, 2] = 0.0
+            hessian[:, 2, 2] = 1.0
+        return Fit(pose, cost, gradient, hessian, misfit)
+
+    def _edges(self, view: View, centre: Array, e: Array, n: Array) -> tuple[Array, Array]:
+        """Residuals (M, 2) of the silhouette's two edges and their Jacobian (M, 2, 3)."""
+        signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]]) / 2
+        offset = (
+            self.plate.length * signs[:, 0, None] * e[:, None, :]
+            + self.plate.thickness * signs[:, 1, None] * n[:, None, :]
+        )  # (M, 4, 2)
+        corner = centre[:, None, :] + offset
+        cos, sin = np.cos(view.middle)[:, None], np.sin(view.middle)[:, None]  # bearings from the middle: no wrap there
+        bearing = np.arctan2(cos * corner[..., 1] - sin * corner[..., 0], cos * corner[..., 0] + sin * corner[..., 1])
+        outermost = np.stack([np.argmin(bearing, axis=1), np.argmax(bearing, axis=1)], axis=1)  # (M, 2)
+        rows = np.arange(len(centre))[:, None]
+        x, y = np.moveaxis(corner[rows, outermost], -1, 0)
+        d_x, d_y = np.moveaxis(offset[rows, outermost], -1, 0)
+        square = np.maximum(x**2 + y**2, 1e-12)
+        jacobian = np.stack([-y, x, x * d_x + y * d_y], axis=-1) / square[..., None]
+        residual = bearing[rows, outermost] - view.edges
+        return residual * view.edge_weight, jacobian * view.edge_weight[..., None]
+
+
+@dataclass(frozen=True)
+class View:
+    """What is measured of the plate in M scans."""
+
+    u_x: Array  # (M, W) directions of the beams
+    u_y: Array  # (M, W)
+    range: Array  # (M, W) [m]
+    hit: np.ndarray  # (M, W) bool
+    middle: Array  # (M,) bearing half-way between the outermost returns [rad]
+    edges: Array  # (M, 2) bearings of the silhouette's edges, from the middle [rad]
+    edge_weight: Array  # (M, 2) one over their standard deviation, 0 for what is no edge [1/rad]
+    noise: float  # of a range [m]
+
+    @classmethod
+    def of(cls, scan: Scan, cluster: Cluster) -> View:
+        """What a scan shows of each cluster."""
+        step = scan.beam_step
+        low = np.min(cluster.bearing, axis=1, where=cluster.hit, initial=np.inf)
+        high = np.max(cluster.bearing, axis=1, where=cluster.hit, initial=-np.inf)
+        middle = (low + high) / 2
+        inside_lost = 1 - cluster.count / np.maximum(
+            cluster.width, 1
+        )  # beams that didn't come back, inside the cluster
+        lost = np.maximum(inside_lost, scan.dropout)
+        beyond = lost / (1 - lost)  # and, expected, outside
+        reach = (high - low) / 2 + (0.5 + beyond) * step
+        spread = step * np.sqrt(1 / 12 + beyond / (1 - lost))
+        farthest = np.max(cluster.range, axis=1, where=cluster.hit, initial=0.0)
+        within = farthest < scan.max_range - _MARGIN
+        tolerance = step / 4
+        inside = np.stack([low > scan.bearings[0] + tolerance, high < scan.bearings[-1] - tolerance], axis=1)
+        weight = np.where(inside & within[:, None], 1 / spread[:, None], 0.0)
+        noise = max(scan.noise, _LEAST_NOISE)
+        u_x, u_y = np.cos(cluster.bearing), np.sin(cluster.bearing)
+        edges = np.stack([-reach, reach], axis=1)
+        return cls(u_x, u_y, cluster.range, cluster.hit, middle, edges, weight, noise)
+
+    def take(self, rows: np.ndarray) -> View:
+        """The scans `rows`, in that order, repeated where asked."""
+        return View(
+            self.u_x[rows],
+            self.u_y[rows],
+            self.range[rows],
+            self.hit[rows],
+            self.middle[rows],
+            self.edges[rows],
+            self.edge_weight[rows],
+            self.noise,
+        )
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A point on the climb."""
+
+    pose: Array  # (M, 3) in the LRF's frame
+    cost: Array  # (M,) minus log likelihood
+    gradient: Array  # (M, 3)
+    hessian: Array  # (M, 3, 3)
+    misfit: Array  # (M,) rms residual of the ranges [standard deviations]
+
+    def replaced(self, rows: np.ndarray, other: Fit) -> Fit:
+        """The same with the rows (M,) where `rows` is true taken from `other`."""
+        return Fit(
+            np.where(rows[:, None], other.pose, self.pose),
+            np.where(rows, other.cost, self.cost),
+            np.where(rows[:, None], other.gradient, self.gradient),
+            np.where(rows[:, None, None], other.hessian, self.hessian),
+            np.where(rows, other.misfit, self.misfit),
+        )
+
+
+def _range_to(face: Array, m_u: Array) -> Array:
+    """Range (M, W) at which beams enter the half-plane behind a face m.p = h (M,); -inf where they don't."""
+    entering = (face[:, None] * m_u) > 0
+    return np.where(entering, face[:, None] / np.where(entering, m_u, 1.0), -np.inf)
+
+
+def inverses(matrix: Array) -> tuple[Array, np.ndarray]:
+    """Inverses of symmetric (M, 3, 3) matrices by cofactors, and which of them (M,) are positive definite.
+
+    Written out because numpy's inverse takes a call into LAPACK for each matrix.
+    """
+    xx, xy, xz = matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 0, 2]
+    yy, yz, zz = matrix[:, 1, 1], matrix[:, 1, 2], matrix[:, 2, 2]
+    c_xx, c_xy, c_xz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
+    determinant = xx * c_xx + xy * c_xy + xz * c_xz
+    regular = (determinant > 1e-12 * xx * yy * zz) & (xx > 0)
+    scale = 1 / np.where(regular, determinant, 1.0)
+    c_yy, c_yz, c_zz = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
+    inverse = np.stack([c_xx, c_xy, c_xz, c_xy, c_yy, c_yz, c_xz, c_yz, c_zz], axis=-1) * scale[:, None]
+    return inverse.reshape(-1, 3, 3), regular
