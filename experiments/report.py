@@ -170,8 +170,7 @@ def _law_rows(report: Report) -> list[LawRow]:
     if report.laws and report.samples is not None:
         residual = rms(PUBLISHED(report.samples.curvature) - report.samples.slip)
         values = tuple(_parameter(key, value, 0.0) for key, value in vars(PUBLISHED).items())
-        label = f"{figure_style.LABELS['published']}, at these radii"
-        rows.append(LawRow(label, _FORMULAS["exponential"], values, f"{residual:.4f}"))
+        rows.append(LawRow(figure_style.LABELS["published"], _FORMULAS["exponential"], values, f"{residual:.4f}"))
     return rows
 
 
