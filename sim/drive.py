@@ -59,6 +59,7 @@ class DriveState:
         """Largest sprocket speed [rad/s]."""
         self._decay = np.exp(-drive.period / drive.lag)
         self._mean_decay = -np.expm1(-drive.period / drive.lag) * drive.lag / drive.period
+        self._torque_per_error = drive.inertia * (self._decay - 1) / drive.period
         self.set_point = np.zeros((n, 2))
         """[rad/s]"""
         self.omega = np.zeros((n, 2))
@@ -84,17 +85,17 @@ class DriveState:
         load = self._radius * traction
         error = self.omega - self.set_point
         target = self.set_point + error * self._decay
-        acceleration = (target - self.omega) / drive.period
-        torque = drive.inertia * acceleration + load
-        limited = np.clip(torque, -drive.torque_limit, drive.torque_limit)
         mean = self.set_point + error * self._mean_decay
-        saturated = limited != torque
-        if saturated.any():
+        torque = error * self._torque_per_error + load
+        if np.abs(torque).max() > drive.torque_limit:
+            limited = np.clip(torque, -drive.torque_limit, drive.torque_limit)
             free = self.omega + self._saturated_step(limited - load, traction)
             free = np.where(torque > limited, np.minimum(free, target), np.maximum(free, target))
+            saturated = limited != torque
             mean = np.where(saturated, (self.omega + free) / 2, mean)
             target = np.where(saturated, free, target)
-        self.torque = limited
+            torque = limited
+        self.torque = torque
         self.omega = target
         self.angle += mean * drive.period
         return mean

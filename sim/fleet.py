@@ -64,7 +64,11 @@ class Fleet:
         self._friction = self.batch.expand("pair_friction")  # (N, npair, 5)
         self._force = self.batch.bind("sensordata").reshape(self.size, 2, 3)
         self._quaternion = tuple(self.batch.qpos[:, 3:7].T)  # four live views (N,)
+        rotation = self.batch.bind("xmat")[:, robot.model.body("chassis").id]  # (N, 9), live
+        self._forward = rotation[:, 0:1], rotation[:, 3:4]  # the chassis' x axis on the ground, along world x and y
         self._heading: Array = np.zeros(self.size)  # unwrapped
+        fastest = drive.top_speed / robot.geometry.half_gauge * drive.period  # turn in a period [rad]
+        self._unwrap_every = max(1, int(1.0 / fastest))  # periods
         self.set_ground(ground or Ground())
         self._set_down(start)
 
@@ -85,10 +89,11 @@ class Fleet:
         periods = round(duration / self.period)
         if abs(periods * self.period - duration) > 1e-9:
             raise InvalidValueError("duration", duration, f"a multiple of the servo period, {self.period} s")
-        for _ in range(periods):
+        for k in range(periods):
             self._set_track_speed(self._radius * self.drive.advance(self.traction()))
             self.batch.step(nstep=self._substeps)
-            self._follow_heading()
+            if k % self._unwrap_every == 0 or k == periods - 1:
+                self._follow_heading()
 
     def pose(self) -> Array:
         """True poses (N, 3) of the chassis [m, m, rad]; phi unwrapped."""
@@ -104,8 +109,7 @@ class Fleet:
 
     def traction(self) -> Array:
         """Forces of the ground on the (left, right) tracks, along the robot, (N, 2) [N], in the last physics step."""
-        cos, sin = np.cos(self._heading)[:, None], np.sin(self._heading)[:, None]
-        return cos * self._force[..., 0] + sin * self._force[..., 1]
+        return self._force[..., 0] * self._forward[0] + self._force[..., 1] * self._forward[1]
 
     def load(self) -> Array:
         """Forces of the ground that hold up the (left, right) tracks, (N, 2) [N]."""
@@ -144,7 +148,7 @@ class Fleet:
         return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
     def _follow_heading(self) -> None:
-        """Unwrap the heading: no robot makes half a turn in a servo period."""
+        """Unwrap the heading, often enough: a robot may have turned by a radian since the last time."""
         turned = self._wrapped_heading() - self._heading
         self._heading += turned - 2 * np.pi * np.round(turned / (2 * np.pi))
 
