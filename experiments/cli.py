@@ -14,13 +14,14 @@ from typing import Annotated, Any
 
 import tyro
 
-from experiments.config import GridConfig, IdentifyConfig, ReproduceConfig, TrackConfig
+from experiments.config import GridConfig, IdentifyConfig, PredictConfig, ReproduceConfig, TrackConfig
 from trackslip.errors import TrackslipError
 
 Command = (
     Annotated[GridConfig, tyro.conf.subcommand("grid")]
     | Annotated[IdentifyConfig, tyro.conf.subcommand("identify")]
     | Annotated[TrackConfig, tyro.conf.subcommand("track")]
+    | Annotated[PredictConfig, tyro.conf.subcommand("predict")]
     | Annotated[ReproduceConfig, tyro.conf.subcommand("reproduce")]
 )
 _DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate it. `trackslip COMMAND --help` lists a
@@ -29,6 +30,7 @@ _RUNNERS = {
     GridConfig: "experiments.grid",
     IdentifyConfig: "experiments.identify",
     TrackConfig: "experiments.track",
+    PredictConfig: "experiments.predict",
     ReproduceConfig: "experiments.reproduce",
 }
 

@@ -13,7 +13,7 @@ from sim.drive import RADIUS_ERROR, Drive
 from sim.ground import Ground
 from sim.scanner import LaserScanner
 from trackslip.errors import InvalidValueError, require_at_most, require_non_negative, require_positive
-from trackslip.published import COMMANDED_RADII, SPEEDS
+from trackslip.published import COMMANDED_RADII, OBSERVED_RADII, SPEEDS
 from trackslip.steady import SETTLE
 
 Localization = Literal["plate", "line"]
@@ -174,3 +174,38 @@ class ReproduceConfig(GridConfig):
             raise InvalidValueError("radii", self.radii, "at least two: slip laws are functions of radius")
         if len(self.radii) * len(self.speeds) < 3:
             raise InvalidValueError("speeds", self.speeds, "at least two for two radii: three runs or more")
+
+
+@dataclass(frozen=True)
+class PredictConfig:
+    """A slip law from quasi-static Coulomb theory, without simulating."""
+
+    half_gauge: float = 0.168
+    """Half the distance between the tracks [m]."""
+    contact_length: float = 0.34
+    """Length of track on the ground [m]."""
+    friction_ratio: float = 0.775 / 0.70
+    """Friction across the track over friction along it: all that slip asks of the ground."""
+    com_x: float = 0.0
+    """Centre of mass, forward of the middle of the tracks [m]."""
+    sprocket_radius: float = 0.06
+    """Radius of the sprockets [m]; stored with the law, slip doesn't depend on it."""
+    radius_error: float = 0.0
+    """Relative error of the effective sprocket radius, real / nominal - 1."""
+    radii: tuple[float, ...] = OBSERVED_RADII
+    """Radii driven, for the table [m]."""
+    out: Path = Path("out/predict")
+    """Folder for the results."""
+
+    def __post_init__(self) -> None:
+        for name in ("half_gauge", "contact_length", "friction_ratio", "sprocket_radius"):
+            require_positive(name, getattr(self, name))
+            require_at_most(name, getattr(self, name), 100.0)
+        if not -0.5 <= self.radius_error <= 0.5:
+            raise InvalidValueError("radius_error", self.radius_error, "from -0.5 to 0.5")
+        if not abs(self.com_x) < self.contact_length / 6:
+            raise InvalidValueError("com_x", self.com_x, "nearer to the middle than a sixth of contact_length")
+        if not self.radii:
+            raise InvalidValueError("radii", self.radii, "at least one number")
+        for radius in self.radii:
+            require_positive("radii", radius)
