@@ -26,6 +26,8 @@ LONGEST_RUN = 3600.0
 """Longest run [s]."""
 SHORTEST_RUN = 4.0
 """Shortest run that leaves something steady to average [s]."""
+WIDEST = 1000.0
+"""Largest radius [m]."""
 FARTHEST = 100.0
 """Largest coordinate of a start [m]."""
 LINEAR_START = (0.3, -0.2, math.pi / 3)
@@ -86,6 +88,7 @@ class GridConfig(Simulation):
                 raise InvalidValueError(name, values, "all different")
             for value in values:
                 require_positive(name, value)
+                require_at_most(name, value, WIDEST)
         for speed in self.speeds:
             if speed > self.drive.top_speed:
                 raise InvalidValueError("speeds", speed, f"at most drive.top_speed = {self.drive.top_speed} m/s")
@@ -154,8 +157,12 @@ class TrackConfig(Simulation):
                 "circle_speed", self.circle_speed, f"at most drive.top_speed = {self.drive.top_speed} m/s"
             )
         require_at_most("circle_duration", self.circle_duration, LONGEST_RUN, "s")
-        if self.circle_radius < 0.1:
-            raise InvalidValueError("circle_radius", self.circle_radius, "at least 0.1 m")
+        if not 0.1 <= self.circle_radius <= WIDEST:
+            raise InvalidValueError("circle_radius", self.circle_radius, f"from 0.1 to {WIDEST:g} m")
+        if self.circle_speed < SLOWEST:
+            raise InvalidValueError("circle_speed", self.circle_speed, f"at least {SLOWEST:g} m/s")
+        if self.circle_duration < 1.0:
+            raise InvalidValueError("circle_duration", self.circle_duration, "at least 1 s")
         for value in self.start or ():
             if not -FARTHEST <= value <= FARTHEST:
                 raise InvalidValueError("start", value, f"from -{FARTHEST:g} to {FARTHEST:g}")

@@ -24,7 +24,8 @@ def progress(stage: str, seconds: float) -> Iterator[Report]:
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True)) as bar:
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
         task = bar.add_task(stage, total=seconds)
         try:
             yield lambda passed: bar.advance(task, passed)

@@ -124,19 +124,22 @@ def simulated_seconds(logs: Sequence[RunLog]) -> float:
 
 
 def usable_samples(logs: Sequence[RunLog], geometry: RobotGeometry) -> tuple[SlipSamples, list[str]]:
-    """Slip samples of the runs that give one, and why the others don't.
+    """Slip samples of the runs that give one, why the others don't, and which drives were too weak.
 
     Raises:
         LogError: when there is none.
     """
     usable, warnings = [], []
     for log in logs:
+        limit = log.metadata["drive"]["torque_limit"]
+        if log.truth is not None and np.abs(log.truth.torque[len(log.time) // 2 :]).max() >= limit:
+            warnings.append(f"run {log.run!r}: its drives are at their torque limit, {limit:g} N m")
         try:
             usable.append(slip_samples([log], geometry))
         except LogError as error:
             warnings.append(str(error))
     if not usable:
-        raise LogError(f"none of the runs can be used; {warnings[0]}")
+        raise LogError(f"none of the runs can be used; {warnings[-1]}")
     return SlipSamples.joined(usable), warnings
 
 

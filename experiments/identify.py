@@ -70,7 +70,17 @@ def run(config: IdentifyConfig) -> None:
 
 def read_source(config: IdentifyConfig) -> Source:
     """Samples from a stored folder or a log; raises LogError or InvalidValueError for what can't be used."""
-    file = config.path / store.RUNS if config.path.is_dir() else config.path
+    try:
+        file = config.path / store.RUNS if config.path.is_dir() else config.path
+    except OSError as error:
+        raise LogError(f"path = {str(config.path)[:80]!r}: {error.strerror}") from error
+    try:
+        return _read(config, file)
+    except LogError as error:
+        raise error if str(file) in str(error) else LogError(f"{file}: {error}") from error
+
+
+def _read(config: IdentifyConfig, file: Path) -> Source:
     table = read_table(file)
     columns = table.column_names
     if "x" not in columns and set(SAMPLE_COLUMNS) <= set(columns):
@@ -79,7 +89,8 @@ def read_source(config: IdentifyConfig) -> Source:
         names = [f"row {k + 1}" for k in range(len(omega))]
         return Source(geometry, SlipSamples.of(omega, twist, geometry, names), ())
     if not set(columns) & set(REQUIRED[1:]):
-        raise LogError(f"{file}: needs the columns {', '.join(REQUIRED)} or {', '.join(SAMPLE_COLUMNS)}")
+        needed = f"{', '.join(REQUIRED)} or {', '.join(SAMPLE_COLUMNS)}"
+        raise LogError(f"{file}: needs the columns {needed}; found {', '.join(columns)[:200]!r}")
     runs = runs_from_table(table, str(file))
     logs = [log for log in runs if "controller" not in log.metadata]
     if not logs:

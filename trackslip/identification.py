@@ -17,6 +17,9 @@ from trackslip.runlog import RunLog
 from trackslip.slip import ConstantIcr, Exponential, SlipLaw
 from trackslip.steady import SETTLE, steady_window
 
+_JUMP = 0.3  # error of a pose that is still believed [m]
+_OVERDRIVE = 3.0  # way from pose to pose that is still believed, over the way of the faster sprocket [-]
+_NEARLY_STANDING = 0.02  # speed of the slower sprocket over that of the faster, below which its slip says nothing
 _FEWEST = 20  # steps that a mean twist takes
 _WILD = 0.8  # slip of the faster track that no robot on wheels or tracks shows in steady motion
 
@@ -52,6 +55,14 @@ class SlipSamples:
         undefined = ~np.isfinite(slip).all(axis=1)
         if undefined.any():
             raise LogError(f"run {run[int(np.argmax(undefined))]!r}: a sprocket stands still, its slip is undefined")
+        size = np.abs(omega)
+        standing = size.min(axis=1) < _NEARLY_STANDING * size.max(axis=1)
+        if standing.any():
+            k = int(np.argmax(standing))
+            raise LogError(
+                f"run {run[k]!r}: one sprocket nearly stands ({omega[k].min():.3g} and {omega[k].max():.3g} rad/s): "
+                "its slip says nothing, leave the run out"
+            )
         of_faster = np.take_along_axis(slip, np.abs(omega).argmax(axis=1)[:, None], axis=1)[:, 0]
         wild = np.abs(of_faster) > _WILD
         if wild.any():
@@ -90,12 +101,13 @@ def slip_samples(logs: Sequence[RunLog], geometry: RobotGeometry, settle: float 
         settle: time at the start of each run that is left out [s].
 
     Raises:
-        LogError: for a run that is too short, not steady, or has too few valid poses.
+        LogError: for a run that is too short, not steady, jumps, or has too few valid poses.
     """
     require_non_negative("settle", settle)
     omega, twist = [], []
     for log in logs:
         begin, end = steady_window(log, settle)
+        refuse_jumps(log, geometry)
         motion = butterworth_motion(log)
         steady = (motion.time > begin) & (motion.time < end)
         rows = (log.time > begin) & (log.time < end)
@@ -106,6 +118,21 @@ def slip_samples(logs: Sequence[RunLog], geometry: RobotGeometry, settle: float 
         omega.append(log.omega[rows].mean(axis=0))
         twist.append(motion.twist[steady].mean(axis=0))
     return SlipSamples.of(np.array(omega), np.array(twist), geometry, [log.run for log in logs])
+
+
+def refuse_jumps(log: RunLog, geometry: RobotGeometry) -> None:
+    """Raise LogError where the valid poses of a run jump farther than its sprockets could have driven it."""
+    valid = log.is_valid
+    time, position = log.time[valid], log.pose[valid, :2]
+    way = np.hypot(*np.diff(position, axis=0).T)
+    reach = _JUMP + _OVERDRIVE * geometry.sprocket_radius * np.abs(log.omega).max() * np.diff(time)
+    far = way > reach
+    if far.any():
+        k = int(np.argmax(far))
+        raise LogError(
+            f"run {log.run!r}: its pose jumps by {way[k]:.3g} m between t = {time[k]:g} s and {time[k + 1]:g} s, "
+            f"where its sprockets allow {reach[k]:.3g} m: mark bad rows in a column valid"
+        )
 
 
 def true_samples(logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE) -> SlipSamples:
@@ -134,9 +161,18 @@ class LawModel:
     build: Callable[[Mapping[str, float], RobotGeometry], SlipLaw]
     """A law from values of the parameters."""
 
+    def limits(self, half_gauge: float) -> dict[str, tuple[float, float, float]]:
+        """name -> (start, lowest, highest) for a robot of that half gauge [m]."""
+        units = {name: half_gauge if name in _LENGTHS else 1.0 for name in self.parameters}
+        return {
+            name: (s * units[name], a * units[name], b * units[name]) for name, (s, a, b) in self.parameters.items()
+        }
+
 
 _VAGUE = 0.1  # standard error, as a fraction of its range, of a parameter that the samples say nothing about
 _EXACT = 1e-9  # rms residual of samples that lie on a law to within rounding
+_HOPELESS = 0.3  # rms residual of a fit that has gone astray
+_START_SCALES = (1.0, 6.0, 20.0)
 _LENGTHS = ("offset",)
 _OFFSET = (0.05, -0.99, 50.0)
 
@@ -185,21 +221,30 @@ def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry) -> FittedL
     if name not in LAW_MODELS:
         raise InvalidValueError("law", name, f"one of {', '.join(LAW_MODELS)}")
     model = LAW_MODELS[name]
-    parameters = lmfit.Parameters()
-    for key, limits in model.parameters.items():
-        unit = geometry.half_gauge if key in _LENGTHS else 1.0
-        start, low, high = (unit * limit for limit in limits)
-        parameters.add(key, value=start, min=low, max=high)
-    if samples.slip.size <= len(parameters):
+    limits = model.limits(geometry.half_gauge)
+    if samples.slip.size <= len(limits):
         raise LogError(
-            f"{len(samples.run)} sample(s) of two tracks can't determine the {len(parameters)} parameters of {name}"
+            f"law {name}: {len(samples.run)} sample(s) of two tracks can't determine its {len(limits)} parameters"
         )
 
     def residual(p: lmfit.Parameters) -> Array:
         return (model.build(p.valuesdict(), geometry)(samples.curvature) - samples.slip).ravel()
 
-    result = lmfit.minimize(residual, parameters)
+    # slip has a pole in the offset for every turn: climb from several sides, keep the best
+    results = []
+    for scale in _START_SCALES:
+        parameters = lmfit.Parameters()
+        for key, (start, low, high) in limits.items():
+            parameters.add(key, value=start * (scale if key in _LENGTHS else 1.0), min=low, max=high)
+        results.append(lmfit.minimize(residual, parameters))
+        if not set(limits) & set(_LENGTHS):
+            break
+    result = min(results, key=lambda r: float(r.chisqr))
     left_over = rms(residual(result.params))
+    if left_over > _HOPELESS:
+        raise LogError(
+            f"law {name}: misses the samples by {left_over:.2g} rms: are there runs as tight as the tracks are apart?"
+        )
     if not result.success and left_over > _EXACT:
         raise LogError(f"law {name}: the fit failed ({' '.join(result.message.split())})")
     for key, p in result.params.items():
@@ -241,4 +286,8 @@ def law_from_values(name: str, values: Mapping[str, Any], half_gauge: float) -> 
     if missing:
         raise InvalidValueError(f"{name}.{missing[0]}", values.get(missing[0]), "a number")
     numbers = {key: float(values[key]) for key in model.parameters}
-    return model.build(numbers, RobotGeometry(half_gauge, sprocket_radius=1.0))
+    geometry = RobotGeometry(half_gauge, sprocket_radius=1.0)
+    for key, (_, low, high) in model.limits(half_gauge).items():
+        if not low <= numbers[key] <= high:
+            raise InvalidValueError(f"{name}.{key}", numbers[key], f"from {low:g} to {high:g}")
+    return model.build(numbers, geometry)

@@ -63,7 +63,8 @@ def track_slip(omega: ArrayLike, twist: ArrayLike, geometry: RobotGeometry) -> A
     commanded = geometry.sprocket_radius * np.asarray(omega, float)
     real = track_speeds(twist, geometry.half_gauge)
     commanded, real = np.broadcast_arrays(commanded, real)
-    ratio = np.divide(real, commanded, out=np.full(real.shape, np.nan), where=commanded != 0)
+    with np.errstate(over="ignore"):
+        ratio = np.divide(real, commanded, out=np.full(real.shape, np.nan), where=commanded != 0)
     return 1 - ratio
 
 

@@ -79,10 +79,13 @@ def read_table(path: Path) -> pa.Table:
     try:
         if not path.is_file():
             raise LogError(f"{path}: no such file")
+        table = None
         if path.suffix.lower() == ".parquet":
-            return pa.parquet.read_table(path)
-        if path.suffix.lower() == ".csv":
-            return pa.csv.read_csv(path, convert_options=_as_text(path))
+            table = pa.parquet.read_table(path)
+        elif path.suffix.lower() == ".csv":
+            table = pa.csv.read_csv(path, convert_options=_as_text(path))
+        if table is not None and table.column_names is not None:  # names may not be text
+            return table
     except LogError:
         raise
     except (pa.ArrowException, OSError, csv.Error, UnicodeError) as error:
@@ -101,7 +104,10 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
     columns.require(REQUIRED)
     if pa.types.is_nested(table.schema.field("run").type):
         raise LogError(f"{source}: column run: {table.schema.field('run').type} is not a name")
-    names = table.column("run").cast(pa.string())
+    try:
+        names = table.column("run").cast(pa.string())
+    except pa.ArrowException as error:
+        raise LogError(f"{source}: column run: {_first_line(error)}") from error
     if "" in (listed := ["" if name is None else name for name in names.to_pylist()]):
         raise LogError(f"{source}: row {listed.index('') + 1}, column run: empty")
     encoded = names.combine_chunks().dictionary_encode()

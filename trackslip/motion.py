@@ -14,6 +14,7 @@ from trackslip.runlog import RunLog
 CUTOFF = 0.5
 """Normalised cutoff of the paper's Butterworth filter: half of half the sampling rate."""
 _SHORTEST = 16  # rows a filter without transients needs
+_FASTEST_TURN = 0.15  # from row to row: the filter then shortens a circle by 8e-5 [rad]
 _WIDEST_TURN = 2.5  # of a gap that an arc bridges [rad]
 
 
@@ -35,7 +36,8 @@ def butterworth_motion(log: RunLog) -> Motion:
     resampled too.
 
     Raises:
-        LogError: for a run with too few valid poses to filter, or a gap in which it turned too far to bridge.
+        LogError: for a run with too few valid poses to filter, one that turns too far from row to row, or a gap in
+            which it turned too far to bridge.
     """
     valid = log.is_valid
     if valid.sum() < _SHORTEST:
@@ -50,6 +52,12 @@ def butterworth_motion(log: RunLog) -> Motion:
         raise LogError(
             f"run {log.run!r}: turns by {turn[k]:.1f} rad between the valid poses at t = {time[k]:g} s and "
             f"{time[k + 1]:g} s: at most {_WIDEST_TURN:.1f} rad can be bridged"
+        )
+    per_step = float(np.median(turn))
+    if per_step > _FASTEST_TURN:
+        raise LogError(
+            f"run {log.run!r}: turns by {per_step:.2f} rad from row to row, which the filter would flatten: "
+            f"at most {_FASTEST_TURN:g} rad, log it more often"
         )
     if len(even) < _SHORTEST:
         raise LogError(f"run {log.run!r}: {len(even)} even time steps, needs at least {_SHORTEST}")

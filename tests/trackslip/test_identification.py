@@ -1,4 +1,5 @@
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -47,7 +48,7 @@ def test_standard_errors_are_the_scatter_of_the_estimates():
 
 
 def test_too_few_samples_and_unknown_laws():
-    with pytest.raises(LogError, match="4 parameters of exponential"):
+    with pytest.raises(LogError, match="can't determine its 4 parameters"):
         fit_law("exponential", samples_of(PUBLISHED, KAPPA[:2]), GEOMETRY)
     with pytest.raises(InvalidValueError, match="one of exponential, icr, icr_radius"):
         fit_law("cubic", samples_of(PUBLISHED), GEOMETRY)
@@ -81,6 +82,20 @@ def test_wrong_units_and_swapped_tracks_are_noticed(omega, twist, message):
         SlipSamples.of(np.array([omega]), np.array([twist]), GEOMETRY, ["odd"])
 
 
+@pytest.mark.parametrize("tight", [0.25, 0.23, 0.19, -0.25])
+def test_a_run_tighter_than_the_poles_does_not_trap_the_fit(tight):
+    law = ConstantIcr(0.0447, 0.168, 0.0067)
+    fit = fit_law("icr_radius", samples_of(law, np.array([0.4, 0.8, 1.6, 1 / tight])), GEOMETRY)
+    assert fit.values["offset"] == pytest.approx(0.0447, abs=1e-6)
+    assert fit.values["radius_error"] == pytest.approx(0.0067, abs=1e-6)
+
+
+def test_a_sprocket_that_nearly_stands_is_noticed():
+    law = ConstantIcr(0.0447, 0.168)
+    with pytest.raises(LogError, match="run '1': one sprocket nearly stands"):
+        samples_of(law, np.array([0.5, 1 / 0.214]))
+
+
 def trace(law, kappa, duration=20.0, omega_after=1.0):
     twist = np.array([0.15, 0.15 * kappa])
     time = np.arange(0, duration, 0.05)
@@ -99,6 +114,12 @@ def test_slip_of_traces():
 
 def test_runs_that_are_not_steady_are_refused():
     law = ConstantIcr(0.045, 0.168)
+    jumpy = trace(law, 0.5)
+    jumpy.pose[200, 0] += 5.0
+    with pytest.raises(LogError, match=r"jumps by 5.* m between t = 9\.95 s and 10 s"):
+        slip_samples([jumpy], GEOMETRY)
+    marked = replace(jumpy, valid=np.arange(len(jumpy.time)) != 200)
+    np.testing.assert_allclose(slip_samples([marked], GEOMETRY).slip[0], law(0.5), atol=1e-6)
     with pytest.raises(LogError, match="change by"):
         slip_samples([trace(law, 0.5, omega_after=1.3)], GEOMETRY)
     with pytest.raises(LogError, match="too short"):
@@ -124,6 +145,11 @@ def test_laws_survive_their_file(tmp_path):
         ("{}", "no slip laws"),
         ('{"geometry": {"half_gauge": "abc", "sprocket_radius": 1}, "slip_laws": {}}', "no slip laws"),
         ("[1, 2]", "no slip laws"),
+        (
+            '{"geometry": {"half_gauge": 0.168, "sprocket_radius": 0.06},'
+            ' "slip_laws": {"icr_radius": {"values": {"offset": 0.04, "radius_error": 1e308}}}}',
+            r"icr_radius\.radius_error = 1e\+308: must be from -0\.5 to 0\.5",
+        ),
         ('{"geometry": {"half_gauge": 0.1, "sprocket_radius": 0.06}, "slip_laws": {"icr": {"values": {}}}}', "offset"),
         (
             '{"geometry": {"half_gauge": -1, "sprocket_radius": 0.06},'

@@ -69,6 +69,11 @@ def test_a_gap_too_wide_to_bridge_is_refused():
         butterworth_motion(circle_log((0.2, 0.4), valid=(time < 5) | (time > 15)))
 
 
+def test_turns_too_fast_for_the_rate_are_refused():
+    with pytest.raises(LogError, match="log it more often"):
+        butterworth_motion(circle_log((0.2, 0.4), step=0.5))
+
+
 def test_too_little_to_filter():
     with pytest.raises(LogError, match="needs at least"):
         butterworth_motion(circle_log((0.1, 0.1), rows=10))
