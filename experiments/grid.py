@@ -42,12 +42,8 @@ def run(config: GridConfig) -> None:
             "warnings": warnings,
             "timing": {"wall_s": wall, "simulated_s": simulated_seconds(logs), "stages": {"grid": wall}},
         }
-        store.write_parquet(folder, logs)
-        store.write_json(folder / store.SUMMARY, summary)
-        store.write_json(
-            folder / store.MANIFEST,
-            store.manifest("grid", config, wall, seed=config.seed, model_sha256=robot.digest),
-        )
+        about = store.manifest("grid", config, wall, seed=config.seed, model_sha256=robot.digest)
+        store.write_results(folder, logs, summary, about)
     print_table(
         f"{len(logs)} runs of {config.duration:g} s",
         ("commanded radius [m]", "observed [m]", "outer slip", "inner slip"),

@@ -76,15 +76,13 @@ def run(config: ReproduceConfig) -> None:
                 tracking_logs=tracking_logs,
             )
             (folder / store.REPORT).write_text(render(page), encoding="utf-8")
-            store.write_parquet(folder, [*grid_logs, *tracking_logs])
         wall = time.perf_counter() - began
         summary["timing"] = {
             "wall_s": wall,
             "simulated_s": simulated_seconds([*grid_logs, *tracking_logs]),
             "stages": stages,
         }
-        store.write_json(folder / store.SUMMARY, summary)
-        store.write_json(folder / store.MANIFEST, about)
+        store.write_results(folder, [*grid_logs, *tracking_logs], summary, about)
     print_table(
         "Published | simulated",
         ("quantity", "published", "simulated"),

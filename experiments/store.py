@@ -81,6 +81,13 @@ def _replace(staging: Path, out: Path) -> None:
         os.replace(staging / name, out / name)
 
 
+def write_results(folder: Path, logs: Sequence[RunLog], summary: Mapping[str, Any], about: Mapping[str, Any]) -> None:
+    """Write what every command that drives leaves: RUNS, SUMMARY and MANIFEST."""
+    write_parquet(folder, logs)
+    write_json(folder / SUMMARY, summary)
+    write_json(folder / MANIFEST, about)
+
+
 def write_parquet(folder: Path, logs: Sequence[RunLog]) -> None:
     """Write runs as the folder's RUNS."""
     logfile.write_parquet(logs, folder / RUNS)

@@ -68,12 +68,8 @@ def run(config: TrackConfig) -> None:
             "localization": found,
             "timing": {"wall_s": wall, "simulated_s": simulated_seconds(logs), "stages": {"track": wall}},
         }
-        store.write_parquet(folder, logs)
-        store.write_json(folder / store.SUMMARY, summary)
-        store.write_json(
-            folder / store.MANIFEST,
-            store.manifest("track", config, wall, seed=config.seed, model_sha256=robot.digest),
-        )
+        about = store.manifest("track", config, wall, seed=config.seed, model_sha256=robot.digest)
+        store.write_results(folder, logs, summary, about)
     print_table("Tracking errors of the true pose", TRACKING_HEADER, tracking_rows(rows))
     print(f"{found['valid_fraction']:.1%} of the scans gave a valid pose; the rest was dead reckoning")
     print(f"{config.out / store.RUNS}: {wall:.1f} s")

@@ -170,6 +170,16 @@ def test_a_folder_without_permission(refused, tmp_path):
     assert "can't be written" in refused("grid", *SMALL, "--out", str(locked / "out"))
 
 
+def test_a_folder_that_cannot_be_made(refused, monkeypatch):
+    """The same for root, whom no permission stops."""
+
+    def deny(*_args, **_options):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("experiments.store.tempfile.mkdtemp", deny)
+    assert "out = 'new/below': can't be written (Permission denied)" in refused("grid", *SMALL, "--out", "new/below")
+
+
 def test_an_output_path_that_is_a_file(refused, tmp_path):
     (tmp_path / "file").write_text("mine")
     assert "can't be written" in refused("grid", *SMALL, "--out", str(tmp_path / "file"))

@@ -22,6 +22,7 @@ from trackslip.scan import Cluster, Plate, Scan, extract_plate
 _BESIDE = np.radians(2.0)  # the two starts beside the line of sight
 _EDGE_ON = np.radians(3.0)  # nearer to the line of sight than this, the heading is integrated
 _GRID = np.radians(np.linspace(-5.0, 5.0, 81))  # headings of that integral, from the line of sight
+_STARTS = 6  # at most, with an expected pose
 _CHUNK = 20_000  # elements (starts x beams) worked on at a time, so that they stay in the cache
 _UNKNOWN = 1e6  # variance of what a scan says nothing about
 _CONVERGED = 1e-7  # a smaller fall of the cost ends a climb
@@ -51,7 +52,7 @@ class PlateLocator:
         cluster = extract_plate(scan, self.plate, near)
         scans = len(cluster.count)
         pose, covariance, misfit = np.zeros((scans, 3)), np.full((scans, 3, 3), _UNKNOWN), np.full(scans, np.inf)
-        for rows in _chunks(cluster, 6):
+        for rows in _chunks(cluster, _STARTS):
             part = cluster.take(rows)
             fit = self._fit(scan, part, None if near is None else near[rows])
             pose[rows], misfit[rows] = fit.pose, fit.misfit
@@ -82,11 +83,10 @@ class PlateLocator:
     def _integrate(self, scan: Scan, cluster: Cluster, sight: Array) -> tuple[Array, Array]:
         """Posterior means (S, 3) and covariances (S, 3, 3) for plates seen nearly edge-on at bearings `sight` (S,)."""
         scans, k = len(sight), len(_GRID)
-        heading = sight[:, None] + _GRID  # (S, K)
-        middle = fit_line(cluster).middle
-        starts = np.stack([_place(cluster, heading[:, j], middle, self.plate) for j in range(k)], axis=1)
-        view = View.of(scan, cluster).take(np.repeat(np.arange(scans), k))
-        fit = self._climb(view, starts.reshape(-1, 3), self.screening, turn=False)
+        every = np.repeat(np.arange(scans), k)
+        heading = (sight[:, None] + _GRID).ravel()  # (S * K,)
+        starts = _place(cluster.take(every), heading, fit_line(cluster).middle[every], self.plate)
+        fit = self._climb(View.of(scan, cluster).take(every), starts, self.screening, turn=False)
         cost = fit.cost.reshape(scans, k)
         weight = np.exp(cost.min(axis=1, keepdims=True) - cost)
         weight /= weight.sum(axis=1, keepdims=True)
@@ -94,9 +94,7 @@ class PlateLocator:
         mean = np.sum(weight[..., None] * pose, axis=1)
         away = pose - mean[:, None]
         given_heading, regular = inverses(fit.hessian)
-        given_heading[:, 2, 2] = (
-            _GRID[1] - _GRID[0]
-        ) ** 2 / 12  # of the grid; the hessian has none for a fixed heading
+        given_heading[:, 2, 2] = (_GRID[1] - _GRID[0]) ** 2 / 12  # of the grid: a fixed heading has no hessian
         within = np.where(regular[:, None, None], given_heading, _UNKNOWN).reshape(scans, k, 3, 3)
         total = within + away[..., :, None] * away[..., None, :]
         return mean, np.sum(np.where(weight[..., None, None] > 1e-9, weight[..., None, None] * total, 0.0), axis=1)
