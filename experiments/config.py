@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
-from sim.drive import RADIUS_ERROR, Drive
+from sim.drive import LARGEST_RADIUS_ERROR, Drive
 from sim.ground import Ground
 from sim.scanner import LaserScanner
 from trackslip.errors import InvalidValueError, require_at_most, require_non_negative, require_positive
@@ -35,6 +35,30 @@ LINEAR_START = (0.3, -0.2, math.pi / 3)
 
 
 @dataclass(frozen=True)
+class GroundOptions:
+    """The ground, and what of it is to be another."""
+
+    source: Annotated[str | None, tyro.conf.arg(name="", metavar="NAME|FILE")] = None
+    """stone, concrete, rubber, packed_soil, gravel, wet, ice, or a .toml file; by default the robot's, else stone."""
+    along: float | None = None
+    """Friction coefficient along the track [-]."""
+    across: float | None = None
+    """Friction coefficient across the track [-]."""
+    slope: float | None = None
+    """Angle of the ground to the horizontal [rad]."""
+    uphill: float | None = None
+    """Heading of a robot that drives straight up the slope [rad]."""
+
+    def __post_init__(self) -> None:
+        self.changed(Ground())
+
+    def changed(self, ground: Ground) -> Ground:
+        """A ground with what is given here in place of its own."""
+        given = {name: getattr(self, name) for name in ("along", "across", "slope", "uphill")}
+        return replace(ground, **{name: value for name, value in given.items() if value is not None})
+
+
+@dataclass(frozen=True)
 class Simulation:
     """The simulated world, the same for every command that drives."""
 
@@ -42,9 +66,11 @@ class Simulation:
     """Root of all random numbers."""
     threads: int = 0
     """Worker threads, 0 for one per processor; the results are the same."""
-    radius_error: float = RADIUS_ERROR
-    """Relative error of the effective sprocket radius, real / nominal - 1."""
-    ground: Ground = field(default_factory=Ground)
+    robot: Path | None = None
+    """A robot file, as calibrate writes it: the robot's parameters and its ground; by default the shipped robot."""
+    radius_error: float | None = None
+    """Relative error of the effective sprocket radius, real / nominal - 1; by default the robot's."""
+    ground: GroundOptions = field(default_factory=GroundOptions)
     drive: Drive = field(default_factory=Drive)
     scanner: LaserScanner = field(default_factory=LaserScanner)
 
@@ -53,7 +79,7 @@ class Simulation:
             raise InvalidValueError("seed", self.seed, "an integer >= 0")
         if not 0 <= self.threads <= MOST_THREADS:
             raise InvalidValueError("threads", self.threads, f"an integer from 0 to {MOST_THREADS}")
-        if not -0.5 <= self.radius_error <= 0.5:
+        if self.radius_error is not None and not abs(self.radius_error) <= LARGEST_RADIUS_ERROR:
             raise InvalidValueError("radius_error", self.radius_error, "from -0.5 to 0.5")
         scan_periods = self.scanner.period / self.drive.period
         if abs(scan_periods - round(scan_periods)) > 1e-6 or scan_periods < 0.5:
@@ -187,16 +213,18 @@ class ReproduceConfig(GridConfig):
 class PredictConfig:
     """A slip law from quasi-static Coulomb theory, without simulating."""
 
-    half_gauge: float = 0.168
-    """Half the distance between the tracks [m]."""
-    contact_length: float = 0.34
-    """Length of track on the ground [m]."""
-    friction_ratio: float = 0.775 / 0.70
-    """Friction across the track over friction along it: all that slip asks of the ground."""
-    com_x: float = 0.0
-    """Centre of mass, forward of the middle of the tracks [m]."""
-    sprocket_radius: float = 0.06
-    """Radius of the sprockets [m]; stored with the law, slip doesn't depend on it."""
+    robot: Path | None = None
+    """A robot file: what isn't given below is taken from it; by default the shipped robot."""
+    half_gauge: float | None = None
+    """Half the distance between the tracks [m]; by default the robot's."""
+    contact_length: float | None = None
+    """Length of track on the ground [m]; by default the robot's."""
+    friction_ratio: float | None = None
+    """Friction across the track over friction along it, all that slip asks of the ground; by default the robot's."""
+    com_x: float | None = None
+    """Centre of mass, forward of the middle of the tracks [m]; by default the robot's."""
+    sprocket_radius: float | None = None
+    """Radius of the sprockets [m], stored with the law, slip doesn't depend on it; by default the robot's."""
     radius_error: float = 0.0
     """Relative error of the effective sprocket radius, real / nominal - 1."""
     radii: tuple[float, ...] = OBSERVED_RADII
@@ -206,12 +234,11 @@ class PredictConfig:
 
     def __post_init__(self) -> None:
         for name in ("half_gauge", "contact_length", "friction_ratio", "sprocket_radius"):
-            require_positive(name, getattr(self, name))
-            require_at_most(name, getattr(self, name), 100.0)
-        if not -0.5 <= self.radius_error <= 0.5:
+            if getattr(self, name) is not None:
+                require_positive(name, getattr(self, name))
+                require_at_most(name, getattr(self, name), 100.0)
+        if not -LARGEST_RADIUS_ERROR <= self.radius_error <= LARGEST_RADIUS_ERROR:
             raise InvalidValueError("radius_error", self.radius_error, "from -0.5 to 0.5")
-        if not abs(self.com_x) < self.contact_length / 6:
-            raise InvalidValueError("com_x", self.com_x, "nearer to the middle than a sixth of contact_length")
         if not self.radii:
             raise InvalidValueError("radii", self.radii, "at least one number")
         for radius in self.radii:

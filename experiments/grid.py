@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from experiments import store
-from experiments.config import GridConfig, Simulation
+from experiments.config import GridConfig
 from experiments.console import print_table, progress
-from sim.fleet import Fleet
-from sim.robot import Robot, load_robot
+from experiments.world import World
+from sim.robot import Robot
 from sim.runs import Description, open_loop
 from sim.scanner import ScannerFeed
 from sim.seeds import generator
@@ -34,15 +34,16 @@ def run(config: GridConfig) -> None:
     """Drive the grid and store it."""
     began = time.perf_counter()
     with store.results(config.out) as folder:
-        robot = load_robot()
-        logs = drive_grid(config, robot)
+        world = World.of(config)
+        robot = world.robot
+        logs = drive_grid(config, world)
         samples, warnings = usable_samples(logs, robot.geometry)
         wall = time.perf_counter() - began
         summary = grid_summary(config, logs, samples, robot.geometry) | {
             "warnings": warnings,
             "timing": {"wall_s": wall, "simulated_s": simulated_seconds(logs), "stages": {"grid": wall}},
         }
-        about = store.manifest("grid", config, wall, seed=config.seed, model_sha256=robot.digest)
+        about = world.manifest("grid", wall)
         store.write_results(folder, logs, summary, about)
     print_table(
         f"{len(logs)} runs of {config.duration:g} s",
@@ -54,8 +55,9 @@ def run(config: GridConfig) -> None:
     print(f"{config.out / store.RUNS}: {len(logs)} runs in {wall:.1f} s")
 
 
-def drive_grid(config: GridConfig, robot: Robot) -> list[RunLog]:
+def drive_grid(config: GridConfig, world: World) -> list[RunLog]:
     """Every radius at every speed, all runs at once; raises InvalidValueError for radii too tight for the robot."""
+    robot = world.robot
     half_gauge = robot.geometry.half_gauge
     for radius in config.radii:
         if radius <= half_gauge:
@@ -67,10 +69,10 @@ def drive_grid(config: GridConfig, robot: Robot) -> list[RunLog]:
     cells = list(itertools.product(config.radii, config.speeds))
     radius, speed = np.array(cells).T
     keys = [f"radius={r!r} speed={v!r}" for r, v in cells]
-    fleet = make_fleet(config, robot, np.tile(before_scanner(robot), (len(cells), 1)))
+    fleet = world.fleet(np.tile(before_scanner(robot), (len(cells), 1)))
     feed = ScannerFeed(config.scanner, fleet, [generator(config.seed, f"grid {key}") for key in keys])
     omega = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, robot.geometry)
-    common = run_metadata(config, robot, config.localization)
+    common = world.metadata(config.localization)
     descriptions = [
         Description(key, {"radius": r, "speed": v, **common}) for key, (r, v) in zip(keys, cells, strict=True)
     ]
@@ -86,32 +88,9 @@ def before_scanner(robot: Robot) -> Array:
     return np.array([x + CLEARANCE * np.cos(heading), y + CLEARANCE * np.sin(heading), heading - np.pi / 2])
 
 
-def make_fleet(config: Simulation, robot: Robot, start: Array) -> Fleet:
-    """Robots at the poses `start` (N, 3) in the configured world."""
-    return Fleet(robot, start, config.ground, config.radius_error, config.drive, config.threads)
-
-
 def make_locator(name: str, robot: Robot) -> Locator:
     """The localisation method called `name`."""
     return LineLocator(robot.plate) if name == "line" else PlateLocator(robot.plate)
-
-
-def run_metadata(config: Simulation, robot: Robot, localization: str) -> dict[str, Any]:
-    """What every simulated run remembers."""
-    metadata: dict[str, Any] = store.plain(
-        {
-            "geometry": robot.geometry,
-            "plate": robot.plate,
-            "ground": config.ground,
-            "radius_error": config.radius_error,
-            "drive": config.drive,
-            "scanner": config.scanner,
-            "localization": localization,
-            "seed": config.seed,
-            "model_sha256": robot.digest,
-        }
-    )
-    return metadata
 
 
 def simulated_seconds(logs: Sequence[RunLog]) -> float:
@@ -127,9 +106,9 @@ def usable_samples(logs: Sequence[RunLog], geometry: RobotGeometry) -> tuple[Sli
     """
     usable, warnings = [], []
     for log in logs:
-        limit = log.metadata["drive"]["torque_limit"]
-        if log.truth is not None and np.abs(log.truth.torque[len(log.time) // 2 :]).max() >= limit:
-            warnings.append(f"run {log.run!r}: its drives are at their torque limit, {limit:g} N m")
+        if log.truth is not None and log.truth.saturated is not None and log.truth.saturated.max() > 0:
+            share = log.truth.saturated.mean(axis=0).max()
+            warnings.append(f"run {log.run!r}: a motor is at its limit for {share:.1%} of the time")
         try:
             usable.append(slip_samples([log], geometry))
         except LogError as error:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 
 from experiments import store
 from experiments.config import PredictConfig
 from experiments.console import print_table
+from sim.ground import Ground
+from sim.robot_file import load_robot_file
+from sim.robot_parameters import RobotParameters
 from trackslip.skid_theory import line_contact, steady_twist
 from trackslip.slip import ConstantIcr
 
@@ -16,12 +20,13 @@ from trackslip.slip import ConstantIcr
 def run(config: PredictConfig) -> None:
     """Compute the law, store and print it."""
     began = time.perf_counter()
+    robot, _ = predicted_robot(config)
     law = predict(config)
     slip = law(1 / np.array(config.radii))
     with store.results(config.out) as folder:
         wall = time.perf_counter() - began
         summary = {
-            "geometry": {"half_gauge": config.half_gauge, "sprocket_radius": config.sprocket_radius},
+            "geometry": {"half_gauge": robot.half_gauge, "sprocket_radius": robot.sprocket_radius},
             "slip_laws": {"icr_radius": {"values": {"offset": law.offset, "radius_error": law.radius_error}}},
             "radius": list(config.radii),
             "slip": {"outer": slip[:, 1], "inner": slip[:, 0]},
@@ -34,19 +39,24 @@ def run(config: PredictConfig) -> None:
     print(f"D = {1e3 * law.offset:.2f} mm; use it with --laws {config.out}")
 
 
+def predicted_robot(config: PredictConfig) -> tuple[RobotParameters, float]:
+    """The robot and the ratio of friction across to along; a centre of mass to one side is left out."""
+    robot, ground = (RobotParameters(), Ground()) if config.robot is None else load_robot_file(config.robot)
+    given = {name: getattr(config, name) for name in ("half_gauge", "contact_length", "com_x", "sprocket_radius")}
+    robot = replace(robot, com_y=0.0, **{name: value for name, value in given.items() if value is not None})
+    return robot, ground.across / ground.along if config.friction_ratio is None else config.friction_ratio
+
+
 def predict(config: PredictConfig) -> ConstantIcr:
     """The constant ICR that theory gives: the same for every radius and speed.
 
     Raises:
         InvalidValueError: for a centre of mass that would lift part of a track.
     """
+    robot, ratio = predicted_robot(config)
     contact = line_contact(
-        config.half_gauge,
-        config.contact_length / 2,
-        along=1.0,
-        across=config.friction_ratio,
-        centre_of_mass=(config.com_x, 0.0, 0.0),
+        robot.half_gauge, robot.contact_length / 2, along=1.0, across=ratio, centre_of_mass=(robot.com_x, 0.0, 0.0)
     )
     left, right = 1.0, 1.4  # any turn will do
     yaw_rate = steady_twist([left, right], contact)[2]
-    return ConstantIcr((right - left) / (2 * yaw_rate) - config.half_gauge, config.half_gauge, config.radius_error)
+    return ConstantIcr((right - left) / (2 * yaw_rate) - robot.half_gauge, robot.half_gauge, config.radius_error)

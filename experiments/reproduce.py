@@ -15,9 +15,7 @@ from experiments.console import print_table, progress
 from experiments.grid import (
     drive_grid,
     grid_summary,
-    make_fleet,
     make_locator,
-    run_metadata,
     simulated_seconds,
     usable_samples,
 )
@@ -29,7 +27,7 @@ from experiments.track import (
     tracking_rows,
     tracking_summary,
 )
-from sim.robot import Robot, load_robot
+from experiments.world import World
 from sim.runs import Description, Pilot, closed_loop
 from sim.scanner import ScannerFeed
 from sim.seeds import generator
@@ -45,9 +43,10 @@ def run(config: ReproduceConfig) -> None:
     began = time.perf_counter()
     stages: dict[str, float] = {}
     with store.results(config.out) as folder:
-        robot = load_robot()
+        world = World.of(config)
+        robot = world.robot
         with _timed(stages, "grid"):
-            grid_logs = drive_grid(config, robot)
+            grid_logs = drive_grid(config, world)
         with _timed(stages, "identify"):
             samples, warnings = usable_samples(grid_logs, robot.geometry)
             laws, undetermined = fit_laws(samples, robot.geometry)
@@ -56,14 +55,12 @@ def run(config: ReproduceConfig) -> None:
             summary["published"] = published_summary()
             summary |= grid_summary(config, grid_logs, samples, robot.geometry) | {"warnings": warnings}
         with _timed(stages, "track"):
-            tracking_logs = drive_paths(config, robot, {name: fit.law for name, fit in laws.items()})
+            tracking_logs = drive_paths(config, world, {name: fit.law for name, fit in laws.items()})
             summary["tracking"] = tracking_summary(tracking_logs, paper_reference())
         summary = store.plain(summary)
         rows = comparison(summary)
         with _timed(stages, "report"):
-            about = store.manifest(
-                "reproduce", config, time.perf_counter() - began, seed=config.seed, model_sha256=robot.digest
-            )
+            about = world.manifest("reproduce", time.perf_counter() - began)
             page = Report(
                 title="Slip of a tracked robot: the paper and its simulation",
                 command=store.command_line("reproduce"),
@@ -95,25 +92,27 @@ def run(config: ReproduceConfig) -> None:
     print(f"{config.out / store.REPORT}: {wall:.1f} s for {simulated:.0f} s of simulated driving")
 
 
-def drive_paths(config: ReproduceConfig, robot: Robot, identified: Mapping[str, SlipLaw]) -> list[RunLog]:
+def drive_paths(config: ReproduceConfig, world: World, identified: Mapping[str, SlipLaw]) -> list[RunLog]:
     """Both controllers with every compensation on the paper's path, as one fleet; Sec. IV."""
     reference = paper_reference()
     starts = {"feedforward": reference.pose(0.0), "linear": np.array(LINEAR_START)}
     laws = compensation_laws(identified)
     cases = [(controller, compensation) for controller in CONTROLLERS for compensation in laws]
     keys = [f"{controller} {compensation}" for controller, compensation in cases]
-    fleet = make_fleet(config, robot, np.array([starts[controller] for controller, _ in cases]))
+    fleet = world.fleet(np.array([starts[controller] for controller, _ in cases]))
     feed = ScannerFeed(config.scanner, fleet, [generator(config.seed, f"track {key}") for key in keys])
     pilots = [
         Pilot(CONTROLLERS[controller](), [k], laws[compensation]) for k, (controller, compensation) in enumerate(cases)
     ]
-    common = run_metadata(config, robot, config.localization) | {"reference": "paper"}
+    common = world.metadata(config.localization) | {"reference": "paper"}
     descriptions = [
         Description(key, {"controller": controller, "compensation": compensation, **common})
         for key, (controller, compensation) in zip(keys, cases, strict=True)
     ]
     with progress(f"{len(cases)} closed loops", reference.duration) as bar:
-        return closed_loop(fleet, pilots, reference, feed, make_locator(config.localization, robot), descriptions, bar)
+        return closed_loop(
+            fleet, pilots, reference, feed, make_locator(config.localization, world.robot), descriptions, bar
+        )
 
 
 def published_summary() -> dict[str, Any]:

@@ -14,12 +14,11 @@ from experiments.console import print_table, progress
 from experiments.grid import (
     before_scanner,
     localization_summary,
-    make_fleet,
     make_locator,
-    run_metadata,
     simulated_seconds,
 )
-from sim.robot import Robot, load_robot
+from experiments.world import World
+from sim.robot import Robot
 from sim.runs import Description, Pilot, closed_loop
 from sim.scanner import ScannerFeed
 from sim.seeds import generator
@@ -39,7 +38,8 @@ def run(config: TrackConfig) -> None:
     """Drive once, store the run and print its errors."""
     began = time.perf_counter()
     with store.results(config.out) as folder:
-        robot = load_robot()
+        world = World.of(config)
+        robot = world.robot
         reference = make_reference(config, robot)
         identified = config.compensation not in compensation_laws({})
         stored = load_laws(config.laws or SHIPPED, robot.geometry) if identified else {}
@@ -48,10 +48,10 @@ def run(config: TrackConfig) -> None:
             raise LogError(f"{config.laws}: no law {config.compensation!r} in it")
         start = start_pose(config, reference)
         name = f"{config.controller} {config.compensation}"
-        fleet = make_fleet(config, robot, start[None])
+        fleet = world.fleet(start[None])
         feed = ScannerFeed(config.scanner, fleet, [generator(config.seed, f"track {name}")])
         locator = None if config.localization == "truth" else make_locator(config.localization, robot)
-        metadata = run_metadata(config, robot, config.localization) | {
+        metadata = world.metadata(config.localization) | {
             "controller": config.controller,
             "compensation": config.compensation,
             "reference": config.reference,
@@ -68,7 +68,7 @@ def run(config: TrackConfig) -> None:
             "localization": found,
             "timing": {"wall_s": wall, "simulated_s": simulated_seconds(logs), "stages": {"track": wall}},
         }
-        about = store.manifest("track", config, wall, seed=config.seed, model_sha256=robot.digest)
+        about = world.manifest("track", wall)
         store.write_results(folder, logs, summary, about)
     print_table("Tracking errors of the true pose", TRACKING_HEADER, tracking_rows(rows))
     print(f"{found['valid_fraction']:.1%} of the scans gave a valid pose; the rest was dead reckoning")

@@ -1,65 +1,72 @@
-"""The drives: set point -> sprocket speed, with a servo's lag, limits and encoder."""
+"""The drives: set point -> sprocket speed, with a servo's lag, the motor's limits and an encoder."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
+from sim.motor import Motor
 from trackslip.errors import InvalidValueError, require_at_most, require_positive
 from trackslip.kinematics import Array
 
-_WIND_UP = 64.0  # stiffness of grip against turning, over that against driving: enough to keep a saturated drive calm
 RADIUS_ERROR = 0.0067
 """Default relative error of the effective sprocket radius, real / nominal - 1 [-]: tuned to the paper's slips."""
+LARGEST_RADIUS_ERROR = 0.5
 
 
 @dataclass(frozen=True)
 class Drive:
-    """Servo of a sprocket. All assumptions: the paper gives the top speed only."""
+    """Servo and motor of a sprocket. All assumptions: the paper gives the top speed only."""
 
     lag: float = 0.05
     """Time constant of the speed loop [s]."""
     top_speed: float = 0.3
     """Largest speed of a track [m/s] (paper, Sec. II)."""
     torque_limit: float = 8.0
-    """Largest torque at a sprocket [N m]."""
-    inertia: float = 0.02
-    """Of motor and gear, at the sprocket [kg m^2]."""
+    """Largest torque of the motor at the sprocket, set by the amplifier's current [N m]."""
     encoder_counts: int = 100_000
     """Encoder counts per turn of a sprocket (motor encoder times gear)."""
     period: float = 0.01
     """Sampling time of the servo [s]."""
+    motor: Motor = field(default_factory=Motor)
 
     def __post_init__(self) -> None:
-        for name in ("lag", "top_speed", "torque_limit", "inertia", "encoder_counts", "period"):
+        for name in ("lag", "top_speed", "torque_limit", "encoder_counts", "period"):
             require_positive(name, getattr(self, name))
         require_at_most("lag", self.lag, 1.0, "s")
         require_at_most("top_speed", self.top_speed, 10.0, "m/s")
+        if self.torque_limit <= self.motor.friction:
+            raise InvalidValueError(
+                "torque_limit", self.torque_limit, f"more than motor.friction = {self.motor.friction} N m"
+            )
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What the sprockets will do in the next P servo periods, torque permitting."""
+
+    omega: Array  # (P + 1, N, 2) speeds now and at the end of each period [rad/s]
+    mean: Array  # (P, N, 2) mean speeds in them [rad/s]
 
 
 class DriveState:
-    """The sprockets of N robots, (N, 2) each."""
+    """The sprockets of N robots, (N, 2) each.
 
-    def __init__(self, drive: Drive, n: int, sprocket_radius: float, mass: float = 0.0, grip_rate: float = 0.0) -> None:
-        """N pairs of sprockets at rest.
+    The servo knows its load: as long as the motor is strong enough the speed follows the set point with a first-order
+    lag, exactly. So the speeds can be forecast, and what torque they took is found when the ground has answered.
+    """
 
-        Args:
-            drive: their servo.
-            n: robots.
-            sprocket_radius: turns the top speed into a sprocket speed [m].
-            mass: of the robot that the tracks push [kg].
-            grip_rate: rate at which friction takes up a sliding speed, before it reaches its limit [1/s].
-        """
-        self._mass = mass
-        self._grip = mass / 2 * grip_rate  # force per sliding speed of one track [N s/m]
+    def __init__(self, drive: Drive, n: int, sprocket_radius: float) -> None:
+        """N pairs of sprockets of a nominal radius [m] at rest."""
         self._drive = drive
         self._radius = sprocket_radius
         self.limit = drive.top_speed / sprocket_radius
         """Largest sprocket speed [rad/s]."""
+        self.torque_limit = drive.torque_limit
+        """Largest torque [N m]."""
         self._decay = np.exp(-drive.period / drive.lag)
         self._mean_decay = -np.expm1(-drive.period / drive.lag) * drive.lag / drive.period
-        self._torque_per_error = drive.inertia * (self._decay - 1) / drive.period
         self.set_point = np.zeros((n, 2))
         """[rad/s]"""
         self.omega = np.zeros((n, 2))
@@ -67,7 +74,11 @@ class DriveState:
         self.angle = np.zeros((n, 2))
         """True angle [rad]."""
         self.torque = np.zeros((n, 2))
-        """[N m]"""
+        """Of the motors, at the sprockets, in the last period [N m]."""
+        self.energy = np.zeros((n, 2))
+        """Electrical energy since the start [J]."""
+        self.saturated_time = np.zeros((n, 2))
+        """Time since the start in which the motor was at its limit [s]."""
 
     def command(self, omega: Array) -> None:
         """Set points (N, 2) [rad/s]; what is beyond the top speed is cut off."""
@@ -75,46 +86,37 @@ class DriveState:
             raise InvalidValueError("omega", omega, "finite")
         np.clip(omega, -self.limit, self.limit, out=self.set_point)
 
-    def advance(self, traction: Array) -> Array:
-        """One servo period against the ground's pull on the tracks (N, 2) [N]; the mean speeds in it (N, 2) [rad/s].
+    def forecast(self, periods: int) -> Forecast:
+        """Speeds in the next `periods`, if the motors are strong enough."""
+        error = np.full((periods + 1, *self.omega.shape), self._decay)
+        error[0] = self.omega - self.set_point
+        np.multiply.accumulate(error, axis=0, out=error)
+        return Forecast(self.set_point + error, self.set_point + error[:-1] * self._mean_decay)
 
-        The servo compensates its load, so that the speed follows the set point with a first-order lag, exactly, as
-        long as the torque this takes is within the limit.
-        """
-        drive = self._drive
-        load = self._radius * traction
-        error = self.omega - self.set_point
-        target = self.set_point + error * self._decay
-        mean = self.set_point + error * self._mean_decay
-        torque = error * self._torque_per_error + load
-        if np.abs(torque).max() > drive.torque_limit:
-            limited = np.clip(torque, -drive.torque_limit, drive.torque_limit)
-            free = self.omega + self._saturated_step(limited - load, traction)
-            free = np.where(torque > limited, np.minimum(free, target), np.maximum(free, target))
-            saturated = limited != torque
-            mean = np.where(saturated, (self.omega + free) / 2, mean)
-            target = np.where(saturated, free, target)
-            torque = limited
-        self.torque = torque
-        self.omega = target
-        self.angle += mean * drive.period
-        return mean
+    def torque_for(self, forecast: Forecast, traction: Array) -> Array:
+        """Motor torques (P, N, 2) [N m] at the sprockets of a forecast, against traction (P, N, 2) [N]."""
+        motor, omega = self._drive.motor, forecast.omega
+        accelerating = np.diff(omega, axis=0) * (motor.inertia / self._drive.period)
+        return accelerating + self._radius * traction + motor.loss(omega[1:])
 
-    def _saturated_step(self, net: Array, traction: Array) -> Array:
-        """Change of speed (N, 2) [rad/s] in a period under net torques (N, 2) [N m].
+    def torque_range(self, omega: Array) -> tuple[Array, Array]:
+        """Least and greatest torque (...) [N m] that a motor has at sprocket speeds (...) [rad/s]."""
+        least, most = self._drive.motor.torque_range(omega)
+        return np.maximum(least, -self.torque_limit), np.minimum(most, self.torque_limit)
 
-        The ground answers within the period, and unless its answer is counted the tracks are shaken to and fro. Both
-        tracks together meet the robot's inertia, one against the other the much stiffer grip sideways. A turn that
-        takes more torque than there is still hunts, by a few tenths of a rad/s.
-        """
-        period, inertia, radius = self._drive.period, self._drive.inertia, self._radius
-        together, against = net.mean(axis=1, keepdims=True), (net[:, 1:] - net[:, :1]) / 2
-        if self._mass > 0:  # grip that the robot's own acceleration takes off again
-            speeding_up = traction.sum(axis=1, keepdims=True) / self._mass * period
-            together = together + radius * self._grip * speeding_up
-        common = together * period / (inertia + period * self._grip * radius**2)
-        turning = against * period / (inertia + period * _WIND_UP * self._grip * radius**2)
-        return np.concatenate([common - turning, common + turning], axis=1)
+    def too_weak(self, forecast: Forecast, torque: Array) -> np.ndarray:
+        """(P, N, 2) whether the torques that a forecast takes are more than the motors have."""
+        least, most = self.torque_range(forecast.omega[1:])
+        return (torque < least) | (torque > most)
+
+    def accept(self, forecast: Forecast, torque: Array, saturated: Array | None = None) -> None:
+        """Let a forecast come true, with its torques (P, N, 2) and where (P, N, 2) they are at the motors' limits."""
+        period = self._drive.period
+        self.omega, self.torque = forecast.omega[-1], torque[-1]
+        self.angle += forecast.mean.sum(axis=0) * period
+        self.energy += self._drive.motor.power(torque, forecast.mean).sum(axis=0) * period
+        if saturated is not None:
+            self.saturated_time += saturated.sum(axis=0) * period
 
     def encoder_angle(self) -> Array:
         """Angles (N, 2) as the encoders count them [rad]."""

@@ -10,7 +10,9 @@ from numpy.typing import ArrayLike
 
 from sim.drive import RADIUS_ERROR, Drive, DriveState
 from sim.ground import Ground
+from sim.pad_friction import PadFriction
 from sim.robot import Robot
+from sim.saturation import SpeedSearch
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array
 
@@ -40,8 +42,8 @@ class Fleet:
             threads: worker threads, 0 for one per processor.
 
         Raises:
-            InvalidValueError: for poses that aren't finite, a wrong number of grounds, a servo period that is no
-                multiple of the physics step.
+            InvalidValueError: for poses that aren't finite, a wrong number of grounds, a slope too steep to park on, a
+                servo period that is no multiple of the physics step.
         """
         start = np.atleast_2d(np.asarray(start, float))
         if start.ndim != 2 or start.shape[1] != 3 or not np.isfinite(start).all():
@@ -52,7 +54,7 @@ class Fleet:
         self.size = len(start)
         self._radius = robot.geometry.sprocket_radius * (1 + np.broadcast_to(radius_error, (self.size,)))[:, None]
         drive = drive or Drive()
-        self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius, robot.mass, robot.grip_rate)
+        self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius)
         self.period = drive.period
         step = robot.model.opt.timestep
         self._substeps = round(drive.period / step)
@@ -60,25 +62,43 @@ class Fleet:
             raise InvalidValueError("drive.period", drive.period, f"a multiple of the physics step, {step} s")
 
         self.batch = batch.Batch(robot.model, self.size, nthread=threads)
-        self._surface = self.batch.expand("geom_surfacevel")  # (N, ngeom, 6)
-        self._friction = self.batch.expand("pair_friction")  # (N, npair, 5)
-        self._force = self.batch.bind("sensordata").reshape(self.size, 2, 3)
+        surface = self.batch.expand("geom_surfacevel")  # (N, ngeom, 6)
+        self._belts = surface[:, robot.pads, 2]  # (N, P) speed of each pad's surface along its axis, live
+        self._pad_friction = self.batch.expand("pair_friction")[:, robot.pad_pairs, :2]  # (N, P, 2), live
+        self._sensors = self.batch.bind("sensordata")  # (N, 6), live: force on the left and on the right track
         self._quaternion = tuple(self.batch.qpos[:, 3:7].T)  # four live views (N,)
-        rotation = self.batch.bind("xmat")[:, robot.model.body("chassis").id]  # (N, 9), live
-        self._forward = rotation[:, 0:1], rotation[:, 3:4]  # the chassis' x axis on the ground, along world x and y
+        # (N, 2), live: the chassis' x axis on the ground
+        self._forward = self.batch.bind("xmat")[:, robot.model.body("chassis").id, 0:4:3]
+        self.plate = self.batch.bind("geom_xpos")[:, robot.model.geom("plate").id]
+        """Middles (N, 3) of the robots' plates one physics step ago [m], live."""
+        self._gravity: Array | None = None  # (N, 3), live, once some ground slopes
         self._heading: Array = np.zeros(self.size)  # unwrapped
+        self._periods = 0  # since the start
         fastest = drive.top_speed / robot.geometry.half_gauge * drive.period  # turn in a period [rad]
         self._unwrap_every = max(1, int(1.0 / fastest))  # periods
+        self._place_at(start)
         self.set_ground(ground or Ground())
-        self._set_down(start)
+        for g, friction, heading in zip(self.ground, self._pad_friction, start[:, 2], strict=True):
+            g.require_parking(friction.mean(axis=0), float(heading))
+        self._settle(start)
+
+    @property
+    def time(self) -> float:
+        """Since the start [s]."""
+        return self._periods * self.period
 
     def set_ground(self, ground: Ground | Sequence[Ground]) -> None:
         """Put the robots on a ground, all the same or one each; takes effect at once, also in mid-run."""
         grounds = [ground] * self.size if isinstance(ground, Ground) else list(ground)
         if len(grounds) != self.size:
             raise InvalidValueError("ground", f"{len(grounds)} grounds", f"one or {self.size}")
-        friction = np.array([[g.along, g.across] for g in grounds])
-        self._friction[:, self.robot.pad_pairs, :2] = friction[:, None, :]
+        self.ground = tuple(grounds)
+        self._friction = PadFriction(grounds, self.robot.pad_position)
+        if self._gravity is None and any(g.slope != 0 for g in grounds):
+            self._gravity = self.batch.expand("opt.gravity")
+        if self._gravity is not None:
+            self._gravity[:] = [g.gravity(-float(self.robot.model.opt.gravity[2])) for g in grounds]
+        self._lay_friction()
 
     def command(self, omega: ArrayLike) -> None:
         """Set points of the sprockets, (N, 2) or (2,) [rad/s]; they hold until the next."""
@@ -89,11 +109,55 @@ class Fleet:
         periods = round(duration / self.period)
         if abs(periods * self.period - duration) > 1e-9:
             raise InvalidValueError("duration", duration, f"a multiple of the servo period, {self.period} s")
-        for k in range(periods):
-            self._set_track_speed(self._radius * self.drive.advance(self.traction()))
+        if periods == 0:
+            return
+        before = self._snapshot()
+        forecast = self.drive.forecast(periods)
+        torque = self.drive.torque_for(forecast, self._run(forecast.mean))
+        if not self.drive.too_weak(forecast, torque).any():
+            self.drive.accept(forecast, torque)
+            return
+        self._restore(before)
+        for _ in range(periods):
+            self._advance_within_limits()
+
+    def _run(self, mean: Array) -> Array:
+        """Run the belts at mean sprocket speeds (P, N, 2) [rad/s] for P periods; tractions (P, N, 2) at their ends."""
+        # the lower side of a belt runs backwards when the robot goes forwards
+        belts = (-self._radius * mean)[..., self.robot.pad_side] * self.robot.pad_sign
+        forces = np.empty((len(mean), *self._sensors.shape))
+        forward = np.empty((len(mean), self.size, 2))
+        for k, speed in enumerate(belts):
+            if self._friction.varies:
+                self._lay_friction()
+            self._belts[:] = speed
             self.batch.step(nstep=self._substeps)
-            if k % self._unwrap_every == 0 or k == periods - 1:
+            forces[k], forward[k] = self._sensors, self._forward
+            self._periods += 1
+            if k % self._unwrap_every == 0 or k == len(mean) - 1:
                 self._follow_heading()
+        return np.stack([(forces[..., i : i + 2] * forward).sum(axis=-1) for i in (0, 3)], axis=-1)
+
+    def _advance_within_limits(self) -> None:
+        """One period in which some motor may be too weak to follow its servo.
+
+        Its sprocket then ends at a speed for which it has just enough torque. What the ground makes of a speed is found
+        by trying it.
+        """
+        before = self._snapshot()
+        search = SpeedSearch(self.drive)
+        while True:
+            torque = self.drive.torque_for(search.trial, self._run(search.trial.mean))
+            if search.done(torque):
+                break
+            self._restore(before)
+        self.drive.accept(search.trial, search.torque, search.saturated)
+
+    def _snapshot(self) -> tuple[Array, Array, int]:
+        return self.batch.state.copy(), self._heading.copy(), self._periods
+
+    def _restore(self, snapshot: tuple[Array, Array, int]) -> None:
+        self.batch.state[:], self._heading, self._periods = snapshot[0], snapshot[1].copy(), snapshot[2]
 
     def pose(self) -> Array:
         """True poses (N, 3) of the chassis [m, m, rad]; phi unwrapped."""
@@ -109,11 +173,11 @@ class Fleet:
 
     def traction(self) -> Array:
         """Forces of the ground on the (left, right) tracks, along the robot, (N, 2) [N], in the last physics step."""
-        return self._force[..., 0] * self._forward[0] + self._force[..., 1] * self._forward[1]
+        return np.stack([(self._sensors[:, i : i + 2] * self._forward).sum(axis=-1) for i in (0, 3)], axis=-1)
 
     def load(self) -> Array:
         """Forces of the ground that hold up the (left, right) tracks, (N, 2) [N]."""
-        return self._force[..., 2].copy()
+        return self._sensors[:, 2::3].copy()
 
     def attitude(self) -> Array:
         """Sink (positive downwards) [m], roll and pitch [rad] of the chassis, (N, 3)."""
@@ -122,15 +186,18 @@ class Fleet:
         pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
         return np.column_stack([-self.batch.qpos[:, 2], roll, pitch])
 
-    def _set_track_speed(self, speed: Array) -> None:
-        """Let the belts run at (N, 2) [m/s]: their lower side backwards when the robot goes forwards."""
-        robot = self.robot
-        self._surface[:, robot.pads, :3] = -speed[:, robot.pad_side, None] * robot.pad_forward
+    def _lay_friction(self) -> None:
+        """Give every pad the friction of the place and the time."""
+        self._pad_friction[:] = self._friction.at(self.time, self.batch.qpos[:, :2], self._wrapped_heading())
 
-    def _set_down(self, start: Array) -> None:
+    def _place_at(self, start: Array) -> None:
         qpos = self.batch.qpos
         qpos[:, :3] = np.column_stack([start[:, :2], np.zeros(self.size)])
         qpos[:, 3:7] = _yaw_quaternion(start[:, 2])
+
+    def _settle(self, start: Array) -> None:
+        """Let the robots come to rest on the ground, at the poses `start` (N, 3)."""
+        qpos = self.batch.qpos
         self.batch.step(nstep=round(_SETTLING / self.robot.model.opt.timestep))
         # settling moves it by less than a micrometre; start exactly where asked
         qpos[:, :2] = start[:, :2]

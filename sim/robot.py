@@ -10,6 +10,8 @@ import mujoco
 import numpy as np
 
 import models
+from sim.robot_parameters import RobotParameters
+from sim.scanner import SCANNED_GROUP
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.scan import Plate
@@ -30,13 +32,14 @@ class Robot:
     """Half the length of track that carries load [m]."""
     mass: float
     """[kg]"""
-    grip_rate: float
-    """Rate at which friction takes up a sliding speed, before it reaches its limit [1/s]."""
     plate: Plate
-    pads: np.ndarray  # (P,) geom ids of the contact capsules
+    plate_radius: float
+    """Of the sphere around the plate [m]."""
+    pads: slice  # of the geoms: the contact capsules, each lying along its own z axis
     pad_side: np.ndarray  # (P,) 0 left, 1 right
-    pad_forward: Array  # (P, 3) the robot's forward direction in each pad's frame
-    pad_pairs: np.ndarray  # (P,) contact pair ids
+    pad_sign: Array  # (P,) 1 where a pad's own z axis points forwards, -1 where backwards
+    pad_position: Array  # (P, 2) middle of each pad, in the chassis' frame [m]
+    pad_pairs: slice  # of the contact pairs, in the order of the pads
     contact_points: Array  # (K, 2) places where the tracks touch the ground [m]
     lrf_mount: Array  # (3,) pose of the laser range finder in the world
     lrf_height: float
@@ -45,22 +48,23 @@ class Robot:
     """SHA-256 of the model, visuals aside."""
 
 
-def load_robot(path: Path = FIELD) -> Robot:
-    """Compile a model without its visuals and read its geometry.
+def load_robot(path: Path = FIELD, parameters: RobotParameters | None = None) -> Robot:
+    """Compile a model without its visuals, changed to `parameters`, and read its geometry.
 
     Raises:
         TrackslipError: for a file that doesn't compile or lacks a named part.
     """
     try:
         spec = mujoco.MjSpec.from_file(str(path))
-        full = spec.compile()
-        sprocket_radius = float(full.geom("left_sprocket").size[0])
+        if parameters is not None:
+            parameters.apply(spec)
+        sprocket_radius = float(spec.geom("left_sprocket").size[0])
         for geom in list(spec.geoms):
             if geom.group == VISUAL_GROUP:
                 spec.delete(geom)
         model = spec.compile()
         return _read(model, sprocket_radius, hashlib.sha256(spec.to_xml().encode()).hexdigest())
-    except (ValueError, KeyError) as error:
+    except (ValueError, KeyError, AttributeError) as error:
         raise TrackslipError(f"{path}: {' '.join(str(error).split())}") from error
 
 
@@ -74,7 +78,10 @@ def _read(model: mujoco.MjModel, sprocket_radius: float, digest: str) -> Robot:
     points = np.concatenate([model.geom_pos[pads] - ends, model.geom_pos[pads] + ends])[:, :2]
     on_left = np.sort(points[points[:, 1] > 0, 0])
     spacing = (on_left[-1] - on_left[0]) / (len(on_left) - 1)
-    plate_size = model.geom("plate").size
+    plate = model.geom("plate").id
+    plate_size = model.geom_size[plate]
+    if np.any(model.geom_pos[plate, :2] != 0) or list(np.flatnonzero(model.geom_group == SCANNED_GROUP)) != [plate]:
+        raise ValueError(f"geom group {SCANNED_GROUP} must hold the plate alone, above the middle of the tracks")
     lrf = model.body("lrf")
     heading = _rotation(model.body_quat[lrf.id])[:, 0]
     model.flg_surfacevel = 1  # compiled with standing tracks, the engine would ignore later writes
@@ -83,17 +90,25 @@ def _read(model: mujoco.MjModel, sprocket_radius: float, digest: str) -> Robot:
         geometry=RobotGeometry(round(float(np.abs(points[:, 1]).mean()), 9), sprocket_radius),
         contact_half_length=round(float(on_left[-1] - on_left[0] + spacing) / 2, 9),
         mass=float(model.body_subtreemass[model.body("chassis").id]),
-        grip_rate=float(-model.pair_solreffriction[0, 1] / model.pair_solimp[0, 0]),
         plate=Plate(2 * float(plate_size[0]), 2 * float(plate_size[1])),
-        pads=pads,
+        plate_radius=float(np.linalg.norm(plate_size)),
+        pads=_consecutive(pads, "pads"),
         pad_side=side,
-        pad_forward=rotation[:, 0, :],
-        pad_pairs=np.array([pairs[int(i)] for i in pads]),
+        pad_sign=np.sign(rotation[:, 0, 2]),
+        pad_position=model.geom_pos[pads, :2].copy(),
+        pad_pairs=_consecutive(np.array([pairs[int(i)] for i in pads]), "pairs of the pads"),
         contact_points=points,
         lrf_mount=np.array([*model.body_pos[lrf.id][:2], np.arctan2(heading[1], heading[0])]),
         lrf_height=float(model.body_pos[lrf.id][2]),
         digest=digest,
     )
+
+
+def _consecutive(ids: np.ndarray, what: str) -> slice:
+    """Ids (n,) as a slice, through which arrays are viewed and written without copying."""
+    if not np.array_equal(ids, np.arange(ids[0], ids[0] + len(ids))):
+        raise ValueError(f"the {what} must stand one after the other, in the order of the geoms")
+    return slice(int(ids[0]), int(ids[-1]) + 1)
 
 
 def _rotation(quaternion: Array) -> Array:

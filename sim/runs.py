@@ -160,6 +160,8 @@ class _Recorder:
         self._true_twist = np.zeros((rows, n, 3))
         self._traction = np.zeros((rows, n, 2))
         self._torque = np.zeros((rows, n, 2))
+        self._energy = np.zeros((rows, n, 2))
+        self._saturated_time = np.zeros((rows, n, 2))
 
     def measure(self, k: int) -> None:
         """Encoders and truth."""
@@ -169,6 +171,7 @@ class _Recorder:
         self._angle = angle
         self._true_pose[k], self._true_twist[k] = fleet.pose(), fleet.twist()
         self._traction[k], self._torque[k] = fleet.traction(), fleet.drive.torque
+        self._energy[k], self._saturated_time[k] = fleet.drive.energy, fleet.drive.saturated_time
 
     def estimate(self, k: int, estimate: PoseEstimate) -> None:
         self.pose[k], self._covariance[k], self._valid[k] = estimate.pose, estimate.covariance, estimate.valid
@@ -184,11 +187,22 @@ class _Recorder:
                 twist_command=None if np.isnan(self.twist_command[:, i]).any() else self.twist_command[:, i],
                 covariance=self._covariance[:, i],
                 valid=self._valid[:, i],
-                truth=Truth(self._true_pose[:, i], self._true_twist[:, i], self._traction[:, i], self._torque[:, i]),
+                truth=Truth(
+                    self._true_pose[:, i],
+                    self._true_twist[:, i],
+                    self._traction[:, i],
+                    self._torque[:, i],
+                    self._rate(self._energy[:, i]),
+                    self._rate(self._saturated_time[:, i]),
+                ),
                 metadata=dict(d.metadata),
             )
             for i, d in enumerate(descriptions)
         ]
+
+    def _rate(self, total: Array) -> Array:
+        """Mean rates (T, 2) since the row before, of what has added up to (T, 2)."""
+        return np.diff(total, axis=0, prepend=total[:1]) / self._period
 
 
 def _exactly(pose: Array) -> PoseEstimate:

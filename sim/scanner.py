@@ -10,18 +10,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from trackslip.errors import InvalidValueError, require_at_most, require_non_negative, require_positive
-from trackslip.kinematics import Array
+from trackslip.kinematics import Array, wrap_angle
 from trackslip.scan import Scan
 
 if TYPE_CHECKING:
     from sim.fleet import Fleet
 
+_SLACK = 0.2  # around the plate, so that the beams to cast needn't be chosen anew for every scan [m]
 MOST_BEAMS = 20_000
 """Beams in a scan, at most."""
-LOWEST_RATE = 5.0
-"""Scans per second, at least [Hz]."""
 SCANNED_GROUP = 0
 """Geoms that the laser range finder sees."""
+LOWEST_RATE = 5.0
+"""Scans per second, at least [Hz]."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,15 @@ class LaserScanner:
         return (np.arange(beams) - (beams - 1) / 2) * self.resolution
 
 
+@dataclass(frozen=True)
+class _Aim:
+    """The beams worth casting: nothing but the plate stops a beam, so those that pass it by needn't be."""
+
+    centre: Array  # (N, 3) of the plates, when these beams were chosen [m]
+    rays: Array  # (N, W, 3) their directions
+    place: np.ndarray  # (N, W) where they are among the N x B of all
+
+
 class ScannerFeed:
     """The scanner in front of a fleet: every robot is watched by an LRF of its own."""
 
@@ -81,10 +91,12 @@ class ScannerFeed:
         self._noise, self._dropout = zip(*(g.spawn(2) for g in generators), strict=True)
         robot = fleet.robot
         x, y, heading = robot.lrf_mount
+        self._heading = heading
         self._origin = np.array([x, y, robot.lrf_height])
         bearings = scanner.bearings
         direction = heading + bearings
         self._rays = np.column_stack([np.cos(direction), np.sin(direction), np.zeros_like(direction)])
+        self._aim: _Aim | None = None
         self._template = Scan(
             bearings,
             np.empty((0, len(bearings))),
@@ -103,8 +115,33 @@ class ScannerFeed:
 
     def true_ranges(self) -> Array:
         """Ranges (N, B) without noise or dropouts, NaN where nothing is within range: one call for all robots."""
-        distance, _ = self._fleet.batch.ray(self._origin, self._rays, geomgroup=self._groups, bodyexclude=self._lrf)
-        return np.where((distance < 0) | (distance > self._scanner.max_range), np.nan, distance)
+        centre = self._fleet.plate
+        if self._aim is None or np.abs(centre - self._aim.centre).max() > _SLACK / 2:
+            self._aim = self._aim_at(centre.copy())
+        batch, aim = self._fleet.batch, self._aim
+        distance, _ = batch.ray(self._origin, aim.rays, geomgroup=self._groups, bodyexclude=self._lrf)
+        distance[(distance < 0) | (distance > self._scanner.max_range)] = np.nan
+        ranges = np.full((self._fleet.size, len(self._rays)), np.nan)
+        ranges.ravel()[aim.place] = distance
+        return ranges
+
+    def _aim_at(self, centre: Array) -> _Aim:
+        """The beams that can meet plates whose middles stay near `centre` (N, 3), whatever their headings."""
+        radius = self._fleet.robot.plate_radius + _SLACK
+        x, y = (centre - self._origin)[:, :2].T
+        distance = np.hypot(x, y)
+        bearing = wrap_angle(np.arctan2(y, x) - self._heading)
+        spread = np.where(distance > radius, np.arcsin(np.minimum(radius / np.maximum(distance, radius), 1.0)), np.pi)
+        last = len(self._rays) - 1
+        first_bearing, step = self._template.bearings[0], self._scanner.resolution
+        low, high = ((edge - first_bearing) / step for edge in (bearing - spread, bearing + spread))
+        around = np.abs(bearing) + spread > np.pi  # behind the scanner, where the bearing jumps
+        low, high = np.where(around, 0, np.clip(low, 0, last)), np.where(around, last, np.clip(high, 0, last))
+        first = np.floor(low).astype(int)
+        count = min(int((np.ceil(high) - first).max()), last) + 1
+        beams = np.minimum(first, last + 1 - count)[:, None] + np.arange(count)  # (N, W)
+        robots = np.arange(len(centre))[:, None]
+        return _Aim(centre, self._rays[beams], robots * len(self._rays) + beams)
 
     def measure(self, true_ranges: Array) -> Scan:
         """Scans (N, T, B) with noise and dropouts of true ranges (N, T, B): the next T of each robot's stream."""

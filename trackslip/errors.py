@@ -25,6 +25,10 @@ class LogError(TrackslipError, ValueError):
     """A log file that can't be read; the message names the file, row and column."""
 
 
+class SettingsFileError(TrackslipError, ValueError):
+    """A file of settings that can't be read; the message names the file and the field."""
+
+
 class OutputError(TrackslipError, OSError):
     """A result that can't be written."""
 

@@ -31,6 +31,8 @@ _TRUE_POSE = ("true_x", "true_y", "true_phi")
 _TRUE_TWIST = ("true_v", "true_lateral", "true_w")
 _TRACTION = ("traction_l", "traction_r")
 _TORQUE = ("torque_l", "torque_r")
+_POWER = ("power_l", "power_r")
+_SATURATED = ("saturated_l", "saturated_r")
 _UNITS = {
     "t": "s",
     **dict.fromkeys(("omega_l", "omega_r", *_COMMAND, "w", "w_cmd", "true_w"), "rad/s"),
@@ -42,6 +44,7 @@ _UNITS = {
     "var_phi": "rad^2",
     **dict.fromkeys(_TRACTION, "N"),
     **dict.fromkeys(_TORQUE, "N m"),
+    **dict.fromkeys(_POWER, "W"),
 }
 _METADATA_KEY = b"trackslip"
 
@@ -134,7 +137,7 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
     command = columns.optional(_COMMAND)
     twist_command = columns.optional(_TWIST_COMMAND)
     covariance = columns.optional(_COVARIANCE)
-    truth = [columns.optional(names) for names in (_TRUE_POSE, _TRUE_TWIST, _TRACTION, _TORQUE)]
+    truth = [columns.optional(names) for names in (_TRUE_POSE, _TRUE_TWIST, _TRACTION, _TORQUE, _POWER, _SATURATED)]
     logs = []
     for number, key in enumerate(keys):
         rows = np.flatnonzero(label == number)
@@ -257,6 +260,8 @@ def _run_table(log: RunLog) -> pa.Table:
             (_TRUE_TWIST, log.truth.twist),
             (_TRACTION, log.truth.traction),
             (_TORQUE, log.truth.torque),
+            (_POWER, log.truth.power),
+            (_SATURATED, log.truth.saturated),
         ]
     for names, block in blocks:
         if block is not None:
@@ -279,10 +284,10 @@ def _present(block: Array | None, rows: np.ndarray) -> Array | None:
 
 
 def _truth(parts: Sequence[Array | None]) -> Truth | None:
-    pose, twist, traction, torque = parts
+    pose, twist, traction, torque, power, saturated = parts
     if pose is None or twist is None or traction is None or torque is None:
         return None
-    return Truth(pose, twist, traction, torque)
+    return Truth(pose, twist, traction, torque, power, saturated)
 
 
 def _symmetric(upper: Array) -> Array:

@@ -18,7 +18,9 @@ class Truth:
     pose: Array  # (T, 3) [m, m, rad]
     twist: Array  # (T, 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]
     traction: Array  # (T, 2) force of the ground on each track, along the robot [N]
-    torque: Array  # (T, 2) torque of each sprocket's drive [N m]
+    torque: Array  # (T, 2) torque of each motor, at its sprocket [N m]
+    power: Array | None = None  # (T, 2) electrical power of each motor, mean since the row before [W]
+    saturated: Array | None = None  # (T, 2) share of the time since the row before with the motor at its limit [-]
 
 
 @dataclass(frozen=True)

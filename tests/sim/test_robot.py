@@ -12,7 +12,7 @@ def test_the_model_holds_the_numbers(robot):
     assert robot.contact_half_length == 0.17
     assert robot.mass == pytest.approx(25.0)
     assert (robot.plate.length, robot.plate.thickness) == (0.6, 0.04)
-    assert len(robot.pads) == 10
+    assert robot.pad_position.shape == (10, 2)
     assert len(robot.contact_points) == 20
 
 

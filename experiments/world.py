@@ -1,0 +1,71 @@
+"""The simulated world that a command's options describe: robot, ground, drives, scanner."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from experiments import store
+from experiments.config import Simulation
+from sim.fleet import Fleet
+from sim.ground import Ground
+from sim.ground_file import load_ground
+from sim.robot import Robot, load_robot
+from sim.robot_file import load_robot_file
+from sim.robot_parameters import RobotParameters
+from trackslip.kinematics import Array
+
+
+@dataclass(frozen=True)
+class World:
+    """Files read, names looked up, model compiled."""
+
+    config: Simulation
+    parameters: RobotParameters
+    robot: Robot
+    ground: Ground
+    radius_error: float
+
+    @classmethod
+    def of(cls, config: Simulation) -> World:
+        """What a command is to simulate; raises TrackslipError for files and names that aren't there."""
+        parameters, ground = RobotParameters(), Ground()
+        if config.robot is not None:
+            parameters, ground = load_robot_file(config.robot)
+        if config.ground.source is not None:
+            ground = load_ground(config.ground.source)
+        error = parameters.radius_error if config.radius_error is None else config.radius_error
+        return cls(config, parameters, load_robot(parameters=parameters), config.ground.changed(ground), error)
+
+    def fleet(self, start: Array) -> Fleet:
+        """Robots at the poses `start` (N, 3)."""
+        return Fleet(self.robot, start, self.ground, self.radius_error, self.config.drive, self.config.threads)
+
+    def metadata(self, localization: str) -> dict[str, Any]:
+        """What every simulated run remembers."""
+        metadata: dict[str, Any] = store.plain(
+            {
+                "geometry": self.robot.geometry,
+                "plate": self.robot.plate,
+                "ground": self.ground,
+                "radius_error": self.radius_error,
+                "drive": self.config.drive,
+                "scanner": self.config.scanner,
+                "localization": localization,
+                "seed": self.config.seed,
+                "model_sha256": self.robot.digest,
+            }
+        )
+        return metadata
+
+    def manifest(self, command: str, wall_s: float) -> dict[str, Any]:
+        """The manifest of a command that drove in this world."""
+        return store.manifest(
+            command,
+            self.config,
+            wall_s,
+            seed=self.config.seed,
+            model_sha256=self.robot.digest,
+            ground=self.ground,
+            robot=self.parameters,
+        )

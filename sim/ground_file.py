@@ -1,0 +1,29 @@
+"""A ground by its name or from a TOML file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sim.ground import Ground
+from sim.named_grounds import NAMED_GROUNDS
+from sim.toml_file import build, read_toml
+from trackslip.errors import InvalidValueError, SettingsFileError
+
+
+def load_ground(source: str) -> Ground:
+    """A named ground, or the one in a TOML file: the fields of `Ground`, and `base`, a named ground that they change.
+
+    Raises:
+        InvalidValueError: for what is neither.
+        SettingsFileError: for a file that can't be read.
+    """
+    if source in NAMED_GROUNDS:
+        return NAMED_GROUNDS[source].ground
+    path = Path(source)
+    if path.suffix.lower() != ".toml" and not path.exists():
+        raise InvalidValueError("ground", source, f"one of {', '.join(NAMED_GROUNDS)}, or a .toml file")
+    table = read_toml(path)
+    base = table.pop("base", "stone")
+    if not isinstance(base, str) or base not in NAMED_GROUNDS:
+        raise SettingsFileError(f"{source}: base = {base!r}: must be one of {', '.join(NAMED_GROUNDS)}")
+    return build(Ground, table, source, NAMED_GROUNDS[base].ground)

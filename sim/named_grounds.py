@@ -1,0 +1,40 @@
+"""Grounds by name. Only their friction along the track has a source where one is given; across is assumed.
+
+Slip follows from across / along alone, so the ratios matter more than the sizes: 0.775 / 0.70 for hard ground, where
+treads grip sideways a little better, more where the track must push loose ground aside, 1 on ice.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from sim.ground import Ground
+
+_HARD = 0.775 / 0.70
+_NOON = "R. K. Noon, Engineering Analysis of Vehicular Accidents (1994), of tyres"
+
+
+@dataclass(frozen=True)
+class NamedGround:
+    """A ground and where its numbers come from."""
+
+    ground: Ground
+    source: str
+    """Of the friction along; that across is assumed, unless said otherwise."""
+
+
+def _hard(along: float) -> Ground:
+    return Ground(along, round(along * _HARD, 3))
+
+
+NAMED_GROUNDS: dict[str, NamedGround] = {
+    "stone": NamedGround(
+        Ground(), "the paper's paving: along assumed; across tuned to its slips and radii (trackslip calibrate)"
+    ),
+    "concrete": NamedGround(_hard(0.75), f"dry concrete: {_NOON}"),
+    "rubber": NamedGround(_hard(0.90), "rubber matting: assumed"),
+    "packed_soil": NamedGround(Ground(0.60, 0.75), "assumed; ratio 1.25"),
+    "gravel": NamedGround(Ground(0.35, 0.455), f"gravel and dirt road: {_NOON}; ratio 1.3"),
+    "wet": NamedGround(_hard(0.60), f"wet concrete: {_NOON}"),
+    "ice": NamedGround(Ground(0.12, 0.12), f"ice, 0.10 to 0.15: {_NOON}; ratio 1"),
+}

@@ -1,0 +1,32 @@
+"""Robot files: a robot's parameters and its ground in TOML, written by `trackslip calibrate`."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+from sim.ground import Ground
+from sim.robot_parameters import RobotParameters
+from sim.toml_file import build, read_toml
+
+
+def load_robot_file(path: Path) -> tuple[RobotParameters, Ground]:
+    """The fields of RobotParameters, and in a table `ground` those of Ground; what is missing is the default.
+
+    Raises:
+        SettingsFileError: for a file that can't be read, naming the field.
+    """
+    table = read_toml(path)
+    ground = build(Ground, table.pop("ground", {}), f"{path}: ground", Ground())
+    return build(RobotParameters, table, str(path)), ground
+
+
+def robot_file_text(parameters: RobotParameters, ground: Ground, comment: str) -> str:
+    """The text of a robot file; `ground` must be the same everywhere, always, and level."""
+    lines = [f"# {comment}", *_lines(dataclasses.asdict(parameters))]
+    lines += ["", "[ground]", *_lines({"along": ground.along, "across": ground.across})]
+    return "\n".join(lines) + "\n"
+
+
+def _lines(values: dict[str, float]) -> list[str]:
+    return [f"{name} = {value!r}" for name, value in values.items()]
