@@ -15,24 +15,24 @@ from sim.runs import Progress as Report
 
 
 @contextlib.contextmanager
-def progress(stage: str, seconds: float) -> Iterator[Report]:
-    """A progress bar on standard error for a stage that simulates `seconds` [s]; call what it yields to move it."""
+def progress(stage: str, total: float, unit: str = "s") -> Iterator[Report]:
+    """A progress bar on standard error, by default in simulated seconds; call what it yields to move it."""
     columns = (
         TextColumn("{task.description:<34}"),
         BarColumn(),
-        TextColumn("{task.completed:.0f}/{task.total:.0f} s"),
+        TextColumn("{task.completed:.0f}/{task.total:.0f} " + unit),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
     console = Console(stderr=True)
     with Progress(*columns, console=console, disable=not console.is_terminal) as bar:
-        task = bar.add_task(stage, total=seconds)
+        task = bar.add_task(stage, total=total)
         try:
             yield lambda passed: bar.advance(task, passed)
         except BaseException:
             bar.live.transient = True  # leave the terminal to the error message
             raise
-        bar.update(task, completed=seconds)
+        bar.update(task, completed=total)
 
 
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:

@@ -62,7 +62,7 @@ class Ground:
 
     along: float = 0.70
     """Friction coefficient along the track [-]."""
-    across: float = 0.775
+    across: float = 0.778
     """Friction coefficient across the track [-]."""
     slope: float = 0.0
     """Angle of the plane to the horizontal [rad]. Poses and scans are those in the plane."""

@@ -1,6 +1,6 @@
 """Grounds by name. Only their friction along the track has a source where one is given; across is assumed.
 
-Slip follows from across / along alone, so the ratios matter more than the sizes: 0.775 / 0.70 for hard ground, where
+Slip follows from across / along alone, so the ratios matter more than the sizes: 0.778 / 0.70 for hard ground, where
 treads grip sideways a little better, more where the track must push loose ground aside, 1 on ice.
 """
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from sim.ground import Ground
 
-_HARD = 0.775 / 0.70
+_HARD = 0.778 / 0.70
 _NOON = "R. K. Noon, Engineering Analysis of Vehicular Accidents (1994), of tyres"
 
 

@@ -164,12 +164,18 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
 
 def read_samples(table: pa.Table, source: str) -> tuple[Array, Array]:
     """Sprocket speeds (n, 2) [rad/s] and twists (n, 2) of steady samples."""
+    values = read_columns(table, SAMPLE_COLUMNS, source)
+    return values[:, :2], values[:, 2:]
+
+
+def read_columns(table: pa.Table, names: Sequence[str], source: str) -> Array:
+    """Columns of numbers (T, len(names)); raises LogError naming the row and column of what can't be read."""
     columns = _Columns(table, source)
-    columns.require(SAMPLE_COLUMNS)
-    values = columns.numbers(SAMPLE_COLUMNS)
+    columns.require(names)
+    values = columns.numbers(names)
     if not len(values):
         raise LogError(f"{source}: no rows")
-    return values[:, :2], values[:, 2:]
+    return values
 
 
 class _Columns:

@@ -1,0 +1,155 @@
+"""`trackslip calibrate`: the simulated robot tuned to published or measured slips and radii."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments import store
+from experiments.calibrate_config import CalibrateConfig
+from experiments.config import IdentifyConfig
+from experiments.console import print_table, progress
+from experiments.identify import read_source
+from sim.calibration import Candidate, Fit, calibrate, floor, simulated_twist, starts
+from sim.ground import Ground
+from sim.robot_file import load_robot_file, robot_file_text
+from sim.robot_parameters import RobotParameters
+from sim.seeds import generator
+from sim.target import MeasuredTurns, Target, TurnTable
+from trackslip.errors import InvalidValueError, LogError
+from trackslip.kinematics import RobotGeometry
+from trackslip.logfile import read_columns, read_table
+
+ROBOT = "robot.toml"
+TABLE_COLUMNS = ("radius", "speed", "observed_radius", "slip_outer", "slip_inner")
+
+
+def run(config: CalibrateConfig) -> None:
+    """Fit, store and print."""
+    began = time.perf_counter()
+    robot, ground = (RobotParameters(), Ground()) if config.robot is None else load_robot_file(config.robot)
+    base = Candidate(robot, ground.across / ground.along)
+    target = read_target(config.target, base.geometry)
+    with store.results(config.out) as folder:
+        twist = partial(simulated_twist, along=ground.along, threads=config.threads)
+        further = starts(config.free, config.starts, generator(config.seed, "calibrate"))
+        with progress(f"calibration to {config.target}", 1 + config.starts, "starts") as report:
+            best = calibrate(base, config.free, target, twist, further, report)
+        centred = centred_fit(base, config.free, target, twist)
+        lowest = floor(best, target)
+        wall = time.perf_counter() - began
+        summary = fit_summary(best) | {
+            "floor": {"slip_rms": lowest.slip_rms, "values": values(lowest, lowest.candidate)},
+            "centred": None if centred is None else fit_summary(centred),
+            "starts": [{"cost": cost, "values": values(best, end)} for end, cost in best.ends],
+            "wall_s": wall,
+            "timing": {"wall_s": wall},
+        }
+        made = Ground(ground.along, ground.along * best.candidate.friction_ratio)
+        comment = f"made by: {store.command_line('calibrate')}"
+        (folder / ROBOT).write_text(robot_file_text(best.candidate.robot, made, comment), encoding="utf-8")
+        store.write_json(folder / store.SUMMARY, summary)
+        store.write_json(folder / store.MANIFEST, store.manifest("calibrate", config, wall, seed=config.seed))
+    _print(config, best, centred, lowest, wall)
+
+
+def read_target(name: str, geometry: RobotGeometry) -> Target:
+    """The published target, or the one in a file; `geometry` is that of a log which doesn't say its own.
+
+    Raises:
+        LogError: for a file that can't be used.
+    """
+    if name == "published":
+        return TurnTable.published()
+    path = Path(name)
+    if path.suffix.lower() in (".csv", ".parquet"):
+        table = read_table(path)
+        if set(TABLE_COLUMNS) & set(table.column_names):
+            return _turn_table(read_columns(table, TABLE_COLUMNS, name), name)
+    try:
+        source = read_source(IdentifyConfig(path))
+    except InvalidValueError:  # it doesn't say its geometry
+        source = read_source(IdentifyConfig(path, geometry.half_gauge, geometry.sprocket_radius))
+    simulated = all("plate" in log.metadata for log in source.logs) and len(source.logs) > 0
+    return MeasuredTurns(source.samples, source.geometry, of_plate=simulated)
+
+
+def _turn_table(columns: Any, name: str) -> TurnTable:
+    radius, speed, observed, outer, inner = columns.T
+    for label, column in (("radius", radius), ("speed", speed), ("observed_radius", observed)):
+        if np.any(column <= 0):
+            row = int(np.argmax(column <= 0))
+            raise LogError(f"{name}: row {row + 1}, column {label}: {column[row]:g} must be > 0")
+    for label, column in (("slip_outer", outer), ("slip_inner", inner)):
+        if np.any(column >= 1):
+            row = int(np.argmax(column >= 1))
+            raise LogError(f"{name}: row {row + 1}, column {label}: {column[row]:g} must be < 1")
+    return TurnTable(radius, speed, observed, np.stack([inner, outer], axis=-1), 3 * len(columns))
+
+
+def centred_fit(base: Candidate, free: Sequence[str], target: Target, twist: Any) -> Fit | None:
+    """The same with the centre of mass midway between the tracks, if that was free."""
+    rest = [name for name in free if name != "com_y"]
+    if not rest or len(rest) == len(free):
+        return None
+    return calibrate(base.with_values({"com_y": 0.0}), rest, target, twist, np.empty((0, len(rest))))
+
+
+def values(fit: Fit, candidate: Candidate) -> dict[str, float]:
+    """What was free in a fit, of a candidate."""
+    return {name: candidate.value(name) for name in fit.free}
+
+
+def fit_summary(fit: Fit) -> dict[str, Any]:
+    """A fit as it stands in a summary."""
+    return {
+        "parameters": {
+            name: {"value": value, "stderr": fit.stderr.get(name), "identifiable": name not in fit.tied}
+            for name, value in values(fit, fit.candidate).items()
+        },
+        "slip_rms": fit.slip_rms,
+        "radius_rms": fit.radius_rms,
+    }
+
+
+def disagreement(fit: Fit) -> float:
+    """Largest distance of a parameter from the best one, over the starts, in standard errors."""
+    best, *others = (end for end, _ in fit.ends)
+    return max(
+        (abs(end.value(name) - best.value(name)) / error for end in others for name, error in fit.stderr.items()),
+        default=0.0,
+    )
+
+
+_LENGTHS = ("half_gauge", "contact_length", "com_x", "com_y")
+
+
+def _value(fit: Fit, name: str) -> str:
+    if name not in fit.free:
+        return "-"
+    factor, unit = (1e3, " mm") if name in _LENGTHS else (1.0, "")
+    value = factor * fit.candidate.value(name)
+    if name not in fit.stderr:
+        return f"{value:.4g}{unit} (open)"
+    error = factor * fit.stderr[name]
+    digits = max(0, 1 - int(np.floor(np.log10(error))))
+    return f"{value:.{digits}f} ± {error:.{digits}f}{unit}"
+
+
+def _print(config: CalibrateConfig, best: Fit, centred: Fit | None, lowest: Fit, wall: float) -> None:
+    columns = {"fit": best} | ({} if centred is None else {"com_y = 0": centred}) | {"theory, slips alone": lowest}
+    rows = [(name, *(_value(fit, name) for fit in columns.values())) for name in config.free]
+    rows.append(("slip, rms", *(f"{fit.slip_rms:.4f}" for fit in columns.values())))
+    if best.radius_rms is not None:
+        rows.append(("radius, rms", *(f"{fit.radius_rms:.2%}" for fit in columns.values())))
+    print_table(f"Calibrated to {config.target}", ("parameter", *columns), rows)
+    if best.tied:
+        print(f"not identifiable one by one: {', '.join(best.tied)}; the target leaves their values open")
+    if len(best.ends) > 1:
+        print(f"{len(best.ends)} starts end within {disagreement(best):.1g} standard errors of each other")
+    print(f"{config.out / ROBOT}: {wall:.1f} s; use it with --robot {config.out / ROBOT}")
