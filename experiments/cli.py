@@ -14,7 +14,10 @@ from typing import Annotated, Any
 
 import tyro
 
+from experiments.bench_config import BenchConfig
+from experiments.calibrate_config import CalibrateConfig
 from experiments.config import GridConfig, IdentifyConfig, PredictConfig, ReproduceConfig, TrackConfig
+from experiments.validate_config import ValidateConfig
 from trackslip.errors import TrackslipError
 
 Command = (
@@ -22,7 +25,10 @@ Command = (
     | Annotated[IdentifyConfig, tyro.conf.subcommand("identify")]
     | Annotated[TrackConfig, tyro.conf.subcommand("track")]
     | Annotated[PredictConfig, tyro.conf.subcommand("predict")]
+    | Annotated[CalibrateConfig, tyro.conf.subcommand("calibrate")]
+    | Annotated[ValidateConfig, tyro.conf.subcommand("validate")]
     | Annotated[ReproduceConfig, tyro.conf.subcommand("reproduce")]
+    | Annotated[BenchConfig, tyro.conf.subcommand("bench")]
 )
 _DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate it. `trackslip COMMAND --help` lists a
 command's options."""
@@ -31,7 +37,10 @@ _RUNNERS = {
     IdentifyConfig: "experiments.identify",
     TrackConfig: "experiments.track",
     PredictConfig: "experiments.predict",
+    CalibrateConfig: "experiments.calibrate",
+    ValidateConfig: "experiments.validate",
     ReproduceConfig: "experiments.reproduce",
+    BenchConfig: "experiments.bench",
 }
 
 

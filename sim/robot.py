@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 
 import models
+from sim.contact_sensors import add_contact_sensors
 from sim.robot_parameters import RobotParameters
 from sim.scanner import SCANNED_GROUP
 from trackslip.errors import TrackslipError
@@ -48,8 +49,10 @@ class Robot:
     """SHA-256 of the model, visuals aside."""
 
 
-def load_robot(path: Path = FIELD, parameters: RobotParameters | None = None) -> Robot:
+def load_robot(path: Path = FIELD, parameters: RobotParameters | None = None, contact_sensors: bool = False) -> Robot:
     """Compile a model without its visuals, changed to `parameters`, and read its geometry.
+
+    With contact sensors, `sim.instruments` can tell the force at every point of contact.
 
     Raises:
         TrackslipError: for a file that doesn't compile or lacks a named part.
@@ -62,6 +65,8 @@ def load_robot(path: Path = FIELD, parameters: RobotParameters | None = None) ->
         for geom in list(spec.geoms):
             if geom.group == VISUAL_GROUP:
                 spec.delete(geom)
+        if contact_sensors:
+            add_contact_sensors(spec)
         model = spec.compile()
         return _read(model, sprocket_radius, hashlib.sha256(spec.to_xml().encode()).hexdigest())
     except (ValueError, KeyError, AttributeError) as error:

@@ -1,0 +1,90 @@
+"""Do step length and solver matter? The same random commands, stepped in other ways."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from sim.drive import Drive
+from sim.fleet import Fleet
+from sim.ground import Ground
+from sim.robot import load_robot
+from sim.robot_parameters import RobotParameters
+from trackslip.kinematics import Array
+
+DURATION = 30.0
+"""Of the random commands [s]."""
+ROBOTS = 8
+HOLD = 1.0
+"""Time that a random command holds [s]."""
+STEPS = (0.0005, 0.001, 0.002, 0.005, 0.01)
+"""Physics steps that are compared [s]."""
+REFERENCE_STEP = 0.00025
+"""Physics step that they are compared with [s]."""
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """Largest distances between robots after DURATION."""
+
+    step_error: dict[float, float]
+    """Physics step [s] -> distance from where REFERENCE_STEP leads [m]."""
+    solver_difference: float
+    """Distance of the solver CG from Newton, at the model's own step [m]."""
+    travelled: float
+    """Way that the robots went, on average [m]."""
+
+
+def random_commands(generator: np.random.Generator, limit: float) -> Array:
+    """Sprocket speeds (C, ROBOTS, 2) [rad/s], one set for each HOLD, evenly within the limit."""
+    return generator.uniform(-limit, limit, (round(DURATION / HOLD), ROBOTS, 2))
+
+
+def converge(
+    parameters: RobotParameters,
+    ground: Ground,
+    generator: np.random.Generator,
+    threads: int,
+    progress: Callable[[float], None],
+) -> Convergence:
+    """Drive the same commands with every step and both solvers."""
+    commands = random_commands(generator, Drive().top_speed / parameters.sprocket_radius)
+    own_step = load_robot(parameters=parameters).model.opt.timestep
+    cases = [("CG", step) for step in (REFERENCE_STEP, *STEPS)] + [("CG", own_step), ("Newton", own_step)]
+    work = np.array([1 / step for _, step in cases])
+    ends, ways = {}, []
+    for case, share in zip(cases, work / work.sum(), strict=True):
+        ends[case], way = _drive(parameters, ground, commands, case, threads)
+        ways.append(way)
+        progress(float(share))
+    reference = ends["CG", REFERENCE_STEP]
+
+    def distance(one: Array, other: Array) -> float:
+        return float(np.hypot(*(one - other).T).max())
+
+    return Convergence(
+        {step: distance(ends["CG", step], reference) for step in STEPS},
+        distance(ends["CG", own_step], ends["Newton", own_step]),
+        float(np.mean(ways)),
+    )
+
+
+def _drive(
+    parameters: RobotParameters, ground: Ground, commands: Array, case: tuple[str, float], threads: int
+) -> tuple[Array, float]:
+    """Positions (ROBOTS, 2) at the end, and the mean way [m]."""
+    solver, step = case
+    robot = load_robot(parameters=parameters)
+    robot.model.opt.timestep = step
+    robot.model.opt.solver = getattr(mujoco.mjtSolver, f"mjSOL_{solver.upper()}")
+    fleet = Fleet(robot, np.zeros((ROBOTS, 3)), ground, parameters.radius_error, threads=threads)
+    way = 0.0
+    for omega in commands:
+        before = fleet.pose()[:, :2]
+        fleet.command(omega)
+        fleet.advance(HOLD)
+        way += float(np.hypot(*(fleet.pose()[:, :2] - before).T).mean())
+    return fleet.pose()[:, :2], way

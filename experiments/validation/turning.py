@@ -1,0 +1,121 @@
+"""Does the robot turn as theory says? Slip and ICRs over radius, speed, friction, contact length and centre of mass."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sim.drive import Drive
+from sim.fleet import Fleet
+from sim.ground import Ground
+from sim.instruments import use_default_contact
+from sim.robot import load_robot
+from sim.robot_parameters import RobotParameters
+from trackslip.kinematics import Array, limit_sprocket_speeds, sprocket_speeds, track_slip
+from trackslip.published import COMMANDED_RADII, SPEEDS
+from trackslip.skid_theory import line_contact, steady_twist
+
+RATIOS = (0.7, 0.9, 1.1, 1.4)
+LENGTHS = (0.75, 1.0, 1.25)
+"""Contact lengths, relative to the robot's."""
+CENTRES_OF_MASS = ((0.0, 0.0), (0.05, 0.0), (0.0, 0.1), (-0.05, 0.1))
+"""Forwards, relative to the contact length, and to the left, relative to the half gauge; besides the robot's own."""
+STEADY = 2.0
+"""Time after which the robots turn steadily [s]."""
+
+
+@dataclass(frozen=True)
+class Turns:
+    """M steady turns, simulated and by theory."""
+
+    radius: Array  # (M,) commanded [m]
+    speed: Array  # (M,) commanded [m/s]
+    ratio: Array  # (M,) friction across / along [-]
+    length: Array  # (M,) of contact [m]
+    centre_of_mass: Array  # (M, 2) forwards, to the left [m]
+    half_width: Array  # (M,) b + D: half the distance between the ICRs of the tracks [m]
+    expected_half_width: Array  # (M,) by theory [m]
+    slip: Array  # (M, 2) [-]
+    expected_slip: Array  # (M, 2) by theory [-]
+    lateral: Array  # (M,) lateral speed [m/s]
+    expected_lateral: Array  # (M,) by theory [m/s]
+
+    @property
+    def icr_error(self) -> Array:
+        """(M,) of b + D, relative [-]."""
+        return self.half_width / self.expected_half_width - 1
+
+    @property
+    def slip_error(self) -> Array:
+        """(M, 2) [-]"""
+        return self.slip - self.expected_slip
+
+    @classmethod
+    def joined(cls, parts: Sequence[Turns]) -> Turns:
+        """All turns of the parts, in order."""
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in cls.__dataclass_fields__))
+
+
+def turn(
+    parameters: RobotParameters, along: float, threads: int, default_contact: bool, progress: Callable[[float], None]
+) -> Turns:
+    """The grid of turns of a robot and of its variants in length and centre of mass; see the constants above."""
+    variants = [
+        replace(
+            parameters,
+            contact_length=length * parameters.contact_length,
+            com_x=parameters.com_x + forwards * length * parameters.contact_length,
+            com_y=parameters.com_y + left * parameters.half_gauge,
+        )
+        for length, (forwards, left) in itertools.product(LENGTHS, CENTRES_OF_MASS)
+    ]
+    parts = []
+    for variant in variants:
+        parts.append(_turn_variant(variant, along, threads, default_contact))
+        progress(1 / len(variants))
+    return Turns.joined(parts)
+
+
+def _turn_variant(parameters: RobotParameters, along: float, threads: int, default_contact: bool) -> Turns:
+    robot = load_robot(parameters=parameters)
+    if default_contact:
+        use_default_contact(robot)
+    ratio, radius, speed = np.array(list(itertools.product(RATIOS, COMMANDED_RADII, SPEEDS))).T
+    commanded = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, robot.geometry)
+    omega = limit_sprocket_speeds(commanded, Drive().top_speed / robot.geometry.sprocket_radius)
+    grounds = [Ground(along, along * r) for r in ratio]
+    fleet = Fleet(robot, np.zeros((len(omega), 3)), grounds, parameters.radius_error, threads=threads)
+    fleet.command(omega)
+    fleet.advance(STEADY)
+    belts = omega * parameters.sprocket_radius * (1 + parameters.radius_error)
+    twist, expected = fleet.twist(), _theory(parameters, along, ratio, belts)
+    spread = belts[:, 1] - belts[:, 0]
+    return Turns(
+        radius=radius,
+        speed=speed,
+        ratio=ratio,
+        length=np.full(len(omega), parameters.contact_length),
+        centre_of_mass=np.tile([parameters.com_x, parameters.com_y], (len(omega), 1)),
+        half_width=spread / (2 * twist[:, 2]),
+        expected_half_width=spread / (2 * expected[:, 2]),
+        slip=track_slip(omega, twist[:, [0, 2]], robot.geometry),
+        expected_slip=track_slip(omega, expected[:, [0, 2]], robot.geometry),
+        lateral=twist[:, 1],
+        expected_lateral=expected[:, 1],
+    )
+
+
+def _theory(parameters: RobotParameters, along: float, ratio: Array, belts: Array) -> Array:
+    """Twists (M, 3) by theory: an evenly loaded line, but for momentum and the centre of mass."""
+    centre = (parameters.com_x, parameters.com_y, parameters.com_height)
+    twist = np.empty((len(ratio), 3))
+    for value in np.unique(ratio):
+        contact = line_contact(
+            parameters.half_gauge, parameters.contact_length / 2, along, along * value, centre, points=100
+        )
+        rows = ratio == value
+        twist[rows] = steady_twist(belts[rows], contact, 9.81)
+    return twist

@@ -1,0 +1,55 @@
+"""What only a simulator can tell: force and sliding of every point of contact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from sim.contact_sensors import POINTS, WIDTH
+from sim.fleet import Fleet
+from sim.robot import Robot
+from trackslip.kinematics import Array
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Forces of the ground at K points of N robots, and how the belts slide over it, one physics step ago."""
+
+    load: Array  # (N, K) normal force [N]
+    force: Array  # (N, K, 2) tangential force on the robot, along a pad's own axis and across it [N]
+    velocity: Array  # (N, K, 2) of the robot's points over the ground, likewise [m/s]
+    belt: Array  # (N, K) speed of the belt relative to the robot, along the pad's axis [m/s]
+    position: Array  # (N, K, 2) in the robot's frame [m]
+
+    @property
+    def sliding(self) -> Array:
+        """Velocity of the belts over the ground (N, K, 2) [m/s]."""
+        return self.velocity + np.stack([self.belt, np.zeros_like(self.belt)], axis=-1)
+
+
+def read_contacts(fleet: Fleet) -> Contacts:
+    """The contacts of a fleet whose robot was loaded with contact sensors."""
+    pads = len(fleet.robot.pad_side)
+    sensed = fleet.batch.bind("sensordata")[:, -pads * POINTS * WIDTH :].reshape(fleet.size, pads * POINTS, WIDTH)
+    pose = fleet.pose()
+    cos, sin = np.cos(pose[:, 2, None]), np.sin(pose[:, 2, None])
+    x, y = np.moveaxis(sensed[..., 3:5] - pose[:, None, :2], -1, 0)
+    return Contacts(
+        load=sensed[..., 0].copy(),
+        force=sensed[..., 1:3].copy(),
+        velocity=sensed[..., 7:9].copy(),
+        belt=np.repeat(fleet.belts, POINTS, axis=1),
+        position=np.stack([cos * x + sin * y, -sin * x + cos * y], axis=-1),
+    )
+
+
+def use_default_contact(robot: Robot) -> None:
+    """Make the contacts those that MuJoCo has where nobody says otherwise; the friction coefficients stay."""
+    model, plain = robot.model, mujoco.MjSpec().option
+    model.pair_solref[:] = [0.02, 1.0]
+    model.pair_solreffriction[:] = 0.0
+    model.pair_solimp[:] = [0.9, 0.95, 0.001, 0.5, 2.0]
+    for name in ("timestep", "cone", "impratio", "solver", "iterations"):
+        setattr(model.opt, name, getattr(plain, name))
