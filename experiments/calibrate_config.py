@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from experiments.config import MOST_THREADS
+from experiments.config import Repeatable
 from trackslip.errors import InvalidValueError
 
 Parameter = Literal["half_gauge", "contact_length", "friction_ratio", "radius_error", "com_x", "com_y"]
@@ -14,7 +14,7 @@ MOST_STARTS = 100
 
 
 @dataclass(frozen=True)
-class CalibrateConfig:
+class CalibrateConfig(Repeatable):
     """Tune the simulated robot to slips and radii: the paper's, or those of a log."""
 
     target: str = "published"
@@ -26,21 +26,14 @@ class CalibrateConfig:
     """A robot file with the values to start from and those that are not free; by default the shipped robot."""
     starts: int = 5
     """Random starts besides the robot's own values."""
-    seed: int = 0
-    """Of the random starts."""
-    threads: int = 0
-    """Worker threads, 0 for one per processor; the results are the same."""
     out: Path = Path("out/calibrate")
     """Folder for the results, robot.toml among them."""
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not self.target:
             raise InvalidValueError("target", self.target, "published, or a file")
         if not self.free:
             raise InvalidValueError("free", self.free, "at least one parameter")
         if not 0 <= self.starts <= MOST_STARTS:
             raise InvalidValueError("starts", self.starts, f"an integer from 0 to {MOST_STARTS}")
-        if self.seed < 0:
-            raise InvalidValueError("seed", self.seed, "an integer >= 0")
-        if not 0 <= self.threads <= MOST_THREADS:
-            raise InvalidValueError("threads", self.threads, f"an integer from 0 to {MOST_THREADS}")

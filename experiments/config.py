@@ -59,13 +59,25 @@ class GroundOptions:
 
 
 @dataclass(frozen=True)
-class Simulation:
-    """The simulated world, the same for every command that drives."""
+class Repeatable:
+    """What every command has that simulates."""
 
     seed: int = 0
     """Root of all random numbers."""
     threads: int = 0
     """Worker threads, 0 for one per processor; the results are the same."""
+
+    def __post_init__(self) -> None:
+        if self.seed < 0:
+            raise InvalidValueError("seed", self.seed, "an integer >= 0")
+        if not 0 <= self.threads <= MOST_THREADS:
+            raise InvalidValueError("threads", self.threads, f"an integer from 0 to {MOST_THREADS}")
+
+
+@dataclass(frozen=True)
+class Simulation(Repeatable):
+    """The simulated world, the same for every command that drives."""
+
     robot: Path | None = None
     """A robot file, as calibrate writes it: the robot's parameters and its ground; by default the shipped robot."""
     radius_error: float | None = None
@@ -75,10 +87,7 @@ class Simulation:
     scanner: LaserScanner = field(default_factory=LaserScanner)
 
     def __post_init__(self) -> None:
-        if self.seed < 0:
-            raise InvalidValueError("seed", self.seed, "an integer >= 0")
-        if not 0 <= self.threads <= MOST_THREADS:
-            raise InvalidValueError("threads", self.threads, f"an integer from 0 to {MOST_THREADS}")
+        super().__post_init__()
         if self.radius_error is not None and not abs(self.radius_error) <= LARGEST_RADIUS_ERROR:
             raise InvalidValueError("radius_error", self.radius_error, "from -0.5 to 0.5")
         scan_periods = self.scanner.period / self.drive.period

@@ -6,9 +6,9 @@ from typing import Any
 
 import matplotlib
 
-BLUE, ORANGE, GREEN, BLACK = "#0072B2", "#E69F00", "#009E73", "#1a1a1a"
+BLUE, ORANGE, GREEN, VERMILLION, BLACK = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#1a1a1a"
 COLOURS = {
-    "none": "#D55E00",
+    "none": VERMILLION,
     "published": BLACK,
     "exponential": "#CC79A7",
     "icr": "#56B4E9",

@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-import io
 import math
-import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-import jinja2
-import matplotlib
 import numpy as np
-from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from experiments import figure_style, figures, tracking_figures
+from experiments.page import MISSING, inline_svg, render_page
 from trackslip.identification import FittedLaw, SlipSamples
 from trackslip.metrics import rms
 from trackslip.runlog import RunLog
 from trackslip.slip import PUBLISHED, ConstantIcr
 
-MISSING = "–"
 _TRACKING_COLUMNS = (
     ("rms_position", 1e3),
     ("rms_position_after_12s", 1e3),
@@ -87,16 +82,13 @@ class LawRow:
 
 def render(report: Report) -> str:
     """The page as HTML that needs no other file."""
-    environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("experiments", "templates"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
     drawn = {name: inline_svg(figure, name) for name, figure in _figures(report)}
     tracking = report.summary.get("tracking")
-    return environment.get_template("report.html.j2").render(
+    return render_page(
+        "report.html.j2",
+        title=report.title,
+        command=report.command,
+        manifest=report.manifest,
         report=report,
         figures=drawn,
         conditions=_conditions(report),
@@ -105,21 +97,7 @@ def render(report: Report) -> str:
         half_gauge=_half_gauge(report.laws),
         tracking=_tracking_rows(tracking if isinstance(tracking, list | tuple) else ()),
         truth=any(log.truth is not None for log in report.tracking_logs),
-        manifest=list(_flatten(report.manifest)),
     )
-
-
-def inline_svg(figure: Figure, name: str) -> Markup:
-    """A figure as an <svg> element; `name` makes its ids differ from other figures' on the page."""
-    buffer = io.StringIO()
-    with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "path"}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    text = buffer.getvalue()
-    text = text[text.index("<svg") :]
-    text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text, flags=re.DOTALL)
-    text = re.sub(r'((?:\bid|xlink:href)="#?|url\(#)(?=[^"#)])', rf"\g<1>{name}-", text)
-    text = re.sub(r"\n\s*", "\n", text)
-    return Markup(text.replace("<svg ", '<svg aria-hidden="true" ', 1))
 
 
 def _figures(report: Report) -> Iterator[tuple[str, Figure]]:
@@ -230,17 +208,3 @@ def _find(tree: Mapping[str, Any], key: str) -> Any:
         return tree[key]
     inner = (_find(value, key) for value in tree.values() if isinstance(value, Mapping))
     return next((value for value in inner if value is not None), None)
-
-
-def _flatten(value: Any, path: str = "") -> Iterator[tuple[str, str]]:
-    """Dotted names and printed values of everything in nested mappings; lists of plain values stay in one."""
-    if isinstance(value, Mapping) and value:
-        for key, item in value.items():
-            yield from _flatten(item, f"{path}.{key}" if path else str(key))
-    elif isinstance(value, list | tuple) and any(isinstance(item, Mapping) for item in value):
-        for number, item in enumerate(value):
-            yield from _flatten(item, f"{path}[{number}]")
-    elif isinstance(value, list | tuple):
-        yield path, ", ".join(map(str, value)) or MISSING
-    elif path:
-        yield path, MISSING if value is None or value == {} else str(value)

@@ -27,6 +27,7 @@ def run(config: ValidateConfig) -> None:
     """Measure, store and print."""
     began = time.perf_counter()
     parameters, ground = (RobotParameters(), Ground()) if config.robot is None else load_robot_file(config.robot)
+    ground = Ground(ground.along, ground.across)  # even, level, lasting
     with store.results(config.out) as folder:
         stages: dict[str, float] = {}
         found = validate(parameters, ground, config, stages)
@@ -55,9 +56,9 @@ def validate(
     """All measurements; how long each stage took goes into `stages` [s]."""
     threads = config.threads
     with _stage(stages, "turning") as report:
-        turns = turn(parameters, ground.along, threads, False, report)
+        turns = turn(parameters, ground, threads, False, report)
     with _stage(stages, "turning, default contact") as report:
-        naive_turns = turn(parameters, ground.along, threads, True, report)
+        naive_turns = turn(parameters, ground, threads, True, report)
     with _stage(stages, "standing"):
         found_loads, naive_loads = (loads(parameters, ground, threads, default) for default in (False, True))
         found_creep, found_slide = creep(parameters, ground, threads), slide(parameters, ground, threads)
@@ -95,16 +96,18 @@ def rows(summary: dict[str, Any]) -> list[tuple[str, str]]:
         ("  with MuJoCo's default contact", pair("naive_icr_error", True)),
         ("slip, worst | median error", pair("slip_error", False)),
         ("  with MuJoCo's default contact", pair("naive_slip_error", False)),
+        ("lateral speed, worst error", f"{summary['lateral_speed_error_mm_per_s']:.2f} mm/s"),
         ("load of a point of contact, largest deviation", f"{summary['pad_load_spread']:.1%}"),
         ("  with MuJoCo's default contact", f"{summary['naive_pad_load_spread']:.0%}"),
         ("sink", f"{summary['sink_mm']:.2f} mm"),
         ("roll | pitch in turns, largest", f"{summary['roll_deg']:.3f} | {summary['pitch_deg']:.3f} deg"),
-        ("creep, parked on 10 deg", f"{summary['creep_mm_per_s']:.3f} mm/s"),
+        (f"creep, parked on {summary['creep_angle_deg']:.3g} deg", f"{summary['creep_mm_per_s']:.3f} mm/s"),
         ("sliding beyond the friction angle, worst error", f"{summary['sliding_acceleration_error']:.1%}"),
         ("drift to the side after 10 m straight on", f"{summary['straight_drift_mm']:.4f} mm"),
         ("CG and Newton, apart after 30 s", f"{summary['solver_difference_mm']:.3f} mm"),
         ("error of the step after 30 s [mm]", ", ".join(own_step)),
-        ("energy not accounted for", f"{summary['energy_residual']:.2%}"),
+        ("energy not accounted for, of what is stored", f"{summary['energy_residual']:.2%}"),
+        ("loss in friction, from Coulomb's law", f"{summary['friction_loss_error']:+.1%}"),
     ]
 
 

@@ -22,7 +22,7 @@ from trackslip.skid_theory import line_contact, steady_twist
 
 _STEADY = 2.0  # time after which the robots drive steadily [s]
 _STEP = 0.005  # of a parameter in finite differences, relative to the width of its bounds
-_TOLERANCE = 1e-5  # of the parameters and the cost at the optimum, relative
+_TOLERANCE = 1e-4  # of the parameters and the cost at the optimum, relative
 _SILENT = 1e-2  # effect of a parameter that has none, relative to that of the strongest
 _COLLINEAR = 100.0  # condition index from which parameters trade off against each other
 _PART = 0.3  # of a parameter in such a direction of unit length

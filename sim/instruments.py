@@ -20,6 +20,7 @@ class Contacts:
     load: Array  # (N, K) normal force [N]
     force: Array  # (N, K, 2) tangential force on the robot, along a pad's own axis and across it [N]
     velocity: Array  # (N, K, 2) of the robot's points over the ground, likewise [m/s]
+    rising: Array  # (N, K) speed off the ground [m/s]
     belt: Array  # (N, K) speed of the belt relative to the robot, along the pad's axis [m/s]
     position: Array  # (N, K, 2) in the robot's frame [m]
 
@@ -40,6 +41,7 @@ def read_contacts(fleet: Fleet) -> Contacts:
         load=sensed[..., 0].copy(),
         force=sensed[..., 1:3].copy(),
         velocity=sensed[..., 7:9].copy(),
+        rising=sensed[..., 6].copy(),
         belt=np.repeat(fleet.belts, POINTS, axis=1),
         position=np.stack([cos * x + sin * y, -sin * x + cos * y], axis=-1),
     )

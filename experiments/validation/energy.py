@@ -27,12 +27,20 @@ class Energy:
     time: Array  # (T,) [s]
     traction: Array  # (T,) put in by the belts
     friction: Array  # (T,) lost where belts slide
+    coulomb: Array  # (T,) the same by Coulomb's law, from the loads and sliding speeds alone
+    damping: Array  # (T,) lost where the ground gives way
     kinetic: Array  # (T,) of the robots, potential energy included
 
     @property
     def residual(self) -> float:
-        """Largest difference of what is put in and what became of it, over all that was put in [-]."""
-        return float(np.abs(self.traction - self.friction - self.kinetic).max() / self.traction[-1])
+        """Largest difference of what is put in and what became of it, over the most that was ever stored [-]."""
+        difference = self.traction - self.friction - self.damping - self.kinetic
+        return float(np.abs(difference).max() / np.abs(self.kinetic).max())
+
+    @property
+    def coulomb_error(self) -> float:
+        """How far the friction's loss is from Coulomb's law in the end, relative [-]."""
+        return float(self.coulomb[-1] / self.friction[-1] - 1)
 
 
 def account(parameters: RobotParameters, ground: Ground, generator: np.random.Generator, threads: int) -> Energy:
@@ -48,25 +56,31 @@ def account(parameters: RobotParameters, ground: Ground, generator: np.random.Ge
     fleet = Fleet(robot, np.zeros((ROBOTS, 3)), ground, parameters.radius_error, drive, threads)
     energy = fleet.batch.bind("energy")
     steps = round(DURATION / step)
-    force, load_speed, belt, total = [], [], [], []
+    read, total = [], []
     for k in range(steps + 1):
         if k % round(1.0 / step) == 0:
             fleet.command(generator.uniform(-fleet.drive.limit, fleet.drive.limit, (ROBOTS, 2)))
         fleet.advance(step)
-        contacts = read_contacts(fleet)
-        force.append(contacts.force)
-        load_speed.append(contacts.velocity)
-        belt.append(contacts.belt)
+        read.append(read_contacts(fleet))
         total.append(energy.sum(axis=1))
-    f, speed, belts, stored = np.array(force[:-1]), np.array(load_speed), np.array(belt[:-1]), np.array(total)
-    mean_speed = (speed[:-1] + speed[1:]) / 2
-    put_in = -(f[..., 0] * belts).sum(axis=(1, 2)) * step
-    sliding = mean_speed.copy()
+    force, load, belts = (np.array([getattr(c, name) for c in read[:-1]]) for name in ("force", "load", "belt"))
+    velocity, rising = (_between(np.array([getattr(c, name) for c in read])) for name in ("velocity", "rising"))
+    stored = np.array(total)
+    put_in = -(force[..., 0] * belts).sum(axis=(1, 2)) * step
+    sliding = velocity.copy()
     sliding[..., 0] += belts
-    lost = -(f * sliding).sum(axis=(1, 2, 3)) * step
+    lost = -(force * sliding).sum(axis=(1, 2, 3)) * step
+    limit = np.array([ground.along, ground.across])
     return Energy(
         time=np.arange(1, steps + 1) * step,
         traction=np.cumsum(put_in),
         friction=np.cumsum(lost),
+        coulomb=np.cumsum((load * np.hypot(*np.moveaxis(limit * sliding, -1, 0))).sum(axis=(1, 2)) * step),
+        damping=np.cumsum(-(load * rising).sum(axis=(1, 2)) * step),
         kinetic=(stored[1:] - stored[0]).sum(axis=1),
     )
+
+
+def _between(values: Array) -> Array:
+    """Means (T, ...) of neighbouring rows of (T + 1, ...)."""
+    return (values[:-1] + values[1:]) / 2

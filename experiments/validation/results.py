@@ -46,11 +46,12 @@ def summarise(found: Validation) -> dict[str, Any]:
         "naive_slip_error": _extent(found.naive_turns.slip_error),
         "lateral_speed_error_mm_per_s": 1e3 * _extent(found.turns.lateral - found.turns.expected_lateral)["worst"],
         "turns": len(found.turns.radius),
-        "pad_load_spread": np.abs(found.loads.load - 1).max(),
+        "pad_load_spread": np.abs(found.loads.load - found.loads.expected).max(),
         "naive_pad_load_spread": np.abs(found.naive_loads.load - 1).max(),
         "sink_mm": 1e3 * found.loads.sink.mean(),
         "roll_deg": np.degrees(np.abs(found.loads.roll).max()),
         "pitch_deg": np.degrees(np.abs(found.loads.pitch).max()),
+        "creep_angle_deg": np.degrees(found.creep.angle[:, at_reference].min()),
         "creep_mm_per_s": 1e3 * found.creep.speed[:, at_reference].max(),
         "sliding_acceleration_error": np.abs(sliding).max(),
         "straight_drift_mm": 1e3 * found.drift,
@@ -59,6 +60,7 @@ def summarise(found: Validation) -> dict[str, Any]:
             {"dt": step, "position_error_mm": 1e3 * error} for step, error in found.convergence.step_error.items()
         ],
         "energy_residual": found.energy.residual,
+        "friction_loss_error": found.energy.coulomb_error,
     }
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from experiments.validation.turning import STRONG
 from sim.fleet import Fleet
 from sim.ground import Ground, friction_angle
 from sim.instruments import read_contacts, use_default_contact
@@ -14,6 +15,7 @@ from sim.robot import load_robot
 from sim.robot_parameters import RobotParameters
 from trackslip.kinematics import Array, limit_sprocket_speeds, sprocket_speeds
 from trackslip.published import COMMANDED_RADII, SPEEDS
+from trackslip.skid_theory import Contact
 
 _SETTLE, _WATCH = 1.0, 5.0  # on a slope: time that the lean takes to settle, and in which creep is measured, then [s]
 _TILTED, _SLIDE = 0.3, 0.3  # beyond the friction angle: the same for the acceleration [s]
@@ -35,8 +37,9 @@ EXCESS = np.radians([1.0, 2.0, 4.0, 8.0])
 class Loads:
     """Normal forces in the 25 steady turns, and how the chassis lies."""
 
-    position: Array  # (K, 2) of the points of contact, in the robot's frame [m]
+    position: Array  # (K, 2) of the points of contact, in the robot's frame, where all touch the ground [m]
     load: Array  # (M, K) relative to their mean [-]
+    expected: Array  # (M, K) by theory: rigid robots on even springs, weight and momentum [-]
     sink: Array  # (M,) [m]
     roll: Array  # (M,) [rad]
     pitch: Array  # (M,) [rad]
@@ -64,15 +67,28 @@ def loads(parameters: RobotParameters, ground: Ground, threads: int, default_con
     robot = load_robot(parameters=parameters, contact_sensors=True)
     if default_contact:
         use_default_contact(robot)
-    radius, speed = np.array(list(itertools.product(COMMANDED_RADII, SPEEDS))).T
-    fleet = Fleet(robot, np.zeros((len(radius), 3)), ground, parameters.radius_error, threads=threads)
+    radii = np.array(COMMANDED_RADII) * parameters.half_gauge / RobotParameters().half_gauge
+    radius, speed = np.array(list(itertools.product(radii, SPEEDS))).T
+    fleet = Fleet(robot, np.zeros((len(radius), 3)), ground, parameters.radius_error, STRONG, threads)
     omega = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, robot.geometry)
     fleet.command(limit_sprocket_speeds(omega, fleet.drive.limit))
     fleet.advance(2.0)
     contacts = read_contacts(fleet)
-    sink, roll, pitch = fleet.attitude().T
+    position = contacts.position.mean(axis=0)
+    centre = (parameters.com_x, parameters.com_y, parameters.com_height)
+    x, y = robot.contact_points.T
+    # the same points in the order of the contacts: each beside the nearest
+    order = np.argmin(np.hypot(position[:, None, 0] - x, position[:, None, 1] - y), axis=1)
+    theory = Contact(x[order], y[order], ground.along, ground.across, centre)
+    v, u, w = fleet.twist().T
+    acceleration = np.stack([-w * (u + w * parameters.com_x), w * (v - w * parameters.com_y)], axis=-1)
     return Loads(
-        contacts.position.mean(axis=0), contacts.load / contacts.load.mean(axis=1, keepdims=True), sink, roll, pitch
+        position=position,
+        load=contacts.load / contacts.load.mean(axis=1, keepdims=True),
+        expected=theory.loads(acceleration / 9.81) * len(x),
+        sink=fleet.attitude()[:, 0],
+        roll=fleet.attitude()[:, 1],
+        pitch=fleet.attitude()[:, 2],
     )
 
 
@@ -118,7 +134,9 @@ def _tilt(fleet: Fleet, ground: Ground, angle: Array) -> None:
 def straight_drift(parameters: RobotParameters, ground: Ground, threads: int) -> float:
     """How far a robot that drives straight on is to the side after 10 m, with its radius errors equal [m]."""
     robot = load_robot(parameters=parameters)
-    fleet = Fleet(robot, np.zeros((1, 3)), ground, parameters.radius_error, threads=threads)
+    heading = 0.3
+    fleet = Fleet(robot, [(0.0, 0.0, heading)], ground, parameters.radius_error, STRONG, threads)
     fleet.command(2 * [0.25 / parameters.sprocket_radius])
     fleet.advance(40.0)
-    return float(abs(fleet.pose()[0, 1]))
+    x, y, _ = fleet.pose()[0]
+    return float(abs(y * np.cos(heading) - x * np.sin(heading)))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,19 +13,26 @@ from sim.drive import Drive
 from sim.fleet import Fleet
 from sim.ground import Ground
 from sim.instruments import use_default_contact
+from sim.motor import Motor
 from sim.robot import load_robot
 from sim.robot_parameters import RobotParameters
+from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array, limit_sprocket_speeds, sprocket_speeds, track_slip
 from trackslip.published import COMMANDED_RADII, SPEEDS
 from trackslip.skid_theory import line_contact, steady_twist
 
-RATIOS = (0.7, 0.9, 1.1, 1.4)
+RATIOS = (0.7, 0.9, 1.4)
+"""Friction across / along, besides the ground's own."""
 LENGTHS = (0.75, 1.0, 1.25)
 """Contact lengths, relative to the robot's."""
 CENTRES_OF_MASS = ((0.0, 0.0), (0.05, 0.0), (0.0, 0.1), (-0.05, 0.1))
 """Forwards, relative to the contact length, and to the left, relative to the half gauge; besides the robot's own."""
-STEADY = 2.0
+STEADY = 1.5
 """Time after which the robots turn steadily [s]."""
+WATCH = 0.5
+"""Time over which their twists are averaged, then [s]: MuJoCo's default contact shakes."""
+STRONG = Drive(torque_limit=1e6, motor=Motor(stall_torque=1e6))  # whatever the robot weighs: this is about the ground
+_SHIPPED = RobotParameters()
 
 
 @dataclass(frozen=True)
@@ -60,38 +68,49 @@ class Turns:
 
 
 def turn(
-    parameters: RobotParameters, along: float, threads: int, default_contact: bool, progress: Callable[[float], None]
+    parameters: RobotParameters, ground: Ground, threads: int, default_contact: bool, progress: Callable[[float], None]
 ) -> Turns:
-    """The grid of turns of a robot and of its variants in length and centre of mass; see the constants above."""
-    variants = [
-        replace(
-            parameters,
-            contact_length=length * parameters.contact_length,
-            com_x=parameters.com_x + forwards * length * parameters.contact_length,
-            com_y=parameters.com_y + left * parameters.half_gauge,
-        )
-        for length, (forwards, left) in itertools.product(LENGTHS, CENTRES_OF_MASS)
-    ]
+    """The grid of turns of a robot and of its variants in length and centre of mass; see the constants above.
+
+    The radii are the paper's for a robot as wide as the shipped one, and in proportion for others.
+    """
+    robots = list(variants(parameters))
     parts = []
-    for variant in variants:
-        parts.append(_turn_variant(variant, along, threads, default_contact))
-        progress(1 / len(variants))
+    for variant in robots:
+        parts.append(_turn_variant(variant, ground, threads, default_contact))
+        progress(1 / len(robots))
     return Turns.joined(parts)
 
 
-def _turn_variant(parameters: RobotParameters, along: float, threads: int, default_contact: bool) -> Turns:
+def variants(parameters: RobotParameters) -> Iterator[RobotParameters]:
+    """The robot with other lengths and centres of mass, those aside with which part of a track would lift."""
+    for length, (forwards, left) in itertools.product(LENGTHS, CENTRES_OF_MASS):
+        contact_length = length * parameters.contact_length
+        com_x = parameters.com_x + forwards * contact_length
+        com_y = parameters.com_y + left * parameters.half_gauge
+        with contextlib.suppress(InvalidValueError):
+            yield replace(parameters, contact_length=contact_length, com_x=com_x, com_y=com_y)
+
+
+def _turn_variant(parameters: RobotParameters, ground: Ground, threads: int, default_contact: bool) -> Turns:
     robot = load_robot(parameters=parameters)
     if default_contact:
         use_default_contact(robot)
-    ratio, radius, speed = np.array(list(itertools.product(RATIOS, COMMANDED_RADII, SPEEDS))).T
+    along, ratios = ground.along, sorted({*RATIOS, ground.across / ground.along})
+    radii = np.array(COMMANDED_RADII) * parameters.half_gauge / _SHIPPED.half_gauge
+    ratio, radius, speed = np.array(list(itertools.product(ratios, radii, SPEEDS))).T
     commanded = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, robot.geometry)
     omega = limit_sprocket_speeds(commanded, Drive().top_speed / robot.geometry.sprocket_radius)
     grounds = [Ground(along, along * r) for r in ratio]
-    fleet = Fleet(robot, np.zeros((len(omega), 3)), grounds, parameters.radius_error, threads=threads)
+    fleet = Fleet(robot, np.zeros((len(omega), 3)), grounds, parameters.radius_error, STRONG, threads)
     fleet.command(omega)
     fleet.advance(STEADY)
+    twists = []
+    for _ in range(round(WATCH / fleet.period)):
+        fleet.advance(fleet.period)
+        twists.append(fleet.twist())
     belts = omega * parameters.sprocket_radius * (1 + parameters.radius_error)
-    twist, expected = fleet.twist(), _theory(parameters, along, ratio, belts)
+    twist, expected = np.mean(twists, axis=0), _theory(parameters, along, ratio, belts)
     spread = belts[:, 1] - belts[:, 0]
     return Turns(
         radius=radius,

@@ -38,7 +38,7 @@ def test_visuals_carry_no_physics(robot):
 
 def test_the_contact_recipe_follows_from_its_formulas(robot):
     """K, B and the friction's rate from sink, damping ratio and impedance; see models/README.md."""
-    n, d, sink, zeta, rate, gravity = 20, 0.01, 0.002, 0.7, 50.0, 9.81
+    n, d, sink, zeta, rate, gravity = 20, 0.004, 0.002, 0.7, 100.0, 9.81
     c = d / (1 - d)
     stiffness = gravity * d / (n * c * sink)
     frequency = np.sqrt(n * c * (stiffness / d) / (1 + n * c))

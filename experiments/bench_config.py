@@ -1,0 +1,49 @@
+"""Options of `trackslip bench`. Importing this starts no simulator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from experiments.config import LONGEST_RUN, MOST_THREADS
+from trackslip.errors import InvalidValueError, require_at_most, require_positive
+
+MOST_ROBOTS = 10_000
+MOST_REPEATS = 1000
+
+
+@dataclass(frozen=True)
+class BenchConfig:
+    """Measure how fast it simulates: bare physics, a fleet, the scanner before it, and the closed loop."""
+
+    sizes: tuple[int, ...] = (1, 25, 256)
+    """Numbers of robots, each measured at each number of threads."""
+    thread_counts: tuple[int, ...] = (1, 2)
+    """Numbers of worker threads."""
+    seconds: float = 20.0
+    """Simulated time in each measurement, of all robots together [s]; the closed loop gets a tenth."""
+    repeats: int = 5
+    """Rounds, in each of which every case is measured in short turns; the results are medians."""
+    seed: int = 0
+    """Root of all random numbers."""
+    out: Path = Path("out/bench")
+    """Folder for the results."""
+
+    def __post_init__(self) -> None:
+        for name, values, most in (
+            ("sizes", self.sizes, MOST_ROBOTS),
+            ("thread_counts", self.thread_counts, MOST_THREADS),
+        ):
+            if not values:
+                raise InvalidValueError(name, values, "at least one number")
+            if len(set(values)) < len(values):
+                raise InvalidValueError(name, values, "all different")
+            for value in values:
+                if not 1 <= value <= most:
+                    raise InvalidValueError(name, value, f"an integer from 1 to {most}")
+        require_positive("seconds", self.seconds)
+        require_at_most("seconds", self.seconds, LONGEST_RUN, "s")
+        if not 1 <= self.repeats <= MOST_REPEATS:
+            raise InvalidValueError("repeats", self.repeats, f"an integer from 1 to {MOST_REPEATS}")
+        if self.seed < 0:
+            raise InvalidValueError("seed", self.seed, "an integer >= 0")

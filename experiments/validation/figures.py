@@ -1,0 +1,150 @@
+"""Figures of how the robot stands, slides and is stepped: loads, slopes, convergence, energy."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator
+
+from experiments.figure_style import BLACK, BLUE, GREEN, ORANGE, VERMILLION, styled, thin
+from experiments.validation import convergence
+from experiments.validation.convergence import Convergence
+from experiments.validation.energy import Energy
+from experiments.validation.panels import DEFAULT, RECIPE, THEORY, Panels, panel
+from experiments.validation.standing import HEADINGS, REFERENCE_ANGLE, SLIDING_HEADINGS, Creep, Loads, Slide
+from sim.contact_sensors import POINTS
+from sim.ground import Ground, friction_angle
+from trackslip.kinematics import Array
+
+_LOOKS = ((BLUE, "o", "-"), (ORANGE, "s", "--"), (GREEN, "^", "-."))
+_NAMES = {0.0: "straight uphill", np.pi / 4: "oblique", np.pi / 2: "across the slope"}
+
+
+@styled
+def pad_loads(loads: Loads, naive: Loads) -> Panels:
+    """Load along the track: of the pads with both contacts, and with the recipe of every point, enlarged."""
+    both, axes = panel("Pads, both contacts", "along the track, forwards [mm]", "load / mean load [–]")
+    # a sensor doesn't say which of a pad's points has lifted: take them together, where they are when both touch
+    x, y = _of_pads(loads.position.T)
+    sides = [side[np.argsort(x[side])] for side in (np.flatnonzero(y > 0), np.flatnonzero(y < 0))]
+    place = 1e3 * x[sides].mean(axis=0)
+    for found, style, name, shift in ((naive, DEFAULT, "default", -3.0), (loads, RECIPE, "recipe", 3.0)):
+        load = _of_pads(found.load)[:, sides].reshape(-1, len(place))
+        _reach(axes, place + shift, load, style["color"], style["marker"], name)
+    axes.set_ylim(bottom=0)
+    axes.legend(loc="upper center", ncols=2)
+    _make_room(axes)
+    large, axes = panel("Points, recipe alone, enlarged", "along the track, forwards [mm]", "load / mean load [–]")
+    for side, shift, (colour, marker, _) in zip(("left", "right"), (-2.0, 2.0), _LOOKS, strict=False):
+        chosen = (loads.position[:, 1] > 0) == (side == "left")
+        _reach(axes, 1e3 * loads.position[chosen, 0] + shift, loads.load[:, chosen], colour, marker, f"{side} track")
+    axes.axhline(1, **THEORY, zorder=1)
+    axes.legend(loc="upper center", ncols=2)
+    _make_room(axes)
+    return both, large
+
+
+def _of_pads(points: Array) -> Array:
+    """Means (..., P) over the points (..., K) of each pad."""
+    return points.reshape(*points.shape[:-1], -1, POINTS).mean(axis=-1)
+
+
+def _make_room(axes: Axes, share: float = 0.15) -> None:
+    """Raise the top of the axes by a share of their height, for a legend."""
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + share * (high - low))
+
+
+def _reach(axes: Axes, x: Array, load: Array, colour: str, marker: str, name: str) -> None:
+    """Medians of loads (M, P) at places (P,); thick, the middle half of them; thin, from the least to the greatest."""
+    least, lower, middle, upper, greatest = np.quantile(load, [0.0, 0.25, 0.5, 0.75, 1.0], axis=0)
+    axes.vlines(x, lower, upper, color=colour, lw=5.0, alpha=0.45)
+    reach = [middle - least, greatest - middle]
+    axes.errorbar(x, middle, reach, fmt=marker, color=colour, ms=4.5, lw=1.0, capsize=2.0, label=name)
+
+
+@styled
+def slopes(creep: Creep, slide: Slide, ground: Ground) -> Panels:
+    """Creep on slopes that hold the robot, and acceleration on those that don't."""
+    held, axes = panel("Parked: creep", "slope [°]", "creep [mm/s]")
+    for heading, angle, speed, (colour, marker, dash) in zip(
+        HEADINGS, creep.angle, creep.speed, itertools.cycle(_LOOKS)
+    ):
+        angle, first = np.unique(angle, return_index=True)
+        axes.plot(
+            np.degrees(angle), 1e3 * speed[first], color=colour, marker=marker, ls=dash, ms=4.5, label=_name(heading)
+        )
+        axes.axvline(np.degrees(friction_angle((ground.along, ground.across), heading)), color=colour, ls=dash, lw=0.9)
+    axes.axvline(np.degrees(REFERENCE_ANGLE), color="#aaaaaa", lw=5.0, alpha=0.5, zorder=0)
+    axes.set(yscale="log", xlim=(0, None))
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.legend(loc="lower right", bbox_to_anchor=(0.85, 0))
+    let_go, axes = panel("Sliding: acceleration", "slope [°]", "acceleration downhill [m/s²]")
+    for heading, angle, measured, expected, (colour, marker, dash) in zip(
+        SLIDING_HEADINGS, slide.angle, slide.acceleration, slide.expected, _LOOKS[::2], strict=True
+    ):
+        limit = friction_angle((ground.along, ground.across), heading)
+        name = "straight downhill" if heading == 0 else _name(heading)
+        axes.plot(
+            np.degrees([limit, *angle]), [0.0, *expected], color=colour, ls=dash, lw=1.2, label=f"{name}, Coulomb"
+        )
+        axes.plot(np.degrees(angle), measured, marker, color=colour, ms=5.5, mfc="none", mew=1.2,
+                  label=f"{name}, simulated")  # fmt: skip
+    axes.legend(loc="upper left")
+    axes.set_ylim(bottom=0)
+    return held, let_go
+
+
+def _name(heading: float) -> str:
+    return _NAMES.get(heading, f"{np.degrees(heading):.0f}°")
+
+
+@styled
+def steps_and_solvers(found: Convergence, own_step: float) -> Panels:
+    """Position error over the physics step, and the distance between the solvers."""
+    figure, axes = panel("Error after the random commands", "physics step [ms]", "distance, largest of all robots [mm]")
+    step, error = np.array(list(found.step_error.items())).T
+    reference = convergence.REFERENCE_STEP
+    rate = float(np.median(error / (step - reference)))
+    curve = np.geomspace(step.min(), step.max(), 100)
+    axes.plot(1e3 * curve, 1e3 * rate * curve, color="#888888", ls=":", lw=1.2, label="slope 1")
+    axes.plot(1e3 * curve, 1e3 * rate * (curve - reference), **THEORY, ls="--",
+              label=f"slope 1, less that of the\nreference step of {1e3 * reference:g} ms")  # fmt: skip
+    axes.plot(1e3 * step, 1e3 * error, "o", color=BLUE, ms=6, label="CG, other steps")
+    if own_step in found.step_error:
+        axes.plot(1e3 * own_step, 1e3 * found.step_error[own_step], "o", color=BLUE, ms=12, mfc="none", mew=1.2,
+                  label="the model's own step")  # fmt: skip
+    axes.axhline(
+        1e3 * found.solver_difference, color=VERMILLION, ls="-.", label="CG from Newton,\nat the model's own step"
+    )
+    axes.set(xscale="log", yscale="log")
+    axes.set_xticks(1e3 * step, [f"{1e3 * s:g}" for s in step])
+    axes.set_xticks([], minor=True)
+    axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.yaxis.set_major_formatter("{x:g}")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.1))
+    return (figure,)
+
+
+@styled
+def energies(found: Energy) -> Panels:
+    """What the belts put in and friction takes, since the start; and the small difference, enlarged."""
+    rows = thin(len(found.time))
+    time = found.time[rows]
+    whole, axes = panel("Since the start", "time [s]", "energy [J]")
+    axes.plot(time, found.traction[rows], color=BLUE, lw=4.0, alpha=0.45, label="put in by the belts")
+    axes.plot(time, found.friction[rows], color=BLACK, lw=1.1, ls="--", label="lost where belts slide")
+    axes.plot(time, found.kinetic[rows], color=GREEN, lw=1.3, label="kinetic and potential")
+    axes.legend(loc="upper left")
+    left, axes = panel("The difference, enlarged", "time [s]", "energy [J]")
+    difference = found.traction - found.friction - found.damping
+    axes.plot(time, difference[rows], color=BLUE, lw=1.3, label="put in − all losses")
+    axes.plot(time, found.kinetic[rows], color=GREEN, lw=1.3, ls="--", label="kinetic and potential")
+    axes.plot(time, (difference - found.kinetic)[rows], color=VERMILLION, ls="-.", lw=1.3, label="not accounted for")
+    axes.axhline(0, color="#888888", lw=0.8, zorder=1)
+    _make_room(axes, 0.3)
+    axes.legend(loc="upper left")
+    return whole, left

@@ -1,0 +1,26 @@
+"""Panels: the parts of a figure, each a drawing of its own, so that they stack where the page is narrow."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from experiments.figure_style import BLACK, BLUE, VERMILLION
+
+RECIPE: dict[str, Any] = {"color": BLUE, "marker": "o"}
+"""The contacts of the model, in every figure."""
+DEFAULT: dict[str, Any] = {"color": VERMILLION, "marker": "^"}
+"""MuJoCo's default contact."""
+THEORY: dict[str, Any] = {"color": BLACK, "lw": 1.0}
+
+Panels = tuple[Figure, ...]
+
+
+def panel(title: str, xlabel: str, ylabel: str) -> tuple[Figure, Axes]:
+    """A figure of one set of axes, about as wide as a phone."""
+    figure = Figure(figsize=(4.6, 3.6), layout="constrained")
+    axes = figure.subplots()
+    axes.set(title=title, xlabel=xlabel, ylabel=ylabel)
+    return figure, axes

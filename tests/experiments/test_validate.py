@@ -1,0 +1,166 @@
+"""`trackslip validate`: the bounds that the simulator must keep, and its report."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import re
+
+import numpy as np
+import pytest
+
+from experiments.cli import main
+from experiments.validation import convergence, energy, turning
+
+SMALLER = {
+    turning: {"RATIOS": (0.7, 1.4), "LENGTHS": (1.0,), "CENTRES_OF_MASS": ((0.0, 0.0), (-0.05, 0.1))},
+    convergence: {"ROBOTS": 4, "DURATION": 6.0, "STEPS": (0.001, 0.005, 0.01), "REFERENCE_STEP": 0.0005},
+    energy: {"DURATION": 3.0},
+}
+"""Constants with which the command takes seconds."""
+FIGURES = {"turns": 2, "left": 3, "slip": 2, "loads": 2, "slopes": 2, "steps": 1, "energy": 2}
+"""And of how many panels each is."""
+
+
+def validated(out, *options):
+    """The folder of a validation, and what it printed."""
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        main(["validate", "--out", str(out), *options])
+    return out, printed.getvalue()
+
+
+@pytest.fixture(scope="module")
+def quick(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        for module, constants in SMALLER.items():
+            for name, value in constants.items():
+                patch.setattr(module, name, value)
+        return validated(tmp_path_factory.mktemp("quick") / "out", "--seed", "3")
+
+
+@pytest.fixture(scope="module")
+def full(tmp_path_factory):
+    return validated(tmp_path_factory.mktemp("full") / "out")
+
+
+def summary_of(folder):
+    return json.loads((folder / "summary.json").read_text())
+
+
+def page_of(folder):
+    return (folder / "report.html").read_text(encoding="utf-8")
+
+
+def assert_within_bounds(found):
+    """What holds of any robot that stands evenly on its tracks."""
+    assert found["icr_error"]["worst"] <= 0.005
+    assert found["icr_error"]["median"] <= 0.0015
+    assert found["naive_icr_error"]["median"] > 0.1
+    assert found["naive_icr_error"]["worst"] > found["naive_icr_error"]["median"]
+    assert found["slip_error"]["worst"] < 0.1 * found["naive_slip_error"]["worst"]
+    assert found["pad_load_spread"] <= 0.05
+    assert found["sink_mm"] == pytest.approx(2.0, rel=0.05)
+    assert max(found["roll_deg"], found["pitch_deg"]) < 0.05
+    assert found["creep_mm_per_s"] <= 0.05
+    assert found["sliding_acceleration_error"] <= 0.05
+    assert found["straight_drift_mm"] < 0.1
+    assert found["solver_difference_mm"] <= 0.2
+    assert found["energy_residual"] <= 0.01
+    assert abs(found["friction_loss_error"]) <= 0.02
+    steps, errors = (np.array([entry[key] for entry in found["timestep"]]) for key in ("dt", "position_error_mm"))
+    assert np.all(np.diff(steps) > 0)
+    assert np.all(np.diff(errors) > 0)
+    assert errors.min() > 0
+
+
+def assert_report_is_whole(page):
+    for name, panels in FIGURES.items():
+        figure = re.search(rf'<figure id="fig-{name}">.*?</figure>', page, re.DOTALL)
+        assert figure is not None
+        assert figure[0].count("<svg ") == panels
+        assert figure[0].count("<figcaption>") == 1
+    assert page.count("<svg ") == sum(FIGURES.values())
+    for reference in re.findall(r'(?:src|href)="([^"]*)"', page):
+        assert reference.startswith("#")
+    for needle in ("<script", "<link", "@import", "url(http", "nan", "None</"):
+        assert needle not in page
+    assert len(page.encode()) < 1.5e6
+
+
+def test_numbers(quick):
+    found = summary_of(quick[0])
+    assert_within_bounds(found)
+    assert found["turns"] == 2 * 3 * 25
+    assert [entry["dt"] for entry in found["timestep"]] == [0.001, 0.005, 0.01]
+    for key in ("icr_error", "naive_icr_error"):
+        assert set(found[key]) == {"worst", "median"}
+    stages = {"turning", "turning, default contact", "standing", "convergence", "energy"}
+    assert set(found["timing"]["stages"]) == stages
+
+
+def test_what_is_left_behind(quick):
+    folder, printed = quick
+    assert {path.name for path in folder.iterdir()} == {"manifest.json", "summary.json", "report.html"}
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["seed"] == 3
+    assert manifest["robot"]["half_gauge"] == 0.168
+    assert manifest["ground"]["along"] == 0.7
+    assert len(manifest["model_sha256"]) == 64
+    found = summary_of(folder)
+    assert f"{found['icr_error']['worst']:.2%} | {found['icr_error']['median']:.2%}" in printed
+    assert f"{found['creep_mm_per_s']:.3f} mm/s" in printed
+
+
+def test_the_report_is_whole_and_needs_no_network(quick):
+    assert_report_is_whole(page_of(quick[0]))
+
+
+def test_the_report_shows_the_numbers(quick):
+    page, found = page_of(quick[0]), summary_of(quick[0])
+    text = re.sub(r"\s+", " ", re.sub(r"<svg .*?</svg>|<[^>]*>", " ", page, flags=re.DOTALL))
+    for value, unit in (
+        (100 * found["icr_error"]["median"], "%"),
+        (100 * found["naive_icr_error"]["median"], "%"),
+        (100 * found["energy_residual"], "%"),
+        (found["creep_mm_per_s"], "mm/s"),
+        (found["solver_difference_mm"], "mm"),
+    ):
+        shown = re.findall(rf"(?<![\d.])(\d+\.?\d*) {re.escape(unit)}(?![\w/])", text)
+        assert any(abs(float(number) - value) <= 0.051 * value for number in shown)
+    assert "150 steady turns" in text
+    assert "seed 3" in text
+    assert "friction 0.7 along, 0.49 to 0.98 across" in text
+
+
+@pytest.mark.slow
+def test_the_shipped_robot(full):
+    found = summary_of(full[0])
+    assert_within_bounds(found)
+    assert found["turns"] == 1200
+    assert [entry["dt"] for entry in found["timestep"]] == [0.0005, 0.001, 0.002, 0.005, 0.01]
+    assert_report_is_whole(page_of(full[0]))
+
+
+@pytest.mark.slow
+def test_a_robot_of_another_shape(tmp_path):
+    robot = tmp_path / "wide.toml"
+    robot.write_text("half_gauge = 0.25\ncontact_length = 0.5\n")
+    folder, _ = validated(tmp_path / "out", "--robot", str(robot))
+    assert_within_bounds(summary_of(folder))
+    page = page_of(folder)
+    assert_report_is_whole(page)
+    assert "wide.toml: b 250 mm, contact 500 mm, 25 kg" in page
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--seed", "-1"), "seed = -1: must be an integer >= 0"),
+        (("--threads", "-1"), "threads = -1"),
+        (("--robot", "nowhere.toml"), "nowhere.toml: No such file"),
+    ],
+)
+def test_mistakes_get_one_line(refused, arguments, message):
+    assert message in refused("validate", *arguments)
