@@ -93,11 +93,12 @@ def test_a_patch_under_one_track_turns_the_robot_as_theory_says(robot, omega):
     patch = Patch((-np.inf, np.inf), (0.0, np.inf), 0.2, 0.25)
     fleet = Fleet(robot, np.zeros((1, 3)), Ground(0.7, 0.8, patches=(patch,)), 0.0)
     fleet.command(slow)
-    fleet.advance(0.6)
+    fleet.advance(1.4)
     on_left = robot.contact_points[:, 1] > 0
     friction = np.where(on_left[:, None], [0.2, 0.25], [0.7, 0.8])
     expected = least_power_twist(robot, np.where(on_left, *slow) * 0.06, friction)
-    np.testing.assert_allclose(fleet.twist()[0, [0, 2]], expected[[0, 2]], rtol=0.02, atol=2e-4)
+    # 0.3 mrad/s for the creep of a track that grips, where the other's belt only spins
+    np.testing.assert_allclose(fleet.twist()[0, [0, 2]], expected[[0, 2]], rtol=0.01, atol=3e-4)
     even = least_power_twist(robot, np.where(on_left, *slow) * 0.06, np.full((20, 2), [0.7, 0.8]))
     if omega[0] != omega[1]:
         assert abs(expected[2] / even[2] - 1) > 0.1  # the patch matters
