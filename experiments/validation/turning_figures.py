@@ -67,7 +67,7 @@ def icr_and_slip(turns: Turns, naive: Turns, parameters: RobotParameters) -> Pan
     axes.set(xscale="log", xlim=(1e-2, None), ylim=(0, 101))
     axes.xaxis.set_major_formatter("{x:g}")
     handles = [
-        Line2D([], [], color="#555555", ls=dash, label=f"{ratio:g}")
+        Line2D([], [], color="#555555", ls=dash, label=f"{ratio:.3g}")
         for ratio, dash in zip(ratios, itertools.cycle(_DASHES), strict=False)
     ]
     axes.legend(handles=handles, title="friction\nacross / along", loc="center", bbox_to_anchor=(0.62, 0.3))
@@ -111,7 +111,7 @@ def what_is_left(turns: Turns, parameters: RobotParameters) -> Panels:
 def _by_ratio(axes: Axes, turns: Turns, rows: np.ndarray, x: Array, y: Array) -> None:
     for ratio, marker, colour in zip(np.unique(turns.ratio), itertools.cycle(_MARKERS), itertools.cycle(_COLOURS)):
         chosen = rows & (turns.ratio == ratio)
-        axes.plot(x[chosen], y[chosen], marker, color=colour, ms=4.5, mfc="none", mew=1.1, label=f"{ratio:g}")
+        axes.plot(x[chosen], y[chosen], marker, color=colour, ms=4.5, mfc="none", mew=1.1, label=f"{ratio:.3g}")
     axes.axhline(0, color="#888888", lw=0.8, zorder=1)
     axes.set_xlim(left=0)
     axes.legend(title="friction across / along", ncols=2)

@@ -4,6 +4,9 @@ import pytest
 from trackslip.errors import LogError
 from trackslip.kinematics import advance
 from trackslip.motion import butterworth_motion, difference
+from trackslip.motion.arc import arc
+from trackslip.motion.filtered import mean_twist, paper_motion, savgol_motion
+from trackslip.motion.smoother import rts
 from trackslip.runlog import RunLog
 
 
@@ -77,3 +80,72 @@ def test_turns_too_fast_for_the_rate_are_refused():
 def test_too_little_to_filter():
     with pytest.raises(LogError, match="needs at least"):
         butterworth_motion(circle_log((0.1, 0.1), rows=10))
+
+
+METHODS = {
+    "arc": arc,
+    "rts": rts,
+    "butterworth": lambda log, window: mean_twist(butterworth_motion(log), log, window),
+    "savgol": lambda log, window: mean_twist(savgol_motion(log), log, window),
+    "paper": lambda log, window: mean_twist(paper_motion(log), log, window),
+}
+WINDOW = (1.5, 29.0)
+
+
+@pytest.mark.parametrize("method", ["arc", "rts", "butterworth", "savgol"])
+@pytest.mark.parametrize("twist", [(0.25, 0.4), (0.05, 0.02), (-0.2, 0.3), (0.2, 0.0), (0.0, 0.5)])
+def test_every_method_finds_the_twist_of_an_arc(method, twist):
+    found = METHODS[method](circle_log(twist), WINDOW)
+    np.testing.assert_allclose(found.twist, twist, atol=2e-6)
+
+
+@pytest.mark.parametrize(("method", "most"), [("arc", 1.6), ("rts", 1.6), ("butterworth", 1.2), ("savgol", 1.2)])
+def test_standard_errors_are_those_of_repeats(method, most):
+    """Of noise without memory, and with one of half a second."""
+    for memory in (0.0, 0.9):
+        found = []
+        for seed in range(60):
+            log = circle_log((0.1, 0.08))
+            rng = np.random.default_rng(seed)
+            noise = rng.normal(size=log.pose.shape) * [0.002, 0.002, 0.004]
+            for k in range(1, len(noise)):
+                noise[k] = memory * noise[k - 1] + np.sqrt(1 - memory**2) * noise[k]
+            found.append(METHODS[method](RunLog("noisy", log.time, log.omega, log.pose + noise), WINDOW))
+        error = np.array([f.twist - [0.1, 0.08] for f in found])
+        stated = np.array([np.diag(f.covariance) for f in found])
+        ratio = np.sqrt(np.mean(error**2, axis=0) / stated.mean(axis=0))
+        assert np.all(ratio < most), ratio
+        assert np.all(np.abs(error.mean(axis=0)) < 4 * error.std(axis=0) / np.sqrt(len(error)))
+
+
+def test_a_lateral_speed_does_not_bend_the_arc():
+    """A centre of rotation ahead of the middle: the robot goes sideways, steadily."""
+    time = np.arange(600) * 0.05
+    v, u, w = 0.2, -0.02, 0.3
+    phi = 0.4 + w * time
+    x = (v * np.sin(phi) + u * np.cos(phi)) / w
+    y = (-v * np.cos(phi) + u * np.sin(phi)) / w
+    log = RunLog("sideways", time, np.ones((600, 2)), np.column_stack([x, y, phi]))
+    for method in ("arc", "rts"):
+        np.testing.assert_allclose(METHODS[method](log, WINDOW).twist, [v, w], atol=2e-6)
+
+
+def test_outliers_do_not_bend_the_arc():
+    log = circle_log((0.15, 0.1), noise=(0.002, 0.002, 0.004), seed=1)
+    clean = arc(log, WINDOW)
+    log.pose[100:600:50, 0] += 0.3
+    log.pose[120:600:70, 2] += 0.5
+    spoilt = arc(log, WINDOW)
+    assert np.all(np.abs(spoilt.twist - clean.twist) < 2 * np.sqrt(np.diag(clean.covariance)))
+
+
+def test_noise_makes_the_papers_speed_larger():
+    """Why it isn't the default: the length of a noisy displacement is longer than the displacement."""
+    log = circle_log((0.05, 0.04), noise=(0.003, 0.003, 0.004), seed=1)
+    assert METHODS["paper"](log, WINDOW).twist[0] > 1.1 * 0.05
+
+
+@pytest.mark.parametrize("method", ["arc", "rts", "butterworth"])
+def test_a_window_without_poses_is_refused(method):
+    with pytest.raises(LogError, match="hardly any valid pose"):
+        METHODS[method](circle_log((0.1, 0.1)), (29.9, 30.0))

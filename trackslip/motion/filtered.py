@@ -1,30 +1,28 @@
-"""Poses over time -> smooth poses and the body twist."""
+"""Filters: poses over time -> smooth poses and the body twist between them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
+from scipy.signal import butter, savgol_filter, sosfilt, sosfilt_zi, sosfiltfilt
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array, advance
+from trackslip.motion.base import Motion, SteadyTwist, long_run_covariance
 from trackslip.runlog import RunLog
 
 CUTOFF = 0.5
 """Normalised cutoff of the paper's Butterworth filter: half of half the sampling rate."""
+LONGEST_WINDOW = 3.0
+"""Of Savitzky and Golay's filter [s]."""
+LONGEST_TURN = 0.5
+"""In its window [rad]."""
+FEWEST = 20
+"""Steps that a mean twist takes."""
+_LAGS = 0.5  # width of the lag window of a mean twist's error, relative to the rows
+_DEGREE = 4  # of its polynomials
 _SHORTEST = 16  # rows a filter without transients needs
 _FASTEST_TURN = 0.15  # from row to row: the filter then shortens a circle by 8e-5 [rad]
 _WIDEST_TURN = 2.5  # of a gap that an arc bridges [rad]
-
-
-@dataclass(frozen=True)
-class Motion:
-    """Motion of a robot between the rows of its log."""
-
-    time: Array  # (M,) [s]
-    pose: Array  # (M, 3) [m, m, rad]
-    twist: Array  # (M, 2) [m/s, rad/s]
 
 
 def butterworth_motion(log: RunLog) -> Motion:
@@ -39,6 +37,63 @@ def butterworth_motion(log: RunLog) -> Motion:
         LogError: for a run with too few valid poses to filter, one that turns too far from row to row, or a gap in
             which it turned too far to bridge.
     """
+    even, pose = _even_poses(log)
+    return difference(even, sosfiltfilt(butter(2, CUTOFF, output="sos"), pose, axis=0))
+
+
+def paper_motion(log: RunLog) -> Motion:
+    """The paper's smoothing as printed: the filter runs forwards only, and the speed is the displacement's length.
+
+    The filter's delay turns the heading's lag into nothing in a steady turn; noise makes the lengths longer. Raises
+    LogError as `butterworth_motion` does.
+    """
+    even, pose = _even_poses(log)
+    low_pass = butter(2, CUTOFF, output="sos")
+    settled = sosfilt_zi(low_pass)[..., None] * pose[0]
+    smooth, _ = sosfilt(low_pass, pose, axis=0, zi=settled)
+    motion = difference(even, smooth)
+    dx, dy, turn = np.diff(smooth, axis=0).T
+    v = np.copysign(np.hypot(dx, dy), motion.twist[:, 0])
+    return Motion(motion.time, motion.pose, np.stack([v, turn], axis=-1) / np.diff(even)[:, None])
+
+
+def savgol_motion(log: RunLog) -> Motion:
+    """Savitzky and Golay's filter: local polynomials of fourth degree, over a window in which the robot turns little.
+
+    The window is as long as LONGEST_TURN allows, so that the polynomials bend with the circle, and no longer than
+    LONGEST_WINDOW. Raises LogError as `butterworth_motion` does.
+    """
+    even, pose = _even_poses(log)
+    step = float(even[1] - even[0])
+    rate = abs(pose[-1, 2] - pose[0, 2]) / (even[-1] - even[0])
+    rows = int(min(LONGEST_WINDOW, LONGEST_TURN / max(rate, 1e-9)) / step)
+    window = int(np.clip(rows, _DEGREE + 3, len(even) - 1)) // 2 * 2 - 1
+    smooth = savgol_filter(pose, window, _DEGREE, axis=0)
+    dx, dy, turning = savgol_filter(pose, window, _DEGREE, deriv=1, delta=step, axis=0).T
+    v = dx * np.cos(smooth[:, 2]) + dy * np.sin(smooth[:, 2])
+    return Motion(even, smooth, np.stack([v, turning], axis=-1))
+
+
+def mean_twist(motion: Motion, log: RunLog, window: tuple[float, float]) -> SteadyTwist:
+    """The mean of a motion's twists in a window.
+
+    Twists are differences of poses, whose noise cancels in the mean but for its ends; only a wide lag window sees that.
+
+    Raises:
+        LogError: for too few of them.
+    """
+    rows = (motion.time > window[0]) & (motion.time < window[1])
+    if rows.sum() < FEWEST:
+        raise LogError(
+            f"run {log.run!r}: hardly any valid pose between {window[0]:g} s and {window[1]:g} s, where it is steady"
+        )
+    twist = motion.twist[rows]
+    mean = twist.mean(axis=0)
+    return SteadyTwist(mean, long_run_covariance(twist - mean, _LAGS) / rows.sum())
+
+
+def _even_poses(log: RunLog) -> tuple[Array, Array]:
+    """Even times (M,) [s] and poses (M, 3) at them."""
     valid = log.is_valid
     if valid.sum() < _SHORTEST:
         raise LogError(f"run {log.run!r}: {int(valid.sum())} valid poses, needs at least {_SHORTEST}")
@@ -61,8 +116,7 @@ def butterworth_motion(log: RunLog) -> Motion:
         )
     if len(even) < _SHORTEST:
         raise LogError(f"run {log.run!r}: {len(even)} even time steps, needs at least {_SHORTEST}")
-    smooth = sosfiltfilt(butter(2, CUTOFF, output="sos"), _along_arcs(time, pose, even), axis=0)
-    return difference(even, smooth)
+    return even, _along_arcs(time, pose, even)
 
 
 def _along_arcs(time: Array, pose: Array, at: Array) -> Array:

@@ -1,0 +1,100 @@
+"""The arc of constant twist through all poses of a steady run."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackslip.errors import LogError
+from trackslip.kinematics import Array
+from trackslip.motion.base import SteadyTwist, long_run_covariance
+from trackslip.runlog import RunLog
+
+FEWEST = 12
+"""Valid poses that an arc takes."""
+_SCALE = np.array([0.0025, 0.0025, np.radians(0.3)])  # weights of position [m] and heading [rad]
+_HUBER = 3.0  # residual beyond which a pose counts linearly only [of _SCALE, or of the residuals' own spread]
+_ITERATIONS = 50
+_CONVERGED = 1e-10
+
+
+def arc(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
+    """Least squares of six parameters, a pose and a twist with lateral speed, on all valid poses.
+
+    All poses have the same weight: their own covariances, optimistic where the plate is seen nearly edge-on, would make
+    the fit worse. Outliers are tamed by Huber's loss. The error is that of M-estimation with scores correlated in time.
+
+    Raises:
+        LogError: for fewer than FEWEST valid poses.
+    """
+    rows = (log.time > window[0]) & (log.time < window[1]) & log.is_valid
+    if rows.sum() < FEWEST:
+        raise LogError(
+            f"run {log.run!r}: hardly any valid pose between {window[0]:g} s and {window[1]:g} s, where it is steady"
+        )
+    time, pose = log.time[rows], log.pose[rows]
+    time = time - time.mean()
+    parameters = _start(time, pose)
+    for _ in range(_ITERATIONS):
+        residual, jacobian = _residual(parameters, time, pose)
+        spread = np.maximum(1.0, 1.4826 * np.median(np.abs(residual), axis=0))
+        weight = np.minimum(1.0, _HUBER * spread / np.maximum(np.abs(residual), 1e-300))
+        weighted = jacobian * weight[..., None]
+        hessian = np.einsum("tki,tkj->ij", weighted, jacobian)
+        step = np.linalg.solve(hessian, -np.einsum("tki,tk->i", weighted, residual))
+        parameters = parameters + step
+        if np.abs(step).max() < _CONVERGED:
+            break
+    inverse = np.linalg.inv(hessian)
+    scores = np.einsum("tki,tk->ti", weighted, residual)
+    covariance = inverse @ (len(time) * long_run_covariance(scores)) @ inverse
+    chosen = np.array([3, 5])  # v, w of (x, y, phi, v, u, w)
+    correction = residual.size / (residual.size - len(parameters))
+    return SteadyTwist(parameters[chosen], covariance[np.ix_(chosen, chosen)] * correction)
+
+
+def _start(time: Array, pose: Array) -> Array:
+    """x, y, phi in the middle of the run, and v, u, w (6,), from chords projected on the heading."""
+    w, phi = np.polyfit(time, pose[:, 2], 1)
+    stride = max(1, len(time) // 30)
+    coarse, at = pose[::stride], time[::stride]
+    turn, middle = np.diff(coarse[:, 2]), (coarse[1:, 2] + coarse[:-1, 2]) / 2
+    chord = np.cos(middle) * np.diff(coarse[:, 0]) + np.sin(middle) * np.diff(coarse[:, 1])
+    v = np.sum(chord / np.sinc(turn / (2 * np.pi))) / (at[-1] - at[0])
+    nearest = pose[np.abs(time).argmin()]
+    return np.array([nearest[0], nearest[1], phi, v, 0.0, w])
+
+
+def _residual(parameters: Array, time: Array, pose: Array) -> tuple[Array, Array]:
+    """Scaled residuals (T, 3) of an arc and their Jacobian (T, 3, 6)."""
+    x, y, phi, v, u, w = parameters
+    forward, sideways, d_forward, d_sideways = _integrals(w, time)
+    cos, sin = np.cos(phi), np.sin(phi)
+
+    def turned(ahead: Array, left: Array) -> tuple[Array, Array]:
+        return cos * ahead - sin * left, sin * ahead + cos * left
+
+    way_x, way_y = turned(v * forward - u * sideways, v * sideways + u * forward)
+    by_v, by_u = turned(forward, sideways), turned(-sideways, forward)
+    by_w = turned(v * d_forward - u * d_sideways, v * d_sideways + u * d_forward)
+    residual = np.stack([x + way_x, y + way_y, phi + w * time], axis=-1) - pose
+    one, none = np.ones_like(time), np.zeros_like(time)
+    rows = [
+        (one, none, -way_y, by_v[0], by_u[0], by_w[0]),
+        (none, one, way_x, by_v[1], by_u[1], by_w[1]),
+        (none, none, one, none, none, time),
+    ]
+    jacobian = np.stack([np.stack(row, axis=-1) for row in rows], axis=1)
+    return residual / _SCALE, jacobian / _SCALE[:, None]
+
+
+def _integrals(w: float, time: Array) -> tuple[Array, Array, Array, Array]:
+    """Integrals of cos(w t) and sin(w t) from 0 to `time` (T,), and their derivatives by w."""
+    turn = w * time
+    small = np.abs(turn) < 1e-3
+    safe = np.where(small, 1.0, turn)
+    sin, cos = np.sin(turn), np.cos(turn)
+    forward = np.where(small, 1 - turn**2 / 6, np.sin(safe) / safe)
+    sideways = np.where(small, turn / 2 - turn**3 / 24, (1 - np.cos(safe)) / safe)
+    d_forward = np.where(small, -turn / 3 + turn**3 / 30, (cos - forward) / safe)
+    d_sideways = np.where(small, 0.5 - turn**2 / 8, (sin - sideways) / safe)
+    return time * forward, time * sideways, time**2 * d_forward, time**2 * d_sideways

@@ -1,0 +1,54 @@
+"""What a motion method returns, and the standard error of a mean that is correlated in time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackslip.kinematics import Array
+from trackslip.runlog import RunLog
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Motion of a robot between the rows of its log."""
+
+    time: Array  # (M,) [s]
+    pose: Array  # (M, 3) [m, m, rad]
+    twist: Array  # (M, 2) [m/s, rad/s]
+
+
+@dataclass(frozen=True)
+class SteadyTwist:
+    """The twist of a steady run."""
+
+    twist: Array  # (2,) [m/s, rad/s]
+    covariance: Array  # (2, 2) of its error, correlation in time accounted for
+
+
+MotionMethod = Callable[[RunLog, tuple[float, float]], SteadyTwist]
+"""A run, and from when to when it is steady [s] -> its twist. Raises LogError for a run that it can't be applied to."""
+
+
+def long_run_covariance(series: Array, share: float | None = None) -> Array:
+    """Covariance (K, K) of the sum of a series (T, K) with mean zero, over T; correlation in time included.
+
+    With a Bartlett window, after Newey and West (1987). It is as wide as a `share` of the series, or by default of
+    Andrews' (1991) width for an autoregression of first order, the widest of the K, a quarter of the series at most.
+    """
+    rows = len(series)
+    if share is None:
+        power = np.sum(series**2, axis=0)
+        memory = np.sum(series[:-1] * series[1:], axis=0) / np.where(power > 0, power, 1.0)
+        memory = np.clip(memory, -0.97, 0.97)
+        spread = (2 * memory / (1 - memory**2)) ** 2
+        lags = int(min(1.1447 * (spread.max() * rows) ** (1 / 3), rows / 4))
+    else:
+        lags = int(share * rows)
+    covariance = series.T @ series
+    for lag in range(1, lags + 1):
+        product = series[lag:].T @ series[:-lag]
+        covariance += (1 - lag / (lags + 1)) * (product + product.T)
+    return covariance / rows
