@@ -10,7 +10,7 @@ from sim.motor import Motor
 from trackslip.errors import InvalidValueError, require_at_most, require_positive
 from trackslip.kinematics import Array
 
-RADIUS_ERROR = 0.0067
+RADIUS_ERROR = 0.0066
 """Default relative error of the effective sprocket radius, real / nominal - 1 [-]: tuned to the paper's slips."""
 LARGEST_RADIUS_ERROR = 0.5
 
@@ -48,6 +48,7 @@ class Forecast:
 
     omega: Array  # (P + 1, N, 2) speeds now and at the end of each period [rad/s]
     mean: Array  # (P, N, 2) mean speeds in them [rad/s]
+    error: Array  # (N, 2) of the last speeds, against the set points [rad/s]
 
 
 class DriveState:
@@ -57,25 +58,34 @@ class DriveState:
     lag, exactly. So the speeds can be forecast, and what torque they took is found when the ground has answered.
     """
 
-    def __init__(self, drive: Drive, n: int, sprocket_radius: float) -> None:
-        """N pairs of sprockets of a nominal radius [m] at rest."""
+    def __init__(self, drive: Drive, n: int, sprocket_radius: float, effective_radius: Array | None = None) -> None:
+        """N pairs of sprockets at rest, of a nominal radius [m] and the radii (N, 1) [m] at which they drive the belts.
+
+        By default the belts run at the nominal radius.
+        """
         self._drive = drive
-        self._radius = sprocket_radius
+        self.radius = np.full((n, 1), sprocket_radius) if effective_radius is None else effective_radius
+        """Effective radii of the sprockets (N, 1) [m]."""
+        self.period = drive.period
+        """Sampling time of the servo [s]."""
         self.limit = drive.top_speed / sprocket_radius
         """Largest sprocket speed [rad/s]."""
         self.torque_limit = drive.torque_limit
         """Largest torque [N m]."""
+        self.rotor_stiffness = drive.motor.inertia / drive.period
+        """Torque that it takes to change a sprocket's speed within a period [N m s/rad]."""
         self._decay = np.exp(-drive.period / drive.lag)
         self._mean_decay = -np.expm1(-drive.period / drive.lag) * drive.lag / drive.period
         self.set_point = np.zeros((n, 2))
         """[rad/s]"""
         self.omega = np.zeros((n, 2))
         """True speed [rad/s]."""
-        self.angle = np.zeros((n, 2))
+        self._error: Array = np.zeros((n, 2))  # kept beside the speed, for it decays without rounding
+        self.angle: Array = np.zeros((n, 2))
         """True angle [rad]."""
         self.torque = np.zeros((n, 2))
         """Of the motors, at the sprockets, in the last period [N m]."""
-        self.energy = np.zeros((n, 2))
+        self.energy: Array = np.zeros((n, 2))
         """Electrical energy since the start [J]."""
         self.saturated_time = np.zeros((n, 2))
         """Time since the start in which the motor was at its limit [s]."""
@@ -84,25 +94,30 @@ class DriveState:
         """Set points (N, 2) [rad/s]; what is beyond the top speed is cut off."""
         if not np.isfinite(omega).all():
             raise InvalidValueError("omega", omega, "finite")
+        before = self.set_point.copy()
         np.clip(omega, -self.limit, self.limit, out=self.set_point)
+        self._error += before - self.set_point
 
     def forecast(self, periods: int) -> Forecast:
         """Speeds in the next `periods`, if the motors are strong enough."""
-        error = np.full((periods + 1, *self.omega.shape), self._decay)
-        error[0] = self.omega - self.set_point
-        np.multiply.accumulate(error, axis=0, out=error)
-        return Forecast(self.set_point + error, self.set_point + error[:-1] * self._mean_decay)
+        error = np.empty((periods + 1, *self.omega.shape))
+        error[0], error[1:] = self._error, self._decay
+        np.multiply.accumulate(error, axis=0, out=error)  # the same bits in however many forecasts
+        return Forecast(error + self.set_point, error[:-1] * self._mean_decay + self.set_point, error[-1])
 
     def torque_for(self, forecast: Forecast, traction: Array) -> Array:
         """Motor torques (P, N, 2) [N m] at the sprockets of a forecast, against traction (P, N, 2) [N]."""
         motor, omega = self._drive.motor, forecast.omega
         accelerating = np.diff(omega, axis=0) * (motor.inertia / self._drive.period)
-        return accelerating + self._radius * traction + motor.loss(omega[1:])
+        return accelerating + self.radius * traction + motor.loss(omega[1:])
 
     def torque_range(self, omega: Array) -> tuple[Array, Array]:
-        """Least and greatest torque (...) [N m] that a motor has at sprocket speeds (...) [rad/s]."""
+        """Least and greatest torque (...) [N m] that a motor has at sprocket speeds (...) [rad/s].
+
+        Beyond its speed without load a motor brakes, whatever its voltage.
+        """
         least, most = self._drive.motor.torque_range(omega)
-        return np.maximum(least, -self.torque_limit), np.minimum(most, self.torque_limit)
+        return least.clip(-self.torque_limit, self.torque_limit), most.clip(-self.torque_limit, self.torque_limit)
 
     def too_weak(self, forecast: Forecast, torque: Array) -> np.ndarray:
         """(P, N, 2) whether the torques that a forecast takes are more than the motors have."""
@@ -112,9 +127,9 @@ class DriveState:
     def accept(self, forecast: Forecast, torque: Array, saturated: Array | None = None) -> None:
         """Let a forecast come true, with its torques (P, N, 2) and where (P, N, 2) they are at the motors' limits."""
         period = self._drive.period
-        self.omega, self.torque = forecast.omega[-1], torque[-1]
-        self.angle += forecast.mean.sum(axis=0) * period
-        self.energy += self._drive.motor.power(torque, forecast.mean).sum(axis=0) * period
+        self.omega, self.torque, self._error = forecast.omega[-1], torque[-1], forecast.error
+        self.angle = _added(self.angle, forecast.mean * period)
+        self.energy = _added(self.energy, self._drive.motor.power(torque, forecast.mean) * period)
         if saturated is not None:
             self.saturated_time += saturated.sum(axis=0) * period
 
@@ -122,3 +137,8 @@ class DriveState:
         """Angles (N, 2) as the encoders count them [rad]."""
         count = 2 * np.pi / self._drive.encoder_counts
         return np.floor(self.angle / count) * count
+
+
+def _added(total: Array, parts: Array) -> Array:
+    """A total (N, 2) plus parts (P, N, 2), one after the other: the same bits in however many calls."""
+    return np.cumsum(np.concatenate([total[None], parts]), axis=0)[-1]

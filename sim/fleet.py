@@ -17,6 +17,8 @@ from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array
 
 _SETTLING = 1.0  # time for a robot set down on the ground to come to rest [s]
+_AT_REST = 0.005  # below this speed [m/s] it has; creep is a hundred times slower
+_UPRIGHT = 0.1  # below this roll and pitch it stands on its tracks [rad]
 
 
 class Fleet:
@@ -42,8 +44,8 @@ class Fleet:
             threads: worker threads, 0 for one per processor.
 
         Raises:
-            InvalidValueError: for poses that aren't finite, a wrong number of grounds, a slope too steep to park on, a
-                servo period that is no multiple of the physics step.
+            InvalidValueError: for poses that aren't finite, a wrong number of grounds, a slope too steep to park on,
+                where robots would slide or tip over, a servo period that is no multiple of the physics step.
         """
         start = np.atleast_2d(np.asarray(start, float))
         if start.ndim != 2 or start.shape[1] != 3 or not np.isfinite(start).all():
@@ -54,7 +56,7 @@ class Fleet:
         self.size = len(start)
         self._radius = robot.geometry.sprocket_radius * (1 + np.broadcast_to(radius_error, (self.size,)))[:, None]
         drive = drive or Drive()
-        self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius)
+        self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius, self._radius)
         self.period = drive.period
         step = robot.model.opt.timestep
         self._substeps = round(drive.period / step)
@@ -63,9 +65,10 @@ class Fleet:
 
         self.batch = batch.Batch(robot.model, self.size, nthread=threads)
         surface = self.batch.expand("geom_surfacevel")  # (N, ngeom, 6)
-        self._belts = surface[:, robot.pads, 2]  # (N, P) speed of each pad's surface along its axis, live
+        self.belts = surface[:, robot.pads, 2]
+        """Speed of each pad's surface, along its own axis (N, P) [m/s], live."""
         self._pad_friction = self.batch.expand("pair_friction")[:, robot.pad_pairs, :2]  # (N, P, 2), live
-        self._sensors = self.batch.bind("sensordata")  # (N, 6), live: force on the left and on the right track
+        self._sensors = self.batch.bind("sensordata")[:, :6]  # (N, 6), live: force on the left and on the right track
         self._quaternion = tuple(self.batch.qpos[:, 3:7].T)  # four live views (N,)
         # (N, 2), live: the chassis' x axis on the ground
         self._forward = self.batch.bind("xmat")[:, robot.model.body("chassis").id, 0:4:3]
@@ -122,21 +125,24 @@ class Fleet:
             self._advance_within_limits()
 
     def _run(self, mean: Array) -> Array:
-        """Run the belts at mean sprocket speeds (P, N, 2) [rad/s] for P periods; tractions (P, N, 2) at their ends."""
+        """Run the belts at mean sprocket speeds (P, N, 2) [rad/s] for P periods; mean tractions (P, N, 2) in them."""
         # the lower side of a belt runs backwards when the robot goes forwards
         belts = (-self._radius * mean)[..., self.robot.pad_side] * self.robot.pad_sign
-        forces = np.empty((len(mean), *self._sensors.shape))
+        forces = np.zeros((len(mean), *self._sensors.shape))
         forward = np.empty((len(mean), self.size, 2))
         for k, speed in enumerate(belts):
             if self._friction.varies:
                 self._lay_friction()
-            self._belts[:] = speed
-            self.batch.step(nstep=self._substeps)
-            forces[k], forward[k] = self._sensors, self._forward
+            self.belts[:] = speed
+            for _ in range(self._substeps):  # grip follows the belts within a period: only the mean is their impulse
+                self.batch.step()
+                forces[k] += self._sensors
+            forward[k] = self._forward
             self._periods += 1
-            if k % self._unwrap_every == 0 or k == len(mean) - 1:
+            if (k + 1) % self._unwrap_every == 0:
                 self._follow_heading()
-        return np.stack([(forces[..., i : i + 2] * forward).sum(axis=-1) for i in (0, 3)], axis=-1)
+        self._follow_heading()
+        return _along(forces / self._substeps, forward)
 
     def _advance_within_limits(self) -> None:
         """One period in which some motor may be too weak to follow its servo.
@@ -145,13 +151,9 @@ class Fleet:
         by trying it.
         """
         before = self._snapshot()
-        search = SpeedSearch(self.drive)
-        while True:
-            torque = self.drive.torque_for(search.trial, self._run(search.trial.mean))
-            if search.done(torque):
-                break
+        search = SpeedSearch(self.drive, self.robot.mass, float(np.linalg.norm(self.robot.model.opt.gravity)))
+        while not search.done(self._run(search.belt)):
             self._restore(before)
-        self.drive.accept(search.trial, search.torque, search.saturated)
 
     def _snapshot(self) -> tuple[Array, Array, int]:
         return self.batch.state.copy(), self._heading.copy(), self._periods
@@ -173,7 +175,7 @@ class Fleet:
 
     def traction(self) -> Array:
         """Forces of the ground on the (left, right) tracks, along the robot, (N, 2) [N], in the last physics step."""
-        return np.stack([(self._sensors[:, i : i + 2] * self._forward).sum(axis=-1) for i in (0, 3)], axis=-1)
+        return _along(self._sensors, self._forward)
 
     def load(self) -> Array:
         """Forces of the ground that hold up the (left, right) tracks, (N, 2) [N]."""
@@ -199,6 +201,7 @@ class Fleet:
         """Let the robots come to rest on the ground, at the poses `start` (N, 3)."""
         qpos = self.batch.qpos
         self.batch.step(nstep=round(_SETTLING / self.robot.model.opt.timestep))
+        self._require_rest(start)
         # settling moves it by less than a micrometre; start exactly where asked
         qpos[:, :2] = start[:, :2]
         half_turn = (start[:, 2] - self._wrapped_heading()) / 2
@@ -210,14 +213,32 @@ class Fleet:
         self._heading = start[:, 2].copy()
         self._follow_heading()
 
+    def _require_rest(self, start: Array) -> None:
+        """Raise InvalidValueError for robots that slide, or have tipped over, where they were set down."""
+        sliding = ~(np.hypot(*self.batch.qvel[:, :2].T) < _AT_REST)
+        tipped = ~(np.abs(self.attitude()[:, 1:]).max(axis=1) < _UPRIGHT)
+        for k in np.flatnonzero(sliding | tipped)[:1]:
+            what = "tips over" if tipped[k] else "slides"
+            raise InvalidValueError(
+                "slope",
+                self.ground[k].slope,
+                f"less, to park with heading {round(float(start[k, 2]), 3) + 0:g} rad: the robot {what}",
+            )
+
     def _wrapped_heading(self) -> Array:
         w, x, y, z = self._quaternion
         return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
     def _follow_heading(self) -> None:
         """Unwrap the heading, often enough: a robot may have turned by a radian since the last time."""
-        turned = self._wrapped_heading() - self._heading
-        self._heading += turned - 2 * np.pi * np.round(turned / (2 * np.pi))
+        wrapped = self._wrapped_heading()  # plus whole turns: the same bits however often it is followed
+        self._heading = wrapped + 2 * np.pi * np.round((self._heading - wrapped) / (2 * np.pi))
+
+
+def _along(forces: Array, forward: Array) -> Array:
+    """Parts (..., 2) along the directions `forward` (..., 2) of forces (..., 6) on the left and on the right track."""
+    x, y = forces[..., 0::3], forces[..., 1::3]
+    return x * forward[..., :1] + y * forward[..., 1:]
 
 
 def _yaw_quaternion(heading: Array) -> Array:

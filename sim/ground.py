@@ -97,7 +97,7 @@ class Ground:
             raise InvalidValueError(
                 "slope",
                 self.slope,
-                f"less than the friction angle, {steepest:.3g} rad, to park with heading {heading:.3g} rad",
+                f"less than the friction angle, {steepest:.3g} rad, to park with heading {round(heading, 3) + 0:g} rad",
             )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os.path
 from pathlib import Path
 
 from sim.ground import Ground
@@ -20,7 +21,7 @@ def load_ground(source: str) -> Ground:
     if source in NAMED_GROUNDS:
         return NAMED_GROUNDS[source].ground
     path = Path(source)
-    if path.suffix.lower() != ".toml" and not path.exists():
+    if not source or (path.suffix.lower() != ".toml" and not os.path.exists(path)):
         raise InvalidValueError("ground", source, f"one of {', '.join(NAMED_GROUNDS)}, or a .toml file")
     table = read_toml(path)
     base = table.pop("base", "stone")

@@ -9,6 +9,7 @@ import numpy as np
 from trackslip.errors import InvalidValueError, require_at_most, require_non_negative, require_positive
 from trackslip.kinematics import Array
 
+_SMALLEST, _LARGEST = 1e-12, 1e6  # of any number of a motor, so that none of what follows from them overflows
 _CREEP = 0.02  # sprocket speed over which the gear's friction turns round [rad/s]
 
 
@@ -32,8 +33,10 @@ class Motor:
     def __post_init__(self) -> None:
         for name in ("gear", "voltage", "no_load_speed", "stall_torque", "rotor_inertia"):
             require_positive(name, getattr(self, name))
+            require_at_most(name, getattr(self, name), _LARGEST)
+            if getattr(self, name) < _SMALLEST:
+                raise InvalidValueError(name, getattr(self, name), f"at least {_SMALLEST:g}")
         require_non_negative("friction", self.friction)
-        require_at_most("gear", self.gear, 1e4)
         if self.friction >= self.gear * self.stall_torque:
             raise InvalidValueError(
                 "friction", self.friction, f"less than gear * stall_torque = {self.gear * self.stall_torque:g} N m"

@@ -9,7 +9,11 @@ import numpy as np
 
 from sim.drive import LARGEST_RADIUS_ERROR, RADIUS_ERROR
 from trackslip.errors import InvalidValueError, require_at_most, require_positive
-from trackslip.skid_theory import line_contact
+
+SINK = 0.002
+"""How far the weight presses the tracks into level ground [m]: the contact recipe's, whatever the robot."""
+_SMALLEST = 1e-3  # length [m] and mass [kg]
+_FIRM = 0.25  # share of the moment with which the ground rights a leaning robot that its weight may take away
 
 
 @dataclass(frozen=True)
@@ -35,17 +39,35 @@ class RobotParameters:
 
     def __post_init__(self) -> None:
         for name in ("half_gauge", "contact_length", "sprocket_radius", "mass", "com_height"):
-            require_positive(name, getattr(self, name))
-            require_at_most(name, getattr(self, name), 1000.0 if name == "mass" else 10.0)
+            value, unit = getattr(self, name), "kg" if name == "mass" else "m"
+            require_positive(name, value)
+            require_at_most(name, value, 1000.0 if name == "mass" else 10.0, unit)
+            if value < _SMALLEST:
+                raise InvalidValueError(name, value, f"at least {_SMALLEST:g} {unit}")
         if not -LARGEST_RADIUS_ERROR <= self.radius_error <= LARGEST_RADIUS_ERROR:
             raise InvalidValueError(
                 "radius_error", self.radius_error, f"from {-LARGEST_RADIUS_ERROR:g} to {LARGEST_RADIUS_ERROR:g}"
             )
-        for name, reach in (("com_x", self.contact_length / 6), ("com_y", self.half_gauge)):
+        self._require_standing()
+
+    def _require_standing(self) -> None:
+        """Raise InvalidValueError for a weight so high, or so far off the middle, that part of a track lifts."""
+        # squares of where the ground's springs are, mean; they give way by SINK, so that what is high leans further
+        spread_x, spread_y = self.contact_length**2 / 12, self.half_gauge**2
+        highest = _FIRM * min(spread_x, spread_y) / SINK
+        if self.com_height > highest:
+            raise InvalidValueError(
+                "com_height", self.com_height, f"at most {highest:.4g} m, to stand on tracks of this length and gauge"
+            )
+        reach_x = self.contact_length / 6 * (1 - self.com_height * SINK / spread_x)
+        reach_y = self.half_gauge * (1 - self.com_height * SINK / spread_y)
+        for name, reach in (("com_x", reach_x), ("com_y", reach_y)):
             if not abs(getattr(self, name)) < reach:
                 raise InvalidValueError(name, getattr(self, name), f"between -{reach:.4g} and {reach:.4g} m")
-        # raises for a centre of mass that lifts part of a track
-        line_contact(self.half_gauge, self.contact_length / 2, 1.0, 1.0, (self.com_x, self.com_y, self.com_height))
+        if abs(self.com_x) / reach_x + abs(self.com_y) / reach_y >= 1:
+            raise InvalidValueError(
+                "com_x, com_y", (self.com_x, self.com_y), "nearer to the middle, to load every point of the tracks"
+            )
 
     def apply(self, spec: mujoco.MjSpec) -> None:
         """Change a model: move its tracks, stretch their contact, place the weight."""
@@ -70,5 +92,9 @@ class RobotParameters:
         for name in ("left_sprocket", "right_sprocket"):
             spec.geom(name).size[0] = self.sprocket_radius
         chassis.ipos = [self.com_x, self.com_y, self.com_height]
-        chassis.inertia = np.array(chassis.inertia) * (self.mass / chassis.mass)
+        # the mass spreads as the shape does: its second moments grow with the squares of length, gauge and height
+        growth = np.array([stretch, self.half_gauge / default.half_gauge, self.com_height / default.com_height]) ** 2
+        inertia = np.array(chassis.inertia) * (self.mass / chassis.mass)
+        moments = (inertia.sum() / 2 - inertia) * growth
+        chassis.inertia = moments.sum() - moments
         chassis.mass = self.mass

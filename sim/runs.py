@@ -12,7 +12,7 @@ import numpy as np
 from sim.fleet import Fleet
 from sim.scanner import ScannerFeed
 from trackslip.controllers import Controller
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import Array, limit_sprocket_speeds
 from trackslip.localization import Locator, PoseEstimate, Tracker
 from trackslip.runlog import RunLog, Truth
@@ -23,6 +23,7 @@ Progress = Callable[[float], None]
 """Called with the seconds simulated since the last call."""
 
 _SCANS_AT_ONCE = 2000  # scans that are localised together, offline
+_TIPPED = 0.5  # roll or pitch from which a robot lies on its side [rad]
 
 
 @dataclass(frozen=True)
@@ -62,8 +63,11 @@ def open_loop(
     """Drive constant sprocket speeds (N, 2) [rad/s] for `duration` [s]; the poses come from the scans, afterwards.
 
     Speeds beyond the top speed are scaled for both tracks alike, so that the curvature is kept.
+
+    Raises:
+        TrackslipError: when a robot tips over.
     """
-    record = _Recorder(fleet, scan_count(duration, feed.period), feed.period)
+    record = _Recorder(fleet, scan_count(duration, feed.period), feed.period, descriptions)
     start = fleet.pose()
     block = max(1, _SCANS_AT_ONCE // fleet.size)
     waiting: list[Array] = []
@@ -91,7 +95,7 @@ def open_loop(
         if k > 0:
             tracker.predict(record.omega[k], feed.period)
         record.estimate(k, tracker.update(PoseEstimate(single.pose[k], single.covariance[k], single.valid[k])))
-    return record.logs(descriptions)
+    return record.logs()
 
 
 def closed_loop(
@@ -110,12 +114,13 @@ def closed_loop(
 
     Raises:
         InvalidValueError: unless each robot has exactly one pilot.
+        TrackslipError: when a robot tips over.
     """
     if sorted(i for pilot in pilots for i in pilot.robots) != list(range(fleet.size)):
         raise InvalidValueError("pilots", [list(p.robots) for p in pilots], f"each robot 0..{fleet.size - 1} once")
     geometry = fleet.robot.geometry
     rows = math.ceil(reference.duration / feed.period - 1e-9) + 1  # the last at the reference's end or just after
-    record = _Recorder(fleet, rows, feed.period)
+    record = _Recorder(fleet, rows, feed.period, descriptions)
     tracker = Tracker(fleet.pose(), geometry)
     for pilot in pilots:
         pilot.controller.reset()
@@ -138,15 +143,15 @@ def closed_loop(
             omega[pilot.robots] = pilot.law.sprocket_speeds(twist, geometry)
         fleet.command(limit_sprocket_speeds(omega, fleet.drive.limit))
         record.command[k] = fleet.drive.set_point
-    return record.logs(descriptions)
+    return record.logs()
 
 
 class _Recorder:
     """The rows of N runs as they are driven."""
 
-    def __init__(self, fleet: Fleet, rows: int, period: float) -> None:
+    def __init__(self, fleet: Fleet, rows: int, period: float, descriptions: Sequence[Description]) -> None:
         n = fleet.size
-        self._fleet, self._period = fleet, period
+        self._fleet, self._period, self._descriptions = fleet, period, descriptions
         self._angle = fleet.drive.encoder_angle()
         self.rows = rows
         self.time = np.arange(rows) * period
@@ -172,11 +177,14 @@ class _Recorder:
         self._true_pose[k], self._true_twist[k] = fleet.pose(), fleet.twist()
         self._traction[k], self._torque[k] = fleet.traction(), fleet.drive.torque
         self._energy[k], self._saturated_time[k] = fleet.drive.energy, fleet.drive.saturated_time
+        for i in np.flatnonzero(~(np.abs(fleet.attitude()[:, 1:]) < _TIPPED).all(axis=1)):
+            name = self._descriptions[int(i)].run
+            raise TrackslipError(f"run {name!r}: the robot tips over after {self.time[k]:g} s")
 
     def estimate(self, k: int, estimate: PoseEstimate) -> None:
         self.pose[k], self._covariance[k], self._valid[k] = estimate.pose, estimate.covariance, estimate.valid
 
-    def logs(self, descriptions: Sequence[Description]) -> list[RunLog]:
+    def logs(self) -> list[RunLog]:
         return [
             RunLog(
                 run=d.run,
@@ -197,7 +205,7 @@ class _Recorder:
                 ),
                 metadata=dict(d.metadata),
             )
-            for i, d in enumerate(descriptions)
+            for i, d in enumerate(self._descriptions)
         ]
 
     def _rate(self, total: Array) -> Array:

@@ -13,6 +13,8 @@ from trackslip.errors import InvalidValueError, SettingsFileError
 
 T = TypeVar("T")
 
+_LONGEST = 80  # value in a message, in characters
+
 
 def read_toml(path: Path) -> dict[str, Any]:
     """The content of a TOML file; raises SettingsFileError where there is none."""
@@ -22,7 +24,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise SettingsFileError(f"{path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise SettingsFileError(f"{path}: not text ({error.reason})") from error
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:  # integers too long and nesting too deep have no error of TOML's
         raise SettingsFileError(f"{path}: not TOML ({error})") from error
 
 
@@ -36,7 +38,7 @@ def build(cls: type[T], table: object, where: str, base: T | None = None) -> T:
         base: what is changed.
     """
     if not isinstance(table, Mapping):
-        raise SettingsFileError(f"{where}: {table!r} is not a table")
+        raise SettingsFileError(f"{where}: {_shown(table)} is not a table")
     hints = typing.get_type_hints(cls)
     known = {f.name: f for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
     for name in table:
@@ -59,7 +61,7 @@ def _value(hint: Any, value: object, where: str, name: str) -> Any:
         return _number(value, where, name)
     of = typing.get_args(hint)
     if not isinstance(value, list):
-        raise SettingsFileError(f"{where}: {name} = {value!r}: must be a list")
+        raise SettingsFileError(f"{where}: {name} = {_shown(value)}: must be a list")
     if dataclasses.is_dataclass(of[0]):
         return tuple(build(of[0], item, f"{where}: {name}[{k}]") for k, item in enumerate(value))  # type: ignore[arg-type]
     return tuple(_number(item, where, name) for item in value)
@@ -67,5 +69,17 @@ def _value(hint: Any, value: object, where: str, name: str) -> Any:
 
 def _number(value: object, where: str, name: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise SettingsFileError(f"{where}: {name} = {value!r}: must be a number")
-    return float(value)
+        raise SettingsFileError(f"{where}: {name} = {_shown(value)}: must be a number")
+    try:
+        return float(value)
+    except OverflowError as error:
+        raise SettingsFileError(f"{where}: {name} = {_shown(value)}: must be a number of moderate size") from error
+
+
+def _shown(value: object) -> str:
+    """A value in a message, cut to a length that fits there."""
+    try:
+        text = repr(value)
+    except ValueError:  # Python writes no integer of thousands of digits
+        return "a huge number"
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
