@@ -61,18 +61,19 @@ class SpeedSearch:
         trial = Forecast(np.stack([self._start, self._speed]), self.belt, self._error())
         torque = drive.torque_for(trial, traction)[0]
         least, most = drive.torque_range(self._speed)
-        side = np.where(wished, np.where(torque > most, 1.0, np.where(torque < least, -1.0, 0.0)), self._side)
-        slowed, self._side = self._slowed & (side == self._side), side
+        side: Array = np.where(wished, np.where(torque > most, 1.0, np.where(torque < least, -1.0, 0.0)), self._side)
+        slowed = self._slowed & (side == self._side)
+        self._side = side
         excess = np.where(side == 0, 0.0, torque - np.where(side > 0, most, least))
         far = np.abs(excess) > self._tolerance
-        going = far.any(axis=1, keepdims=True)
+        going = np.any(far, axis=1, keepdims=True)
         self._attempts += 1
         if not going.any() or self._attempts == _ATTEMPTS:
             drive.accept(trial, np.clip(torque, least, most)[None], (side != 0)[None])
             return True
         # finish with the tracks at hand before taking up others, for which a passing trial may be too fast
         busy = (far & slowed).any(axis=1, keepdims=True)
-        self._next(excess, going, np.asarray(np.where(busy, slowed, side != 0)))
+        self._next(excess, going, np.where(busy, slowed, side != 0))
         return False
 
     def _next(self, excess: Array, going: np.ndarray, slowed: np.ndarray) -> None:

@@ -1,0 +1,144 @@
+"""Robots of odd shapes in odd places: those that stand, stand still and turn as theory says; the others are refused."""
+
+import numpy as np
+import pytest
+
+from sim.drive import Drive
+from sim.fleet import Fleet
+from sim.ground import Ground, Patch
+from sim.motor import Motor
+from sim.robot import load_robot
+from sim.robot_parameters import SINK, RobotParameters
+from sim.runs import Description, open_loop
+from sim.scanner import LaserScanner, ScannerFeed
+from sim.seeds import generator
+from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.localization import PlateLocator
+from trackslip.skid_theory import line_contact, steady_twist
+
+STRONG = Drive(top_speed=1.0, torque_limit=1e5, motor=Motor(stall_torque=1e4, no_load_speed=1e5))
+POINTS = 10  # of contact under a track
+
+
+def weight_offset(parameters):
+    """Where the weight presses (x, y) [m], for the ground gives way by SINK and the robot leans to its heavier side."""
+    height = parameters.com_height
+    x = parameters.com_x / (1 - height * SINK / (parameters.contact_length**2 / 12))
+    return x, parameters.com_y / (1 - height * SINK / parameters.half_gauge**2)
+
+
+@pytest.mark.parametrize(
+    "parameters",
+    [
+        RobotParameters(half_gauge=5.0, contact_length=8.0, com_height=1.0, mass=900.0),
+        RobotParameters(half_gauge=2.0),
+        RobotParameters(contact_length=2.0),
+        RobotParameters(half_gauge=0.1, contact_length=0.17, com_height=0.05, mass=0.01),
+        RobotParameters(com_x=0.05, sprocket_radius=0.01),
+        RobotParameters(com_x=-0.03, com_y=0.05, sprocket_radius=1.0),
+    ],
+)
+def test_robots_of_extreme_shape_stand_and_turn_as_theory_says(parameters):
+    """Large ones would fly off and small ones topple if the recipe of the contacts didn't suit them."""
+    robot = load_robot(parameters=parameters)
+    gauge = 2 * parameters.half_gauge
+    surface = 0.1 + np.array([[-0.1, 0.1], [0.2, -0.2]]) * min(gauge, 0.4)
+    ground = Ground(0.6, 0.7)
+    fleet = Fleet(robot, np.zeros((2, 3)), ground, 0.0, STRONG)
+    np.testing.assert_allclose(fleet.attitude()[:, 0], SINK, rtol=0.01)
+    fleet.command(surface / parameters.sprocket_radius)
+    fleet.advance(4.0)
+    # the contact points as they are, and the weight where it leans to
+    centre = (*weight_offset(parameters), parameters.com_height)
+    contact = line_contact(parameters.half_gauge, parameters.contact_length / 2, 0.6, 0.7, centre, POINTS)
+    expected = steady_twist(surface, contact, 9.81)
+    twist = fleet.twist()
+    np.testing.assert_allclose(twist[:, 0], expected[:, 0], rtol=3e-3)
+    np.testing.assert_allclose(twist[:, 2], expected[:, 2], rtol=3e-3, atol=1e-5)
+
+
+@pytest.mark.parametrize("com_y", [-0.03, 0.05])
+@pytest.mark.parametrize("com_x", [0.0, 0.02])
+def test_the_chassis_leans_on_the_ground_as_on_springs(com_x, com_y):
+    """Their stiffness follows from the sink under the weight."""
+    parameters = RobotParameters(com_x=com_x, com_y=com_y)
+    robot = load_robot(parameters=parameters)
+    sink, roll, pitch = Fleet(robot, np.zeros((1, 3))).attitude()[0]
+    x, y = weight_offset(parameters)
+    spread_x = np.mean(robot.contact_points[:, 0] ** 2)
+    assert sink == pytest.approx(SINK, rel=0.01)
+    assert pitch == pytest.approx(SINK * x / spread_x, rel=0.02, abs=1e-5)
+    assert roll == pytest.approx(-SINK * y / parameters.half_gauge**2, rel=0.02)
+
+
+@pytest.mark.parametrize("heading", [0.0, np.pi, 0.1])
+def test_robots_do_not_park_where_they_would_tip_over(robot, heading):
+    """Rough ground would hold it, but its weight, 12 cm high, is beyond its rear contact points, 15.3 cm back."""
+    tips = float(np.arctan(np.abs(robot.contact_points[:, 0]).max() / 0.12))
+    with pytest.raises(InvalidValueError, match=r"slope = 1\.\d+: must be less, to park .* the robot tips over"):
+        Fleet(robot, [(0.0, 0.0, heading)], Ground(8.0, 8.0, slope=1.15 * tips))
+    Fleet(robot, [(0.0, 0.0, heading)], Ground(8.0, 8.0, slope=0.7 * tips))
+
+
+def test_robots_do_not_park_where_one_track_slides(robot):
+    """The mean of both sides' friction would hold it, but the pull of the good track turns it round the other."""
+    patch = Patch((-np.inf, np.inf), (0.0, np.inf), 0.1, 0.1)
+    ground = Ground(0.7, 0.7, slope=0.3, patches=(patch,))
+    with pytest.raises(InvalidValueError, match=r"slope = 0\.3: must be less, to park .* the robot slides"):
+        Fleet(robot, np.zeros((1, 3)), ground)
+    Fleet(robot, np.zeros((1, 3)), Ground(0.7, 0.7, slope=0.15, patches=(patch,)))
+
+
+def test_each_robot_is_parked_on_its_own_ground(robot):
+    grounds = [Ground(), Ground(slope=0.3), Ground(0.3, 0.3, slope=0.3)]
+    with pytest.raises(InvalidValueError, match=r"friction angle, 0\.291 rad"):
+        Fleet(robot, np.zeros((3, 3)), grounds)
+    Fleet(robot, np.zeros((2, 3)), grounds[:2])
+
+
+def test_a_run_in_which_a_robot_tips_over_ends_with_its_name(robot):
+    fleet = Fleet(robot, np.zeros((2, 3)))
+    feed = ScannerFeed(LaserScanner(), fleet, [generator(0, f"{k}") for k in range(2)])
+    fleet.set_ground([Ground(), Ground(8.0, 8.0, slope=1.4)])
+    with pytest.raises(TrackslipError, match=r"^run 'steep': the robot tips over after \d\.\d+ s$"):
+        open_loop(
+            fleet,
+            np.full((2, 2), 1.0),
+            4.0,
+            feed,
+            PlateLocator(robot.plate),
+            [Description("level"), Description("steep")],
+        )
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"half_gauge": 1e-6}, "half_gauge = 1e-06: must be at least 0.001 m"),
+        ({"contact_length": 11.0}, "contact_length = 11.0: must be at most 10 m"),
+        ({"mass": 1e4}, "mass = 10000.0: must be at most 1000 kg"),
+        ({"mass": 1e-9}, "mass = 1e-09: must be at least 0.001 kg"),
+        ({"half_gauge": 0.01}, "com_height = 0.12: must be at most 0.0125 m"),
+        ({"contact_length": 0.02}, "com_height = 0.12: must be at most 0.004167 m"),
+        ({"com_height": 3.0}, "com_height = 3.0: must be at most 1.204 m"),
+        ({"com_x": 0.0566}, "com_x = 0.0566: must be between -0.05525 and 0.05525 m"),
+        ({"com_y": float("nan")}, "com_y = nan: must be between"),
+        ({"radius_error": float("nan")}, "radius_error = nan: must be from -0.5 to 0.5"),
+    ],
+)
+def test_robots_that_cannot_stand_are_refused(changes, message):
+    with pytest.raises(InvalidValueError) as error:
+        RobotParameters(**changes)
+    assert str(error.value).startswith(message)
+
+
+def test_weights_within_the_limits_load_every_point():
+    """The limits are those of theory for a centre of mass that leans; just inside, no pad lifts."""
+    for parameters in (RobotParameters(com_x=0.055), RobotParameters(com_x=0.0276, com_y=0.083)):
+        robot = load_robot(parameters=parameters)
+        x, y = weight_offset(parameters)
+        contact = line_contact(parameters.half_gauge, parameters.contact_length / 2, 1.0, 1.0, (x, y, 0.12))
+        assert 0 < contact.loads(np.zeros(2)).min() < 1e-4
+        fleet = Fleet(robot, np.zeros((1, 3)))
+        left = fleet.load()[0, 0] / fleet.load()[0].sum()
+        assert left == pytest.approx((1 + y / parameters.half_gauge) / 2, abs=2e-3)
