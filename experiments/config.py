@@ -17,6 +17,7 @@ from trackslip.published import COMMANDED_RADII, OBSERVED_RADII, SPEEDS
 from trackslip.steady import SETTLE
 
 Localization = Literal["plate", "line"]
+Motion = Literal["paper", "butterworth", "savgol", "rts", "arc"]
 Compensation = Literal["none", "published", "exponential", "icr", "icr_radius"]
 
 MOST_THREADS = 1024
@@ -109,6 +110,9 @@ class GridConfig(Simulation):
     """Speeds of the no-slip commands [m/s]."""
     localization: Localization = "plate"
     """How a scan becomes a pose: the known rectangle's maximum likelihood, or the paper's line."""
+    motion: Motion = "arc"
+    """How poses become a twist: the paper's filter as printed, or run both ways (butterworth); Savitzky and Golay's; a
+    constant-twist smoother; the arc of constant twist through all poses."""
     duration: float = 30.0
     """Length of each run [s]."""
     out: Path = Path("out/grid")
@@ -144,6 +148,8 @@ class IdentifyConfig:
     """Half the distance between the tracks [m]; by default the log's own."""
     sprocket_radius: float | None = None
     """Radius of the sprockets [m]; by default the log's own."""
+    motion: Motion = "arc"
+    """How poses become a twist: paper, butterworth, savgol, rts or arc."""
     settle: float = SETTLE
     """Time at the start of each run that is not steady [s]."""
     out: Path = Path("out/identify")

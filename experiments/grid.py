@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import time
 from collections.abc import Mapping, Sequence
@@ -22,6 +23,7 @@ from trackslip.identification import SlipSamples, slip_samples, true_samples
 from trackslip.kinematics import Array, RobotGeometry, sprocket_speeds, wrap_angle
 from trackslip.localization import LineLocator, Locator, PlateLocator
 from trackslip.metrics import rms
+from trackslip.motion import MOTION_METHODS
 from trackslip.published import COMMANDED_RADII, OBSERVED_RADII
 from trackslip.runlog import RunLog
 from trackslip.slip import PUBLISHED
@@ -37,7 +39,7 @@ def run(config: GridConfig) -> None:
         world = World.of(config)
         robot = world.robot
         logs = drive_grid(config, world)
-        samples, warnings = usable_samples(logs, robot.geometry)
+        samples, warnings = usable_samples(logs, robot.geometry, config.motion)
         wall = time.perf_counter() - began
         summary = grid_summary(config, logs, samples, robot.geometry) | {
             "warnings": warnings,
@@ -98,7 +100,7 @@ def simulated_seconds(logs: Sequence[RunLog]) -> float:
     return float(sum(log.time[-1] - log.time[0] for log in logs))
 
 
-def usable_samples(logs: Sequence[RunLog], geometry: RobotGeometry) -> tuple[SlipSamples, list[str]]:
+def usable_samples(logs: Sequence[RunLog], geometry: RobotGeometry, motion: str) -> tuple[SlipSamples, list[str]]:
     """Slip samples of the runs that give one, why the others don't, and which drives were too weak.
 
     Raises:
@@ -110,7 +112,7 @@ def usable_samples(logs: Sequence[RunLog], geometry: RobotGeometry) -> tuple[Sli
             share = log.truth.saturated.mean(axis=0).max()
             warnings.append(f"run {log.run!r}: a motor is at its limit for {share:.1%} of the time")
         try:
-            usable.append(slip_samples([log], geometry))
+            usable.append(slip_samples([log], geometry, method=motion))
         except LogError as error:
             warnings.append(str(error))
     if not usable:
@@ -155,10 +157,27 @@ def grid_summary(
         "slip_rms_vs_published_at_simulated_radii": rms(samples.slip - PUBLISHED(samples.curvature)),
         "speed_spread": {"outer": spread[outer], "inner": spread[inner]},
         "localization": localization_summary(logs),
-        "slip_error": {
-            name: {"bias": error[:, track].mean(), "std": error[:, track].std()}
-            for name, track in (("outer", outer), ("inner", inner))
-        },
+        "slip_error": _slip_error(error) | motion_errors([log for log in logs if log.run in samples.run], geometry),
+    }
+
+
+def motion_errors(logs: Sequence[RunLog], geometry: RobotGeometry) -> dict[str, Any]:
+    """Errors of slip with every motion method, over the runs to which it can be applied; None without any."""
+    errors: dict[str, Any] = {}
+    for name in MOTION_METHODS:
+        parts = []
+        for log in logs:
+            with contextlib.suppress(LogError):
+                parts.append(slip_samples([log], geometry, method=name).slip - true_samples([log], geometry).slip)
+        errors[name] = _slip_error(np.concatenate(parts)) if parts else None
+    return errors
+
+
+def _slip_error(error: Array) -> dict[str, Any]:
+    """Bias and standard deviation of slip errors (n, 2) in left turns."""
+    return {
+        name: {"bias": error[:, track].mean(), "std": error[:, track].std()}
+        for name, track in (("outer", 1), ("inner", 0))
     }
 
 

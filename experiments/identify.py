@@ -98,7 +98,7 @@ def _read(config: IdentifyConfig, file: Path) -> Source:
     geometry = choose_geometry(config, logs[0].metadata.get("geometry"), file)
     known = {"geometry": store.plain(geometry)}
     logs = [replace(log, metadata=log.metadata | known) for log in logs]
-    return Source(geometry, slip_samples(logs, geometry, config.settle), logs)
+    return Source(geometry, slip_samples(logs, geometry, config.settle, config.motion), logs)
 
 
 def choose_geometry(config: IdentifyConfig, stored: Any, file: Path) -> RobotGeometry:

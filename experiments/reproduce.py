@@ -48,7 +48,7 @@ def run(config: ReproduceConfig) -> None:
         with _timed(stages, "grid"):
             grid_logs = drive_grid(config, world)
         with _timed(stages, "identify"):
-            samples, warnings = usable_samples(grid_logs, robot.geometry)
+            samples, warnings = usable_samples(grid_logs, robot.geometry, config.motion)
             laws, undetermined = fit_laws(samples, robot.geometry)
             warnings += undetermined
             summary = laws_to_json(laws, robot.geometry)

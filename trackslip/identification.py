@@ -12,7 +12,7 @@ import numpy as np
 from trackslip.errors import InvalidValueError, LogError, require_non_negative
 from trackslip.kinematics import Array, RobotGeometry, body_twist, curvature, track_slip
 from trackslip.metrics import rms
-from trackslip.motion import butterworth_motion
+from trackslip.motion import DEFAULT_METHOD, MOTION_METHODS
 from trackslip.runlog import RunLog
 from trackslip.slip import ConstantIcr, Exponential, SlipLaw
 from trackslip.steady import SETTLE, steady_window
@@ -20,7 +20,6 @@ from trackslip.steady import SETTLE, steady_window
 _JUMP = 0.3  # error of a pose that is still believed [m]
 _OVERDRIVE = 3.0  # way from pose to pose that is still believed, over the way of the faster sprocket [-]
 _NEARLY_STANDING = 0.02  # speed of the slower sprocket over that of the faster, below which its slip says nothing
-_FEWEST = 20  # steps that a mean twist takes
 _WILD = 0.8  # slip of the faster track that no robot on wheels or tracks shows in steady motion
 
 
@@ -92,31 +91,31 @@ class SlipSamples:
         )
 
 
-def slip_samples(logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE) -> SlipSamples:
+def slip_samples(
+    logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE, method: str = DEFAULT_METHOD
+) -> SlipSamples:
     """Mean slip of each run from its estimated poses and measured sprocket speeds.
 
     Args:
         logs: runs at constant sprocket speeds.
         geometry: the robot's nominal geometry.
         settle: time at the start of each run that is left out [s].
+        method: name of a motion method, out of MOTION_METHODS.
 
     Raises:
+        InvalidValueError: for an unknown method.
         LogError: for a run that is too short, not steady, jumps, or has too few valid poses.
     """
     require_non_negative("settle", settle)
+    if method not in MOTION_METHODS:
+        raise InvalidValueError("motion", method, f"one of {', '.join(MOTION_METHODS)}")
     omega, twist = [], []
     for log in logs:
         begin, end = steady_window(log, settle)
         refuse_jumps(log, geometry)
-        motion = butterworth_motion(log)
-        steady = (motion.time > begin) & (motion.time < end)
         rows = (log.time > begin) & (log.time < end)
-        if steady.sum() < _FEWEST:
-            raise LogError(
-                f"run {log.run!r}: hardly any valid pose between {begin:g} s and {end:g} s, where it is steady"
-            )
         omega.append(log.omega[rows].mean(axis=0))
-        twist.append(motion.twist[steady].mean(axis=0))
+        twist.append(MOTION_METHODS[method](log, (begin, end)).twist)
     return SlipSamples.of(np.array(omega), np.array(twist), geometry, [log.run for log in logs])
 
 

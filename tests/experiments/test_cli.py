@@ -4,12 +4,15 @@ import pty
 import shutil
 import subprocess
 import sys
+import typing
 
 import numpy as np
 import pytest
 
+from experiments import config
 from experiments.cli import main
 from trackslip.logfile import read_runs, write_csv
+from trackslip.motion import MOTION_METHODS
 
 SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8")
 GEOMETRY = ("--half-gauge", "0.168", "--sprocket-radius", "0.06")
@@ -44,6 +47,24 @@ def test_small_grid_then_identify_then_csv(trackslip, tmp_path, capsys):
             # without the flag every pose counts as measured: the few bridged ones change little
             assert ours[key] == pytest.approx(theirs[key], rel=0.05, abs=0.002)
     capsys.readouterr()
+
+
+def test_every_motion_method_is_an_option_and_has_its_errors(trackslip):
+    assert set(typing.get_args(config.Motion)) == set(MOTION_METHODS)
+    result = trackslip("grid", *SMALL[:-1], "20", "--motion", "rts")
+    errors = result.summary["slip_error"]
+    assert set(errors) == {"outer", "inner", *MOTION_METHODS}
+    assert errors["outer"] == errors["rts"]["outer"]
+    for name, most in (("arc", 0.0006), ("rts", 0.0015), ("savgol", 0.0015), ("butterworth", 0.004)):
+        for track in ("outer", "inner"):
+            assert abs(errors[name][track]["bias"]) + errors[name][track]["std"] < most
+    offsets = [
+        trackslip("identify", str(result.folder), "--motion", name).summary["slip_laws"]["icr_radius"]["values"][
+            "offset"
+        ]
+        for name in ("arc", "savgol")
+    ]
+    assert offsets[0] == pytest.approx(offsets[1], abs=0.003)
 
 
 def test_same_seed_same_files_another_seed_others(trackslip, tmp_path):

@@ -2,5 +2,14 @@
 
 from trackslip.motion.base import Motion, MotionMethod, SteadyTwist
 from trackslip.motion.filtered import butterworth_motion, difference
+from trackslip.motion.methods import DEFAULT_METHOD, MOTION_METHODS
 
-__all__ = ["Motion", "MotionMethod", "SteadyTwist", "butterworth_motion", "difference"]
+__all__ = [
+    "DEFAULT_METHOD",
+    "MOTION_METHODS",
+    "Motion",
+    "MotionMethod",
+    "SteadyTwist",
+    "butterworth_motion",
+    "difference",
+]

@@ -1,0 +1,30 @@
+"""Motion methods by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from trackslip.motion.arc import arc
+from trackslip.motion.base import Motion, MotionMethod, SteadyTwist
+from trackslip.motion.filtered import butterworth_motion, mean_twist, paper_motion, savgol_motion
+from trackslip.motion.smoother import rts
+from trackslip.runlog import RunLog
+
+
+def _mean_of(motion: Callable[[RunLog], Motion]) -> MotionMethod:
+    def method(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
+        return mean_twist(motion(log), log, window)
+
+    return method
+
+
+MOTION_METHODS: dict[str, MotionMethod] = {
+    "paper": _mean_of(paper_motion),
+    "butterworth": _mean_of(butterworth_motion),
+    "savgol": _mean_of(savgol_motion),
+    "rts": rts,
+    "arc": arc,
+}
+"""Ways from the poses of a steady run to its twist, the paper's as printed first, the most exact last."""
+DEFAULT_METHOD = "arc"
+"""The one that slips are identified with."""
