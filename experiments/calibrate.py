@@ -18,7 +18,6 @@ from experiments.identify import read_source
 from sim.calibration import Candidate, Fit, calibrate, floor, simulated_twist, starts
 from sim.ground import Ground
 from sim.robot_file import load_robot_file, robot_file_text
-from sim.robot_parameters import RobotParameters
 from sim.seeds import generator
 from sim.target import MeasuredTurns, Target, TurnTable
 from trackslip.errors import InvalidValueError, LogError
@@ -32,7 +31,7 @@ TABLE_COLUMNS = ("radius", "speed", "observed_radius", "slip_outer", "slip_inner
 def run(config: CalibrateConfig) -> None:
     """Fit, store and print."""
     began = time.perf_counter()
-    robot, ground = (RobotParameters(), Ground()) if config.robot is None else load_robot_file(config.robot)
+    robot, ground = load_robot_file(config.robot)
     base = Candidate(robot, ground.across / ground.along)
     target = read_target(config.target, base.geometry)
     with store.results(config.out) as folder:

@@ -10,7 +10,6 @@ import numpy as np
 from experiments import store
 from experiments.config import PredictConfig
 from experiments.console import print_table
-from sim.ground import Ground
 from sim.robot_file import load_robot_file
 from sim.robot_parameters import RobotParameters
 from trackslip.skid_theory import line_contact, steady_twist
@@ -41,7 +40,7 @@ def run(config: PredictConfig) -> None:
 
 def predicted_robot(config: PredictConfig) -> tuple[RobotParameters, float]:
     """The robot and the ratio of friction across to along; a centre of mass to one side is left out."""
-    robot, ground = (RobotParameters(), Ground()) if config.robot is None else load_robot_file(config.robot)
+    robot, ground = load_robot_file(config.robot)
     given = {name: getattr(config, name) for name in ("half_gauge", "contact_length", "com_x", "sprocket_radius")}
     robot = replace(robot, com_y=0.0, **{name: value for name, value in given.items() if value is not None})
     return robot, ground.across / ground.along if config.friction_ratio is None else config.friction_ratio

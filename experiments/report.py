@@ -196,7 +196,7 @@ def _conditions(report: Report) -> str:
     if seed is not None:
         parts.append(f"seed {seed}")
     if isinstance(ground, Mapping):
-        parts.append("ground: " + ", ".join(f"{key} {value}" for key, value in ground.items()))
+        parts.append("ground: " + ", ".join(f"{key} {value}" for key, value in ground.items() if value))
     elif ground is not None:
         parts.append(f"ground: {ground}")
     return " · ".join([*parts, report.command] if report.command else parts)

@@ -26,7 +26,7 @@ from sim.seeds import generator
 def run(config: ValidateConfig) -> None:
     """Measure, store and print."""
     began = time.perf_counter()
-    parameters, ground = (RobotParameters(), Ground()) if config.robot is None else load_robot_file(config.robot)
+    parameters, ground = load_robot_file(config.robot)
     ground = Ground(ground.along, ground.across)  # even, level, lasting
     with store.results(config.out) as folder:
         stages: dict[str, float] = {}

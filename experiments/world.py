@@ -29,9 +29,7 @@ class World:
     @classmethod
     def of(cls, config: Simulation) -> World:
         """What a command is to simulate; raises TrackslipError for files and names that aren't there."""
-        parameters, ground = RobotParameters(), Ground()
-        if config.robot is not None:
-            parameters, ground = load_robot_file(config.robot)
+        parameters, ground = load_robot_file(config.robot)
         if config.ground.source is not None:
             ground = load_ground(config.ground.source)
         error = parameters.radius_error if config.radius_error is None else config.radius_error

@@ -9,7 +9,7 @@ from functools import lru_cache
 import lmfit
 import numpy as np
 
-from sim.drive import Drive
+from sim.drive import Drive, tireless
 from sim.fleet import Fleet
 from sim.ground import Ground
 from sim.robot import Robot, load_robot
@@ -75,7 +75,7 @@ def simulated_twist(candidate: Candidate, target: Target, along: float = Ground(
     """Steady twists (M, 2) of a candidate, simulated, at a target's sprocket speeds."""
     robot = _compiled(replace(candidate.robot, radius_error=0.0))
     omega = target.omega(candidate.geometry)
-    drive = Drive(top_speed=max(0.3, 1.01 * float(np.abs(omega).max()) * candidate.robot.sprocket_radius))
+    drive = tireless(max(Drive.top_speed, 1.01 * float(np.abs(omega).max()) * candidate.robot.sprocket_radius))
     ground = Ground(along, along * candidate.friction_ratio)
     fleet = Fleet(robot, np.zeros((len(omega), 3)), ground, candidate.robot.radius_error, drive, threads)
     fleet.command(omega)

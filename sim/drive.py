@@ -42,6 +42,11 @@ class Drive:
             )
 
 
+def tireless(top_speed: float = Drive.top_speed) -> Drive:
+    """A drive that no robot brings to its limits, for questions to the ground alone; `top_speed` in m/s."""
+    return Drive(top_speed=top_speed, torque_limit=1e6, motor=Motor(no_load_speed=1e6, stall_torque=1e6))
+
+
 @dataclass(frozen=True)
 class Forecast:
     """What the sprockets will do in the next P servo periods, torque permitting."""

@@ -128,15 +128,15 @@ class Fleet:
         """Run the belts at mean sprocket speeds (P, N, 2) [rad/s] for P periods; mean tractions (P, N, 2) in them."""
         # the lower side of a belt runs backwards when the robot goes forwards
         belts = (-self._radius * mean)[..., self.robot.pad_side] * self.robot.pad_sign
-        forces = np.zeros((len(mean), *self._sensors.shape))
+        forces = np.empty((len(mean), *self._sensors.shape))
         forward = np.empty((len(mean), self.size, 2))
         for k, speed in enumerate(belts):
             if self._friction.varies:
                 self._lay_friction()
             self.belts[:] = speed
-            for _ in range(self._substeps):  # grip follows the belts within a period: only the mean is their impulse
-                self.batch.step()
-                forces[k] += self._sensors
+            # grip follows the belts within a period: only the mean of the forces is their impulse
+            recorded = self.batch.rollout(self._substeps, record=("sensordata",))["sensordata"]
+            forces[k] = recorded[..., : forces.shape[-1]].sum(axis=1)
             forward[k] = self._forward
             self._periods += 1
             if (k + 1) % self._unwrap_every == 0:

@@ -10,12 +10,16 @@ from sim.robot_parameters import RobotParameters
 from sim.toml_file import build, read_toml
 
 
-def load_robot_file(path: Path) -> tuple[RobotParameters, Ground]:
+def load_robot_file(path: Path | None) -> tuple[RobotParameters, Ground]:
     """The fields of RobotParameters, and in a table `ground` those of Ground; what is missing is the default.
+
+    Without a file, all of it is: the shipped robot on its ground.
 
     Raises:
         SettingsFileError: for a file that can't be read, naming the field.
     """
+    if path is None:
+        return RobotParameters(), Ground()
     table = read_toml(path)
     ground = build(Ground, table.pop("ground", {}), f"{path}: ground", Ground())
     return build(RobotParameters, table, str(path)), ground

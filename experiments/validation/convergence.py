@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim.drive import Drive
+from sim.drive import Drive, tireless
 from sim.fleet import Fleet
 from sim.ground import Ground
 from sim.robot import load_robot
@@ -80,7 +80,7 @@ def _drive(
     robot = load_robot(parameters=parameters)
     robot.model.opt.timestep = step
     robot.model.opt.solver = getattr(mujoco.mjtSolver, f"mjSOL_{solver.upper()}")
-    fleet = Fleet(robot, np.zeros((ROBOTS, 3)), ground, parameters.radius_error, threads=threads)
+    fleet = Fleet(robot, np.zeros((ROBOTS, 3)), ground, parameters.radius_error, tireless(), threads)
     way = 0.0
     for omega in commands:
         before = fleet.pose()[:, :2]

@@ -141,7 +141,7 @@ def energies(found: Energy) -> Panels:
     axes.legend(loc="upper left")
     left, axes = panel("The difference, enlarged", "time [s]", "energy [J]")
     difference = found.traction - found.friction - found.damping
-    axes.plot(time, difference[rows], color=BLUE, lw=1.3, label="put in − all losses")
+    axes.plot(time, difference[rows], color=BLUE, lw=4.0, alpha=0.45, label="put in − all losses")
     axes.plot(time, found.kinetic[rows], color=GREEN, lw=1.3, ls="--", label="kinetic and potential")
     axes.plot(time, (difference - found.kinetic)[rows], color=VERMILLION, ls="-.", lw=1.3, label="not accounted for")
     axes.axhline(0, color="#888888", lw=0.8, zorder=1)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.validation.turning import STRONG
+from sim.drive import tireless
 from sim.fleet import Fleet
 from sim.ground import Ground, friction_angle
 from sim.instruments import read_contacts, use_default_contact
@@ -69,7 +69,7 @@ def loads(parameters: RobotParameters, ground: Ground, threads: int, default_con
         use_default_contact(robot)
     radii = np.array(COMMANDED_RADII) * parameters.half_gauge / RobotParameters().half_gauge
     radius, speed = np.array(list(itertools.product(radii, SPEEDS))).T
-    fleet = Fleet(robot, np.zeros((len(radius), 3)), ground, parameters.radius_error, STRONG, threads)
+    fleet = Fleet(robot, np.zeros((len(radius), 3)), ground, parameters.radius_error, tireless(), threads)
     omega = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, robot.geometry)
     fleet.command(limit_sprocket_speeds(omega, fleet.drive.limit))
     fleet.advance(2.0)
@@ -135,7 +135,7 @@ def straight_drift(parameters: RobotParameters, ground: Ground, threads: int) ->
     """How far a robot that drives straight on is to the side after 10 m, with its radius errors equal [m]."""
     robot = load_robot(parameters=parameters)
     heading = 0.3
-    fleet = Fleet(robot, [(0.0, 0.0, heading)], ground, parameters.radius_error, STRONG, threads)
+    fleet = Fleet(robot, [(0.0, 0.0, heading)], ground, parameters.radius_error, tireless(), threads)
     fleet.command(2 * [0.25 / parameters.sprocket_radius])
     fleet.advance(40.0)
     x, y, _ = fleet.pose()[0]

@@ -9,11 +9,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sim.drive import Drive
+from sim.drive import Drive, tireless
 from sim.fleet import Fleet
 from sim.ground import Ground
 from sim.instruments import use_default_contact
-from sim.motor import Motor
 from sim.robot import load_robot
 from sim.robot_parameters import RobotParameters
 from trackslip.errors import InvalidValueError
@@ -31,7 +30,6 @@ STEADY = 1.5
 """Time after which the robots turn steadily [s]."""
 WATCH = 0.5
 """Time over which their twists are averaged, then [s]: MuJoCo's default contact shakes."""
-STRONG = Drive(torque_limit=1e6, motor=Motor(stall_torque=1e6))  # whatever the robot weighs: this is about the ground
 _SHIPPED = RobotParameters()
 
 
@@ -102,7 +100,7 @@ def _turn_variant(parameters: RobotParameters, ground: Ground, threads: int, def
     commanded = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, robot.geometry)
     omega = limit_sprocket_speeds(commanded, Drive().top_speed / robot.geometry.sprocket_radius)
     grounds = [Ground(along, along * r) for r in ratio]
-    fleet = Fleet(robot, np.zeros((len(omega), 3)), grounds, parameters.radius_error, STRONG, threads)
+    fleet = Fleet(robot, np.zeros((len(omega), 3)), grounds, parameters.radius_error, tireless(), threads)
     fleet.command(omega)
     fleet.advance(STEADY)
     twists = []

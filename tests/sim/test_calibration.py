@@ -138,3 +138,9 @@ def test_bounds_hold_robots_that_stand():
     low, high = ({name: limit[k] for name, limit in bounds(BASE).items()} for k in (0, 1))
     for values in (low, high, low | {"com_x": high["com_x"]}):
         assert isinstance(BASE.with_values(values).geometry, RobotGeometry)
+
+
+def test_no_weight_brings_a_calibrations_motors_to_their_limits():
+    heavy = Candidate(RobotParameters(mass=400.0, sprocket_radius=0.03), 1.1)
+    target = TurnTable.published()
+    np.testing.assert_allclose(simulated_twist(heavy, target), theoretical_twist(heavy, target), rtol=0.01)

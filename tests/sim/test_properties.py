@@ -6,15 +6,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from sim.drive import Drive
+from sim.drive import Drive, tireless
 from sim.fleet import Fleet
 from sim.ground import Change, Ground, Patch
-from sim.motor import Motor
 from sim.robot import load_robot
 from sim.robot_parameters import RobotParameters
 from trackslip.kinematics import track_slip
 
-FAST = Drive(top_speed=0.6, torque_limit=1e4, motor=Motor(stall_torque=1e3))
+FAST = tireless(0.6)
 
 
 def steady_twist(robot, omega, ground, seconds=2.5, **options):

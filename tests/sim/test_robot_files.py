@@ -6,10 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim.drive import Drive
+from sim.drive import tireless
 from sim.fleet import Fleet
 from sim.ground import Ground
-from sim.motor import Motor
 from sim.robot import load_robot
 from sim.robot_file import load_robot_file, robot_file_text
 from sim.robot_parameters import RobotParameters
@@ -22,7 +21,7 @@ OTHERS = [
     RobotParameters(half_gauge=0.12, contact_length=0.2, com_x=0.01, com_y=-0.01, com_height=0.08),
     RobotParameters(contact_length=0.42, com_y=0.02),
 ]
-STRONG = Drive(top_speed=0.6, torque_limit=1e4, motor=Motor(stall_torque=1e3))
+STRONG = tireless(0.6)
 
 
 def test_the_defaults_are_the_shipped_model(robot):
