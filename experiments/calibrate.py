@@ -75,7 +75,7 @@ def read_target(name: str, geometry: RobotGeometry) -> Target:
     except InvalidValueError:  # it doesn't say its geometry
         source = read_source(IdentifyConfig(path, geometry.half_gauge, geometry.sprocket_radius))
     simulated = all("plate" in log.metadata for log in source.logs) and len(source.logs) > 0
-    return MeasuredTurns(source.samples, source.geometry, of_plate=simulated)
+    return MeasuredTurns(source.sampling.samples, source.geometry, of_plate=simulated)
 
 
 def _turn_table(columns: Any, name: str) -> TurnTable:

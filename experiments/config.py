@@ -19,6 +19,8 @@ from trackslip.steady import SETTLE
 Localization = Literal["plate", "line"]
 Motion = Literal["paper", "butterworth", "savgol", "rts", "arc"]
 Compensation = Literal["none", "published", "exponential", "icr", "icr_radius"]
+IDENTIFIED = ("exponential", "icr", "icr_radius")
+"""Those of them that are identified."""
 
 MOST_THREADS = 1024
 SLOWEST = 1e-3
@@ -148,10 +150,12 @@ class IdentifyConfig:
     """Half the distance between the tracks [m]; by default the log's own."""
     sprocket_radius: float | None = None
     """Radius of the sprockets [m]; by default the log's own."""
+    gear: float = 1.0
+    """Turns of the encoder, whose speed omega then is, for one of the sprocket."""
     motion: Motion = "arc"
     """How poses become a twist: paper, butterworth, savgol, rts or arc."""
     settle: float = SETTLE
-    """Time at the start of each run that is not steady [s]."""
+    """Time after the sprockets have become steady that is left out of each run [s]."""
     out: Path = Path("out/identify")
     """Folder for the results."""
 
@@ -160,6 +164,8 @@ class IdentifyConfig:
             if getattr(self, name) is not None:
                 require_positive(name, getattr(self, name))
                 require_at_most(name, getattr(self, name), 100.0, "m")
+        require_positive("gear", self.gear)
+        require_at_most("gear", self.gear, 1e4)
         require_non_negative("settle", self.settle)
 
 

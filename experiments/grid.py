@@ -19,7 +19,7 @@ from sim.runs import Description, open_loop
 from sim.scanner import ScannerFeed
 from sim.seeds import generator
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification import SlipSamples, slip_samples, true_samples
+from trackslip.identification import SlipSamples, slip_samples, true_samples, usable_samples
 from trackslip.kinematics import Array, RobotGeometry, sprocket_speeds, wrap_angle
 from trackslip.localization import LineLocator, Locator, PlateLocator
 from trackslip.metrics import rms
@@ -39,7 +39,9 @@ def run(config: GridConfig) -> None:
         world = World.of(config)
         robot = world.robot
         logs = drive_grid(config, world)
-        samples, warnings = usable_samples(logs, robot.geometry, config.motion)
+        sampling = usable_samples(logs, robot.geometry, method=config.motion)
+        samples = sampling.samples
+        warnings = [*saturation_warnings(logs), *sampling.notes, *map(str, sampling.refused)]
         wall = time.perf_counter() - began
         summary = grid_summary(config, logs, samples, robot.geometry) | {
             "warnings": warnings,
@@ -100,24 +102,14 @@ def simulated_seconds(logs: Sequence[RunLog]) -> float:
     return float(sum(log.time[-1] - log.time[0] for log in logs))
 
 
-def usable_samples(logs: Sequence[RunLog], geometry: RobotGeometry, motion: str) -> tuple[SlipSamples, list[str]]:
-    """Slip samples of the runs that give one, why the others don't, and which drives were too weak.
-
-    Raises:
-        LogError: when there is none.
-    """
-    usable, warnings = [], []
+def saturation_warnings(logs: Sequence[RunLog]) -> list[str]:
+    """Which drives were too weak."""
+    warnings = []
     for log in logs:
         if log.truth is not None and log.truth.saturated is not None and log.truth.saturated.max() > 0:
             share = log.truth.saturated.mean(axis=0).max()
             warnings.append(f"run {log.run!r}: a motor is at its limit for {share:.1%} of the time")
-        try:
-            usable.append(slip_samples([log], geometry, method=motion))
-        except LogError as error:
-            warnings.append(str(error))
-    if not usable:
-        raise LogError(f"none of the runs can be used; {warnings[-1]}")
-    return SlipSamples.joined(usable), warnings
+    return warnings
 
 
 def grid_summary(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,9 +13,9 @@ from experiments.config import IdentifyConfig
 from experiments.console import print_table
 from experiments.report import Report, render
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification import FittedLaw, SlipSamples, fit_laws, slip_samples
+from trackslip.identification import FAMILIES, Comparison, Sampling, identify, usable_rows, usable_samples
 from trackslip.kinematics import RobotGeometry
-from trackslip.lawfile import laws_to_json
+from trackslip.lawfile import identification_to_json
 from trackslip.logfile import REQUIRED, SAMPLE_COLUMNS, read_samples, read_table, runs_from_table
 from trackslip.runlog import RunLog
 
@@ -25,7 +25,7 @@ class Source:
     """What was read: samples, and the runs they come from, if there are any."""
 
     geometry: RobotGeometry
-    samples: SlipSamples
+    sampling: Sampling
     logs: Sequence[RunLog]
 
     @property
@@ -40,15 +40,15 @@ def run(config: IdentifyConfig) -> None:
     began = time.perf_counter()
     source = read_source(config)
     with store.results(config.out) as folder:
-        laws, warnings = fit_laws(source.samples, source.geometry)
-        summary = laws_to_json(laws, source.geometry) | {"samples": len(source.samples.run), "warnings": warnings}
+        found = identify(source.sampling, source.geometry)
+        summary = identification_to_json(found, source.geometry)
         wall = time.perf_counter() - began
         summary["timing"] = {"wall_s": wall, "stages": {"identify": wall}}
         about = store.manifest("identify", config, wall, **source.origin)
         if source.logs:
             store.write_parquet(folder, source.logs)
         else:
-            store.write_samples(folder, source.samples)
+            store.write_samples(folder, source.sampling.samples)
         store.write_json(folder / store.SUMMARY, summary)
         store.write_json(folder / store.MANIFEST, about)
         page = Report(
@@ -58,13 +58,16 @@ def run(config: IdentifyConfig) -> None:
             summary=store.plain(summary),
             comparison=(),
             grid_logs=source.logs,
-            samples=source.samples,
-            laws=laws,
+            samples=found.samples,
+            identification=found,
         )
         (folder / store.REPORT).write_text(render(page), encoding="utf-8")
-    print_table(f"Slip laws from {len(source.samples.run)} runs", LAW_HEADER, law_rows(laws))
-    for warning in warnings:
+    runs = len(found.samples)
+    print_table(f"Slip laws from {runs} runs", LAW_HEADER, law_rows(found.comparison))
+    print_table("Laws compared, the best first", COMPARISON_HEADER, comparison_rows(found.comparison))
+    for warning in found.warnings:
         print(f"warning: {warning}")
+    print(f"best: {found.comparison.best}, {FAMILIES[found.comparison.best].title}")
     print(f"{config.out / store.REPORT}: {time.perf_counter() - began:.1f} s")
 
 
@@ -86,8 +89,7 @@ def _read(config: IdentifyConfig, file: Path) -> Source:
     if "x" not in columns and set(SAMPLE_COLUMNS) <= set(columns):
         geometry = choose_geometry(config, None, file)
         omega, twist = read_samples(table, str(file))
-        names = [f"row {k + 1}" for k in range(len(omega))]
-        return Source(geometry, SlipSamples.of(omega, twist, geometry, names), ())
+        return Source(geometry, usable_rows(omega / config.gear, twist, geometry), ())
     if not set(columns) & set(REQUIRED[1:]):
         needed = f"{', '.join(REQUIRED)} or {', '.join(SAMPLE_COLUMNS)}"
         raise LogError(f"{file}: needs the columns {needed}; found {', '.join(columns)[:200]!r}")
@@ -97,8 +99,8 @@ def _read(config: IdentifyConfig, file: Path) -> Source:
         raise LogError(f"{file}: its {len(runs)} run(s) are closed loops; slip is identified from steady runs")
     geometry = choose_geometry(config, logs[0].metadata.get("geometry"), file)
     known = {"geometry": store.plain(geometry)}
-    logs = [replace(log, metadata=log.metadata | known) for log in logs]
-    return Source(geometry, slip_samples(logs, geometry, config.settle, config.motion), logs)
+    logs = [replace(log, omega=log.omega / config.gear, metadata=log.metadata | known) for log in logs]
+    return Source(geometry, usable_samples(logs, geometry, config.settle, config.motion), logs)
 
 
 def choose_geometry(config: IdentifyConfig, stored: Any, file: Path) -> RobotGeometry:
@@ -113,22 +115,62 @@ def choose_geometry(config: IdentifyConfig, stored: Any, file: Path) -> RobotGeo
     return RobotGeometry(**values)
 
 
-LAW_HEADER = ("law", "parameter", "value", "std. error", "rms residual")
-_SYMBOLS = {
-    "alpha_outer": "alpha outer [-]",
-    "beta_outer": "beta outer [1/m]",
-    "alpha_inner": "alpha inner [-]",
-    "beta_inner": "beta inner [1/m]",
-    "offset": "D [m]",
-    "radius_error": "epsilon [-]",
+LAW_HEADER = ("law", "parameter", "value", "std. error", "95 % interval", "by bootstrap")
+COMPARISON_HEADER = ("law", "free", "rms", "AICc", "weight", "cv radius", "cv speed", "cv yaw rate", "lack of fit")
+SYMBOLS = {
+    "alpha_outer": "alpha outer",
+    "beta_outer": "beta outer",
+    "alpha_inner": "alpha inner",
+    "beta_inner": "beta inner",
+    "gamma_outer": "gamma outer",
+    "gamma_inner": "gamma inner",
+    "slip_outer": "slip outer",
+    "slip_inner": "slip inner",
+    "size": "a",
+    "pole": "p",
+    "offset": "D",
+    "radius_error": "epsilon",
+    "offset_left": "D left",
+    "offset_right": "D right",
+    "radius_error_left": "epsilon left",
+    "radius_error_right": "epsilon right",
 }
 
 
-def law_rows(laws: Mapping[str, FittedLaw]) -> list[tuple[str, ...]]:
+def law_rows(comparison: Comparison) -> list[tuple[str, ...]]:
     """A row a parameter."""
     rows: list[tuple[str, ...]] = []
-    for name, fit in laws.items():
+    for name, fit in comparison.laws.items():
         for k, (parameter, value) in enumerate(fit.values.items()):
-            head, tail = (name, f"{fit.rms:.5f}") if k == 0 else ("", "")
-            rows.append((head, _SYMBOLS[parameter], f"{value:+.5f}", f"{fit.stderr[parameter]:.5f}", tail))
+            ends = [fit.interval95[parameter], fit.bootstrap95.get(parameter)]
+            symbol = f"{SYMBOLS[parameter]} [{FAMILIES[name].parameters[parameter].unit or '-'}]"
+            intervals = ["-" if pair is None else f"{pair[0]:+.5f} .. {pair[1]:+.5f}" for pair in ends]
+            rows.append((name if k == 0 else "", symbol, f"{value:+.5f}", f"{fit.stderr[parameter]:.5f}", *intervals))
     return rows
+
+
+def comparison_rows(comparison: Comparison) -> list[tuple[str, ...]]:
+    """A row a law, by AICc."""
+    rows: list[tuple[str, ...]] = []
+    least = min((value for value in comparison.aicc.values() if value is not None), default=0.0)
+    for name in comparison.ranking:
+        fit, aicc, validation = comparison.laws[name], comparison.aicc[name], comparison.validation[name]
+        lack = fit.lack_of_fit
+        rows.append(
+            (
+                name,
+                str(len(fit.values)),
+                f"{fit.rms:.5f}",
+                "-" if aicc is None else f"+{aicc - least:.1f}",
+                _or_dash(comparison.weight[name], ".2f"),
+                _or_dash(validation.radius, ".5f"),
+                _or_dash(validation.speed, ".5f"),
+                _or_dash(validation.yaw_rate, ".5f"),
+                "-" if lack is None else f"p = {lack.probability:.2g}" + ("" if lack.significant else ", none"),
+            )
+        )
+    return rows
+
+
+def _or_dash(value: float | None, form: str) -> str:
+    return "-" if value is None else format(value, form)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from experiments import figure_style, figures, tracking_figures
 from experiments.page import MISSING, inline_svg, render_page
-from trackslip.identification import FittedLaw, SlipSamples
+from trackslip.identification import FittedLaw, Identification, SlipSamples
 from trackslip.metrics import rms
 from trackslip.runlog import RunLog
 from trackslip.slip import PUBLISHED, ConstantIcr
@@ -65,9 +65,14 @@ class Report:
     grid_logs: Sequence[RunLog] = ()
     """Steady runs."""
     samples: SlipSamples | None = None
-    laws: Mapping[str, FittedLaw] = field(default_factory=dict)
+    identification: Identification | None = None
     tracking_logs: Sequence[RunLog] = ()
     """Runs along the paper's path, with `controller` and `compensation` in their metadata."""
+
+    @property
+    def laws(self) -> Mapping[str, FittedLaw]:
+        """The fitted laws by name."""
+        return {} if self.identification is None else self.identification.comparison.laws
 
 
 @dataclass(frozen=True)

@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from experiments import store
-from experiments.config import LINEAR_START, ReproduceConfig
+from experiments.config import IDENTIFIED, LINEAR_START, ReproduceConfig
 from experiments.console import print_table, progress
 from experiments.grid import (
     drive_grid,
     grid_summary,
     make_locator,
+    saturation_warnings,
     simulated_seconds,
-    usable_samples,
 )
 from experiments.report import ComparisonRow, Report, render
 from experiments.track import (
@@ -31,8 +31,8 @@ from experiments.world import World
 from sim.runs import Description, Pilot, closed_loop
 from sim.scanner import ScannerFeed
 from sim.seeds import generator
-from trackslip.identification import fit_laws
-from trackslip.lawfile import laws_to_json
+from trackslip.identification import identify, usable_samples
+from trackslip.lawfile import identification_to_json
 from trackslip.runlog import RunLog
 from trackslip.slip import PUBLISHED, SlipLaw
 from trackslip.trajectory import paper_reference
@@ -48,14 +48,17 @@ def run(config: ReproduceConfig) -> None:
         with _timed(stages, "grid"):
             grid_logs = drive_grid(config, world)
         with _timed(stages, "identify"):
-            samples, warnings = usable_samples(grid_logs, robot.geometry, config.motion)
-            laws, undetermined = fit_laws(samples, robot.geometry)
-            warnings += undetermined
-            summary = laws_to_json(laws, robot.geometry)
-            summary["published"] = published_summary()
-            summary |= grid_summary(config, grid_logs, samples, robot.geometry) | {"warnings": warnings}
+            sampling = usable_samples(grid_logs, robot.geometry, method=config.motion)
+            found = identify(sampling, robot.geometry)
+            warnings = [*saturation_warnings(grid_logs), *found.warnings]
+            laws = found.comparison.laws
+            summary = identification_to_json(found, robot.geometry) | {
+                "published": published_summary(),
+                "warnings": warnings,
+            }
+            summary |= grid_summary(config, grid_logs, sampling.samples, robot.geometry)
         with _timed(stages, "track"):
-            tracking_logs = drive_paths(config, world, {name: fit.law for name, fit in laws.items()})
+            tracking_logs = drive_paths(config, world, {name: laws[name].law for name in IDENTIFIED if name in laws})
             summary["tracking"] = tracking_summary(tracking_logs, paper_reference())
         summary = store.plain(summary)
         rows = comparison(summary)
@@ -68,8 +71,8 @@ def run(config: ReproduceConfig) -> None:
                 summary=summary,
                 comparison=rows,
                 grid_logs=grid_logs,
-                samples=samples,
-                laws=laws,
+                samples=found.samples,
+                identification=found,
                 tracking_logs=tracking_logs,
             )
             (folder / store.REPORT).write_text(render(page), encoding="utf-8")

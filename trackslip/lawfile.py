@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification import LAW_MODELS, FittedLaw, law_from_values
+from trackslip.identification import FAMILIES, Comparison, FittedLaw, Identification, law_from_values
 from trackslip.kinematics import RobotGeometry
 from trackslip.slip import SlipLaw
 
@@ -22,7 +22,51 @@ def laws_to_json(laws: Mapping[str, FittedLaw], geometry: RobotGeometry) -> dict
     """What goes into a summary: `slip_laws` and `geometry`."""
     return {
         "geometry": {"half_gauge": geometry.half_gauge, "sprocket_radius": geometry.sprocket_radius},
-        "slip_laws": {name: {"values": fit.values, "stderr": fit.stderr, "rms": fit.rms} for name, fit in laws.items()},
+        "slip_laws": {
+            name: {"values": fit.values, "stderr": fit.stderr, "rms": fit.rms}
+            for name, fit in laws.items()
+            if fit.values
+        },
+    }
+
+
+def identification_to_json(found: Identification, geometry: RobotGeometry) -> dict[str, Any]:
+    """What goes into a summary of an identification: `laws` with all that is known of each, and what was left out."""
+    return laws_to_json(found.comparison.laws, geometry) | {
+        "laws": {name: _law_to_json(name, found.comparison) for name in found.comparison.laws},
+        "best": found.comparison.best,
+        "samples": len(found.samples),
+        "outliers": [{"run": outlier.run, "reason": outlier.reason} for outlier in found.outliers],
+        "warnings": list(found.warnings),
+    }
+
+
+def _law_to_json(name: str, comparison: Comparison) -> dict[str, Any]:
+    fit, validation = comparison.laws[name], comparison.validation[name]
+    lack = fit.lack_of_fit
+    return {
+        "values": fit.values,
+        "stderr": fit.stderr,
+        "interval95": {key: list(ends) for key, ends in fit.interval95.items()},
+        "bootstrap95": {key: list(ends) for key, ends in fit.bootstrap95.items()},
+        "noise_stderr": fit.noise_stderr,
+        "correlation": fit.correlation.tolist(),
+        "rms": fit.rms,
+        "scatter": fit.scatter,
+        "aicc": comparison.aicc[name],
+        "weight": comparison.weight[name],
+        "cv_radius": validation.radius,
+        "cv_speed": validation.speed,
+        "cv_yaw_rate": validation.yaw_rate,
+        "lack_of_fit": None
+        if lack is None
+        else {
+            "test": lack.test,
+            "statistic": lack.statistic,
+            "freedom": list(lack.freedom),
+            "probability": lack.probability,
+            "inflation": lack.inflation,
+        },
     }
 
 
@@ -47,9 +91,7 @@ def load_laws(path: Path = SHIPPED, robot: RobotGeometry | None = None) -> dict[
                 f"{file}: its laws are for half_gauge = {half_gauge:g} m and sprocket_radius = {radius:g} m, "
                 f"the robot has {robot.half_gauge:g} m and {robot.sprocket_radius:g} m"
             )
-        return {
-            name: law_from_values(name, stored[name]["values"], half_gauge) for name in LAW_MODELS if name in stored
-        }
+        return {name: law_from_values(name, stored[name]["values"], half_gauge) for name in FAMILIES if name in stored}
     except OSError as error:
         raise LogError(f"{file}: {error.strerror}") from error
     except (json.JSONDecodeError, UnicodeDecodeError) as error:

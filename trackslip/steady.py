@@ -1,40 +1,159 @@
-"""Which part of a run is steady."""
+"""Which part of a run is steady: found in its sprocket speeds, its clock and its poses."""
 
 from __future__ import annotations
+
+import itertools
+from collections import deque
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from trackslip.errors import LogError
+from trackslip.kinematics import Array, RobotGeometry
 from trackslip.runlog import RunLog
 
 SETTLE = 1.5
-"""Default time after the start of a run before which it is not steady [s]."""
+"""Default time after the sprockets have become steady before the robot is taken to be so [s]."""
 MARGIN = 0.5
-"""Time at either end of a run that a smoothing filter spoils [s]."""
-_DRIFT = 0.05  # change of a sprocket's mean speed from third to third, relative to the faster sprocket
+"""Time at the end of a steady part, and at least at its begin, that a smoothing filter spoils [s]."""
+_BLOCK = 0.5  # over which sprocket speeds are averaged before they are compared [s]
+_DRIFT = 0.05  # change of a sprocket's mean speed that is still steady, relative to the faster sprocket
+_GAP = 5.0  # time between rows from which the clock has a gap [usual times between rows]
+_SHORTEST_GAP = 0.3  # [s]
+_JUMP = 0.3  # error of a pose that is still believed [m]
+_OVERDRIVE = 3.0  # way from pose to pose that is still believed, over the way of the faster sprocket [-]
+_RESETTLED = 1.0  # time after which poses elsewhere are no glitch, but where the track goes on [s]
 
 
-def steady_window(log: RunLog, settle: float = SETTLE) -> tuple[float, float]:
-    """Begin and end of the steady part of a run [s].
+@dataclass(frozen=True)
+class SteadyPart:
+    """A run and the stretch of it in which sprocket speeds are constant and poses and clock go on without a break."""
+
+    log: RunLog
+    """The run, poses that jump away and back marked not valid."""
+    window: tuple[float, float]
+    """Begin and end [s]."""
+    notes: tuple[str, ...]
+    """What was left out besides the settling, a line each."""
+
+    @property
+    def rows(self) -> np.ndarray:
+        """(T,) bool."""
+        return (self.log.time > self.window[0]) & (self.log.time < self.window[1])
+
+
+def steady_part(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -> SteadyPart:
+    """The longest steady stretch of a run.
+
+    Args:
+        log: the run.
+        geometry: says how far the sprockets can drive the robot from row to row.
+        settle: time that is left out after the sprockets have become steady [s].
 
     Raises:
-        LogError: for a run too short, at rest, or whose sprocket speeds are not constant.
+        LogError: for a run at rest, or without a steady stretch long enough.
     """
-    begin, end = log.time[0] + max(settle, MARGIN), log.time[-1] - MARGIN
-    rows = (log.time > begin) & (log.time < end)
+    log, breaks, notes = _without_jumps(log, geometry)
+    step = np.diff(log.time)
+    usual = float(np.median(step))
+    gaps = np.flatnonzero(step > max(_GAP * usual, _SHORTEST_GAP))
+    notes += [f"its clock has a gap from t = {log.time[k]:g} s to {log.time[k + 1]:g} s" for k in gaps]
+    begin, end = _longest_constant(log, np.union1d(breaks, gaps), usual)
+    window = (float(log.time[begin]) + max(settle, MARGIN), float(log.time[end]) - MARGIN)
+    rows = (log.time > window[0]) & (log.time < window[1])
     if rows.sum() < 3:
         raise LogError(
-            f"run {log.run!r}: lasts from {log.time[0]:g} s to {log.time[-1]:g} s, "
-            f"too short: its first {begin - log.time[0]:g} s and last {MARGIN:g} s are left out"
+            f"run {log.run!r}: "
+            + "; ".join([*notes, ""])
+            + f"steady from {log.time[begin]:g} s to {log.time[end]:g} s only, too short: "
+            f"the first {max(settle, MARGIN):g} s and last {MARGIN:g} s of it are left out"
         )
-    thirds = np.array([part.mean(axis=0) for part in np.array_split(log.omega[rows], 3)])
-    fastest = np.abs(thirds).max()
-    if fastest == 0:
+    if not np.abs(log.omega[rows]).max() > 0:
         raise LogError(f"run {log.run!r}: the sprockets stand still")
-    drift = np.ptp(thirds, axis=0).max() / fastest
-    if drift > _DRIFT:
-        raise LogError(
-            f"run {log.run!r}: sprocket speeds change by {drift:.0%} between {begin:g} s and {end:g} s; "
-            f"slip is identified from steady runs (at most {_DRIFT:.0%})"
-        )
-    return float(begin), float(end)
+    if log.time[end] - log.time[begin] < 0.8 * (log.time[-1] - log.time[0]):
+        notes.append(f"steady, and used, from {window[0]:g} s to {window[1]:g} s only")
+    return SteadyPart(log, window, tuple(f"run {log.run!r}: {note}" for note in notes))
+
+
+def _without_jumps(log: RunLog, geometry: RobotGeometry) -> tuple[RunLog, np.ndarray, list[str]]:
+    """The run with glitches marked not valid, rows after which its poses go on elsewhere, and what was found."""
+    rows = np.flatnonzero(log.is_valid)
+    position = log.pose[rows, :2]
+    speed = _OVERDRIVE * geometry.sprocket_radius * np.abs(log.omega).max()
+    far = np.hypot(*np.diff(position, axis=0).T) > _JUMP + speed * np.diff(log.time[rows])
+    if not far.any():
+        return log, np.empty(0, int), []
+    valid = log.is_valid.copy()
+    breaks, notes = [], []
+    lost: list[int] = []
+    last = 0  # the last pose believed, and those since that it can't have driven to
+    for k in range(1, len(rows)):
+        way = float(np.hypot(*(position[k] - position[last])))
+        elapsed = log.time[rows[k]] - log.time[rows[last]]
+        if way <= _JUMP + speed * elapsed:
+            last, lost = k, []
+            continue
+        if not lost:
+            notes.append(
+                f"its pose jumps by {way:.3g} m at t = {log.time[rows[k]]:g} s, where its sprockets allow "
+                f"{_JUMP + speed * elapsed:.3g} m"
+            )
+        lost.append(k)
+        valid[rows[k]] = False
+        if log.time[rows[k]] - log.time[rows[lost[0]]] >= _RESETTLED:
+            breaks.append(rows[last])
+            valid[rows[lost]] = True
+            breaks.append(rows[lost[0]] - 1)
+            last, lost = k, []
+    return replace(log, valid=valid), np.array(sorted(set(breaks)), int), notes
+
+
+def _longest_constant(log: RunLog, breaks: np.ndarray, usual: float) -> tuple[int, int]:
+    """First and last row of the longest stretch without a break whose sprockets change by no more than _DRIFT."""
+    size = max(1, round(_BLOCK / usual))
+    tolerance = _DRIFT * np.abs(_means(log.omega, size)).max()
+    best = (0, 0)
+    edges = np.concatenate([[-1], breaks, [len(log.time) - 1]])
+    for before, last in itertools.pairwise(edges):
+        first = int(before) + 1
+        mean = _means(log.omega[first : last + 1], size)
+        for a, b in _longest_within(mean, tolerance):
+            stretch = (first + a * size, min(first + (b + 1) * size - 1, int(last)))
+            if b == len(mean) - 1:
+                stretch = (stretch[0], int(last))
+            if log.time[stretch[1]] - log.time[stretch[0]] > log.time[best[1]] - log.time[best[0]]:
+                best = stretch
+    return best
+
+
+def _means(values: Array, size: int) -> Array:
+    """Means (blocks, 2) of rows (T, 2), `size` at a time; what is left over at the end joins the last."""
+    blocks = max(1, len(values) // size)
+    starts = np.arange(blocks) * size
+    counts = np.diff(np.append(starts, len(values)))
+    return np.add.reduceat(values, starts, axis=0) / counts[:, None]
+
+
+def _longest_within(mean: Array, tolerance: float) -> list[tuple[int, int]]:
+    """The longest run of rows (as first and last) in which no column of `mean` (n, 2) changes by more."""
+    best, first = (0, 0), 0
+    lows: list[deque[int]] = [deque(), deque()]
+    highs: list[deque[int]] = [deque(), deque()]
+    for k in range(len(mean)):
+        for j in range(2):
+            while lows[j] and mean[lows[j][-1], j] >= mean[k, j]:
+                lows[j].pop()
+            while highs[j] and mean[highs[j][-1], j] <= mean[k, j]:
+                highs[j].pop()
+            lows[j].append(k)
+            highs[j].append(k)
+        while any(mean[highs[j][0], j] - mean[lows[j][0], j] > tolerance for j in range(2)):
+            first += 1
+            for j in range(2):
+                while lows[j][0] < first:
+                    lows[j].popleft()
+                while highs[j][0] < first:
+                    highs[j].popleft()
+        if k - first > best[1] - best[0]:
+            best = (first, k)
+    return [best]

@@ -3,6 +3,7 @@
 from trackslip.motion.base import Motion, MotionMethod, SteadyTwist
 from trackslip.motion.filtered import butterworth_motion, difference
 from trackslip.motion.methods import DEFAULT_METHOD, MOTION_METHODS
+from trackslip.motion.stationarity import require_steady_motion
 
 __all__ = [
     "DEFAULT_METHOD",
@@ -12,4 +13,5 @@ __all__ = [
     "SteadyTwist",
     "butterworth_motion",
     "difference",
+    "require_steady_motion",
 ]

@@ -1,0 +1,157 @@
+"""All laws held against the same samples: information criterion, prediction of what was left out, lack of fit."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackslip.errors import LogError
+from trackslip.identification.families import FAMILIES, TWO_SIDED
+from trackslip.identification.fit import fit
+from trackslip.identification.fitted import FittedLaw, fit_law
+from trackslip.identification.replicates import by_command, folds
+from trackslip.identification.samples import SlipSamples
+from trackslip.identification.weighting import WeightedRuns
+from trackslip.kinematics import RobotGeometry, body_twist
+from trackslip.metrics import rms
+
+_INDISTINCT = 2.0  # difference of the criterion within which the simpler law is the best
+_BASELINES = ("none", "constant")
+_LARGE_RADIUS_ERROR = 0.1  # of a sprocket, beyond which gear or radius are more likely wrong [-]
+
+
+@dataclass(frozen=True)
+class CrossValidation:
+    """How well a law predicts runs that it wasn't fitted to; None where there are no two groups to part."""
+
+    radius: float | None
+    """Slip, rms, of runs of a radius left out [-]."""
+    speed: float | None
+    """Slip, rms, of runs of a speed left out [-]."""
+    yaw_rate: float | None
+    """Yaw rate, rms, of runs of a radius left out, from their sprocket speeds [rad/s]."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Laws fitted to the same samples, those that could be determined."""
+
+    laws: Mapping[str, FittedLaw]
+    aicc: Mapping[str, float | None]
+    weight: Mapping[str, float | None]
+    """Akaike weights: the chance of each to be the one that predicts best, of those here [-]."""
+    validation: Mapping[str, CrossValidation]
+    best: str
+    """The law with the fewest parameters whose AICc is within 2 of the smallest."""
+    warnings: tuple[str, ...]
+
+    @property
+    def ranking(self) -> tuple[str, ...]:
+        """Names of the laws, the smallest AICc first; those without one last, by their scatter."""
+
+        def key(name: str) -> tuple[bool, float]:
+            value = self.aicc[name]
+            return value is None, self.laws[name].scatter if value is None else value
+
+        return tuple(sorted(self.laws, key=key))
+
+
+def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> Comparison:
+    """Fit every family that the samples determine, and compare them.
+
+    Raises:
+        LogError: when they determine none with a parameter.
+    """
+    laws: dict[str, FittedLaw] = {}
+    warnings: list[str] = []
+    sides = np.sign(samples.omega[:, 1] - samples.omega[:, 0]) * np.sign(samples.omega.sum(axis=1))
+    for name in FAMILIES:
+        if name in TWO_SIDED and min((sides > 0).sum(), (sides < 0).sum()) < 2:
+            continue
+        try:
+            laws[name] = fit_law(name, samples, geometry)
+        except LogError as error:
+            warnings.append(str(error))
+    if not set(laws) - set(_BASELINES):
+        raise LogError(warnings[-1])
+    aicc = {name: law.aicc(len(samples)) for name, law in laws.items()}
+    best = _best(laws, aicc)
+    warnings += _doubts(laws, best)
+    return Comparison(
+        laws=laws,
+        aicc=aicc,
+        weight=_weights(aicc),
+        validation={name: cross_validate(law, samples, geometry) for name, law in laws.items()},
+        best=best,
+        warnings=tuple(warnings),
+    )
+
+
+def cross_validate(law: FittedLaw, samples: SlipSamples, geometry: RobotGeometry) -> CrossValidation:
+    """Leave out every radius, then every speed, in turn, and predict it from the rest."""
+    ideal = body_twist(samples.omega, 0.0, geometry)
+    radius = _left_out(law, samples, geometry, folds(by_command(samples.omega, geometry).astype(float)))
+    speed = _left_out(law, samples, geometry, folds(np.abs(ideal[:, 0]) + geometry.half_gauge * np.abs(ideal[:, 1])))
+    return CrossValidation(
+        radius=None if radius is None else radius[0],
+        speed=None if speed is None else speed[0],
+        yaw_rate=None if radius is None else radius[1],
+    )
+
+
+def _left_out(
+    law: FittedLaw, samples: SlipSamples, geometry: RobotGeometry, labels: np.ndarray
+) -> tuple[float, float] | None:
+    """rms errors of slip [-] and yaw rate [rad/s] of groups predicted by fits to the others."""
+    groups = int(labels.max()) + 1
+    family = FAMILIES[law.name]
+    kept = (labels != np.arange(groups)[:, None]).astype(float)  # (groups, n)
+    if groups < 2 or 2 * kept.sum(axis=1).min() <= len(family.names):
+        return None
+    runs = WeightedRuns.of(samples, geometry).weighted(kept)
+    start = np.tile([law.values[name] for name in family.names], (groups, 1))
+    fits = fit(family, runs, start.reshape(groups, -1), np.full(groups, law.scatter))
+    laws = family.law(fits.values[labels], geometry)  # a law for each sample
+    slip = laws.slip(samples.twist) - samples.slip
+    yaw_rate = laws.twist(samples.omega, geometry)[:, 1] - samples.twist[:, 1]
+    return rms(slip), rms(yaw_rate)
+
+
+def _weights(aicc: Mapping[str, float | None]) -> dict[str, float | None]:
+    known = {name: value for name, value in aicc.items() if value is not None}
+    least = min(known.values(), default=0.0)
+    likelihood: Mapping[str, float] = {name: float(np.exp((least - value) / 2)) for name, value in known.items()}
+    total = sum(likelihood.values())
+    return {name: likelihood[name] / total if name in likelihood else None for name in aicc}
+
+
+def _best(laws: Mapping[str, FittedLaw], aicc: Mapping[str, float | None]) -> str:
+    known = {name: value for name, value in aicc.items() if value is not None}
+    if not known:  # too few samples for the criterion: the law that leaves least per degree of freedom
+        return min(laws, key=lambda name: laws[name].scatter)
+    least = min(known.values())
+    near = [name for name, value in known.items() if value <= least + _INDISTINCT]
+    return min(near, key=lambda name: (len(laws[name].values), known[name]))
+
+
+def _doubts(laws: Mapping[str, FittedLaw], best: str) -> list[str]:
+    """What a reader must know of the laws."""
+    doubts = []
+    for name, law in laws.items():
+        lack = law.lack_of_fit
+        if lack is not None and lack.significant and name not in _BASELINES:
+            freedom = ", ".join(str(value) for value in lack.freedom)
+            doubts.append(
+                f"law {name}: lacks fit ({lack.test}({freedom}) = {lack.statistic:.3g}, p = {lack.probability:.2g}): "
+                f"it misses the samples by {law.rms:.2g} rms, more than they scatter; its intervals are wider for it"
+            )
+    for key, value in laws[best].values.items():
+        if key.startswith("radius_error") and abs(value) > _LARGE_RADIUS_ERROR:
+            doubts.append(
+                f"law {best}: {key} = {value:+.0%} is more than a track's: are gear and sprocket radius right?"
+            )
+    if best in TWO_SIDED:
+        doubts.append(f"turns to the left and to the right differ: {best} describes both, the other laws mirror them")
+    return doubts

@@ -1,0 +1,161 @@
+"""The families of slip laws that are fitted: which parameters are free, within which limits, and where to start.
+
+A new family is a law in `trackslip.slip` and an entry here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from trackslip.errors import InvalidValueError
+from trackslip.kinematics import Array, RobotGeometry
+from trackslip.slip import (
+    Constant,
+    ConstantIcr,
+    Exponential,
+    ExponentialSpeed,
+    Hyperbola,
+    IcrSides,
+    NoSlip,
+    Power,
+    SlipLaw,
+)
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A free parameter of a family."""
+
+    starts: tuple[float, ...]
+    """Where to start from; every family tries the first of each parameter, then the second of each, and so on."""
+    low: float
+    high: float
+    scale: float
+    """Size of a change that matters."""
+    unit: str
+    """As printed; empty for a pure number. Lengths (m) are given in half gauges above."""
+
+
+@dataclass(frozen=True)
+class LawFamily:
+    """Slip laws that differ in the values of their parameters."""
+
+    title: str
+    """What it is, in a few words."""
+    parameters: Mapping[str, Parameter]
+    build: Callable[[Mapping[str, Any], RobotGeometry], SlipLaw]
+    """A law from values, numbers or arrays of any one shape, of the parameters."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters, in the order of their values in arrays."""
+        return tuple(self.parameters)
+
+    def limits(self, half_gauge: float) -> Array:
+        """(3, p): lowest, highest values and scales for a robot of that half gauge [m]."""
+        rows = [(p.low, p.high, p.scale) for p in self.parameters.values()]
+        return (np.array(rows).reshape(-1, 3) * self._units(half_gauge)[:, None]).T
+
+    def starts(self, half_gauge: float) -> Array:
+        """(K, p): values to start fits from."""
+        most = max((len(p.starts) for p in self.parameters.values()), default=1)
+        rows = [[p.starts[k % len(p.starts)] for p in self.parameters.values()] for k in range(most)]
+        return np.array(rows, float).reshape(most, -1) * self._units(half_gauge)
+
+    def law(self, values: Array, geometry: RobotGeometry) -> SlipLaw:
+        """The law of values (..., p), many laws at once if there are more than one; their shape is (...)."""
+        return self.build({name: values[..., k] for k, name in enumerate(self.names)}, geometry)
+
+    def _units(self, half_gauge: float) -> Array:
+        return np.array([half_gauge if p.unit == "m" else 1.0 for p in self.parameters.values()])
+
+
+_SLIP_OUTER = Parameter((0.05,), -2.0, 0.99, 0.1, "")
+_SLIP_INNER = Parameter((-0.1,), -20.0, 0.99, 0.1, "")
+_DECAY = Parameter((-0.5, -2.0, -6.0), -50.0, -1e-3, 1.0, "1/m")
+_POWER = Parameter((-1.0, -0.3, -3.0), -50.0, -1e-3, 1.0, "")
+_GROWTH = Parameter((0.0,), -20.0, 20.0, 0.1, "s/m")
+_OFFSET = Parameter((0.3, 0.0, 2.0), -0.99, 50.0, 0.3, "m")
+_RADIUS_ERROR = Parameter((0.0,), -0.5, 0.5, 0.01, "")
+_EXPONENTIAL = {
+    "alpha_outer": _SLIP_OUTER,
+    "beta_outer": _DECAY,
+    "alpha_inner": _SLIP_INNER,
+    "beta_inner": _DECAY,
+}
+
+FAMILIES: dict[str, LawFamily] = {
+    "none": LawFamily("no slip", {}, lambda p, geometry: NoSlip()),
+    "constant": LawFamily(
+        "the same slip at every radius",
+        {"slip_outer": _SLIP_OUTER, "slip_inner": _SLIP_INNER},
+        lambda p, geometry: Constant(**p),
+    ),
+    "exponential": LawFamily("exponential in radius, the paper's", _EXPONENTIAL, lambda p, geometry: Exponential(**p)),
+    "exponential_speed": LawFamily(
+        "exponential in radius, with a term of speed",
+        _EXPONENTIAL | {"gamma_outer": _GROWTH, "gamma_inner": _GROWTH},
+        lambda p, geometry: ExponentialSpeed(**p),
+    ),
+    "power": LawFamily(
+        "power of radius",
+        {"alpha_outer": _SLIP_OUTER, "beta_outer": _POWER, "alpha_inner": _SLIP_INNER, "beta_inner": _POWER},
+        lambda p, geometry: Power(**p, half_gauge=geometry.half_gauge),
+    ),
+    "hyperbola": LawFamily(
+        "hyperbola with a free pole",
+        {
+            "size": Parameter((0.3, 0.05, 1.0), -20.0, 50.0, 0.3, "m"),
+            "pole": Parameter((1.3, 0.5, 2.0), 0.0, 50.0, 0.3, "m"),
+        },
+        lambda p, geometry: Hyperbola(**p),
+    ),
+    "icr": LawFamily(
+        "constant ICR", {"offset": _OFFSET}, lambda p, geometry: ConstantIcr(p["offset"], geometry.half_gauge)
+    ),
+    "icr_radius": LawFamily(
+        "constant ICR, with an error of the effective sprocket radius",
+        {"offset": _OFFSET, "radius_error": _RADIUS_ERROR},
+        lambda p, geometry: ConstantIcr(p["offset"], geometry.half_gauge, p["radius_error"]),
+    ),
+    "icr_sides": LawFamily(
+        "constant ICR, left and right different",
+        {
+            "offset_left": _OFFSET,
+            "offset_right": _OFFSET,
+            "radius_error_left": _RADIUS_ERROR,
+            "radius_error_right": _RADIUS_ERROR,
+        },
+        lambda p, geometry: IcrSides(**p, half_gauge=geometry.half_gauge),
+    ),
+}
+"""Simple ones first."""
+TWO_SIDED = ("icr_sides",)
+"""Families that ask for turns to the left and to the right."""
+
+
+def family(name: str) -> LawFamily:
+    """The family called `name`; raises InvalidValueError for one that isn't there."""
+    if name not in FAMILIES:
+        raise InvalidValueError("law", name, f"one of {', '.join(FAMILIES)}")
+    return FAMILIES[name]
+
+
+def law_from_values(name: str, values: Mapping[str, Any], half_gauge: float) -> SlipLaw:
+    """A law of FAMILIES from stored values; raises InvalidValueError for what isn't there."""
+    model = family(name)
+    given = {key: values.get(key) for key in model.names}
+    missing = [key for key, value in given.items() if isinstance(value, bool) or not isinstance(value, int | float)]
+    if missing:
+        raise InvalidValueError(f"{name}.{missing[0]}", values.get(missing[0]), "a number")
+    numbers = {key: float(values[key]) for key in model.names}
+    geometry = RobotGeometry(half_gauge, sprocket_radius=1.0)
+    low, high, _ = model.limits(half_gauge)
+    for key, lowest, highest in zip(model.names, low, high, strict=True):
+        if not lowest <= numbers[key] <= highest:
+            raise InvalidValueError(f"{name}.{key}", numbers[key], f"from {lowest:g} to {highest:g}")
+    return model.build(numbers, geometry)

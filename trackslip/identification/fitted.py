@@ -1,0 +1,164 @@
+"""One law identified from samples: values, errors, intervals, how well it fits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+from scipy.optimize import minimize_scalar
+
+from trackslip.errors import LogError
+from trackslip.identification.families import family
+from trackslip.identification.fit import Fits, fit
+from trackslip.identification.intervals import BOOTSTRAPS, bootstrap_intervals, profile_intervals
+from trackslip.identification.replicates import LackOfFit, lack_of_fit
+from trackslip.identification.samples import SlipSamples
+from trackslip.identification.weighting import LEAST_SCATTER, WeightedRuns
+from trackslip.kinematics import Array, RobotGeometry
+from trackslip.metrics import rms
+from trackslip.slip import SlipLaw
+
+CONFIDENCE = 0.95
+"""Of all intervals."""
+_FEWEST_DRAWN = 4  # runs that can be resampled
+_VAGUE = 0.1  # standard error, as a fraction of its range, of a parameter that the samples say nothing about
+_AT_LIMIT = 1e-3  # distance from a limit, relative to a range no longer than 1
+_COARSE = 60  # scatters tried, before the best is refined
+_HOPELESS = 0.3  # rms deviation of a fit that has gone astray
+
+
+@dataclass(frozen=True)
+class FittedLaw:
+    """A law identified from samples."""
+
+    name: str
+    law: SlipLaw
+    values: dict[str, float]
+    stderr: dict[str, float]
+    """Standard errors; where the law lacks fit, with what it lacks in them."""
+    interval95: dict[str, tuple[float, float]]
+    """From the profile of the likelihood."""
+    bootstrap95: dict[str, tuple[float, float]]
+    """From resampled runs, percentiles; empty where there are too few to resample."""
+    correlation: Array  # (p, p) of the values
+    noise_stderr: dict[str, float]
+    """What the errors of measurement alone contribute to the standard errors; 0 where they weren't given."""
+    rms: float
+    """Of the residual slip at the observed motion, both tracks [-]."""
+    scatter: float
+    """tau, scatter of slip about the law beyond measurement [-]."""
+    likelihood: float
+    """-2 log of the likelihood at its maximum, scatter included."""
+    lack_of_fit: LackOfFit | None
+    """None where neither repeated runs nor errors of measurement tell."""
+
+    @property
+    def lacks_fit(self) -> bool:
+        """Whether the law is known to miss the samples by more than chance."""
+        return self.lack_of_fit is not None and self.lack_of_fit.significant
+
+    def aicc(self, samples: int) -> float | None:
+        """Akaike's criterion corrected for few data: two from each sample; None where they are too few.
+
+        The scatter counts as a parameter.
+        """
+        free, data = len(self.values) + 1, 2 * samples
+        if data - free - 1 <= 0:
+            return None
+        return self.likelihood + 2 * free + 2 * free * (free + 1) / (data - free - 1)
+
+
+def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, bootstraps: int = BOOTSTRAPS) -> FittedLaw:
+    """Weighted least squares of the measured motions, as `weighting` has it, with intervals.
+
+    Args:
+        name: of the family.
+        samples: steady runs.
+        geometry: of the robot, nominal.
+        bootstraps: resamples of the runs; 0 for none.
+
+    Raises:
+        InvalidValueError: for an unknown law.
+        LogError: for samples that don't determine every parameter, or a fit that fails.
+    """
+    model = family(name)
+    count, free = len(samples.run), len(model.names)
+    if 2 * count <= free:
+        raise LogError(f"law {name}: {count} sample(s) of two tracks can't determine its {free} parameters")
+    runs = WeightedRuns.of(samples, geometry)
+    fits = fit(model, runs)
+    deviation = runs.deviation(fits.law)
+    if rms(deviation) > _HOPELESS:
+        raise LogError(
+            f"law {name}: misses the samples by {rms(deviation):.2g} rms: "
+            "are there runs as tight as the tracks are apart?"
+        )
+    lack = lack_of_fit(fits, samples.covariance is not None)
+    inflation = 1.0 if lack is None else lack.inflation
+    covariance = fits.covariance[0]
+    with np.errstate(invalid="ignore"):
+        error = inflation * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    _require_determined(name, fits, error)
+    height = inflation**2 * _quantile(fits, lack)
+    interval = profile_intervals(fits, height)[0]
+    drawn = None
+    if bootstraps and count > max(free, _FEWEST_DRAWN):
+        drawn = bootstrap_intervals(fits, CONFIDENCE, bootstraps, np.random.default_rng(count))
+    law = model.build({key: float(value) for key, value in zip(model.names, fits.values[0], strict=True)}, geometry)
+    return FittedLaw(
+        name=name,
+        law=law,
+        values=_named(model.names, fits.values[0]),
+        stderr=_named(model.names, error),
+        interval95=_intervals(model.names, interval),
+        bootstrap95={} if drawn is None else _intervals(model.names, drawn),
+        correlation=covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance))),
+        noise_stderr=_named(model.names, np.sqrt(np.diag(fits.noise_covariance[0]))),
+        rms=rms(law.slip(samples.twist) - samples.slip),
+        scatter=float(fits.scatter[0]),
+        likelihood=_likelihood(fits, deviation),
+        lack_of_fit=lack,
+    )
+
+
+def _quantile(fits: Fits, lack: LackOfFit | None) -> float:
+    """Rise of chi-square at the ends of an interval: Student's where the scatter was estimated."""
+    if fits.scatter[0] <= 0:
+        return float(stats.chi2.ppf(CONFIDENCE, 1))
+    freedom = lack.freedom[0] if lack is not None and lack.inflation > 1 else fits.freedom
+    return float(stats.f.ppf(CONFIDENCE, 1, freedom))
+
+
+def _require_determined(name: str, fits: Fits, error: Array) -> None:
+    low, high, _ = fits.family.limits(fits.runs.geometry.half_gauge)
+    for key, value, spread, least, most in zip(fits.family.names, fits.values[0], error, low, high, strict=True):
+        at_limit = min(value - least, most - value) < _AT_LIMIT * min(most - least, 1.0)
+        if at_limit or not spread < _VAGUE * (most - least):
+            raise LogError(
+                f"law {name}: the {fits.runs.runs} samples don't determine {key} (the fit stopped at {value:.3g}); "
+                "it takes runs of different radii, in units of rad/s, m, rad and s"
+            )
+
+
+def _likelihood(fits: Fits, deviation: Array) -> float:
+    """-2 log likelihood of the measured motions (constants dropped) at the scatter that makes it largest."""
+    eigenvalues = fits.runs.eigenvalues
+
+    def minus(log_scatter: float) -> float:
+        variance = eigenvalues + np.exp(2 * log_scatter)
+        return float(np.sum(deviation[0] ** 2 / variance + np.log(variance)))
+
+    coarse = np.linspace(np.log(LEAST_SCATTER), 1.0, _COARSE)
+    best = coarse[np.argmin([minus(value) for value in coarse])]
+    step = coarse[1] - coarse[0]
+    fine = minimize_scalar(minus, bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-6})
+    return float(fine.fun)
+
+
+def _named(names: tuple[str, ...], values: Array) -> dict[str, float]:
+    return {name: float(value) for name, value in zip(names, values, strict=True)}
+
+
+def _intervals(names: tuple[str, ...], ends: Array) -> dict[str, tuple[float, float]]:
+    return {name: (float(low), float(high)) for name, (low, high) in zip(names, ends, strict=True)}

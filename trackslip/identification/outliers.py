@@ -1,0 +1,60 @@
+"""Runs that no law can be asked to explain."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackslip.identification.families import FAMILIES
+from trackslip.identification.fit import fit
+from trackslip.identification.samples import Refused, SlipSamples
+from trackslip.identification.weighting import WeightedRuns
+from trackslip.kinematics import Array, RobotGeometry
+
+_FEWEST = 6  # samples that make a majority
+_MOST = 0.25  # share of outliers that is still a few
+_FAR = 6.0  # robust standard deviations that no good run is off
+_WORTH_MENTIONING = 0.005  # slip by which an outlier is off at least [-]
+_ROUNDS = 15
+_TUKEY = 4.685  # where the biweight ends [robust standard deviations]
+_LAWS = ("exponential", "hyperbola", "power", "icr_radius", "icr_sides")
+
+
+def split_outliers(samples: SlipSamples, geometry: RobotGeometry) -> tuple[SlipSamples, list[Refused]]:
+    """Samples without the outliers, and these: far off the law that fits most of the runs best.
+
+    Every law is fitted robustly, with Tukey's biweight of a run's larger deviation; the law with the smallest median
+    deviation is the judge. Fewer than _FEWEST samples have no outliers, and where more than a quarter seem to be, no
+    law fits and none is left out.
+    """
+    count = len(samples)
+    if count < _FEWEST:
+        return samples, []
+    runs = WeightedRuns.of(samples, geometry)
+    judged = [_robust_deviation(name, runs) for name in _LAWS if 2 * count > 2 * len(FAMILIES[name].names)]
+    deviation, spread = min(judged, key=lambda pair: pair[1])
+    worst = np.abs(deviation).max(axis=1)  # (n,)
+    far = worst > max(_FAR * spread, _WORTH_MENTIONING)
+    if not far.any() or far.sum() > _MOST * count:
+        return samples, []
+    outliers = [
+        Refused(
+            samples.run[k],
+            f"its slip is {worst[k]:.3g} off the law that fits the other runs, which scatter by {spread:.2g}",
+        )
+        for k in np.flatnonzero(far)
+    ]
+    return samples.take(~far), outliers
+
+
+def _robust_deviation(name: str, runs: WeightedRuns) -> tuple[Array, float]:
+    """Deviations (n, 2) of slip from a robust fit, and their robust standard deviation."""
+    family = FAMILIES[name]
+    found = fit(family, runs, scatter=np.full(1, _WORTH_MENTIONING))
+    spread = 0.0
+    for _ in range(_ROUNDS):
+        deviation = runs.deviation(found.law)[0]
+        spread = max(1.4826 * float(np.median(np.abs(deviation))), 1e-6)
+        reach = np.abs(deviation).max(axis=1) / (_TUKEY * max(spread, _WORTH_MENTIONING / _FAR))
+        weight = np.where(reach < 1, (1 - reach**2) ** 2, 1e-9)
+        found = fit(family, runs.weighted(weight[None]), found.values, np.full(1, _WORTH_MENTIONING))
+    return runs.deviation(found.law)[0], spread

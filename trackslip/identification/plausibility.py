@@ -1,0 +1,74 @@
+"""Samples that can't be right, with a guess at what is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from trackslip.errors import LogError
+from trackslip.kinematics import Array, RobotGeometry, body_twist
+
+_NEARLY_STANDING = 0.02  # speed of the slower sprocket over that of the faster, below which its slip says nothing
+_WILD = 0.8  # slip of the faster track that no robot on wheels or tracks shows in steady motion
+_NEAR = 1.4  # factor within which a ratio points to a unit
+_SLIPPING = 0.75  # usual real speed of a robot over the commanded one, when a gear is to be guessed
+_FACTORS = (
+    ("omega", np.degrees(1), "sprocket speeds in deg/s"),
+    ("omega", 60 / (2 * np.pi), "sprocket speeds in rpm"),
+    ("v", 1000.0, "millimetres"),
+    ("v", 100.0, "centimetres"),
+    ("w", np.degrees(1), "headings in degrees"),
+)
+
+
+def require_plausible(omega: Array, twist: Array, slip: Array, geometry: RobotGeometry, run: Sequence[str]) -> None:
+    """Raise LogError for samples (n, 2) whose slip is undefined or beyond belief, or that turn the wrong way round."""
+    undefined = ~np.isfinite(slip).all(axis=1)
+    if undefined.any():
+        raise LogError(f"run {run[int(np.argmax(undefined))]!r}: a sprocket stands still, its slip is undefined")
+    size = np.abs(omega)
+    standing = size.min(axis=1) < _NEARLY_STANDING * size.max(axis=1)
+    if standing.any():
+        k = int(np.argmax(standing))
+        raise LogError(
+            f"run {run[k]!r}: one sprocket nearly stands ({omega[k].min():.3g} and {omega[k].max():.3g} rad/s): "
+            "its slip says nothing, leave the run out"
+        )
+    of_faster = np.take_along_axis(slip, size.argmax(axis=1)[:, None], axis=1)[:, 0]
+    wild = np.abs(of_faster) > _WILD
+    ideal = body_twist(omega, 0.0, geometry)
+    backwards = (ideal[:, 1] * twist[:, 1] < 0) & (np.abs(twist[:, 1]) > 0.2 * np.abs(ideal[:, 1]))
+    if wild.any() and not (backwards & wild & (np.abs(twist[:, 1]) < 2 * np.abs(ideal[:, 1]))).any():
+        k = int(np.argmax(wild))
+        raise LogError(
+            f"run {run[k]!r}: slip {of_faster[k]:.3g} of the faster track is beyond belief (over {_WILD}): "
+            f"check the units (rad/s, m, rad, s), the gear and sprocket_radius = {geometry.sprocket_radius:g} m"
+            f"{_guess(ideal[k], twist[k])}"
+        )
+    if backwards.any():
+        k = int(np.argmax(backwards))
+        raise LogError(
+            f"run {run[k]!r}: it turns at {twist[k, 1]:+.3g} rad/s where its sprockets say {ideal[k, 1]:+.3g} rad/s: "
+            "are the tracks swapped, or phi not counter-clockwise?"
+        )
+
+
+def _guess(ideal: Array, twist: Array) -> str:
+    """What the ratios of measured and commanded v and w (2,) look like, or nothing."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        v, w = np.abs(twist / ideal)
+
+    def near(value: float, factor: float) -> bool:
+        return bool(factor / _NEAR < value < factor * _NEAR)
+
+    for what, factor, name in _FACTORS:
+        if (
+            (what == "omega" and near(1 / v, factor / _SLIPPING**0.5))
+            or (what == "v" and near(v, factor))
+            or (what == "w" and near(v, 1.0) and near(w, factor * _SLIPPING))
+        ):
+            return f"; it looks like {name}"
+    if v > 0 and v < 1 / 2:
+        return f"; it looks like a gear of about {1 / v:.3g} between encoder and sprocket"
+    return ""

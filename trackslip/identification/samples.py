@@ -1,0 +1,196 @@
+"""Runs -> steady slip samples."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackslip.errors import InvalidValueError, LogError, require_non_negative
+from trackslip.identification.plausibility import require_plausible
+from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
+from trackslip.motion import DEFAULT_METHOD, MOTION_METHODS, require_steady_motion
+from trackslip.runlog import RunLog
+from trackslip.steady import SETTLE, steady_part
+
+
+@dataclass(frozen=True)
+class SlipSamples:
+    """Mean slip of steady runs, one row a run."""
+
+    omega: Array  # (n, 2) measured sprocket speeds [rad/s]
+    twist: Array  # (n, 2) [m/s, rad/s]
+    slip: Array  # (n, 2)
+    run: tuple[str, ...]  # (n,) names
+    covariance: Array | None = None  # (n, 2, 2) of the twists' errors, where known
+
+    def __len__(self) -> int:
+        return len(self.run)
+
+    @property
+    def curvature(self) -> Array:
+        """(n,) of the observed paths [1/m]."""
+        return curvature(self.twist)
+
+    @property
+    def radius(self) -> Array:
+        """(n,) of the observed paths [m], signed; infinite for a straight one."""
+        v, w = self.twist.T
+        return np.divide(v, w, out=np.full(len(v), np.inf), where=w != 0)
+
+    @classmethod
+    def of(
+        cls,
+        omega: Array,
+        twist: Array,
+        geometry: RobotGeometry,
+        run: Sequence[str],
+        covariance: Array | None = None,
+    ) -> SlipSamples:
+        """Samples from steady sprocket speeds and twists (n, 2), with covariances (n, 2, 2) if known; Eqs. 2-3.
+
+        Raises:
+            LogError: where a sprocket stands still, which leaves its slip undefined, or a slip is beyond belief.
+        """
+        slip = track_slip(omega, twist, geometry)
+        require_plausible(omega, twist, slip, geometry, run)
+        return cls(omega, twist, slip, tuple(run), covariance)
+
+    @classmethod
+    def joined(cls, parts: Sequence[SlipSamples]) -> SlipSamples:
+        """All samples of the parts, in order."""
+        return cls(
+            omega=np.concatenate([part.omega for part in parts]),
+            twist=np.concatenate([part.twist for part in parts]),
+            slip=np.concatenate([part.slip for part in parts]),
+            run=tuple(name for part in parts for name in part.run),
+            covariance=None
+            if any(part.covariance is None for part in parts)
+            else np.concatenate([part.covariance for part in parts if part.covariance is not None]),
+        )
+
+    def take(self, rows: np.ndarray) -> SlipSamples:
+        """The samples `rows`."""
+        kept = np.arange(len(self))[rows]
+        return SlipSamples(
+            self.omega[kept],
+            self.twist[kept],
+            self.slip[kept],
+            tuple(self.run[k] for k in kept),
+            None if self.covariance is None else self.covariance[kept],
+        )
+
+
+@dataclass(frozen=True)
+class Refused:
+    """A run that gave no sample, or was left out of the fits."""
+
+    run: str
+    reason: str
+
+    def __str__(self) -> str:
+        return f"run {self.run!r} left out: {self.reason}"
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """Samples of those runs that gave one."""
+
+    samples: SlipSamples
+    refused: tuple[Refused, ...]
+    notes: tuple[str, ...]
+    """What of the other runs was left out, a line each."""
+
+
+def slip_samples(
+    logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE, method: str = DEFAULT_METHOD
+) -> SlipSamples:
+    """Mean slip of each run from its estimated poses and measured sprocket speeds.
+
+    Args:
+        logs: runs with a stretch at constant sprocket speeds.
+        geometry: the robot's nominal geometry.
+        settle: time after the sprockets have become steady that is left out [s].
+        method: name of a motion method, out of MOTION_METHODS.
+
+    Raises:
+        InvalidValueError: for an unknown method.
+        LogError: for a run without a steady stretch, or with too few valid poses in it.
+    """
+    return SlipSamples.joined([_sample(log, geometry, settle, method)[0] for log in logs])
+
+
+def usable_samples(
+    logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE, method: str = DEFAULT_METHOD
+) -> Sampling:
+    """The samples of those runs that give one, and why the others don't; see `slip_samples`.
+
+    Raises:
+        InvalidValueError: for an unknown method.
+        LogError: when there is none.
+    """
+    usable: list[SlipSamples] = []
+    refused: list[Refused] = []
+    notes: list[str] = []
+    for log in logs:
+        try:
+            sample, noted = _sample(log, geometry, settle, method)
+        except LogError as error:
+            refused.append(Refused(log.run, str(error).removeprefix(f"run {log.run!r}: ")))
+            continue
+        usable.append(sample)
+        notes += noted
+    return _sampling(usable, refused, notes)
+
+
+def usable_rows(omega: Array, twist: Array, geometry: RobotGeometry) -> Sampling:
+    """Samples from steady sprocket speeds and twists (n, 2), those that can be used; they are called row 1, row 2, ...
+
+    Raises:
+        LogError: when there is none.
+    """
+    usable, refused = [], []
+    for k in range(len(omega)):
+        name = f"row {k + 1}"
+        try:
+            usable.append(SlipSamples.of(omega[k : k + 1], twist[k : k + 1], geometry, [name]))
+        except LogError as error:
+            refused.append(Refused(name, str(error).removeprefix(f"run {name!r}: ")))
+    return _sampling(usable, refused, [])
+
+
+def _sampling(usable: list[SlipSamples], refused: list[Refused], notes: list[str]) -> Sampling:
+    if not usable:
+        more = f" (and the other {len(refused) - 1} are no better)" if len(refused) > 1 else ""
+        raise LogError(f"run {refused[0].run!r}: {refused[0].reason}{more}")
+    return Sampling(SlipSamples.joined(usable), tuple(refused), tuple(notes))
+
+
+def _sample(log: RunLog, geometry: RobotGeometry, settle: float, method: str) -> tuple[SlipSamples, tuple[str, ...]]:
+    """One run's sample, and what was left out of the run."""
+    require_non_negative("settle", settle)
+    if method not in MOTION_METHODS:
+        raise InvalidValueError("motion", method, f"one of {', '.join(MOTION_METHODS)}")
+    part = steady_part(log, geometry, settle)
+    require_steady_motion(part)
+    omega = part.log.omega[part.rows].mean(axis=0)
+    steady = MOTION_METHODS[method](part.log, part.window)
+    sample = SlipSamples.of(omega[None], steady.twist[None], geometry, [log.run], steady.covariance[None])
+    return sample, part.notes
+
+
+def true_samples(logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE) -> SlipSamples:
+    """The same from the truth of simulated runs.
+
+    Raises:
+        LogError: for a run without truth.
+    """
+    omega, twist = [], []
+    for log in logs:
+        if log.truth is None:
+            raise LogError(f"run {log.run!r}: has no truth")
+        rows = steady_part(log, geometry, settle).rows
+        omega.append(log.omega[rows].mean(axis=0))
+        twist.append(log.truth.twist[rows][:, [0, 2]].mean(axis=0))
+    return SlipSamples.of(np.array(omega), np.array(twist), geometry, [log.run for log in logs])

@@ -1,0 +1,101 @@
+"""Many small nonlinear least-squares problems at once, by Levenberg and Marquardt's method.
+
+A bootstrap, a cross-validation, a profile and a coverage study are hundreds to thousands of fits of the same few
+parameters to the same few runs; together they take no longer than a few of them one by one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackslip.kinematics import Array
+
+Residual = Callable[[Array, np.ndarray], Array]
+"""Values (m, p) of the problems `rows` (m,) -> their residuals (m, K); what isn't finite is infinitely bad."""
+
+_ITERATIONS = 100
+_CONVERGED = 1e-10  # fall of the cost, relative to it
+_SMALLEST_STEP = 1e-10  # relative to the parameters' scales
+_DIFFERENCE = 1e-6  # for derivatives, relative to the parameters' scales
+_MOST_DAMPING = 1e12
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """Where M problems have their least squares."""
+
+    values: Array  # (M, p)
+    cost: Array  # (M,) sum of squares
+    hessian: Array  # (M, p, p) J^T J; rows and columns of held parameters are those of the unit matrix
+
+
+def least_squares(
+    residual: Residual, start: Array, low: Array, high: Array, scale: Array, held: np.ndarray | None = None
+) -> Minimum:
+    """Minimise the sums of squares of M problems.
+
+    Args:
+        residual: what is squared and summed.
+        start: values (M, p) to start from, within the limits.
+        low, high: limits (p,).
+        scale: sizes (p,) of changes that matter.
+        held: (M, p) bool, which parameters stay as they are.
+    """
+    problems, parameters = start.shape
+    held = np.zeros((problems, parameters), bool) if held is None else held
+    values = start.astype(float)
+    everyone = np.arange(problems)
+    current = _finite(residual(values, everyone))
+    cost = np.sum(current**2, axis=1)
+    hessian = np.tile(np.eye(parameters), (problems, 1, 1))
+    damping = np.full(problems, 1e-3)
+    rows = everyone
+    for _ in range(_ITERATIONS):
+        jacobian = _jacobian(residual, values[rows], current[rows], rows, high, scale)
+        jacobian = np.where(held[rows][:, None, :], 0.0, jacobian)
+        gradient = np.einsum("mki,mk->mi", jacobian, current[rows])
+        normal = np.einsum("mki,mkj->mij", jacobian, jacobian)
+        diagonal = np.einsum("mii->mi", normal)  # a view
+        diagonal[held[rows]] = 1.0
+        hessian[rows] = normal
+        # what pushes against a limit is held there
+        stuck = ((values[rows] <= low) & (gradient > 0)) | ((values[rows] >= high) & (gradient < 0)) | held[rows]
+        free = ~stuck
+        normal = normal * (free[:, :, None] & free[:, None, :])
+        weakest = 1e-14 * diagonal.max(axis=1, keepdims=True) + 1e-300
+        added = np.where(stuck, 1.0, damping[rows, None] * diagonal + weakest)
+        step = -np.linalg.solve(
+            normal + added[:, :, None] * np.eye(parameters), np.where(free, gradient, 0.0)[..., None]
+        )
+        trial = np.clip(values[rows] + step[..., 0], low, high)
+        tried = _finite(residual(trial, rows))
+        tried_cost = np.sum(tried**2, axis=1)
+        better = tried_cost <= cost[rows]
+        moved = np.abs((trial - values[rows]) / scale).max(axis=1)
+        settled = (better & (cost[rows] - tried_cost <= _CONVERGED * cost[rows])) | (moved < _SMALLEST_STEP)
+        done = settled | (damping[rows] > _MOST_DAMPING)
+        taken = rows[better]
+        values[taken], current[taken], cost[taken] = trial[better], tried[better], tried_cost[better]
+        damping[rows] = np.where(better, np.maximum(damping[rows] / 10, 1e-12), damping[rows] * 10)
+        rows = rows[~done]
+        if not rows.size:
+            break
+    return Minimum(values, cost, hessian)
+
+
+def _jacobian(residual: Residual, values: Array, current: Array, rows: np.ndarray, high: Array, scale: Array) -> Array:
+    """Derivatives (m, K, p) by differences, into the limits."""
+    problems, parameters = values.shape
+    step = _DIFFERENCE * scale
+    signed = np.where(values + step > high, -step, step)  # (m, p)
+    beside = values[:, None, :] + signed[:, :, None] * np.eye(parameters)
+    there = _finite(residual(beside.reshape(-1, parameters), np.repeat(rows, parameters)))  # all in one call
+    change = there.reshape(problems, parameters, -1) - current[:, None, :]
+    return (change / signed[:, :, None]).swapaxes(1, 2)
+
+
+def _finite(residual: Array) -> Array:
+    return np.nan_to_num(residual, nan=1e8, posinf=1e8, neginf=-1e8)

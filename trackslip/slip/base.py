@@ -1,0 +1,83 @@
+"""What a slip law is, and the twist that given sprocket speeds drive under one."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trackslip.errors import InvalidValueError
+from trackslip.kinematics import Array, RobotGeometry, body_twist, curvature, sprocket_speeds
+
+_ITERATIONS = 40
+_CONVERGED = 1e-12  # relative error of the sprocket speeds
+_SLOPES = (0.2, 5.0)  # of the commanded direction by the real one, within which a step is believed
+
+
+class SlipLaw(ABC):
+    """Curvature (...) [1/m] -> slip (..., 2) of the left and right track."""
+
+    @abstractmethod
+    def __call__(self, kappa: ArrayLike) -> Array:
+        """Slips (..., 2) at curvatures (...); infinite curvature is turning in place."""
+
+    def slip(self, twist: ArrayLike) -> Array:
+        """Slips (..., 2) in motion with a twist (..., 2); laws that know of speed say more here than when called."""
+        return self(curvature(twist))
+
+    def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
+        """Sprocket speeds (..., 2) [rad/s] that drive a twist (..., 2) under this law; Eq. 15."""
+        return sprocket_speeds(twist, self.slip(twist), geometry)
+
+    def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
+        """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] drive: `sprocket_speeds` undone, by secants.
+
+        Both are points in the plane (v, b w): the real one is turned and scaled until the law's command for it is the
+        given one. Where a law knows no such twist (one with a jump between left and right turns in place), one that
+        comes near.
+        """
+        omega = np.asarray(omega, float)
+        commanded = _plane(body_twist(omega, 0.0, geometry), geometry)
+        real = commanded
+        wrong = turned = np.zeros_like(commanded, dtype=float)
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            for k in range(_ITERATIONS):
+                twist = np.stack([real.real, real.imag / geometry.half_gauge], axis=-1)
+                demanded = _plane(body_twist(self.sprocket_speeds(twist, geometry), 0.0, geometry), geometry)
+                ratio = commanded / demanded
+                ratio = np.where(np.isfinite(ratio) & (ratio != 0), ratio, 1.0)
+                missed = np.angle(ratio)
+                slope = np.clip((wrong - missed) / turned, *_SLOPES) if k > 0 else 1.0
+                turned = missed / np.where(np.isfinite(slope), slope, 1.0)
+                wrong = missed
+                real = real * np.abs(ratio) * np.exp(1j * turned)
+                if np.abs(ratio - 1).max(initial=0.0) < _CONVERGED:
+                    break
+        return np.stack([real.real, real.imag / geometry.half_gauge], axis=-1)
+
+
+def _plane(twist: Array, geometry: RobotGeometry) -> np.ndarray:
+    """v + i b w (...), complex [m/s], of twists (..., 2)."""
+    return twist[..., 0] + 1j * geometry.half_gauge * twist[..., 1]
+
+
+def by_side(kappa: ArrayLike, inner: Array, outer: Array) -> Array:
+    """Slips (..., 2) of (left, right) from those of the inner and outer track (...); the mean of both on a straight."""
+    side = np.sign(np.asarray(kappa, float))
+    mean, half = (inner + outer) / 2, (inner - outer) / 2
+    return np.stack(np.broadcast_arrays(mean + side * half, mean - side * half), axis=-1)
+
+
+def radius_of(kappa: ArrayLike) -> Array:
+    """Radii (...) >= 0 [m] of curvatures (...)."""
+    with np.errstate(divide="ignore", over="ignore"):
+        return 1 / np.abs(np.asarray(kappa, float))
+
+
+def require_within(name: str, value: ArrayLike, low: float, high: float, allowed: str, *, closed: bool = False) -> None:
+    """Raise InvalidValueError unless all of `value` lies between `low` and `high`, or on them if `closed`."""
+    array = np.asarray(value, float)
+    inside = (array >= low) & (array <= high) if closed else (array > low) & (array < high)
+    if not inside.all():
+        raise InvalidValueError(name, array[~inside].flat[0] if array.ndim else value, allowed)

@@ -1,0 +1,40 @@
+"""Slip that doesn't depend on the path, and none at all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trackslip.kinematics import Array
+from trackslip.slip.base import SlipLaw, by_side, require_within
+
+
+@dataclass(frozen=True)
+class NoSlip(SlipLaw):
+    """Ideal tracks: no slip at any radius."""
+
+    def __call__(self, kappa: ArrayLike) -> Array:
+        """Zeros (..., 2)."""
+        return np.zeros((*np.shape(kappa), 2))
+
+
+@dataclass(frozen=True)
+class Constant(SlipLaw):
+    """The same slip at every radius; it jumps where the inner track becomes the outer, through the mean of both."""
+
+    slip_outer: float
+    """Slip of the outer track [-]."""
+    slip_inner: float
+    """Slip of the inner track [-]."""
+
+    def __post_init__(self) -> None:
+        for name in ("slip_outer", "slip_inner"):
+            require_within(
+                name, getattr(self, name), -np.inf, 1, "finite and < 1 (slip 1 is a track that stands still)"
+            )
+
+    def __call__(self, kappa: ArrayLike) -> Array:
+        """Slips (..., 2) at curvatures (...)."""
+        return by_side(kappa, np.asarray(self.slip_inner), np.asarray(self.slip_outer))

@@ -1,0 +1,36 @@
+"""A hyperbola in radius whose pole is free."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trackslip.kinematics import SIDES, Array
+from trackslip.slip.base import SlipLaw, require_within
+
+
+@dataclass(frozen=True)
+class Hyperbola(SlipLaw):
+    """i = a / (R + p) outside and -a / (R - p) inside; the constant ICR is the special case p = b + a.
+
+    In curvature i = +-a kappa / (1 +- p kappa), regular but for the pole of the inner track at R = p.
+    """
+
+    size: float
+    """a: slip times radius on wide turns [m]."""
+    pole: float
+    """p: radius at which the inner track's slip has its pole [m], >= 0."""
+
+    def __post_init__(self) -> None:
+        require_within("size", self.size, -np.inf, np.inf, "finite")
+        require_within("pole", self.pole, 0, np.finfo(float).max, "finite and >= 0", closed=True)
+
+    def __call__(self, kappa: ArrayLike) -> Array:
+        """Slips (..., 2) at curvatures (...)."""
+        direction = np.arctan(np.asarray(kappa, float))[..., None]  # so that infinite curvature is a number
+        along, turning = np.cos(direction), np.sin(direction)
+        size, pole = np.asarray(self.size)[..., None], np.asarray(self.pole)[..., None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return SIDES * size * turning / (along + SIDES * pole * turning)

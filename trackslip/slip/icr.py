@@ -1,0 +1,108 @@
+"""Tracks whose instantaneous centres of rotation (ICRs) stay where they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trackslip.kinematics import SIDES, Array, RobotGeometry
+from trackslip.slip.base import SlipLaw, require_within
+
+
+class _Icr(SlipLaw):
+    """Commanded track speeds linear in the twist: (1 + epsilon) V = v -+ (b + D) w, exactly and at every radius.
+
+    The slip ratio has a pole where a sprocket stands still; sprocket speeds and twists have none, and are computed
+    without it. Written for D and epsilon of either track.
+    """
+
+    half_gauge: float
+
+    def _tracks(self) -> tuple[Array, Array]:
+        """b + D and 1 + epsilon (..., 2) of the left and right track."""
+        raise NotImplementedError
+
+    def __call__(self, kappa: ArrayLike) -> Array:
+        """Slips (..., 2) at curvatures (...)."""
+        direction = np.arctan(np.asarray(kappa, float))[..., None]  # so that infinite curvature is a number
+        along, turning = np.cos(direction), np.sin(direction)
+        reach, scale = self._tracks()
+        real = along + SIDES * self.half_gauge * turning
+        commanded = along + SIDES * reach * turning
+        with np.errstate(divide="ignore"):
+            return 1 - scale * real / commanded
+
+    def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
+        """Sprocket speeds (..., 2) [rad/s] that drive a twist (..., 2): regular at every radius."""
+        twist = np.asarray(twist, float)
+        reach, scale = self._tracks()
+        return (twist[..., :1] + SIDES * reach * twist[..., 1:]) / (geometry.sprocket_radius * scale)
+
+    def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
+        """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] drive: regular at every radius."""
+        reach, scale = self._tracks()
+        surface = geometry.sprocket_radius * scale * np.asarray(omega, float)
+        w = (surface[..., 1] - surface[..., 0]) / (reach[..., 0] + reach[..., 1])
+        return np.stack([surface[..., 1] - reach[..., 1] * w, w], axis=-1)
+
+
+@dataclass(frozen=True)
+class ConstantIcr(_Icr):
+    """Both ICRs D outside their tracks: what rigid Coulomb friction gives in a slow turn.
+
+    i = 1 - (1 + epsilon) (1 -+ b kappa) / (1 -+ (b + D) kappa): for epsilon = 0, D / (R + b + D) outside and
+    -D / (R - b - D) inside.
+    """
+
+    offset: float
+    """D: how far the centres lie outside the tracks' centre lines [m]."""
+    half_gauge: float
+    """b: half the distance between the tracks' centre lines [m]."""
+    radius_error: float = 0.0
+    """epsilon: relative error of the effective sprocket radius, real / nominal - 1 [-]."""
+
+    def __post_init__(self) -> None:
+        require_within("half_gauge", self.half_gauge, 0, np.inf, "finite and > 0")
+        _require_tracks(self.offset, "offset", self.radius_error, "radius_error", self.half_gauge)
+
+    def _tracks(self) -> tuple[Array, Array]:
+        reach = np.asarray(self.half_gauge + np.asarray(self.offset))[..., None]
+        scale = np.asarray(1 + np.asarray(self.radius_error))[..., None]
+        return np.broadcast_to(reach, (*reach.shape[:-1], 2)), np.broadcast_to(scale, (*scale.shape[:-1], 2))
+
+
+@dataclass(frozen=True)
+class IcrSides(_Icr):
+    """A constant ICR whose sides differ, as of a robot with its weight to one side or unlike tracks.
+
+    A motion reversed reverses all friction forces, so D and epsilon belong to a side of the robot, not of the turn.
+    """
+
+    offset_left: float
+    """D of the left track [m]."""
+    offset_right: float
+    """D of the right track [m]."""
+    radius_error_left: float
+    """epsilon of the left sprocket [-]."""
+    radius_error_right: float
+    """epsilon of the right sprocket [-]."""
+    half_gauge: float
+    """b: half the distance between the tracks' centre lines [m]."""
+
+    def __post_init__(self) -> None:
+        require_within("half_gauge", self.half_gauge, 0, np.inf, "finite and > 0")
+        for side in ("left", "right"):
+            offset, error = f"offset_{side}", f"radius_error_{side}"
+            _require_tracks(getattr(self, offset), offset, getattr(self, error), error, self.half_gauge)
+
+    def _tracks(self) -> tuple[Array, Array]:
+        reach = np.stack(np.broadcast_arrays(self.offset_left, self.offset_right), axis=-1) + self.half_gauge
+        scale = np.stack(np.broadcast_arrays(self.radius_error_left, self.radius_error_right), axis=-1) + 1
+        return reach, scale
+
+
+def _require_tracks(offset: float, offset_name: str, error: float, error_name: str, half_gauge: float) -> None:
+    require_within(offset_name, offset, -half_gauge, np.inf, f"finite and > -half_gauge = {-half_gauge}")
+    require_within(error_name, error, -1, np.inf, "finite and > -1")
