@@ -17,7 +17,7 @@ from trackslip.published import COMMANDED_RADII, OBSERVED_RADII, SPEEDS
 from trackslip.steady import SETTLE
 
 Localization = Literal["plate", "line"]
-Motion = Literal["paper", "butterworth", "savgol", "rts", "arc"]
+Motion = Literal["paper", "butterworth", "savgol", "rts", "arc", "bundle"]
 Compensation = Literal["none", "published", "exponential", "icr", "icr_radius"]
 IDENTIFIED = ("exponential", "icr", "icr_radius")
 """Those of them that are identified."""
@@ -114,7 +114,7 @@ class GridConfig(Simulation):
     """How a scan becomes a pose: the known rectangle's maximum likelihood, or the paper's line."""
     motion: Motion = "arc"
     """How poses become a twist: the paper's filter as printed, or run both ways (butterworth); Savitzky and Golay's; a
-    constant-twist smoother; the arc of constant twist through all poses."""
+    constant-twist smoother; the arc of constant twist through all poses, or straight to all ranges (bundle)."""
     duration: float = 30.0
     """Length of each run [s]."""
     out: Path = Path("out/grid")
@@ -153,7 +153,7 @@ class IdentifyConfig:
     gear: float = 1.0
     """Turns of the encoder, whose speed omega then is, for one of the sprocket."""
     motion: Motion = "arc"
-    """How poses become a twist: paper, butterworth, savgol, rts or arc."""
+    """How poses become a twist: paper, butterworth, savgol, rts, arc or bundle."""
     settle: float = SETTLE
     """Time after the sprockets have become steady that is left out of each run [s]."""
     out: Path = Path("out/identify")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,8 @@ from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import Array, limit_sprocket_speeds
 from trackslip.localization import Locator, PoseEstimate, Tracker
 from trackslip.runlog import RunLog, Truth
+from trackslip.scan import Cluster, extract_plate
+from trackslip.scanlog import ScanLog
 from trackslip.slip import NoSlip, SlipLaw
 from trackslip.trajectory import Reference
 
@@ -72,10 +74,13 @@ def open_loop(
     block = max(1, _SCANS_AT_ONCE // fleet.size)
     waiting: list[Array] = []
     estimates: list[PoseEstimate] = []
+    clusters: list[Cluster] = []
 
     def localise() -> None:
-        scan = feed.measure(np.stack(waiting, axis=1))  # (N, block, B)
-        estimates.append(locator.locate(feed.scan(scan.ranges.reshape(-1, scan.ranges.shape[-1]))))
+        ranges = feed.measure(np.stack(waiting, axis=1)).ranges  # (N, block, B)
+        scan = feed.scan(ranges.reshape(-1, ranges.shape[-1]))
+        estimates.append(locator.locate(scan))
+        clusters.append(extract_plate(scan, fleet.robot.plate, scan.from_world(estimates[-1].pose)))
         waiting.clear()
 
     for k in range(record.rows):
@@ -95,7 +100,9 @@ def open_loop(
         if k > 0:
             tracker.predict(record.omega[k], feed.period)
         record.estimate(k, tracker.update(PoseEstimate(single.pose[k], single.covariance[k], single.valid[k])))
-    return record.logs()
+    empty = feed.scan(np.empty((0, len(feed.bearings))))
+    seen = [ScanLog(empty, fleet.robot.plate, cluster) for cluster in _by_robot(clusters, fleet.size)]
+    return [replace(log, scans=scans) for log, scans in zip(record.logs(), seen, strict=True)]
 
 
 def closed_loop(
@@ -228,3 +235,10 @@ def _joined(estimates: Sequence[PoseEstimate], robots: int) -> PoseEstimate:
         join([e.covariance for e in estimates]),
         join([e.valid for e in estimates]),
     )
+
+
+def _by_robot(clusters: Sequence[Cluster], robots: int) -> list[Cluster]:
+    """Clusters of blocks of scans (robots x scans), one after another for each robot."""
+    whole = Cluster.joined(clusters)
+    owner = np.concatenate([np.repeat(np.arange(robots), len(block.count) // robots) for block in clusters])
+    return [whole.take(np.flatnonzero(owner == k)) for k in range(robots)]

@@ -113,6 +113,11 @@ class ScannerFeed:
         """Time between scans [s]."""
         return self._scanner.period
 
+    @property
+    def bearings(self) -> Array:
+        """Directions (B,) of the beams in the LRF's frame [rad]."""
+        return self._template.bearings
+
     def true_ranges(self) -> Array:
         """Ranges (N, B) without noise or dropouts, NaN where nothing is within range: one call for all robots."""
         centre = self._fleet.plate

@@ -9,6 +9,7 @@ import numpy as np
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
+from trackslip.scanlog import ScanLog
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,7 @@ class RunLog:
     covariance: Array | None = None  # (T, 3, 3) of the pose
     valid: np.ndarray | None = None  # (T,) bool: the pose was measured; None: every pose was
     truth: Truth | None = None
+    scans: ScanLog | None = None  # T rows: what the poses were found in
     metadata: dict[str, Any] = field(default_factory=dict)
     """Whatever describes the run and fits into JSON: geometry, ground, reference, controller, seed."""
 

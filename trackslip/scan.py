@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -100,6 +101,22 @@ class Cluster:
         """The clusters `rows`, padded to the widest of them."""
         width = int(self.padded_width[rows].max(initial=_PADDING))
         return Cluster(self.bearing[rows, :width], self.range[rows, :width], self.hit[rows, :width], self.count[rows])
+
+    @classmethod
+    def joined(cls, parts: Sequence[Cluster]) -> Cluster:
+        """The clusters of all parts, in order."""
+        width = max(part.hit.shape[1] for part in parts)
+
+        def padded(arrays: Sequence[np.ndarray], mode: str) -> np.ndarray:
+            wide = [np.pad(a, ((0, 0), (0, width - a.shape[1])), mode=mode) for a in arrays]  # type: ignore[call-overload]
+            return np.concatenate(wide)
+
+        return cls(
+            padded([part.bearing for part in parts], "edge"),
+            padded([part.range for part in parts], "edge"),
+            padded([part.hit for part in parts], "constant"),
+            np.concatenate([part.count for part in parts]),
+        )
 
 
 def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluster:

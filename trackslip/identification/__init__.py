@@ -1,6 +1,7 @@
 """Runs -> steady slip samples -> slip laws fitted to them, with intervals, compared."""
 
 from trackslip.identification.comparison import Comparison, CrossValidation, compare_laws, cross_validate
+from trackslip.identification.coverage import coverage, noise_coverage
 from trackslip.identification.families import FAMILIES, LawFamily, Parameter, law_from_values
 from trackslip.identification.fitted import FittedLaw, fit_law
 from trackslip.identification.identify import Identification, identify
@@ -29,10 +30,12 @@ __all__ = [
     "Sampling",
     "SlipSamples",
     "compare_laws",
+    "coverage",
     "cross_validate",
     "fit_law",
     "identify",
     "law_from_values",
+    "noise_coverage",
     "slip_samples",
     "split_outliers",
     "true_samples",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from trackslip.kinematics import Array
 from trackslip.slip import SlipLaw
 
 _FIRST_SCATTER = 0.003  # of slip, before anything is known
+_DIFFERENCE = 1e-5  # for derivatives, relative to the parameters' scales
 _ROUNDS = 8  # of fits and scatters in turn, at most
 _SETTLED = 1e-4  # relative change of the scatter
 
@@ -43,25 +45,52 @@ class Fits:
         """(M, p, p) of the values; infinite where they aren't determined."""
         return inverse(self.hessian)
 
-    @property
-    def noise_covariance(self) -> Array:
-        """(M, p, p) of what measurement alone adds to the values, the scatter being part of what is measured."""
+    @cached_property
+    def jacobian(self) -> Array:
+        """Derivatives (M, 2 n, p) of the predicted deviations, not weighted."""
         runs, count = self.runs, len(self.values)
         scale = self.family.limits(runs.geometry.half_gauge)[2]
         jacobian = np.empty((count, 2 * runs.runs, self.values.shape[1]))
         for k in range(self.values.shape[1]):
             step = np.zeros(self.values.shape[1])
-            step[k] = 1e-5 * scale[k]
+            step[k] = _DIFFERENCE * scale[k]
             ahead, behind = (
                 runs.deviation(self.family.law((self.values + sign * step)[:, None, :], runs.geometry))
                 for sign in (1, -1)
             )
             jacobian[..., k] = ((ahead - behind) / (2 * step[k])).reshape(count, -1)
-        variance = (runs.eigenvalues + self.scatter[:, None, None] ** 2).reshape(count, -1, 1)
-        weighted = jacobian * np.repeat(runs.weight, 2, axis=-1)[..., None] / variance
-        middle = np.einsum("mki,mkj->mij", weighted * runs.eigenvalues.reshape(1, -1, 1), weighted)
-        outside = inverse(np.einsum("mki,mkj->mij", weighted, jacobian))
-        return outside @ middle @ outside
+        return jacobian
+
+    @property
+    def _weighted_jacobian(self) -> Array:
+        """(M, 2 n, p) over the variances."""
+        variance = (self.runs.eigenvalues + self.scatter[:, None, None] ** 2).reshape(len(self.values), -1, 1)
+        return self.jacobian * np.repeat(self.runs.weight, 2, axis=-1)[..., None] / variance
+
+    @property
+    def noise_covariance(self) -> Array:
+        """(M, p, p) of what measurement alone adds to the values, the scatter being part of what is measured."""
+        weighted = self._weighted_jacobian
+        middle = np.einsum("mki,mkj->mij", weighted * self.runs.eigenvalues.reshape(1, -1, 1), weighted)
+        return self.covariance @ middle @ self.covariance
+
+    @property
+    def robust_covariance(self) -> Array:
+        """(M, p, p) of the values from the residuals themselves, however their sizes differ from run to run.
+
+        The sandwich with a run's two tracks as a cluster, its residuals freed from the run's own pull on the fit
+        (HC3, MacKinnon and White, 1985).
+        """
+        weighted, jacobian = self._weighted_jacobian, self.jacobian
+        sets, parameters = self.values.shape
+        bread = self.covariance
+        pair = (sets, self.runs.runs, 2, parameters)
+        w, j = weighted.reshape(pair), jacobian.reshape(pair)
+        leverage = np.einsum("mkai,mij,mkbj->mkab", j, bread, w)
+        residual = self.runs.deviation(self.law)
+        freed = np.linalg.solve(np.eye(2) * (1 + 1e-9) - leverage, residual[..., None])[..., 0]
+        scores = np.einsum("mkai,mka->mki", w, freed)
+        return bread @ np.einsum("mki,mkj->mij", scores, scores) @ bread
 
 
 def inverse(hessian: Array) -> Array:

@@ -5,13 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
 from scipy.optimize import minimize_scalar
 
 from trackslip.errors import LogError
 from trackslip.identification.families import family
 from trackslip.identification.fit import Fits, fit
-from trackslip.identification.intervals import BOOTSTRAPS, bootstrap_intervals, profile_intervals
+from trackslip.identification.intervals import (
+    BOOTSTRAPS,
+    bootstrap_intervals,
+    heights,
+    profile_intervals,
+    standard_errors,
+)
 from trackslip.identification.replicates import LackOfFit, lack_of_fit
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.weighting import LEAST_SCATTER, WeightedRuns
@@ -19,8 +24,6 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.metrics import rms
 from trackslip.slip import SlipLaw
 
-CONFIDENCE = 0.95
-"""Of all intervals."""
 _FEWEST_DRAWN = 4  # runs that can be resampled
 _VAGUE = 0.1  # standard error, as a fraction of its range, of a parameter that the samples say nothing about
 _AT_LIMIT = 1e-3  # distance from a limit, relative to a range no longer than 1
@@ -94,17 +97,15 @@ def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, bootstraps
             f"law {name}: misses the samples by {rms(deviation):.2g} rms: "
             "are there runs as tight as the tracks are apart?"
         )
-    lack = lack_of_fit(fits, samples.covariance is not None)
-    inflation = 1.0 if lack is None else lack.inflation
-    covariance = fits.covariance[0]
-    with np.errstate(invalid="ignore"):
-        error = inflation * np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    measured = samples.covariance is not None
+    tests = lack_of_fit(fits, measured)
+    lack = None if tests is None else tests[0]
+    error = standard_errors(fits, tests, measured)[0]
     _require_determined(name, fits, error)
-    height = inflation**2 * _quantile(fits, lack)
-    interval = profile_intervals(fits, height)[0]
+    interval = profile_intervals(fits, heights(fits, tests, measured))[0]
     drawn = None
     if bootstraps and count > max(free, _FEWEST_DRAWN):
-        drawn = bootstrap_intervals(fits, CONFIDENCE, bootstraps, np.random.default_rng(count))
+        drawn = bootstrap_intervals(fits, bootstraps, np.random.default_rng(count))
     law = model.build({key: float(value) for key, value in zip(model.names, fits.values[0], strict=True)}, geometry)
     return FittedLaw(
         name=name,
@@ -113,21 +114,13 @@ def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, bootstraps
         stderr=_named(model.names, error),
         interval95=_intervals(model.names, interval),
         bootstrap95={} if drawn is None else _intervals(model.names, drawn),
-        correlation=covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance))),
+        correlation=_correlation(fits.covariance[0]),
         noise_stderr=_named(model.names, np.sqrt(np.diag(fits.noise_covariance[0]))),
         rms=rms(law.slip(samples.twist) - samples.slip),
         scatter=float(fits.scatter[0]),
         likelihood=_likelihood(fits, deviation),
         lack_of_fit=lack,
     )
-
-
-def _quantile(fits: Fits, lack: LackOfFit | None) -> float:
-    """Rise of chi-square at the ends of an interval: Student's where the scatter was estimated."""
-    if fits.scatter[0] <= 0:
-        return float(stats.chi2.ppf(CONFIDENCE, 1))
-    freedom = lack.freedom[0] if lack is not None and lack.inflation > 1 else fits.freedom
-    return float(stats.f.ppf(CONFIDENCE, 1, freedom))
 
 
 def _require_determined(name: str, fits: Fits, error: Array) -> None:
@@ -162,3 +155,8 @@ def _named(names: tuple[str, ...], values: Array) -> dict[str, float]:
 
 def _intervals(names: tuple[str, ...], ends: Array) -> dict[str, tuple[float, float]]:
     return {name: (float(low), float(high)) for name, (low, high) in zip(names, ends, strict=True)}
+
+
+def _correlation(covariance: Array) -> Array:
+    deviation = np.sqrt(np.diag(covariance))
+    return covariance / np.outer(deviation, deviation)

@@ -63,15 +63,15 @@ def folds(values: Array) -> np.ndarray:
     return rank * _FOLDS // len(values)
 
 
-def lack_of_fit(fits: Fits, measured: bool) -> LackOfFit | None:
-    """Of one set of runs (M = 1); None where there is nothing to hold the law against.
+def lack_of_fit(fits: Fits, measured: bool) -> list[LackOfFit] | None:
+    """Of each of M sets of runs; None where there is nothing to hold the law against.
 
     Where runs repeat each other: the F-test of what the law misses beyond the scatter of the repeats about a slip of
     their own, all in the fit's own weights. Else, where the errors of measurement are known, whether these explain
     the residuals.
 
     Args:
-        fits: a family fitted to one set.
+        fits: a family fitted to the sets.
         measured: whether the runs came with errors of measurement.
     """
     runs, parameters = fits.runs, fits.values.shape[1]
@@ -79,29 +79,37 @@ def lack_of_fit(fits: Fits, measured: bool) -> LackOfFit | None:
     groups = int(labels.max()) + 1
     within, between = 2 * (runs.runs - groups), 2 * groups - parameters
     if within >= 2 and between >= 1:
-        pure = _pure_error(fits, labels)
-        ratio = max(float(fits.cost[0]) - pure, 0.0) / between / max(pure / within, 1e-300)
-        probability = float(stats.f.sf(ratio, between, within))
-        excess = np.sqrt(max(1.0, (float(fits.cost[0]) - pure) / between))
-        return LackOfFit("F", ratio, (between, within), probability, excess if probability < SIGNIFICANT else 1.0)
+        pure = _pure_error(fits, labels)  # (M,)
+        missed = np.maximum(fits.cost - pure, 0.0) / between
+        ratio = missed / np.maximum(pure / within, 1e-300)
+        return [
+            LackOfFit(
+                "F", float(f), (between, within), float(p), float(max(1.0, excess**0.5)) if p < SIGNIFICANT else 1.0
+            )
+            for f, p, excess in zip(ratio, stats.f.sf(ratio, between, within), missed, strict=True)
+        ]
     freedom = fits.freedom
     if not measured or freedom < 1:
         return None
-    deviation = runs.deviation(fits.law)
-    square = float(np.sum(runs.whiten(deviation, np.zeros(1)) ** 2))
-    return LackOfFit("chi2", square, (freedom,), float(stats.chi2.sf(square, freedom)), 1.0)
+    whitened = runs.whiten(runs.deviation(fits.law), np.zeros(len(fits.values)))
+    squares = np.sum(whitened**2, axis=1)
+    return [
+        LackOfFit("chi2", float(c), (freedom,), float(p), 1.0)
+        for c, p in zip(squares, stats.chi2.sf(squares, freedom), strict=True)
+    ]
 
 
-def _pure_error(fits: Fits, labels: np.ndarray) -> float:
-    """Weighted squares of the runs' speeds about those of their group's best slips, which a law could at best leave."""
-    runs = fits.runs
-    root = 1 / np.sqrt(runs.eigenvalues + fits.scatter[0] ** 2)  # (n, 2)
-    design = root[..., None] * runs.turn * (runs.geometry.sprocket_radius * runs.omega)[:, None, :]  # of 1 - slip
-    target = root * np.einsum("nij,nj->ni", runs.turn, runs.speeds[0])
-    total = 0.0
+def _pure_error(fits: Fits, labels: np.ndarray) -> Array:
+    """Weighted squares (M,) of the runs' speeds about those of their group's best slips: the least a law can leave."""
+    runs, sets = fits.runs, len(fits.values)
+    root = 1 / np.sqrt(runs.eigenvalues + fits.scatter[:, None, None] ** 2)  # (M, n, 2)
+    design = root[..., None] * (runs.turn * (runs.geometry.sprocket_radius * runs.omega)[:, None, :])  # of 1 - slip
+    target = root * np.einsum("nij,mnj->mni", runs.turn, runs.speeds)
+    total = np.zeros(sets)
     for label in range(int(labels.max()) + 1):
         rows = labels == label
-        a, b = design[rows].reshape(-1, 2), target[rows].ravel()
-        best = np.linalg.lstsq(a, b, rcond=None)[0]
-        total += float(np.sum((a @ best - b) ** 2))
+        a, b = design[:, rows].reshape(sets, -1, 2), target[:, rows].reshape(sets, -1)
+        normal, right = np.einsum("mki,mkj->mij", a, a), np.einsum("mki,mk->mi", a, b)
+        best = np.linalg.solve(normal, right[..., None])[..., 0]
+        total += np.sum((np.einsum("mki,mi->mk", a, best) - b) ** 2, axis=1)
     return total

@@ -11,6 +11,8 @@ from trackslip.runlog import RunLog
 
 FEWEST = 12
 """Valid poses that an arc takes."""
+CHOSEN = np.array([3, 5])
+"""v and w among the parameters x, y, phi, v, u, w."""
 _SCALE = np.array([0.0025, 0.0025, np.radians(0.3)])  # weights of position [m] and heading [rad]
 _HUBER = 3.0  # residual beyond which a pose counts linearly only [of _SCALE, or of the residuals' own spread]
 _ITERATIONS = 50
@@ -33,6 +35,20 @@ def arc(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
         )
     time, pose = log.time[rows], log.pose[rows]
     time = time - time.mean()
+    parameters, hessian, scores, count = fit_arc(time, pose)
+    inverse = np.linalg.inv(hessian)
+    covariance = inverse @ (len(time) * long_run_covariance(scores)) @ inverse
+    correction = count / (count - len(parameters))
+    return SteadyTwist(parameters[CHOSEN], covariance[np.ix_(CHOSEN, CHOSEN)] * correction)
+
+
+def fit_arc(time: Array, pose: Array) -> tuple[Array, Array, Array, int]:
+    """The arc nearest to poses (T, 3) at times (T,) about 0.
+
+    Returns:
+        x, y, phi at time 0 and v, u, w (6,); the Hessian (6, 6) of half the weighted squares; the scores (T, 6) of the
+        rows; the number of residuals.
+    """
     parameters = _start(time, pose)
     for _ in range(_ITERATIONS):
         residual, jacobian = _residual(parameters, time, pose)
@@ -44,12 +60,7 @@ def arc(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
         parameters = parameters + step
         if np.abs(step).max() < _CONVERGED:
             break
-    inverse = np.linalg.inv(hessian)
-    scores = np.einsum("tki,tk->ti", weighted, residual)
-    covariance = inverse @ (len(time) * long_run_covariance(scores)) @ inverse
-    chosen = np.array([3, 5])  # v, w of (x, y, phi, v, u, w)
-    correction = residual.size / (residual.size - len(parameters))
-    return SteadyTwist(parameters[chosen], covariance[np.ix_(chosen, chosen)] * correction)
+    return parameters, hessian, np.einsum("tki,tk->ti", weighted, residual), residual.size
 
 
 def _start(time: Array, pose: Array) -> Array:
@@ -66,6 +77,12 @@ def _start(time: Array, pose: Array) -> Array:
 
 def _residual(parameters: Array, time: Array, pose: Array) -> tuple[Array, Array]:
     """Scaled residuals (T, 3) of an arc and their Jacobian (T, 3, 6)."""
+    predicted, jacobian = poses_on_arc(parameters, time)
+    return (predicted - pose) / _SCALE, jacobian / _SCALE[:, None]
+
+
+def poses_on_arc(parameters: Array, time: Array) -> tuple[Array, Array]:
+    """Poses (T, 3) at times (T,) on the arc of x, y, phi, v, u, w (6,), and their Jacobian (T, 3, 6)."""
     x, y, phi, v, u, w = parameters
     forward, sideways, d_forward, d_sideways = _integrals(w, time)
     cos, sin = np.cos(phi), np.sin(phi)
@@ -76,15 +93,14 @@ def _residual(parameters: Array, time: Array, pose: Array) -> tuple[Array, Array
     way_x, way_y = turned(v * forward - u * sideways, v * sideways + u * forward)
     by_v, by_u = turned(forward, sideways), turned(-sideways, forward)
     by_w = turned(v * d_forward - u * d_sideways, v * d_sideways + u * d_forward)
-    residual = np.stack([x + way_x, y + way_y, phi + w * time], axis=-1) - pose
     one, none = np.ones_like(time), np.zeros_like(time)
     rows = [
         (one, none, -way_y, by_v[0], by_u[0], by_w[0]),
         (none, one, way_x, by_v[1], by_u[1], by_w[1]),
         (none, none, one, none, none, time),
     ]
-    jacobian = np.stack([np.stack(row, axis=-1) for row in rows], axis=1)
-    return residual / _SCALE, jacobian / _SCALE[:, None]
+    pose = np.stack([x + way_x, y + way_y, phi + w * time], axis=-1)
+    return pose, np.stack([np.stack(row, axis=-1) for row in rows], axis=1)
 
 
 def _integrals(w: float, time: Array) -> tuple[Array, Array, Array, Array]:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from trackslip.motion.arc import arc
 from trackslip.motion.base import Motion, MotionMethod, SteadyTwist
+from trackslip.motion.bundle import bundle
 from trackslip.motion.filtered import butterworth_motion, mean_twist, paper_motion, savgol_motion
 from trackslip.motion.smoother import rts
 from trackslip.runlog import RunLog
@@ -24,6 +25,7 @@ MOTION_METHODS: dict[str, MotionMethod] = {
     "savgol": _mean_of(savgol_motion),
     "rts": rts,
     "arc": arc,
+    "bundle": bundle,
 }
 """Ways from the poses of a steady run to its twist, the paper's as printed first, the most exact last."""
 DEFAULT_METHOD = "arc"

@@ -1,0 +1,150 @@
+"""`trackslip coverage`: do the 95 % intervals hold the truth in 95 % of many repeats?"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import time
+from collections.abc import Mapping
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from experiments import store
+from experiments.console import print_table, progress
+from experiments.coverage_config import CoverageConfig
+from experiments.grid import drive_grid
+from experiments.identify import SYMBOLS
+from experiments.world import World
+from sim.seeds import generator
+from trackslip.identification import (
+    FAMILIES,
+    Comparison,
+    SlipSamples,
+    compare_laws,
+    coverage,
+    noise_coverage,
+    true_samples,
+)
+from trackslip.kinematics import RobotGeometry
+from trackslip.motion import MOTION_METHODS
+from trackslip.runlog import RunLog
+from trackslip.steady import steady_part
+
+_MOTION = "bundle"
+"""The method whose errors are drawn: the one that takes ranges, to which noise can be added again and again."""
+_RUN_LAW = "icr_radius"
+"""The law that is fitted to runs scanned anew."""
+
+
+def run(config: CoverageConfig) -> None:
+    """Drive the grid once, without noise, then repeat what is random."""
+    began = time.perf_counter()
+    with store.results(config.out) as folder:
+        silent = config.without_noise()
+        world = World.of(silent)
+        geometry = world.robot.geometry
+        logs = drive_grid(silent, world)
+        repeats = scanned_again(logs, geometry, config, max(config.run_repeats, 1))
+        design = repeats[0]
+        fitted = compare_laws(design, geometry)
+        names = [name for name in FAMILIES if FAMILIES[name].names]
+        drawn: dict[str, Any] = {"told": {}, "untold": {}}
+        with progress(f"{len(names)} laws, {config.repeats} sets of samples each", 2 * len(names)) as report:
+            for name in names:
+                for known, key in ((True, "told"), (False, "untold")):
+                    rng = generator(config.seed, f"coverage {name} {key}")
+                    values = generating_values(name, fitted)
+                    drawn[key][name] = coverage(name, values, design, geometry, config.repeats, rng, known)
+                    report(1.0)
+        summary: dict[str, Any] = {
+            "repeats": config.repeats,
+            "laws": drawn["told"],
+            "laws_errors_unknown": drawn["untold"],
+        }
+        if config.run_repeats:
+            truth = true_samples(logs, geometry)
+            noise, everything = noise_coverage(_RUN_LAW, repeats, truth, geometry)
+            summary["runs"] = {"repeats": config.run_repeats, "law": _RUN_LAW, "noise": noise, "interval95": everything}
+        wall = time.perf_counter() - began
+        summary["timing"] = {"wall_s": wall, "stages": {"coverage": wall}}
+        store.write_json(folder / store.SUMMARY, summary)
+        store.write_json(folder / store.MANIFEST, world.manifest("coverage", wall) | {"config": store.plain(config)})
+    print_table(
+        f"Share of {config.repeats} repeats whose 95 % interval holds the parameter",
+        ("law", "parameter", "drawn from", "errors given", "errors unknown"),
+        coverage_rows(summary, fitted),
+    )
+    if config.run_repeats:
+        print_table(
+            f"{_RUN_LAW} fitted to the grid scanned {config.run_repeats} times, held against its fit to the true motion",
+            ("parameter", "noise alone", "95 % interval"),
+            [(SYMBOLS[key], f"{noise[key]:.3f}", f"{everything[key]:.3f}") for key in noise],
+        )
+    print(f"{config.out / store.SUMMARY}: {wall:.1f} s")
+
+
+def generating_values(name: str, fitted: Comparison) -> Mapping[str, float]:
+    """Parameters to draw with: those of the grid; for a law with sides, which left turns don't tell, the ICR's."""
+    if name in fitted.laws:
+        return fitted.laws[name].values
+    both = fitted.laws["icr_radius"].values
+    return {key: both[key.rsplit("_", 1)[0]] for key in FAMILIES[name].names}
+
+
+def scanned_again(
+    logs: list[RunLog], geometry: RobotGeometry, config: CoverageConfig, repeats: int
+) -> list[SlipSamples]:
+    """Samples of runs whose true ranges get new noise every time; the runs are shared out over processes."""
+    workers = config.threads or os.cpu_count() or 1
+    jobs = [(log, geometry, config.scanner.noise, config.seed, repeats) for log in logs]
+    omega = np.array([log.omega[steady_part(log, geometry).rows].mean(axis=0) for log in logs])
+    found = []
+    with (
+        ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool,
+        progress(f"{len(logs)} runs scanned {repeats} times", len(logs)) as report,
+    ):
+        for twist, covariance in pool.map(_bundled, jobs):
+            found.append((twist, covariance))
+            report(1.0)
+    names = [log.run for log in logs]
+    return [
+        SlipSamples.of(
+            omega,
+            np.array([twist[k] for twist, _ in found]),
+            geometry,
+            names,
+            np.array([covariance[k] for _, covariance in found]),
+        )
+        for k in range(repeats)
+    ]
+
+
+def _bundled(job: tuple[RunLog, RobotGeometry, float, int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Twists (repeats, 2) and covariances (repeats, 2, 2) of one run, with noise of its own each time."""
+    log, geometry, noise, seed, repeats = job
+    assert log.scans is not None
+    rng = generator(seed, f"coverage {log.run}")
+    part = steady_part(log, geometry)
+    cluster = log.scans.cluster
+    found = []
+    for _ in range(repeats):
+        ranges = np.where(cluster.hit, cluster.range + rng.normal(0.0, noise, cluster.range.shape), 1.0)
+        scans = replace(log.scans, scan=replace(log.scans.scan, noise=noise), cluster=replace(cluster, range=ranges))
+        found.append(MOTION_METHODS[_MOTION](replace(part.log, scans=scans), part.window))
+    return np.array([one.twist for one in found]), np.array([one.covariance for one in found])
+
+
+def coverage_rows(summary: Mapping[str, Any], fitted: Comparison) -> list[tuple[str, ...]]:
+    """A row a parameter."""
+    rows: list[tuple[str, ...]] = []
+    for name, told in summary["laws"].items():
+        values = generating_values(name, fitted)
+        for k, (key, share) in enumerate(told.items()):
+            unit = FAMILIES[name].parameters[key].unit or "-"
+            unknown = summary["laws_errors_unknown"][name][key]
+            symbol = f"{SYMBOLS[key]} [{unit}]"
+            rows.append((name if k == 0 else "", symbol, f"{values[key]:+.4f}", f"{share:.3f}", f"{unknown:.3f}"))
+    return rows

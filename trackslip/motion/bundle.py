@@ -1,0 +1,80 @@
+"""The arc of constant twist fitted straight to all ranges of a steady run.
+
+Poses of single scans are a detour: where the plate is seen nearly edge-on or broadside a scan says next to nothing of
+one of the three coordinates, and a pose hides that. The six parameters of the arc are known so well from all the other
+scans that each scan only corrects them, in the direction in which it has something to say: the sum of the scans'
+likelihoods (`trackslip.localization.likelihood`) is climbed over the arc, by Levenberg and Marquardt's method.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackslip.errors import LogError
+from trackslip.kinematics import Array
+from trackslip.localization.likelihood import Fit, PlateLikelihood, View
+from trackslip.motion.arc import CHOSEN, FEWEST, fit_arc, poses_on_arc
+from trackslip.motion.base import SteadyTwist, long_run_covariance
+from trackslip.runlog import RunLog
+
+_HUBER = 3.0  # residual of a range beyond which it counts linearly only [standard deviations]
+_MISFIT = 3.0  # rms residual, on the arc through the poses, of returns that are no plate's [standard deviations]
+_COSTLY = 4.0  # cost of a scan per measurement, on that arc, that isn't explained by noise
+_ITERATIONS = 30
+_CONVERGED = 1e-3  # largest step [standard errors]
+
+
+def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
+    """Maximum likelihood of a pose and a twist with lateral speed, given all ranges in the window.
+
+    Starts from the arc through the poses; scans that don't fit it at all are left out. The error is that of
+    M-estimation with scores correlated in time: the silhouette's edges are off by part of a beam for several scans.
+
+    Raises:
+        LogError: for a run without ranges, or with fewer than FEWEST valid poses.
+    """
+    if log.scans is None:
+        raise LogError(f"run {log.run!r}: has no ranges, which bundle fits; arc takes poses")
+    rows = (log.time > window[0]) & (log.time < window[1])
+    valid = rows & log.is_valid
+    if valid.sum() < FEWEST:
+        raise LogError(
+            f"run {log.run!r}: hardly any valid pose between {window[0]:g} s and {window[1]:g} s, where it is steady"
+        )
+    centre = log.time[valid].mean()
+    scans = log.scans
+    parameters = fit_arc(log.time[valid] - centre, scans.scan.from_world(log.pose[valid]))[0]
+    seen = np.flatnonzero(rows & (scans.cluster.count >= 3))
+    time = log.time[seen] - centre
+    view = View.of(scans.scan, scans.cluster.take(seen))
+    likelihood = PlateLikelihood(scans.plate, _HUBER)
+    fit = likelihood.evaluate(view, poses_on_arc(parameters, time)[0], turn=True)
+    explained = (fit.misfit < _MISFIT) & (fit.cost < _COSTLY * (view.hit.sum(axis=1) + 2))
+    kept = np.flatnonzero(explained)
+    if kept.size < FEWEST:
+        raise LogError(f"run {log.run!r}: its ranges don't fit its poses")
+    time, view = time[kept], view.take(kept)
+
+    def climbed_from(parameters: Array) -> tuple[Fit, Array, Array, Array]:
+        pose, jacobian = poses_on_arc(parameters, time)
+        fit = likelihood.evaluate(view, pose, turn=True)
+        scores = np.einsum("tki,tk->ti", jacobian, fit.gradient)
+        hessian = np.einsum("tki,tkl,tlj->ij", jacobian, fit.hessian, jacobian)
+        return fit, scores, hessian, scores.sum(axis=0)
+
+    fit, scores, hessian, gradient = climbed_from(parameters)
+    damping = 1e-3
+    for _ in range(_ITERATIONS):
+        step = -np.linalg.solve(hessian + damping * np.diag(np.diag(hessian)), gradient)
+        tried = climbed_from(parameters + step)
+        if tried[0].cost.sum() <= fit.cost.sum():
+            parameters = parameters + step
+            fit, scores, hessian, gradient = tried
+            damping /= 10
+            if np.abs(step * np.sqrt(np.diag(hessian))).max() < _CONVERGED:
+                break
+        else:
+            damping *= 10
+    inverse = np.linalg.inv(hessian)
+    covariance = inverse @ (len(time) * long_run_covariance(scores)) @ inverse
+    return SteadyTwist(parameters[CHOSEN], covariance[np.ix_(CHOSEN, CHOSEN)])

@@ -1,0 +1,87 @@
+"""What a laser range finder saw of the plate during a run, for methods that fit a motion to ranges."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from trackslip.errors import LogError
+from trackslip.kinematics import Array
+from trackslip.scan import Cluster, Plate, Scan
+
+
+@dataclass(frozen=True)
+class ScanLog:
+    """The returns of each row's scan that were taken for the plate."""
+
+    scan: Scan
+    """The LRF, without ranges: (0, B)."""
+    plate: Plate
+    cluster: Cluster
+    """A row for each row of the log; no returns where none was found."""
+
+    def first_beam(self) -> np.ndarray:
+        """(T,) index of the cluster's first beam; 0 where there is none."""
+        step = self.scan.beam_step
+        index = np.rint((self.cluster.bearing[:, 0] - self.scan.bearings[0]) / step).astype(int)
+        return np.where(self.cluster.count > 0, index, 0)
+
+    def ranges(self) -> list[Array]:
+        """T arrays of ranges from each first beam on [m], NaN where a beam didn't come back or met something else."""
+        cluster = self.cluster
+        return [
+            np.where(hit[:width], values[:width], np.nan)
+            for hit, values, width in zip(cluster.hit, cluster.range, cluster.width, strict=True)
+        ]
+
+    def metadata(self) -> dict[str, Any]:
+        """All but the ranges, as it fits into JSON."""
+        scan = self.scan
+        return {
+            "first_bearing": float(scan.bearings[0]),
+            "beam_step": scan.beam_step,
+            "beams": len(scan.bearings),
+            "noise": scan.noise,
+            "max_range": scan.max_range if np.isfinite(scan.max_range) else None,
+            "dropout": scan.dropout,
+            "mount": [float(value) for value in scan.mount],
+            "plate": {"length": self.plate.length, "thickness": self.plate.thickness},
+        }
+
+    @classmethod
+    def of(cls, metadata: Mapping[str, Any], first_beam: np.ndarray, ranges: list[Array]) -> ScanLog:
+        """From what `metadata`, `first_beam` and `ranges` gave.
+
+        Raises:
+            LogError: for what isn't that.
+        """
+        try:
+            beams = int(metadata["beams"])
+            bearings = metadata["first_bearing"] + metadata["beam_step"] * np.arange(beams)
+            reach = metadata["max_range"]
+            scan = Scan(
+                bearings,
+                np.empty((0, beams)),
+                float(metadata["noise"]),
+                np.array(metadata["mount"], float),
+                np.inf if reach is None else float(reach),
+                float(metadata["dropout"]),
+            )
+            plate = Plate(**metadata["plate"])
+        except (KeyError, TypeError, ValueError) as error:
+            raise LogError(f"its scanner is described wrongly ({type(error).__name__}: {error})") from error
+        width = max([1, *(len(row) for row in ranges)])
+        column = first_beam[:, None] + np.arange(width)
+        if (column[:, 0] < 0).any() or any(
+            first + len(row) > beams for first, row in zip(first_beam, ranges, strict=True)
+        ):
+            raise LogError(f"its ranges are of other beams than the scanner's {beams}")
+        padded = np.full((len(ranges), width), np.nan)
+        for k, row in enumerate(ranges):
+            padded[k, : len(row)] = row
+        hit = np.isfinite(padded)
+        bearing = bearings[np.minimum(column, beams - 1)]
+        return cls(scan, plate, Cluster(bearing, np.where(hit, padded, 1.0), hit, hit.sum(axis=1)))
