@@ -17,6 +17,7 @@ import tyro
 from experiments.bench_config import BenchConfig
 from experiments.calibrate_config import CalibrateConfig
 from experiments.config import GridConfig, IdentifyConfig, PredictConfig, ReproduceConfig, TrackConfig
+from experiments.sensitivity_config import SensitivityConfig
 from experiments.validate_config import ValidateConfig
 from trackslip.errors import TrackslipError
 
@@ -27,6 +28,7 @@ Command = (
     | Annotated[PredictConfig, tyro.conf.subcommand("predict")]
     | Annotated[CalibrateConfig, tyro.conf.subcommand("calibrate")]
     | Annotated[ValidateConfig, tyro.conf.subcommand("validate")]
+    | Annotated[SensitivityConfig, tyro.conf.subcommand("sensitivity")]
     | Annotated[ReproduceConfig, tyro.conf.subcommand("reproduce")]
     | Annotated[BenchConfig, tyro.conf.subcommand("bench")]
 )
@@ -39,6 +41,7 @@ _RUNNERS = {
     PredictConfig: "experiments.predict",
     CalibrateConfig: "experiments.calibrate",
     ValidateConfig: "experiments.validate",
+    SensitivityConfig: "experiments.sensitivity",
     ReproduceConfig: "experiments.reproduce",
     BenchConfig: "experiments.bench",
 }
