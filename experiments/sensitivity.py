@@ -13,6 +13,7 @@ from experiments.console import print_table
 from experiments.effects import EFFECTS, Effect
 from experiments.grid import drive_grid, localization_summary, usable_samples
 from experiments.sensitivity_config import SensitivityConfig
+from experiments.sensitivity_report import render
 from experiments.world import World
 from trackslip.errors import LogError
 from trackslip.identification import true_samples
@@ -34,17 +35,17 @@ def run(config: SensitivityConfig) -> None:
         world = World.of(config)
         rows = measure(config, world)
         wall = time.perf_counter() - began
+        table = [as_text(row) for row in rows]
+        about = world.manifest("sensitivity", wall)
+        page = render(rows, _HEADER, table, about, store.command_line("sensitivity"))
+        (folder / store.REPORT).write_text(page, encoding="utf-8")
         store.write_json(folder / store.SUMMARY, {"rows": rows, "timing": {"wall_s": wall}})
-        store.write_json(folder / store.MANIFEST, world.manifest("sensitivity", wall))
-    print_table(
-        "Errors of slip over the runs, of the poses (rms), poses that are valid and runs that can be used",
-        _HEADER,
-        [as_text(row) for row in rows],
-    )
+        store.write_json(folder / store.MANIFEST, about)
+    print_table("Errors of slip over the runs, and of the poses (rms)", _HEADER, table)
     for row in rows:
         if row["slip_error"] is None:
             print(f"warning: {row['effect']}: {row['warnings'][-1]}")
-    print(f"{config.out / store.SUMMARY}: {len(rows)} grids evaluated in {wall:.1f} s")
+    print(f"{config.out / store.REPORT}: {len(rows)} grids in {wall:.1f} s")
 
 
 def measure(config: SensitivityConfig, world: World) -> list[dict[str, Any]]:

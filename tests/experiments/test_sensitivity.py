@@ -1,5 +1,7 @@
 """`trackslip sensitivity`: its rows, and a field in which nothing can be seen."""
 
+import re
+
 import pytest
 
 from experiments import sensitivity
@@ -10,7 +12,7 @@ SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "8")
 
 def test_a_row_for_each_effect(trackslip):
     found = trackslip("sensitivity", *SMALL, "--seed", "2")
-    assert {path.name for path in found.folder.iterdir()} == {"manifest.json", "summary.json"}
+    assert {path.name for path in found.folder.iterdir()} == {"manifest.json", "summary.json", "report.html"}
     assert found.manifest["command"] == "sensitivity"
     assert found.manifest["seed"] == 2
     rows = {row["effect"]: row for row in found.summary["rows"]}
@@ -50,6 +52,22 @@ def test_where_nothing_can_be_seen_the_row_says_so(trackslip, monkeypatch, tmp_p
     assert blind["runs"] == {"used": 0, "all": 2}
     assert blind["localization"]["valid_fraction"] == 0.0
     assert "warning: blind: none of the runs can be used" in found.printed
+    page = (found.folder / "report.html").read_text(encoding="utf-8")
+    assert "<li>blind: none of the runs can be used" in page
+
+
+def test_the_page_needs_no_other_file_and_shows_the_table(trackslip, monkeypatch):
+    monkeypatch.setattr(sensitivity, "EFFECTS", EFFECTS[:2])
+    found = trackslip("sensitivity", *SMALL)
+    page = (found.folder / "report.html").read_text(encoding="utf-8")
+    assert page.count("<svg ") == 1
+    for reference in re.findall(r'(?:src|href)="([^"]*)"', page):
+        assert reference.startswith("#")
+    for needle in ("<script", "<link", "@import", "url(http"):
+        assert needle not in page
+    for row in found.summary["rows"]:
+        assert f'<th scope="row">{row["effect"]}</th>' in page
+        assert f'<td class="n">{row["slip_error"]["outer"]["bias"]:+.5f}</td>' in page
 
 
 @pytest.mark.parametrize(
