@@ -1,6 +1,7 @@
 """Effects of evaluation against closed forms, on runs that keep exactly to a circle."""
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -68,8 +69,11 @@ def test_an_effect_changes_what_it_says_and_nothing_else():
         assert restored == config
 
 
-def test_every_row_has_a_name_of_its_own():
+def test_every_row_has_a_name_of_its_own_and_stands_in_the_readme():
     assert len({effect.name for effect in EFFECTS}) == len(EFFECTS)
+    readme = (Path(__file__).parents[2] / "README.md").read_text()
+    for effect in EFFECTS:
+        assert f"     {effect.name}  " in readme
 
 
 def test_obstacles_of_the_user_stay_where_the_effect_has_none():

@@ -1,4 +1,5 @@
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from sim.obstacle_file import load_obstacles
 from sim.obstacles import Obstacles, Post, Walker, Wall
 from trackslip.errors import InvalidValueError, SettingsFileError
 
+README = Path(__file__).parents[2] / "README.md"
 TEXT = """
 [[posts]]
 x = 1
@@ -33,6 +35,15 @@ def test_a_file_holds_all_kinds(tmp_path):
     path.write_text(TEXT)
     expected = Obstacles((Post(1.0, 2.0),), (Wall(0.0, 0.0, 1.0, 0.0),), (Walker(0.0, 5.0, 1.2, 0.0, turns_after=3.0),))
     assert load_obstacles(str(path)) == expected
+
+
+def test_the_readmes_example_is_a_file(tmp_path):
+    (text,) = re.findall(r"```toml\n(\[\[posts.*?)```", README.read_text(), re.DOTALL)
+    path = tmp_path / "readme.toml"
+    path.write_text(text)
+    found = load_obstacles(str(path))
+    assert (len(found.posts), len(found.walls), len(found.walkers)) == (1, 1, 1)
+    assert found.walkers == NAMED_OBSTACLES["walker"].walkers
 
 
 @pytest.mark.parametrize(
