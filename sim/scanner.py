@@ -28,6 +28,8 @@ LOWEST_RATE = 5.0
 """Scans per second, at least [Hz]."""
 LARGEST_ERROR = 0.5
 """Of a range, from any one cause [m]."""
+FINEST_STEP = 1e-6
+"""Quantisation of ranges, at least [m]."""
 WIDEST_BEAM = 0.1
 """Divergence, at most [rad]."""
 
@@ -64,6 +66,8 @@ class LaserScanner:
             require_non_negative(name, getattr(self, name))
         for name in ("noise", "quantisation"):
             require_at_most(name, getattr(self, name), LARGEST_ERROR, "m")
+        if 0 < self.quantisation < FINEST_STEP:
+            raise InvalidValueError("quantisation", self.quantisation, f"0, or at least {FINEST_STEP:g} m")
         require_at_most("divergence", self.divergence, WIDEST_BEAM, "rad")
         if not abs(self.range_bias) <= LARGEST_ERROR:
             raise InvalidValueError("range_bias", self.range_bias, f"from {-LARGEST_ERROR:g} to {LARGEST_ERROR:g} m")

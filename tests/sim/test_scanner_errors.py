@@ -78,6 +78,7 @@ def test_a_robots_scans_do_not_depend_on_neighbours_or_threads(robot):
     [
         ({"quantisation": -0.01}, "quantisation = -0.01: must be a finite number >= 0"),
         ({"quantisation": 1.0}, "quantisation = 1.0: must be at most 0.5 m"),
+        ({"quantisation": 1e-320}, "quantisation = 1e-320: must be 0, or at least 1e-06 m"),
         ({"range_bias": np.nan}, "range_bias = nan: must be from -0.5 to 0.5 m"),
         ({"divergence": 0.2}, "divergence = 0.2: must be at most 0.1 rad"),
         ({"sweep_time": 0.06}, "sweep_time = 0.06: must be at most 0.05 s, the time between scans"),
