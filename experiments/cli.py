@@ -18,6 +18,7 @@ from experiments.bench_config import BenchConfig
 from experiments.calibrate_config import CalibrateConfig
 from experiments.config import GridConfig, IdentifyConfig, PredictConfig, ReproduceConfig, TrackConfig
 from experiments.coverage_config import CoverageConfig
+from experiments.sensitivity_config import SensitivityConfig
 from experiments.validate_config import ValidateConfig
 from trackslip.errors import TrackslipError
 
@@ -29,6 +30,7 @@ Command = (
     | Annotated[CalibrateConfig, tyro.conf.subcommand("calibrate")]
     | Annotated[ValidateConfig, tyro.conf.subcommand("validate")]
     | Annotated[CoverageConfig, tyro.conf.subcommand("coverage")]
+    | Annotated[SensitivityConfig, tyro.conf.subcommand("sensitivity")]
     | Annotated[ReproduceConfig, tyro.conf.subcommand("reproduce")]
     | Annotated[BenchConfig, tyro.conf.subcommand("bench")]
 )
@@ -42,6 +44,7 @@ _RUNNERS = {
     CalibrateConfig: "experiments.calibrate",
     ValidateConfig: "experiments.validate",
     CoverageConfig: "experiments.coverage",
+    SensitivityConfig: "experiments.sensitivity",
     ReproduceConfig: "experiments.reproduce",
     BenchConfig: "experiments.bench",
 }

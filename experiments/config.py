@@ -88,6 +88,8 @@ class Simulation(Repeatable):
     ground: GroundOptions = field(default_factory=GroundOptions)
     drive: Drive = field(default_factory=Drive)
     scanner: LaserScanner = field(default_factory=LaserScanner)
+    obstacles: Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE")] = None
+    """What the scanner sees besides the plate: posts, room, walker, occluded, or a .toml file; by default nothing."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -16,7 +16,6 @@ from experiments.console import print_table, progress
 from experiments.world import World
 from sim.robot import Robot
 from sim.runs import Description, open_loop
-from sim.scanner import ScannerFeed
 from sim.seeds import generator
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification import SlipSamples, slip_samples, true_samples, usable_samples
@@ -74,7 +73,7 @@ def drive_grid(config: GridConfig, world: World) -> list[RunLog]:
     radius, speed = np.array(cells).T
     keys = [f"radius={r!r} speed={v!r}" for r, v in cells]
     fleet = world.fleet(np.tile(before_scanner(robot), (len(cells), 1)))
-    feed = ScannerFeed(config.scanner, fleet, [generator(config.seed, f"grid {key}") for key in keys])
+    feed = world.feed(fleet, [generator(config.seed, f"grid {key}") for key in keys])
     omega = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, robot.geometry)
     common = world.metadata(config.localization)
     descriptions = [

@@ -29,7 +29,6 @@ from experiments.track import (
 )
 from experiments.world import World
 from sim.runs import Description, Pilot, closed_loop
-from sim.scanner import ScannerFeed
 from sim.seeds import generator
 from trackslip.identification import identify, usable_samples
 from trackslip.lawfile import identification_to_json
@@ -103,7 +102,7 @@ def drive_paths(config: ReproduceConfig, world: World, identified: Mapping[str, 
     cases = [(controller, compensation) for controller in CONTROLLERS for compensation in laws]
     keys = [f"{controller} {compensation}" for controller, compensation in cases]
     fleet = world.fleet(np.array([starts[controller] for controller, _ in cases]))
-    feed = ScannerFeed(config.scanner, fleet, [generator(config.seed, f"track {key}") for key in keys])
+    feed = world.feed(fleet, [generator(config.seed, f"track {key}") for key in keys])
     pilots = [
         Pilot(CONTROLLERS[controller](), [k], laws[compensation]) for k, (controller, compensation) in enumerate(cases)
     ]

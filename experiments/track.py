@@ -20,7 +20,6 @@ from experiments.grid import (
 from experiments.world import World
 from sim.robot import Robot
 from sim.runs import Description, Pilot, closed_loop
-from sim.scanner import ScannerFeed
 from sim.seeds import generator
 from trackslip.controllers import Controller, Feedforward, LinearTimeVarying
 from trackslip.errors import LogError
@@ -49,7 +48,7 @@ def run(config: TrackConfig) -> None:
         start = start_pose(config, reference)
         name = f"{config.controller} {config.compensation}"
         fleet = world.fleet(start[None])
-        feed = ScannerFeed(config.scanner, fleet, [generator(config.seed, f"track {name}")])
+        feed = world.feed(fleet, [generator(config.seed, f"track {name}")])
         locator = None if config.localization == "truth" else make_locator(config.localization, robot)
         metadata = world.metadata(config.localization) | {
             "controller": config.controller,

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
+
+import numpy as np
 
 from experiments import store
 from experiments.config import Simulation
 from sim.fleet import Fleet
 from sim.ground import Ground
 from sim.ground_file import load_ground
+from sim.obstacle_file import load_obstacles
+from sim.obstacles import Obstacles
 from sim.robot import Robot, load_robot
 from sim.robot_file import load_robot_file
 from sim.robot_parameters import RobotParameters
+from sim.scanner import ScannerFeed
 from trackslip.kinematics import Array
 
 
@@ -25,6 +31,7 @@ class World:
     robot: Robot
     ground: Ground
     radius_error: float
+    obstacles: Obstacles
 
     @classmethod
     def of(cls, config: Simulation) -> World:
@@ -32,12 +39,18 @@ class World:
         parameters, ground = load_robot_file(config.robot)
         if config.ground.source is not None:
             ground = load_ground(config.ground.source)
+        obstacles = Obstacles() if config.obstacles is None else load_obstacles(config.obstacles)
         error = parameters.radius_error if config.radius_error is None else config.radius_error
-        return cls(config, parameters, load_robot(parameters=parameters), config.ground.changed(ground), error)
+        robot = load_robot(parameters=parameters)
+        return cls(config, parameters, robot, config.ground.changed(ground), error, obstacles)
 
     def fleet(self, start: Array) -> Fleet:
         """Robots at the poses `start` (N, 3)."""
         return Fleet(self.robot, start, self.ground, self.radius_error, self.config.drive, self.config.threads)
+
+    def feed(self, fleet: Fleet, generators: Sequence[np.random.Generator]) -> ScannerFeed:
+        """The scanner in front of a fleet, with a generator of random numbers for each robot."""
+        return ScannerFeed(self.config.scanner, fleet, generators, self.obstacles)
 
     def metadata(self, localization: str) -> dict[str, Any]:
         """What every simulated run remembers."""
@@ -49,6 +62,7 @@ class World:
                 "radius_error": self.radius_error,
                 "drive": self.config.drive,
                 "scanner": self.config.scanner,
+                "obstacles": self.obstacles,
                 "localization": localization,
                 "seed": self.config.seed,
                 "model_sha256": self.robot.digest,
@@ -65,5 +79,6 @@ class World:
             seed=self.config.seed,
             model_sha256=self.robot.digest,
             ground=self.ground,
+            obstacles=self.obstacles,
             robot=self.parameters,
         )

@@ -9,20 +9,29 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sim.footprint import echo, footprint
+from sim.obstacles import Obstacles
+from sim.scanner_aim import Aim
+from sim.sweep import moved_back
 from trackslip.errors import InvalidValueError, require_at_most, require_non_negative, require_positive
-from trackslip.kinematics import Array, wrap_angle
+from trackslip.kinematics import Array
 from trackslip.scan import Scan
 
 if TYPE_CHECKING:
     from sim.fleet import Fleet
 
-_SLACK = 0.2  # around the plate, so that the beams to cast needn't be chosen anew for every scan [m]
 MOST_BEAMS = 20_000
 """Beams in a scan, at most."""
 SCANNED_GROUP = 0
 """Geoms that the laser range finder sees."""
 LOWEST_RATE = 5.0
 """Scans per second, at least [Hz]."""
+LARGEST_ERROR = 0.5
+"""Of a range, from any one cause [m]."""
+FINEST_STEP = 1e-6
+"""Quantisation of ranges, at least [m]."""
+WIDEST_BEAM = 0.1
+"""Divergence, at most [rad]."""
 
 
 @dataclass(frozen=True)
@@ -41,12 +50,27 @@ class LaserScanner:
     """Beyond it nothing comes back [m]."""
     dropout: float = 0.0
     """Probability that a beam doesn't come back though it hit something [-]."""
+    quantisation: float = 0.0
+    """Ranges, noise included, are rounded to multiples of it; 0 for not at all [m]."""
+    range_bias: float = 0.0
+    """Error that all ranges share [m]."""
+    divergence: float = 0.0
+    """Angle by which a beam widens, 4.4 mrad for the LMS 200: its footprint mixes pixels at edges [rad]."""
+    sweep_time: float = 0.0
+    """Time from the first beam to the last, in the middle of which is the scan's own time [s]."""
 
     def __post_init__(self) -> None:
         for name in ("field_of_view", "resolution", "rate", "max_range"):
             require_positive(name, getattr(self, name))
-        require_non_negative("noise", self.noise)
-        require_at_most("noise", self.noise, 0.5, "m")
+        for name in ("noise", "quantisation", "divergence", "sweep_time"):
+            require_non_negative(name, getattr(self, name))
+        for name in ("noise", "quantisation"):
+            require_at_most(name, getattr(self, name), LARGEST_ERROR, "m")
+        if 0 < self.quantisation < FINEST_STEP:
+            raise InvalidValueError("quantisation", self.quantisation, f"0, or at least {FINEST_STEP:g} m")
+        require_at_most("divergence", self.divergence, WIDEST_BEAM, "rad")
+        if not abs(self.range_bias) <= LARGEST_ERROR:
+            raise InvalidValueError("range_bias", self.range_bias, f"from {-LARGEST_ERROR:g} to {LARGEST_ERROR:g} m")
         require_at_most("max_range", self.max_range, 1000.0, "m")
         if self.rate < LOWEST_RATE:
             raise InvalidValueError("rate", self.rate, f"at least {LOWEST_RATE:g} Hz")
@@ -58,6 +82,7 @@ class LaserScanner:
             raise InvalidValueError("field_of_view", self.field_of_view, "greater than the resolution, at most 2 pi")
         if not 0 <= self.dropout < 1:
             raise InvalidValueError("dropout", self.dropout, "at least 0 and less than 1")
+        require_at_most("sweep_time", self.sweep_time, self.period, "s, the time between scans")
 
     @property
     def period(self) -> float:
@@ -70,37 +95,50 @@ class LaserScanner:
         beams = round(self.field_of_view / self.resolution) + 1
         return (np.arange(beams) - (beams - 1) / 2) * self.resolution
 
+    @property
+    def lag(self) -> Array:
+        """Times (B,) of the beams after the scan's [s]."""
+        beams = len(self.bearings)
+        return (np.arange(beams) / (beams - 1) - 0.5) * self.sweep_time
 
-@dataclass(frozen=True)
-class _Aim:
-    """The beams worth casting: nothing but the plate stops a beam, so those that pass it by needn't be."""
-
-    centre: Array  # (N, 3) of the plates, when these beams were chosen [m]
-    rays: Array  # (N, W, 3) their directions
-    place: np.ndarray  # (N, W) where they are among the N x B of all
+    @property
+    def range_std(self) -> float:
+        """Standard deviation of a range, from noise and rounding [m]."""
+        return float(np.hypot(self.noise, self.quantisation / np.sqrt(12)))
 
 
 class ScannerFeed:
-    """The scanner in front of a fleet: every robot is watched by an LRF of its own."""
+    """The scanner in front of a fleet: every robot is watched by an LRF of its own, among obstacles of its own."""
 
-    def __init__(self, scanner: LaserScanner, fleet: Fleet, generators: Sequence[np.random.Generator]) -> None:
+    def __init__(
+        self,
+        scanner: LaserScanner,
+        fleet: Fleet,
+        generators: Sequence[np.random.Generator],
+        obstacles: Obstacles | None = None,
+    ) -> None:
         """`generators`: one for each robot, so that its noise doesn't depend on what else is simulated."""
         if len(generators) != fleet.size:
             raise InvalidValueError("generators", len(generators), f"{fleet.size}, one for each robot")
-        self._scanner, self._fleet = scanner, fleet
+        self._scanner, self._fleet, self._obstacles = scanner, fleet, obstacles or Obstacles()
         self._noise, self._dropout = zip(*(g.spawn(2) for g in generators), strict=True)
         robot = fleet.robot
         x, y, heading = robot.lrf_mount
         self._heading = heading
         self._origin = np.array([x, y, robot.lrf_height])
         bearings = scanner.bearings
-        direction = heading + bearings
-        self._rays = np.column_stack([np.cos(direction), np.sin(direction), np.zeros_like(direction)])
-        self._aim: _Aim | None = None
+        direction = heading + bearings[:, None] + footprint(scanner.divergence)
+        self._rays = np.stack([np.cos(direction), np.sin(direction), np.zeros_like(direction)], axis=-1)  # (B, K, 3)
+        self._lag = scanner.lag
+        # a plate moves for half the sweep after the scan's time and before it: as much again to spare
+        top_speed = fleet.drive.limit * robot.geometry.sprocket_radius
+        self._reach = robot.plate_radius + top_speed * scanner.sweep_time
+        self._aim: Aim | None = None
+        self._aimed_rays: Array = np.empty((fleet.size, 0, 1, 3))  # (N, W, K, 3)
         self._template = Scan(
             bearings,
             np.empty((0, len(bearings))),
-            scanner.noise,
+            scanner.range_std,
             robot.lrf_mount,
             max_range=scanner.max_range,
             dropout=scanner.dropout,
@@ -119,42 +157,61 @@ class ScannerFeed:
         return self._template.bearings
 
     def true_ranges(self) -> Array:
-        """Ranges (N, B) without noise or dropouts, NaN where nothing is within range: one call for all robots."""
-        centre = self._fleet.plate
-        if self._aim is None or np.abs(centre - self._aim.centre).max() > _SLACK / 2:
-            self._aim = self._aim_at(centre.copy())
-        batch, aim = self._fleet.batch, self._aim
-        distance, _ = batch.ray(self._origin, aim.rays, geomgroup=self._groups, bodyexclude=self._lrf)
-        distance[(distance < 0) | (distance > self._scanner.max_range)] = np.nan
-        ranges = np.full((self._fleet.size, len(self._rays)), np.nan)
-        ranges.ravel()[aim.place] = distance
+        """Ranges (N, B) of the echoes, without errors of measurement, NaN where nothing is within range [m]."""
+        aim = self._aimed()
+        plate = self._to_plates(aim)
+        if not self._obstacles:
+            ranges = np.full((self._fleet.size, len(self._rays)), np.nan)
+        else:
+            time = self._fleet.time + self._lag[:, None]
+            around = self._within_reach(self._obstacles.ranges(self._origin[:2], self._rays[..., :2], time))  # (B, K)
+            plate = np.fmin(plate, around[aim.beams])
+            ranges = np.tile(echo(around), (self._fleet.size, 1))
+        ranges.ravel()[aim.place] = echo(plate)
         return ranges
 
-    def _aim_at(self, centre: Array) -> _Aim:
-        """The beams that can meet plates whose middles stay near `centre` (N, 3), whatever their headings."""
-        radius = self._fleet.robot.plate_radius + _SLACK
-        x, y = (centre - self._origin)[:, :2].T
-        distance = np.hypot(x, y)
-        bearing = wrap_angle(np.arctan2(y, x) - self._heading)
-        spread = np.where(distance > radius, np.arcsin(np.minimum(radius / np.maximum(distance, radius), 1.0)), np.pi)
-        last = len(self._rays) - 1
-        first_bearing, step = self._template.bearings[0], self._scanner.resolution
-        low, high = ((edge - first_bearing) / step for edge in (bearing - spread, bearing + spread))
-        around = np.abs(bearing) + spread > np.pi  # behind the scanner, where the bearing jumps
-        low, high = np.where(around, 0, np.clip(low, 0, last)), np.where(around, last, np.clip(high, 0, last))
-        first = np.floor(low).astype(int)
-        count = min(int((np.ceil(high) - first).max()), last) + 1
-        beams = np.minimum(first, last + 1 - count)[:, None] + np.arange(count)  # (N, W)
-        robots = np.arange(len(centre))[:, None]
-        return _Aim(centre, self._rays[beams], robots * len(self._rays) + beams)
+    def _aimed(self) -> Aim:
+        """The beams to cast now."""
+        centre = self._fleet.plate
+        if self._aim is None or not self._aim.holds(centre):
+            self._aim = Aim.at(
+                centre.copy(),
+                self._origin,
+                self._heading,
+                self._reach,
+                self._template.bearings,
+                self._scanner.divergence,
+            )
+            self._aimed_rays = self._rays[self._aim.beams]
+        return self._aim
+
+    def _to_plates(self, aim: Aim) -> Array:
+        """Distances (N, W, K) along the rays of the beams aimed, NaN for a miss: one call for all robots [m]."""
+        fleet, rays, origin = self._fleet, self._aimed_rays, self._origin
+        if self._scanner.sweep_time > 0:
+            origin, rays = moved_back(origin, rays, fleet.pose(), fleet.twist(), self._lag[aim.beams])
+            origin = origin.reshape(fleet.size, -1, 3)
+        distance, _ = fleet.batch.ray(
+            origin, rays.reshape(fleet.size, -1, 3), geomgroup=self._groups, bodyexclude=self._lrf
+        )
+        distance[distance < 0] = np.nan
+        return self._within_reach(distance.reshape(rays.shape[:-1]))
+
+    def _within_reach(self, distance: Array) -> Array:
+        """Distances with NaN for those beyond the scanner's reach, in place."""
+        distance[distance > self._scanner.max_range] = np.nan
+        return distance
 
     def measure(self, true_ranges: Array) -> Scan:
-        """Scans (N, T, B) with noise and dropouts of true ranges (N, T, B): the next T of each robot's stream."""
+        """Scans (N, T, B) as measured, of true ranges (N, T, B): the next T of each robot's stream."""
         n, t, beams = true_ranges.shape
         ranges = np.empty_like(true_ranges)
         for k in range(n):  # a stream of random numbers per robot
             np.multiply(self._noise[k].standard_normal((t, beams)), self._scanner.noise, out=ranges[k])
         ranges += true_ranges
+        ranges += self._scanner.range_bias
+        if self._scanner.quantisation > 0:
+            ranges = np.round(ranges / self._scanner.quantisation) * self._scanner.quantisation
         if self._scanner.dropout > 0:
             for k in range(n):
                 ranges[k][self._dropout[k].random((t, beams)) < self._scanner.dropout] = np.nan

@@ -1,0 +1,27 @@
+"""Options of `trackslip sensitivity`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from experiments.config import GridConfig
+from experiments.effects import SWEEP
+from trackslip.errors import InvalidValueError
+
+
+@dataclass(frozen=True)
+class SensitivityConfig(GridConfig):
+    """Drive the grid again and again, each time with something else wrong, and print what it does to slip."""
+
+    out: Path = Path("out/sensitivity")
+    """Folder for the results."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.scanner.period < SWEEP:
+            raise InvalidValueError(
+                "scanner.rate",
+                self.scanner.rate,
+                f"at most {1 / SWEEP:g} Hz, to leave time for the sweep that is tried",
+            )

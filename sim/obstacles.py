@@ -1,0 +1,166 @@
+"""What stands and walks in the field besides the robot, in the plane of the scan.
+
+The scanner alone meets it: it hides the plate and returns beams of its own. Robots drive through it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from trackslip.errors import InvalidValueError, require_at_most, require_finite, require_positive
+from trackslip.kinematics import Array
+
+FARTHEST = 1000.0
+"""Largest coordinate [m]."""
+LARGEST_RADIUS = 10.0
+"""Of a post or a person [m]."""
+FASTEST = 20.0
+"""Speed of a person along either axis [m/s]."""
+PERSON = 0.25
+"""Radius of a person [m]."""
+
+
+@dataclass(frozen=True)
+class Post:
+    """An upright cylinder."""
+
+    x: float
+    """Of its middle, in the world [m]."""
+    y: float
+    """Of its middle, in the world [m]."""
+    radius: float = 0.05
+    """[m]"""
+
+    def __post_init__(self) -> None:
+        _require_coordinates(self, "x", "y")
+        _require_radius(self.radius)
+
+    def ranges(self, origin: Array, direction: Array, time: Array) -> Array:
+        """See `Obstacles.ranges`."""
+        return _to_circle(np.array([self.x, self.y]) - origin, self.radius, direction)
+
+
+@dataclass(frozen=True)
+class Wall:
+    """A thin straight wall."""
+
+    x0: float
+    """Of one end, in the world [m]."""
+    y0: float
+    """Of one end, in the world [m]."""
+    x1: float
+    """Of the other end [m]."""
+    y1: float
+    """Of the other end [m]."""
+
+    def __post_init__(self) -> None:
+        _require_coordinates(self, "x0", "y0", "x1", "y1")
+        if (self.x0, self.y0) == (self.x1, self.y1):
+            raise InvalidValueError("x1, y1", (self.x1, self.y1), "another place than x0, y0")
+
+    def ranges(self, origin: Array, direction: Array, time: Array) -> Array:
+        """See `Obstacles.ranges`; a beam along the wall doesn't meet it."""
+        start = np.array([self.x0, self.y0]) - origin
+        side = np.array([self.x1 - self.x0, self.y1 - self.y0])
+        # range * direction = start + share * side
+        determinant = _cross(direction, side)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            distance = _cross(start, side) / determinant
+            share = _cross(start, direction) / determinant
+        return np.where((distance >= 0) & (share >= 0) & (share <= 1), distance, np.nan)
+
+
+@dataclass(frozen=True)
+class Walker:
+    """A person, as an upright cylinder that walks straight on, or to and fro."""
+
+    x: float
+    """At the start, in the world [m]."""
+    y: float
+    """At the start, in the world [m]."""
+    vx: float
+    """Along the world's x [m/s]."""
+    vy: float
+    """Along the world's y [m/s]."""
+    radius: float = PERSON
+    """[m]"""
+    turns_after: float = math.inf
+    """Time after which the person turns back, again and again [s]."""
+
+    def __post_init__(self) -> None:
+        _require_coordinates(self, "x", "y")
+        _require_radius(self.radius)
+        for name in ("vx", "vy"):
+            if not abs(getattr(self, name)) <= FASTEST:
+                raise InvalidValueError(name, getattr(self, name), f"from {-FASTEST:g} to {FASTEST:g} m/s")
+        if not self.turns_after > 0:
+            raise InvalidValueError("turns_after", self.turns_after, "a number > 0, or inf for straight on")
+
+    def place(self, time: Array) -> Array:
+        """Middle (..., 2) at times (...) [s] since the start of the run [m]."""
+        time = np.asarray(time, float)
+        if math.isfinite(self.turns_after):
+            there_and_back = 2 * self.turns_after
+            time = np.minimum(time % there_and_back, there_and_back - time % there_and_back)
+        return np.stack([self.x + self.vx * time, self.y + self.vy * time], axis=-1)
+
+    def ranges(self, origin: Array, direction: Array, time: Array) -> Array:
+        """See `Obstacles.ranges`."""
+        return _to_circle(self.place(time) - origin, self.radius, direction)
+
+
+@dataclass(frozen=True)
+class Obstacles:
+    """Everything in the field that beams may meet besides the plate."""
+
+    posts: tuple[Post, ...] = ()
+    walls: tuple[Wall, ...] = ()
+    walkers: tuple[Walker, ...] = ()
+
+    def __bool__(self) -> bool:
+        return any(getattr(self, f.name) for f in fields(self))
+
+    def ranges(self, origin: Array, direction: Array, time: Array) -> Array:
+        """Distances (...) to the nearest of them, NaN where there is none [m].
+
+        From within a post or a person it is 0: a scanner there sees nothing else.
+
+        Args:
+            origin: (2,) where the beams start [m].
+            direction: (..., 2) unit vectors.
+            time: when each beam is measured, since the start of the run; broadcasts against (...) [s].
+        """
+        nearest = np.full(direction.shape[:-1], np.nan)
+        everything: tuple[Post | Wall | Walker, ...] = (*self.posts, *self.walls, *self.walkers)
+        for obstacle in everything:
+            nearest = np.fmin(nearest, obstacle.ranges(origin, direction, time))
+        return nearest
+
+
+def _to_circle(centre: Array, radius: float, direction: Array) -> Array:
+    """Distances (...) along unit vectors (..., 2) to circles about `centre` (..., 2), seen from the origin."""
+    along = np.sum(centre * direction, axis=-1)
+    across = _cross(direction, centre)
+    half_chord = np.sqrt(np.maximum(radius**2 - across**2, 0.0))
+    met = (np.abs(across) <= radius) & (along + half_chord >= 0)
+    return np.where(met, np.maximum(along - half_chord, 0.0), np.nan)
+
+
+def _cross(a: Array, b: Array) -> Array:
+    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+
+
+def _require_coordinates(obstacle: Post | Wall | Walker, *names: str) -> None:
+    for name in names:
+        value = getattr(obstacle, name)
+        require_finite(name, value)
+        if abs(value) > FARTHEST:
+            raise InvalidValueError(name, value, f"from {-FARTHEST:g} to {FARTHEST:g} m")
+
+
+def _require_radius(radius: float) -> None:
+    require_positive("radius", radius)
+    require_at_most("radius", radius, LARGEST_RADIUS, "m")

@@ -1,0 +1,41 @@
+"""A scan takes time, and the robot moves on meanwhile: each beam sees it where it is at that beam's moment.
+
+Instead of the plate, the beams are moved: a ray that is given the inverse of the plate's motion meets the plate, as it
+stands at the scan's time, at the range at which the true ray meets the plate that has moved on.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackslip.kinematics import Array
+
+
+def moved_back(origin: Array, rays: Array, pose: Array, twist: Array, lag: Array) -> tuple[Array, Array]:
+    """Origins and directions (N, W, K, 3) of rays, moved against robots whose twist is constant during the sweep.
+
+    Args:
+        origin: (3,) of all rays [m].
+        rays: (N, W, K, 3) directions.
+        pose: (N, 3) of the robots at the scan's time [m, m, rad].
+        twist: (N, 3) forward and lateral speed [m/s], yaw rate [rad/s].
+        lag: (N, W) time of each beam after the scan's [s].
+    """
+    forward, left, yaw_rate = (part[:, None] for part in twist.T)
+    turn = -yaw_rate * lag
+    cos, sin = np.cos(turn), np.sin(turn)
+    # the way of a constant twist over the time -lag, in the robot's frame
+    ahead, aside = np.sinc(turn / np.pi), np.sin(turn / 2) * np.sinc(turn / (2 * np.pi))
+    way = -lag[..., None] * np.stack([ahead * forward - aside * left, aside * forward + ahead * left], axis=-1)
+
+    x, y, heading = (part[:, None] for part in pose.T)
+    from_x, from_y = origin[0] - x, origin[1] - y
+    h_cos, h_sin = np.cos(heading), np.sin(heading)
+    origins = np.broadcast_to(origin, (*rays.shape[:2], 1, 3)).copy()
+    origins[..., 0, 0] = x + cos * from_x - sin * from_y + h_cos * way[..., 0] - h_sin * way[..., 1]
+    origins[..., 0, 1] = y + sin * from_x + cos * from_y + h_sin * way[..., 0] + h_cos * way[..., 1]
+    directions = rays.copy()
+    cos, sin = cos[..., None], sin[..., None]
+    directions[..., 0] = cos * rays[..., 0] - sin * rays[..., 1]
+    directions[..., 1] = sin * rays[..., 0] + cos * rays[..., 1]
+    return np.broadcast_to(origins, rays.shape), directions
