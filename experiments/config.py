@@ -114,11 +114,14 @@ class GridConfig(Simulation):
     """Speeds of the no-slip commands [m/s]."""
     localization: Localization = "plate"
     """How a scan becomes a pose: the known rectangle's maximum likelihood, or the paper's line."""
-    motion: Motion = "arc"
-    """How poses become a twist: the paper's filter as printed, or run both ways (butterworth); Savitzky and Golay's; a
-    constant-twist smoother; the arc of constant twist through all poses, or straight to all ranges (bundle)."""
+    motion: Motion | None = None
+    """How a run becomes a twist, by default the most exact way that it allows: the paper's filter as printed, or run both
+    ways (butterworth); Savitzky and Golay's; a constant-twist smoother; the arc of constant twist through all poses, or
+    straight to all ranges (bundle)."""
     duration: float = 30.0
     """Length of each run [s]."""
+    random_phase: bool = False
+    """Start each run anywhere on its circle, instead of where that is nearest to the scanner."""
     out: Path = Path("out/grid")
     """Folder for the results."""
 
@@ -154,8 +157,9 @@ class IdentifyConfig:
     """Radius of the sprockets [m]; by default the log's own."""
     gear: float = 1.0
     """Turns of the encoder, whose speed omega then is, for one of the sprocket."""
-    motion: Motion = "arc"
-    """How poses become a twist: paper, butterworth, savgol, rts, arc or bundle."""
+    motion: Motion | None = None
+    """How a run becomes a twist: paper, butterworth, savgol, rts, arc, or, with ranges, bundle; by default the most
+    exact that the run allows."""
     settle: float = SETTLE
     """Time after the sprockets have become steady that is left out of each run [s]."""
     out: Path = Path("out/identify")

@@ -19,7 +19,10 @@ class CoverageConfig(GridConfig):
     repeats: int = 1000
     """Sets of samples drawn from each law."""
     run_repeats: int = 200
-    """Times that the grid's runs are scanned anew; 0 for none."""
+    """Grids scanned and fitted."""
+    drives: int = 8
+    """Times that the grid is driven for that, each from other phases of the circles; each drive is scanned anew
+    run_repeats / drives times."""
     out: Path = Path("out/coverage")
     """Folder for the results."""
 
@@ -27,14 +30,21 @@ class CoverageConfig(GridConfig):
         super().__post_init__()
         if not 1 <= self.repeats <= MOST_REPEATS:
             raise InvalidValueError("repeats", self.repeats, f"an integer from 1 to {MOST_REPEATS}")
-        if not 0 <= self.run_repeats <= MOST_REPEATS:
-            raise InvalidValueError("run_repeats", self.run_repeats, f"an integer from 0 to {MOST_REPEATS}")
+        if not 1 <= self.run_repeats <= MOST_REPEATS:
+            raise InvalidValueError("run_repeats", self.run_repeats, f"an integer from 1 to {MOST_REPEATS}")
+        if not 1 <= self.drives <= self.run_repeats:
+            raise InvalidValueError("drives", self.drives, f"an integer from 1 to run_repeats = {self.run_repeats}")
         if self.scanner.noise <= 0:
             raise InvalidValueError("scanner.noise", self.scanner.noise, "greater than 0: without it nothing is random")
         if len(self.radii) * len(self.speeds) < 4 or len(self.radii) < 2:
             raise InvalidValueError("radii", self.radii, "at least two, and four runs or more")
 
-    def without_noise(self) -> GridConfig:
-        """The grid as a perfect scanner would see it."""
+    def grid(self, drive: int) -> GridConfig:
+        """The grid of one of the drives, as a perfect scanner would see it."""
         shared = {field.name: getattr(self, field.name) for field in fields(GridConfig)}
-        return GridConfig(**shared | {"scanner": replace(self.scanner, noise=0.0)})
+        silent = replace(self.scanner, noise=0.0)
+        return GridConfig(**shared | {"scanner": silent, "random_phase": True, "seed": self.seed + drive})
+
+    def shares(self) -> list[int]:
+        """How often each drive is scanned."""
+        return [len(range(drive, self.run_repeats, self.drives)) for drive in range(self.drives)]

@@ -38,7 +38,9 @@ class Effect:
         """A run as it looks with this plate and this clock. The truth stays."""
         phi = log.pose[:, 2]
         shift = self.plate_left * np.column_stack([-np.sin(phi), np.cos(phi), np.zeros_like(phi)])
-        return dataclasses.replace(log, time=log.time * (1 + self.clock), pose=log.pose + shift)
+        # ranges know nothing of where the robot is under its plate: with one that is off, go by the poses
+        scans = None if self.plate_left else log.scans
+        return dataclasses.replace(log, time=log.time * (1 + self.clock), pose=log.pose + shift, scans=scans)
 
 
 EFFECTS = (

@@ -29,6 +29,7 @@ from trackslip.slip import PUBLISHED
 
 CLEARANCE = 1.5
 """Distance from the scanner to the nearest point of each circle [m]."""
+_WIDER = 1.3  # radius driven over radius commanded, about
 
 
 def run(config: GridConfig) -> None:
@@ -72,7 +73,11 @@ def drive_grid(config: GridConfig, world: World) -> list[RunLog]:
     cells = list(itertools.product(config.radii, config.speeds))
     radius, speed = np.array(cells).T
     keys = [f"radius={r!r} speed={v!r}" for r, v in cells]
-    fleet = world.fleet(np.tile(before_scanner(robot), (len(cells), 1)))
+    start = np.tile(before_scanner(robot), (len(cells), 1))
+    if config.random_phase:
+        phases = [generator(config.seed, f"phase {key}").uniform(0, 2 * np.pi) for key in keys]
+        start = np.array([on_circle(robot, r, phase) for r, phase in zip(radius, phases, strict=True)])
+    fleet = world.fleet(start)
     feed = world.feed(fleet, [generator(config.seed, f"grid {key}") for key in keys])
     omega = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, robot.geometry)
     common = world.metadata(config.localization)
@@ -89,6 +94,20 @@ def before_scanner(robot: Robot) -> Array:
     """The pose (3,) at CLEARANCE in front of the scanner, from where a left turn never comes nearer to it."""
     x, y, heading = robot.lrf_mount
     return np.array([x + CLEARANCE * np.cos(heading), y + CLEARANCE * np.sin(heading), heading - np.pi / 2])
+
+
+def on_circle(robot: Robot, radius: float, phase: float) -> Array:
+    """A pose (3,) on a circle before the scanner, from where a left turn commanded with `radius` [m] follows it.
+
+    The circle is as wide as slip makes it, so that it comes no nearer than CLEARANCE wherever on it the robot starts.
+    """
+    x, y, heading = robot.lrf_mount
+    driven = _WIDER * radius
+    away = CLEARANCE + driven
+    centre = np.array([x + away * np.cos(heading), y + away * np.sin(heading)])
+    along = heading - np.pi / 2 + phase
+    outwards = np.array([np.sin(along), -np.cos(along)])
+    return np.array([*(centre + driven * outwards), along])
 
 
 def make_locator(name: str, robot: Robot) -> Locator:

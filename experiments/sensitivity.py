@@ -11,12 +11,12 @@ import numpy as np
 from experiments import store
 from experiments.console import print_table
 from experiments.effects import EFFECTS, Effect
-from experiments.grid import drive_grid, localization_summary, usable_samples
+from experiments.grid import drive_grid, localization_summary
 from experiments.sensitivity_config import SensitivityConfig
 from experiments.sensitivity_report import render
 from experiments.world import World
 from trackslip.errors import LogError
-from trackslip.identification import true_samples
+from trackslip.identification import true_samples, usable_samples
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.runlog import RunLog
 
@@ -66,7 +66,7 @@ def settings(effect: Effect) -> dict[str, Any]:
     return dict(effect.scanner) | {name: value for name, value in rest.items() if value}
 
 
-def errors(logs: Sequence[RunLog], world: World, motion: str) -> dict[str, Any]:
+def errors(logs: Sequence[RunLog], world: World, motion: str | None) -> dict[str, Any]:
     """Errors of slip over the runs that can be used, None where none can; errors of all poses; and why not."""
     geometry = world.robot.geometry
     slip, warnings = slip_errors(logs, geometry, motion)
@@ -78,14 +78,14 @@ def errors(logs: Sequence[RunLog], world: World, motion: str) -> dict[str, Any]:
     }
 
 
-def slip_errors(logs: Sequence[RunLog], geometry: RobotGeometry, motion: str) -> tuple[Array | None, list[str]]:
+def slip_errors(logs: Sequence[RunLog], geometry: RobotGeometry, motion: str | None) -> tuple[Array | None, list[str]]:
     """Errors (n, 2) of slip in the runs that can be used, None where none can; and why the others can't."""
     try:
-        samples, warnings = usable_samples(logs, geometry, motion)
+        sampling = usable_samples(logs, geometry, method=motion)
     except LogError as error:
         return None, [str(error)]
-    truth = true_samples([log for log in logs if log.run in samples.run], geometry)
-    return samples.slip - truth.slip, warnings
+    truth = true_samples([log for log in logs if log.run in sampling.samples.run], geometry)
+    return sampling.samples.slip - truth.slip, [*sampling.notes, *map(str, sampling.refused)]
 
 
 def statistics(error: Array) -> dict[str, float]:

@@ -188,6 +188,13 @@ class Fleet:
         pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
         return np.column_stack([-self.batch.qpos[:, 2], roll, pitch])
 
+    def lean(self) -> Array:
+        """How far the plates stand to the left of the chassis, at the height at which they are scanned (N,) [m]."""
+        w, x, y, z = self._quaternion
+        up = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])  # of the chassis
+        along = (self.robot.lrf_height - self.batch.qpos[:, 2]) / up[2]
+        return along * (np.cos(self._heading) * up[1] - np.sin(self._heading) * up[0])
+
     def _lay_friction(self) -> None:
         """Give every pad the friction of the place and the time."""
         self._pad_friction[:] = self._friction.at(self.time, self.batch.qpos[:, :2], self._wrapped_heading())

@@ -170,6 +170,7 @@ class _Recorder:
         self._valid = np.zeros((rows, n), bool)
         self._true_pose = np.zeros((rows, n, 3))
         self._true_twist = np.zeros((rows, n, 3))
+        self._lean = np.zeros((rows, n))
         self._traction = np.zeros((rows, n, 2))
         self._torque = np.zeros((rows, n, 2))
         self._energy = np.zeros((rows, n, 2))
@@ -182,6 +183,7 @@ class _Recorder:
         self.omega[k] = (angle - self._angle) / self._period
         self._angle = angle
         self._true_pose[k], self._true_twist[k] = fleet.pose(), fleet.twist()
+        self._lean[k] = fleet.lean()
         self._traction[k], self._torque[k] = fleet.traction(), fleet.drive.torque
         self._energy[k], self._saturated_time[k] = fleet.drive.energy, fleet.drive.saturated_time
         for i in np.flatnonzero(~(np.abs(fleet.attitude()[:, 1:]) < _TIPPED).all(axis=1)):
@@ -209,6 +211,7 @@ class _Recorder:
                     self._torque[:, i],
                     self._rate(self._energy[:, i]),
                     self._rate(self._saturated_time[:, i]),
+                    self._lean[:, i],
                 ),
                 metadata=dict(d.metadata),
             )

@@ -33,10 +33,11 @@ _TRACTION = ("traction_l", "traction_r")
 _TORQUE = ("torque_l", "torque_r")
 _POWER = ("power_l", "power_r")
 _SATURATED = ("saturated_l", "saturated_r")
+_LEAN = ("true_lean",)
 _UNITS = {
     "t": "s",
     **dict.fromkeys(("omega_l", "omega_r", *_COMMAND, "w", "w_cmd", "true_w"), "rad/s"),
-    **dict.fromkeys(("x", "y", "true_x", "true_y"), "m"),
+    **dict.fromkeys(("x", "y", "true_x", "true_y", "true_lean"), "m"),
     **dict.fromkeys(("phi", "true_phi"), "rad"),
     **dict.fromkeys(("v", "v_cmd", "true_v", "true_lateral"), "m/s"),
     **dict.fromkeys(("var_x", "cov_xy", "var_y"), "m^2"),
@@ -137,7 +138,9 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
     command = columns.optional(_COMMAND)
     twist_command = columns.optional(_TWIST_COMMAND)
     covariance = columns.optional(_COVARIANCE)
-    truth = [columns.optional(names) for names in (_TRUE_POSE, _TRUE_TWIST, _TRACTION, _TORQUE, _POWER, _SATURATED)]
+    truth = [
+        columns.optional(names) for names in (_TRUE_POSE, _TRUE_TWIST, _TRACTION, _TORQUE, _POWER, _SATURATED, _LEAN)
+    ]
     logs = []
     for number, key in enumerate(keys):
         rows = np.flatnonzero(label == number)
@@ -268,6 +271,7 @@ def _run_table(log: RunLog) -> pa.Table:
             (_TORQUE, log.truth.torque),
             (_POWER, log.truth.power),
             (_SATURATED, log.truth.saturated),
+            (_LEAN, None if log.truth.lean is None else log.truth.lean[:, None]),
         ]
     for names, block in blocks:
         if block is not None:
@@ -290,10 +294,10 @@ def _present(block: Array | None, rows: np.ndarray) -> Array | None:
 
 
 def _truth(parts: Sequence[Array | None]) -> Truth | None:
-    pose, twist, traction, torque, power, saturated = parts
+    pose, twist, traction, torque, power, saturated, lean = parts
     if pose is None or twist is None or traction is None or torque is None:
         return None
-    return Truth(pose, twist, traction, torque, power, saturated)
+    return Truth(pose, twist, traction, torque, power, saturated, None if lean is None else lean[:, 0])
 
 
 def _symmetric(upper: Array) -> Array:

@@ -22,6 +22,7 @@ class Truth:
     torque: Array  # (T, 2) torque of each motor, at its sprocket [N m]
     power: Array | None = None  # (T, 2) electrical power of each motor, mean since the row before [W]
     saturated: Array | None = None  # (T, 2) share of the time since the row before with the motor at its limit [-]
+    lean: Array | None = None  # (T,) how far the scanned plate stands to the left of the robot [m]
 
 
 @dataclass(frozen=True)

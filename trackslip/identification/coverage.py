@@ -73,9 +73,9 @@ def coverage(
 
 
 def noise_coverage(
-    name: str, repeats: Sequence[SlipSamples], truth: SlipSamples, geometry: RobotGeometry
+    name: str, repeats: Sequence[tuple[SlipSamples, SlipSamples]], geometry: RobotGeometry
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """How often the fits to repeats of the same runs, with other noise, hold the fit to the true motion.
+    """How often fits to measured samples hold the fits to their true motions, which stand beside them in `repeats`.
 
     The true motion is fitted with the weights of each repeat, so that nothing but noise is between the two.
 
@@ -85,7 +85,7 @@ def noise_coverage(
     """
     family = FAMILIES[name]
     by_noise, by_all = np.zeros(len(family.names)), np.zeros(len(family.names))
-    for samples in repeats:
+    for samples, truth in repeats:
         runs = WeightedRuns.of(samples, geometry)
         fits = fit(family, runs)
         goal = fit(family, runs.measured(truth.twist[None]), fits.values, fits.scatter).values[0]

@@ -10,7 +10,7 @@ import numpy as np
 from trackslip.errors import InvalidValueError, LogError, require_non_negative
 from trackslip.identification.plausibility import require_plausible
 from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
-from trackslip.motion import DEFAULT_METHOD, MOTION_METHODS, require_steady_motion
+from trackslip.motion import MOTION_METHODS, best_method, require_steady_motion
 from trackslip.runlog import RunLog
 from trackslip.steady import SETTLE, steady_part
 
@@ -104,7 +104,7 @@ class Sampling:
 
 
 def slip_samples(
-    logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE, method: str = DEFAULT_METHOD
+    logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE, method: str | None = None
 ) -> SlipSamples:
     """Mean slip of each run from its estimated poses and measured sprocket speeds.
 
@@ -112,7 +112,7 @@ def slip_samples(
         logs: runs with a stretch at constant sprocket speeds.
         geometry: the robot's nominal geometry.
         settle: time after the sprockets have become steady that is left out [s].
-        method: name of a motion method, out of MOTION_METHODS.
+        method: name of a motion method, out of MOTION_METHODS; by default the most exact that each run allows.
 
     Raises:
         InvalidValueError: for an unknown method.
@@ -122,7 +122,7 @@ def slip_samples(
 
 
 def usable_samples(
-    logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE, method: str = DEFAULT_METHOD
+    logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE, method: str | None = None
 ) -> Sampling:
     """The samples of those runs that give one, and why the others don't; see `slip_samples`.
 
@@ -167,9 +167,12 @@ def _sampling(usable: list[SlipSamples], refused: list[Refused], notes: list[str
     return Sampling(SlipSamples.joined(usable), tuple(refused), tuple(notes))
 
 
-def _sample(log: RunLog, geometry: RobotGeometry, settle: float, method: str) -> tuple[SlipSamples, tuple[str, ...]]:
+def _sample(
+    log: RunLog, geometry: RobotGeometry, settle: float, method: str | None
+) -> tuple[SlipSamples, tuple[str, ...]]:
     """One run's sample, and what was left out of the run."""
     require_non_negative("settle", settle)
+    method = method or best_method(log)
     if method not in MOTION_METHODS:
         raise InvalidValueError("motion", method, f"one of {', '.join(MOTION_METHODS)}")
     part = steady_part(log, geometry, settle)
@@ -180,17 +183,29 @@ def _sample(log: RunLog, geometry: RobotGeometry, settle: float, method: str) ->
     return sample, part.notes
 
 
-def true_samples(logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE) -> SlipSamples:
+def true_samples(
+    logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE, of_plate: bool = False
+) -> SlipSamples:
     """The same from the truth of simulated runs.
+
+    Args:
+        logs: simulated runs.
+        geometry: the robot's nominal geometry.
+        settle: as for `slip_samples`.
+        of_plate: take the motion of what the scanner sees, the plate, which leans outwards with the robot: on a circle
+            it moves along a wider one, faster by the yaw rate times the lean.
 
     Raises:
         LogError: for a run without truth.
     """
     omega, twist = [], []
     for log in logs:
-        if log.truth is None:
+        if log.truth is None or (of_plate and log.truth.lean is None):
             raise LogError(f"run {log.run!r}: has no truth")
         rows = steady_part(log, geometry, settle).rows
+        true = log.truth.twist[rows][:, [0, 2]]
+        if of_plate and log.truth.lean is not None:
+            true = np.column_stack([true[:, 0] - true[:, 1] * log.truth.lean[rows], true[:, 1]])
         omega.append(log.omega[rows].mean(axis=0))
-        twist.append(log.truth.twist[rows][:, [0, 2]].mean(axis=0))
+        twist.append(true.mean(axis=0))
     return SlipSamples.of(np.array(omega), np.array(twist), geometry, [log.run for log in logs])

@@ -17,6 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import stats
 
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import SIDES, Array, RobotGeometry, track_speeds
@@ -27,6 +28,7 @@ LEAST_SCATTER = 1e-9
 """tau of samples that lie on a law to within rounding [-]."""
 _MOST_SCATTER = 10.0
 _HALVINGS = 60
+_EXPLAINED = 0.95  # probability of a smaller chi-square, up to which it is put down to chance
 
 
 @dataclass(frozen=True)
@@ -81,9 +83,10 @@ class WeightedRuns:
         return (deviation * factor).reshape(len(deviation), -1)
 
     def scatter(self, deviation: Array, freedom: float) -> Array:
-        """tau (M,) that brings chi-square to its expectation `freedom`; 0, or what rounding leaves, if it isn't above.
+        """tau (M,) that brings chi-square to its expectation `freedom`, after Paule and Mandel (1982).
 
-        After Paule and Mandel (1982).
+        0 where the errors of measurement explain chi-square: a scatter that is estimated only when chance makes it
+        large would widen intervals for nothing. Without such errors at least what rounding leaves.
         """
         known = self.eigenvalues.min(initial=np.inf) > 0
         low = np.full(len(deviation), np.log(LEAST_SCATTER))
@@ -93,4 +96,7 @@ class WeightedRuns:
             above = np.sum(self.whiten(deviation, np.exp(middle)) ** 2, axis=1) > freedom
             low, high = np.where(above, middle, low), np.where(above, high, middle)
         least = low == np.log(LEAST_SCATTER)
+        if known:
+            unscattered = np.sum(self.whiten(deviation, np.zeros(len(deviation))) ** 2, axis=1)
+            least |= unscattered < stats.chi2.ppf(_EXPLAINED, freedom)
         return np.where(least, 0.0 if known else LEAST_SCATTER, np.exp((low + high) / 2))

@@ -27,6 +27,9 @@ MOTION_METHODS: dict[str, MotionMethod] = {
     "arc": arc,
     "bundle": bundle,
 }
-"""Ways from the poses of a steady run to its twist, the paper's as printed first, the most exact last."""
-DEFAULT_METHOD = "arc"
-"""The one that slips are identified with."""
+"""Ways from a steady run to its twist, the paper's as printed first, the most exact last."""
+
+
+def best_method(log: RunLog) -> str:
+    """The most exact method that a run allows: all ranges where it has them, else all poses."""
+    return "arc" if log.scans is None else "bundle"
