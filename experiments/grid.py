@@ -17,6 +17,7 @@ from experiments.world import World
 from sim.robot import Robot
 from sim.runs import Description, open_loop
 from sim.seeds import generator
+from sim.stopwatch import Stopwatch
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification import SlipSamples, slip_samples, true_samples, usable_samples
 from trackslip.kinematics import Array, RobotGeometry, sprocket_speeds, wrap_angle
@@ -38,15 +39,15 @@ def run(config: GridConfig) -> None:
     with store.results(config.out) as folder:
         world = World.of(config)
         robot = world.robot
-        logs = drive_grid(config, world)
-        sampling = usable_samples(logs, robot.geometry, method=config.motion)
-        samples = sampling.samples
+        watch = Stopwatch()
+        logs = drive_grid(config, world, watch)
+        with watch.stage("slips"):
+            sampling = usable_samples(logs, robot.geometry, method=config.motion)
         warnings = [*saturation_warnings(logs), *sampling.notes, *map(str, sampling.refused)]
+        with watch.stage("errors of all methods"):
+            summary = grid_summary(config, logs, sampling.samples, robot.geometry, watch) | {"warnings": warnings}
         wall = time.perf_counter() - began
-        summary = grid_summary(config, logs, samples, robot.geometry) | {
-            "warnings": warnings,
-            "timing": {"wall_s": wall, "simulated_s": simulated_seconds(logs), "stages": {"grid": wall}},
-        }
+        summary["timing"] = {"wall_s": wall, "simulated_s": simulated_seconds(logs), "stages": watch.stages}
         about = world.manifest("grid", wall)
         store.write_results(folder, logs, summary, about)
     print_table(
@@ -56,10 +57,11 @@ def run(config: GridConfig) -> None:
     )
     for warning in warnings:
         print(f"warning: {warning}")
+    print(stages_text(watch.stages))
     print(f"{config.out / store.RUNS}: {len(logs)} runs in {wall:.1f} s")
 
 
-def drive_grid(config: GridConfig, world: World) -> list[RunLog]:
+def drive_grid(config: GridConfig, world: World, watch: Stopwatch | None = None) -> list[RunLog]:
     """Every radius at every speed, all runs at once; raises InvalidValueError for radii too tight for the robot."""
     robot = world.robot
     half_gauge = robot.geometry.half_gauge
@@ -86,7 +88,7 @@ def drive_grid(config: GridConfig, world: World) -> list[RunLog]:
     ]
     with progress(f"{len(cells)} runs, scans and poses", config.duration) as report:
         return open_loop(
-            fleet, omega, config.duration, feed, make_locator(config.localization, robot), descriptions, report
+            fleet, omega, config.duration, feed, make_locator(config.localization, robot), descriptions, report, watch
         )
 
 
@@ -120,6 +122,11 @@ def simulated_seconds(logs: Sequence[RunLog]) -> float:
     return float(sum(log.time[-1] - log.time[0] for log in logs))
 
 
+def stages_text(stages: Mapping[str, float]) -> str:
+    """Seconds by stage, in a line."""
+    return ", ".join(f"{name} {seconds:.1f} s" for name, seconds in stages.items())
+
+
 def saturation_warnings(logs: Sequence[RunLog]) -> list[str]:
     """Which drives were too weak."""
     warnings = []
@@ -131,9 +138,9 @@ def saturation_warnings(logs: Sequence[RunLog]) -> list[str]:
 
 
 def grid_summary(
-    config: GridConfig, logs: Sequence[RunLog], samples: SlipSamples, geometry: RobotGeometry
+    config: GridConfig, logs: Sequence[RunLog], samples: SlipSamples, geometry: RobotGeometry, watch: Stopwatch
 ) -> dict[str, Any]:
-    """The numbers of a grid: radii, spread of the slips over speed, errors of localisation and of slip.
+    """The numbers of a grid: radii, spread of the slips over speed, errors and speed of localisation, errors of slip.
 
     What needs a run that gave no sample is NaN.
     """
@@ -166,7 +173,8 @@ def grid_summary(
         "slip_rms_vs_published": rms(slip[known] - PUBLISHED(1 / at_published[known])) if known.any() else None,
         "slip_rms_vs_published_at_simulated_radii": rms(samples.slip - PUBLISHED(samples.curvature)),
         "speed_spread": {"outer": spread[outer], "inner": spread[inner]},
-        "localization": localization_summary(logs),
+        "localization": localization_summary(logs)
+        | {"scans_per_s": sum(len(log.time) for log in logs) / watch.stages["localization"]},
         "slip_error": _slip_error(error) | motion_errors([log for log in logs if log.run in samples.run], geometry),
     }
 

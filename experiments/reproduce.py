@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -18,6 +17,7 @@ from experiments.grid import (
     make_locator,
     saturation_warnings,
     simulated_seconds,
+    stages_text,
 )
 from experiments.report import ComparisonRow, Report, render
 from experiments.track import (
@@ -30,6 +30,7 @@ from experiments.track import (
 from experiments.world import World
 from sim.runs import Description, Pilot, closed_loop
 from sim.seeds import generator
+from sim.stopwatch import Stopwatch
 from trackslip.identification import identify, usable_samples
 from trackslip.lawfile import identification_to_json
 from trackslip.runlog import RunLog
@@ -40,28 +41,29 @@ from trackslip.trajectory import paper_reference
 def run(config: ReproduceConfig) -> None:
     """Grid, identification, verification, report, in this order."""
     began = time.perf_counter()
-    stages: dict[str, float] = {}
+    watch = Stopwatch()
     with store.results(config.out) as folder:
         world = World.of(config)
         robot = world.robot
-        with _timed(stages, "grid"):
-            grid_logs = drive_grid(config, world)
-        with _timed(stages, "identify"):
+        grid_logs = drive_grid(config, world, watch)
+        with watch.stage("slips"):
             sampling = usable_samples(grid_logs, robot.geometry, method=config.motion)
+        with watch.stage("laws"):
             found = identify(sampling, robot.geometry)
+        with watch.stage("errors of all methods"):
             warnings = [*saturation_warnings(grid_logs), *found.warnings]
             laws = found.comparison.laws
             summary = identification_to_json(found, robot.geometry) | {
                 "published": published_summary(),
                 "warnings": warnings,
             }
-            summary |= grid_summary(config, grid_logs, sampling.samples, robot.geometry)
-        with _timed(stages, "track"):
+            summary |= grid_summary(config, grid_logs, sampling.samples, robot.geometry, watch)
+        with watch.stage("closed loops"):
             tracking_logs = drive_paths(config, world, {name: laws[name].law for name in IDENTIFIED if name in laws})
             summary["tracking"] = tracking_summary(tracking_logs, paper_reference())
         summary = store.plain(summary)
         rows = comparison(summary)
-        with _timed(stages, "report"):
+        with watch.stage("report"):
             about = world.manifest("reproduce", time.perf_counter() - began)
             page = Report(
                 title="Slip of a tracked robot: the paper and its simulation",
@@ -79,7 +81,7 @@ def run(config: ReproduceConfig) -> None:
         summary["timing"] = {
             "wall_s": wall,
             "simulated_s": simulated_seconds([*grid_logs, *tracking_logs]),
-            "stages": stages,
+            "stages": watch.stages,
         }
         store.write_results(folder, [*grid_logs, *tracking_logs], summary, about)
     print_table(
@@ -90,6 +92,7 @@ def run(config: ReproduceConfig) -> None:
     print_table("Tracking errors of the true pose", TRACKING_HEADER, tracking_rows(summary["tracking"]))
     for warning in warnings:
         print(f"warning: {warning}")
+    print(stages_text(watch.stages))
     simulated = summary["timing"]["simulated_s"]
     print(f"{config.out / store.REPORT}: {wall:.1f} s for {simulated:.0f} s of simulated driving")
 
@@ -171,13 +174,6 @@ def comparison(summary: Mapping[str, Any]) -> list[ComparisonRow]:
                 printed = seen if entry["compensation"] == "published" else "-"
                 rows.append(row(f"{what}, {entry['compensation']}", printed, f"{1e3 * entry[key]:.1f} mm"))
     return rows
-
-
-@contextmanager
-def _timed(stages: dict[str, float], stage: str) -> Iterator[None]:
-    began = time.perf_counter()
-    yield
-    stages[stage] = time.perf_counter() - began
 
 
 def _exponential(alpha: float, beta: float) -> str:

@@ -11,6 +11,7 @@ import numpy as np
 
 from sim.fleet import Fleet
 from sim.scanner import ScannerFeed
+from sim.stopwatch import Stopwatch
 from trackslip.controllers import Controller
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import Array, limit_sprocket_speeds
@@ -61,14 +62,17 @@ def open_loop(
     locator: Locator,
     descriptions: Sequence[Description],
     progress: Progress = lambda seconds: None,
+    watch: Stopwatch | None = None,
 ) -> list[RunLog]:
     """Drive constant sprocket speeds (N, 2) [rad/s] for `duration` [s]; the poses come from the scans, afterwards.
 
-    Speeds beyond the top speed are scaled for both tracks alike, so that the curvature is kept.
+    Speeds beyond the top speed are scaled for both tracks alike, so that the curvature is kept. `watch` is told how
+    much of the time is localization.
 
     Raises:
         TrackslipError: when a robot tips over.
     """
+    watch = watch or Stopwatch()
     record = _Recorder(fleet, scan_count(duration, feed.period), feed.period, descriptions)
     start = fleet.pose()
     block = max(1, _SCANS_AT_ONCE // fleet.size)
@@ -77,18 +81,21 @@ def open_loop(
     clusters: list[Cluster] = []
 
     def localise() -> None:
-        ranges = feed.measure(np.stack(waiting, axis=1)).ranges  # (N, block, B)
-        scan = feed.scan(ranges.reshape(-1, ranges.shape[-1]))
-        estimates.append(locator.locate(scan))
-        clusters.append(extract_plate(scan, fleet.robot.plate, scan.from_world(estimates[-1].pose)))
+        with watch.stage("physics and scans"):
+            ranges = feed.measure(np.stack(waiting, axis=1)).ranges  # (N, block, B)
+            scan = feed.scan(ranges.reshape(-1, ranges.shape[-1]))
+        with watch.stage("localization"):
+            estimates.append(locator.locate(scan))
+            clusters.append(extract_plate(scan, fleet.robot.plate, scan.from_world(estimates[-1].pose)))
         waiting.clear()
 
     for k in range(record.rows):
-        if k > 0:
-            fleet.advance(feed.period)
-            progress(feed.period)
-        record.measure(k)
-        waiting.append(feed.true_ranges())
+        with watch.stage("physics and scans"):
+            if k > 0:
+                fleet.advance(feed.period)
+                progress(feed.period)
+            record.measure(k)
+            waiting.append(feed.true_ranges())
         if len(waiting) == block or k == record.rows - 1:
             localise()
         fleet.command(limit_sprocket_speeds(omega, fleet.drive.limit))
