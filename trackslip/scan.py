@@ -13,8 +13,8 @@ from trackslip.pieces import Returns, best_of_each
 MAX_GAP = 0.7
 """Neighbouring returns farther apart than this belong to different things [m]: longer than the plate, which seen
 nearly edge-on returns points as far apart as its whole length."""
-FINE_GAP = 0.1
-"""Neighbouring returns nearer than this belong to the same thing, as a rule [m]."""
+FINER_GAPS = (0.25, 0.1)
+"""Where MAX_GAP doesn't part the plate from something else near it, these may [m]."""
 LEAST_RETURNS = 3
 """Fewer returns than this don't make a pose."""
 LEAST_NOISE = 0.5e-3
@@ -218,17 +218,25 @@ def _returns(scan: Scan) -> Returns:
 
 
 def _hidden(scan: Scan, rows: np.ndarray, edge: np.ndarray, way: int) -> Array:
-    """Angle (C,) beyond the beams `edge` (C,) of the scans `rows` that something nearer hides, going one `way`."""
-    beams = scan.ranges.shape[1]
-    nearer = scan.ranges[rows, edge] - _IN_FRONT
-    angle = np.zeros(len(rows))
-    active = np.arange(len(rows))
-    beam = edge + way
+    """Angle (C,) beyond the beams `edge` (C,) of the scans `rows` that something nearer hides, going one `way`.
+
+    It is inf where that ends at the edge of the field of view, or at a return that may be the plate's again; so it is
+    where nothing hides it, but two returns follow that may be. (One may be of plate and background, mixed.)
+    """
+    last = scan.ranges.shape[1] - 1
+    own = scan.ranges[rows, edge]
+    beam, second = edge + way, np.clip(edge + 2 * way, 0, last)
+    farther = scan.ranges[rows, np.clip(beam, 0, last)] - own
+    beside = (farther > -_IN_FRONT) & (farther < FINER_GAPS[0])
+    goes_on = beside & (scan.ranges[rows, second] < own + MAX_GAP) & (second == edge + 2 * way)
+    angle = np.where(goes_on, np.inf, 0.0)
+    active = np.flatnonzero(~goes_on)
     while active.size:
-        on = (beam[active] >= 0) & (beam[active] < beams)
-        angle[active[~on & (angle[active] > 0)]] = np.inf
-        active = active[on]
-        active = active[scan.ranges[rows[active], beam[active]] < nearer[active]]
+        on = (beam[active] >= 0) & (beam[active] <= last)
+        next_range = np.where(on, scan.ranges[rows[active], np.clip(beam[active], 0, last)], 0.0)
+        nearer = on & (next_range < own[active] - _IN_FRONT)
+        angle[active[~nearer & (next_range < own[active] + MAX_GAP) & (angle[active] > 0)]] = np.inf
+        active = active[nearer]
         angle[active] += scan.beam_step
         beam[active] += way
     return angle
@@ -236,7 +244,7 @@ def _hidden(scan: Scan, rows: np.ndarray, edge: np.ndarray, way: int) -> Array:
 
 def _about(returns: Returns, plate: Plate, near: Array) -> np.ndarray:
     """Which returns (H,) belong to pieces that lie for the most part about the plates expected at `near` (S, 3)."""
-    pieces = returns.split(FINE_GAP)
+    pieces = returns.split(FINER_GAPS[-1])
     close = plate.outside(near[returns.row], returns.x, returns.y) < _ABOUT
     share = np.bincount(pieces.label, weights=close, minlength=len(pieces.count)) / np.maximum(pieces.count, 1)
     fits = pieces.extent < plate.length + 2 * _ABOUT

@@ -21,10 +21,12 @@ from trackslip.localization.likelihood import Fit, PlateLikelihood, View, invers
 from trackslip.localization.solution import UNKNOWN, Solution
 from trackslip.localization.starts import MOST_STARTS, chunks, starts
 from trackslip.pieces import best_of_each
-from trackslip.scan import FINE_GAP, MAX_GAP, Cluster, Plate, Scan, extract_plate, plate_candidates, returns_at
+from trackslip.scan import FINER_GAPS, MAX_GAP, Cluster, Plate, Scan, extract_plate, plate_candidates, returns_at
 
 _STRAINED = 4.0  # standard deviations of the misfit beyond which something else is among the returns
 _EXPLAINED = 7.0  # log likelihood that a return gains by being the plate's, not any thing's within some metres
+_FEWEST = 8  # returns of a plate that is half hidden, to be told from those of something else
+_ROUNDS = 2  # of choosing the returns by the pose
 _SCREENED = 24  # beams of a cluster that the starts are screened on
 _LEAST_DROPOUT = 0.02  # probability that a beam isn't stopped by a plate that is in its way
 
@@ -55,30 +57,34 @@ class PlateLocator:
         """Poses of the plate in scans with ranges (S, B); see `Locator`.
 
         Without an expected pose every cluster that could be a plate is tried, and the one kept that explains most.
+        Where something else may be among a cluster's returns, or some are missing from it, they are chosen anew by the
+        pose found.
         """
         if predicted is None:
             near = None
             found = self._best(scan, MAX_GAP)
-            doubtful = np.flatnonzero(found.strained | ~np.isfinite(found.misfit))
-            if doubtful.size:
-                found.improve(doubtful, self._best(replace(scan, ranges=scan.ranges[doubtful]), FINE_GAP))
+            doubtful = astray = np.flatnonzero(found.doubtful | ~np.isfinite(found.misfit))
         else:
             near = scan.from_world(predicted)
             found = self._solve(scan, extract_plate(scan, self.plate, near), near)
-        strained = np.flatnonzero(found.strained)
-        if strained.size:
-            self._sort_out(scan, found, strained, near)
+            astray = np.flatnonzero(found.misfit > self.max_misfit)
+            doubtful = np.flatnonzero(found.doubtful | (found.misfit > self.max_misfit))
+        for gap in FINER_GAPS if astray.size else ():
+            found.improve(astray, self._best(replace(scan, ranges=scan.ranges[astray]), gap))
+        if doubtful.size:
+            self._sort_out(scan, found, doubtful, near)
         valid = self._believed(found)
         covariance = np.where(valid[:, None, None], found.covariance, np.nan)
         return PoseEstimate(scan.to_world(found.pose), scan.covariance_to_world(covariance), valid)
 
     def _sort_out(self, scan: Scan, found: Solution, rows: np.ndarray, near: Array | None) -> None:
         """Improve what was `found` in the scans `rows` where it pays to choose the returns by the pose."""
-        part, first = replace(scan, ranges=scan.ranges[rows]), found.take(rows)
-        pose = first.pose
-        if near is not None:
-            pose = np.where((first.misfit < self.max_misfit)[:, None], pose, near[rows])
-        found.improve(rows, self._solve(part, returns_at(part, self.plate, pose), pose))
+        part = replace(scan, ranges=scan.ranges[rows])
+        for _ in range(_ROUNDS):
+            pose = found.pose[rows]
+            if near is not None:
+                pose = np.where((found.misfit[rows] < self.max_misfit)[:, None], pose, near[rows])
+            found.improve(rows, self._solve(part, returns_at(part, self.plate, pose), pose))
 
     def _best(self, scan: Scan, gap: float) -> Solution:
         """What the best of the clusters says that are parted by more than `gap` [m]."""
@@ -106,12 +112,15 @@ class PlateLocator:
             fit = self._fit(view, starts(part, self.plate, scan.beam_step, None if near is None else near[rows]))
             inverse, regular = inverses(fit.hessian)
             covariance = np.where(regular[:, None, None], inverse, UNKNOWN)
-            strain = fit.misfit - 1 > _STRAINED / np.sqrt(2 * cluster.count[rows])
-            covariance *= np.where(strain, fit.misfit**2, 1.0)[:, None, None]
-            score = _EXPLAINED * cluster.count[rows] - fit.cost
-            score += np.log(max(scan.dropout, _LEAST_DROPOUT)) * cluster.lost[rows]
-            found.put(rows, Solution(fit.pose, covariance, fit.misfit, score, strain))
+            misfit = np.sqrt(2 * fit.cost / part.count)  # the edges count
+            strained = misfit - 1 > _STRAINED / np.sqrt(2 * part.count)
+            cut = (part.hidden > 0).any(axis=1)
+            covariance *= np.where(strained, misfit**2, 1.0)[:, None, None]
+            score = _EXPLAINED * part.count - fit.cost
+            score += np.log(max(scan.dropout, _LEAST_DROPOUT)) * part.lost
+            found.put(rows, Solution(fit.pose, covariance, misfit, score, strained | cut))
         self._mend(scan, cluster, found)
+        found.covariance[(cluster.hidden > 0).any(axis=1) & (cluster.count < _FEWEST)] = UNKNOWN
         return found
 
     def _mend(self, scan: Scan, cluster: Cluster, found: Solution) -> None:
@@ -131,8 +140,7 @@ class PlateLocator:
     def _fit(self, view: View, first: Array) -> Fit:
         """The best fits (S,) of those climbed to from the poses `first` (S, K, 3)."""
         scans, k, _ = first.shape
-        screened = climb(
-            self._likelihood, view.take(np.repeat(np.arange(scans), k)), first.reshape(-1, 3), self.screening
-        )
+        thinned = view.thinned(_SCREENED).take(np.repeat(np.arange(scans), k))
+        screened = climb(self._likelihood, thinned, first.reshape(-1, 3), self.screening)
         best = np.argmin(screened.cost.reshape(scans, k), axis=1) + k * np.arange(scans)
         return climb(self._likelihood, view, screened.pose[best], self.iterations)

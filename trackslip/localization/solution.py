@@ -18,9 +18,9 @@ class Solution:
 
     pose: Array  # (S, 3) in the LRF's frame
     covariance: Array  # (S, 3, 3)
-    misfit: Array  # (S,) rms residual of the ranges [standard deviations]
+    misfit: Array  # (S,) rms residual of ranges and edges, large ones counting less [standard deviations]
     score: Array  # (S,) log likelihood of the scan, over that of a scan without a plate
-    strained: np.ndarray  # (S,) bool: the returns scatter more about the plate than noise explains
+    doubtful: np.ndarray  # (S,) bool: something else may be among the returns, or in front of the plate
 
     @classmethod
     def none(cls, scans: int) -> Solution:
@@ -36,7 +36,7 @@ class Solution:
     def take(self, rows: np.ndarray) -> Solution:
         """The scans `rows`."""
         return Solution(
-            self.pose[rows], self.covariance[rows], self.misfit[rows], self.score[rows], self.strained[rows]
+            self.pose[rows], self.covariance[rows], self.misfit[rows], self.score[rows], self.doubtful[rows]
         )
 
     def put(self, rows: np.ndarray, other: Solution) -> None:

@@ -14,19 +14,23 @@ MOST_STARTS = 6
 """Starts of a cluster, at most: with an expected pose."""
 _BESIDE = np.radians(2.0)  # the two starts beside the line of sight
 _FROM_SIDE = np.sin(np.radians(30.0))  # of the angle between line and sight
+_WHOLE = 0.8  # of a side: one seen for more of its length than this is placed by both its ends
 _CHUNK = 20_000  # elements (starts x beams) worked on at a time, so that they stay in the cache
 
 
 def starts(cluster: Cluster, plate: Plate, beam_step: float, near: Array | None) -> Array:
     """Poses (S, K, 3) to climb from.
 
-    They are those of the line's heading, its mirror image, then both sides of edge-on, or, where the line is seen from
-    the side, a little to both ends of it, and the expected pose.
+    They are those of the line's heading, its mirror image, then both sides of edge-on, and the expected pose. Where the
+    line is seen from the side, in place of edge-on they are a little to both ends of the line's, or, where part of the
+    plate is out of sight, as far to both ends as it may be.
     """
     line = fit_line(cluster)
+    distance = np.hypot(line.middle[:, 0], line.middle[:, 1])
     sight = np.arctan2(line.middle[:, 1], line.middle[:, 0])
     from_side = np.abs(np.sin(line.heading - sight)) > _FROM_SIDE
-    slide = np.where(from_side, np.hypot(line.middle[:, 0], line.middle[:, 1]) * beam_step / 2, 0.0)
+    whole = line.extent > _WHOLE * plate.length
+    slide = np.where(from_side, np.where(whole, distance * beam_step / 2, plate.length - line.extent), 0.0)
     end = slide[:, None] * np.stack([np.cos(line.heading), np.sin(line.heading), np.zeros(len(slide))], axis=-1)
     poses = [place(cluster, heading, line.middle, plate) for heading in (line.heading, 2 * sight - line.heading)]
     for sign in (1, -1):
@@ -51,7 +55,7 @@ def place(cluster: Cluster, heading: Array, middle: Array, plate: Plate) -> Arra
         away = np.sum(axis * middle, axis=1) > 0  # the LRF is on the low side
         anchored = np.where(away, low + size / 2, high - size / 2)
         spanned = (low + high) / 2
-        middle_of_plate = np.where(high - low > 0.8 * size, spanned, anchored)
+        middle_of_plate = np.where(high - low > _WHOLE * size, spanned, anchored)
         centre += middle_of_plate[:, None] * axis
     return np.concatenate([centre, heading[:, None]], axis=-1)
 
