@@ -26,6 +26,7 @@ import numpy as np
 from trackslip.kinematics import Array
 from trackslip.scan import LEAST_NOISE, Cluster, Plate, Scan
 
+_ALONG, _ACROSS = np.array([1.0, 1.0, -1.0, -1.0]), np.array([1.0, -1.0, 1.0, -1.0])  # of the plate's corners
 _MARGIN = 0.1  # returns this near to the scanner's reach may be cut off by it [m]
 
 
@@ -89,22 +90,18 @@ class PlateLikelihood:
 
     def _edges(self, view: View, centre: Array, e: Array, n: Array) -> tuple[Array, Array]:
         """Residuals (M, 2) of the silhouette's two edges and their Jacobian (M, 2, 3)."""
-        signs = np.array([[1, 1], [1, -1], [-1, 1], [-1, -1]]) / 2
-        offset = (
-            self.plate.length * signs[:, 0, None] * e[:, None, :]
-            + self.plate.thickness * signs[:, 1, None] * n[:, None, :]
-        )  # (M, 4, 2)
-        corner = centre[:, None, :] + offset
+        along, across = self.plate.length / 2 * _ALONG, self.plate.thickness / 2 * _ACROSS
+        d_x, d_y = along * e[:, :1] + across * n[:, :1], along * e[:, 1:] + across * n[:, 1:]  # (M, 4)
+        x, y = centre[:, :1] + d_x, centre[:, 1:] + d_y
         cos, sin = np.cos(view.middle)[:, None], np.sin(view.middle)[:, None]  # bearings from the middle: no wrap there
-        bearing = np.arctan2(cos * corner[..., 1] - sin * corner[..., 0], cos * corner[..., 0] + sin * corner[..., 1])
-        outermost = np.stack([np.argmin(bearing, axis=1), np.argmax(bearing, axis=1)], axis=1)  # (M, 2)
+        bearing = np.arctan2(cos * y - sin * x, cos * x + sin * y)
         rows = np.arange(len(centre))[:, None]
-        x, y = np.moveaxis(corner[rows, outermost], -1, 0)
-        d_x, d_y = np.moveaxis(offset[rows, outermost], -1, 0)
+        outermost = np.stack([bearing.argmin(axis=1), bearing.argmax(axis=1)], axis=1)  # (M, 2)
+        x, y, d_x, d_y = x[rows, outermost], y[rows, outermost], d_x[rows, outermost], d_y[rows, outermost]
         square = np.maximum(x**2 + y**2, 1e-12)
         jacobian = np.stack([-y, x, x * d_x + y * d_y], axis=-1) / square[..., None]
         off = bearing[rows, outermost] - view.edges
-        residual = off - np.clip(off, -view.slack, view.slack)
+        residual = off - np.minimum(np.maximum(off, -view.slack), view.slack)
         weight = np.where((view.slack == 0) | (residual != 0), view.edge_weight, 0.0)
         return residual * weight, jacobian * weight[..., None]
 

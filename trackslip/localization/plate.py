@@ -25,7 +25,7 @@ from trackslip.scan import FINER_GAPS, MAX_GAP, Cluster, Plate, Scan, extract_pl
 
 _STRAINED = 4.0  # standard deviations of the misfit beyond which something else is among the returns
 _EXPLAINED = 7.0  # log likelihood that a return gains by being the plate's, not any thing's within some metres
-_FEWEST = 8  # returns of a plate that is half hidden, to be told from those of something else
+_FEWEST = 8  # returns, fewer of which may look like a plate by chance
 _ROUNDS = 2  # of choosing the returns by the pose
 _SCREENED = 24  # beams of a cluster that the starts are screened on
 _LEAST_DROPOUT = 0.02  # probability that a beam isn't stopped by a plate that is in its way
@@ -109,11 +109,11 @@ class PlateLocator:
         found = Solution.none(len(cluster.count))
         for rows in chunks(cluster, MOST_STARTS):
             view = View.of(scan, part := cluster.take(rows))
-            fit = self._fit(view, starts(part, self.plate, scan.beam_step, None if near is None else near[rows]))
+            fit = self._fit(view, part, scan.beam_step, None if near is None else near[rows])
             inverse, regular = inverses(fit.hessian)
             covariance = np.where(regular[:, None, None], inverse, UNKNOWN)
             misfit = np.sqrt(2 * fit.cost / part.count)  # the edges count
-            strained = misfit - 1 > _STRAINED / np.sqrt(2 * part.count)
+            strained = _strained(misfit, part.count)
             cut = (part.hidden > 0).any(axis=1)
             covariance *= np.where(strained, misfit**2, 1.0)[:, None, None]
             score = _EXPLAINED * part.count - fit.cost
@@ -137,10 +137,27 @@ class PlateLocator:
             pose, covariance = along_plate(self._likelihood, view, found.pose[rows], found.covariance[rows])
             found.pose[rows], found.covariance[rows] = pose, covariance
 
-    def _fit(self, view: View, first: Array) -> Fit:
+    def _fit(self, view: View, cluster: Cluster, beam_step: float, near: Array | None) -> Fit:
+        """The best fit to each cluster; from where the plate is expected alone, if that explains all there is."""
+        if near is None:
+            return self._screened(view, starts(cluster, self.plate, beam_step, None))
+        fit = climb(self._likelihood, view, near, self.iterations)
+        explained = ~_strained(np.sqrt(2 * fit.cost / cluster.count), cluster.count) & (cluster.count >= _FEWEST)
+        rest = np.flatnonzero(~explained)
+        if rest.size:
+            first = starts(cluster.take(rest), self.plate, beam_step, near[rest])
+            fit.put(rest, self._screened(view.take(rest), first))
+        return fit
+
+    def _screened(self, view: View, first: Array) -> Fit:
         """The best fits (S,) of those climbed to from the poses `first` (S, K, 3)."""
         scans, k, _ = first.shape
         thinned = view.thinned(_SCREENED).take(np.repeat(np.arange(scans), k))
         screened = climb(self._likelihood, thinned, first.reshape(-1, 3), self.screening)
         best = np.argmin(screened.cost.reshape(scans, k), axis=1) + k * np.arange(scans)
         return climb(self._likelihood, view, screened.pose[best], self.iterations)
+
+
+def _strained(misfit: Array, count: np.ndarray) -> np.ndarray:
+    """Whether `count` returns (S,) scatter more about the plate than noise explains."""
+    return misfit - 1 > _STRAINED / np.sqrt(2 * count)
