@@ -148,15 +148,17 @@ def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluste
         near: where the plate is expected, poses (S, 3) in the LRF's frame.
     """
     returns = _returns(scan)
-    pieces = returns.split(MAX_GAP)
-    fits = pieces.extent < plate.length + plate.thickness + 6 * scan.noise
-    score = pieces.count if near is None else -np.hypot(*(pieces.centre - near[pieces.row, :2]).T)
-    mine = (fits & best_of_each(pieces.row, np.where(fits, score, -np.inf)))[pieces.label]
+    mine = np.zeros(len(returns.row), bool)
+    expected = np.zeros(len(scan.ranges), bool)
     if near is not None:
-        about = _about(returns, plate, near)
-        expected = np.zeros(len(scan.ranges), bool)
-        expected[returns.row[about]] = True
-        mine = np.where(expected[returns.row], about, mine)
+        mine = _about(returns, plate, near)
+        expected[returns.row[mine]] = True
+    if not expected.all():
+        pieces = returns.split(MAX_GAP)
+        fits = pieces.extent < plate.length + plate.thickness + 6 * scan.noise
+        score = pieces.count if near is None else -np.hypot(*(pieces.centre - near[pieces.row, :2]).T)
+        best = (fits & best_of_each(pieces.row, np.where(fits, score, -np.inf)))[pieces.label]
+        mine = np.where(expected[returns.row], mine, best)
     return gather(scan, np.arange(len(scan.ranges)), returns.row[mine], returns.beam[mine])
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from trackslip.kinematics import Array
 from trackslip.localization.likelihood import Fit, PlateLikelihood, View, inverses
 
-_CONVERGED = 1e-7  # a smaller fall of the cost ends a climb
+_CONVERGED = 1e-5  # a smaller fall of the cost ends a climb
 
 
 def climb(likelihood: PlateLikelihood, view: View, pose: Array, iterations: int, turn: bool = True) -> Fit:
