@@ -1,9 +1,9 @@
 """Maximum likelihood of the known rectangle on the ranges of a scan (see `likelihood`).
 
 The likelihood has several maxima (a plate seen nearly edge-on, and its mirror image about the line of sight, look much
-the same), so it is climbed from several starts at once, by Levenberg-Marquardt over all scans and starts together.
-Within a few degrees of edge-on the heading's likelihood is no bell at all. There it is integrated over a grid of
-headings, the position being fitted at each, and pose and covariance are the posterior's mean and covariance.
+the same), so it is climbed from several starts at once, by Levenberg-Marquardt over all scans and starts together. Only
+where the climb from an expected pose explains the scan as well as noise allows, no other is tried. Where the likelihood
+is no bell, pose and covariance are the posterior's mean and covariance: see `edge_on` and `corner`.
 """
 
 from __future__ import annotations
