@@ -53,21 +53,28 @@ class Tracker:
         self._blind += np.abs(twist) * duration
         return self._pose.copy()
 
+    def believes(self, estimate: PoseEstimate) -> np.ndarray:
+        """Which of N estimates, one a robot, are valid and lie so near to the prediction that they would be taken."""
+        away = self._unwrapped(estimate.pose) - self._pose
+        growth = self._gate.growth * self._blind
+        far = np.hypot(away[:, 0], away[:, 1]) > self._gate.position + growth[:, 0]
+        turned = np.abs(away[:, 2]) > self._gate.heading + growth[:, 1]
+        lost = growth[:, 1] > self._gate.blind_turn
+        return estimate.valid & ~far & ~turned & ~lost
+
     def update(self, estimate: PoseEstimate) -> PoseEstimate:
         """The estimate of N poses, one a robot, put in track; where refused, the prediction, marked not valid."""
-        difference = estimate.pose - self._pose
-        half_turns = np.round(difference[:, 2] / np.pi)
-        pose = estimate.pose.copy()
-        pose[:, 2] -= half_turns * np.pi
-        growth = self._gate.growth * self._blind
-        far = np.hypot(difference[:, 0], difference[:, 1]) > self._gate.position + growth[:, 0]
-        turned = np.abs(pose[:, 2] - self._pose[:, 2]) > self._gate.heading + growth[:, 1]
-        lost = growth[:, 1] > self._gate.blind_turn
-        valid = estimate.valid & ~far & ~turned & ~lost
+        valid = self.believes(estimate)
+        pose = self._unwrapped(estimate.pose)
         self._pose[valid] = pose[valid]
         self._blind[valid] = 0.0
         self._last[valid] = estimate.covariance[valid]
         return PoseEstimate(self._pose.copy(), self._covariance(), valid)
+
+    def _unwrapped(self, pose: Array) -> Array:
+        """Poses (N, 3) with the headings, known up to half turns, that are nearest to the predictions."""
+        half_turns = np.round((pose[:, 2] - self._pose[:, 2]) / np.pi)
+        return np.column_stack([pose[:, :2], pose[:, 2] - half_turns * np.pi])
 
     def _covariance(self) -> Array:
         """Covariance (N, 3, 3): that of the last valid pose, and of the way driven blind since.
