@@ -8,10 +8,22 @@ import numpy as np
 
 from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array
+from trackslip.pieces import Returns, best_of_each
 
 MAX_GAP = 0.7
 """Neighbouring returns farther apart than this belong to different things [m]: longer than the plate, which seen
 nearly edge-on returns points as far apart as its whole length."""
+FINE_GAP = 0.1
+"""Neighbouring returns nearer than this belong to the same thing, as a rule [m]."""
+LEAST_RETURNS = 3
+"""Fewer returns than this don't make a pose."""
+LEAST_NOISE = 0.5e-3
+"""What a perfect scanner is taken to have, for the plate is never a perfect rectangle [m]."""
+_ABOUT = 0.15  # how far from where the plate is expected its returns may lie: more than a tracker is wrong by [m]
+_ON_PLATE = 0.03  # a return at the plate lies no farther from it than this, or five standard deviations [m]
+_STATIC = 5.0  # returns as far as the background are of it, to within so many standard deviations
+_IN_FRONT = 0.05  # a return nearer than the plate's by this is of something else [m]
+_CANDIDATES = 4  # of a scan, at most
 _PADDING = 16  # widths of clusters are multiples of this
 
 
@@ -30,6 +42,14 @@ class Plate:
         if self.thickness >= self.length:
             raise InvalidValueError("thickness", self.thickness, f"less than length = {self.length}")
 
+    def outside(self, pose: Array, x: Array, y: Array) -> Array:
+        """How far (H,) points lie outside of the plate at poses (H, 3), less than 0 inside [m]."""
+        cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+        x, y = x - pose[:, 0], y - pose[:, 1]
+        along = np.abs(cos * x + sin * y) - self.length / 2
+        across = np.abs(cos * y - sin * x) - self.thickness / 2
+        return np.hypot(np.maximum(along, 0), np.maximum(across, 0)) + np.minimum(np.maximum(along, across), 0)
+
 
 @dataclass(frozen=True)
 class Scan:
@@ -44,6 +64,8 @@ class Scan:
     """Beyond it nothing comes back [m]."""
     dropout: float = 0.0
     """Probability that a beam doesn't come back though it hit something, where that is known [-]."""
+    background: Array | None = None
+    """Ranges (B,) of the field without the robot, NaN where nothing comes back [m]; None for a field not known."""
 
     @property
     def beam_step(self) -> float:
@@ -79,12 +101,16 @@ class Scan:
 
 @dataclass(frozen=True)
 class Cluster:
-    """The returns of each scan that are taken for the plate, gathered into rows of equal width."""
+    """The returns of scans that are taken for the plate, gathered into rows of equal width."""
 
     bearing: Array  # (S, W) of the beams from the cluster's first to its last [rad]
     range: Array  # (S, W) [m]; 1 where `hit` is false
     hit: np.ndarray  # (S, W) bool: the beam came back, and from the plate
     count: np.ndarray  # (S,) number of returns; 0 where no cluster was found
+    lost: np.ndarray  # (S,) beams between the first and the last return that nothing stopped
+    hidden: (
+        Array  # (S, 2) angle beyond the first and last return that things nearer hide; inf to the field's edge [rad]
+    )
 
     @property
     def width(self) -> np.ndarray:
@@ -99,62 +125,119 @@ class Cluster:
     def take(self, rows: np.ndarray) -> Cluster:
         """The clusters `rows`, padded to the widest of them."""
         width = int(self.padded_width[rows].max(initial=_PADDING))
-        return Cluster(self.bearing[rows, :width], self.range[rows, :width], self.hit[rows, :width], self.count[rows])
+        return Cluster(
+            self.bearing[rows, :width],
+            self.range[rows, :width],
+            self.hit[rows, :width],
+            self.count[rows],
+            self.lost[rows],
+            self.hidden[rows],
+        )
 
 
 def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluster:
     """The cluster of points (paper, Sec. III-B) that is the plate, for scans with ranges (S, B).
 
-    Returns are split where neighbours lie more than MAX_GAP apart. Of the clusters no larger than the plate, the one
-    nearest to `near` is taken, else the one with most returns.
+    Where the plate is expected, the pieces are taken that lie about there, more than one if something in front cuts it.
+    Else, or where there are none, it is the piece nearest to `near`, or with most returns, that is no larger than a
+    plate, returns being split where neighbours lie more than MAX_GAP apart.
 
     Args:
         scan: ranges (S, B).
         plate: what is looked for.
         near: where the plate is expected, poses (S, 3) in the LRF's frame.
     """
-    ranges = scan.ranges
-    scans, beams = ranges.shape
-    hit = np.isfinite(ranges)
-    # hits only, row by row: (H,) arrays
-    row, beam = np.nonzero(hit)
-    distance = ranges[row, beam]
-    x, y = distance * np.cos(scan.bearings[beam]), distance * np.sin(scan.bearings[beam])
-    starts = np.ones(len(row), bool)
-    starts[1:] = (row[1:] != row[:-1]) | (np.hypot(np.diff(x), np.diff(y)) > MAX_GAP)
-    first = np.flatnonzero(starts)
-    if first.size == 0:
-        return Cluster(np.zeros((scans, 1)), np.ones((scans, 1)), np.zeros((scans, 1), bool), np.zeros(scans, int))
-    label = np.cumsum(starts) - 1
-    count = np.bincount(label)
-    last = first + count - 1
-    extent = np.maximum(
-        np.maximum.reduceat(x, first) - np.minimum.reduceat(x, first),
-        np.maximum.reduceat(y, first) - np.minimum.reduceat(y, first),
-    )
-    fits = extent < plate.length + plate.thickness + 6 * scan.noise
-    if near is None:
-        score = count.astype(float)
-    else:
-        centre_x, centre_y = np.add.reduceat(x, first) / count, np.add.reduceat(y, first) / count
-        expected = near[row[first]]
-        score = -np.hypot(centre_x - expected[:, 0], centre_y - expected[:, 1])
-    score = np.where(fits, score, -np.inf)
-    # the best cluster of each scan: sort by (scan, score) and take the last of each scan
-    order = np.lexsort((score, row[first]))
-    best = order[np.append(np.diff(row[first][order]) != 0, True)]
-    best = best[np.isfinite(score[best])]
+    returns = _returns(scan)
+    pieces = returns.split(MAX_GAP)
+    fits = pieces.extent < plate.length + plate.thickness + 6 * scan.noise
+    score = pieces.count if near is None else -np.hypot(*(pieces.centre - near[pieces.row, :2]).T)
+    mine = (fits & best_of_each(pieces.row, np.where(fits, score, -np.inf)))[pieces.label]
+    if near is not None:
+        about = _about(returns, plate, near)
+        expected = np.zeros(len(scan.ranges), bool)
+        expected[returns.row[about]] = True
+        mine = np.where(expected[returns.row], about, mine)
+    return gather(scan, np.arange(len(scan.ranges)), returns.row[mine], returns.beam[mine])
 
-    found = row[first[best]]
-    low = np.zeros(scans, int)
-    width = np.zeros(scans, int)
-    low[found] = beam[first[best]]
-    width[found] = beam[last[best]] - low[found] + 1
-    total = np.zeros(scans, int)
-    total[found] = count[best]
-    widest = max(1, -(-int(width.max()) // _PADDING)) * _PADDING
+
+def plate_candidates(scan: Scan, plate: Plate, gap: float) -> tuple[Cluster, np.ndarray]:
+    """The clusters of scans (S, B) that could be the plate, C of them, and which scan (C,) each is of.
+
+    Of each scan these are the largest pieces no larger than a plate, split where neighbours lie more than `gap` apart.
+    """
+    returns = _returns(scan)
+    pieces = returns.split(gap)
+    possible = (pieces.count >= LEAST_RETURNS) & (pieces.extent < plate.length + plate.thickness + 6 * scan.noise)
+    order = np.flatnonzero(possible)
+    order = order[np.lexsort((-pieces.count[order], pieces.row[order]))]
+    row = pieces.row[order]
+    largest = np.arange(len(row)) - np.searchsorted(row, row) < _CANDIDATES
+    place = np.full(len(pieces.row), -1)
+    place[order[largest]] = np.arange(np.sum(largest))
+    member = place[pieces.label]
+    mine = member >= 0
+    return gather(scan, row[largest], member[mine], returns.beam[mine]), row[largest]
+
+
+def returns_at(scan: Scan, plate: Plate, pose: Array) -> Cluster:
+    """The returns of scans (S, B) that lie on plates at poses (S, 3) in the LRF's frame, as nearly as noise allows."""
+    returns = _returns(scan)
+    outside = plate.outside(pose[returns.row], returns.x, returns.y)
+    mine = np.abs(outside) < max(_ON_PLATE, 5 * scan.noise)
+    return gather(scan, np.arange(len(scan.ranges)), returns.row[mine], returns.beam[mine])
+
+
+def gather(scan: Scan, rows: np.ndarray, cluster: np.ndarray, beam: np.ndarray) -> Cluster:
+    """Clusters of the scans `rows` (C,) from their returns: (H,) which cluster each belongs to, and of which beam."""
+    clusters, beams = len(rows), scan.ranges.shape[1]
+    count = np.bincount(cluster, minlength=clusters)
+    low, high = np.full(clusters, beams), np.full(clusters, -1)
+    np.minimum.at(low, cluster, beam)
+    np.maximum.at(high, cluster, beam)
+    low, high = np.where(count > 0, low, 0), np.where(count > 0, high, -1)
+    widest = max(1, -(-int((high - low + 1).max(initial=0)) // _PADDING)) * _PADDING
     column = np.minimum(low[:, None] + np.arange(widest), beams - 1)
-    inside = np.arange(column.shape[1]) < width[:, None]
-    taken = ranges[np.arange(scans)[:, None], column]
-    keep = inside & np.isfinite(taken)
-    return Cluster(scan.bearings[column], np.where(keep, taken, 1.0), keep, total)
+    hit = np.zeros((clusters, widest), bool)
+    hit[cluster, beam - low[cluster]] = True
+    ranges = scan.ranges[rows[:, None], column]
+    bearing, distance = scan.bearings[column], np.where(hit, ranges, 1.0)
+    inside = low[:, None] + np.arange(widest) < high[:, None]
+    in_front = ranges < np.max(distance, axis=1, where=hit, initial=0.0)[:, None]
+    lost = np.sum(inside & ~hit & ~in_front, axis=1)
+    hidden = np.stack([_hidden(scan, rows, low, -1), _hidden(scan, rows, high, 1)], axis=1)
+    hidden[count == 0] = 0.0
+    return Cluster(bearing, distance, hit, count, lost, hidden)
+
+
+def _returns(scan: Scan) -> Returns:
+    """What came back, but for the background."""
+    back = np.isfinite(scan.ranges)
+    if scan.background is not None:
+        back &= ~(np.abs(scan.ranges - scan.background) < _STATIC * max(scan.noise, LEAST_NOISE))
+    return Returns.of(scan.ranges, scan.bearings, back)
+
+
+def _hidden(scan: Scan, rows: np.ndarray, edge: np.ndarray, way: int) -> Array:
+    """Angle (C,) beyond the beams `edge` (C,) of the scans `rows` that something nearer hides, going one `way`."""
+    beams = scan.ranges.shape[1]
+    nearer = scan.ranges[rows, edge] - _IN_FRONT
+    angle = np.zeros(len(rows))
+    active = np.arange(len(rows))
+    beam = edge + way
+    while active.size:
+        on = (beam[active] >= 0) & (beam[active] < beams)
+        angle[active[~on & (angle[active] > 0)]] = np.inf
+        active = active[on]
+        active = active[scan.ranges[rows[active], beam[active]] < nearer[active]]
+        angle[active] += scan.beam_step
+        beam[active] += way
+    return angle
+
+
+def _about(returns: Returns, plate: Plate, near: Array) -> np.ndarray:
+    """Which returns (H,) belong to pieces that lie for the most part about the plates expected at `near` (S, 3)."""
+    pieces = returns.split(FINE_GAP)
+    close = plate.outside(near[returns.row], returns.x, returns.y) < _ABOUT
+    share = np.bincount(pieces.label, weights=close, minlength=len(pieces.count)) / np.maximum(pieces.count, 1)
+    fits = pieces.extent < plate.length + 2 * _ABOUT
+    return (fits & (share >= 0.5))[pieces.label]

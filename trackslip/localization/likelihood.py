@@ -10,19 +10,23 @@ half-planes. The likelihood has two parts:
   Without them nothing would hold the plate along its own direction when it is seen broadside on. An edge of the field
   of view, or of the scanner's reach, is no edge of the plate and measures nothing; and where beams inside the cluster
   are missing, at a rate p, beams beyond its last return may be too, p / (1 - p) of them with variance p / (1 - p)^2.
+  An edge made by something that stands in front is none of the plate's either: the corner may lie anywhere behind it,
+  and only a pose whose corner sticks out on the far side, or isn't reached by the last return, pays for it.
+
+Thus a beam that passed where the pose says the plate is costs by the edges, and a return where the pose says there is
+nothing costs as much as if it had been measured at the plate's near or far end.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.scan import Cluster, Plate, Scan
+from trackslip.scan import LEAST_NOISE, Cluster, Plate, Scan
 
 _MARGIN = 0.1  # returns this near to the scanner's reach may be cut off by it [m]
-_LEAST_NOISE = 0.5e-3  # what a perfect scanner is taken to have, for the plate is never a perfect rectangle [m]
 
 
 @dataclass(frozen=True)
@@ -99,8 +103,10 @@ class PlateLikelihood:
         d_x, d_y = np.moveaxis(offset[rows, outermost], -1, 0)
         square = np.maximum(x**2 + y**2, 1e-12)
         jacobian = np.stack([-y, x, x * d_x + y * d_y], axis=-1) / square[..., None]
-        residual = bearing[rows, outermost] - view.edges
-        return residual * view.edge_weight, jacobian * view.edge_weight[..., None]
+        off = bearing[rows, outermost] - view.edges
+        residual = off - np.clip(off, -view.slack, view.slack)
+        weight = np.where((view.slack == 0) | (residual != 0), view.edge_weight, 0.0)
+        return residual * weight, jacobian * weight[..., None]
 
 
 @dataclass(frozen=True)
@@ -114,6 +120,7 @@ class View:
     middle: Array  # (M,) bearing half-way between the outermost returns [rad]
     edges: Array  # (M, 2) bearings of the silhouette's edges, from the middle [rad]
     edge_weight: Array  # (M, 2) one over their standard deviation, 0 for what is no edge [1/rad]
+    slack: Array  # (M, 2) how far an edge that is hidden may be off and cost nothing [rad]
     noise: float  # of a range [m]
 
     @classmethod
@@ -123,22 +130,32 @@ class View:
         low = np.min(cluster.bearing, axis=1, where=cluster.hit, initial=np.inf)
         high = np.max(cluster.bearing, axis=1, where=cluster.hit, initial=-np.inf)
         middle = (low + high) / 2
-        inside_lost = 1 - cluster.count / np.maximum(
-            cluster.width, 1
-        )  # beams that didn't come back, inside the cluster
-        lost = np.maximum(inside_lost, scan.dropout)
-        beyond = lost / (1 - lost)  # and, expected, outside
-        reach = (high - low) / 2 + (0.5 + beyond) * step
+        missed = cluster.lost / np.maximum(cluster.lost + cluster.count, 1)  # of the beams inside the cluster
+        lost = np.maximum(missed, scan.dropout)
+        beyond = lost / (1 - lost)  # beams missed beyond it, expected
+        slack = np.where(np.isfinite(cluster.hidden), cluster.hidden, 0.0) / 2
+        reach = (high - low)[:, None] / 2 + (0.5 + beyond)[:, None] * step + slack
         spread = step * np.sqrt(1 / 12 + beyond / (1 - lost))
         farthest = np.max(cluster.range, axis=1, where=cluster.hit, initial=0.0)
         within = farthest < scan.max_range - _MARGIN
         tolerance = step / 4
         inside = np.stack([low > scan.bearings[0] + tolerance, high < scan.bearings[-1] - tolerance], axis=1)
-        weight = np.where(inside & within[:, None], 1 / spread[:, None], 0.0)
-        noise = max(scan.noise, _LEAST_NOISE)
+        weight = np.where(inside & within[:, None] & np.isfinite(cluster.hidden), 1 / spread[:, None], 0.0)
+        noise = max(scan.noise, LEAST_NOISE)
         u_x, u_y = np.cos(cluster.bearing), np.sin(cluster.bearing)
-        edges = np.stack([-reach, reach], axis=1)
-        return cls(u_x, u_y, cluster.range, cluster.hit, middle, edges, weight, noise)
+        edges = reach * np.array([-1.0, 1.0])
+        return cls(u_x, u_y, cluster.range, cluster.hit, middle, edges, weight, slack, noise)
+
+    def thinned(self, most: int) -> View:
+        """Every so many beams only, so that at most about `most` are left; the edges stay."""
+        every = max(1, self.u_x.shape[1] // most)
+        return replace(
+            self,
+            u_x=self.u_x[:, ::every],
+            u_y=self.u_y[:, ::every],
+            range=self.range[:, ::every],
+            hit=self.hit[:, ::every],
+        )
 
     def take(self, rows: np.ndarray) -> View:
         """The scans `rows`, in that order, repeated where asked."""
@@ -150,6 +167,7 @@ class View:
             self.middle[rows],
             self.edges[rows],
             self.edge_weight[rows],
+            self.slack[rows],
             self.noise,
         )
 
@@ -164,15 +182,14 @@ class Fit:
     hessian: Array  # (M, 3, 3)
     misfit: Array  # (M,) rms residual of the ranges [standard deviations]
 
-    def replaced(self, rows: np.ndarray, other: Fit) -> Fit:
-        """The same with the rows (M,) where `rows` is true taken from `other`."""
-        return Fit(
-            np.where(rows[:, None], other.pose, self.pose),
-            np.where(rows, other.cost, self.cost),
-            np.where(rows[:, None], other.gradient, self.gradient),
-            np.where(rows[:, None, None], other.hessian, self.hessian),
-            np.where(rows, other.misfit, self.misfit),
-        )
+    def take(self, rows: np.ndarray) -> Fit:
+        """The rows `rows`."""
+        return Fit(self.pose[rows], self.cost[rows], self.gradient[rows], self.hessian[rows], self.misfit[rows])
+
+    def put(self, rows: np.ndarray, other: Fit) -> None:
+        """Overwrite the rows `rows` (R,) with `other`, R of them."""
+        self.pose[rows], self.cost[rows], self.gradient[rows] = other.pose, other.cost, other.gradient
+        self.hessian[rows], self.misfit[rows] = other.hessian, other.misfit
 
 
 def _range_to(face: Array, m_u: Array) -> Array:

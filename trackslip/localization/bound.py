@@ -1,0 +1,132 @@
+r"""How well a pose can be told from one scan: the Cramer-Rao bound of the ray model, with the silhouette's edges.
+
+A beam u from the LRF meets the face m.p = m.c - s of a plate centred on c, with outward normal -m and half size s, at
+
+    r = (m.c - s) / (m.u),    dr/dc = m / (m.u),    dr/dphi = m'.(c - r u) / (m.u),
+
+where m' = dm/dphi, so that m'.(c - r u) is how far along the face from its middle the beam hits. With independent
+normal errors of standard deviation sigma, Fisher's information of the beams that hit is J^T J / sigma^2, J having a row
+(dr/dx, dr/dy, dr/dphi) a beam.
+
+Seen broadside, only the long face is hit, and every row's (dr/dx, dr/dy) is a multiple of the same m: sliding the plate
+along itself changes no range, and the information is singular in that direction. (Across, with n beams near the face's
+normal, it is n / sigma^2.) What holds the plate there is which beams hit it. The corner that is the silhouette's edge
+lies anywhere, uniformly, between the last beam that hit and the first that missed: a measurement of its bearing b whose
+error is uniform over the beam step delta, of variance
+
+    integral of e^2 / delta over -delta/2..delta/2  =  delta^2 / 12,
+
+with db = (-y dx + x dy + (x d_x + y d_y) dphi) / (x^2 + y^2) for a corner at (x, y) that lies (d_x, d_y) from c.
+Each of the two edges adds its 12 / delta^2 to the information, unless it lies outside the field of view.
+
+It isn't a true Cramer-Rao bound. A uniform error has no Fisher information in the usual sense, for its support moves
+with the pose; many such edges taken as intervals tell more than their squares do, though of two whose distance is
+known the middle of the intersection is the mean of the middles, and its mean square error the same. Nor does the bound
+hold where the ranges aren't smooth in the pose: within a few degrees of edge-on, where which face a beam meets tells
+the heading.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackslip.kinematics import Array
+from trackslip.scan import Plate, Scan
+
+LEAST_ANGLE = np.radians(3.0)
+"""Nearer to edge-on than this the bound means little [rad]."""
+_AT_ONCE = 1000  # poses, to bound the memory
+
+
+def pose_bound(pose: Array, plate: Plate, bearings: Array, noise: float) -> Array:
+    """Covariances (S, 3, 3) of (x, y, phi) that no unbiased estimator from a scan beats; NaN where none holds a pose.
+
+    Args:
+        pose: true poses (S, 3) of the plate in the LRF's frame [m, m, rad].
+        plate: what is seen.
+        bearings: of the beams (B,), equally spaced, ascending [rad].
+        noise: standard deviation of a range [m].
+    """
+    information = np.zeros((len(pose), 3, 3))
+    for start in range(0, len(pose), _AT_ONCE):
+        some = pose[start : start + _AT_ONCE]
+        jacobian = _range_jacobian(some, plate, bearings) / noise
+        edges = _edge_jacobian(some, plate, bearings)
+        information[start : start + _AT_ONCE] = jacobian.swapaxes(1, 2) @ jacobian + edges.swapaxes(1, 2) @ edges
+    covariance = np.full_like(information, np.nan)
+    held = np.linalg.matrix_rank(information, hermitian=True) == 3
+    covariance[held] = np.linalg.inv(information[held])
+    return covariance
+
+
+def viewing_angle(pose: Array) -> Array:
+    """Angles between plates at poses (S, 3) in the LRF's frame and the line of sight: 0 edge-on, pi/2 broadside."""
+    off = pose[:, 2] - np.arctan2(pose[:, 1], pose[:, 0])
+    return np.abs((off + np.pi / 2) % np.pi - np.pi / 2)
+
+
+def ratio_to_bound(error: Array, bound: Array) -> Array:
+    """Root mean square errors (3,) over the root mean bounds, of x, y and heading.
+
+    Args:
+        error: of poses, (S, 3), the heading's without half turns.
+        bound: covariances (S, 3, 3) in the same frame as the errors.
+    """
+    return np.sqrt(np.mean(error**2, axis=0) / np.mean(np.einsum("sii->si", bound), axis=0))
+
+
+def scan_ratio_to_bound(pose: Array, true_pose: Array, plate: Plate, scan: Scan) -> Array:
+    """Ratios (3,) to the bound of x, y and heading in the world, over scans seen LEAST_ANGLE or more from edge-on.
+
+    Args:
+        pose: estimated poses (S, 3) in the world, for example those that are valid.
+        true_pose: the true ones (S, 3).
+        plate: what is seen.
+        scan: its bearings, noise and mount are used, not its ranges.
+    """
+    local = scan.from_world(true_pose)
+    rows = viewing_angle(local) > LEAST_ANGLE
+    error = (pose - true_pose)[rows]
+    error[:, 2] = (error[:, 2] + np.pi / 2) % np.pi - np.pi / 2
+    bound = scan.covariance_to_world(pose_bound(local[rows], plate, scan.bearings, scan.noise))
+    held = np.isfinite(bound).all(axis=(1, 2))
+    return ratio_to_bound(error[held], bound[held])
+
+
+def _range_jacobian(pose: Array, plate: Plate, bearings: Array) -> Array:
+    """Derivatives (S, B, 3) of the ranges by x, y and phi; zero where a beam misses."""
+    centre, phi = pose[:, None, :2], pose[:, None, 2]
+    u = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)  # (B, 2)
+    axes = (np.stack([np.cos(phi), np.sin(phi)], axis=-1), np.stack([-np.sin(phi), np.cos(phi)], axis=-1))
+    enter, leave = [], []
+    for m, size in zip(axes, (plate.length, plate.thickness), strict=True):  # the two faces along m are a slab
+        m_u, m_c = np.sum(m * u, axis=-1), np.sum(m * centre, axis=-1)
+        m_u = np.where(m_u == 0, 1e-300, m_u)
+        enter.append((m_c - np.sign(m_u) * size / 2) / m_u)
+        leave.append((m_c + np.sign(m_u) * size / 2) / m_u)
+    by_second = enter[1] > enter[0]
+    r = np.where(by_second, enter[1], enter[0])
+    hit = (r > 0) & (r < np.minimum(*leave))
+    m = np.where(by_second[..., None], axes[1], axes[0])
+    m_prime = np.where(by_second[..., None], -axes[0], axes[1])
+    slope = np.where(hit, 1 / np.where(hit, np.sum(m * u, axis=-1), 1.0), 0.0)[..., None]
+    lever = np.sum(m_prime * (centre - r[..., None] * u), axis=-1, keepdims=True)
+    return np.concatenate([m * slope, np.where(hit[..., None], lever, 0.0) * slope], axis=-1)
+
+
+def _edge_jacobian(pose: Array, plate: Plate, bearings: Array) -> Array:
+    """Derivatives (S, 2, 3) of the silhouette's bearings over their standard deviation; zero outside the field."""
+    phi, sight = pose[:, 2, None], np.arctan2(pose[:, 1], pose[:, 0])
+    cos, sin = np.cos(sight)[:, None], np.sin(sight)[:, None]
+    along, across = np.array([1, 1, -1, -1]) * plate.length / 2, np.array([1, -1, 1, -1]) * plate.thickness / 2
+    d_x = along * np.cos(phi) - across * np.sin(phi)  # (S, 4)
+    d_y = along * np.sin(phi) + across * np.cos(phi)
+    x, y = pose[:, :1] + d_x, pose[:, 1:2] + d_y
+    beside = np.arctan2(cos * y - sin * x, cos * x + sin * y)
+    outer = np.stack([np.argmin(beside, axis=1), np.argmax(beside, axis=1)], axis=1)  # (S, 2)
+    x, y, d_x, d_y, beside = (np.take_along_axis(a, outer, axis=1) for a in (x, y, d_x, d_y, beside))
+    middle = (bearings[0] + bearings[-1]) / 2
+    off = np.angle(np.exp(1j * (sight[:, None] + beside - middle)))
+    step = (bearings[-1] - bearings[0]) / (len(bearings) - 1)
+    weight = np.where(np.abs(off) < (bearings[-1] - bearings[0]) / 2, np.sqrt(12) / step, 0.0)
+    return np.stack([-y, x, x * d_x + y * d_y], axis=-1) * (weight / (x * x + y * y))[..., None]

@@ -1,0 +1,70 @@
+"""Poses to climb from, and the chunks of scans that are climbed together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from trackslip.kinematics import Array
+from trackslip.localization.line import fit_line
+from trackslip.scan import LEAST_RETURNS, Cluster, Plate
+
+MOST_STARTS = 6
+"""Starts of a cluster, at most: with an expected pose."""
+_BESIDE = np.radians(2.0)  # the two starts beside the line of sight
+_FROM_SIDE = np.sin(np.radians(30.0))  # of the angle between line and sight
+_CHUNK = 20_000  # elements (starts x beams) worked on at a time, so that they stay in the cache
+
+
+def starts(cluster: Cluster, plate: Plate, beam_step: float, near: Array | None) -> Array:
+    """Poses (S, K, 3) to climb from.
+
+    They are those of the line's heading, its mirror image, then both sides of edge-on, or, where the line is seen from
+    the side, a little to both ends of it, and the expected pose.
+    """
+    line = fit_line(cluster)
+    sight = np.arctan2(line.middle[:, 1], line.middle[:, 0])
+    from_side = np.abs(np.sin(line.heading - sight)) > _FROM_SIDE
+    slide = np.where(from_side, np.hypot(line.middle[:, 0], line.middle[:, 1]) * beam_step / 2, 0.0)
+    end = slide[:, None] * np.stack([np.cos(line.heading), np.sin(line.heading), np.zeros(len(slide))], axis=-1)
+    poses = [place(cluster, heading, line.middle, plate) for heading in (line.heading, 2 * sight - line.heading)]
+    for sign in (1, -1):
+        heading = np.where(from_side, line.heading, sight + sign * _BESIDE)
+        poses.append(place(cluster, heading, line.middle, plate) + sign * end)
+    if near is not None:
+        poses += [place(cluster, near[:, 2], line.middle, plate), near]
+    return np.stack(poses, axis=1)
+
+
+def place(cluster: Cluster, heading: Array, middle: Array, plate: Plate) -> Array:
+    """Poses (S, 3) of plates with `heading` (S,) whose nearer faces touch the returns about `middle` (S, 2)."""
+    x = cluster.range * np.cos(cluster.bearing)
+    y = cluster.range * np.sin(cluster.bearing)
+    e = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+    n = np.stack([-e[:, 1], e[:, 0]], axis=-1)
+    centre = np.zeros((len(heading), 2))
+    for axis, size in ((e, plate.length), (n, plate.thickness)):
+        coordinate = x * axis[:, :1] + y * axis[:, 1:]
+        low = np.min(coordinate, axis=1, where=cluster.hit, initial=np.inf)
+        high = np.max(coordinate, axis=1, where=cluster.hit, initial=-np.inf)
+        away = np.sum(axis * middle, axis=1) > 0  # the LRF is on the low side
+        anchored = np.where(away, low + size / 2, high - size / 2)
+        spanned = (low + high) / 2
+        middle_of_plate = np.where(high - low > 0.8 * size, spanned, anchored)
+        centre += middle_of_plate[:, None] * axis
+    return np.concatenate([centre, heading[:, None]], axis=-1)
+
+
+def chunks(cluster: Cluster, starts_each: int, among: np.ndarray | None = None) -> Iterator[np.ndarray]:
+    """Rows of clusters with LEAST_RETURNS or more, some at a time: all of a chunk padded to the same width.
+
+    The width is a matter of the cluster alone, not of its neighbours, so that sums over beams round alike in any
+    company.
+    """
+    wanted = cluster.count >= LEAST_RETURNS if among is None else among & (cluster.count >= LEAST_RETURNS)
+    padded = cluster.padded_width
+    for width in np.unique(padded[wanted]):
+        rows = np.flatnonzero(wanted & (padded == width))
+        most = max(1, _CHUNK // (starts_each * int(width)))
+        yield from np.split(rows, range(most, len(rows), most))

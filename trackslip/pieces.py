@@ -1,0 +1,59 @@
+"""Returns of a laser range finder as points, and the pieces that they fall into."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackslip.kinematics import Array
+
+
+@dataclass(frozen=True)
+class Returns:
+    """What came back, beam after beam and scan after scan."""
+
+    row: np.ndarray  # (H,) the scan
+    beam: np.ndarray  # (H,)
+    x: Array  # (H,) in the LRF's frame [m]
+    y: Array  # (H,)
+
+    @classmethod
+    def of(cls, ranges: Array, bearings: Array, back: np.ndarray) -> Returns:
+        """Those of scans with ranges (S, B) that are marked `back` (S, B), the beams having `bearings` (B,)."""
+        row, beam = np.nonzero(back)
+        distance = ranges[row, beam]
+        return cls(row, beam, distance * np.cos(bearings[beam]), distance * np.sin(bearings[beam]))
+
+    def split(self, gap: float) -> Pieces:
+        """Pieces parted where neighbours lie more than `gap` [m] apart."""
+        starts = np.ones(len(self.row), bool)
+        starts[1:] = (np.diff(self.row) != 0) | (np.hypot(np.diff(self.x), np.diff(self.y)) > gap)
+        first = np.flatnonzero(starts)
+        label = np.cumsum(starts) - 1
+        count = np.bincount(label)
+        if first.size == 0:
+            return Pieces(self.row, first, label, count, np.zeros(0), np.zeros((0, 2)))
+        spans = [np.maximum.reduceat(c, first) - np.minimum.reduceat(c, first) for c in (self.x, self.y)]
+        centre = np.stack([np.add.reduceat(c, first) / count for c in (self.x, self.y)], axis=-1)
+        return Pieces(self.row[first], first, label, count, np.maximum(*spans), centre)
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Runs of neighbouring returns."""
+
+    row: np.ndarray  # (P,) the scan
+    first: np.ndarray  # (P,) return
+    label: np.ndarray  # (H,) the piece of each return
+    count: np.ndarray  # (P,) of returns
+    extent: Array  # (P,) the longer side of the box around it [m]
+    centre: Array  # (P, 2) [m]
+
+
+def best_of_each(row: np.ndarray, score: Array) -> np.ndarray:
+    """Which of the pieces (P,) has the highest score of its row; the last of equals."""
+    order = np.lexsort((score, row))
+    best = np.zeros(len(row), bool)
+    best[order[np.append(np.diff(row[order]) != 0, True)[: len(order)]]] = True
+    return best
