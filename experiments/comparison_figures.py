@@ -42,9 +42,9 @@ def criteria(comparison: Comparison) -> Figure:
             axis.margins(x=0.12)
     for axis, title, label in (
         (axes[0], "Criterion", "AICc − smallest [–]"),
-        (axes[1], "Radius left out", "error of slip, rms [–]"),
-        (axes[2], "Speed left out", "error of slip, rms [–]"),
-        (axes[3], "Radius left out", "error of yaw rate, rms [mrad/s]"),
+        (axes[1], "Radius left out", "slip, rms [–]"),
+        (axes[2], "Speed left out", "slip, rms [–]"),
+        (axes[3], "Radius left out", "yaw rate, rms [mrad/s]"),
     ):
         axis.set(title=title, xlabel=label)
     axes[0].set_yticks(range(len(names)), [LABELS.get(name, name) for name in names])
@@ -98,9 +98,8 @@ def correlations(laws: list[FittedLaw]) -> Figure:
     """Correlation matrices of the parameters of up to two laws."""
     figure = Figure(figsize=(9.0, 3.7), layout="constrained")
     axes = figure.subplots(1, len(laws), squeeze=False)[0]
-    image = None
     for axis, law in zip(axes, laws, strict=True):
-        image = axis.imshow(law.correlation, cmap="RdBu_r", vmin=-1, vmax=1)
+        axis.imshow(law.correlation, cmap="RdBu_r", vmin=-1, vmax=1)
         names = [SYMBOLS.get(key, key) for key in law.values]
         axis.set_xticks(range(len(names)), names)
         axis.set_yticks(range(len(names)), names)
@@ -110,5 +109,5 @@ def correlations(laws: list[FittedLaw]) -> Figure:
         for (row, column), value in np.ndenumerate(law.correlation):
             text = f"{value:+.2f}".replace("-", "−") if row != column else "1"
             axis.text(column, row, text, ha="center", va="center", color="white" if abs(value) > 0.6 else "black")
-    figure.colorbar(image, ax=axes, label="correlation [–]", shrink=0.9)
+    figure.colorbar(axes[0].images[0], ax=axes, label="correlation [–]", shrink=0.9)
     return figure

@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 from experiments.roles import RoleSamples
 from trackslip.kinematics import Array
 
-_COLOUR = "#555555"
+_COLOUR = "#777777"
 _LEAST_SEEN = 0.03  # of the range of slips: shorter error bars are enlarged
 
 
@@ -23,9 +23,18 @@ def bar_factor(runs: RoleSamples) -> int:
     return next((factor for factor in factors if factor >= needed), factors[-1])
 
 
+def with_bars(runs: RoleSamples, role: int, factor: int) -> Array:
+    """Slips of a role and the ends of their bars, to choose an axis' limits by: (n,) or (2 n,)."""
+    slip = runs.slip[:, role]
+    if runs.errors is None:
+        return slip
+    bar = factor * runs.errors.slip[:, role]
+    return np.concatenate([slip - bar, slip + bar])
+
+
 def draw_bars(axis: Axes, x: Array, y: Array, x_error: Array, y_error: Array) -> None:
     """Bars of errors (n,) each way about points (n,)."""
-    axis.errorbar(x, y, xerr=x_error, yerr=y_error, fmt="none", ecolor=_COLOUR, elinewidth=0.8, zorder=4)
+    axis.errorbar(x, y, xerr=x_error, yerr=y_error, fmt="none", ecolor=_COLOUR, elinewidth=0.7, zorder=4)
 
 
 def bar_key(factor: int) -> list[Line2D]:

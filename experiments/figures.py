@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.error_bars import bar_factor, bar_key, draw_bars
+from experiments.error_bars import bar_factor, bar_key, draw_bars, with_bars
 from experiments.figure_style import BLACK, BLUE, GREEN, LABELS, ORANGE, POINTS, limits_around, styled, thin
 from experiments.grouping import alike, narrow, span
 from experiments.roles import ROLES, RoleSamples, slip_at
@@ -136,7 +136,7 @@ def slip_against_speed_and_radius(runs: RoleSamples, best: FittedLaw) -> Figure:
             draw_bars(against_radius, runs.radius, slip, factor * runs.errors.radius, of_slip)
         against_speed.set(ylabel=f"slip of the {name} track  i [–]", title=f"{name.capitalize()} track, against speed")
         against_radius.set_title(f"{name.capitalize()} track, against radius")
-        against_speed.set_ylim(limits_around(np.append(slip, at_observed)))
+        against_speed.set_ylim(limits_around(np.append(with_bars(runs, row, factor), at_observed)))
     axes[1, 0].set(xlabel="measured speed v [m/s]", xlim=(0, None))
     axes[1, 1].set(xlabel="observed radius R [m]", xlim=(0, None))
     best_line = Line2D([], [], color="#777777", lw=1.0, label=f"best law ({LABELS.get(best.name, best.name)})")

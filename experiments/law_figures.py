@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.error_bars import bar_factor, bar_key, draw_bars
+from experiments.error_bars import bar_factor, bar_key, draw_bars, with_bars
 from experiments.figure_style import INNER, LABELS, OUTER, law_line, limits_around, styled
 from experiments.grouping import repeated
 from experiments.roles import ROLES, RoleSamples
@@ -17,16 +19,17 @@ from trackslip.slip import PUBLISHED, SlipLaw
 
 _STRONG = ("published", "exponential", "icr_radius")
 _COLUMNS = 3
+_RUN = "#444444"
 _TIGHTEST = 0.02  # radius at which curves begin [m]
-_ROLE_STYLE = {
+_ROLE_STYLE: dict[str, dict[str, Any]] = {
     "outer": {"color": OUTER, "marker": "o", "ms": 3.6},
     "inner": {"color": INNER, "marker": "s", "ms": 3.6, "mfc": "none"},
 }
 
 
 def shown_laws(comparison: Comparison) -> dict[str, SlipLaw]:
-    """The published law and the fitted ones, the best first."""
-    return {"published": PUBLISHED, **{name: comparison.laws[name].law for name in comparison.ranking}}
+    """The fitted laws, those with the smallest AICc first, and the published one."""
+    return {name: comparison.laws[name].law for name in comparison.ranking} | {"published": PUBLISHED}
 
 
 @styled
@@ -40,17 +43,17 @@ def fitted_laws(runs: RoleSamples, comparison: Comparison) -> Figure:
     for axis, name in zip(axes, reversed(ROLES), strict=True):
         role = ROLES.index(name)
         slip = runs.slip[:, role]
-        limits = limits_around(slip)
+        limits = limits_around(with_bars(runs, role, factor))
         for key, law in laws.items():
             for curve in runs.curves(law, radius):
                 _line(axis, radius, curve[:, role], limits, key, strong=key in (*_STRONG, comparison.best))
-        axis.plot(runs.radius, slip, "o", color="#666666", ms=3.2, mew=0, zorder=6)
+        axis.plot(runs.radius, slip, "o", color=_RUN, ms=4, mew=0, zorder=6)
         if runs.errors is not None:
             draw_bars(axis, runs.radius, slip, factor * runs.errors.radius, factor * runs.errors.slip[:, role])
         axis.set(xlabel="observed radius R [m]", title=f"{name.capitalize()} track", ylim=limits, xlim=(0, radius[-1]))
     axes[0].set_ylabel("slip i [–]")
     handles = [
-        Line2D([], [], color="#666666", marker="o", ms=3.2, ls="none", label="runs"),
+        Line2D([], [], color=_RUN, marker="o", ms=4, ls="none", label="runs"),
         *bar_key(factor),
         *(Line2D([], [], **_style(key, comparison.best, strong=key in (*_STRONG, comparison.best))) for key in laws),
     ]
@@ -65,7 +68,7 @@ def _line(axis: Axes, radius: Array, slip: Array, limits: tuple[float, float], k
     axis.plot(radius, inside, **_style(key, "", strong=strong))
 
 
-def _style(key: str, best: str, *, strong: bool) -> dict[str, object]:
+def _style(key: str, best: str, *, strong: bool) -> dict[str, Any]:
     label = LABELS.get(key, key) + (" – best" if key == best else "")
     return law_line(key, label=label, lw=2.0 if strong else 1.0, alpha=1.0 if strong else 0.8)
 
@@ -125,6 +128,6 @@ def residual_band(runs: RoleSamples, comparison: Comparison) -> tuple[float, str
 
 
 def _ticks(threshold: float, largest: float) -> list[float]:
-    """Powers of ten from the threshold to the largest residual, of both signs, and zero."""
-    powers = threshold * 10.0 ** np.arange(0, max(1, np.ceil(np.log10(largest / threshold)) + 1))
+    """Powers of ten above the threshold, where the scale is logarithmic, to the largest residual, of both signs, and zero."""
+    powers = threshold * 10.0 ** np.arange(1, max(1.0, np.log10(1.5 * largest / threshold)) + 1e-9)
     return [*(-powers[::-1]), 0.0, *powers]

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from experiments.figure_style import LABELS
 from experiments.symbols import FORMULAS, SYMBOLS, digits_for, fixed, unit_of
-from trackslip.identification import FAMILIES, Comparison, FittedLaw, Identification, LackOfFit
+from trackslip.identification import Comparison, FittedLaw, Identification, LackOfFit
 from trackslip.metrics import rms
 from trackslip.slip import PUBLISHED
 
@@ -34,7 +34,6 @@ class LawRow:
     """A law and its parameters."""
 
     name: str
-    title: str
     formula: Sequence[str]
     parameters: Sequence[ParameterRow]
     best: bool = False
@@ -54,7 +53,10 @@ class CriteriaRow:
     speed: str
     yaw_rate: str
     """[mrad/s]"""
-    lack: str
+    verdict: str
+    """Of the test for lack of fit."""
+    test: str
+    """Its numbers."""
     best: bool
 
 
@@ -63,7 +65,6 @@ def law_rows(comparison: Comparison) -> list[LawRow]:
     rows = [
         LawRow(
             LABELS.get(name, name),
-            FAMILIES[name].title,
             FORMULAS.get(name, (MISSING,)),
             [_parameter(fit, key) for key in fit.values],
             best=name == comparison.best,
@@ -71,10 +72,12 @@ def law_rows(comparison: Comparison) -> list[LawRow]:
         for name, fit in comparison.laws.items()
     ]
     published = [
-        ParameterRow(SYMBOLS[key], f"{_minus(f'{value:g}')} {unit_of('exponential', key)[1]}".rstrip(), MISSING, MISSING)
+        ParameterRow(
+            SYMBOLS[key], f"{_minus(f'{value:g}')} {unit_of('exponential', key)[1]}".rstrip(), MISSING, MISSING
+        )
         for key, value in vars(PUBLISHED).items()
     ]
-    return [*rows, LawRow(LABELS["published"], "as printed in the paper", FORMULAS["exponential"], published)]
+    return [*rows, LawRow(LABELS["published"], FORMULAS["exponential"], published)]
 
 
 def criteria_rows(found: Identification) -> list[CriteriaRow]:
@@ -94,13 +97,14 @@ def criteria_rows(found: Identification) -> list[CriteriaRow]:
                 radius=_number(validation.radius, 5),
                 speed=_number(validation.speed, 5),
                 yaw_rate=MISSING if validation.yaw_rate is None else _number(1e3 * validation.yaw_rate, 2),
-                lack=_lack(fit.lack_of_fit),
+                verdict=_verdict(fit),
+                test=_test(fit.lack_of_fit),
                 best=name == comparison.best,
             )
         )
     residual = rms(PUBLISHED.slip(samples.twist) - samples.slip)
-    unknown = dict.fromkeys(("aicc", "weight", "radius", "speed", "yaw_rate", "lack"), MISSING)
-    return [*rows, CriteriaRow(LABELS["published"], "0", _number(residual, 5), best=False, **unknown)]
+    unknown = dict.fromkeys(("aicc", "weight", "radius", "speed", "yaw_rate", "verdict"), MISSING)
+    return [*rows, CriteriaRow(LABELS["published"], "0", _number(residual, 5), test="", best=False, **unknown)]
 
 
 def _parameter(fit: FittedLaw, key: str) -> ParameterRow:
@@ -114,15 +118,19 @@ def _parameter(fit: FittedLaw, key: str) -> ParameterRow:
     return ParameterRow(SYMBOLS.get(key, key), f"{value} {unit}".rstrip(), profile, bootstrap)
 
 
-def _lack(lack: LackOfFit | None) -> str:
-    """The test's verdict, and its numbers."""
-    if lack is None:
+def _verdict(fit: FittedLaw) -> str:
+    if fit.lack_of_fit is None:
         return "can't be told"
+    return "misses" if fit.lacks_fit else "fits"
+
+
+def _test(lack: LackOfFit | None) -> str:
+    if lack is None:
+        return ""
     name = {"chi2": "χ²"}.get(lack.test, lack.test)
     freedom = ", ".join(map(str, lack.freedom))
     chance = f"p < {_CERTAIN}" if lack.probability < _CERTAIN else f"p = {lack.probability:.2g}"
-    verdict = "misses" if lack.significant else "fits"
-    return f"{verdict}: {name}({freedom}) = {lack.statistic:.3g}, {chance}"
+    return f"{name}({freedom}) = {lack.statistic:.3g}, {chance}"
 
 
 def _number(value: float | None, digits: int) -> str:

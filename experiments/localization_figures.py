@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from experiments.figure_style import BLACK, BLUE, GREEN, ORANGE, styled
+from experiments.figure_style import BLUE, GREEN, ORANGE, styled
 from sim.scanner import LaserScanner
 from trackslip.kinematics import Array, wrap_angle
-from trackslip.localization.bound import pose_bound, viewing_angle
+from trackslip.localization.bound import LEAST_ANGLE, pose_bound, viewing_angle
 from trackslip.metrics import rms
 from trackslip.runlog import RunLog
 from trackslip.scan import Plate, Scan
@@ -34,7 +35,18 @@ class Sightings:
     @property
     def measured(self) -> np.ndarray:
         """(n,) bool."""
-        return np.isfinite(self.error).all(axis=1)
+        measured: np.ndarray = np.isfinite(self.error).all(axis=1)
+        return measured
+
+    def facts(self) -> dict[str, str]:
+        """For the caption: poses looked at, those that weren't measured, and where the bound means little."""
+        missed = self.angle[~self.measured]
+        return {
+            "looked": str(self.angle.size),
+            "missed": str(missed.size),
+            "missed_below": f"half of them below {np.degrees(np.median(missed)):.2g}°" if missed.size else "",
+            "least_angle": f"{np.degrees(LEAST_ANGLE):g}°",
+        }
 
 
 def sightings(logs: Sequence[RunLog]) -> Sightings | None:
@@ -82,25 +94,30 @@ def _turned(angle: Array) -> Array:
 
 @styled
 def error_against_viewing_angle(seen: Sightings) -> Figure:
-    """Root mean square errors of position and heading in bins of the viewing angle, with the bound, and who is missed."""
+    """Root mean square errors of position and heading in bins of the viewing angle, with the bound."""
     figure = Figure(figsize=(9.0, 4.0), layout="constrained")
     position, heading = figure.subplots(1, 2)
     which = np.clip(np.digitize(seen.angle, _EDGES) - 1, 0, _EDGES.size - 2)
     held = seen.measured & np.isfinite(seen.bound).all(axis=1)
     bins = [rows for k in range(_EDGES.size - 1) if (rows := np.flatnonzero((which == k) & held)).size >= _FEWEST]
     angle = np.degrees([seen.angle[rows].mean() for rows in bins])
+    bounded = angle > np.degrees(LEAST_ANGLE)
     for column, (name, colour, marker) in enumerate(_COMPONENTS):
         axis, factor = (heading, np.degrees(1)) if name == "heading" else (position, 1e3)
         error = factor * np.array([rms(seen.error[rows, column]) for rows in bins])
         bound = factor * np.array([rms(seen.bound[rows, column]) for rows in bins])
         axis.plot(angle, error, marker, color=colour, ms=5, label=f"{name}, error")
-        axis.plot(angle, bound, color=colour, lw=1.4, label=f"{name}, bound")
+        axis.plot(angle[bounded], bound[bounded], color=colour, lw=1.4, label=f"{name}, bound")
     for axis, label, title in (
         (position, "error of position, rms [mm]", "Position"),
         (heading, "error of heading, rms [°]", "Heading"),
     ):
         axis.set_yscale("log")
+        axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axis.yaxis.set_minor_formatter(NullFormatter())
         axis.set(xlabel="angle between plate and line of sight [°]", ylabel=label, title=title, xlim=(0, 90))
         axis.set_xticks(range(0, 91, 15))
+        axis.axvspan(0, np.degrees(LEAST_ANGLE), color="#e4e4e4", lw=0, zorder=0)
         axis.legend(loc="upper right")
     return figure

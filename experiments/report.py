@@ -9,8 +9,9 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from experiments import comparison_figures, figure_style, figures, law_figures, localization_figures, tracking_figures
+from experiments import comparison_figures, figure_style, figures, law_figures, tracking_figures
 from experiments.identification_text import IdentificationText
+from experiments.localization_figures import Sightings, error_against_viewing_angle, sightings
 from experiments.page import MISSING, inline_svg, render_page
 from experiments.roles import RoleSamples
 from trackslip.identification import FittedLaw, Identification, SlipSamples
@@ -62,7 +63,8 @@ class Report:
 
 def render(report: Report) -> str:
     """The page as HTML that needs no other file."""
-    drawn = {name: inline_svg(figure, name) for name, figure in _figures(report)}
+    seen = sightings(report.grid_logs)
+    drawn = {name: inline_svg(figure, name) for name, figure in _figures(report, seen)}
     tracking = report.summary.get("tracking")
     return render_page(
         "report.html.j2",
@@ -73,19 +75,19 @@ def render(report: Report) -> str:
         figures=drawn,
         conditions=_conditions(report),
         found=None if report.identification is None else IdentificationText.of(report.identification),
+        seen=None if seen is None else seen.facts(),
         warnings=_warnings(report),
         tracking=_tracking_rows(tracking if isinstance(tracking, list | tuple) else ()),
         truth=any(log.truth is not None for log in report.tracking_logs),
     )
 
 
-def _figures(report: Report) -> Iterator[tuple[str, Figure]]:
+def _figures(report: Report, seen: Sightings | None) -> Iterator[tuple[str, Figure]]:
     """Name and figure of whatever the report has data for."""
     if report.grid_logs:
         yield "pose", figures.pose_and_velocity(figures.typical_run(report.grid_logs))
-    seen = localization_figures.sightings(report.grid_logs)
     if seen is not None:
-        yield "localization", localization_figures.error_against_viewing_angle(seen)
+        yield "localization", error_against_viewing_angle(seen)
     if report.identification is not None:
         yield from _law_figures(report.identification)
     feedforward = tracking_figures.runs_of(report.tracking_logs, "feedforward")

@@ -63,7 +63,7 @@ class RoleSamples:
         speed = float(np.median(self.speed)) or 1.0
         sides = [side for side in (True, False) if (self.left == side).any()]
         drawn = [slip_at(law, radius, speed, left=side) for side in sides]
-        return drawn if len(drawn) < 2 or not np.allclose(*drawn, equal_nan=True) else drawn[:1]
+        return drawn[:1] if np.allclose(drawn[0], drawn[-1], equal_nan=True) else drawn
 
 
 def by_role(values: Array, left: np.ndarray) -> Array:
