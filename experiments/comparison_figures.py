@@ -14,6 +14,7 @@ from experiments.symbols import SYMBOLS
 from trackslip.identification import Comparison, FittedLaw
 
 _INDISTINCT = 2.0  # difference of AICc that decides nothing
+_DARK = 0.6  # correlation whose cell is too dark for black text
 _DECIDED = 10.0  # difference of AICc up to which the axis is linear
 
 
@@ -64,20 +65,12 @@ def _milli(value: float | None) -> float | None:
 
 
 def _dots(axis: Axes, values: Mapping[str, float | None], hollow: Mapping[str, float] | None = None) -> None:
-    """A dot a law at its value, hollow ones beside it; a dash where there is no value."""
+    """A dot a law at its value, and a hollow one at another; a word where there is none."""
     for row, (name, value) in enumerate(values.items()):
         colour = COLOURS.get(name, GREEN)
         if value is None:
-            axis.text(
-                0.5,
-                row,
-                "not determined",
-                transform=axis.get_yaxis_transform(),
-                va="center",
-                ha="center",
-                fontsize=7.5,
-                color="#777777",
-            )
+            beside = axis.get_yaxis_transform()
+            axis.text(0.5, row, "not known", transform=beside, va="center", ha="center", fontsize=7.5, color="#666666")
             continue
         axis.plot(value, row, "o", color=colour, ms=6)
         if hollow:
@@ -97,17 +90,27 @@ def correlated_laws(comparison: Comparison) -> list[FittedLaw]:
 def correlations(laws: list[FittedLaw]) -> Figure:
     """Correlation matrices of the parameters of up to two laws."""
     figure = Figure(figsize=(9.0, 3.7), layout="constrained")
-    axes = figure.subplots(1, len(laws), squeeze=False)[0]
-    for axis, law in zip(axes, laws, strict=True):
-        axis.imshow(law.correlation, cmap="RdBu_r", vmin=-1, vmax=1)
-        names = [SYMBOLS.get(key, key) for key in law.values]
-        axis.set_xticks(range(len(names)), names)
-        axis.set_yticks(range(len(names)), names)
-        axis.set_title(f"Law: {LABELS.get(law.name, law.name)}")
-        axis.grid(visible=False)
-        axis.spines[:].set_visible(False)
-        for (row, column), value in np.ndenumerate(law.correlation):
-            text = f"{value:+.2f}".replace("-", "−") if row != column else "1"
-            axis.text(column, row, text, ha="center", va="center", color="white" if abs(value) > 0.6 else "black")
-    figure.colorbar(axes[0].images[0], ax=axes, label="correlation [–]", shrink=0.9)
+    for axis, law in zip(figure.subplots(1, 2), laws, strict=False):
+        _matrix(axis, law)
+    for axis in figure.axes[len(laws) :]:
+        axis.set_visible(False)
     return figure
+
+
+def _matrix(axis: Axes, law: FittedLaw) -> None:
+    """A cell for each pair of parameters, red where the correlation is positive, blue where it is negative."""
+    # cells as polygons, for a bitmap would blur in the page
+    axis.pcolormesh(law.correlation, cmap="RdBu_r", vmin=-1, vmax=1, edgecolors="white", linewidth=1.5)
+    names = [SYMBOLS.get(key, key) for key in law.values]
+    places = np.arange(len(names)) + 0.5
+    axis.set_xticks(places, names)
+    axis.set_yticks(places, names)
+    axis.tick_params(length=0)
+    axis.invert_yaxis()
+    axis.set(aspect="equal", title=f"Correlations [–], {LABELS.get(law.name, law.name)}")
+    axis.grid(visible=False)
+    axis.spines[:].set_visible(False)
+    for (row, column), value in np.ndenumerate(law.correlation):
+        text = "1" if row == column else f"{value:+.2f}".replace("-", "−")
+        colour = "white" if abs(value) > _DARK else "black"
+        axis.text(column + 0.5, row + 0.5, text, ha="center", va="center", color=colour)

@@ -23,7 +23,7 @@ COLOURS = {
 }
 """The same colour for the same slip law in every figure (Okabe and Ito's palette, and three more)."""
 LABELS = {
-    "none": "no slip",
+    "none": "no slip assumed",
     "published": "published law (Eq. 11)",
     "constant": "constant slip",
     "exponential": "exponential",

@@ -15,8 +15,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from experiments.error_bars import bar_factor, bar_key, draw_bars, with_bars
-from experiments.figure_style import BLACK, BLUE, GREEN, LABELS, ORANGE, POINTS, limits_around, styled, thin
-from experiments.grouping import alike, narrow, span
+from experiments.figure_style import BLACK, BLUE, GREEN, ORANGE, POINTS, limits_around, styled, thin
+from experiments.grouping import alike, narrow, repeated, span
+from experiments.radius_axis import curve_radii, show_radii
 from experiments.roles import ROLES, RoleSamples, slip_at
 from trackslip.identification import FittedLaw
 from trackslip.kinematics import Array
@@ -99,12 +100,9 @@ def _true_traces(log: RunLog) -> Array:
 @styled
 def slip_against_speed_and_radius(runs: RoleSamples, best: FittedLaw) -> Figure:
     """Fig. 5: slip of the inner (top) and outer track (bottom) against speed (left) and radius (right)."""
-    shade = matplotlib.colormaps["viridis"]
     figure = Figure(figsize=(9.0, 6.8), layout="constrained")
     axes = figure.subplots(2, 2, sharey="row", sharex="col")
-    top = max(float(runs.radius.max()), max(OBSERVED_RADII)) * 1.1
-    low = min(float(runs.radius.min()), min(OBSERVED_RADII)) * 0.85
-    curve = np.linspace(max(low, 0.02), top, 200)
+    curve = curve_radii(runs)
     by_radius, by_speed = alike(runs.radius), alike(runs.speed)
     factor = bar_factor(runs)
     for row, name in enumerate(ROLES):
@@ -112,9 +110,9 @@ def slip_against_speed_and_radius(runs: RoleSamples, best: FittedLaw) -> Figure:
         slip = runs.slip[:, row]
         at_observed = slip_at(PUBLISHED, np.array(OBSERVED_RADII), 1.0)[:, row]
         for radius, value in zip(OBSERVED_RADII, at_observed, strict=True):
-            against_speed.axhline(value, color=shade(radius / top * 0.9), ls="--", lw=0.9, alpha=0.6)
+            against_speed.axhline(value, color=_shade(radius, runs), ls="--", lw=0.9, alpha=0.6)
         for marker, group in zip(_MARKERS, by_radius, strict=False):
-            colour = shade(float(runs.radius[group].mean()) / top * 0.9)
+            colour = _shade(float(runs.radius[group].mean()), runs)
             label = span(runs.radius[group], "m")
             against_speed.plot(runs.speed[group], slip[group], marker, color=colour, ms=4.5, label=label)
             if narrow(runs.radius[group]) and runs.radius[group].min() > 0:
@@ -137,14 +135,22 @@ def slip_against_speed_and_radius(runs: RoleSamples, best: FittedLaw) -> Figure:
         against_speed.set(ylabel=f"slip of the {name} track  i [–]", title=f"{name.capitalize()} track, against speed")
         against_radius.set_title(f"{name.capitalize()} track, against radius")
         against_speed.set_ylim(limits_around(np.append(with_bars(runs, row, factor), at_observed)))
-    axes[1, 0].set(xlabel="measured speed v [m/s]", xlim=(0, None))
-    axes[1, 1].set(xlabel="observed radius R [m]", xlim=(0, None))
-    best_line = Line2D([], [], color="#777777", lw=1.0, label=f"best law ({LABELS.get(best.name, best.name)})")
+    fastest = 1.1 * float(runs.speed.max()) + 0.01
+    axes[1, 0].set(xlabel="measured speed v [m/s]", xlim=(-0.03 * fastest, fastest))
+    show_radii(axes[1, 1], runs)
+    best_line = [Line2D([], [], color="#777777", lw=1.0, label="best law")] if repeated(runs.radius) else []
     dashed = Line2D([], [], color="#777777", ls="--", lw=0.9, label="Eq. 11 at the paper's radii")
     curve_line = Line2D([], [], color=BLACK, ls="--", lw=1.2, label="Eq. 11")
-    _legend_below(figure, axes[0, 0], [best_line, dashed], "Left: observed R", "left")
+    _legend_below(figure, axes[0, 0], [*best_line, dashed], "Left: observed R", "left")
     _legend_below(figure, axes[0, 1], [curve_line, *bar_key(factor)], "Right: measured v", "right")
     return figure
+
+
+def _shade(radius: float, runs: RoleSamples) -> tuple[float, float, float, float]:
+    """A colour for a radius [m], on a logarithmic scale from the smallest to the largest."""
+    least, most = float(runs.radius[runs.radius > 0].min(initial=min(OBSERVED_RADII))), float(runs.radius.max())
+    share = np.log(max(radius, least) / least) / np.log(max(most, max(OBSERVED_RADII)) / least)
+    return matplotlib.colormaps["viridis"](0.9 * float(share))
 
 
 def _legend_below(

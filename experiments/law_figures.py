@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from experiments.error_bars import bar_factor, bar_key, draw_bars, with_bars
 from experiments.figure_style import INNER, LABELS, OUTER, law_line, limits_around, styled
 from experiments.grouping import repeated
+from experiments.radius_axis import curve_radii, show_radii
 from experiments.roles import ROLES, RoleSamples
 from trackslip.identification import Comparison
 from trackslip.kinematics import Array
@@ -20,7 +21,6 @@ from trackslip.slip import PUBLISHED, SlipLaw
 _STRONG = ("published", "exponential", "icr_radius")
 _COLUMNS = 3
 _RUN = "#444444"
-_TIGHTEST = 0.02  # radius at which curves begin [m]
 _ROLE_STYLE: dict[str, dict[str, Any]] = {
     "outer": {"color": OUTER, "marker": "o", "ms": 3.6},
     "inner": {"color": INNER, "marker": "s", "ms": 3.6, "mfc": "none"},
@@ -38,7 +38,7 @@ def fitted_laws(runs: RoleSamples, comparison: Comparison) -> Figure:
     figure = Figure(figsize=(9.0, 5.4), layout="constrained")
     axes = figure.subplots(1, 2)
     laws = shown_laws(comparison)
-    radius = np.linspace(max(0.9 * float(runs.radius.min()), _TIGHTEST), 1.05 * float(runs.radius.max()) + 0.1, 300)
+    radius = curve_radii(runs)
     factor = bar_factor(runs)
     for axis, name in zip(axes, reversed(ROLES), strict=True):
         role = ROLES.index(name)
@@ -50,7 +50,8 @@ def fitted_laws(runs: RoleSamples, comparison: Comparison) -> Figure:
         axis.plot(runs.radius, slip, "o", color=_RUN, ms=4, mew=0, zorder=6)
         if runs.errors is not None:
             draw_bars(axis, runs.radius, slip, factor * runs.errors.radius, factor * runs.errors.slip[:, role])
-        axis.set(xlabel="observed radius R [m]", title=f"{name.capitalize()} track", ylim=limits, xlim=(0, radius[-1]))
+        axis.set(title=f"{name.capitalize()} track", ylim=limits)
+        show_radii(axis, runs)
     axes[0].set_ylabel("slip i [–]")
     handles = [
         Line2D([], [], color=_RUN, marker="o", ms=4, ls="none", label="runs"),
@@ -89,14 +90,14 @@ def residuals(runs: RoleSamples, comparison: Comparison) -> Figure:
         best = " – best" if key == comparison.best else ""
         axis.set_title(f"{LABELS.get(key, key)}{best}", fontsize=8.5)
     axes[0].set_yscale("symlog", linthresh=threshold, linscale=0.6)
-    axes[0].set(ylim=(-2 * largest, 2 * largest), xlim=(0, 1.08 * float(runs.radius.max()) + 0.05))
+    axes[0].set_ylim(-2 * largest, 2 * largest)
     axes[0].set_yticks(_ticks(threshold, largest))
     for axis in axes[len(laws) :]:
         axis.set_visible(False)
     for column in range(_COLUMNS):
         lowest = axes[: len(laws)][column::_COLUMNS]
         if len(lowest):
-            lowest[-1].set_xlabel("observed radius R [m]")
+            show_radii(lowest[-1], runs)
             lowest[-1].tick_params(labelbottom=True)
     for axis in axes[::_COLUMNS]:
         axis.set_ylabel("measured − law [–]")
@@ -128,6 +129,6 @@ def residual_band(runs: RoleSamples, comparison: Comparison) -> tuple[float, str
 
 
 def _ticks(threshold: float, largest: float) -> list[float]:
-    """Powers of ten above the threshold, where the scale is logarithmic, to the largest residual, of both signs, and zero."""
+    """Zero, and of both signs the powers of ten above the threshold, where the scale is logarithmic."""
     powers = threshold * 10.0 ** np.arange(1, max(1.0, np.log10(1.5 * largest / threshold)) + 1e-9)
     return [*(-powers[::-1]), 0.0, *powers]

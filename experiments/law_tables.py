@@ -130,7 +130,8 @@ def _test(lack: LackOfFit | None) -> str:
     name = {"chi2": "χ²"}.get(lack.test, lack.test)
     freedom = ", ".join(map(str, lack.freedom))
     chance = f"p < {_CERTAIN}" if lack.probability < _CERTAIN else f"p = {lack.probability:.2g}"
-    return f"{name}({freedom}) = {lack.statistic:.3g}, {chance}"
+    size = fixed(lack.statistic, 0) if lack.statistic >= 100 else f"{lack.statistic:.3g}"
+    return f"{name}({freedom}) = {size}, {chance}"
 
 
 def _number(value: float | None, digits: int) -> str:

@@ -21,7 +21,11 @@ from trackslip.scan import Plate, Scan
 _MOST = 5000  # poses that are looked at
 _EDGES = np.radians([0, 1, 2, 3, 5, 8, 12, 18, 26, 34, 42, 50, 58, 66, 74, 82, 90])
 _FEWEST = 10  # poses in a bin that make a mean
-_COMPONENTS = (("along the line of sight", BLUE, "o"), ("across it", ORANGE, "s"), ("heading", GREEN, "^"))
+_COMPONENTS = (
+    ("along the line of sight", BLUE, "o"),
+    ("across the line of sight", ORANGE, "s"),
+    ("heading", GREEN, "^"),
+)
 
 
 @dataclass(frozen=True)
@@ -35,8 +39,7 @@ class Sightings:
     @property
     def measured(self) -> np.ndarray:
         """(n,) bool."""
-        measured: np.ndarray = np.isfinite(self.error).all(axis=1)
-        return measured
+        return np.asarray(np.isfinite(self.error).all(axis=1))
 
     def facts(self) -> dict[str, str]:
         """For the caption: poses looked at, those that weren't measured, and where the bound means little."""
@@ -95,7 +98,7 @@ def _turned(angle: Array) -> Array:
 @styled
 def error_against_viewing_angle(seen: Sightings) -> Figure:
     """Root mean square errors of position and heading in bins of the viewing angle, with the bound."""
-    figure = Figure(figsize=(9.0, 4.0), layout="constrained")
+    figure = Figure(figsize=(9.0, 4.3), layout="constrained")
     position, heading = figure.subplots(1, 2)
     which = np.clip(np.digitize(seen.angle, _EDGES) - 1, 0, _EDGES.size - 2)
     held = seen.measured & np.isfinite(seen.bound).all(axis=1)
@@ -106,8 +109,8 @@ def error_against_viewing_angle(seen: Sightings) -> Figure:
         axis, factor = (heading, np.degrees(1)) if name == "heading" else (position, 1e3)
         error = factor * np.array([rms(seen.error[rows, column]) for rows in bins])
         bound = factor * np.array([rms(seen.bound[rows, column]) for rows in bins])
-        axis.plot(angle, error, marker, color=colour, ms=5, label=f"{name}, error")
-        axis.plot(angle[bounded], bound[bounded], color=colour, lw=1.4, label=f"{name}, bound")
+        axis.plot(angle, error, marker, color=colour, ms=5, label=f"{name}: error")
+        axis.plot(angle[bounded], bound[bounded], color=colour, lw=1.4, label=f"{name}: bound")
     for axis, label, title in (
         (position, "error of position, rms [mm]", "Position"),
         (heading, "error of heading, rms [°]", "Heading"),
@@ -119,5 +122,6 @@ def error_against_viewing_angle(seen: Sightings) -> Figure:
         axis.set(xlabel="angle between plate and line of sight [°]", ylabel=label, title=title, xlim=(0, 90))
         axis.set_xticks(range(0, 91, 15))
         axis.axvspan(0, np.degrees(LEAST_ANGLE), color="#e4e4e4", lw=0, zorder=0)
-        axis.legend(loc="upper right")
+    handles = [*position.get_legend_handles_labels()[0], *heading.get_legend_handles_labels()[0]]
+    figure.legend(handles=handles, ncols=3, loc="outside lower center")
     return figure
