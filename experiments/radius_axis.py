@@ -10,7 +10,8 @@ from experiments.roles import RoleSamples
 from trackslip.kinematics import Array
 
 _WIDE = 8.0  # ratio of the largest to the smallest radius from which the axis is logarithmic
-_TIGHTEST = 0.02  # radius at which curves begin [m]
+_TIGHTEST = 1e-3  # radius at which curves begin [m]
+_NARROWEST = 0.5  # radius up to which the axis reaches at least [m]
 
 
 def is_wide(runs: RoleSamples) -> bool:
@@ -20,7 +21,8 @@ def is_wide(runs: RoleSamples) -> bool:
 
 def curve_radii(runs: RoleSamples) -> Array:
     """(m,) radii for the curves of laws, a little beyond the runs' [m]."""
-    least, most = max(0.85 * float(runs.radius.min()), _TIGHTEST), 1.08 * float(runs.radius.max()) + 0.05
+    least = max(0.85 * float(runs.radius.min()), _TIGHTEST)
+    most = max(1.08 * float(runs.radius.max()), _NARROWEST)
     return np.geomspace(least, most, 300) if is_wide(runs) else np.linspace(least, most, 300)
 
 
