@@ -49,6 +49,8 @@ class IdentificationText:
     half_gauge: str
     best: str
     best_law: FittedLaw
+    by_criterion: bool
+    """Whether the best was chosen by AICc; else the samples were too few for it, and the least scatter decided."""
     predictions: Sequence[Prediction]
     """Of the best law and the paper's exponential, one of them if they are the same."""
     laws: Sequence[LawRow]
@@ -80,6 +82,7 @@ class IdentificationText:
             half_gauge=f"{found.geometry.half_gauge:g} m",
             best=LABELS.get(comparison.best, comparison.best),
             best_law=comparison.laws[comparison.best],
+            by_criterion=comparison.aicc[comparison.best] is not None,
             predictions=_predictions(found),
             laws=law_rows(comparison),
             criteria=criteria_rows(found),

@@ -42,12 +42,15 @@ class Sightings:
         return np.asarray(np.isfinite(self.error).all(axis=1))
 
     def facts(self) -> dict[str, str]:
-        """For the caption: poses looked at, those that weren't measured, and where the bound means little."""
+        """For the caption: poses looked at and missed, their errors over the bound, and where that means little."""
         missed = self.angle[~self.measured]
+        clear = self.measured & np.isfinite(self.bound).all(axis=1) & (self.angle > LEAST_ANGLE)
+        ratio = [rms(self.error[clear, k]) / rms(self.bound[clear, k]) for k in range(3)] if clear.any() else []
         return {
             "looked": str(self.angle.size),
             "missed": str(missed.size),
             "missed_below": f"half of them below {np.degrees(np.median(missed)):.2g}°" if missed.size else "",
+            "ratio": " | ".join(f"{value:.2f}" for value in ratio),
             "least_angle": f"{np.degrees(LEAST_ANGLE):g}°",
         }
 

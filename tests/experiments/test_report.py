@@ -84,6 +84,7 @@ def test_few_samples_render_without_criteria_bootstrap_or_test():
     found = identified(samples, ("constant", "icr", "icr_radius"), determined=False)
     words = text_of(page_of(found))
     assert "Whether a law lacks fit can't be told here" in words
+    assert "too few samples for the criterion" in words
     assert "nan" not in words.lower().split()
 
 
