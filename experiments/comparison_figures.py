@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.figure_style import COLOURS, GREEN, LABELS, styled
+from experiments.figure_style import BAND, COLOURS, GREEN, LABELS, styled
 from experiments.symbols import SYMBOLS
 from trackslip.identification import Comparison, FittedLaw
 
@@ -29,7 +29,7 @@ def criteria(comparison: Comparison) -> Figure:
     above = {name: None if value is None else value - min(known) for name, value in comparison.aicc.items()}
     fitted = {name: law.rms for name, law in comparison.laws.items()}
     _dots(axes[0], {name: above[name] for name in names})
-    axes[0].axvspan(0, _INDISTINCT, color="#d5e6d5", lw=0, zorder=0)
+    axes[0].axvspan(0, _INDISTINCT, color=BAND, lw=0, zorder=0)
     axes[0].set_xscale("symlog", linthresh=_DECIDED)
     axes[0].set_xlim(-0.8, None)
     for axis, values, more in (
@@ -54,7 +54,7 @@ def criteria(comparison: Comparison) -> Figure:
     handles = [
         Line2D([], [], marker="o", ls="none", color="#555555", label="of runs left out of the fit"),
         Line2D([], [], marker="o", ls="none", mfc="none", color="#555555", label="of the runs fitted"),
-        Line2D([], [], color="#d5e6d5", lw=7, label="too near to the best to tell"),
+        Line2D([], [], color=BAND, lw=7, label="too near to the best to tell"),
     ]
     figure.legend(handles=handles, ncols=3, loc="outside lower center")
     return figure

@@ -50,6 +50,8 @@ DASHES = {
 """Line styles, so that the laws can be told apart without colour too."""
 INNER, OUTER = ORANGE, BLUE
 """Colours of the tracks by their role in the turn."""
+BAND = "#d5e6d5"
+"""Colour behind values that say nothing, being too small."""
 STYLE: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.titlesize": 9.5,

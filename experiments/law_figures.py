@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from experiments.error_bars import bar_factor, bar_key, draw_bars, with_bars
-from experiments.figure_style import INNER, LABELS, OUTER, law_line, limits_around, styled
+from experiments.figure_style import BAND, INNER, LABELS, OUTER, law_line, limits_around, styled
 from experiments.grouping import repeated
 from experiments.radius_axis import curve_radii, show_radii
 from experiments.roles import ROLES, RoleSamples
@@ -40,13 +40,14 @@ def fitted_laws(runs: RoleSamples, comparison: Comparison) -> Figure:
     laws = shown_laws(comparison)
     radius = curve_radii(runs)
     factor = bar_factor(runs)
+    strong = {*_STRONG, comparison.best}
     for axis, name in zip(axes, reversed(ROLES), strict=True):
         role = ROLES.index(name)
         slip = runs.slip[:, role]
         limits = limits_around(with_bars(runs, role, factor))
         for key, law in laws.items():
             for curve in runs.curves(law, radius):
-                _line(axis, radius, curve[:, role], limits, key, strong=key in (*_STRONG, comparison.best))
+                _line(axis, radius, curve[:, role], limits, key, strong=key in strong)
         axis.plot(runs.radius, slip, "o", color=_RUN, ms=4, mew=0, zorder=6)
         if runs.errors is not None:
             draw_bars(axis, runs.radius, slip, factor * runs.errors.radius, factor * runs.errors.slip[:, role])
@@ -56,7 +57,7 @@ def fitted_laws(runs: RoleSamples, comparison: Comparison) -> Figure:
     handles = [
         Line2D([], [], color=_RUN, marker="o", ms=4, ls="none", label="runs"),
         *bar_key(factor),
-        *(Line2D([], [], **_style(key, comparison.best, strong=key in (*_STRONG, comparison.best))) for key in laws),
+        *(Line2D([], [], **_style(key, comparison.best, strong=key in strong)) for key in laws),
     ]
     figure.legend(handles=handles, ncols=4, loc="outside lower center", handlelength=3.2)
     return figure
@@ -86,7 +87,7 @@ def residuals(runs: RoleSamples, comparison: Comparison) -> Figure:
     threshold = 10.0 ** np.floor(np.log10(max(band, 1e-4 * largest, 1e-9)))
     for axis, (key, law) in zip(axes, laws.items(), strict=False):
         _residual_panel(axis, runs, runs.residual(law))
-        axis.axhspan(-band, band, color="#d5e6d5", lw=0, zorder=0)
+        axis.axhspan(-band, band, color=BAND, lw=0, zorder=0)
         best = " – best" if key == comparison.best else ""
         axis.set_title(f"{LABELS.get(key, key)}{best}", fontsize=8.5)
     axes[0].set_yscale("symlog", linthresh=threshold, linscale=0.6)
@@ -103,7 +104,7 @@ def residuals(runs: RoleSamples, comparison: Comparison) -> Figure:
         axis.set_ylabel("measured − law [–]")
     handles = [
         *(Line2D([], [], ls="none", label=f"{name} track", **_ROLE_STYLE[name]) for name in reversed(ROLES)),
-        Line2D([], [], color="#d5e6d5", lw=7, label=f"±{band:.1g}: {meaning}"),
+        Line2D([], [], color=BAND, lw=7, label=f"±{band:.1g}: {meaning}"),
     ]
     figure.legend(handles=handles, ncols=3, loc="outside lower center")
     return figure
