@@ -6,24 +6,52 @@ from typing import Any
 
 import matplotlib
 
+from trackslip.kinematics import Array
+
 BLUE, ORANGE, GREEN, VERMILLION, BLACK = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#1a1a1a"
 COLOURS = {
     "none": VERMILLION,
     "published": BLACK,
+    "constant": "#8a8a8a",
     "exponential": "#CC79A7",
+    "exponential_speed": ORANGE,
+    "power": GREEN,
+    "hyperbola": "#8C510A",
     "icr": "#56B4E9",
     "icr_radius": BLUE,
+    "icr_sides": "#6A3D9A",
 }
-"""The same colour for the same slip law in every figure (Okabe and Ito's palette)."""
+"""The same colour for the same slip law in every figure (Okabe and Ito's palette, and three more)."""
 LABELS = {
-    "none": "no compensation",
+    "none": "no slip assumed",
     "published": "published law (Eq. 11)",
-    "exponential": "exponential, fitted",
-    "icr": "constant ICR, fitted",
-    "icr_radius": "constant ICR with ε, fitted",
+    "constant": "constant slip",
+    "exponential": "exponential",
+    "exponential_speed": "exponential with speed",
+    "power": "power of radius",
+    "hyperbola": "hyperbola",
+    "icr": "constant ICR",
+    "icr_radius": "constant ICR with ε",
+    "icr_sides": "constant ICR, two-sided",
 }
-DASHES = {"none": "-", "published": "--", "exponential": "-.", "icr": (0, (1, 1)), "icr_radius": "-"}
+"""What a law, or a compensation by it, is called."""
+DASHES = {
+    "none": "-",
+    "published": "--",
+    "constant": (0, (6, 2)),
+    "exponential": "-.",
+    "exponential_speed": (0, (6, 1.5, 1, 1.5, 1, 1.5)),
+    "power": (0, (3, 1.5)),
+    "hyperbola": (0, (4, 1.5, 1, 1.5)),
+    "icr": (0, (1, 1)),
+    "icr_radius": "-",
+    "icr_sides": (0, (1, 2.5)),
+}
 """Line styles, so that the laws can be told apart without colour too."""
+INNER, OUTER = ORANGE, BLUE
+"""Colours of the tracks by their role in the turn."""
+BAND = "#d5e6d5"
+"""Colour behind values that say nothing, being too small."""
 STYLE: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.titlesize": 9.5,
@@ -49,6 +77,13 @@ styled = matplotlib.rc_context(STYLE)
 def thin(rows: int, most: int = POINTS) -> slice:
     """Every n-th of `rows` rows, so that about `most` are left."""
     return slice(None, None, max(1, rows // most))
+
+
+def limits_around(values: Array) -> tuple[float, float]:
+    """Limits of an axis that shows values (n,) and zero, and leaves a law's pole outside."""
+    low, high = min(0.0, float(values.min())), max(0.0, float(values.max()))
+    room = 0.12 * (high - low) + 1e-4
+    return low - room, high + room
 
 
 def law_line(name: str, **more: object) -> dict[str, object]:

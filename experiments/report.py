@@ -7,15 +7,15 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 from matplotlib.figure import Figure
 
-from experiments import figure_style, figures, tracking_figures
+from experiments import comparison_figures, figure_style, figures, law_figures, tracking_figures
+from experiments.identification_text import IdentificationText
+from experiments.localization_figures import Sightings, error_against_viewing_angle, sightings
 from experiments.page import MISSING, inline_svg, render_page
+from experiments.roles import RoleSamples
 from trackslip.identification import FittedLaw, Identification, SlipSamples
-from trackslip.metrics import rms
 from trackslip.runlog import RunLog
-from trackslip.slip import PUBLISHED, ConstantIcr
 
 _TRACKING_COLUMNS = (
     ("rms_position", 1e3),
@@ -25,20 +25,6 @@ _TRACKING_COLUMNS = (
     ("final_heading", math.degrees(1)),
 )
 """Keys of a row of summary['tracking'] and the factor from SI to what is printed, mm and degrees."""
-_PARAMETERS = {
-    "alpha_outer": ("α outer", 1.0, ""),
-    "beta_outer": ("β outer", 1.0, "1/m"),
-    "alpha_inner": ("α inner", 1.0, ""),
-    "beta_inner": ("β inner", 1.0, "1/m"),
-    "offset": ("D", 1e3, "mm"),
-    "radius_error": ("ε", 1e2, "%"),
-}
-"""Parameter of a law -> symbol, factor from SI, unit."""
-_FORMULAS = {
-    "exponential": ("α exp(β R)",),
-    "icr": ("outer: D / (R + b + D)", "inner: −D / (R − b − D)"),
-    "icr_radius": ("outer: 1 − (1 + ε)(R + b) / (R + b + D)", "inner: 1 − (1 + ε)(R − b) / (R − b − D)"),
-}
 
 
 @dataclass(frozen=True)
@@ -75,19 +61,10 @@ class Report:
         return {} if self.identification is None else self.identification.comparison.laws
 
 
-@dataclass(frozen=True)
-class LawRow:
-    """A row of the table of laws, as printed."""
-
-    name: str
-    formula: tuple[str, ...]
-    parameters: tuple[str, ...]
-    rms: str
-
-
 def render(report: Report) -> str:
     """The page as HTML that needs no other file."""
-    drawn = {name: inline_svg(figure, name) for name, figure in _figures(report)}
+    seen = sightings(report.grid_logs)
+    drawn = {name: inline_svg(figure, name) for name, figure in _figures(report, seen)}
     tracking = report.summary.get("tracking")
     return render_page(
         "report.html.j2",
@@ -97,22 +74,22 @@ def render(report: Report) -> str:
         report=report,
         figures=drawn,
         conditions=_conditions(report),
-        facts=_facts(report.samples),
-        laws=_law_rows(report),
-        half_gauge=_half_gauge(report.laws),
+        found=None if report.identification is None else IdentificationText.of(report.identification),
+        seen=None if seen is None else seen.facts(),
+        warnings=_warnings(report),
         tracking=_tracking_rows(tracking if isinstance(tracking, list | tuple) else ()),
         truth=any(log.truth is not None for log in report.tracking_logs),
     )
 
 
-def _figures(report: Report) -> Iterator[tuple[str, Figure]]:
+def _figures(report: Report, seen: Sightings | None) -> Iterator[tuple[str, Figure]]:
     """Name and figure of whatever the report has data for."""
     if report.grid_logs:
         yield "pose", figures.pose_and_velocity(figures.typical_run(report.grid_logs))
-    if report.samples is not None and len(figures.RoleSamples.of(report.samples).radius):
-        yield "slip", figures.slip_against_speed_and_radius(report.samples)
-        if report.laws:
-            yield "laws", figures.fitted_laws(report.samples, report.laws)
+    if seen is not None:
+        yield "localization", error_against_viewing_angle(seen)
+    if report.identification is not None:
+        yield from _law_figures(report.identification)
     feedforward = tracking_figures.runs_of(report.tracking_logs, "feedforward")
     linear = tracking_figures.runs_of(report.tracking_logs, "linear")
     if feedforward or linear:
@@ -127,55 +104,17 @@ def _figures(report: Report) -> Iterator[tuple[str, Figure]]:
             yield "estimated", estimated
 
 
-def _facts(samples: SlipSamples | None) -> dict[str, str]:
-    """Numbers for the captions: how many runs, their ranges, and how slip varies with speed at one radius."""
-    if samples is None:
-        return {}
-    roles = figures.RoleSamples.of(samples)
-    facts = {"runs": str(len(samples.run))}
-    groups = [group for group in figures.alike(roles.radius) if len(group) > 1]
-    if roles.radius.size:
-        facts["radii"] = f"{roles.radius.min():.2f} to {roles.radius.max():.2f} m"
-        facts["speeds"] = f"{roles.speed.min():.2f} to {roles.speed.max():.2f} m/s"
-    if len(groups) > 1:
-        for name, slip in (("inner", roles.inner), ("outer", roles.outer)):
-            facts[name] = f"{max(float(np.ptp(slip[group])) for group in groups):.4f}"
-    return facts
-
-
-def _law_rows(report: Report) -> list[LawRow]:
-    """The fitted laws, and the published one beside them where there are samples to hold it against."""
-    rows = []
-    for name, fit in report.laws.items():
-        parameters = tuple(_parameter(key, fit.values[key], fit.stderr.get(key, math.nan)) for key in fit.values)
-        label = figure_style.LABELS.get(name, name)
-        rows.append(LawRow(label, _FORMULAS.get(name, (MISSING,)), parameters, f"{fit.rms:.4f}"))
-    if report.laws and report.samples is not None:
-        residual = rms(PUBLISHED(report.samples.curvature) - report.samples.slip)
-        values = tuple(_parameter(key, value, 0.0) for key, value in vars(PUBLISHED).items())
-        rows.append(LawRow(figure_style.LABELS["published"], _FORMULAS["exponential"], values, f"{residual:.4f}"))
-    return rows
-
-
-def _parameter(key: str, value: float, error: float) -> str:
-    """`symbol = value ± standard error unit`, the error to two digits; an error of 0 stands for a printed value."""
-    symbol, factor, unit = _PARAMETERS.get(key, (key, 1.0, ""))
-    value, error = factor * value, factor * error
-    if error == 0:
-        text = f"{value:g}"
-    elif math.isfinite(error):
-        digits = max(0, 1 - math.floor(math.log10(error)))
-        text = f"{value:.{digits}f} ± {error:.{digits}f}"
-    else:
-        text = f"{value:.4g} (error unknown)"
-    text = text.replace("-", "−")
-    return f"{symbol} = ({text}) {unit}" if unit and "±" in text else f"{symbol} = {text} {unit}".rstrip()
-
-
-def _half_gauge(laws: Mapping[str, FittedLaw]) -> str | None:
-    """b that the laws were fitted with, in metres."""
-    known = (fit.law.half_gauge for fit in laws.values() if isinstance(fit.law, ConstantIcr))
-    return next((f"{value:g} m" for value in known), None)
+def _law_figures(found: Identification) -> Iterator[tuple[str, Figure]]:
+    comparison = found.comparison
+    turns = RoleSamples.of(found.samples, found.geometry)
+    if len(turns):
+        yield "slip", figures.slip_against_speed_and_radius(turns, comparison.laws[comparison.best])
+        yield "laws", law_figures.fitted_laws(turns, comparison)
+        yield "residuals", law_figures.residuals(turns, comparison)
+    yield "criteria", comparison_figures.criteria(comparison)
+    correlated = comparison_figures.correlated_laws(comparison)
+    if correlated:
+        yield "correlations", comparison_figures.correlations(correlated)
 
 
 def _tracking_rows(rows: Sequence[Mapping[str, Any]]) -> list[list[str]]:
@@ -192,6 +131,14 @@ def _number(value: Any, factor: float) -> str:
     if not isinstance(value, int | float) or not math.isfinite(value):
         return MISSING
     return f"{factor * value:.1f}" if factor == 1e3 else f"{factor * value:.2f}"
+
+
+def _warnings(report: Report) -> list[str]:
+    """The command's warnings, or those of the identification; runs left out have a list of their own."""
+    found = report.identification
+    left_out = set() if found is None else set(map(str, found.outliers))
+    warnings = report.summary.get("warnings", () if found is None else found.warnings)
+    return [str(warning) for warning in warnings if str(warning) not in left_out]
 
 
 def _conditions(report: Report) -> str:

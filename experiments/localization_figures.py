@@ -1,0 +1,130 @@
+"""The error of localisation against the angle at which the scanner sees the plate, beside the Cramer-Rao bound."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+from experiments.figure_style import BLUE, GREEN, ORANGE, styled
+from sim.scanner import LaserScanner
+from trackslip.kinematics import Array, wrap_angle
+from trackslip.localization.bound import LEAST_ANGLE, pose_bound, viewing_angle
+from trackslip.metrics import rms
+from trackslip.runlog import RunLog
+from trackslip.scan import Plate, Scan
+
+_MOST = 5000  # poses that are looked at
+_EDGES = np.radians([0, 1, 2, 3, 5, 8, 12, 18, 26, 34, 42, 50, 58, 66, 74, 82, 90])
+_FEWEST = 10  # poses in a bin that make a mean
+_COMPONENTS = (
+    ("along the line of sight", BLUE, "o"),
+    ("across the line of sight", ORANGE, "s"),
+    ("heading", GREEN, "^"),
+)
+
+
+@dataclass(frozen=True)
+class Sightings:
+    """Poses of the plate as one scanner saw it, turned so that the first axis is the line of sight."""
+
+    angle: Array  # (n,) between plate and line of sight, 0..pi/2 [rad]
+    error: Array  # (n, 3) along, across the line of sight [m], heading [rad]; NaN where nothing was measured
+    bound: Array  # (n, 3) smallest standard deviations of the same; NaN where unbounded
+
+    @property
+    def measured(self) -> np.ndarray:
+        """(n,) bool."""
+        return np.asarray(np.isfinite(self.error).all(axis=1))
+
+    def facts(self) -> dict[str, str]:
+        """For the caption: poses looked at and missed, their errors over the bound, and where that means little."""
+        missed = self.angle[~self.measured]
+        clear = self.measured & np.isfinite(self.bound).all(axis=1) & (self.angle > LEAST_ANGLE)
+        ratio = [rms(self.error[clear, k]) / rms(self.bound[clear, k]) for k in range(3)] if clear.any() else []
+        return {
+            "looked": str(self.angle.size),
+            "missed": str(missed.size),
+            "missed_below": f"half of them below {np.degrees(np.median(missed)):.2g}°" if missed.size else "",
+            "ratio": " | ".join(f"{value:.2f}" for value in ratio),
+            "least_angle": f"{np.degrees(LEAST_ANGLE):g}°",
+        }
+
+
+def sightings(logs: Sequence[RunLog]) -> Sightings | None:
+    """Of about _MOST poses of those runs whose truth, plate, scanner and its mount are known; None without any."""
+    known = [log for log in logs if log.truth is not None and _seen_by(log.metadata) is not None]
+    if not known:
+        return None
+    step = max(1, sum(len(log.time) for log in known) // _MOST)
+    parts = [part for log in known if (part := _of(log, step)) is not None]
+    return Sightings(*(np.concatenate([getattr(part, key) for part in parts]) for key in ("angle", "error", "bound")))
+
+
+def _seen_by(metadata: Mapping[str, Any]) -> tuple[Plate, Scan] | None:
+    """The plate, and a scan without ranges of the scanner that saw it; None where the metadata don't say."""
+    plate, scanner, lrf = (metadata.get(key) for key in ("plate", "scanner", "lrf"))
+    if not (isinstance(plate, Mapping) and isinstance(scanner, Mapping) and isinstance(lrf, Mapping)):
+        return None
+    device = LaserScanner(**scanner)
+    mount = np.array(lrf["mount"], float)
+    return Plate(**plate), Scan(device.bearings, np.empty((0, device.bearings.size)), device.noise, mount)
+
+
+def _of(log: RunLog, step: int) -> Sightings | None:
+    """Every `step`-th pose of a run."""
+    seen = _seen_by(log.metadata)
+    if seen is None or log.truth is None:
+        return None
+    plate, scan = seen
+    true = scan.from_world(log.truth.pose[::step])
+    estimated = scan.from_world(log.pose[::step])
+    sight = np.arctan2(true[:, 1], true[:, 0])
+    turn = _turned(-sight)
+    error = np.einsum("nij,nj->ni", turn, estimated - true)
+    error[:, 2] = wrap_angle(error[:, 2])
+    error[~log.is_valid[::step]] = np.nan
+    bound = turn @ pose_bound(true, plate, scan.bearings, scan.noise) @ turn.swapaxes(1, 2)
+    return Sightings(viewing_angle(true), error, np.sqrt(np.einsum("nii->ni", bound)))
+
+
+def _turned(angle: Array) -> Array:
+    """(n, 3, 3): what turns the first two of (x, y, phi) by angles (n,)."""
+    cos, sin, nil, one = np.cos(angle), np.sin(angle), np.zeros_like(angle), np.ones_like(angle)
+    return np.stack([cos, -sin, nil, sin, cos, nil, nil, nil, one], axis=-1).reshape(-1, 3, 3)
+
+
+@styled
+def error_against_viewing_angle(seen: Sightings) -> Figure:
+    """Root mean square errors of position and heading in bins of the viewing angle, with the bound."""
+    figure = Figure(figsize=(9.0, 4.3), layout="constrained")
+    position, heading = figure.subplots(1, 2)
+    which = np.clip(np.digitize(seen.angle, _EDGES) - 1, 0, _EDGES.size - 2)
+    held = seen.measured & np.isfinite(seen.bound).all(axis=1)
+    bins = [rows for k in range(_EDGES.size - 1) if (rows := np.flatnonzero((which == k) & held)).size >= _FEWEST]
+    angle = np.degrees([seen.angle[rows].mean() for rows in bins])
+    bounded = angle > np.degrees(LEAST_ANGLE)
+    for column, (name, colour, marker) in enumerate(_COMPONENTS):
+        axis, factor = (heading, np.degrees(1)) if name == "heading" else (position, 1e3)
+        error = factor * np.array([rms(seen.error[rows, column]) for rows in bins])
+        bound = factor * np.array([rms(seen.bound[rows, column]) for rows in bins])
+        axis.plot(angle, error, marker, color=colour, ms=5, label=f"{name}: error")
+        axis.plot(angle[bounded], bound[bounded], color=colour, lw=1.4, label=f"{name}: bound")
+    for axis, label, title in (
+        (position, "error of position, rms [mm]", "Position"),
+        (heading, "error of heading, rms [°]", "Heading"),
+    ):
+        axis.set_yscale("log")
+        axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axis.yaxis.set_minor_formatter(NullFormatter())
+        axis.set(xlabel="angle between plate and line of sight [°]", ylabel=label, title=title, xlim=(0, 90))
+        axis.set_xticks(range(0, 91, 15))
+        axis.axvspan(0, np.degrees(LEAST_ANGLE), color="#e4e4e4", lw=0, zorder=0)
+    handles = [*position.get_legend_handles_labels()[0], *heading.get_legend_handles_labels()[0]]
+    figure.legend(handles=handles, ncols=3, loc="outside lower center")
+    return figure

@@ -1,0 +1,57 @@
+"""How the parameters of slip laws are written."""
+
+from __future__ import annotations
+
+import math
+
+from trackslip.identification import FAMILIES
+
+SYMBOLS = {
+    "alpha_outer": "α outer",
+    "beta_outer": "β outer",
+    "alpha_inner": "α inner",
+    "beta_inner": "β inner",
+    "gamma_outer": "γ outer",
+    "gamma_inner": "γ inner",
+    "slip_outer": "i outer",
+    "slip_inner": "i inner",
+    "size": "a",
+    "pole": "p",
+    "offset": "D",
+    "radius_error": "ε",
+    "offset_left": "D left",
+    "offset_right": "D right",
+    "radius_error_left": "ε left",
+    "radius_error_right": "ε right",
+}
+FORMULAS = {
+    "none": ("i = 0",),
+    "constant": ("i the same at every radius",),
+    "exponential": ("i = α exp(β R)",),
+    "exponential_speed": ("i = (α + γ v) exp(β R)",),
+    "power": ("i = α (1 + R / b)ᵝ",),
+    "hyperbola": ("outer: a / (R + p)", "inner: −a / (R − p)"),
+    "icr": ("outer: D / (R + b + D)", "inner: −D / (R − b − D)"),
+    "icr_radius": ("outer: 1 − (1 + ε)(R + b) / (R + b + D)", "inner: 1 − (1 + ε)(R − b) / (R − b − D)"),
+    "icr_sides": ("as above, with D and ε", "of the left and the right track"),
+}
+"""Law -> lines of its formula."""
+_MOST_DIGITS = 7
+
+
+def unit_of(law: str, parameter: str) -> tuple[float, str]:
+    """Factor from SI and unit of a law's parameter, as printed: mm for lengths, % for errors of the radius."""
+    if parameter.startswith("radius_error"):
+        return 1e2, "%"
+    unit = FAMILIES[law].parameters[parameter].unit
+    return (1e3, "mm") if unit == "m" else (1.0, unit)
+
+
+def digits_for(error: float) -> int:
+    """Decimals that show two digits of an error."""
+    return min(_MOST_DIGITS, max(0, 1 - math.floor(math.log10(error)))) if error > 0 else _MOST_DIGITS
+
+
+def fixed(value: float, digits: int) -> str:
+    """A number with that many decimals and a proper minus sign; a dash for none."""
+    return f"{value:.{digits}f}".replace("-", "−") if math.isfinite(value) else "–"

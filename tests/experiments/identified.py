@@ -1,0 +1,55 @@
+"""Identifications small enough to be made in a test: a few runs, a few laws, no bootstrap."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+
+from trackslip.identification import (
+    Comparison,
+    CrossValidation,
+    Identification,
+    Refused,
+    SlipSamples,
+    cross_validate,
+    fit_law,
+)
+from trackslip.kinematics import RobotGeometry
+from trackslip.slip import ConstantIcr
+
+GEOMETRY = RobotGeometry(0.168, 0.06)
+LAWS = ("none", "constant", "exponential", "icr", "icr_radius")
+_NOISE = 2e-3  # relative, of the twists
+
+
+def driven(twist, *, errors=True, seed=0):
+    """Samples of a robot with a constant ICR that drives twists (n, 2), with or without their errors."""
+    twist = np.asarray(twist, float)
+    omega = ConstantIcr(0.05, GEOMETRY.half_gauge, 0.007).sprocket_speeds(twist, GEOMETRY)
+    size = _NOISE * np.abs(twist) + 1e-6
+    measured = twist + size * np.random.default_rng(seed).standard_normal(twist.shape)
+    covariance = size[:, :, None] ** 2 * np.eye(2) if errors else None
+    return SlipSamples.of(omega, measured, GEOMETRY, [f"run {k}" for k in range(len(twist))], covariance)
+
+
+def grid(*, side=1):
+    """Twists (8, 2) of four radii at two speeds, to the left or, with -1, to the right."""
+    return [(v, side * v / radius) for radius, v in itertools.product((0.6, 1.2, 2.0, 3.0), (0.1, 0.2))]
+
+
+def identified(samples, names=LAWS, *, best="icr_radius", outliers=(), determined=True):
+    """Laws fitted to samples; not `determined` stands for samples too few to compare them."""
+    laws = {name: fit_law(name, samples, GEOMETRY, bootstraps=0) for name in names}
+    aicc = {name: law.aicc(len(samples)) if determined else None for name, law in laws.items()}
+    unknown = CrossValidation(None, None, None)
+    comparison = Comparison(
+        laws=laws,
+        aicc=aicc,
+        weight={name: (1.0 if name == best else 0.0) if determined else None for name in laws},
+        validation={n: cross_validate(law, samples, GEOMETRY) if determined else unknown for n, law in laws.items()},
+        best=best,
+        warnings=("law power: the samples don't determine beta_outer",),
+    )
+    outliers = tuple(Refused(*outlier) for outlier in outliers)
+    return Identification(GEOMETRY, samples, outliers, comparison, (*map(str, outliers), *comparison.warnings))
