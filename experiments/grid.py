@@ -22,6 +22,7 @@ from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification import SlipSamples, slip_samples, true_samples, usable_samples
 from trackslip.kinematics import Array, RobotGeometry, sprocket_speeds, wrap_angle
 from trackslip.localization import LineLocator, Locator, PlateLocator
+from trackslip.localization.bound import scan_ratio_to_bound
 from trackslip.metrics import rms
 from trackslip.motion import MOTION_METHODS
 from trackslip.published import COMMANDED_RADII, OBSERVED_RADII
@@ -174,7 +175,10 @@ def grid_summary(
         "slip_rms_vs_published_at_simulated_radii": rms(samples.slip - PUBLISHED(samples.curvature)),
         "speed_spread": {"outer": spread[outer], "inner": spread[inner]},
         "localization": localization_summary(logs)
-        | {"scans_per_s": sum(len(log.time) for log in logs) / watch.stages["localization"]},
+        | {
+            "ratio_to_bound": bound_ratios(logs),
+            "scans_per_s": sum(len(log.time) for log in logs) / watch.stages["localization"],
+        },
         "slip_error": _slip_error(error) | motion_errors([log for log in logs if log.run in samples.run], geometry),
     }
 
@@ -217,6 +221,25 @@ def localization_summary(logs: Sequence[RunLog]) -> dict[str, Any]:
         "valid_fraction": valid.mean(),
         "rate_hz": valid.mean() / period,
     }
+
+
+def bound_ratios(logs: Sequence[RunLog]) -> dict[str, float] | None:
+    """Errors of the measured poses over their bound, more than LEAST_ANGLE from edge-on; None for runs without scans.
+
+    What the scanner sees is the plate, so its own true place, where the leaning robot holds it, is what counts.
+    """
+    estimated, true = [], []
+    for log in logs:
+        if log.scans is None or log.truth is None or log.truth.lean is None:
+            return None
+        phi = log.truth.pose[:, 2]
+        left = np.column_stack([-np.sin(phi), np.cos(phi), np.zeros_like(phi)])
+        estimated.append(log.pose[log.is_valid])
+        true.append((log.truth.pose + log.truth.lean[:, None] * left)[log.is_valid])
+    scans = logs[0].scans
+    assert scans is not None
+    ratios = scan_ratio_to_bound(np.concatenate(estimated), np.concatenate(true), scans.plate, scans.scan)
+    return dict(zip(("x", "y", "heading"), ratios.tolist(), strict=True))
 
 
 def radius_rows(config: GridConfig, summary: Mapping[str, Any]) -> list[tuple[str, ...]]:

@@ -58,7 +58,6 @@ def run(config: IdentifyConfig) -> None:
             summary=store.plain(summary),
             comparison=(),
             grid_logs=source.logs,
-            samples=found.samples,
             identification=found,
         )
         (folder / store.REPORT).write_text(render(page), encoding="utf-8")

@@ -14,7 +14,7 @@ from experiments.identification_text import IdentificationText
 from experiments.localization_figures import Sightings, error_against_viewing_angle, sightings
 from experiments.page import MISSING, inline_svg, render_page
 from experiments.roles import RoleSamples
-from trackslip.identification import FittedLaw, Identification, SlipSamples
+from trackslip.identification import FittedLaw, Identification
 from trackslip.runlog import RunLog
 
 _TRACKING_COLUMNS = (
@@ -50,7 +50,6 @@ class Report:
     comparison: Sequence[ComparisonRow] = ()
     grid_logs: Sequence[RunLog] = ()
     """Steady runs."""
-    samples: SlipSamples | None = None
     identification: Identification | None = None
     tracking_logs: Sequence[RunLog] = ()
     """Runs along the paper's path, with `controller` and `compensation` in their metadata."""

@@ -72,7 +72,6 @@ def run(config: ReproduceConfig) -> None:
                 summary=summary,
                 comparison=rows,
                 grid_logs=grid_logs,
-                samples=found.samples,
                 identification=found,
                 tracking_logs=tracking_logs,
             )

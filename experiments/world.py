@@ -58,6 +58,7 @@ class World:
             {
                 "geometry": self.robot.geometry,
                 "plate": self.robot.plate,
+                "lrf": {"mount": self.robot.lrf_mount},
                 "ground": self.ground,
                 "radius_error": self.radius_error,
                 "drive": self.config.drive,

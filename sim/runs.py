@@ -74,21 +74,10 @@ def open_loop(
     """
     watch = watch or Stopwatch()
     record = _Recorder(fleet, scan_count(duration, feed.period), feed.period, descriptions)
-    start = fleet.pose()
+    tracker = Tracker(fleet.pose(), fleet.robot.geometry)
     block = max(1, _SCANS_AT_ONCE // fleet.size)
     waiting: list[Array] = []
-    estimates: list[PoseEstimate] = []
     clusters: list[Cluster] = []
-
-    def localise() -> None:
-        with watch.stage("physics and scans"):
-            ranges = feed.measure(np.stack(waiting, axis=1)).ranges  # (N, block, B)
-            scan = feed.scan(ranges.reshape(-1, ranges.shape[-1]))
-        with watch.stage("localization"):
-            estimates.append(locator.locate(scan))
-            clusters.append(extract_plate(scan, fleet.robot.plate, scan.from_world(estimates[-1].pose)))
-        waiting.clear()
-
     for k in range(record.rows):
         with watch.stage("physics and scans"):
             if k > 0:
@@ -97,19 +86,44 @@ def open_loop(
             record.measure(k)
             waiting.append(feed.true_ranges())
         if len(waiting) == block or k == record.rows - 1:
-            localise()
+            with watch.stage("physics and scans"):
+                ranges = feed.measure(np.stack(waiting, axis=1)).ranges  # (N, block, B)
+            with watch.stage("localization"):
+                first = k + 1 - len(waiting)
+                _localise(record, tracker, feed, locator, ranges, first)
+                scan, pose = feed.scan(_flat(ranges)), _flat(record.pose[first : k + 1].swapaxes(0, 1))
+                clusters.append(extract_plate(scan, fleet.robot.plate, scan.from_world(pose)))
+            waiting.clear()
         fleet.command(limit_sprocket_speeds(omega, fleet.drive.limit))
         record.command[k] = fleet.drive.set_point
-
-    single = _joined(estimates, fleet.size)
-    tracker = Tracker(start, fleet.robot.geometry)
-    for k in range(record.rows):
-        if k > 0:
-            tracker.predict(record.omega[k], feed.period)
-        record.estimate(k, tracker.update(PoseEstimate(single.pose[k], single.covariance[k], single.valid[k])))
     empty = feed.scan(np.empty((0, len(feed.bearings))))
     seen = [ScanLog(empty, fleet.robot.plate, cluster) for cluster in _by_robot(clusters, fleet.size)]
     return [replace(log, scans=scans) for log, scans in zip(record.logs(), seen, strict=True)]
+
+
+def _localise(
+    record: _Recorder, tracker: Tracker, feed: ScannerFeed, locator: Locator, ranges: Array, first: int
+) -> None:
+    """Poses of the rows from `first` on, from their ranges (N, block, B): all at once, then put in track.
+
+    Where the tracker doesn't believe what was found, something else was taken for the plate, and it is looked for where
+    the robot is expected.
+    """
+    robots, rows, _ = ranges.shape
+    single = locator.locate(feed.scan(_flat(ranges)))
+    pose, covariance, valid = (
+        part.reshape(robots, rows, *part.shape[1:]) for part in (single.pose, single.covariance, single.valid)
+    )
+    for k in range(rows):
+        row = first + k
+        predicted = tracker.predict(record.omega[row], feed.period if row > 0 else 0.0)
+        estimate = PoseEstimate(pose[:, k], covariance[:, k], valid[:, k])
+        doubted = np.flatnonzero(~tracker.believes(estimate))
+        if doubted.size:
+            again = locator.locate(feed.scan(ranges[doubted, k]), predicted[doubted])
+            estimate.pose[doubted], estimate.covariance[doubted] = again.pose, again.covariance
+            estimate.valid[doubted] = again.valid
+        record.estimate(row, tracker.update(estimate))
 
 
 def closed_loop(
@@ -234,17 +248,9 @@ def _exactly(pose: Array) -> PoseEstimate:
     return PoseEstimate(pose, np.zeros((len(pose), 3, 3)), np.ones(len(pose), bool))
 
 
-def _joined(estimates: Sequence[PoseEstimate], robots: int) -> PoseEstimate:
-    """Estimates of blocks of scans (robots x scans) as one, with time first: (T, N, ...)."""
-
-    def join(parts: Sequence[np.ndarray]) -> np.ndarray:
-        return np.concatenate([np.moveaxis(p.reshape(robots, -1, *p.shape[1:]), 0, 1) for p in parts])
-
-    return PoseEstimate(
-        join([e.pose for e in estimates]),
-        join([e.covariance for e in estimates]),
-        join([e.valid for e in estimates]),
-    )
+def _flat(array: np.ndarray) -> np.ndarray:
+    """Robots x rows x ... as one axis of both."""
+    return array.reshape(-1, *array.shape[2:])
 
 
 def _by_robot(clusters: Sequence[Cluster], robots: int) -> list[Cluster]:

@@ -20,7 +20,7 @@ import pyarrow.parquet
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.runlog import RunLog, Truth
-from trackslip.scanlog import ScanLog
+from trackslip.scan_columns import SCANNED, metadata_with_scans, scan_columns, scans_from_table
 
 REQUIRED = ("run", "t", "omega_l", "omega_r", "x", "y", "phi")
 SAMPLE_COLUMNS = ("omega_l", "omega_r", "v", "w")
@@ -48,8 +48,6 @@ _UNITS = {
     **dict.fromkeys(_TORQUE, "N m"),
     **dict.fromkeys(_POWER, "W"),
 }
-_FIRST_BEAM, _RANGES = "first_beam", "ranges"
-_SCANNED = "scanned"  # what the ranges were measured with, in a run's metadata
 _METADATA_KEY = b"trackslip"
 
 
@@ -67,7 +65,7 @@ def to_table(logs: Sequence[RunLog]) -> pa.Table:
     fields = [
         f.with_metadata({"unit": _UNITS[f.name]}) if f.name in _UNITS else f for f in table.schema.remove_metadata()
     ]
-    metadata = {"version": 1, "runs": {log.run: _stored(log) for log in logs}}
+    metadata = {"version": 1, "runs": {log.run: metadata_with_scans(log.metadata, log.scans) for log in logs}}
     return table.cast(pa.schema(fields, metadata={_METADATA_KEY: json.dumps(metadata)}))
 
 
@@ -160,8 +158,8 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
                     covariance=None if covariance is None else _symmetric(covariance[rows]),
                     valid=None if valid is None else valid[rows],
                     truth=_truth(true_parts),
-                    scans=_scans(table, rows, metadata.get(key, {})),
-                    metadata={k: value for k, value in metadata.get(key, {}).items() if k != _SCANNED},
+                    scans=scans_from_table(table, rows, metadata.get(key, {})),
+                    metadata={k: value for k, value in metadata.get(key, {}).items() if k != SCANNED},
                 )
             )
         except LogError as error:
@@ -283,26 +281,8 @@ def _run_table(log: RunLog) -> pa.Table:
     if log.valid is not None:
         columns["valid"] = log.valid
     if log.scans is not None:
-        columns[_FIRST_BEAM] = log.scans.first_beam()
-        columns[_RANGES] = pa.array(log.scans.ranges(), pa.list_(pa.float32()))
+        columns |= scan_columns(log.scans)
     return pa.table(columns)
-
-
-def _stored(log: RunLog) -> dict[str, Any]:
-    """A run's metadata, with what is to be known of its ranges."""
-    return log.metadata if log.scans is None else log.metadata | {_SCANNED: log.scans.metadata()}
-
-
-def _scans(table: pa.Table, rows: np.ndarray, metadata: dict[str, Any]) -> ScanLog | None:
-    """The scans of a run, or None where it has none."""
-    if _SCANNED not in metadata or not {_FIRST_BEAM, _RANGES} <= set(table.column_names):
-        return None
-    part = table.select([_FIRST_BEAM, _RANGES]).take(rows)
-    beams, ranges = part.column(_FIRST_BEAM), part.column(_RANGES)
-    if beams.null_count or ranges.null_count or not pa.types.is_integer(beams.type):
-        raise LogError(f"columns {_FIRST_BEAM}, {_RANGES}: some are empty")
-    values = [np.asarray(row.values.to_numpy(zero_copy_only=False), float) for row in ranges]
-    return ScanLog.of(metadata[_SCANNED], beams.to_numpy(), values)
 
 
 def _unwrapped(pose: Array) -> Array:

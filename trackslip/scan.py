@@ -148,7 +148,7 @@ class Cluster:
             padded([part.bearing for part in parts], "edge"),
             padded([part.range for part in parts], "edge"),
             padded([part.hit for part in parts], "constant"),
-            np.concatenate([part.count for part in parts]),
+            *(np.concatenate([getattr(part, name) for part in parts]) for name in ("count", "lost", "hidden")),
         )
 
 

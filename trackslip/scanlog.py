@@ -52,8 +52,10 @@ class ScanLog:
         }
 
     @classmethod
-    def of(cls, metadata: Mapping[str, Any], first_beam: np.ndarray, ranges: list[Array]) -> ScanLog:
-        """From what `metadata`, `first_beam` and `ranges` gave.
+    def of(
+        cls, metadata: Mapping[str, Any], first_beam: np.ndarray, ranges: list[Array], lost: np.ndarray, hidden: Array
+    ) -> ScanLog:
+        """From what `metadata`, `first_beam` and `ranges` gave, and the cluster's `lost` (T,) and `hidden` (T, 2).
 
         Raises:
             LogError: for what isn't that.
@@ -84,4 +86,4 @@ class ScanLog:
             padded[k, : len(row)] = row
         hit = np.isfinite(padded)
         bearing = bearings[np.minimum(column, beams - 1)]
-        return cls(scan, plate, Cluster(bearing, np.where(hit, padded, 1.0), hit, hit.sum(axis=1)))
+        return cls(scan, plate, Cluster(bearing, np.where(hit, padded, 1.0), hit, hit.sum(axis=1), lost, hidden))

@@ -1,0 +1,45 @@
+"""The scans of a RunLog as columns of its table: ranges as lists, what they were measured with in the metadata."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from trackslip.errors import LogError
+from trackslip.scanlog import ScanLog
+
+SCANNED = "scanned"
+"""Key in a run's metadata of what its ranges were measured with."""
+_RANGES = "ranges"
+_NUMBERS = ("first_beam", "lost", "hidden_first", "hidden_last")
+
+
+def scan_columns(scans: ScanLog) -> dict[str, Any]:
+    """Columns of T rows."""
+    hidden_first, hidden_last = scans.cluster.hidden.T
+    numbers = (scans.first_beam(), scans.cluster.lost, hidden_first, hidden_last)
+    return dict(zip(_NUMBERS, numbers, strict=True)) | {_RANGES: pa.array(scans.ranges(), pa.list_(pa.float32()))}
+
+
+def metadata_with_scans(metadata: Mapping[str, Any], scans: ScanLog | None) -> Mapping[str, Any]:
+    """A run's metadata, with what is to be known of its ranges, if it has any."""
+    return metadata if scans is None else {**metadata, SCANNED: scans.metadata()}
+
+
+def scans_from_table(table: pa.Table, rows: np.ndarray, metadata: Mapping[str, Any]) -> ScanLog | None:
+    """The scans of a run, or None where it has none; raises LogError for columns that aren't what they should be."""
+    names = [*_NUMBERS, _RANGES]
+    if SCANNED not in metadata or not set(names) <= set(table.column_names):
+        return None
+    part = table.select(names).take(rows)
+    for name in names:
+        kind = part.schema.field(name).type
+        fits = pa.types.is_list(kind) if name == _RANGES else pa.types.is_integer(kind) or pa.types.is_floating(kind)
+        if part.column(name).null_count or not fits:
+            raise LogError(f"column {name}: {kind} with {part.column(name).null_count} empty")
+    first_beam, lost, *hidden = (part.column(name).to_numpy() for name in _NUMBERS)
+    ranges = [np.asarray(row.values.to_numpy(zero_copy_only=False), float) for row in part.column(_RANGES)]
+    return ScanLog.of(metadata[SCANNED], first_beam.astype(int), ranges, lost.astype(int), np.stack(hidden, axis=-1))
