@@ -50,7 +50,7 @@ def pose_bound(pose: Array, plate: Plate, bearings: Array, noise: float) -> Arra
     information = np.zeros((len(pose), 3, 3))
     for start in range(0, len(pose), _AT_ONCE):
         some = pose[start : start + _AT_ONCE]
-        jacobian = _range_jacobian(some, plate, bearings) / noise
+        jacobian = _range_jacobian(some, plate, _towards(some, plate, bearings)) / noise
         edges = _edge_jacobian(some, plate, bearings)
         information[start : start + _AT_ONCE] = jacobian.swapaxes(1, 2) @ jacobian + edges.swapaxes(1, 2) @ edges
     covariance = np.full_like(information, np.nan)
@@ -93,10 +93,23 @@ def scan_ratio_to_bound(pose: Array, true_pose: Array, plate: Plate, scan: Scan)
     return ratio_to_bound(error[held], bound[held])
 
 
+def _towards(pose: Array, plate: Plate, bearings: Array) -> Array:
+    """Those of the bearings (B,) that can meet each of the plates at poses (S, 3), and as many for all: (S, W)."""
+    distance, sight = np.hypot(pose[:, 0], pose[:, 1]), np.arctan2(pose[:, 1], pose[:, 0])
+    radius = np.hypot(plate.length, plate.thickness) / 2
+    spread = np.arcsin(np.minimum(radius / np.maximum(distance, radius), 1.0))
+    step = (bearings[-1] - bearings[0]) / (len(bearings) - 1)
+    count = min(int(np.ceil(2 * spread.max() / step)) + 2, len(bearings))
+    if np.any(np.abs(sight) + spread > np.pi):  # behind the LRF, where bearings jump
+        count = len(bearings)
+    first = np.floor((sight - spread - bearings[0]) / step).astype(int)
+    return bearings[np.clip(first, 0, len(bearings) - count)[:, None] + np.arange(count)]
+
+
 def _range_jacobian(pose: Array, plate: Plate, bearings: Array) -> Array:
-    """Derivatives (S, B, 3) of the ranges by x, y and phi; zero where a beam misses."""
+    """Derivatives (S, W, 3) of the ranges of beams with bearings (S, W) by x, y and phi; zero where one misses."""
     centre, phi = pose[:, None, :2], pose[:, None, 2]
-    u = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)  # (B, 2)
+    u = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
     axes = (np.stack([np.cos(phi), np.sin(phi)], axis=-1), np.stack([-np.sin(phi), np.cos(phi)], axis=-1))
     enter, leave = [], []
     for m, size in zip(axes, (plate.length, plate.thickness), strict=True):  # the two faces along m are a slab

@@ -37,7 +37,7 @@ def along_plate(likelihood: PlateLikelihood, view: View, pose: Array, covariance
     offset = np.concatenate([edge * _PLATEAU, sigma * _PEAK], axis=1)  # (N, K)
     slid = pose[doubted, None, :] + offset[..., None] * e[:, None, :]
     every = view.take(np.repeat(doubted, offset.shape[1]))
-    cost = likelihood.evaluate(every, slid.reshape(-1, 3), True).cost.reshape(offset.shape)
+    cost = likelihood.cost(every, slid.reshape(-1, 3)).reshape(offset.shape)
     span = spans(offset)
     share = weights(cost, span)
     mean = np.sum(share * offset, axis=1)

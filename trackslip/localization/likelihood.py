@@ -40,6 +40,45 @@ class PlateLikelihood:
 
     def evaluate(self, view: View, pose: Array, turn: bool) -> Fit:
         """Cost, gradient and Gauss-Newton Hessian at poses (M, 3); without `turn` as if the heading were known."""
+        meeting = self._meeting(view, pose)
+        residual, weight, cost = self._misses(view, meeting)
+        e, n, predicted, on_long = meeting.e, meeting.n, meeting.predicted, meeting.on_long
+
+        # dr/dcentre = m / (m.u); dr/dphi = how far along the face the beam hits, over m.u
+        m_u = np.where(on_long, meeting.u_n, meeting.u_e)
+        slope = np.where(meeting.on_plate & view.hit, 1.0 / (np.where(m_u == 0, 1.0, m_u) * view.noise), 0.0)
+        from_middle = np.where(on_long, meeting.u_e, -meeting.u_n)
+        from_middle *= predicted
+        from_middle += np.where(on_long, -meeting.along[:, None], meeting.across[:, None])
+        in_long = np.where(on_long, slope, 0.0)
+        in_short = slope - in_long
+        jacobian = np.empty((len(pose), 3, slope.shape[1]))
+        jacobian[:, 0] = n[:, :1] * in_long + e[:, :1] * in_short
+        jacobian[:, 1] = n[:, 1:] * in_long + e[:, 1:] * in_short
+        jacobian[:, 2] = from_middle * slope
+        weighted = jacobian * weight[:, None, :]
+        gradient = (weighted @ residual[..., None])[..., 0]
+        hessian = weighted @ jacobian.swapaxes(1, 2)
+
+        edge_residual, edge_jacobian = self._edges(view, pose[:, :2], e, n)
+        cost += np.sum(edge_residual**2, axis=1) / 2
+        gradient += np.einsum("mei,me->mi", edge_jacobian, edge_residual)
+        hessian += edge_jacobian.swapaxes(1, 2) @ edge_jacobian
+        misfit = np.sqrt(np.sum(residual**2, axis=1) / np.maximum(view.hit.sum(axis=1), 1))
+        if not turn:
+            gradient[:, 2] = 0.0
+            hessian[:, 2, :] = hessian[:, :, 2] = 0.0
+            hessian[:, 2, 2] = 1.0
+        return Fit(pose, cost, gradient, hessian, misfit)
+
+    def cost(self, view: View, pose: Array) -> Array:
+        """The cost (M,) alone at poses (M, 3)."""
+        meeting = self._meeting(view, pose)
+        edge_residual, _ = self._edges(view, pose[:, :2], meeting.e, meeting.n)
+        return self._misses(view, meeting)[2] + np.sum(edge_residual**2, axis=1) / 2
+
+    def _meeting(self, view: View, pose: Array) -> _Meeting:
+        """Where beams meet plates at poses (M, 3)."""
         centre, phi = pose[:, :2], pose[:, 2]
         e = np.stack([np.cos(phi), np.sin(phi)], axis=-1)  # along the plate
         n = np.stack([-e[:, 1], e[:, 0]], axis=-1)  # across it
@@ -53,40 +92,20 @@ class PlateLikelihood:
         short_face = np.where(np.abs(along) > half_length, along - np.sign(along) * half_length, 0.0)
         to_long, to_short = _range_to(long_face, u_n), _range_to(short_face, u_e)
         on_long = to_long > to_short
-        predicted = np.where(on_long, to_long, to_short)
+        predicted = np.maximum(to_long, to_short)
         distance = np.hypot(centre[:, 0], centre[:, 1])
         reach = np.hypot(half_length, half_thickness)
         low, high = (distance - reach)[:, None], (distance + reach)[:, None]
         on_plate = (predicted > low) & (predicted < high)
-        predicted = np.where(on_plate, predicted, np.where(predicted > low, high, low))
+        return _Meeting(e, n, along, across, u_e, u_n, on_long, on_plate, np.clip(predicted, low, high))
 
-        residual = np.where(view.hit, (predicted - view.range) / view.noise, 0.0)
+    def _misses(self, view: View, meeting: _Meeting) -> tuple[Array, Array, Array]:
+        """Residuals (M, W) of the ranges [standard deviations], their weights (M, W), and what they cost (M,)."""
+        residual = np.where(view.hit, (meeting.predicted - view.range) / view.noise, 0.0)
         size = np.abs(residual)
-        weight = np.minimum(1.0, self.huber / np.maximum(size, 1e-12))
-        cost = np.sum(np.where(size < self.huber, residual**2 / 2, self.huber * (size - self.huber / 2)), axis=1)
-
-        # dr/dcentre = m / (m.u); dr/dphi = how far along the face the beam hits, over m.u
-        m_u = np.where(on_long, u_n, u_e)
-        slope = np.where(on_plate & view.hit, 1.0 / (np.where(m_u == 0, 1.0, m_u) * view.noise), 0.0)
-        lever = np.where(on_long, predicted * u_e - along[:, None], across[:, None] - predicted * u_n) * slope
-        in_long, in_short = np.where(on_long, slope, 0.0), np.where(on_long, 0.0, slope)
-        d_x = n[:, :1] * in_long + e[:, :1] * in_short
-        d_y = n[:, 1:] * in_long + e[:, 1:] * in_short
-        jacobian = np.stack([d_x, d_y, lever], axis=1)  # (M, 3, W)
-        weighted = jacobian * weight[:, None, :]
-        gradient = np.einsum("miw,mw->mi", weighted, residual)
-        hessian = weighted @ jacobian.swapaxes(1, 2)
-
-        edge_residual, edge_jacobian = self._edges(view, centre, e, n)
-        cost += np.sum(edge_residual**2, axis=1) / 2
-        gradient += np.einsum("mei,me->mi", edge_jacobian, edge_residual)
-        hessian += edge_jacobian.swapaxes(1, 2) @ edge_jacobian
-        misfit = np.sqrt(np.sum(residual**2, axis=1) / np.maximum(view.hit.sum(axis=1), 1))
-        if not turn:
-            gradient[:, 2] = 0.0
-            hessian[:, 2, :] = hessian[:, :, 2] = 0.0
-            hessian[:, 2, 2] = 1.0
-        return Fit(pose, cost, gradient, hessian, misfit)
+        weight = self.huber / np.maximum(size, self.huber)
+        cost = np.sum(weight * size * (size - weight * size / 2), axis=1)
+        return residual, weight, cost
 
     def _edges(self, view: View, centre: Array, e: Array, n: Array) -> tuple[Array, Array]:
         """Residuals (M, 2) of the silhouette's two edges and their Jacobian (M, 2, 3)."""
@@ -104,6 +123,21 @@ class PlateLikelihood:
         residual = off - np.minimum(np.maximum(off, -view.slack), view.slack)
         weight = np.where((view.slack == 0) | (residual != 0), view.edge_weight, 0.0)
         return residual * weight, jacobian * weight[..., None]
+
+
+@dataclass(frozen=True)
+class _Meeting:
+    """Beams that meet plates."""
+
+    e: Array  # (M, 2) along the plate
+    n: Array  # (M, 2) across it
+    along: Array  # (M,) of the plate's centre, in these directions [m]
+    across: Array  # (M,)
+    u_e: Array  # (M, W) directions of the beams
+    u_n: Array  # (M, W)
+    on_long: np.ndarray  # (M, W) bool: the long face is met, else the short one
+    on_plate: np.ndarray  # (M, W) bool
+    predicted: Array  # (M, W) range [m]; of a beam that misses, that of the plate's near or far end
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ MOST_STARTS = 6
 _BESIDE = np.radians(2.0)  # the two starts beside the line of sight
 _FROM_SIDE = np.sin(np.radians(30.0))  # of the angle between line and sight
 _WHOLE = 0.8  # of a side: one seen for more of its length than this is placed by both its ends
-_CHUNK = 20_000  # elements (starts x beams) worked on at a time, so that they stay in the cache
+_CHUNK = 60_000  # elements (starts x beams) worked on at a time, so that they stay in the cache
 
 
 def starts(cluster: Cluster, plate: Plate, beam_step: float, near: Array | None) -> Array:
