@@ -86,11 +86,15 @@ class Fits:
         bread = self.covariance
         pair = (sets, self.runs.runs, 2, parameters)
         w, j = weighted.reshape(pair), jacobian.reshape(pair)
-        leverage = np.einsum("mkai,mij,mkbj->mkab", j, bread, w)
+        regular = np.isfinite(bread).all(axis=(1, 2))
+        leverage = np.einsum("mkai,mij,mkbj->mkab", j, np.where(regular[:, None, None], bread, 0.0), w)
         residual = self.runs.deviation(self.law)
         freed = np.linalg.solve(np.eye(2) * (1 + 1e-9) - leverage, residual[..., None])[..., 0]
         scores = np.einsum("mkai,mka->mki", w, freed)
-        return bread @ np.einsum("mki,mkj->mij", scores, scores) @ bread
+        robust = np.full(bread.shape, np.inf)
+        b, s = bread[regular], scores[regular]
+        robust[regular] = b @ np.einsum("mki,mkj->mij", s, s) @ b
+        return robust
 
 
 def inverse(hessian: Array) -> Array:

@@ -16,7 +16,7 @@ CONFIDENCE = 0.95
 _STEPS = 12  # towards the end of an interval, at most
 _NEAR = 1e-3  # error of a reached height, relative
 _STRETCH = (0.25, 4.0)  # of a step, from one to the next
-BOOTSTRAPS = 500
+BOOTSTRAPS = 300
 """Resamples of the runs, by default."""
 
 
