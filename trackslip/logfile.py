@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from trackslip.errors import LogError
+from trackslip.heading_unit import require_radians
 from trackslip.kinematics import Array
 from trackslip.runlog import RunLog, Truth
 from trackslip.scan_columns import SCANNED, metadata_with_scans, scan_columns, scans_from_table
@@ -75,8 +77,8 @@ def write_parquet(logs: Sequence[RunLog], path: Path) -> None:
 
 
 def write_csv(logs: Sequence[RunLog], path: Path) -> None:
-    """Write runs to a CSV file; metadata is lost, numbers are not."""
-    pa.csv.write_csv(to_table(logs), path)
+    """Write runs to a CSV file; metadata and ranges are lost, numbers are not."""
+    pa.csv.write_csv(to_table([replace(log, scans=None) for log in logs]), path)
 
 
 def read_table(path: Path) -> pa.Table:
@@ -146,7 +148,9 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
     for number, key in enumerate(keys):
         rows = np.flatnonzero(label == number)
         true_parts = [_present(part, rows) for part in truth]
+        measured = rows[ok[rows]]
         try:
+            require_radians(time[measured], pose[measured], key)
             logs.append(
                 RunLog(
                     run=key,
@@ -234,6 +238,9 @@ class _Columns:
 
     def _parse(self, name: str) -> Array:
         column = self._table.column(name)
+        stated = (self._table.schema.field(name).metadata or {}).get(b"unit")
+        if stated is not None and name in _UNITS and stated.decode() != _UNITS[name]:
+            raise LogError(f"{self._source}: column {name}: in {stated.decode()!r}, must be in {_UNITS[name]}")
         if not (pa.types.is_string(column.type) or pa.types.is_large_string(column.type)):
             if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
                 raise LogError(f"{self._source}: column {name}: {column.type} is not a number")

@@ -22,6 +22,8 @@ _GAP = 5.0  # time between rows from which the clock has a gap [usual times betw
 _SHORTEST_GAP = 0.3  # [s]
 _JUMP = 0.3  # error of a pose that is still believed [m]
 _OVERDRIVE = 3.0  # way from pose to pose that is still believed, over the way of the faster sprocket [-]
+_MOSTLY = 0.5  # share of the steps that are too far when it is not the poses but the units that are wrong
+_LENGTHS = (("millimetres", 1000.0), ("centimetres", 100.0))
 _RESETTLED = 1.0  # time after which poses elsewhere are no glitch, but where the track goes on [s]
 
 
@@ -83,6 +85,15 @@ def _without_jumps(log: RunLog, geometry: RobotGeometry) -> tuple[RunLog, np.nda
     far = np.hypot(*np.diff(position, axis=0).T) > _JUMP + speed * np.diff(log.time[rows])
     if not far.any():
         return log, np.empty(0, int), []
+    if far.mean() > _MOSTLY:
+        times = np.median(np.hypot(*np.diff(position, axis=0).T)) / np.median(
+            speed / _OVERDRIVE * np.diff(log.time[rows])
+        )
+        unit = next((f"; it looks like {name}" for name, per in _LENGTHS if per / 2 < times < per * 1.4), "")
+        raise LogError(
+            f"run {log.run!r}: its poses move {times:.3g} times as far as its sprockets drive: check the units "
+            f"(m, rad/s){unit}"
+        )
     valid = log.is_valid.copy()
     breaks, notes = [], []
     lost: list[int] = []

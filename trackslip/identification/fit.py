@@ -86,7 +86,7 @@ class Fits:
         bread = self.covariance
         pair = (sets, self.runs.runs, 2, parameters)
         w, j = weighted.reshape(pair), jacobian.reshape(pair)
-        regular = np.isfinite(bread).all(axis=(1, 2))
+        regular = np.asarray(np.isfinite(bread).all(axis=(1, 2)))
         leverage = np.einsum("mkai,mij,mkbj->mkab", j, np.where(regular[:, None, None], bread, 0.0), w)
         residual = self.runs.deviation(self.law)
         freed = np.linalg.solve(np.eye(2) * (1 + 1e-9) - leverage, residual[..., None])[..., 0]

@@ -1,0 +1,31 @@
+"""Whether headings are in radians: a robot moves along its heading, so its path tells."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackslip.errors import LogError
+from trackslip.kinematics import Array
+
+_STRIDE = 0.5  # over which a direction is taken [s]
+_AGREES, _DISAGREES = 0.9, 0.5  # mean cosine of what is left when headings are right, and when they are not
+
+
+def require_radians(time: Array, pose: Array, run: str) -> None:
+    """Raise LogError where the headings of measured poses (T, 3) fit their path in degrees, and don't in radians.
+
+    The chord between two poses has the heading of the pose half-way in time. Runs that turn in place have no path that
+    tells, and are believed.
+    """
+    if len(time) < 5:
+        return
+    half = max(1, round(_STRIDE / 2 / float(np.median(np.diff(time)))))
+    half = min(half, (len(time) - 1) // 2)
+    way = pose[2 * half :, :2] - pose[: -2 * half, :2]
+    direction, heading = np.arctan2(way[:, 1], way[:, 0]), pose[half:-half, 2]
+
+    def agreement(values: Array) -> float:
+        return float(np.abs(np.mean(np.exp(1j * (direction - values)))))
+
+    if agreement(heading) < _DISAGREES and agreement(np.radians(heading)) > _AGREES:
+        raise LogError(f"run {run!r}: column phi: headings fit the path in degrees, must be in radians")
