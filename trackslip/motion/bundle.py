@@ -27,8 +27,9 @@ _CONVERGED = 1e-3  # largest step [standard errors]
 def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     """Maximum likelihood of a pose and a twist with lateral speed, given all ranges in the window.
 
-    Starts from the arc through the poses; scans that don't fit it at all are left out. The error is that of
-    M-estimation with scores correlated in time: the silhouette's edges are off by part of a beam for several scans.
+    Starts from the arc through the poses; scans that don't fit it at all are left out. The error is the likelihood's
+    own, larger by as much as the scans' scores scatter more, and remember longer, than it expects: ranges may be
+    noisier than stated, and the silhouette's edges are off by part of a beam for several scans.
 
     Raises:
         LogError: for a run without ranges, or with fewer than FEWEST valid poses.
@@ -75,6 +76,7 @@ def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
                 break
         else:
             damping *= 10
-    inverse = np.linalg.inv(hessian)
-    covariance = inverse @ (len(time) * long_run_covariance(scores)) @ inverse
-    return SteadyTwist(parameters[CHOSEN], covariance[np.ix_(CHOSEN, CHOSEN)])
+    covariance = np.linalg.inv(hessian)
+    scattered = len(time) * long_run_covariance(scores)
+    excess = np.trace(covariance @ scattered) / len(parameters)  # 1 for ranges as noisy as stated, without memory
+    return SteadyTwist(parameters[CHOSEN], max(1.0, excess) * covariance[np.ix_(CHOSEN, CHOSEN)])
