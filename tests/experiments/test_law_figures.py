@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import pytest
+from identified import GEOMETRY, driven, grid, identified
 
 from experiments import comparison_figures, figures, law_figures
 from experiments.figure_style import COLOURS, DASHES, LABELS
 from experiments.roles import RoleSamples
 from experiments.symbols import FORMULAS, SYMBOLS, unit_of
-from tests.experiments.identified import GEOMETRY, driven, grid, identified
 from trackslip.identification import FAMILIES
 
 

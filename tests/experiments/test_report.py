@@ -6,11 +6,11 @@ import html
 import re
 
 import pytest
+from identified import driven, grid, identified
+from spin import spun_before_the_scanner
 
 from experiments.figure_style import LABELS
 from experiments.report import Report, render
-from tests.experiments.identified import driven, grid, identified
-from tests.experiments.test_localization_figures import spun_before_the_scanner
 
 
 def page_of(found, **more):
@@ -20,7 +20,6 @@ def page_of(found, **more):
             command="trackslip identify",
             manifest={},
             summary={},
-            samples=found.samples,
             identification=found,
             **more,
         )

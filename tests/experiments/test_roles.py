@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from identified import GEOMETRY, driven, grid
 
 from experiments.error_bars import bar_factor, bar_key
 from experiments.grouping import alike, repeated, span
 from experiments.roles import RoleSamples, slip_at
-from tests.experiments.identified import GEOMETRY, driven, grid
 from trackslip.slip import PUBLISHED, IcrSides
 
 

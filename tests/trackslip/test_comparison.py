@@ -2,8 +2,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from slip_data import ERRORS, GEOMETRY, RADII, grid
 
-from tests.trackslip.slip_data import ERRORS, GEOMETRY, RADII, grid
 from trackslip.identification import SlipSamples, compare_laws, coverage, fit_law, noise_coverage, split_outliers
 from trackslip.slip import (
     PUBLISHED,

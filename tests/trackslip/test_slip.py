@@ -5,10 +5,29 @@ from hypothesis import strategies as st
 
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry, body_twist
-from trackslip.slip import PUBLISHED, ConstantIcr, Exponential, NoSlip
+from trackslip.slip import (
+    PUBLISHED,
+    Constant,
+    ConstantIcr,
+    Exponential,
+    ExponentialSpeed,
+    Hyperbola,
+    IcrSides,
+    NoSlip,
+    Power,
+)
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
-LAWS = [NoSlip(), PUBLISHED, ConstantIcr(0.045, 0.168), ConstantIcr(0.045, 0.168, 0.0067)]
+LAWS = [
+    NoSlip(),
+    PUBLISHED,
+    ConstantIcr(0.045, 0.168),
+    ConstantIcr(0.045, 0.168, 0.0067),
+    Hyperbola(0.043, 0.2),
+    Power(0.33, -1.25, -0.85, -1.28, 0.168),
+]
+SPEED = ExponentialSpeed(0.07, -0.68, -0.15, -0.63, 0.1, -0.2)
+SIDES = IcrSides(0.04, 0.05, 0.005, 0.012, 0.168)
 curvatures = st.floats(-4, 4)
 
 
@@ -58,6 +77,42 @@ def test_icr_sprocket_speeds_are_regular_where_the_slip_has_a_pole():
     np.testing.assert_allclose(in_place, np.array([-1, 1]) * 0.213 * 0.5 / (0.06 * 1.0067))
 
 
+@pytest.mark.parametrize("law", [*LAWS, SPEED, SIDES, Constant(0.03, -0.05)])
+@given(v=st.floats(0.05, 0.3), kappa=st.floats(-2.0, 2.0), backwards=st.booleans())
+def test_a_twist_is_found_from_its_sprocket_speeds(law, v, kappa, backwards):
+    twist = (-1 if backwards else 1) * np.array([v, v * kappa])
+    back = law.twist(law.sprocket_speeds(twist, GEOMETRY), GEOMETRY)
+    np.testing.assert_allclose(back, twist, atol=1e-9)
+
+
+@pytest.mark.parametrize("law", [NoSlip(), ConstantIcr(0.045, 0.168, 0.0067), SIDES])
+def test_turning_in_place_and_standing_are_twists_too(law):
+    for twist in ([0.0, 0.5], [0.0, -0.5], [0.0, 0.0]):
+        np.testing.assert_allclose(law.twist(law.sprocket_speeds(twist, GEOMETRY), GEOMETRY), twist, atol=1e-12)
+
+
+def test_many_laws_at_once():
+    offsets = np.array([[0.02], [0.045], [0.1]])
+    twist = np.column_stack([np.full(4, 0.2), [0.1, 0.2, -0.1, 0.0]])
+    together = ConstantIcr(offsets, 0.168).sprocket_speeds(twist, GEOMETRY)
+    decays = Exponential(0.07, -10 * offsets, -0.15, -0.63)
+    for k, offset in enumerate(offsets[:, 0]):
+        np.testing.assert_array_equal(together[k], ConstantIcr(offset, 0.168).sprocket_speeds(twist, GEOMETRY))
+        alone = Exponential(0.07, -10 * offset, -0.15, -0.63).twist(together[k], GEOMETRY)
+        np.testing.assert_allclose(decays.twist(together, GEOMETRY)[k], alone, atol=1e-12)
+
+
+def test_special_cases_agree():
+    kappa = np.linspace(-2, 2, 41)
+    np.testing.assert_allclose(Hyperbola(0.045, 0.168 + 0.045)(kappa), ConstantIcr(0.045, 0.168)(kappa), atol=1e-12)
+    same = IcrSides(0.045, 0.045, 0.01, 0.01, 0.168)
+    np.testing.assert_allclose(same(kappa), ConstantIcr(0.045, 0.168, 0.01)(kappa), atol=1e-12)
+    slow, fast = SPEED.slip([[0.1, 0.1], [0.3, 0.3]])
+    np.testing.assert_allclose(fast - slow, np.array([-0.2 * np.exp(-0.63), 0.1 * np.exp(-0.68)]) * 0.2)
+    np.testing.assert_allclose(SPEED(1.0), PUBLISHED(1.0))
+    np.testing.assert_allclose(Constant(0.03, -0.05)([1.0, -1.0, 0.0]), [[-0.05, 0.03], [0.03, -0.05], [-0.01, -0.01]])
+
+
 @pytest.mark.parametrize(
     ("make", "field"),
     [
@@ -67,6 +122,12 @@ def test_icr_sprocket_speeds_are_regular_where_the_slip_has_a_pole():
         (lambda: ConstantIcr(-0.2, 0.168), "offset"),
         (lambda: ConstantIcr(0.04, 0.0), "half_gauge"),
         (lambda: ConstantIcr(0.04, 0.168, -1.0), "radius_error"),
+        (lambda: IcrSides(0.04, -0.2, 0.0, 0.0, 0.168), "offset_right"),
+        (lambda: Hyperbola(0.04, -0.1), "pole"),
+        (lambda: Power(0.3, 0.2, -0.8, -1.0, 0.168), "beta_outer"),
+        (lambda: Constant(0.0, 1.0), "slip_inner"),
+        (lambda: ExponentialSpeed(0.07, -0.68, -0.15, -0.63, np.nan, 0.0), "gamma_outer"),
+        (lambda: Exponential(np.array([0.07, 1.5]), -0.1, -0.15, -0.6), "alpha_outer"),
     ],
 )
 def test_impossible_laws_are_refused(make, field):

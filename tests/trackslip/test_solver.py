@@ -2,8 +2,8 @@ import lmfit
 import numpy as np
 import pytest
 from scipy.optimize import curve_fit
+from slip_data import GEOMETRY, grid
 
-from tests.trackslip.slip_data import GEOMETRY, grid
 from trackslip.identification.families import FAMILIES
 from trackslip.identification.fit import fit
 from trackslip.identification.intervals import profile_intervals
