@@ -8,6 +8,8 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array
 
 _STRIDE = 0.5  # over which a direction is taken [s]
+_LEAST_WAY = 0.01  # that has a direction, noise notwithstanding [m]
+_FEWEST = 5  # of them
 _AGREES, _DISAGREES = 0.9, 0.5  # mean cosine of what is left when headings are right, and when they are not
 
 
@@ -22,7 +24,10 @@ def require_radians(time: Array, pose: Array, run: str) -> None:
     half = max(1, round(_STRIDE / 2 / float(np.median(np.diff(time)))))
     half = min(half, (len(time) - 1) // 2)
     way = pose[2 * half :, :2] - pose[: -2 * half, :2]
-    direction, heading = np.arctan2(way[:, 1], way[:, 0]), pose[half:-half, 2]
+    moved = np.hypot(*way.T) > _LEAST_WAY
+    if moved.sum() < _FEWEST:
+        return
+    direction, heading = np.arctan2(way[moved, 1], way[moved, 0]), pose[half:-half, 2][moved]
 
     def agreement(values: Array) -> float:
         return float(np.abs(np.mean(np.exp(1j * (direction - values)))))

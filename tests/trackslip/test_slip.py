@@ -78,8 +78,9 @@ def test_icr_sprocket_speeds_are_regular_where_the_slip_has_a_pole():
 
 
 @pytest.mark.parametrize("law", [*LAWS, SPEED, SIDES, Constant(0.03, -0.05)])
-@given(v=st.floats(0.05, 0.3), kappa=st.floats(-2.0, 2.0), backwards=st.booleans())
-def test_a_twist_is_found_from_its_sprocket_speeds(law, v, kappa, backwards):
+@given(v=st.floats(0.05, 0.3), radius=st.floats(0.5, 1000.0), left=st.booleans(), backwards=st.booleans())
+def test_a_twist_is_found_from_its_sprocket_speeds(law, v, radius, left, backwards):
+    kappa = (1 if left else -1) / radius
     twist = (-1 if backwards else 1) * np.array([v, v * kappa])
     back = law.twist(law.sprocket_speeds(twist, GEOMETRY), GEOMETRY)
     np.testing.assert_allclose(back, twist, atol=1e-9)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from trackslip.errors import LogError
-from trackslip.motion.arc import arc
+from trackslip.motion.arc import FEWEST, arc
 from trackslip.steady import SteadyPart
 
+_FEWEST = 2 * FEWEST  # valid poses in a half that say something
 _SIGNIFICANT = 6.0  # difference between the halves [standard errors]
 _CHANGE = 0.05  # of the twist that matters, relative to it
 _TURNING = 0.2  # curvature [1/m], and radius [m], of turns too wide or too tight to be told from none
@@ -18,10 +19,13 @@ def require_steady_motion(part: SteadyPart) -> None:
 
     Raises:
         LogError: where the robot's twist changes though its sprockets' speeds don't, as when it drives onto other
-            ground or against something; or for too few valid poses.
+            ground or against something.
     """
     begin, end = part.window
     middle = (begin + end) / 2
+    halves = (part.rows & part.log.is_valid & (late == (part.log.time > middle)) for late in (False, True))
+    if min(half.sum() for half in halves) < _FEWEST:
+        return  # too few to tell
     first, second = arc(part.log, (begin, middle)), arc(part.log, (middle, end))
     change = second.twist - first.twist
     error = np.sqrt(np.diag(first.covariance + second.covariance))

@@ -37,7 +37,8 @@ class Power(SlipLaw):
 
     def __call__(self, kappa: ArrayLike) -> Array:
         """Slips (..., 2) at curvatures (...)."""
-        base = 1 + radius_of(kappa) / self.half_gauge
+        with np.errstate(over="ignore"):
+            base = 1 + radius_of(kappa) / self.half_gauge
         inner = self.alpha_inner * base**self.beta_inner
         outer = self.alpha_outer * base**self.beta_outer
         return by_side(kappa, inner, outer)
