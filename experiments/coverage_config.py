@@ -18,7 +18,7 @@ class CoverageConfig(GridConfig):
 
     repeats: int = 1000
     """Sets of samples drawn from each law."""
-    run_repeats: int = 200
+    run_repeats: int = 400
     """Grids scanned and fitted."""
     drives: int = 8
     """Times that the grid is driven for that, each from other phases of the circles; each drive is scanned anew

@@ -22,6 +22,7 @@ LEAST_NOISE = 0.5e-3
 """What a perfect scanner is taken to have, for the plate is never a perfect rectangle [m]."""
 _ABOUT = 0.15  # how far from where the plate is expected its returns may lie: more than a tracker is wrong by [m]
 _ON_PLATE = 0.03  # a return at the plate lies no farther from it than this, or five standard deviations [m]
+_HOUSING = 0.05  # from nearer than this comes the LRF's own housing, or what it stands in [m]
 _STATIC = 5.0  # returns as far as the background are of it, to within so many standard deviations
 _IN_FRONT = 0.05  # a return nearer than the plate's by this is of something else [m]
 _CANDIDATES = 4  # of a scan, at most
@@ -230,7 +231,7 @@ def gather(scan: Scan, rows: np.ndarray, cluster: np.ndarray, beam: np.ndarray) 
 
 def _returns(scan: Scan) -> Returns:
     """What came back, but for the background."""
-    back = np.isfinite(scan.ranges)
+    back = scan.ranges > _HOUSING  # false for NaN
     if scan.background is not None:
         back &= ~(np.abs(scan.ranges - scan.background) < _STATIC * max(scan.noise, LEAST_NOISE))
     return Returns.of(scan.ranges, scan.bearings, back)

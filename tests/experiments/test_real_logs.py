@@ -98,7 +98,7 @@ def test_swapped_tracks(refused, tmp_path):
     swapped = ("run", "t", "omega_r", "omega_l", "x", "y", "phi")
     line = refused("identify", written(traces(), tmp_path / "log.csv", swapped), *OPTIONS)
     assert "are the tracks swapped" in line
-    assert "the other 9" in line
+    assert "none of the 10 runs can be used" in line
 
 
 def test_a_gear_that_is_a_little_wrong_is_doubted(trackslip, tmp_path):

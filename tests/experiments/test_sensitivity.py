@@ -51,9 +51,9 @@ def test_where_nothing_can_be_seen_the_row_says_so(trackslip, monkeypatch, tmp_p
     assert blind["slip_error"] is None
     assert blind["runs"] == {"used": 0, "all": 2}
     assert blind["localization"]["valid_fraction"] == 0.0
-    assert "warning: blind: none of the runs can be used" in found.printed
+    assert "warning: blind: none of the 2 runs can be used" in found.printed
     page = (found.folder / "report.html").read_text(encoding="utf-8")
-    assert "<li>blind: none of the runs can be used" in page
+    assert "<li>blind: none of the 2 runs can be used" in page
 
 
 def test_the_page_needs_no_other_file_and_shows_the_table(trackslip, monkeypatch):

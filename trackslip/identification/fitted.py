@@ -25,7 +25,7 @@ from trackslip.metrics import rms
 from trackslip.slip import SlipLaw
 
 _FEWEST_DRAWN = 4  # runs that can be resampled
-_VAGUE = 0.1  # standard error, as a fraction of its range, of a parameter that the samples say nothing about
+_VAGUE = 5.0  # standard error of a parameter that the samples say nothing about [of its scale]
 _AT_LIMIT = 1e-3  # distance from a limit, relative to a range no longer than 1
 _COARSE = 60  # scatters tried, before the best is refined
 _HOPELESS = 0.3  # rms deviation of a fit that has gone astray
@@ -124,10 +124,10 @@ def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, bootstraps
 
 
 def _require_determined(name: str, fits: Fits, error: Array) -> None:
-    low, high, _ = fits.family.limits(fits.runs.geometry.half_gauge)
-    for key, value, spread, least, most in zip(fits.family.names, fits.values[0], error, low, high, strict=True):
+    names, limits = fits.family.names, fits.family.limits(fits.runs.geometry.half_gauge)
+    for key, value, spread, least, most, scale in zip(names, fits.values[0], error, *limits, strict=True):
         at_limit = min(value - least, most - value) < _AT_LIMIT * min(most - least, 1.0)
-        if at_limit or not spread < _VAGUE * (most - least):
+        if at_limit or not spread < _VAGUE * scale:
             raise LogError(
                 f"law {name}: the {fits.runs.runs} samples don't determine {key} (the fit stopped at {value:.3g}); "
                 "it takes runs of different radii, in units of rad/s, m, rad and s"

@@ -162,8 +162,8 @@ def usable_rows(omega: Array, twist: Array, geometry: RobotGeometry) -> Sampling
 
 def _sampling(usable: list[SlipSamples], refused: list[Refused], notes: list[str]) -> Sampling:
     if not usable:
-        more = f" (and the other {len(refused) - 1} are no better)" if len(refused) > 1 else ""
-        raise LogError(f"run {refused[0].run!r}: {refused[0].reason}{more}")
+        every = f"none of the {len(refused)} runs can be used; " if len(refused) > 1 else ""
+        raise LogError(f"{every}run {refused[0].run!r}: {refused[0].reason}")
     return Sampling(SlipSamples.joined(usable), tuple(refused), tuple(notes))
 
 

@@ -16,8 +16,8 @@ from trackslip.kinematics import Array
 Residual = Callable[[Array, np.ndarray], Array]
 """Values (m, p) of the problems `rows` (m,) -> their residuals (m, K); what isn't finite is infinitely bad."""
 
-_ITERATIONS = 100
-_CONVERGED = 1e-10  # fall of the cost, relative to it
+_ITERATIONS = 40
+_CONVERGED = 1e-9  # fall of the cost, relative to it
 _SMALLEST_STEP = 1e-10  # relative to the parameters' scales
 _DIFFERENCE = 1e-6  # for derivatives, relative to the parameters' scales
 _MOST_DAMPING = 1e12

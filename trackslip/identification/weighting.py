@@ -28,7 +28,7 @@ LEAST_SCATTER = 1e-9
 """tau of samples that lie on a law to within rounding [-]."""
 _MOST_SCATTER = 10.0
 _HALVINGS = 60
-_EXPLAINED = 0.95  # probability of a smaller chi-square, up to which it is put down to chance
+_EXPLAINED = 0.99  # probability of a smaller chi-square, up to which it is put down to chance
 
 
 @dataclass(frozen=True)

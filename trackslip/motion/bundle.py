@@ -20,6 +20,7 @@ from trackslip.runlog import RunLog
 _HUBER = 3.0  # residual of a range beyond which it counts linearly only [standard deviations]
 _MISFIT = 3.0  # rms residual, on the arc through the poses, of returns that are no plate's [standard deviations]
 _COSTLY = 4.0  # cost of a scan per measurement, on that arc, that isn't explained by noise
+_CHANCE = 1.3  # excess of the scores' scatter over the expected that may be chance: it varies by a tenth
 _ITERATIONS = 30
 _CONVERGED = 1e-3  # largest step [standard errors]
 
@@ -79,4 +80,5 @@ def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     covariance = np.linalg.inv(hessian)
     scattered = len(time) * long_run_covariance(scores)
     excess = np.trace(covariance @ scattered) / len(parameters)  # 1 for ranges as noisy as stated, without memory
-    return SteadyTwist(parameters[CHOSEN], max(1.0, excess) * covariance[np.ix_(CHOSEN, CHOSEN)])
+    inflation = excess if excess > _CHANCE else 1.0
+    return SteadyTwist(parameters[CHOSEN], inflation * covariance[np.ix_(CHOSEN, CHOSEN)])

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array, RobotGeometry, body_twist, curvature, sprocket_speeds
 
-_ITERATIONS = 40
+_ITERATIONS = 12
 _CONVERGED = 1e-12  # relative error of the sprocket speeds
 _SLOPES = (0.2, 5.0)  # of the commanded direction by the real one, within which a step is believed
 
