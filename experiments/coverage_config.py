@@ -20,7 +20,7 @@ class CoverageConfig(GridConfig):
     """Sets of samples drawn from each law."""
     run_repeats: int = 400
     """Grids scanned and fitted."""
-    drives: int = 8
+    drives: int = 20
     """Times that the grid is driven for that, each from other phases of the circles; each drive is scanned anew
     run_repeats / drives times."""
     out: Path = Path("out/coverage")
