@@ -19,6 +19,7 @@ nothing costs as much as if it had been measured at the plate's near or far end.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -42,29 +43,29 @@ class PlateLikelihood:
         """Cost, gradient and Gauss-Newton Hessian at poses (M, 3); without `turn` as if the heading were known."""
         meeting = self._meeting(view, pose)
         residual, weight, cost = self._misses(view, meeting)
-        e, n, predicted, on_long = meeting.e, meeting.n, meeting.predicted, meeting.on_long
+        cos, sin, predicted, on_long = meeting.cos, meeting.sin, meeting.predicted, meeting.on_long
 
         # dr/dcentre = m / (m.u); dr/dphi = how far along the face the beam hits, over m.u
         m_u = np.where(on_long, meeting.u_n, meeting.u_e)
         slope = np.where(meeting.on_plate & view.hit, 1.0 / (np.where(m_u == 0, 1.0, m_u) * view.noise), 0.0)
         from_middle = np.where(on_long, meeting.u_e, -meeting.u_n)
         from_middle *= predicted
-        from_middle += np.where(on_long, -meeting.along[:, None], meeting.across[:, None])
+        from_middle += np.where(on_long, -meeting.along, meeting.across)
         in_long = np.where(on_long, slope, 0.0)
         in_short = slope - in_long
         jacobian = np.empty((len(pose), 3, slope.shape[1]))
-        jacobian[:, 0] = n[:, :1] * in_long + e[:, :1] * in_short
-        jacobian[:, 1] = n[:, 1:] * in_long + e[:, 1:] * in_short
+        jacobian[:, 0] = cos * in_short - sin * in_long
+        jacobian[:, 1] = cos * in_long + sin * in_short
         jacobian[:, 2] = from_middle * slope
         weighted = jacobian * weight[:, None, :]
         gradient = (weighted @ residual[..., None])[..., 0]
         hessian = weighted @ jacobian.swapaxes(1, 2)
 
-        edge_residual, edge_jacobian = self._edges(view, pose[:, :2], e, n)
-        cost += np.sum(edge_residual**2, axis=1) / 2
+        edge_residual, edge_jacobian = self._edges(view, pose, cos, sin)
+        cost += _squares(edge_residual) / 2
         gradient += np.einsum("mei,me->mi", edge_jacobian, edge_residual)
         hessian += edge_jacobian.swapaxes(1, 2) @ edge_jacobian
-        misfit = np.sqrt(np.sum(residual**2, axis=1) / np.maximum(view.hit.sum(axis=1), 1))
+        misfit = np.sqrt(_squares(residual) / np.maximum(view.hit.sum(axis=1), 1))
         if not turn:
             gradient[:, 2] = 0.0
             hessian[:, 2, :] = hessian[:, :, 2] = 0.0
@@ -74,17 +75,16 @@ class PlateLikelihood:
     def cost(self, view: View, pose: Array) -> Array:
         """The cost (M,) alone at poses (M, 3)."""
         meeting = self._meeting(view, pose)
-        edge_residual, _ = self._edges(view, pose[:, :2], meeting.e, meeting.n)
-        return self._misses(view, meeting)[2] + np.sum(edge_residual**2, axis=1) / 2
+        edge_residual, _ = self._edges(view, pose, meeting.cos, meeting.sin)
+        return self._misses(view, meeting)[2] + _squares(edge_residual) / 2
 
     def _meeting(self, view: View, pose: Array) -> _Meeting:
         """Where beams meet plates at poses (M, 3)."""
-        centre, phi = pose[:, :2], pose[:, 2]
-        e = np.stack([np.cos(phi), np.sin(phi)], axis=-1)  # along the plate
-        n = np.stack([-e[:, 1], e[:, 0]], axis=-1)  # across it
-        along, across = np.sum(e * centre, axis=1), np.sum(n * centre, axis=1)
-        u_e = e[:, :1] * view.u_x + e[:, 1:] * view.u_y  # (M, W)
-        u_n = n[:, :1] * view.u_x + n[:, 1:] * view.u_y
+        x, y, phi = pose[:, :1], pose[:, 1:2], pose[:, 2:]
+        cos, sin = np.cos(phi), np.sin(phi)  # (M, 1)
+        along, across = cos * x + sin * y, cos * y - sin * x
+        u_e = cos * view.u_x + sin * view.u_y  # (M, W)
+        u_n = cos * view.u_y - sin * view.u_x
 
         # range to the long and to the short face, whichever is turned to the LRF; -inf for one that isn't entered
         half_length, half_thickness = self.plate.length / 2, self.plate.thickness / 2
@@ -93,46 +93,48 @@ class PlateLikelihood:
         to_long, to_short = _range_to(long_face, u_n), _range_to(short_face, u_e)
         on_long = to_long > to_short
         predicted = np.maximum(to_long, to_short)
-        distance = np.hypot(centre[:, 0], centre[:, 1])
-        reach = np.hypot(half_length, half_thickness)
-        low, high = (distance - reach)[:, None], (distance + reach)[:, None]
-        on_plate = (predicted > low) & (predicted < high)
-        return _Meeting(e, n, along, across, u_e, u_n, on_long, on_plate, np.clip(predicted, low, high))
+        distance, reach = np.hypot(x, y), math.hypot(half_length, half_thickness)
+        within = np.minimum(np.maximum(predicted, distance - reach), distance + reach)
+        return _Meeting(cos, sin, along, across, u_e, u_n, on_long, within == predicted, within)
 
     def _misses(self, view: View, meeting: _Meeting) -> tuple[Array, Array, Array]:
         """Residuals (M, W) of the ranges [standard deviations], their weights (M, W), and what they cost (M,)."""
         residual = np.where(view.hit, (meeting.predicted - view.range) / view.noise, 0.0)
         size = np.abs(residual)
         weight = self.huber / np.maximum(size, self.huber)
-        cost = np.sum(weight * size * (size - weight * size / 2), axis=1)
+        cost = np.einsum("mw,mw->m", weight * size, size - weight * size / 2)
         return residual, weight, cost
 
-    def _edges(self, view: View, centre: Array, e: Array, n: Array) -> tuple[Array, Array]:
+    def _edges(self, view: View, pose: Array, cos: Array, sin: Array) -> tuple[Array, Array]:
         """Residuals (M, 2) of the silhouette's two edges and their Jacobian (M, 2, 3)."""
         along, across = self.plate.length / 2 * _ALONG, self.plate.thickness / 2 * _ACROSS
-        d_x, d_y = along * e[:, :1] + across * n[:, :1], along * e[:, 1:] + across * n[:, 1:]  # (M, 4)
-        x, y = centre[:, :1] + d_x, centre[:, 1:] + d_y
-        cos, sin = np.cos(view.middle)[:, None], np.sin(view.middle)[:, None]  # bearings from the middle: no wrap there
-        bearing = np.arctan2(cos * y - sin * x, cos * x + sin * y)
-        rows = np.arange(len(centre))[:, None]
-        outermost = np.stack([bearing.argmin(axis=1), bearing.argmax(axis=1)], axis=1)  # (M, 2)
+        d_x, d_y = along * cos - across * sin, along * sin + across * cos  # (M, 4)
+        x, y = pose[:, :1] + d_x, pose[:, 1:2] + d_y
+        ahead, aside = view.ahead[:, :1], view.ahead[:, 1:]  # bearings from the middle: no wrap there
+        bearing = np.arctan2(ahead * y - aside * x, ahead * x + aside * y)
+        rows = np.arange(len(pose))[:, None]
+        outermost = np.empty((len(pose), 2), np.intp)
+        bearing.argmin(axis=1, out=outermost[:, 0])
+        bearing.argmax(axis=1, out=outermost[:, 1])
         x, y, d_x, d_y = x[rows, outermost], y[rows, outermost], d_x[rows, outermost], d_y[rows, outermost]
-        square = np.maximum(x**2 + y**2, 1e-12)
-        jacobian = np.stack([-y, x, x * d_x + y * d_y], axis=-1) / square[..., None]
         off = bearing[rows, outermost] - view.edges
         residual = off - np.minimum(np.maximum(off, -view.slack), view.slack)
         weight = np.where((view.slack == 0) | (residual != 0), view.edge_weight, 0.0)
-        return residual * weight, jacobian * weight[..., None]
+        per_square = weight / np.maximum(x * x + y * y, 1e-12)
+        jacobian = np.empty((len(pose), 2, 3))
+        jacobian[..., 0], jacobian[..., 1], jacobian[..., 2] = -y, x, x * d_x + y * d_y
+        jacobian *= per_square[..., None]
+        return residual * weight, jacobian
 
 
 @dataclass(frozen=True)
 class _Meeting:
     """Beams that meet plates."""
 
-    e: Array  # (M, 2) along the plate
-    n: Array  # (M, 2) across it
-    along: Array  # (M,) of the plate's centre, in these directions [m]
-    across: Array  # (M,)
+    cos: Array  # (M, 1) of the heading
+    sin: Array  # (M, 1)
+    along: Array  # (M, 1) of the plate's centre, along the plate and across it [m]
+    across: Array  # (M, 1)
     u_e: Array  # (M, W) directions of the beams
     u_n: Array  # (M, W)
     on_long: np.ndarray  # (M, W) bool: the long face is met, else the short one
@@ -148,7 +150,7 @@ class View:
     u_y: Array  # (M, W)
     range: Array  # (M, W) [m]
     hit: np.ndarray  # (M, W) bool
-    middle: Array  # (M,) bearing half-way between the outermost returns [rad]
+    ahead: Array  # (M, 2) direction of the middle, half-way between the outermost returns
     edges: Array  # (M, 2) bearings of the silhouette's edges, from the middle [rad]
     edge_weight: Array  # (M, 2) one over their standard deviation, 0 for what is no edge [1/rad]
     slack: Array  # (M, 2) how far an edge that is hidden may be off and cost nothing [rad]
@@ -175,7 +177,8 @@ class View:
         noise = max(scan.noise, LEAST_NOISE)
         u_x, u_y = np.cos(cluster.bearing), np.sin(cluster.bearing)
         edges = reach * np.array([-1.0, 1.0])
-        return cls(u_x, u_y, cluster.range, cluster.hit, middle, edges, weight, slack, noise)
+        ahead = np.stack([np.cos(middle), np.sin(middle)], axis=1)
+        return cls(u_x, u_y, cluster.range, cluster.hit, ahead, edges, weight, slack, noise)
 
     def thinned(self, most: int) -> View:
         """Every so many beams only, so that at most about `most` are left; the edges stay."""
@@ -195,7 +198,7 @@ class View:
             self.u_y[rows],
             self.range[rows],
             self.hit[rows],
-            self.middle[rows],
+            self.ahead[rows],
             self.edges[rows],
             self.edge_weight[rows],
             self.slack[rows],
@@ -224,9 +227,14 @@ class Fit:
 
 
 def _range_to(face: Array, m_u: Array) -> Array:
-    """Range (M, W) at which beams enter the half-plane behind a face m.p = h (M,); -inf where they don't."""
-    entering = (face[:, None] * m_u) > 0
-    return np.where(entering, face[:, None] / np.where(entering, m_u, 1.0), -np.inf)
+    """Range (M, W) at which beams enter the half-plane behind a face m.p = h (M, 1); -inf where they don't."""
+    entering = (face * m_u) > 0
+    return np.where(entering, face / np.where(entering, m_u, 1.0), -np.inf)
+
+
+def _squares(array: Array) -> Array:
+    """Sums (M,) of the squares in rows (M, K)."""
+    return np.einsum("mk,mk->m", array, array)
 
 
 def inverses(matrix: Array) -> tuple[Array, np.ndarray]:
@@ -241,5 +249,7 @@ def inverses(matrix: Array) -> tuple[Array, np.ndarray]:
     regular = (determinant > 1e-12 * xx * yy * zz) & (xx > 0)
     scale = 1 / np.where(regular, determinant, 1.0)
     c_yy, c_yz, c_zz = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
-    inverse = np.stack([c_xx, c_xy, c_xz, c_xy, c_yy, c_yz, c_xz, c_yz, c_zz], axis=-1) * scale[:, None]
+    inverse = np.empty((len(matrix), 9))
+    for k, cofactor in enumerate((c_xx, c_xy, c_xz, c_xy, c_yy, c_yz, c_xz, c_yz, c_zz)):
+        np.multiply(cofactor, scale, out=inverse[:, k])
     return inverse.reshape(-1, 3, 3), regular

@@ -68,7 +68,7 @@ def chunks(cluster: Cluster, starts_each: int, among: np.ndarray | None = None) 
     """
     wanted = cluster.count >= LEAST_RETURNS if among is None else among & (cluster.count >= LEAST_RETURNS)
     padded = cluster.padded_width
-    for width in np.unique(padded[wanted]):
+    for width in sorted(set(padded[wanted].tolist())):
         rows = np.flatnonzero(wanted & (padded == width))
-        most = max(1, _CHUNK // (starts_each * int(width)))
+        most = max(1, _CHUNK // (starts_each * width))
         yield from np.split(rows, range(most, len(rows), most))
