@@ -35,6 +35,7 @@ from sim.robot import Robot, load_robot
 from sim.runs import Description, Pilot, closed_loop
 from sim.scanner import LaserScanner, ScannerFeed
 from sim.seeds import generator
+from trackslip.compensation import FixedLaw
 from trackslip.controllers import LinearTimeVarying
 from trackslip.kinematics import Array
 from trackslip.lawfile import load_laws
@@ -92,7 +93,7 @@ class Rig:
         self.fleet.advance(_STEADY)
         self.feed = ScannerFeed(LaserScanner(), self.fleet, [generator(seed, f"bench {k}") for k in range(size)])
         self._locator = make_locator("plate", robot)
-        self._pilot = Pilot(LinearTimeVarying(), range(size), self._law)
+        self._pilot = Pilot(LinearTimeVarying(), range(size), FixedLaw(self._law))
         self._descriptions = [Description(str(k)) for k in range(size)]
         self.bare = bare_batch(self.fleet)
         self.steps_per_period = round(self.feed.period / robot.model.opt.timestep)

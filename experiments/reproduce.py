@@ -31,6 +31,7 @@ from experiments.world import World
 from sim.runs import Description, Pilot, closed_loop
 from sim.seeds import generator
 from sim.stopwatch import Stopwatch
+from trackslip.compensation import FixedLaw
 from trackslip.identification import identify, usable_samples
 from trackslip.lawfile import identification_to_json
 from trackslip.runlog import RunLog
@@ -106,7 +107,8 @@ def drive_paths(config: ReproduceConfig, world: World, identified: Mapping[str, 
     fleet = world.fleet(np.array([starts[controller] for controller, _ in cases]))
     feed = world.feed(fleet, [generator(config.seed, f"track {key}") for key in keys])
     pilots = [
-        Pilot(CONTROLLERS[controller](), [k], laws[compensation]) for k, (controller, compensation) in enumerate(cases)
+        Pilot(CONTROLLERS[controller](), [k], FixedLaw(laws[compensation]))
+        for k, (controller, compensation) in enumerate(cases)
     ]
     common = world.metadata(config.localization) | {"reference": "paper"}
     descriptions = [

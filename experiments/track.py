@@ -21,6 +21,7 @@ from experiments.world import World
 from sim.robot import Robot
 from sim.runs import Description, Pilot, closed_loop
 from sim.seeds import generator
+from trackslip.compensation import FixedLaw
 from trackslip.controllers import Controller, Feedforward, LinearTimeVarying
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
@@ -57,7 +58,7 @@ def run(config: TrackConfig) -> None:
             "start": start.tolist(),
         }
         with progress(name, reference.duration) as report:
-            pilot = Pilot(CONTROLLERS[config.controller](), [0], law)
+            pilot = Pilot(CONTROLLERS[config.controller](), [0], FixedLaw(law))
             logs = closed_loop(fleet, [pilot], reference, feed, locator, [Description(name, metadata)], report)
         wall = time.perf_counter() - began
         rows = tracking_summary(logs, reference)

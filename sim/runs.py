@@ -12,14 +12,15 @@ import numpy as np
 from sim.fleet import Fleet
 from sim.scanner import ScannerFeed
 from sim.stopwatch import Stopwatch
+from trackslip.compensation import Compensation, FixedLaw
 from trackslip.controllers import Controller
 from trackslip.errors import InvalidValueError, TrackslipError
-from trackslip.kinematics import Array, limit_sprocket_speeds
+from trackslip.kinematics import Array, RobotGeometry, advance, limit_sprocket_speeds
 from trackslip.localization import Locator, PoseEstimate, Tracker
 from trackslip.runlog import RunLog, Truth
 from trackslip.scan import Cluster, extract_plate
 from trackslip.scanlog import ScanLog
-from trackslip.slip import NoSlip, SlipLaw
+from trackslip.slip import ConstantIcr, SlipLaw
 from trackslip.trajectory import Reference
 
 Progress = Callable[[float], None]
@@ -39,11 +40,13 @@ class Description:
 
 @dataclass(frozen=True)
 class Pilot:
-    """Who drives some robots of a fleet: a controller, and a slip law to turn its twist into sprocket speeds."""
+    """Who drives some robots of a fleet: a controller, and what turns its twist into sprocket speeds."""
 
     controller: Controller
     robots: Sequence[int]
-    law: SlipLaw = field(default_factory=NoSlip)
+    compensation: Compensation = field(default_factory=FixedLaw)
+    preview: float = 0.0
+    """How far ahead of now the controller is asked what to drive: as long as sprockets lag behind commands [s]."""
 
 
 def scan_count(duration: float, period: float) -> int:
@@ -152,6 +155,7 @@ def closed_loop(
     tracker = Tracker(fleet.pose(), geometry)
     for pilot in pilots:
         pilot.controller.reset()
+        pilot.compensation.reset(fleet.pose()[pilot.robots])
     omega = np.zeros((fleet.size, 2))
     for k in range(record.rows):
         if k > 0:
@@ -164,14 +168,28 @@ def closed_loop(
             predicted = tracker.predict(record.omega[k], feed.period if k > 0 else 0.0)
             scan = feed.measure(feed.true_ranges()[:, None, :])
             record.estimate(k, tracker.update(locator.locate(feed.scan(scan.ranges[:, 0]), predicted)))
-        time = float(record.time[k])
         for pilot in pilots:
-            twist = pilot.controller.twist(time, record.pose[k, pilot.robots], reference)
-            record.twist_command[k, pilot.robots] = twist
-            omega[pilot.robots] = pilot.law.sprocket_speeds(twist, geometry)
+            omega[pilot.robots] = _steer(pilot, record, k, reference, geometry, feed.period)
         fleet.command(limit_sprocket_speeds(omega, fleet.drive.limit))
         record.command[k] = fleet.drive.set_point
     return record.logs()
+
+
+def _steer(
+    pilot: Pilot, record: _Recorder, k: int, reference: Reference, geometry: RobotGeometry, period: float
+) -> Array:
+    """Sprocket speeds (R, 2) [rad/s] that a pilot asks of its R robots at row k."""
+    robots = pilot.robots
+    pose: Array = record.pose[k, robots]
+    omega = record.omega[k, robots]
+    if k > 0:
+        pilot.compensation.observe(omega, period, record.estimated(k, robots))
+    law = pilot.compensation.law()
+    if pilot.preview > 0:
+        pose = advance(pose, law.twist(omega, geometry), pilot.preview)
+    twist = pilot.controller.twist(float(record.time[k]) + pilot.preview, pose, reference)
+    record.steered(k, robots, twist, law)
+    return law.sprocket_speeds(twist, geometry)
 
 
 class _Recorder:
@@ -184,7 +202,8 @@ class _Recorder:
         self.rows = rows
         self.time = np.arange(rows) * period
         self.command = np.zeros((rows, n, 2))
-        self.twist_command = np.full((rows, n, 2), np.nan)
+        self._twist_command = np.full((rows, n, 2), np.nan)
+        self._icr = np.full((rows, n, 2), np.nan)
         self.omega = np.zeros((rows, n, 2))
         self.pose = np.zeros((rows, n, 3))
         self._covariance = np.zeros((rows, n, 3, 3))
@@ -214,6 +233,26 @@ class _Recorder:
     def estimate(self, k: int, estimate: PoseEstimate) -> None:
         self.pose[k], self._covariance[k], self._valid[k] = estimate.pose, estimate.covariance, estimate.valid
 
+    def estimated(self, k: int, robots: Sequence[int]) -> PoseEstimate:
+        """What was estimated of some robots."""
+        return PoseEstimate(self.pose[k, robots], self._covariance[k, robots], self._valid[k, robots])
+
+    def steered(self, k: int, robots: Sequence[int], twist: Array, law: SlipLaw) -> None:
+        """A controller's twists (R, 2) for R robots, and the law they are turned into sprocket speeds with.
+
+        Raises:
+            TrackslipError: for a twist that isn't finite.
+        """
+        twist = np.broadcast_to(np.asarray(twist, float), (len(robots), 2))
+        for i in np.flatnonzero(~np.isfinite(twist).all(axis=1)):
+            name = self._descriptions[robots[int(i)]].run
+            raise TrackslipError(
+                f"run {name!r}: its controller asks for the twist {tuple(twist[i].tolist())} at {self.time[k]:g} s"
+            )
+        self._twist_command[k, robots] = twist
+        if isinstance(law, ConstantIcr):
+            self._icr[k, robots] = np.stack(np.broadcast_arrays(law.offset, law.radius_error), axis=-1)
+
     def logs(self) -> list[RunLog]:
         return [
             RunLog(
@@ -222,7 +261,8 @@ class _Recorder:
                 omega=self.omega[:, i],
                 pose=self.pose[:, i],
                 command=self.command[:, i],
-                twist_command=None if np.isnan(self.twist_command[:, i]).any() else self.twist_command[:, i],
+                twist_command=None if np.isnan(self._twist_command[:, i]).any() else self._twist_command[:, i],
+                icr=None if np.isnan(self._icr[:, i]).any() else self._icr[:, i],
                 covariance=self._covariance[:, i],
                 valid=self._valid[:, i],
                 truth=Truth(

@@ -28,6 +28,7 @@ REQUIRED = ("run", "t", "omega_l", "omega_r", "x", "y", "phi")
 SAMPLE_COLUMNS = ("omega_l", "omega_r", "v", "w")
 _COMMAND = ("omega_cmd_l", "omega_cmd_r")
 _TWIST_COMMAND = ("v_cmd", "w_cmd")
+_ICR = ("icr_offset", "icr_radius_error")
 _COVARIANCE = ("var_x", "cov_xy", "cov_xphi", "var_y", "cov_yphi", "var_phi")
 _UPPER = np.triu_indices(3)
 _TRUE_POSE = ("true_x", "true_y", "true_phi")
@@ -40,7 +41,7 @@ _LEAN = ("true_lean",)
 _UNITS = {
     "t": "s",
     **dict.fromkeys(("omega_l", "omega_r", *_COMMAND, "w", "w_cmd", "true_w"), "rad/s"),
-    **dict.fromkeys(("x", "y", "true_x", "true_y", "true_lean"), "m"),
+    **dict.fromkeys(("x", "y", "true_x", "true_y", "true_lean", "icr_offset"), "m"),
     **dict.fromkeys(("phi", "true_phi"), "rad"),
     **dict.fromkeys(("v", "v_cmd", "true_v", "true_lateral"), "m/s"),
     **dict.fromkeys(("var_x", "cov_xy", "var_y"), "m^2"),
@@ -140,7 +141,7 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
     pose = columns.numbers(("x", "y", "phi"), where=ok)
     command = columns.optional(_COMMAND)
     twist_command = columns.optional(_TWIST_COMMAND)
-    covariance = columns.optional(_COVARIANCE)
+    icr, covariance = columns.optional(_ICR), columns.optional(_COVARIANCE)
     truth = [
         columns.optional(names) for names in (_TRUE_POSE, _TRUE_TWIST, _TRACTION, _TORQUE, _POWER, _SATURATED, _LEAN)
     ]
@@ -159,6 +160,7 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
                     pose=_unwrapped(pose[rows]),
                     command=_present(command, rows),
                     twist_command=_present(twist_command, rows),
+                    icr=_present(icr, rows),
                     covariance=None if covariance is None else _symmetric(covariance[rows]),
                     valid=None if valid is None else valid[rows],
                     truth=_truth(true_parts),
@@ -267,6 +269,7 @@ def _run_table(log: RunLog) -> pa.Table:
     blocks: list[tuple[Sequence[str], Array | None]] = [
         (_COMMAND, log.command),
         (_TWIST_COMMAND, log.twist_command),
+        (_ICR, log.icr),
         (("omega_l", "omega_r"), log.omega),
         (("x", "y", "phi"), log.pose),
     ]

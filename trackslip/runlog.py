@@ -36,6 +36,7 @@ class RunLog:
     pose: Array  # (T, 3) estimated pose [m, m, rad], phi unwrapped
     command: Array | None = None  # (T, 2) commanded sprocket speeds [rad/s]
     twist_command: Array | None = None  # (T, 2) body twist asked for by a controller [m/s, rad/s]
+    icr: Array | None = None  # (T, 2) D [m] and epsilon [-] of the constant ICRs that the slip was compensated with
     covariance: Array | None = None  # (T, 3, 3) of the pose
     valid: np.ndarray | None = None  # (T,) bool: the pose was measured; None: every pose was
     truth: Truth | None = None

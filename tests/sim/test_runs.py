@@ -5,12 +5,13 @@ from sim.fleet import Fleet
 from sim.runs import Description, Pilot, closed_loop, open_loop
 from sim.scanner import LaserScanner, ScannerFeed
 from sim.seeds import generator
+from trackslip.compensation import FixedLaw
 from trackslip.controllers import Feedforward, LinearTimeVarying
 from trackslip.errors import InvalidValueError
 from trackslip.localization import PlateLocator
 from trackslip.metrics import tracking_errors
 from trackslip.skid_theory import line_contact, steady_twist
-from trackslip.slip import ConstantIcr, NoSlip
+from trackslip.slip import ConstantIcr
 from trackslip.trajectory import Segment, SegmentedReference
 
 START = np.array([[-1.5, 0.0, 0.0]] * 2)
@@ -78,7 +79,7 @@ def test_the_right_law_keeps_the_robot_on_the_path(robot, controller):
     reference = short_path()
     start = np.tile(reference.pose(0.0), (2, 1))
     fleet, feed = set_up(robot, start)
-    pilots = [Pilot(controller, [0], NoSlip()), Pilot(controller, [1], theoretical_law(robot))]
+    pilots = [Pilot(controller, [0]), Pilot(controller, [1], FixedLaw(theoretical_law(robot)))]
     plain, compensated = (
         tracking_errors(log.time, log.truth.pose, reference)
         for log in closed_loop(fleet, pilots, reference, feed, PlateLocator(robot.plate), names(2))

@@ -1,0 +1,230 @@
+"""Slip estimated while driving: an extended Kalman filter on pose and the constants D and epsilon of constant ICRs.
+
+Between two scans the encoders tell how far the belts ran, and the robot drives an arc with the rates of constant ICRs,
+exactly:
+
+    v = (1 + epsilon) (s_r + s_l) / 2        w = (1 + epsilon) g (s_r - s_l) / (2 b)        g = b / (b + D)
+
+with belt speeds s = r omega. A scan measures the pose. The state is (x, y, phi, g, epsilon): the rates are linear in
+the yaw gain g, whereas a filter that is linearised in D loses its way when D is far off. Both constants wander with the
+way and the turn driven, not with time: what a motion doesn't show (D on a straight, both when standing) stays what it
+was, and how well it is known too.
+
+Two gates watch the innovations. One too large for a scan's noise is a wrong pose and is left out; several in a row mean
+that the filter is wrong. Innovations that lean one way for a while, each small, mean that the ground has changed. In
+either case the filter begins anew, from the scanned pose and with constants as uncertain as at the start.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trackslip.errors import InvalidValueError, require_non_negative, require_positive
+from trackslip.kinematics import Array, RobotGeometry, wrap_angle
+from trackslip.localization import PoseEstimate
+from trackslip.slip import ConstantIcr
+
+_GAINS = (0.05, 10.0)  # yaw gains that are believed
+_LARGEST_ERROR = 0.5  # of the sprocket radius, relative
+
+
+@dataclass(frozen=True)
+class FilterTuning:
+    """What the filter takes for granted."""
+
+    gain_spread: float = 0.3
+    """Standard deviation of g where nothing is known [-]."""
+    radius_error_spread: float = 0.02
+    """Standard deviation of epsilon where nothing is known [-]."""
+    gain_walk: float = 0.003
+    """Wander of g [1/sqrt(rad) turned]."""
+    radius_error_walk: float = 0.0005
+    """Wander of epsilon [1/sqrt(m) driven]."""
+    position_walk: float = 0.0005
+    """What the motion model misses, in position [m per sqrt(m) driven]."""
+    heading_walk: float = 0.001
+    """What it misses, in heading [rad per sqrt(rad) turned]."""
+    outlier: float = 30.0
+    """Squared innovation, in its own covariance, from which a pose is left out (chi-square, 3 degrees) [-]."""
+    patience: int = 5
+    """Poses left out in a row after which they are believed [-]."""
+    change: float = 30.0
+    """Squared mean of innovations, in its own covariance, from which the ground has changed (likewise) [-]."""
+    memory: float = 10.0
+    """Scans over which that mean is taken [-]."""
+
+    def __post_init__(self) -> None:
+        for name in ("gain_spread", "radius_error_spread", "outlier", "change"):
+            require_positive(name, getattr(self, name))
+        for name in ("gain_walk", "radius_error_walk", "position_walk", "heading_walk"):
+            require_non_negative(name, getattr(self, name))
+        if self.patience < 1:
+            raise InvalidValueError("patience", self.patience, "an integer >= 1")
+        if not 1 <= self.memory < np.inf:
+            raise InvalidValueError("memory", self.memory, "finite and >= 1")
+
+
+class IcrFilter:
+    """Pose, D and epsilon of N robots; each robot's bits are its own, whatever the others do."""
+
+    def __init__(
+        self, start: ArrayLike, geometry: RobotGeometry, law: ConstantIcr, tuning: FilterTuning | None = None
+    ) -> None:
+        """Begin at known poses `start` (N, 3) with the D and epsilon of `law`, as uncertain as `tuning` says."""
+        self._geometry, self._tuning = geometry, tuning or FilterTuning()
+        pose = np.atleast_2d(np.asarray(start, float))
+        n = len(pose)
+        self.state = np.empty((n, 5))
+        """x, y [m], phi [rad], g, epsilon [-]."""
+        gain = geometry.half_gauge / (geometry.half_gauge + law.offset)
+        self.state[:, :3], self.state[:, 3], self.state[:, 4] = pose, gain, law.radius_error
+        self.covariance = np.zeros((n, 5, 5))
+        """Of the state."""
+        self.restarts = np.zeros(n, int)
+        """How often the filter began anew."""
+        self._lean = np.zeros((n, 3))  # sum of whitened innovations, fading
+        self._weight = np.zeros(n)  # variance of that sum
+        self._refused = np.zeros(n, int)  # poses left out in a row
+        self._begin(np.arange(n), pose, np.zeros((n, 3, 3)))
+
+    @property
+    def law(self) -> ConstantIcr:
+        """The slip laws found so far, their parameters (N,)."""
+        return ConstantIcr(self.offset, self._geometry.half_gauge, self.state[:, 4].copy())  # type: ignore[arg-type]
+
+    @property
+    def offset(self) -> Array:
+        """D (N,) [m]."""
+        return self._geometry.half_gauge * (1 / self.state[:, 3] - 1)
+
+    @property
+    def offset_stderr(self) -> Array:
+        """Standard errors of D (N,) [m]."""
+        return self._geometry.half_gauge / self.state[:, 3] ** 2 * np.sqrt(self.covariance[:, 3, 3])
+
+    def update(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
+        """Sprockets ran at mean speeds (N, 2) [rad/s] for `duration` [s]; then poses were measured, where valid."""
+        self._predict(omega, duration)
+        rows = np.flatnonzero(estimate.valid)
+        if rows.size:
+            self._correct(rows, estimate.pose[rows], estimate.covariance[rows])
+
+    def _predict(self, omega: Array, duration: float) -> None:
+        tuning = self._tuning
+        motion, by_law = icr_motion(self.state[:, 3:], omega, self._geometry)  # (N, 2), (N, 2, 2)
+        motion, by_law = motion * duration, by_law * duration
+        self.state[:, :3], by_pose, by_motion = drive_arc(self.state[:, :3], motion)
+        jacobian = np.zeros_like(self.covariance)
+        jacobian[:, :3, :3] = by_pose
+        jacobian[:, :3, 3:] = np.einsum("nij,njk->nik", by_motion, by_law)
+        jacobian[:, [3, 4], [3, 4]] = 1.0
+        self.covariance = np.einsum("nij,njk,nlk->nil", jacobian, self.covariance, jacobian)
+        way, turn = np.abs(motion).T
+        spread = np.stack(
+            [
+                way * tuning.position_walk**2,
+                way * tuning.position_walk**2,
+                turn * tuning.heading_walk**2,
+                turn * tuning.gain_walk**2,
+                way * tuning.radius_error_walk**2,
+            ],
+            axis=1,
+        )
+        self.covariance[:, np.arange(5), np.arange(5)] += spread
+        for k, most in ((3, tuning.gain_spread), (4, tuning.radius_error_spread)):
+            over = self.covariance[:, k, k] > most**2  # no less is known than at the start
+            shrink = np.where(over, most / np.sqrt(self.covariance[:, k, k]), 1.0)
+            self.covariance[:, k, :] *= shrink[:, None]
+            self.covariance[:, :, k] *= shrink[:, None]
+
+    def _correct(self, rows: np.ndarray, pose: Array, noise: Array) -> None:
+        tuning = self._tuning
+        innovation = pose - self.state[rows, :3]
+        innovation[:, 2] = wrap_angle(innovation[:, 2])
+        spread = self.covariance[rows, :3, :3] + noise
+        root = np.linalg.cholesky((spread + spread.swapaxes(1, 2)) / 2 + 1e-12 * np.eye(3))
+        white = _solve_lower(root, innovation)
+        surprising = np.einsum("ni,ni->n", white, white) > tuning.outlier
+        self._refused[rows] = np.where(surprising, self._refused[rows] + 1, 0)
+        good = np.flatnonzero(~surprising)
+        self._learn(rows[good], white[good], root[good])
+        again = (self._refused[rows] >= tuning.patience) | (self._leaning(rows) > tuning.change)
+        self.restarts[rows[again]] += 1
+        self._begin(rows[again], pose[again], noise[again])
+
+    def _learn(self, rows: np.ndarray, white: Array, root: Array) -> None:
+        """Take up innovations (R, 3), whitened by the roots (R, 3, 3) of their covariances."""
+        half = _solve_lower(root[:, None], self.covariance[rows, :, :3])  # (R, 5, 3)
+        self.state[rows] += np.einsum("nij,nj->ni", half, white)
+        covariance = self.covariance[rows] - np.einsum("nik,njk->nij", half, half)
+        self.covariance[rows] = (covariance + covariance.swapaxes(1, 2)) / 2
+        self.state[rows, 3] = np.clip(self.state[rows, 3], *_GAINS)
+        self.state[rows, 4] = np.clip(self.state[rows, 4], -_LARGEST_ERROR, _LARGEST_ERROR)
+        fade = 1 - 1 / self._tuning.memory
+        self._lean[rows] = fade * self._lean[rows] + white
+        self._weight[rows] = fade**2 * self._weight[rows] + 1
+
+    def _leaning(self, rows: np.ndarray) -> Array:
+        """How far the latest innovations (R,) of the robots `rows` lean one way (chi-square, 3 degrees)."""
+        return np.einsum("ni,ni->n", self._lean[rows], self._lean[rows]) / np.maximum(self._weight[rows], 1.0)
+
+    def _begin(self, rows: np.ndarray, pose: Array, noise: Array) -> None:
+        """Begin anew at poses (R, 3) with covariances (R, 3, 3)."""
+        self.state[rows, :3] = pose
+        self.covariance[rows] = 0.0
+        self.covariance[rows[:, None, None], np.arange(3)[:, None], np.arange(3)] = noise
+        self.covariance[rows, 3, 3] = self._tuning.gain_spread**2
+        self.covariance[rows, 4, 4] = self._tuning.radius_error_spread**2
+        self._lean[rows], self._weight[rows], self._refused[rows] = 0.0, 0.0, 0
+
+
+def icr_motion(law: Array, omega: Array, geometry: RobotGeometry) -> tuple[Array, Array]:
+    """Twists (N, 2) that sprockets at omega (N, 2) [rad/s] drive under (g, epsilon) (N, 2), and their derivatives.
+
+    The derivatives (N, 2, 2) are those of (v, w) by (g, epsilon).
+    """
+    gain, scale = law[:, 0], 1 + law[:, 1]
+    left, right = (geometry.sprocket_radius * omega).T
+    speed, yaw_rate = (right + left) / 2, (right - left) / (2 * geometry.half_gauge)
+    derivative = np.zeros((len(law), 2, 2))
+    derivative[:, 1, 0] = scale * yaw_rate
+    derivative[:, 0, 1], derivative[:, 1, 1] = speed, gain * yaw_rate
+    return np.stack([scale * speed, scale * gain * yaw_rate], axis=1), derivative
+
+
+def drive_arc(pose: Array, motion: Array) -> tuple[Array, Array, Array]:
+    """Poses (N, 3) after arcs of length and turn `motion` (N, 2) [m, rad], and their derivatives.
+
+    Those are by the pose before (N, 3, 3) and by the motion (N, 3, 2).
+    """
+    length, turn = motion.T
+    half = turn / 2
+    chord, slope = np.sinc(half / np.pi), _sinc_slope(half)
+    cos, sin = np.cos(pose[:, 2] + half), np.sin(pose[:, 2] + half)
+    along, aside = length * chord * cos, length * chord * sin
+    after = np.stack([pose[:, 0] + along, pose[:, 1] + aside, pose[:, 2] + turn], axis=1)
+    by_pose = np.tile(np.eye(3), (len(pose), 1, 1))
+    by_pose[:, 0, 2], by_pose[:, 1, 2] = -aside, along
+    by_motion = np.zeros((len(pose), 3, 2))
+    by_motion[:, 0, 0], by_motion[:, 1, 0] = chord * cos, chord * sin
+    by_motion[:, 0, 1] = length * (slope * cos - chord * sin) / 2
+    by_motion[:, 1, 1] = length * (slope * sin + chord * cos) / 2
+    by_motion[:, 2, 1] = 1.0
+    return after, by_pose, by_motion
+
+
+def _sinc_slope(x: Array) -> Array:
+    """Derivative (...) of sin(x) / x."""
+    safe = np.where(np.abs(x) < 1e-3, 1.0, x)
+    return np.where(np.abs(x) < 1e-3, -x / 3 + x**3 / 30, (np.cos(safe) - np.sin(safe) / safe) / safe)
+
+
+def _solve_lower(root: Array, right: Array) -> Array:
+    """Solutions (..., 3) of L z = r for lower triangular L (..., 3, 3) and r (..., 3)."""
+    a = right[..., 0] / root[..., 0, 0]
+    b = (right[..., 1] - root[..., 1, 0] * a) / root[..., 1, 1]
+    c = (right[..., 2] - root[..., 2, 0] * a - root[..., 2, 1] * b) / root[..., 2, 2]
+    return np.stack([a, b, c], axis=-1)
