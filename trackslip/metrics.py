@@ -1,4 +1,4 @@
-"""Errors of tracking and of estimation, with units."""
+"""Errors of tracking and what they cost, with units."""
 
 from __future__ import annotations
 
@@ -8,10 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.kinematics import Array, wrap_angle
+from trackslip.runlog import RunLog
 from trackslip.trajectory import Reference
 
 TRANSIENT = 12.0
 """When the paper's arc begins and an initial error has died out [s]."""
+LOST = 0.5
+"""Distance from the reference at which a robot has lost it [m]."""
+_TURNING = 1e-6  # yaw rate from which a reference turns [rad/s]
 
 
 def body_errors(pose: ArrayLike, desired: ArrayLike) -> Array:
@@ -24,35 +28,89 @@ def body_errors(pose: ArrayLike, desired: ArrayLike) -> Array:
 
 @dataclass(frozen=True)
 class TrackingErrors:
-    """How well a run followed its reference."""
+    """How well a run followed its reference. Position errors are distances from where it should be at the time."""
 
     rms_position: float
     """[m]"""
     rms_position_after_12s: float
     """The same from 12 s on, when the transient is over; NaN for a shorter run [m]."""
+    rms_position_arc: float
+    """The same while the reference turns (the paper's: its arc); NaN for one that never does [m]."""
+    rms_heading: float
+    """[rad]"""
+    cross_track: float
+    """Root mean square of the error across the reference's direction [m]."""
+    along_track: float
+    """Root mean square of the error along it [m]."""
     max_position: float
     """[m]"""
     final_position: float
     """[m]"""
     final_heading: float
     """Absolute [rad]."""
+    iae: float
+    """Integral of the position error over time [m s]."""
+    itae: float
+    """Integral of time times the position error [m s^2]."""
+    success: bool
+    """Whether the robot stayed within LOST of where it should be."""
+
+
+@dataclass(frozen=True)
+class Expense:
+    """What a run asked of its drives."""
+
+    effort: float
+    """Integral over time of the mean square of the two sprockets' set points [rad^2/s]."""
+    roughness: float
+    """Root mean square rate of the set points [rad/s^2]."""
+    saturation_s: float
+    """Time with a motor at its limit, or a sprocket commanded to its top speed [s]."""
 
 
 def tracking_errors(time: ArrayLike, pose: ArrayLike, reference: Reference) -> TrackingErrors:
     """Errors of the poses (T, 3) of a run at times (T,) [s] against `reference`."""
-    time = np.asarray(time, float)
-    errors = body_errors(pose, reference.pose(time))
-    distance = np.hypot(errors[:, 0], errors[:, 1])
-    late = distance[time >= TRANSIENT]
+    time, pose = np.asarray(time, float), np.asarray(pose, float)
+    desired = reference.pose(time)
+    away = pose - desired
+    cos, sin = np.cos(desired[:, 2]), np.sin(desired[:, 2])
+    distance, heading = np.hypot(away[:, 0], away[:, 1]), wrap_angle(away[:, 2])
     return TrackingErrors(
         rms_position=rms(distance),
-        rms_position_after_12s=rms(late) if late.size else float("nan"),
+        rms_position_after_12s=rms(distance[time >= TRANSIENT]),
+        rms_position_arc=rms(distance[np.abs(reference.twist(time)[:, 1]) > _TURNING]),
+        rms_heading=rms(heading),
+        cross_track=rms(cos * away[:, 1] - sin * away[:, 0]),
+        along_track=rms(cos * away[:, 0] + sin * away[:, 1]),
         max_position=float(distance.max()),
         final_position=float(distance[-1]),
-        final_heading=float(abs(errors[-1, 2])),
+        final_heading=float(abs(heading[-1])),
+        iae=float(np.trapezoid(distance, time)),
+        itae=float(np.trapezoid(time * distance, time)),
+        success=bool(distance.max() <= LOST),
+    )
+
+
+def expense(log: RunLog, top_speed: float) -> Expense:
+    """What a simulated run with commands asked of drives whose sprockets turn at most `top_speed` [rad/s].
+
+    Raises:
+        ValueError: for a run without commands, or without the truth about its motors.
+    """
+    if log.command is None or log.truth is None or log.truth.saturated is None:
+        raise ValueError(f"run {log.run!r}: has no commands, or no truth about its motors")
+    step = np.diff(log.time)
+    held = log.command[:-1]  # a row's command is driven until the next
+    at_top = np.abs(held).max(axis=1) > top_speed * (1 - 1e-9)
+    saturated = np.maximum(log.truth.saturated[1:].max(axis=1), at_top)
+    return Expense(
+        effort=float(np.sum(np.mean(held**2, axis=1) * step)),
+        roughness=rms(np.diff(held, axis=0) / step[:-1, None]),
+        saturation_s=float(np.sum(saturated * step)),
     )
 
 
 def rms(values: ArrayLike) -> float:
-    """Root mean square over all elements."""
-    return float(np.sqrt(np.mean(np.square(np.asarray(values, float)))))
+    """Root mean square over all elements; NaN of none."""
+    values = np.asarray(values, float)
+    return float(np.sqrt(np.mean(np.square(values)))) if values.size else float("nan")
