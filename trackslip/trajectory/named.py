@@ -49,7 +49,7 @@ REFERENCES: dict[str, NamedReference] = {
     "rounded_square": NamedReference(rounded_square, (-1.5, 0.5, 0.0), "straights and arcs"),
     "clothoid": NamedReference(clothoid, (-2.5, 0.6, 0.0), "an S of straights, clothoids and arcs"),
     "spiral": NamedReference(spiral, (-1.5, 0.5, 0.0), "Archimedes' spiral, inwards"),
-    "stop_and_go": NamedReference(stop_and_go, (-3.0, 1.0, np.pi / 4), "forwards, backwards on an arc, forwards"),
+    "stop_and_go": NamedReference(stop_and_go, (-2.5, 1.0, np.pi / 4), "forwards, backwards on an arc, forwards"),
 }
 """References by name."""
 

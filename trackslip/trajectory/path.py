@@ -158,5 +158,6 @@ def _cells(curve: Curve, breaks: Array) -> tuple[Array, Array]:
         shortest = np.argmin(np.where(coarse, lengths, np.inf))
         if lengths[shortest] < _SHORTEST:
             point = curve(u[shortest], 0)
-            raise InvalidValueError("path", f"a cusp at ({point.real:.3f}, {point.imag:.3f})", "smooth")
+            where = f"turns back sharply at ({point.real:.3f}, {point.imag:.3f})"
+            raise InvalidValueError("path", where, "smooth, to be driven without stopping")
         u = np.sort(np.concatenate([u, (u[:-1] + u[1:])[coarse] / 2]))

@@ -87,8 +87,9 @@ class ProfiledReference:
 
     def twist(self, time: ArrayLike) -> Array:
         """Twists (..., 2) at times (...) [s]."""
+        time = np.asarray(time, float)
         k, t = self._locate(time)
-        speed = np.maximum(self._speeds[k] + self._accelerations[k] * t, 0.0)
+        speed = np.where(time < self._duration, np.maximum(self._speeds[k] + self._accelerations[k] * t, 0.0), 0.0)
         return np.stack([speed, speed * self._path.curvature(self._way(k, t))], axis=-1)
 
     def _way(self, k: NDArray[np.intp], t: Array) -> Array:

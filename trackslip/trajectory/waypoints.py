@@ -25,10 +25,10 @@ CLOSEST = 1e-3
 
 
 def waypoints(points: ArrayLike, limits: Limits = LIMITS) -> ProfiledReference:
-    """Smoothly through all points: a natural cubic spline, its parameter the square root of the chords.
+    """Smoothly through all points, in their order: a natural cubic spline over the length of the chords.
 
-    That parameter keeps the spline from overshooting where points are unevenly spaced. Curvature is continuous, and
-    zero at both ends.
+    Curvature is continuous, and zero at both ends. Of the usual parameters the chords' length gives the widest bends
+    where points are unevenly spaced.
 
     Args:
         points: (N, 2) in the world [m].
@@ -109,6 +109,6 @@ def _through(points: Array, label: str, limits: Limits) -> ProfiledReference:
         )
     if chords.sum() > LONGEST:
         raise InvalidValueError("way through all points", float(chords.sum().round(3)), f"at most {LONGEST:g} m")
-    parameter = np.concatenate([[0.0], np.cumsum(np.sqrt(chords))])
+    parameter = np.concatenate([[0.0], np.cumsum(chords)])
     spline = CubicSpline(parameter, points[:, 0] + 1j * points[:, 1], bc_type="natural")
     return ProfiledReference(ParametricPath(spline, parameter), limits)
