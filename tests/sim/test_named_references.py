@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from sim.drive import Drive
 from sim.scanner import LaserScanner
-from trackslip.trajectory import REFERENCES
+from trackslip.trajectory import LIMITS, REFERENCES
 
 TRACKING_ERROR = 0.4  # m, to any side
 
@@ -30,3 +31,7 @@ def test_it_is_of_a_size_for_the_field(name):
     assert 30 <= reference.duration <= 60
     assert 1.5 <= np.ptp(pose[:, :2], axis=0).max() <= 4.0
     assert np.all(np.abs(twist[:, 0]) >= 0.35 * np.abs(twist[:, 1]) - 1e-12)  # radii of at least 0.35 m
+
+
+def test_limits_leave_the_drives_a_margin():
+    assert LIMITS.track_speed <= 0.9 * Drive().top_speed
