@@ -29,6 +29,10 @@ class SettingsFileError(TrackslipError, ValueError):
     """A file of settings that can't be read; the message names the file and the field."""
 
 
+class ReferenceFileError(TrackslipError, ValueError):
+    """A file of way points that can't be read or driven; the message names the file, row and column."""
+
+
 class OutputError(TrackslipError, OSError):
     """A result that can't be written."""
 

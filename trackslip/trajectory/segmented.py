@@ -1,33 +1,15 @@
-"""References: what a controller is asked to follow, as pose and twist over time."""
+"""Straight lines and arcs, driven at piecewise constant acceleration: the paper's path, circles."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array, advance
-
-
-class Reference(Protocol):
-    """A path in time. Before 0 it stands at its start, after `duration` at its end."""
-
-    @property
-    def duration(self) -> float:
-        """When the reference stops [s]."""
-        ...
-
-    def pose(self, time: ArrayLike) -> Array:
-        """Poses (..., 3) at times (...) [s]; phi unwrapped."""
-        ...
-
-    def twist(self, time: ArrayLike) -> Array:
-        """Twists (..., 2) at times (...) [s]."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -74,6 +56,11 @@ class SegmentedReference:
         """When the reference stops [s]."""
         return float(self._start_times[-1])
 
+    @property
+    def knots(self) -> Array:
+        """Times (S + 1,) between which the twist is smooth [s]."""
+        return self._start_times
+
     def pose(self, time: ArrayLike) -> Array:
         """Poses (..., 3) at times (...) [s]; phi unwrapped."""
         k, t = self._locate(time)
@@ -97,16 +84,20 @@ class SegmentedReference:
         return k, clipped - self._start_times[k]
 
 
-def paper_reference() -> SegmentedReference:
-    """The verification path of Sec. IV-A: 45.8 s, start (0, 0, pi/2).
+PAPER_START = (0.0, 0.0, np.pi / 2)
+"""Where the paper's path begins."""
+
+
+def paper_reference(start: ArrayLike = PAPER_START) -> SegmentedReference:
+    """The verification path of Sec. IV-A: 45.8 s, from `start` (3,).
 
     The five segments are those described in words; Eqs. 14c-14e contradict them (see the README's deviations).
     """
     speed, yaw_rate = 0.15, 0.12
     turn = 4 * np.pi / 3 - np.pi / 2
     return SegmentedReference(
-        start=(0.0, 0.0, np.pi / 2),
-        segments=[
+        start,
+        [
             Segment(5.0, 0.0, speed),
             Segment(7.0, speed, speed),
             Segment(turn / yaw_rate, speed, speed, yaw_rate / speed),

@@ -1,0 +1,28 @@
+"""A reference's twist integrated to its poses."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackslip.kinematics import Array
+from trackslip.trajectory import ProfiledReference, SegmentedReference
+
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
+
+
+def times(reference: ProfiledReference | SegmentedReference, others: int = 2000) -> Array:
+    """The knots of a reference and others between them (T,), from 0 to its duration."""
+    return np.union1d(reference.knots, np.linspace(0, reference.duration, others))
+
+
+def integral_miss(reference: ProfiledReference | SegmentedReference) -> float:
+    """Largest error of any pose against the integral of the twist up to it, by quadrature between knots [m, rad]."""
+    time = times(reference)
+    half = np.diff(time)[:, None] / 2
+    at = time[:-1, None] + half * (1 + _NODES)  # (T - 1, 6)
+    v, w = np.moveaxis(reference.twist(at), -1, 0)
+    phi = reference.pose(at)[..., 2]
+    rate = np.stack([v * np.cos(phi), v * np.sin(phi), w], axis=-1)
+    moved = np.cumsum(half * np.einsum("tnc,n->tc", rate, _WEIGHTS), axis=0)
+    pose = reference.pose(time)
+    return float(np.abs(pose[1:] - pose[0] - moved).max())

@@ -1,0 +1,101 @@
+"""References on smooth curves: figure of eight, slalom, spiral."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trackslip.errors import InvalidValueError, require_positive
+from trackslip.kinematics import Array
+from trackslip.trajectory.path import Complex, ParametricPath, require_length
+from trackslip.trajectory.profile import LIMITS, Limits, ProfiledReference
+
+
+def figure_eight(start: ArrayLike, half_width: float = 1.5, limits: Limits = LIMITS) -> ProfiledReference:
+    """Bernoulli's lemniscate, once round, from its crossing: first the left turn, then the right one.
+
+    Args:
+        start: pose (3,) at the crossing; the long axis lies 45 deg to the left of its heading.
+        half_width: from the crossing to either tip [m]; the tightest radius is a third of it.
+        limits: of the speeds.
+    """
+    require_positive("half_width", half_width)
+
+    def lemniscate(u: Array, nu: int) -> Complex:
+        sine, cosine = np.sin(u), np.cos(u)
+        away = 1 - 1j * sine
+        if nu == 0:
+            return half_width * cosine / away
+        if nu == 1:
+            return half_width * 1j * (1 + 1j * sine) / away**2
+        return -half_width * cosine * (3 + 1j * sine) / away**3
+
+    return ProfiledReference(ParametricPath(lemniscate, [-np.pi / 2, np.pi / 2, 3 * np.pi / 2], start), limits)
+
+
+def slalom(
+    start: ArrayLike,
+    amplitude: float = 0.25,
+    wavelength: float = 2.0,
+    periods: int = 2,
+    limits: Limits = LIMITS,
+) -> ProfiledReference:
+    """A sine about a line, left first, from one of its lowest points.
+
+    Args:
+        start: pose (3,), along the line.
+        amplitude: half the width [m]; the tightest radius is (wavelength / 2 pi)^2 / amplitude.
+        wavelength: [m]
+        periods: how many, at least 1.
+        limits: of the speeds.
+    """
+    require_positive("amplitude", amplitude)
+    require_positive("wavelength", wavelength)
+    if periods < 1:
+        raise InvalidValueError("periods", periods, "at least 1")
+    require_length(periods * wavelength)
+    wave = 2 * np.pi / wavelength
+
+    def sine(x: Array, nu: int) -> Complex:
+        if nu == 0:
+            return x + 1j * amplitude * (1 - np.cos(wave * x))
+        if nu == 1:
+            return 1 + 1j * amplitude * wave * np.sin(wave * x)
+        return 1j * amplitude * wave**2 * np.cos(wave * x)
+
+    return ProfiledReference(ParametricPath(sine, wavelength * np.arange(periods + 1), start), limits)
+
+
+def spiral(
+    start: ArrayLike,
+    outer_radius: float = 1.2,
+    inner_radius: float = 0.45,
+    turns: float = 1.5,
+    limits: Limits = LIMITS,
+) -> ProfiledReference:
+    """Archimedes' spiral, inwards to the left: the distance to its centre falls evenly with the angle.
+
+    Args:
+        start: pose (3,) at its outer end.
+        outer_radius: distance to the centre at the start [m].
+        inner_radius: distance to the centre at the end [m].
+        turns: about the centre, at most 50.
+        limits: of the speeds.
+    """
+    require_positive("inner_radius", inner_radius)
+    if not inner_radius < outer_radius < np.inf:
+        raise InvalidValueError("outer_radius", outer_radius, f"greater than inner_radius = {inner_radius:g} m")
+    if not 0 < turns <= 50:
+        raise InvalidValueError("turns", turns, "greater than 0, at most 50")
+    end = 2 * np.pi * turns
+    shrinkage = (outer_radius - inner_radius) / end
+
+    def archimedes(u: Array, nu: int) -> Complex:
+        radius, direction = outer_radius - shrinkage * u, np.exp(1j * u)
+        if nu == 0:
+            return radius * direction
+        if nu == 1:
+            return (1j * radius - shrinkage) * direction
+        return -(radius + 2j * shrinkage) * direction
+
+    return ProfiledReference(ParametricPath(archimedes, np.linspace(0, end, int(4 * turns) + 2), start), limits)

@@ -1,0 +1,163 @@
+"""Paths by arc length. Points of the plane are complex numbers here, x + iy [m]: a turn is a product."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trackslip.errors import InvalidValueError, require_at_most
+from trackslip.kinematics import Array
+
+Complex = NDArray[np.complexfloating[Any, Any]]
+
+LONGEST = 1000.0
+"""Length of a path, at most [m]."""
+STEP = 0.005
+"""Between the knots of a path, at most [m]."""
+_SHORTEST = 1e-6  # between knots: a curve that needs them closer has a cusp [m]
+_MOST_TURN = 0.1  # between knots [rad]
+_CLOSE = 1e-12  # error of the arc length between knots [m]
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+
+
+class PlanarPath(Protocol):
+    """A path by arc length s, from 0 to its length."""
+
+    @property
+    def knots(self) -> Array:
+        """Arc lengths (K,) from 0 to the path's length, at most STEP apart; the curvature is smooth between them.
+
+        There are at least three, so that a path can be driven from rest to rest.
+        """
+        ...
+
+    def pose(self, s: Array) -> Array:
+        """Poses (..., 3) at arc lengths (...) [m]; phi unwrapped."""
+        ...
+
+    def curvature(self, s: Array) -> Array:
+        """Curvatures (...) at arc lengths (...) [1/m], positive to the left."""
+        ...
+
+
+class Curve(Protocol):
+    """A curve by any parameter, called like the splines of SciPy."""
+
+    def __call__(self, u: Array, nu: int, /) -> Complex:
+        """Points (...) at parameters (...) for nu = 0, their first and second derivatives for nu = 1 and 2."""
+        ...
+
+
+class ParametricPath:
+    """A smooth curve by arc length.
+
+    The arc length between knots is a Gauss-Legendre integral of the curve's speed, its inverse a cubic Hermite
+    polynomial. Knots are as close as that takes for an error of 1e-12 m, so pose and curvature are the curve's own.
+    """
+
+    def __init__(self, curve: Curve, breaks: ArrayLike, start: ArrayLike | None = None) -> None:
+        """Follow `curve` from the first to the last of the `breaks`.
+
+        Args:
+            curve: twice differentiable, without cusps; any derivative may jump at the breaks.
+            breaks: (B,) parameters, ascending.
+            start: pose (3,) to which the curve is moved; by default it stays where it is.
+
+        Raises:
+            InvalidValueError: for cusps, and paths longer than LONGEST.
+        """
+        self._curve = curve
+        self._u, lengths = _cells(curve, np.asarray(breaks, float))
+        self._s = np.concatenate([[0.0], np.cumsum(lengths)])
+        self._velocity = curve(self._u, 1)  # (K,)
+        turns = np.angle(self._velocity[1:] / self._velocity[:-1])
+        heading = np.angle(self._velocity[0]) + np.concatenate([[0.0], np.cumsum(turns)])
+        slope = 1 / np.abs(self._velocity)  # du/ds
+        mean = np.diff(self._u) / lengths
+        self._inverse = np.stack(  # (4, K - 1) coefficients of u, by powers of the way since the knot
+            [
+                self._u[:-1],
+                slope[:-1],
+                (3 * mean - 2 * slope[:-1] - slope[1:]) / lengths,
+                (slope[:-1] + slope[1:] - 2 * mean) / lengths**2,
+            ]
+        )
+        self._rotation, self._shift = complex(1.0), complex(0.0)
+        if start is not None:
+            x, y, phi = np.asarray(start, float)
+            self._rotation = np.exp(1j * (phi - heading[0]))
+            self._shift = complex(complex(x, y) - self._rotation * curve(self._u[0], 0))
+            heading += phi - heading[0]
+        self._heading = heading
+
+    @property
+    def knots(self) -> Array:
+        """Arc lengths (K,) from 0 to the path's length, at most STEP apart; the curvature is smooth between them."""
+        return self._s
+
+    def pose(self, s: Array) -> Array:
+        """Poses (..., 3) at arc lengths (...) [m]; phi unwrapped."""
+        k, u = self._parameter(s)
+        point = self._rotation * self._curve(u, 0) + self._shift
+        heading = self._heading[k] + np.angle(self._curve(u, 1) * np.conj(self._velocity[k]))
+        return np.stack([point.real, point.imag, heading], axis=-1)
+
+    def curvature(self, s: Array) -> Array:
+        """Curvatures (...) at arc lengths (...) [1/m], positive to the left."""
+        _, u = self._parameter(s)
+        return _curvature(self._curve, u)
+
+    def _parameter(self, s: Array) -> tuple[NDArray[np.intp], Array]:
+        """Index of the cell and parameter of the curve, each (...)."""
+        k = cell(self._s, s)
+        way = s - self._s[k]
+        c0, c1, c2, c3 = self._inverse[:, k]
+        return k, c0 + way * (c1 + way * (c2 + way * c3))
+
+
+def cell(knots: Array, at: Array) -> NDArray[np.intp]:
+    """Index (...) of the knot (K,) below `at` (...), at most K - 2: the cell that reaches to the next one."""
+    k = np.searchsorted(knots, at, side="right") - 1
+    return np.minimum(np.maximum(k, 0), len(knots) - 2)
+
+
+def require_length(length: float) -> None:
+    """Raise InvalidValueError for a path longer than LONGEST."""
+    require_at_most("length of the path", round(length, 3), LONGEST, "m")
+
+
+def _curvature(curve: Curve, u: Array) -> Array:
+    velocity = curve(u, 1)
+    return (np.conj(velocity) * curve(u, 2)).imag / np.abs(velocity) ** 3
+
+
+def _arc_length(curve: Curve, start: Array, end: Array) -> Array:
+    """Lengths (...) of the curve between parameters (...)."""
+    half = (end - start) / 2
+    u = ((start + end) / 2)[..., None] + half[..., None] * _NODES
+    return half * (np.abs(curve(u, 1)) @ _WEIGHTS)
+
+
+def _cells(curve: Curve, breaks: Array) -> tuple[Array, Array]:
+    """Parameters (K,) of the knots and lengths (K - 1,) between them: cells are halved until they're fine enough."""
+    u = breaks
+    require_length(float(_arc_length(curve, u[:-1], u[1:]).sum()))
+    while True:
+        lengths = _arc_length(curve, u[:-1], u[1:])
+        velocity = curve(u, 1)
+        with np.errstate(divide="ignore", invalid="ignore"):  # a cusp's speed is zero; NaN isn't close
+            slope = 1 / np.abs(velocity)
+            middle = (u[:-1] + u[1:]) / 2 + lengths * (slope[:-1] - slope[1:]) / 8  # of the inverse's polynomial
+            miss = np.abs(_arc_length(curve, u[:-1], middle) - lengths / 2)
+            turn = np.abs(np.angle(velocity[1:] / velocity[:-1]))
+        coarse = (lengths > STEP) | ~(miss < _CLOSE) | ~(turn < _MOST_TURN) | (len(lengths) < 2)
+        if not coarse.any():
+            return u, lengths
+        shortest = np.argmin(np.where(coarse, lengths, np.inf))
+        if lengths[shortest] < _SHORTEST:
+            point = curve(u[shortest], 0)
+            where = f"turns back sharply at ({point.real:.3f}, {point.imag:.3f})"
+            raise InvalidValueError("path", where, "smooth, to be driven without stopping")
+        u = np.sort(np.concatenate([u, (u[:-1] + u[1:])[coarse] / 2]))

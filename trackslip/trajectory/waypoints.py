@@ -1,0 +1,114 @@
+"""A reference through way points, given as an array or a CSV file."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.interpolate import CubicSpline
+
+from trackslip.errors import InvalidValueError, ReferenceFileError
+from trackslip.kinematics import Array
+from trackslip.trajectory.path import LONGEST, ParametricPath
+from trackslip.trajectory.profile import LIMITS, Limits, ProfiledReference
+
+COLUMNS = ("x", "y")
+FEWEST, MOST = 3, 10_000
+"""How many way points there may be."""
+FARTHEST = 100.0
+"""Coordinates of a way point are at most that large [m]."""
+CLOSEST = 1e-3
+"""Between neighbouring way points, at least [m]."""
+
+
+def waypoints(points: ArrayLike, limits: Limits = LIMITS) -> ProfiledReference:
+    """Smoothly through all points, in their order: a natural cubic spline over the length of the chords.
+
+    Curvature is continuous, and zero at both ends. Of the usual parameters the chords' length gives the widest bends
+    where points are unevenly spaced.
+
+    Args:
+        points: (N, 2) in the world [m].
+        limits: of the speeds.
+
+    Raises:
+        InvalidValueError: for points that are too few, too far or too close, and bends too tight to drive.
+    """
+    points = np.asarray(points, float)
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise InvalidValueError("shape of the way points", points.shape, "(N, 2): columns x and y")
+    return _through(points, "point", limits)
+
+
+def read_waypoints(path: Path, limits: Limits = LIMITS) -> ProfiledReference:
+    """The reference through the points in a CSV file of columns x and y [m]; a header is optional.
+
+    Raises:
+        ReferenceFileError: names the file, and the row and column of what can't be read or driven; rows of data count
+            from 1.
+    """
+    points = read_points(path)
+    try:
+        return _through(points, "row", limits)
+    except InvalidValueError as error:
+        raise ReferenceFileError(f"{path}: {error}") from error
+
+
+def read_points(path: Path) -> Array:
+    """The numbers (N, 2) in a CSV file of columns x and y; raises ReferenceFileError as `read_waypoints` does."""
+    try:
+        if not path.is_file():
+            raise ReferenceFileError(f"{path}: no such file")
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            return np.array(list(_parse(file, path)), float).reshape(-1, 2)
+    except (OSError, csv.Error, UnicodeError) as error:
+        raise ReferenceFileError(f"{path}: {str(error).splitlines()[0]}") from error
+
+
+def _parse(lines: Iterator[str], path: Path) -> Iterator[list[float]]:
+    rows = ([text.strip() for text in row] for row in csv.reader(lines) if any(text.strip() for text in row))
+    number = 0
+    for row in rows:
+        if number == 0 and tuple(text.lower() for text in row) == COLUMNS:
+            continue
+        number += 1
+        if number > MOST:
+            raise ReferenceFileError(f"{path}: more than {MOST} rows")
+        if len(row) != len(COLUMNS):
+            raise ReferenceFileError(f"{path}: row {number}: has {len(row)} columns, must have x and y")
+        yield [_number(text, f"{path}: row {number}, column {name}") for name, text in zip(COLUMNS, row, strict=True)]
+
+
+def _number(text: str, place: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        raise ReferenceFileError(f"{place}: {text!r} is not a number") from None
+    if not np.isfinite(value):
+        raise ReferenceFileError(f"{place}: {text!r} is not a finite number")
+    return value
+
+
+def _through(points: Array, label: str, limits: Limits) -> ProfiledReference:
+    """The reference; errors call the points `label`."""
+    if not FEWEST <= len(points) <= MOST:
+        raise InvalidValueError("number of way points", len(points), f"from {FEWEST} to {MOST}")
+    far = np.argwhere(~(np.abs(points) <= FARTHEST))  # NaN is too
+    if far.size:
+        row, column = far[0]
+        allowed = f"from {-FARTHEST:g} to {FARTHEST:g} m"
+        raise InvalidValueError(f"{label} {row + 1}, column {COLUMNS[column]}", float(points[row, column]), allowed)
+    chords = np.hypot(*np.diff(points, axis=0).T)
+    if chords.min() < CLOSEST:
+        k = int(np.argmin(chords))
+        raise InvalidValueError(
+            f"{label} {k + 2}", tuple(points[k + 1].tolist()), f"at least {CLOSEST:g} m from {label} {k + 1}"
+        )
+    if chords.sum() > LONGEST:
+        raise InvalidValueError("way through all points", float(chords.sum().round(3)), f"at most {LONGEST:g} m")
+    parameter = np.concatenate([[0.0], np.cumsum(chords)])
+    spline = CubicSpline(parameter, points[:, 0] + 1j * points[:, 1], bc_type="natural")
+    return ProfiledReference(ParametricPath(spline, parameter), limits)
