@@ -15,6 +15,7 @@ from typing import Annotated, Any
 import tyro
 
 from experiments.bench_config import BenchConfig
+from experiments.benchmark_config import BenchmarkConfig
 from experiments.calibrate_config import CalibrateConfig
 from experiments.config import GridConfig, IdentifyConfig, PredictConfig, ReproduceConfig, TrackConfig
 from experiments.coverage_config import CoverageConfig
@@ -26,6 +27,7 @@ Command = (
     Annotated[GridConfig, tyro.conf.subcommand("grid")]
     | Annotated[IdentifyConfig, tyro.conf.subcommand("identify")]
     | Annotated[TrackConfig, tyro.conf.subcommand("track")]
+    | Annotated[BenchmarkConfig, tyro.conf.subcommand("benchmark")]
     | Annotated[PredictConfig, tyro.conf.subcommand("predict")]
     | Annotated[CalibrateConfig, tyro.conf.subcommand("calibrate")]
     | Annotated[ValidateConfig, tyro.conf.subcommand("validate")]
@@ -40,6 +42,7 @@ _RUNNERS = {
     GridConfig: "experiments.grid",
     IdentifyConfig: "experiments.identify",
     TrackConfig: "experiments.track",
+    BenchmarkConfig: "experiments.benchmark",
     PredictConfig: "experiments.predict",
     CalibrateConfig: "experiments.calibrate",
     ValidateConfig: "experiments.validate",

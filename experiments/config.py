@@ -78,21 +78,19 @@ class Repeatable:
 
 
 @dataclass(frozen=True)
-class Simulation(Repeatable):
-    """The simulated world, the same for every command that drives."""
+class Equipment:
+    """The robot and its field, but for the ground."""
 
     robot: Path | None = None
     """A robot file, as calibrate writes it: the robot's parameters and its ground; by default the shipped robot."""
     radius_error: float | None = None
     """Relative error of the effective sprocket radius, real / nominal - 1; by default the robot's."""
-    ground: GroundOptions = field(default_factory=GroundOptions)
     drive: Drive = field(default_factory=Drive)
     scanner: LaserScanner = field(default_factory=LaserScanner)
     obstacles: Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE")] = None
     """What the scanner sees besides the plate: posts, room, walker, occluded, or a .toml file; by default nothing."""
 
     def __post_init__(self) -> None:
-        super().__post_init__()
         if self.radius_error is not None and not abs(self.radius_error) <= LARGEST_RADIUS_ERROR:
             raise InvalidValueError("radius_error", self.radius_error, "from -0.5 to 0.5")
         scan_periods = self.scanner.period / self.drive.period
@@ -102,6 +100,17 @@ class Simulation(Repeatable):
                 self.scanner.rate,
                 f"such that the time between scans is a multiple of drive.period = {self.drive.period} s",
             )
+
+
+@dataclass(frozen=True)
+class Simulation(Repeatable, Equipment):
+    """The simulated world, the same for every command that drives."""
+
+    ground: GroundOptions = field(default_factory=GroundOptions)
+
+    def __post_init__(self) -> None:
+        Repeatable.__post_init__(self)
+        Equipment.__post_init__(self)
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,8 @@ COLOURS = {
     "icr": "#56B4E9",
     "icr_radius": BLUE,
     "icr_sides": "#6A3D9A",
+    "online": "#117733",
+    "online_cold": "#999933",
 }
 """The same colour for the same slip law in every figure (Okabe and Ito's palette, and three more)."""
 LABELS = {
@@ -33,6 +35,8 @@ LABELS = {
     "icr": "constant ICR",
     "icr_radius": "constant ICR with ε",
     "icr_sides": "constant ICR, two-sided",
+    "online": "online",
+    "online_cold": "online, from nothing",
 }
 """What a law, or a compensation by it, is called."""
 DASHES = {
@@ -46,6 +50,8 @@ DASHES = {
     "icr": (0, (1, 1)),
     "icr_radius": "-",
     "icr_sides": (0, (1, 2.5)),
+    "online": (0, (5, 1)),
+    "online_cold": (0, (5, 1, 1, 1)),
 }
 """Line styles, so that the laws can be told apart without colour too."""
 INNER, OUTER = ORANGE, BLUE

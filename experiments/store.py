@@ -136,11 +136,16 @@ def manifest(command: str, config: Any, wall_s: float, **more: Any) -> dict[str,
         "config": plain(config),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "wall_s": round(wall_s, 3),
-        "versions": {"python": platform.python_version()} | {p: _version(p) for p in _PACKAGES},
+        "versions": versions(),
         "platform": platform.platform(),
         "git": _git_state(),
         **plain(more),
     }
+
+
+def versions() -> dict[str, str | None]:
+    """Of Python and of the packages that results depend on."""
+    return {"python": platform.python_version()} | {p: _version(p) for p in _PACKAGES}
 
 
 def _version(package: str) -> str | None:

@@ -21,7 +21,8 @@ from trackslip.runlog import RunLog
 from trackslip.slip import PUBLISHED, SlipLaw
 from trackslip.trajectory import paper_reference
 
-_DESIRED = {"color": "#c9c9c9", "lw": 5.0, "solid_capstyle": "round", "label": "desired"}
+DESIRED = {"color": "#c9c9c9", "lw": 5.0, "solid_capstyle": "round", "label": "desired"}
+"""Keywords of the line that a reference is."""
 _SLOWEST = 0.3  # sprocket speed below which a measured slip is a quotient of noise [rad/s]
 _SMOOTH = 0.5  # length of the moving average over the true slip [s]
 _CLOSEST = 3e-4  # distance below which an error is a zero crossing, not news [m]
@@ -78,7 +79,7 @@ def paths(runs: Mapping[str, RunLog]) -> Figure:
     figure = Figure(figsize=(9.0, 4.5), layout="constrained")
     plane, distance = figure.subplots(1, 2, width_ratios=(1.25, 1))
     desired = reference.pose(np.linspace(0, reference.duration, 300))
-    plane.plot(desired[:, 0], desired[:, 1], **_DESIRED)
+    plane.plot(desired[:, 0], desired[:, 1], **DESIRED)
     for name, log in runs.items():
         pose = driven(log)
         rows = thin(len(log.time))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sim.ground import Ground
+from sim.ground import Change, Ground
 
 _HARD = 0.778 / 0.70
 _NOON = "R. K. Noon, Engineering Analysis of Vehicular Accidents (1994), of tyres"
@@ -36,5 +36,8 @@ NAMED_GROUNDS: dict[str, NamedGround] = {
     "packed_soil": NamedGround(Ground(0.60, 0.75), "assumed; ratio 1.25"),
     "gravel": NamedGround(Ground(0.35, 0.455), f"gravel and dirt road: {_NOON}; ratio 1.3"),
     "wet": NamedGround(_hard(0.60), f"wet concrete: {_NOON}"),
+    "sticky": NamedGround(
+        Ground(changes=(Change(20.0, 0.70, 1.089),)), "assumed: stone that grows 40 % stickier across after 20 s"
+    ),
     "ice": NamedGround(Ground(0.12, 0.12), f"ice, 0.10 to 0.15: {_NOON}; ratio 1"),
 }

@@ -77,6 +77,23 @@ def write_parquet(logs: Sequence[RunLog], path: Path) -> None:
     pa.parquet.write_table(to_table(logs), path)
 
 
+def join_parquet(parts: Sequence[Path], path: Path) -> None:
+    """Write the runs of Parquet files that `write_parquet` made to a single one, in order, a file at a time."""
+    schemas = [pa.parquet.read_schema(part) for part in parts]
+    runs = {
+        name: about for schema in schemas for name, about in json.loads(schema.metadata[_METADATA_KEY])["runs"].items()
+    }
+    joined = pa.unify_schemas([schema.remove_metadata() for schema in schemas])
+    joined = joined.with_metadata({_METADATA_KEY: json.dumps({"version": 1, "runs": runs})})
+    with pa.parquet.ParquetWriter(path, joined) as writer:
+        for part in parts:
+            table = pa.parquet.read_table(part).replace_schema_metadata(None)
+            missing = [field for field in joined if field.name not in table.column_names]
+            for field in missing:
+                table = table.append_column(field, pa.nulls(len(table), field.type))
+            writer.write_table(table.select(joined.names).cast(joined))
+
+
 def write_csv(logs: Sequence[RunLog], path: Path) -> None:
     """Write runs to a CSV file; metadata and ranges are lost, numbers are not."""
     pa.csv.write_csv(to_table([replace(log, scans=None) for log in logs]), path)

@@ -5,3 +5,5 @@ from trackslip.controllers.feedforward import Feedforward
 from trackslip.controllers.linear import LinearTimeVarying
 
 __all__ = ["Controller", "Feedforward", "LinearTimeVarying"]
+
+CONTROLLERS: dict[str, type[Controller]] = {"feedforward": Feedforward, "linear": LinearTimeVarying}

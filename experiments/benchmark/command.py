@@ -1,0 +1,112 @@
+"""The command: drive what isn't driven yet, gather, report."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from experiments import store
+from experiments.benchmark.group import groups
+from experiments.benchmark.parts import Parts, rows_of, runs_of
+from experiments.benchmark.report import render
+from experiments.benchmark.setup import Setup, reference, without_missing
+from experiments.benchmark.table import (
+    BOARD_HEADER,
+    WHOLE_HEADER,
+    Row,
+    board,
+    board_text,
+    losses,
+    markdown,
+    over_seeds,
+    whole_text,
+)
+from experiments.benchmark.work import work_off
+from experiments.benchmark_config import BenchmarkConfig, Case
+from experiments.console import print_table, progress
+from trackslip import logfile
+from trackslip.errors import TrackslipError
+
+LEADERBOARD = "leaderboard.md"
+
+
+def run(config: BenchmarkConfig) -> None:
+    """Drive, gather, store and print."""
+    began = time.perf_counter()
+    with store.results(config.out) as folder:
+        setup = Setup.of(config)
+        cases, notes = without_missing(config)
+        setup.check(cases)
+        parts = Parts.of(setup)
+        paths = [parts.path(group) for group in groups(cases)]
+        try:
+            _drive(setup, dict(zip(paths, groups(cases), strict=True)))
+        except KeyboardInterrupt:
+            done = sum(path.exists() for path in paths)
+            raise TrackslipError(
+                f"stopped with {done} of {len(paths)} groups of runs done; the same command goes on from there"
+            ) from None
+        runs = [row for path in paths for row in rows_of(path)]
+        rows = over_seeds(runs)
+        entries, lost = board(rows), [*losses(rows), *notes]
+        logfile.join_parquet([runs_of(path) for path in paths if runs_of(path).exists()], folder / store.RUNS)
+        wall = time.perf_counter() - began
+        about = setup.world.manifest("benchmark", wall) | {"config": store.plain(config)}
+        summary = {"rows": rows, "failures": _failures(runs), "runs": len(runs), "wall_s": wall}
+        store.write_json(folder / store.SUMMARY, summary)
+        (folder / LEADERBOARD).write_text(_markdown(entries, lost, rows), encoding="utf-8")
+        page = render(folder / store.RUNS, entries, lost, rows, runs, about, store.command_line("benchmark"))
+        (folder / store.REPORT).write_text(page, encoding="utf-8")
+        store.write_json(folder / store.MANIFEST, about)
+    parts.discard()
+    print_table("Position errors, means over references, grounds, starts and seeds", BOARD_HEADER, board_text(entries))
+    for line in lost:
+        print(line)
+    for failure in _failures(runs):
+        print(f"failed: {failure['run']}: {failure['error']}")
+    wall = time.perf_counter() - began
+    print(f"{config.out / store.REPORT}: {len(runs)} runs in {wall:.1f} s; all {len(rows)} rows in {LEADERBOARD}")
+
+
+def _drive(setup: Setup, wanted: dict[Path, tuple[Case, ...]]) -> None:
+    """Make the parts that aren't there yet."""
+    missing = {path: group for path, group in wanted.items() if not path.exists()}
+    total = sum(map(_seconds, wanted.values()))
+    with progress(f"{sum(map(len, wanted.values()))} runs", total) as report:
+        report(total - sum(map(_seconds, missing.values())))
+        for path in work_off(setup.config, missing):
+            report(_seconds(missing[path]))
+
+
+def _seconds(group: Sequence[Case]) -> float:
+    """Driven in a group's runs together [s]."""
+    return len(group) * reference(group[0].reference).duration
+
+
+def _failures(runs: Sequence[Row]) -> list[dict[str, Any]]:
+    return [
+        {"run": Case(*(run[f.name] for f in fields(Case))).run, "error": run["error"]} for run in runs if run["error"]
+    ]
+
+
+def _markdown(entries: Sequence[Row], lost: Sequence[str], rows: Sequence[Row]) -> str:
+    """The leaderboard as a file."""
+    return "\n".join(
+        [
+            "# Leaderboard",
+            "",
+            "Position errors are distances of the true position from where the reference is at the time; means over"
+            " references, grounds, starts and seeds. Kept: share of the runs that stayed within 0.5 m.",
+            "",
+            markdown(BOARD_HEADER, board_text(entries)),
+            *([] if not lost else ["## Where the path is lost", "", *(f"- {line}" for line in lost), ""]),
+            "## All rows",
+            "",
+            "Means over seeds [95 % bootstrap interval].",
+            "",
+            markdown(WHOLE_HEADER, whole_text(rows)),
+        ]
+    )

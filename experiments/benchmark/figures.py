@@ -1,0 +1,123 @@
+"""Figures of a benchmark: the leaderboard at a glance, and on every reference paths and errors over time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from experiments.benchmark.setup import reference
+from experiments.figure_style import BLACK, LABELS, law_line, styled, thin
+from experiments.tracking_figures import DESIRED, driven
+from trackslip.metrics import LOST, body_errors
+from trackslip.runlog import RunLog
+
+_PALETTE = (
+    "#0072B2",
+    "#D55E00",
+    "#009E73",
+    "#CC79A7",
+    "#1a1a1a",
+    "#E69F00",
+    "#56B4E9",
+    "#6A3D9A",
+    "#8C510A",
+    "#8a8a8a",
+)
+_CLOSEST = 3e-4  # distance below which an error is a zero crossing, not news [m]
+_MARKERS = ("o", "s", "D", "^", "v", "P", "X")
+
+
+def controller_line(number: int, **more: Any) -> dict[str, Any]:
+    """Keywords of a line that stands for the `number`-th controller: a colour, dashed from the second round on."""
+    again, place = divmod(number, len(_PALETTE))
+    return {"color": _PALETTE[place], "linestyle": ("-", "--", ":")[again % 3], **more}
+
+
+def compensation_name(name: str) -> str:
+    """What a compensation is called in figures."""
+    return LABELS.get(name, name)
+
+
+@styled
+def board(rows: Sequence[Mapping[str, Any]]) -> Figure:
+    """Position error once the transient is over, for each controller (lines) and ground (panels), on a log axis."""
+    grounds, controllers, compensations = (
+        list(dict.fromkeys(row[key] for row in rows)) for key in ("ground", "controller", "compensation")
+    )
+    figure = Figure(figsize=(9.0, 1.6 + 0.42 * len(controllers)), layout="constrained")
+    panels = figure.subplots(1, len(grounds), sharey=True, sharex=True, squeeze=False)[0]
+    for axis, ground in zip(panels, grounds, strict=True):
+        for k, compensation in enumerate(compensations):
+            place = 0.5 * ((k + 0.5) / len(compensations) - 0.5)
+            for n, controller in enumerate(controllers):
+                some = [
+                    row
+                    for row in rows
+                    if (row["ground"], row["controller"], row["compensation"]) == (ground, controller, compensation)
+                ]
+                _dots(axis, some, n + place, law_line(compensation)["color"], _MARKERS[k % len(_MARKERS)])
+        axis.set_title(f"on {ground}")
+        axis.set_xscale("log")
+        axis.set_xlabel("rms position error [mm], log scale")
+    panels[0].set_yticks(range(len(controllers)), controllers)
+    panels[0].set_ylim(len(controllers) - 0.5, -0.5)
+    for k, compensation in enumerate(compensations):
+        colour = law_line(compensation)["color"]
+        label = compensation_name(compensation)
+        panels[0].plot([], [], _MARKERS[k % len(_MARKERS)], color=colour, ms=5, label=label)
+    figure.legend(handles=panels[0].get_legend_handles_labels()[0], ncols=4, loc="outside lower center")
+    return figure
+
+
+def _dots(axis: Axes, rows: Sequence[Mapping[str, Any]], place: float, colour: Any, marker: str) -> None:
+    """The mean over rows, filled if none lost the path; a line from the best row to the worst."""
+    values = [1e3 * value for value in map(_settled, rows) if value is not None]
+    if not values:
+        return
+    kept = all(row["success"] == 1 for row in rows)
+    axis.plot([min(values), max(values)], [place, place], color=colour, lw=1.0)
+    axis.plot(np.mean(values), place, marker, color=colour, ms=5, mfc=colour if kept else "white")
+
+
+def _settled(row: Mapping[str, Any]) -> float | None:
+    late: float | None = row["rms_position_after_12s"]
+    return row["rms_position"] if late is None else late
+
+
+@styled
+def paths(name: str, lines: Mapping[str, tuple[RunLog, dict[str, Any]]]) -> Figure:
+    """On the reference `name`: where runs went, and how far they were from where they should be over time.
+
+    `lines` are runs by the label, with the keywords of their line.
+    """
+    path = reference(name)
+    figure = Figure(figsize=(9.0, 4.6), layout="constrained")
+    plane, distance = figure.subplots(1, 2, width_ratios=(1.15, 1))
+    desired = path.pose(np.linspace(0, path.duration, 600))
+    plane.plot(desired[:, 0], desired[:, 1], **DESIRED)
+    for label, (log, style) in lines.items():
+        pose = driven(log)
+        some = thin(len(log.time))
+        plane.plot(pose[some, 0], pose[some, 1], label=label, lw=1.2, **style)
+        error = body_errors(pose, path.pose(log.time))
+        norm = np.maximum(np.hypot(error[:, 0], error[:, 1]), _CLOSEST)
+        distance.semilogy(log.time[some], 1e3 * norm[some], lw=1.1, **style)
+    start = driven(next(iter(lines.values()))[0])[0]
+    plane.plot(*start[:2], "o", ms=8, mfc="white", mec=BLACK, mew=1.5, zorder=6)
+    plane.annotate("start", start[:2], xytext=(10, -4), textcoords="offset points", fontsize=8.5, annotation_clip=False)
+    plane.set_aspect("equal", adjustable="datalim")
+    plane.set(xlabel="x [m]", ylabel="y [m]", title="Path")
+    distance.axhline(1e3 * LOST, color="#888888", lw=0.8, ls=":")
+    distance.annotate(
+        "lost", (0.99, 1e3 * LOST), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=8
+    )
+    distance.set(
+        xlabel="time [s]", ylabel="distance from the desired position [mm]", title="Position error (log scale)"
+    )
+    distance.set_xlim(0, path.duration)
+    figure.legend(handles=plane.get_legend_handles_labels()[0], ncols=4, loc="outside lower center")
+    return figure

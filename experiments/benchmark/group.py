@@ -1,0 +1,69 @@
+"""Runs that share a controller and a reference: driven as one fleet, and what is measured of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from experiments import store
+from experiments.benchmark.latency import step_times
+from experiments.benchmark.setup import Setup, reference
+from experiments.benchmark_config import Case
+from trackslip.metrics import expense, tracking_errors
+from trackslip.runlog import RunLog
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a case."""
+
+    case: Case
+    log: RunLog | None = None
+    error: str | None = None
+    """Why there is no log."""
+
+
+def groups(cases: Sequence[Case]) -> list[tuple[Case, ...]]:
+    """Cases by controller and reference, in order."""
+    found: dict[tuple[str, str], list[Case]] = {}
+    for case in cases:
+        found.setdefault((case.controller, case.reference), []).append(case)
+    return [tuple(group) for group in found.values()]
+
+
+def drive(setup: Setup, cases: Sequence[Case]) -> list[Outcome]:
+    """Drive the cases of a group; where a fleet fails, its halves are driven, until the runs that fail stand alone."""
+    try:
+        logs = setup.drive(cases)
+        return [Outcome(case, log) for case, log in zip(cases, logs, strict=True)]
+    except Exception as error:  # a controller's, too: one failed run is a row
+        if len(cases) == 1:
+            return [Outcome(cases[0], error=" ".join(f"{type(error).__name__}: {error}".split()))]
+    middle = len(cases) // 2
+    return drive(setup, cases[:middle]) + drive(setup, cases[middle:])
+
+
+def measure(setup: Setup, outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
+    """What is known of each case: its names, its errors and expense, or why it failed; and its time per step [ms].
+
+    Time per step is measured on the first seed of cases that differ in nothing else.
+    """
+    top_speed = setup.config.drive.top_speed / setup.world.robot.geometry.sprocket_radius
+    timed: set[Case] = set()
+    rows = []
+    for outcome in outcomes:
+        case, log = outcome.case, outcome.log
+        row: dict[str, Any] = vars(case) | {"error": outcome.error, "compute_ms": []}
+        if log is not None and log.truth is not None:
+            path = reference(case.reference)
+            row |= store.plain(tracking_errors(log.time, log.truth.pose, path)) | store.plain(expense(log, top_speed))
+            if log.icr is not None:
+                row |= {"icr_offset": log.icr[-1, 0], "icr_radius_error": log.icr[-1, 1]}
+            if replace(case, seed=0) not in timed:
+                timed.add(replace(case, seed=0))
+                row["compute_ms"] = np.round(1e3 * step_times(setup, case, log), 4).tolist()
+        rows.append(row)
+    return rows

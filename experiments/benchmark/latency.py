@@ -1,0 +1,40 @@
+"""How long a controller takes for one step of one robot, compensation included."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from experiments.benchmark.setup import Setup, controller, reference
+from experiments.benchmark_config import Case
+from trackslip.kinematics import Array, limit_sprocket_speeds
+from trackslip.localization import PoseEstimate
+from trackslip.runlog import RunLog
+
+_STEPS = 200  # measured, from the start of the run
+
+
+def step_times(setup: Setup, case: Case, log: RunLog) -> Array:
+    """Times (K,) [s] from a pose to sprocket set points, for the poses of a run, by a controller of its own."""
+    geometry, limit = setup.world.robot.geometry, setup.config.drive.top_speed
+    path, pilot, compensation = (
+        reference(case.reference),
+        controller(case.controller),
+        setup.compensation(case.compensation),
+    )
+    covariance = np.zeros((len(log.time), 3, 3)) if log.covariance is None else log.covariance
+    pilot.reset()
+    compensation.reset(log.pose[:1])
+    period = float(log.time[1] - log.time[0])
+    times = []
+    for k in range(min(_STEPS, len(log.time))):
+        row = slice(k, k + 1)
+        estimate = PoseEstimate(log.pose[row], covariance[row], log.is_valid[row])
+        began = time.perf_counter()
+        if k > 0:
+            compensation.observe(log.omega[row], period, estimate)
+        twist = pilot.twist(float(log.time[k]), estimate.pose, path)
+        limit_sprocket_speeds(compensation.law().sprocket_speeds(twist, geometry), limit / geometry.sprocket_radius)
+        times.append(time.perf_counter() - began)
+    return np.array(times[1:])  # the first call makes ready what the others use

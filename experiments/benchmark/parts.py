@@ -1,0 +1,105 @@
+"""What is finished of a benchmark, kept beside its results until it is complete: a stopped one goes on from there.
+
+A part is a group of runs, stored under a hash of all that its numbers depend on. So a part is never taken for another,
+and two processes that make the same one write the same.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import experiments
+import models
+import sim
+import trackslip
+from experiments import store
+from experiments.benchmark.setup import Setup, source_of
+from experiments.benchmark_config import BenchmarkConfig, Case
+from trackslip import logfile
+from trackslip.lawfile import SHIPPED
+from trackslip.runlog import RunLog
+
+_FOLDER = ".benchmark-parts"
+_IRRELEVANT = ("suite", "controllers", "compensations", "references", "grounds", "starts", "seeds", "jobs", "out")
+_PACKAGES = (trackslip, sim, experiments, models)
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The parts in a folder of results."""
+
+    folder: Path
+    common: str
+    """Hash of what all parts depend on."""
+
+    @classmethod
+    def of(cls, setup: Setup) -> Parts:
+        """Those of a benchmark, wherever it was stopped."""
+        return cls(setup.config.out / _FOLDER, _digest(_common(setup)))
+
+    def path(self, cases: Sequence[Case]) -> Path:
+        """Where the part with these cases is, or will be."""
+        files = {name for case in cases for name in (case.reference, case.ground)} | {source_of(cases[0].controller)}
+        content = {name: _content(Path(name)) for name in sorted(filter(None, files)) if Path(name).is_file()}
+        return self.folder / f"{_digest([self.common, [vars(case) for case in cases], content])}.json"
+
+    @staticmethod
+    def write(path: Path, rows: Sequence[dict[str, Any]], logs: Sequence[RunLog]) -> None:
+        """Keep a part: its runs first, its rows last, each whole or not at all."""
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if logs:
+            draft = path.with_suffix(f".runs-{os.getpid()}")
+            logfile.write_parquet(logs, draft)
+            os.replace(draft, runs_of(path))
+        draft = path.with_suffix(f".rows-{os.getpid()}")
+        store.write_json(draft, {"rows": rows})
+        os.replace(draft, path)
+
+    def discard(self) -> None:
+        """Delete all parts: what they hold is now among the results."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def rows_of(path: Path) -> list[dict[str, Any]]:
+    """The rows of a part."""
+    rows: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8"))["rows"]
+    return rows
+
+
+def runs_of(path: Path) -> Path:
+    """Where a part's runs are, if it has any."""
+    return path.with_suffix(".parquet")
+
+
+def _common(setup: Setup) -> dict[str, Any]:
+    config: BenchmarkConfig = setup.config
+    options = {name: value for name, value in store.plain(config).items() if name not in _IRRELEVANT}
+    laws = config.laws or SHIPPED
+    return options | {
+        "model": setup.world.robot.digest,
+        "world": store.plain([setup.world.parameters, setup.world.obstacles, setup.world.radius_error]),
+        "laws": _content(laws / store.SUMMARY if laws.is_dir() else laws),
+        "code": [
+            (package.__name__, str(file.relative_to(root)), _content(file))
+            for package in _PACKAGES
+            for root in (Path(str(package.__path__[0])),)
+            for file in sorted(root.rglob("*"))
+            if file.suffix in (".py", ".xml", ".json")
+        ],
+        "versions": store.versions(),
+    }
+
+
+def _content(path: Path) -> str | None:
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
+
+
+def _digest(value: Any) -> str:
+    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()[:32]

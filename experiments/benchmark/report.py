@@ -1,0 +1,120 @@
+"""The page of a benchmark: leaderboard, where paths are lost, figures, all rows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet
+from markupsafe import Markup
+
+from experiments.benchmark import figures
+from experiments.benchmark.table import BOARD_HEADER, WHOLE_HEADER, Row, board_text, whole_text
+from experiments.benchmark_config import Case
+from experiments.figure_style import law_line
+from experiments.page import inline_svg, render_page
+from trackslip.logfile import runs_from_table
+from trackslip.runlog import RunLog
+
+_FAVOURITES = (
+    "icr_radius",
+    "online",
+    "icr",
+    "published",
+    "none",
+)  # with which controllers are compared, if it is there
+_REPRESENTATIVES = ("linear", "feedforward")  # with which compensations are compared
+
+
+@dataclass(frozen=True)
+class _Figure:
+    name: str
+    heading: str
+    caption: str
+    svg: Markup
+
+
+def render(
+    runs_file: Path,
+    entries: Sequence[Row],
+    lost: Sequence[str],
+    rows: Sequence[Row],
+    runs: Sequence[Row],
+    manifest: Mapping[str, Any],
+    command: str,
+) -> str:
+    """The page as HTML that needs no other file.
+
+    Args:
+        runs_file: the Parquet file with the runs.
+        entries: of the leaderboard.
+        lost: where paths were lost, in sentences.
+        rows: means over seeds.
+        runs: what is known of each run.
+        manifest: how they were made.
+        command: the same, in one line.
+    """
+    shown = list(
+        _path_figures(runs_file, [Case(*(run[key] for key in Case.__match_args__)) for run in runs if not run["error"]])
+    )
+    return render_page(
+        "benchmark.html.j2",
+        title="Controllers of a tracked robot, with and without compensation of slip",
+        command=command,
+        manifest=manifest,
+        figures={"board": inline_svg(figures.board(rows), "board")} | {figure.name: figure.svg for figure in shown},
+        paths=shown,
+        board_header=BOARD_HEADER,
+        board=board_text(entries),
+        lost=lost,
+        header=WHOLE_HEADER,
+        table=whole_text(rows),
+    )
+
+
+def _path_figures(runs_file: Path, cases: Sequence[Case]) -> Iterator[_Figure]:
+    """For each reference: controllers side by side, and a controller with each compensation; first ground and seed."""
+    for name in dict.fromkeys(case.reference for case in cases):
+        here = [case for case in cases if case.reference == name]
+        here = [case for case in here if (case.ground, case.seed) == (here[0].ground, here[0].seed)]
+        compensations = dict.fromkeys(case.compensation for case in here)
+        controllers = list(dict.fromkeys(case.controller for case in here))
+        favourite = next((c for c in (*_FAVOURITES, *compensations) if c in compensations), "none")
+        if len(controllers) > 1:
+            chosen = _first([case for case in here if case.compensation == favourite], "controller")
+            style = {key: figures.controller_line(k) for k, key in enumerate(controllers)}
+            yield _figure(
+                runs_file, chosen, style, f"{name}: controllers", f"All with {figures.compensation_name(favourite)}"
+            )
+        if len(compensations) > 1:
+            for controller in [c for c in (*_REPRESENTATIVES, *controllers) if c in controllers][:2]:
+                chosen = _first([case for case in here if case.controller == controller], "compensation")
+                line = {key: law_line(key) for key in chosen}
+                yield _figure(runs_file, chosen, line, f"{name}: {controller} with each compensation", "")
+
+
+def _first(cases: Sequence[Case], key: str) -> dict[str, Case]:
+    """The first of the cases by what their field `key` is."""
+    found: dict[str, Case] = {}
+    for case in cases:
+        found.setdefault(getattr(case, key), case)
+    return found
+
+
+def _figure(
+    runs_file: Path, chosen: Mapping[str, Case], style: Mapping[str, Mapping[str, object]], heading: str, what: str
+) -> _Figure:
+    logs = {log.run: log for log in _read(runs_file, [case.run for case in chosen.values()])}
+    one = next(iter(chosen.values()))
+    lines = {figures.compensation_name(key): (logs[case.run], dict(style[key])) for key, case in chosen.items()}
+    caption = f"{what + ', o' if what else 'O'}n {one.ground}, start {one.start}, seed {one.seed}."
+    name = "".join(letter if letter.isalnum() else "-" for letter in heading)
+    return _Figure(name, heading, caption, inline_svg(figures.paths(one.reference, lines), name))
+
+
+def _read(path: Path, names: Sequence[str]) -> list[RunLog]:
+    """Some of the runs in a file."""
+    table = pyarrow.parquet.read_table(path, filters=[("run", "in", list(names))])
+    return runs_from_table(table, str(path))
