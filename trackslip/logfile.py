@@ -74,7 +74,8 @@ def to_table(logs: Sequence[RunLog]) -> pa.Table:
 
 def write_parquet(logs: Sequence[RunLog], path: Path) -> None:
     """Write runs to a Parquet file."""
-    pa.parquet.write_table(to_table(logs), path)
+    table = to_table(logs)
+    pa.parquet.write_table(table, path, **_packing(table.schema))
 
 
 def join_parquet(parts: Sequence[Path], path: Path) -> None:
@@ -85,13 +86,19 @@ def join_parquet(parts: Sequence[Path], path: Path) -> None:
     }
     joined = pa.unify_schemas([schema.remove_metadata() for schema in schemas])
     joined = joined.with_metadata({_METADATA_KEY: json.dumps({"version": 1, "runs": runs})})
-    with pa.parquet.ParquetWriter(path, joined) as writer:
+    with pa.parquet.ParquetWriter(path, joined, **_packing(joined)) as writer:
         for part in parts:
             table = pa.parquet.read_table(part).replace_schema_metadata(None)
             missing = [field for field in joined if field.name not in table.column_names]
             for field in missing:
                 table = table.append_column(field, pa.nulls(len(table), field.type))
             writer.write_table(table.select(joined.names).cast(joined))
+
+
+def _packing(schema: pa.Schema) -> dict[str, Any]:
+    """How to write measured numbers, which hardly repeat, in two thirds of the space."""
+    numbers = [field.name for field in schema if pa.types.is_float64(field.type)]
+    return {"compression": "zstd", "use_dictionary": ["run"], "use_byte_stream_split": numbers}
 
 
 def write_csv(logs: Sequence[RunLog], path: Path) -> None:

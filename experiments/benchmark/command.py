@@ -30,8 +30,6 @@ from experiments.console import print_table, progress
 from trackslip import logfile
 from trackslip.errors import TrackslipError
 
-LEADERBOARD = "leaderboard.md"
-
 
 def run(config: BenchmarkConfig) -> None:
     """Drive, gather, store and print."""
@@ -52,12 +50,13 @@ def run(config: BenchmarkConfig) -> None:
         runs = [row for path in paths for row in rows_of(path)]
         rows = over_seeds(runs)
         entries, lost = board(rows), [*losses(rows), *notes]
-        logfile.join_parquet([runs_of(path) for path in paths if runs_of(path).exists()], folder / store.RUNS)
+        if driven := [runs_of(path) for path in paths if runs_of(path).exists()]:
+            logfile.join_parquet(driven, folder / store.RUNS)
         wall = time.perf_counter() - began
         about = setup.world.manifest("benchmark", wall) | {"config": store.plain(config)}
         summary = {"rows": rows, "failures": _failures(runs), "runs": len(runs), "wall_s": wall}
         store.write_json(folder / store.SUMMARY, summary)
-        (folder / LEADERBOARD).write_text(_markdown(entries, lost, rows), encoding="utf-8")
+        (folder / store.LEADERBOARD).write_text(_markdown(entries, lost, rows), encoding="utf-8")
         page = render(folder / store.RUNS, entries, lost, rows, runs, about, store.command_line("benchmark"))
         (folder / store.REPORT).write_text(page, encoding="utf-8")
         store.write_json(folder / store.MANIFEST, about)
@@ -68,7 +67,7 @@ def run(config: BenchmarkConfig) -> None:
     for failure in _failures(runs):
         print(f"failed: {failure['run']}: {failure['error']}")
     wall = time.perf_counter() - began
-    print(f"{config.out / store.REPORT}: {len(runs)} runs in {wall:.1f} s; all {len(rows)} rows in {LEADERBOARD}")
+    print(f"{config.out / store.REPORT}: {len(runs)} runs in {wall:.1f} s; all {len(rows)} rows in {store.LEADERBOARD}")
 
 
 def _drive(setup: Setup, wanted: dict[Path, tuple[Case, ...]]) -> None:

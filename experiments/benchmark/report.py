@@ -79,11 +79,14 @@ def _path_figures(runs_file: Path, cases: Sequence[Case]) -> Iterator[_Figure]:
     for name in dict.fromkeys(case.reference for case in cases):
         here = [case for case in cases if case.reference == name]
         here = [case for case in here if (case.ground, case.seed) == (here[0].ground, here[0].seed)]
+        start = _commonest_start(here)
         compensations = dict.fromkeys(case.compensation for case in here)
         controllers = list(dict.fromkeys(case.controller for case in here))
         favourite = next((c for c in (*_FAVOURITES, *compensations) if c in compensations), "none")
         if len(controllers) > 1:
-            chosen = _first([case for case in here if case.compensation == favourite], "controller")
+            chosen = _first(
+                [case for case in here if (case.compensation, case.start) == (favourite, start)], "controller"
+            )
             style = {key: figures.controller_line(k) for k, key in enumerate(controllers)}
             yield _figure(
                 runs_file, chosen, style, f"{name}: controllers", f"All with {figures.compensation_name(favourite)}"
@@ -93,6 +96,12 @@ def _path_figures(runs_file: Path, cases: Sequence[Case]) -> Iterator[_Figure]:
                 chosen = _first([case for case in here if case.controller == controller], "compensation")
                 line = {key: law_line(key) for key in chosen}
                 yield _figure(runs_file, chosen, line, f"{name}: {controller} with each compensation", "")
+
+
+def _commonest_start(cases: Sequence[Case]) -> str:
+    """The start from which most controllers drive."""
+    controllers = {case.start: len({c.controller for c in cases if c.start == case.start}) for case in cases}
+    return max(controllers, key=lambda start: controllers[start])
 
 
 def _first(cases: Sequence[Case], key: str) -> dict[str, Case]:

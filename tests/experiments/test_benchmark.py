@@ -1,0 +1,249 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+
+from experiments.benchmark.group import groups
+from experiments.benchmark.setup import Setup, start
+from experiments.benchmark.table import NAMES, board, bootstrap95, losses, over_seeds
+from experiments.benchmark_config import CONTROLLER_NAMES, REFERENCE_NAMES, BenchmarkConfig, Case
+from trackslip.controllers import CONTROLLERS
+from trackslip.logfile import read_runs
+from trackslip.metrics import tracking_errors
+from trackslip.trajectory import paper_reference
+from trackslip.trajectory.named import REFERENCES, load_reference
+
+MODULE = '''
+import numpy as np
+from trackslip.controllers import LinearTimeVarying
+
+class Late(LinearTimeVarying):
+    """Falls silent after 2 s, for the robot that is farthest to the right."""
+    def twist(self, time, pose, reference):
+        twist = super().twist(time, pose, reference)
+        if time > 2.0 and len(pose) == {robots}:
+            twist[{robot}] = np.nan
+        return twist
+
+class Broken(LinearTimeVarying):
+    def twist(self, time, pose, reference):
+        raise RuntimeError("out of order")
+
+class NoController:
+    pass
+'''
+
+
+@pytest.fixture
+def short(tmp_path, monkeypatch):
+    """Options of a benchmark that lasts seconds, in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "bend.csv").write_text("x,y\n0,0\n0.3,0.05\n0.6,0.2\n")
+    return ("--references", "bend.csv", "--starts", "zero", "--localization", "truth", "--jobs", "1")
+
+
+SMALL = ("--controllers", "feedforward", "linear", "--compensations", "none", "online", "--grounds", "stone", "gravel")
+
+
+def without_times(summary):
+    return [{key: value for key, value in row.items() if "compute" not in key} for row in summary["rows"]]
+
+
+def test_rows_are_what_the_stored_runs_say(trackslip, short):
+    result = trackslip("benchmark", *short, *SMALL, "--seeds", "0", "3")
+    rows, logs = result.summary["rows"], {log.run: log for log in read_runs(result.folder / "runs.parquet")}
+    assert len(rows) == 2 * 2 * 2
+    assert len(logs) == result.summary["runs"] == 16
+    assert result.summary["failures"] == []
+    reference = load_reference("bend.csv")
+    for row in rows:
+        case = [row[name] for name in NAMES]
+        errors = []
+        for seed in (0, 3):
+            log = logs[" ".join([*case, str(seed)])]
+            assert log.metadata["seed"] == seed
+            assert log.metadata["ground"]["across"] == {"stone": 0.778, "gravel": 0.455}[row["ground"]]
+            assert (log.icr is not None) == (row["compensation"] == "online")
+            errors.append(tracking_errors(log.time, log.truth.pose, reference))
+        for key in ("rms_position", "rms_position_arc", "rms_heading", "cross_track", "along_track", "iae", "itae"):
+            assert row[key] == pytest.approx(np.mean([getattr(e, key) for e in errors]))
+        assert row["rms_position_after_12s"] is None
+        assert row["rms_position_after_12s_ci95"] is None
+        low, high = row["rms_position_ci95"]
+        assert low <= row["rms_position"] <= high
+        assert (row["seeds"], row["failed"], row["success"]) == (2, 0, 1.0)
+        assert 0 < row["compute_ms_p50"] <= row["compute_ms_p99"] < 1e3
+    text = (result.folder / "leaderboard.md").read_text()
+    assert text.count("\n| feedforward") == 2 + 4
+    assert "feedforward" in result.printed
+    assert (result.folder / "report.html").stat().st_size > 10_000
+    assert not (result.folder / ".benchmark-parts").exists()
+
+
+def test_as_many_processes_as_one_likes_give_the_same_bits(trackslip, short, tmp_path):
+    one = trackslip("benchmark", *short, *SMALL, "--seeds", "0")
+    runs, rows = pyarrow.parquet.read_table(one.folder / "runs.parquet"), without_times(one.summary)
+    two = trackslip("benchmark", *short[:-1], "2", *SMALL, "--seeds", "0")
+    assert pyarrow.parquet.read_table(two.folder / "runs.parquet").equals(runs)
+    assert without_times(two.summary) == rows
+
+
+def test_a_killed_benchmark_goes_on_where_it_was(short, tmp_path):
+    command = [sys.executable, "-m", "experiments.cli", "benchmark", *short, *SMALL, "--seeds", "0", "--out"]
+    root = os.path.dirname(os.path.dirname(os.path.dirname(__file__)))
+    environment = os.environ | {"PYTHONPATH": root}
+    process = subprocess.Popen([*command, "killed"], env=environment, stdout=subprocess.DEVNULL)
+    parts = tmp_path / "killed" / ".benchmark-parts"
+    until = time.monotonic() + 60
+    while not list(parts.glob("*.json")):
+        assert process.poll() is None
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    (kept,) = parts.glob("*.json")
+    stamp = kept.stat().st_mtime_ns
+    assert not (tmp_path / "killed" / "summary.json").exists()
+    process = subprocess.Popen([*command, "killed"], env=environment, stdout=subprocess.DEVNULL)
+    while len(list(parts.glob("*.json"))) < 2 and process.poll() is None:
+        assert not kept.exists() or kept.stat().st_mtime_ns == stamp
+    assert process.wait() == 0
+    subprocess.run([*command, "undisturbed"], env=environment, stdout=subprocess.DEVNULL, check=True)
+    tables = [pyarrow.parquet.read_table(tmp_path / name / "runs.parquet") for name in ("killed", "undisturbed")]
+    assert tables[0].equals(tables[1], check_metadata=True)
+    summaries = [json.loads((tmp_path / name / "summary.json").read_text()) for name in ("killed", "undisturbed")]
+    assert without_times(summaries[0]) == without_times(summaries[1])
+
+
+def test_a_run_that_fails_is_a_row(trackslip, short, tmp_path):
+    """The others of its fleet are as they would be without it."""
+    (tmp_path / "mine.py").write_text(MODULE.format(robots=1, robot=0))
+    options = (*short, "--compensations", "none", "--grounds", "stone", "--seeds", "0", "1")
+    result = trackslip("benchmark", *options, "--controllers", "linear", "mine:Late", "mine:Broken")
+    rows = {row["controller"]: row for row in result.summary["rows"]}
+    assert rows["linear"]["failed"] == rows["mine:Late"]["failed"] == 0
+    assert rows["mine:Late"]["rms_position"] == rows["linear"]["rms_position"]
+    assert rows["mine:Broken"]["failed"] == 2
+    assert rows["mine:Broken"]["rms_position"] is None
+    assert rows["mine:Broken"]["success"] == 0
+    failures = result.summary["failures"]
+    assert [failure["error"] for failure in failures] == ["RuntimeError: out of order"] * 2
+    assert "RuntimeError: out of order" in result.printed
+    assert len(read_runs(result.folder / "runs.parquet")) == 4
+
+
+def test_when_every_run_fails_there_is_still_a_table(trackslip, short, tmp_path):
+    (tmp_path / "mine3.py").write_text(MODULE.format(robots=1, robot=0))
+    result = trackslip("benchmark", *short, "--suite", "quick", "--controllers", "mine3:Broken", "--seeds", "0")
+    assert [row["failed"] for row in result.summary["rows"]] == [1, 1]
+    assert not (result.folder / "runs.parquet").exists()
+
+
+def test_a_twist_that_is_no_number_fails_its_run_alone(trackslip, short, tmp_path):
+    (tmp_path / "mine2.py").write_text(MODULE.format(robots="len(pose)", robot="(pose[:, 1] > 0.0) & (time < 2.1)"))
+    options = (*short, "--compensations", "none", "--grounds", "stone", "--starts", "random", "--seeds")
+    result = trackslip("benchmark", *options, "0", "1", "2", "3", "--controllers", "mine2:Late")
+    (row,) = result.summary["rows"]
+    assert row["seeds"] == 4
+    assert 0 < row["failed"] < 4
+    assert len(read_runs(result.folder / "runs.parquet")) == 4 - row["failed"]
+    assert len(result.summary["failures"]) == row["failed"]
+    assert "asks for the twist (nan, nan) at 2.05 s" in result.summary["failures"][0]["error"]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--controllers", "pd"), "controllers = 'pd': must be one of feedforward, linear"),
+        (("--controllers", "no_such_module:Mine"), "controllers = 'no_such_module:Mine': must be MODULE:CLASS that"),
+        (("--controllers", "mine:NoController"), "controllers = 'mine:NoController': must be a class with a method"),
+        (("--compensations", "magic"), "compensations = 'magic': must be one of none, published, "),
+        (("--references", "square"), "reference = 'square': must be one of paper, circle"),
+        (("--references", "none.csv"), "none.csv: "),
+        (("--grounds", "lava"), "ground = 'lava': must be one of stone, concrete"),
+        (("--controllers", "linear", "linear"), "controllers = ('linear', 'linear'): must be all different"),
+        (("--seeds", "-1"), "seeds = -1: must be integers >= 0"),
+        (("--jobs", "-1"), "jobs = -1: must be an integer from 0"),
+        (("--preview", "3"), "preview = 3.0: must be from 0 to 1 s"),
+        (("--laws", "nowhere.json"), "nowhere.json: "),
+    ],
+)
+def test_what_makes_no_sense_is_refused_in_a_line(refused, tmp_path, monkeypatch, options, message):
+    (tmp_path / "mine.py").write_text(MODULE.format(robots=1, robot=0))
+    monkeypatch.syspath_prepend(tmp_path)
+    assert refused("benchmark", "--suite", "paper", *options).startswith(message)
+
+
+def test_suites_know_all_names():
+    assert tuple(CONTROLLERS) == CONTROLLER_NAMES
+    assert tuple(REFERENCES) == REFERENCE_NAMES
+
+
+def test_fleets_share_controller_and_reference():
+    cases = BenchmarkConfig(suite="full").cases()
+    assert len(cases) == len(set(cases)) == sum(map(len, groups(cases)))
+    for group in groups(cases):
+        assert len({(case.controller, case.reference) for case in group}) == 1
+    assert len(groups(cases)) == len(CONTROLLER_NAMES) * len(REFERENCE_NAMES)
+
+
+def test_the_papers_start_is_the_papers():
+    case = Case("linear", "none", "paper", "stone", "paper", 0)
+    np.testing.assert_allclose(start(case, paper_reference()), [0.3, -0.2, np.pi / 3], atol=1e-12)
+
+
+def test_random_starts_are_the_same_for_all_controllers():
+    path = paper_reference()
+    starts = [
+        start(Case(c, "none", "paper", "stone", "random", seed), path) for c in ("linear", "lqr") for seed in (0, 1)
+    ]
+    np.testing.assert_array_equal(starts[:2], starts[2:])
+    assert np.hypot(*(starts[0] - starts[1])[:2]) > 0.01
+
+
+def test_noise_is_the_same_for_all_controllers():
+    config = BenchmarkConfig(references=("circle",))
+    setup = Setup.of(config)
+    cases = [Case("feedforward", c, "circle", "stone", "zero", 0) for c in ("none", "icr_radius")]
+    logs = setup.drive(cases)
+    np.testing.assert_array_equal(logs[0].pose[0], logs[1].pose[0])
+    assert np.any(logs[0].pose[0] != logs[0].truth.pose[0])
+
+
+def run(controller, rms, success=True, error=None, seed=0, compensation="none"):
+    names = {"controller": controller, "compensation": compensation, "reference": "paper", "ground": "stone"}
+    values = {} if error else {"rms_position": rms, "rms_position_after_12s": rms, "success": success}
+    return names | {"start": "zero", "seed": seed, "error": error, "compute_ms": []} | values
+
+
+def test_means_and_intervals_are_over_the_seeds_that_ran():
+    (row,) = over_seeds([run("a", 1.0), run("a", 3.0, seed=1), run("a", 0.0, error="no", seed=2)])
+    assert row["rms_position"] == 2.0
+    assert row["rms_position_ci95"] == [1.0, 3.0]
+    assert (row["seeds"], row["failed"]) == (3, 1)
+    assert row["success"] == pytest.approx(2 / 3)
+    assert row["final_position"] is None
+
+
+def test_bootstrap_of_the_mean_covers_as_it_should():
+    rng = np.random.default_rng(0)
+    intervals = [bootstrap95(rng.normal(size=40).tolist()) for _ in range(400)]
+    covered = np.mean([low < 0 < high for low, high in intervals])
+    assert 0.90 < covered < 0.98
+
+
+def test_who_keeps_the_path_stands_above_who_is_near_it():
+    runs = [run("near", 0.001, success=False), run("kept", 0.1), run("better", 0.05), run("failed", 0, error="no")]
+    rows = over_seeds(runs)
+    assert [entry["controller"] for entry in board(rows)] == ["better", "kept", "near", "failed"]
+    lines = losses(rows)
+    assert lines[0] == "near with none on stone loses: paper (0 of 1 kept it)"
+    assert lines[1] == "failed with none on stone loses: paper (0 of 1 kept it, 1 failed)"
+    assert len(lines) == 2

@@ -1,0 +1,70 @@
+import numpy as np
+import pytest
+
+from trackslip.metrics import expense, tracking_errors
+from trackslip.runlog import RunLog, Truth
+from trackslip.trajectory import Segment, SegmentedReference, circle
+
+TIME = np.arange(0, 20.0 + 1e-9, 0.05)
+
+
+def test_a_constant_offset_is_measured_exactly():
+    reference = circle(1.25, 0.15, 20.0)
+    desired = reference.pose(TIME)
+    left = np.stack([-np.sin(desired[:, 2]), np.cos(desired[:, 2])], axis=1)
+    ahead = np.stack([np.cos(desired[:, 2]), np.sin(desired[:, 2])], axis=1)
+    pose = desired + np.column_stack([0.03 * left + 0.04 * ahead, np.full(len(TIME), 0.1 + 2 * np.pi)])
+    errors = tracking_errors(TIME, pose, reference)
+    for value in (errors.rms_position, errors.rms_position_after_12s, errors.max_position, errors.final_position):
+        assert value == pytest.approx(0.05)
+    assert errors.cross_track == pytest.approx(0.03)
+    assert errors.along_track == pytest.approx(0.04)
+    assert errors.rms_heading == pytest.approx(0.1)
+    assert errors.final_heading == pytest.approx(0.1)
+    assert errors.iae == pytest.approx(0.05 * 20)
+    assert errors.itae == pytest.approx(0.05 * 20**2 / 2)
+    assert errors.success
+
+
+def test_what_a_run_has_not_is_nan():
+    """A straight has no arc, and a short run no time after the transient."""
+    straight = SegmentedReference((0, 0, 0), [Segment(5.0, 0.1, 0.1)])
+    time = TIME[TIME <= 5.0]
+    errors = tracking_errors(time, straight.pose(time), straight)
+    assert np.isnan(errors.rms_position_after_12s)
+    assert np.isnan(errors.rms_position_arc)
+    assert errors.rms_position == 0.0
+
+
+def test_the_arc_is_where_the_reference_turns():
+    reference = SegmentedReference((0, 0, 0), [Segment(10.0, 0.1, 0.1), Segment(10.0, 0.1, 0.1, 0.5)])
+    pose = reference.pose(TIME)
+    pose[TIME < 9.9, 1] += 0.3
+    assert tracking_errors(TIME, pose, reference).rms_position_arc == pytest.approx(0.0, abs=1e-12)
+
+
+def test_farther_than_half_a_metre_is_lost():
+    reference = circle(1.25, 0.15, 20.0)
+    pose = reference.pose(TIME)
+    pose[200, 0] += 0.501
+    assert not tracking_errors(TIME, pose, reference).success
+
+
+def test_expense_of_constant_and_of_alternating_set_points():
+    rows = len(TIME)
+    command = np.tile([3.0, 4.0], (rows, 1))
+    saturated = np.zeros((rows, 2))
+    saturated[1:21, 0] = 0.5  # one second, half of it
+
+    def spent(command):
+        zero = np.zeros((rows, 2))
+        truth = Truth(np.zeros((rows, 3)), np.zeros((rows, 3)), zero, zero, saturated=saturated)
+        return expense(RunLog("run", TIME, zero, np.zeros((rows, 3)), command=command, truth=truth), 5.0)
+
+    assert spent(command).effort == pytest.approx(12.5 * 20)
+    assert spent(command).roughness == 0.0
+    assert spent(command).saturation_s == pytest.approx(0.5)
+    command[:, 1] += np.where(np.arange(rows) % 2, 0.1, -0.1)
+    assert spent(command).roughness == pytest.approx(0.2 / 0.05 / np.sqrt(2))
+    command[40:60, 1] = 5.0
+    assert spent(command).saturation_s == pytest.approx(1.5)
