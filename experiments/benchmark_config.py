@@ -7,12 +7,11 @@ from itertools import product
 from pathlib import Path
 from typing import Literal
 
-from experiments.config import Equipment, Simulation
+from experiments.config import LONGEST_PREVIEW, Equipment, Simulation
 from trackslip.errors import InvalidValueError
 
 Start = Literal["zero", "paper", "random"]
 MOST_JOBS = 1024
-LONGEST_PREVIEW = 1.0
 CONTROLLER_NAMES = (
     *("feedforward", "linear", "samson", "kanayama", "dynamic_feedback", "offset_point"),
     *("pure_pursuit", "stanley", "lqr", "mpc"),

@@ -18,11 +18,12 @@ from trackslip.steady import SETTLE
 
 Localization = Literal["plate", "line"]
 Motion = Literal["paper", "butterworth", "savgol", "rts", "arc", "bundle"]
-Compensation = Literal["none", "published", "exponential", "icr", "icr_radius"]
 IDENTIFIED = ("exponential", "icr", "icr_radius")
-"""Those of them that are identified."""
+"""The identified laws that the paper's controllers are compared with."""
 
 MOST_THREADS = 1024
+LONGEST_PREVIEW = 1.0
+"""[s]"""
 SLOWEST = 1e-3
 """Slowest run of a grid [m/s]."""
 LONGEST_RUN = 3600.0
@@ -188,14 +189,19 @@ class IdentifyConfig:
 class TrackConfig(Simulation):
     """Follow a path once, in closed loop through the scanner, and print the errors."""
 
-    controller: Literal["feedforward", "linear"] = "linear"
-    """Who drives: the reference's own twist, or the paper's feedback law (Eq. 31)."""
-    compensation: Compensation = "icr_radius"
-    """The slip law that turns a twist into sprocket speeds."""
+    controller: str = "linear"
+    """Who drives: feedforward, linear (the paper's Eq. 31), samson, kanayama, dynamic_feedback, offset_point,
+    pure_pursuit, stanley, lqr, mpc, or your own as MODULE:CLASS."""
+    compensation: str = "icr_radius"
+    """What turns a twist into sprocket speeds: none, published, a law in --laws (exponential, icr, icr_radius, ...), or
+    one found while driving, online or online_cold (see benchmark)."""
+    preview: float = 0.0
+    """How far ahead the controller is asked what to drive: 0.075 s makes up for the lag of servo and sampling [s]."""
     localization: Literal["plate", "line", "truth"] = "plate"
     """How the controller learns its pose."""
-    reference: Literal["paper", "circle"] = "paper"
-    """The path: the paper's (45.8 s), or a circle in front of the scanner."""
+    reference: str = "paper"
+    """The path: the paper's (45.8 s), a circle in front of the scanner, figure_eight, slalom, rounded_square, clothoid,
+    spiral, stop_and_go, or a .csv file of way points with the columns x, y."""
     circle_radius: float = 1.25
     """Radius of the circle, to the left [m]."""
     circle_speed: float = 0.15
@@ -212,6 +218,8 @@ class TrackConfig(Simulation):
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if not 0 <= self.preview <= LONGEST_PREVIEW:
+            raise InvalidValueError("preview", self.preview, f"from 0 to {LONGEST_PREVIEW:g} s")
         for name in ("circle_radius", "circle_speed", "circle_duration"):
             require_positive(name, getattr(self, name))
         if self.circle_speed > self.drive.top_speed:

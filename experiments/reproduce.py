@@ -19,11 +19,10 @@ from experiments.grid import (
     simulated_seconds,
     stages_text,
 )
+from experiments.names import KNOWN_LAWS
 from experiments.report import ComparisonRow, Report, render
 from experiments.track import (
-    CONTROLLERS,
     TRACKING_HEADER,
-    compensation_laws,
     tracking_rows,
     tracking_summary,
 )
@@ -32,6 +31,7 @@ from sim.runs import Description, Pilot, closed_loop
 from sim.seeds import generator
 from sim.stopwatch import Stopwatch
 from trackslip.compensation import FixedLaw
+from trackslip.controllers import CONTROLLERS
 from trackslip.identification import identify, usable_samples
 from trackslip.lawfile import identification_to_json
 from trackslip.runlog import RunLog
@@ -101,8 +101,8 @@ def drive_paths(config: ReproduceConfig, world: World, identified: Mapping[str, 
     """Both controllers with every compensation on the paper's path, as one fleet; Sec. IV."""
     reference = paper_reference()
     starts = {"feedforward": reference.pose(0.0), "linear": np.array(LINEAR_START)}
-    laws = compensation_laws(identified)
-    cases = [(controller, compensation) for controller in CONTROLLERS for compensation in laws]
+    laws = {**KNOWN_LAWS, **identified}
+    cases = [(controller, compensation) for controller in starts for compensation in laws]
     keys = [f"{controller} {compensation}" for controller, compensation in cases]
     fleet = world.fleet(np.array([starts[controller] for controller, _ in cases]))
     feed = world.feed(fleet, [generator(config.seed, f"track {key}") for key in keys])

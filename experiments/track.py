@@ -17,21 +17,16 @@ from experiments.grid import (
     make_locator,
     simulated_seconds,
 )
+from experiments.names import compensation, controller, reference
 from experiments.world import World
 from sim.robot import Robot
 from sim.runs import Description, Pilot, closed_loop
 from sim.seeds import generator
-from trackslip.compensation import FixedLaw
-from trackslip.controllers import Controller, Feedforward, LinearTimeVarying
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
-from trackslip.lawfile import SHIPPED, load_laws
 from trackslip.metrics import tracking_errors
 from trackslip.runlog import RunLog
-from trackslip.slip import PUBLISHED, NoSlip, SlipLaw
-from trackslip.trajectory import Reference, circle, paper_reference
-
-CONTROLLERS: dict[str, type[Controller]] = {"feedforward": Feedforward, "linear": LinearTimeVarying}
+from trackslip.trajectory import Reference, circle
 
 
 def run(config: TrackConfig) -> None:
@@ -40,13 +35,14 @@ def run(config: TrackConfig) -> None:
     with store.results(config.out) as folder:
         world = World.of(config)
         robot = world.robot
-        reference = make_reference(config, robot)
-        identified = config.compensation not in compensation_laws({})
-        stored = load_laws(config.laws or SHIPPED, robot.geometry) if identified else {}
-        law = compensation_laws(stored).get(config.compensation)
-        if law is None:
-            raise LogError(f"{config.laws}: no law {config.compensation!r} in it")
-        start = start_pose(config, reference)
+        path = make_reference(config, robot)
+        pilot = Pilot(
+            controller(config.controller),
+            [0],
+            compensation(config.compensation, robot.geometry, config.laws),
+            config.preview,
+        )
+        start = start_pose(config, path)
         name = f"{config.controller} {config.compensation}"
         fleet = world.fleet(start[None])
         feed = world.feed(fleet, [generator(config.seed, f"track {name}")])
@@ -57,11 +53,10 @@ def run(config: TrackConfig) -> None:
             "reference": config.reference,
             "start": start.tolist(),
         }
-        with progress(name, reference.duration) as report:
-            pilot = Pilot(CONTROLLERS[config.controller](), [0], FixedLaw(law))
-            logs = closed_loop(fleet, [pilot], reference, feed, locator, [Description(name, metadata)], report)
+        with progress(name, path.duration) as report:
+            logs = closed_loop(fleet, [pilot], path, feed, locator, [Description(name, metadata)], report)
         wall = time.perf_counter() - began
-        rows = tracking_summary(logs, reference)
+        rows = tracking_summary(logs, path)
         found = localization_summary(logs)
         summary = {
             "tracking": rows,
@@ -76,9 +71,9 @@ def run(config: TrackConfig) -> None:
 
 
 def make_reference(config: TrackConfig, robot: Robot) -> Reference:
-    """The configured path."""
-    if config.reference == "paper":
-        return paper_reference()
+    """The configured path; a circle is one in front of the scanner, as the options say."""
+    if config.reference != "circle":
+        return reference(config.reference)
     return circle(config.circle_radius, config.circle_speed, config.circle_duration, before_scanner(robot))
 
 
@@ -89,11 +84,6 @@ def start_pose(config: TrackConfig, reference: Reference) -> Array:
     if config.controller == "linear" and config.reference == "paper":
         return np.array(LINEAR_START)
     return reference.pose(0.0)
-
-
-def compensation_laws(identified: Mapping[str, SlipLaw]) -> dict[str, SlipLaw]:
-    """Every compensation by name: none, the paper's law, and the identified ones."""
-    return {"none": NoSlip(), "published": PUBLISHED, **identified}
 
 
 def tracking_summary(logs: Sequence[RunLog], reference: Reference) -> list[dict[str, Any]]:

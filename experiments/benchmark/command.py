@@ -12,7 +12,7 @@ from experiments import store
 from experiments.benchmark.group import groups
 from experiments.benchmark.parts import Parts, rows_of, runs_of
 from experiments.benchmark.report import render
-from experiments.benchmark.setup import Setup, reference, without_missing
+from experiments.benchmark.setup import Setup, without_missing
 from experiments.benchmark.table import (
     BOARD_HEADER,
     WHOLE_HEADER,
@@ -27,6 +27,7 @@ from experiments.benchmark.table import (
 from experiments.benchmark.work import work_off
 from experiments.benchmark_config import BenchmarkConfig, Case
 from experiments.console import print_table, progress
+from experiments.names import reference
 from trackslip import logfile
 from trackslip.errors import TrackslipError
 

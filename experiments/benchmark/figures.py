@@ -9,8 +9,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.benchmark.setup import reference
 from experiments.figure_style import BLACK, LABELS, law_line, styled, thin
+from experiments.names import reference
 from experiments.tracking_figures import DESIRED, driven
 from trackslip.metrics import LOST, body_errors
 from trackslip.runlog import RunLog

@@ -10,8 +10,9 @@ import numpy as np
 
 from experiments import store
 from experiments.benchmark.latency import step_times
-from experiments.benchmark.setup import Setup, reference
+from experiments.benchmark.setup import Setup
 from experiments.benchmark_config import Case
+from experiments.names import reference
 from trackslip.metrics import expense, tracking_errors
 from trackslip.runlog import RunLog
 

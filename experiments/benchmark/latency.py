@@ -6,8 +6,9 @@ import time
 
 import numpy as np
 
-from experiments.benchmark.setup import Setup, controller, reference
+from experiments.benchmark.setup import Setup
 from experiments.benchmark_config import Case
+from experiments.names import controller, reference
 from trackslip.kinematics import Array, limit_sprocket_speeds
 from trackslip.localization import PoseEstimate
 from trackslip.runlog import RunLog

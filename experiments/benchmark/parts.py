@@ -20,8 +20,9 @@ import models
 import sim
 import trackslip
 from experiments import store
-from experiments.benchmark.setup import Setup, source_of
+from experiments.benchmark.setup import Setup
 from experiments.benchmark_config import BenchmarkConfig, Case
+from experiments.names import source_of
 from trackslip import logfile
 from trackslip.lawfile import SHIPPED
 from trackslip.runlog import RunLog

@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import functools
-import importlib
 import importlib.util
-import inspect
-import os
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,23 +11,17 @@ import numpy as np
 from experiments import store
 from experiments.benchmark_config import BenchmarkConfig, Case
 from experiments.grid import make_locator
+from experiments.names import compensation, controller, reference
 from experiments.world import World
 from sim.fleet import Fleet
-from sim.ground import Ground
 from sim.ground_file import load_ground
 from sim.runs import Description, Pilot, closed_loop
 from sim.seeds import generator
-from trackslip.compensation import Compensation, FixedLaw, OnlineIcr
-from trackslip.controllers import CONTROLLERS, Controller
-from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.compensation import Compensation
 from trackslip.kinematics import Array
-from trackslip.lawfile import SHIPPED, load_laws
 from trackslip.runlog import RunLog
-from trackslip.slip import PUBLISHED, ConstantIcr, NoSlip, SlipLaw
 from trackslip.trajectory import Reference
-from trackslip.trajectory.named import load_reference
 
-_ONLINE = ("online", "online_cold")
 _PAPER_OFFSET = (-0.2, -0.3, -np.pi / 6)  # ahead, to the left, turned: Sec. IV-C, (0.3, -0.2, pi/3) from (0, 0, pi/2)
 _FARTHEST, _MOST_TURNED = 0.15, np.radians(20)  # of a random start [m, rad]
 
@@ -58,30 +47,16 @@ class Setup:
         for name in dict.fromkeys(case.reference for case in cases):
             reference(name)
         for name in dict.fromkeys(case.ground for case in cases):
-            ground(name)
+            load_ground(name)
 
     def compensation(self, name: str) -> Compensation:
         """A new compensation of that name."""
-        geometry = self.world.robot.geometry
-        if name == "online_cold":
-            return OnlineIcr(geometry, ConstantIcr(0.0, geometry.half_gauge))
-        known: dict[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}
-        if name in known:
-            return FixedLaw(known[name])
-        laws = load_laws(self.config.laws or SHIPPED, geometry)
-        if name == "online":
-            prior = laws.get("icr_radius")
-            if not isinstance(prior, ConstantIcr):
-                raise InvalidValueError("compensations", name, f"another: there is no icr_radius in {self.config.laws}")
-            return OnlineIcr(geometry, prior)
-        if name not in laws:
-            raise InvalidValueError("compensations", name, f"one of {', '.join([*known, *laws, *_ONLINE])}")
-        return FixedLaw(laws[name])
+        return compensation(name, self.world.robot.geometry, self.config.laws)
 
     def drive(self, cases: Sequence[Case]) -> list[RunLog]:
         """Cases that share controller and reference, driven as one fleet."""
         path = reference(cases[0].reference)
-        grounds = [ground(case.ground) for case in cases]
+        grounds = [load_ground(case.ground) for case in cases]
         world = self.world
         fleet = Fleet(
             world.robot,
@@ -122,57 +97,6 @@ def start(case: Case, path: Reference) -> Array:
     pose = path.pose(0.0)
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     return pose + np.array([cos * offset[0] - sin * offset[1], sin * offset[0] + cos * offset[1], offset[2]])
-
-
-@functools.lru_cache(maxsize=64)
-def reference(name: str) -> Reference:
-    """A reference by name or from a file; raises TrackslipError for what is neither."""
-    return load_reference(name)
-
-
-def ground(name: str) -> Ground:
-    """A ground by name or from a file; raises TrackslipError for what is neither."""
-    return load_ground(name)
-
-
-def controller(name: str) -> Controller:
-    """A new controller: one of CONTROLLERS, or what MODULE:CLASS, found from here, makes when called.
-
-    Raises:
-        InvalidValueError: for what is neither.
-    """
-    if name in CONTROLLERS:
-        return CONTROLLERS[name]()
-    module, _, attribute = name.partition(":")
-    if not module or not attribute:
-        raise InvalidValueError("controllers", name, f"one of {', '.join(CONTROLLERS)}, or MODULE:CLASS")
-    made = _call(name, module, attribute)
-    for method in ("reset", "twist"):
-        if not callable(getattr(made, method, None)):
-            raise InvalidValueError("controllers", name, f"a class with a method {method}: see trackslip.controllers")
-    return made
-
-
-def source_of(name: str) -> str | None:
-    """The file in which a user's controller is written; None for trackslip's own."""
-    if name in CONTROLLERS:
-        return None
-    return inspect.getsourcefile(type(controller(name)))
-
-
-def _call(name: str, module: str, attribute: str) -> Controller:
-    here = os.getcwd()
-    if here not in sys.path:
-        sys.path.insert(0, here)
-    try:
-        found: Controller = getattr(importlib.import_module(module), attribute)()
-    except TrackslipError:
-        raise
-    except Exception as error:  # whatever a user's module does
-        raise InvalidValueError(
-            "controllers", name, f"MODULE:CLASS that can be imported and called ({type(error).__name__}: {error})"
-        ) from error
-    return found
 
 
 def without_missing(config: BenchmarkConfig) -> tuple[list[Case], list[str]]:

@@ -13,8 +13,9 @@ from pathlib import Path
 
 from experiments.benchmark.group import drive, measure
 from experiments.benchmark.parts import Parts
-from experiments.benchmark.setup import Setup, reference
+from experiments.benchmark.setup import Setup
 from experiments.benchmark_config import BenchmarkConfig, Case
+from experiments.names import reference
 
 _SLOW = {"mpc": 4.0}  # how much longer a robot takes than under most controllers
 

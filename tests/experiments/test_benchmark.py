@@ -161,10 +161,10 @@ def test_a_twist_that_is_no_number_fails_its_run_alone(trackslip, short, tmp_pat
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--controllers", "pd"), "controllers = 'pd': must be one of feedforward, linear"),
-        (("--controllers", "no_such_module:Mine"), "controllers = 'no_such_module:Mine': must be MODULE:CLASS that"),
-        (("--controllers", "mine:NoController"), "controllers = 'mine:NoController': must be a class with a method"),
-        (("--compensations", "magic"), "compensations = 'magic': must be one of none, published, "),
+        (("--controllers", "pd"), "controller = 'pd': must be one of feedforward, linear"),
+        (("--controllers", "no_such_module:Mine"), "controller = 'no_such_module:Mine': must be MODULE:CLASS that"),
+        (("--controllers", "mine:NoController"), "controller = 'mine:NoController': must be a class with a method"),
+        (("--compensations", "magic"), "compensation = 'magic': must be one of none, published, "),
         (("--references", "square"), "reference = 'square': must be one of paper, circle"),
         (("--references", "none.csv"), "none.csv: "),
         (("--grounds", "lava"), "ground = 'lava': must be one of stone, concrete"),

@@ -1,0 +1,89 @@
+"""What the names of controllers, compensations and references on the command line stand for."""
+
+from __future__ import annotations
+
+import functools
+import importlib
+import inspect
+import os
+import sys
+from pathlib import Path
+
+from trackslip.compensation import Compensation, FixedLaw, OnlineIcr
+from trackslip.controllers import CONTROLLERS, Controller
+from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.kinematics import RobotGeometry
+from trackslip.lawfile import SHIPPED, load_laws
+from trackslip.slip import PUBLISHED, ConstantIcr, NoSlip, SlipLaw
+from trackslip.trajectory import Reference
+from trackslip.trajectory.named import load_reference
+
+KNOWN_LAWS: dict[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}
+"""Laws that needn't be identified."""
+_ONLINE, _ONLINE_COLD = "online", "online_cold"
+_PRIOR = "icr_radius"  # the law that `online` begins with
+
+
+@functools.lru_cache(maxsize=64)
+def reference(name: str) -> Reference:
+    """A reference by name or from a file; raises TrackslipError for what is neither."""
+    return load_reference(name)
+
+
+def compensation(name: str, robot: RobotGeometry, laws: Path | None) -> Compensation:
+    """A new compensation of that name, with the laws in a file, by default the shipped ones.
+
+    Raises:
+        InvalidValueError: for a name that stands for nothing.
+        LogError: for a file that can't be read, or was made for another robot.
+    """
+    if name in KNOWN_LAWS:
+        return FixedLaw(KNOWN_LAWS[name])
+    if name == _ONLINE_COLD:
+        return OnlineIcr(robot, ConstantIcr(0.0, robot.half_gauge))
+    stored = load_laws(laws or SHIPPED, robot)
+    if name == _ONLINE and isinstance(prior := stored.get(_PRIOR), ConstantIcr):
+        return OnlineIcr(robot, prior)
+    if name not in stored:
+        online = [_ONLINE] if _PRIOR in stored else []
+        names = [*KNOWN_LAWS, *stored, *online, _ONLINE_COLD]
+        raise InvalidValueError("compensation", name, f"one of {', '.join(names)}")
+    return FixedLaw(stored[name])
+
+
+def controller(name: str) -> Controller:
+    """A new controller: one of CONTROLLERS, or what MODULE:CLASS, found from here, makes when called.
+
+    Raises:
+        InvalidValueError: for what is neither.
+    """
+    if name in CONTROLLERS:
+        return CONTROLLERS[name]()
+    module, _, attribute = name.partition(":")
+    if not module or not attribute:
+        raise InvalidValueError("controller", name, f"one of {', '.join(CONTROLLERS)}, or MODULE:CLASS")
+    made = _call(name, module, attribute)
+    for method in ("reset", "twist"):
+        if not callable(getattr(made, method, None)):
+            raise InvalidValueError("controller", name, f"a class with a method {method}: see trackslip.controllers")
+    return made
+
+
+def source_of(name: str) -> str | None:
+    """The file in which a user's controller is written; None for trackslip's own."""
+    return None if name in CONTROLLERS else inspect.getsourcefile(type(controller(name)))
+
+
+def _call(name: str, module: str, attribute: str) -> Controller:
+    here = os.getcwd()
+    if here not in sys.path:
+        sys.path.insert(0, here)
+    try:
+        made: Controller = getattr(importlib.import_module(module), attribute)()
+    except TrackslipError:
+        raise
+    except Exception as error:  # whatever a user's module does
+        raise InvalidValueError(
+            "controller", name, f"MODULE:CLASS that can be imported and called ({type(error).__name__}: {error})"
+        ) from error
+    return made
