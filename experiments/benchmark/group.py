@@ -1,4 +1,4 @@
-"""Runs that share a controller and a reference: driven as one fleet, and what is measured of them."""
+"""Runs that share a reference, driven as one fleet, and what is measured of them."""
 
 from __future__ import annotations
 
@@ -16,6 +16,9 @@ from experiments.names import reference
 from trackslip.metrics import expense, tracking_errors
 from trackslip.runlog import RunLog
 
+ENOUGH = 32
+"""Robots in a fleet, from which on it hardly gains by being larger, whereas more processes can share smaller ones."""
+
 
 @dataclass(frozen=True)
 class Outcome:
@@ -28,11 +31,20 @@ class Outcome:
 
 
 def groups(cases: Sequence[Case]) -> list[tuple[Case, ...]]:
-    """Cases by controller and reference, in order."""
-    found: dict[tuple[str, str], list[Case]] = {}
+    """Cases by reference, in order, a whole number of controllers at a time: as many as make a fleet of about ENOUGH."""
+    paths: dict[str, dict[str, list[Case]]] = {}
     for case in cases:
-        found.setdefault((case.controller, case.reference), []).append(case)
-    return [tuple(group) for group in found.values()]
+        paths.setdefault(case.reference, {}).setdefault(case.controller, []).append(case)
+    found = []
+    for controllers in paths.values():
+        group: list[Case] = []
+        for same in controllers.values():
+            if group and len(group) + len(same) > ENOUGH:
+                found.append(tuple(group))
+                group = []
+            group += same
+        found.append(tuple(group))
+    return found
 
 
 def drive(setup: Setup, cases: Sequence[Case]) -> list[Outcome]:

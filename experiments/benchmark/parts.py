@@ -47,7 +47,7 @@ class Parts:
 
     def path(self, cases: Sequence[Case]) -> Path:
         """Where the part with these cases is, or will be."""
-        files = {name for case in cases for name in (case.reference, case.ground)} | {source_of(cases[0].controller)}
+        files = {name for case in cases for name in (case.reference, case.ground, source_of(case.controller))}
         content = {name: _content(Path(name)) for name in sorted(filter(None, files)) if Path(name).is_file()}
         return self.folder / f"{_digest([self.common, [vars(case) for case in cases], content])}.json"
 

@@ -54,7 +54,7 @@ class Setup:
         return compensation(name, self.world.robot.geometry, self.config.laws)
 
     def drive(self, cases: Sequence[Case]) -> list[RunLog]:
-        """Cases that share controller and reference, driven as one fleet."""
+        """Cases that share a reference, driven as one fleet."""
         path = reference(cases[0].reference)
         grounds = [load_ground(case.ground) for case in cases]
         world = self.world
@@ -67,14 +67,12 @@ class Setup:
             threads=1,
         )
         feed = world.feed(fleet, [generator(case.seed, f"benchmark {case.reference}") for case in cases])
+        steered: dict[tuple[str, str], list[int]] = {}
+        for k, case in enumerate(cases):
+            steered.setdefault((case.controller, case.compensation), []).append(k)
         pilots = [
-            Pilot(
-                controller(cases[0].controller),
-                [k for k, case in enumerate(cases) if case.compensation == name],
-                self.compensation(name),
-                self.config.preview,
-            )
-            for name in dict.fromkeys(case.compensation for case in cases)
+            Pilot(controller(pilot), robots, self.compensation(law), self.config.preview)
+            for (pilot, law), robots in steered.items()
         ]
         locator = None if self.config.localization == "truth" else make_locator(self.config.localization, world.robot)
         common = world.metadata(self.config.localization)

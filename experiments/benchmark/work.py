@@ -55,7 +55,7 @@ def _setup(config: BenchmarkConfig) -> Setup:
 
 
 def _work(cases: tuple[Case, ...]) -> float:
-    return len(cases) * reference(cases[0].reference).duration * _SLOW.get(cases[0].controller, 1.0)
+    return reference(cases[0].reference).duration * sum(_SLOW.get(case.controller, 1.0) for case in cases)
 
 
 def _begin() -> None:

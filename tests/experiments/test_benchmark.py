@@ -186,12 +186,32 @@ def test_suites_know_all_names():
     assert tuple(REFERENCES) == REFERENCE_NAMES
 
 
-def test_fleets_share_controller_and_reference():
-    cases = BenchmarkConfig(suite="full").cases()
-    assert len(cases) == len(set(cases)) == sum(map(len, groups(cases)))
-    for group in groups(cases):
-        assert len({(case.controller, case.reference) for case in group}) == 1
-    assert len(groups(cases)) == len(CONTROLLER_NAMES) * len(REFERENCE_NAMES)
+@pytest.mark.parametrize("suite", ["paper", "quick", "full"])
+def test_runs_that_share_controller_and_reference_are_one_fleet(suite):
+    cases = BenchmarkConfig(suite=suite).cases()
+    fleets = groups(cases)
+    assert sorted(map(repr, sum(fleets, ()))) == sorted(map(repr, set(cases)))
+    for fleet in fleets:
+        assert len({case.reference for case in fleet}) == 1
+    for key in {(case.controller, case.reference) for case in cases}:
+        assert sum(any((c.controller, c.reference) == key for c in fleet) for fleet in fleets) == 1
+
+
+def test_a_run_is_the_same_in_any_company():
+    """Bit for bit, whichever controllers, compensations and grounds share its fleet."""
+    setup = Setup.of(BenchmarkConfig())
+    cases = [
+        Case(controller, compensation, "slalom", ground, "random", seed)
+        for controller in ("linear", "feedforward")
+        for compensation in ("online", "icr_radius")
+        for ground, seed in (("stone", 0), ("ice", 1))
+    ]
+    logs = {log.run: log for log in setup.drive(cases)}
+    for case in (cases[0], cases[5]):
+        (alone,) = setup.drive([case])
+        np.testing.assert_array_equal(alone.truth.pose, logs[case.run].truth.pose)
+        np.testing.assert_array_equal(alone.pose, logs[case.run].pose)
+        np.testing.assert_array_equal(alone.command, logs[case.run].command)
 
 
 def test_the_papers_start_is_the_papers():
