@@ -2,6 +2,32 @@
 
 from trackslip.controllers.base import Controller
 from trackslip.controllers.feedforward import Feedforward
+from trackslip.controllers.kanayama import Kanayama
 from trackslip.controllers.linear import LinearTimeVarying
+from trackslip.controllers.offset_point import OffsetPoint
+from trackslip.controllers.pure_pursuit import PurePursuit
+from trackslip.controllers.samson import Samson
+from trackslip.controllers.stanley import Stanley
 
-__all__ = ["Controller", "Feedforward", "LinearTimeVarying"]
+CONTROLLERS: dict[str, type[Controller]] = {
+    "feedforward": Feedforward,
+    "linear": LinearTimeVarying,
+    "samson": Samson,
+    "kanayama": Kanayama,
+    "offset_point": OffsetPoint,
+    "pure_pursuit": PurePursuit,
+    "stanley": Stanley,
+}
+"""Every controller by the name it has on the command line."""
+
+__all__ = [
+    "CONTROLLERS",
+    "Controller",
+    "Feedforward",
+    "Kanayama",
+    "LinearTimeVarying",
+    "OffsetPoint",
+    "PurePursuit",
+    "Samson",
+    "Stanley",
+]
