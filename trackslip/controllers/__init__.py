@@ -1,6 +1,7 @@
 """Path-tracking controllers, a file each behind the protocol of `base`."""
 
 from trackslip.controllers.base import Controller
+from trackslip.controllers.dynamic_feedback import DynamicFeedback
 from trackslip.controllers.feedforward import Feedforward
 from trackslip.controllers.kanayama import Kanayama
 from trackslip.controllers.linear import LinearTimeVarying
@@ -14,6 +15,7 @@ CONTROLLERS: dict[str, type[Controller]] = {
     "linear": LinearTimeVarying,
     "samson": Samson,
     "kanayama": Kanayama,
+    "dynamic_feedback": DynamicFeedback,
     "offset_point": OffsetPoint,
     "pure_pursuit": PurePursuit,
     "stanley": Stanley,
@@ -23,6 +25,7 @@ CONTROLLERS: dict[str, type[Controller]] = {
 __all__ = [
     "CONTROLLERS",
     "Controller",
+    "DynamicFeedback",
     "Feedforward",
     "Kanayama",
     "LinearTimeVarying",
