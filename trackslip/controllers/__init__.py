@@ -5,6 +5,7 @@ from trackslip.controllers.dynamic_feedback import DynamicFeedback
 from trackslip.controllers.feedforward import Feedforward
 from trackslip.controllers.kanayama import Kanayama
 from trackslip.controllers.linear import LinearTimeVarying
+from trackslip.controllers.lqr import Lqr
 from trackslip.controllers.offset_point import OffsetPoint
 from trackslip.controllers.pure_pursuit import PurePursuit
 from trackslip.controllers.samson import Samson
@@ -19,6 +20,7 @@ CONTROLLERS: dict[str, type[Controller]] = {
     "offset_point": OffsetPoint,
     "pure_pursuit": PurePursuit,
     "stanley": Stanley,
+    "lqr": Lqr,
 }
 """Every controller by the name it has on the command line."""
 
@@ -29,6 +31,7 @@ __all__ = [
     "Feedforward",
     "Kanayama",
     "LinearTimeVarying",
+    "Lqr",
     "OffsetPoint",
     "PurePursuit",
     "Samson",
