@@ -6,6 +6,7 @@ from trackslip.controllers.feedforward import Feedforward
 from trackslip.controllers.kanayama import Kanayama
 from trackslip.controllers.linear import LinearTimeVarying
 from trackslip.controllers.lqr import Lqr
+from trackslip.controllers.mpc import ModelPredictive
 from trackslip.controllers.offset_point import OffsetPoint
 from trackslip.controllers.pure_pursuit import PurePursuit
 from trackslip.controllers.samson import Samson
@@ -21,6 +22,7 @@ CONTROLLERS: dict[str, type[Controller]] = {
     "pure_pursuit": PurePursuit,
     "stanley": Stanley,
     "lqr": Lqr,
+    "mpc": ModelPredictive,
 }
 """Every controller by the name it has on the command line."""
 
@@ -32,6 +34,7 @@ __all__ = [
     "Kanayama",
     "LinearTimeVarying",
     "Lqr",
+    "ModelPredictive",
     "OffsetPoint",
     "PurePursuit",
     "Samson",
