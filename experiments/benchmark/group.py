@@ -31,7 +31,7 @@ class Outcome:
 
 
 def groups(cases: Sequence[Case]) -> list[tuple[Case, ...]]:
-    """Cases by reference, in order, a whole number of controllers at a time: as many as make a fleet of about ENOUGH."""
+    """Cases by reference, in order, whole controllers at a time: as many as make a fleet of about ENOUGH."""
     paths: dict[str, dict[str, list[Case]]] = {}
     for case in cases:
         paths.setdefault(case.reference, {}).setdefault(case.controller, []).append(case)

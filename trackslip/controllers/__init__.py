@@ -1,9 +1,42 @@
 """Path-tracking controllers, a file each behind the protocol of `base`."""
 
 from trackslip.controllers.base import Controller
+from trackslip.controllers.dynamic_feedback import DynamicFeedback
 from trackslip.controllers.feedforward import Feedforward
+from trackslip.controllers.kanayama import Kanayama
 from trackslip.controllers.linear import LinearTimeVarying
+from trackslip.controllers.lqr import Lqr
+from trackslip.controllers.mpc import ModelPredictive
+from trackslip.controllers.offset_point import OffsetPoint
+from trackslip.controllers.pure_pursuit import PurePursuit
+from trackslip.controllers.samson import Samson
+from trackslip.controllers.stanley import Stanley
 
-__all__ = ["Controller", "Feedforward", "LinearTimeVarying"]
+CONTROLLERS: dict[str, type[Controller]] = {
+    "feedforward": Feedforward,
+    "linear": LinearTimeVarying,
+    "samson": Samson,
+    "kanayama": Kanayama,
+    "dynamic_feedback": DynamicFeedback,
+    "offset_point": OffsetPoint,
+    "pure_pursuit": PurePursuit,
+    "stanley": Stanley,
+    "lqr": Lqr,
+    "mpc": ModelPredictive,
+}
+"""Every controller by the name it has on the command line."""
 
-CONTROLLERS: dict[str, type[Controller]] = {"feedforward": Feedforward, "linear": LinearTimeVarying}
+__all__ = [
+    "CONTROLLERS",
+    "Controller",
+    "DynamicFeedback",
+    "Feedforward",
+    "Kanayama",
+    "LinearTimeVarying",
+    "Lqr",
+    "ModelPredictive",
+    "OffsetPoint",
+    "PurePursuit",
+    "Samson",
+    "Stanley",
+]

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trackslip.controllers.speed_law import natural_frequency, speed_towards
 from trackslip.errors import require_positive
 from trackslip.kinematics import Array
 from trackslip.metrics import body_errors
@@ -35,16 +36,15 @@ class LinearTimeVarying:
 
     def gains(self, twist: ArrayLike) -> Array:
         """(k1, k2, k3) (..., 3) at reference twists (..., 2); Eqs. 29-30."""
-        v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
-        k1 = 2 * self.damping * np.sqrt(w**2 + self.stiffness * v**2)
-        return np.stack([k1, self.stiffness * np.abs(v), k1], axis=-1)
+        k1 = 2 * self.damping * natural_frequency(twist, self.stiffness)
+        k2 = self.stiffness * np.abs(np.asarray(twist, float)[..., 0])
+        return np.stack([k1, k2, k1], axis=-1)
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """Twists (..., 2) from measured poses (..., 3); Eq. 31."""
         desired = reference.twist(time)
         v_d, w_d = desired[..., 0], desired[..., 1]
         k1, k2, k3 = np.moveaxis(self.gains(desired), -1, 0)
-        e_x, e_y, e_phi = np.moveaxis(body_errors(pose, reference.pose(time)), -1, 0)
-        v = v_d * np.cos(e_phi) + k1 * e_x
-        w = w_d + k2 * np.sign(v_d) * e_y + k3 * e_phi
-        return np.stack([v, w], axis=-1)
+        errors = body_errors(pose, reference.pose(time))
+        w = w_d + k2 * np.sign(v_d) * errors[..., 1] + k3 * errors[..., 2]
+        return np.stack([speed_towards(desired, errors, k1), w], axis=-1)

@@ -1,0 +1,115 @@
+"""Linear-quadratic regulator along a reference, in discrete time.
+
+B. D. O. Anderson and J. B. Moore, "Optimal Control: Linear Quadratic Methods", Prentice-Hall 1990; weights by Bryson's
+rule: the square of an error or a correction counts as much as that of another when both are at their scales.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trackslip.controllers.memo import OncePerReference
+from trackslip.errors import require_positive
+from trackslip.kinematics import Array
+from trackslip.metrics import body_errors
+from trackslip.trajectory import Reference
+
+STANDING = 5.0
+"""How long the robot is thought to stand at the end of the reference, so that gains don't fade before it [s]."""
+
+
+@dataclass(frozen=True)
+class Lqr:
+    """Feedforward plus the feedback (v, w) = (v_d cos(e_phi), w_d) - K_k e that minimises a sum of squares.
+
+    The body-frame error e obeys e_{k+1} = A_k e_k + B_k u_k to first order, u being the correction of the twist,
+    held for a period; K_k follows from the Riccati recursion backwards from the end of the reference.
+    """
+
+    position_scale: float = 0.1
+    """Of e_x and e_y [m]."""
+    heading_scale: float = 0.3
+    """Of e_phi [rad]."""
+    speed_scale: float = 0.1
+    """Of a correction of v [m/s]."""
+    yaw_rate_scale: float = 0.3
+    """Of a correction of w [rad/s]."""
+    period: float = 0.05
+    """Between two commands [s]."""
+    _gains: OncePerReference[Array] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        require_positive("position_scale", self.position_scale)
+        require_positive("heading_scale", self.heading_scale)
+        require_positive("speed_scale", self.speed_scale)
+        require_positive("yaw_rate_scale", self.yaw_rate_scale)
+        require_positive("period", self.period)
+        object.__setattr__(self, "_gains", OncePerReference(self.gains))
+
+    @property
+    def weights(self) -> tuple[Array, Array]:
+        """Q (3, 3) of the errors and R (2, 2) of the corrections, in the units of the scales to the power -2."""
+        errors = np.array([self.position_scale, self.position_scale, self.heading_scale])
+        return np.diag(errors**-2), np.diag(np.array([self.speed_scale, self.yaw_rate_scale]) ** -2)
+
+    def reset(self) -> None:
+        """Nothing to forget: the gains kept are the reference's."""
+
+    def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
+        """Twists (..., 2) from measured poses (..., 3)."""
+        gains = self._gains(reference)
+        k = min(max(int(np.floor(time / self.period + 1e-6)), 0), len(gains) - 1)
+        v_d, w_d = reference.twist(time)
+        e_x, e_y, e_phi = np.moveaxis(body_errors(pose, reference.pose(time)), -1, 0)
+        # Sums written out: a matrix product's rounding depends on how many robots there are.
+        along, turning = (row[0] * e_x + row[1] * e_y + row[2] * e_phi for row in gains[k])
+        return np.stack([v_d * np.cos(e_phi) - along, w_d - turning], axis=-1)
+
+    def gains(self, reference: Reference) -> Array:
+        """K_k (S, 2, 3) of each period from 0 to the first one after the end of `reference`."""
+        moving = int(np.ceil(reference.duration / self.period)) + 1
+        steps = moving + int(np.ceil(STANDING / self.period))
+        middles = (np.arange(steps) + 0.5) * self.period
+        a, b = error_dynamics(reference.twist(middles), self.period)
+        q, r = self.weights
+        cost = q
+        gains = np.empty((steps, 2, 3))
+        for k in reversed(range(steps)):
+            gains[k], cost = riccati_step(a[k], b[k], q, r, cost)
+        return gains[:moving]
+
+
+def error_dynamics(twist: ArrayLike, period: float) -> tuple[Array, Array]:
+    """A (..., 3, 3) and B (..., 3, 2) of the body-frame error over `period` [s] at reference twists (..., 2).
+
+    Exact for a reference of constant twist: the matrix exponential of Eq. 20 linearised, inputs held.
+    """
+    v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
+    turn = w * period
+    along = period * np.sinc(turn / np.pi)  # integral of cos(w t)
+    across = period * np.sinc(turn / (2 * np.pi)) * np.sin(turn / 2)  # integral of sin(w t)
+    a, b = np.zeros((*v.shape, 3, 3)), np.zeros((*v.shape, 3, 2))
+    a[..., 0, 0] = a[..., 1, 1] = np.cos(turn)
+    a[..., 0, 1], a[..., 1, 0] = np.sin(turn), -np.sin(turn)
+    a[..., 0, 2], a[..., 1, 2], a[..., 2, 2] = v * across, v * along, 1.0
+    b[..., 0, 0], b[..., 1, 0], b[..., 2, 1] = -along, across, -period
+    b[..., 0, 1] = -v * period**2 * _lag_of_sine(turn)
+    b[..., 1, 1] = -v * period**2 / 2 * np.sinc(turn / (2 * np.pi)) ** 2
+    return a, b
+
+
+def _lag_of_sine(angle: Array) -> Array:
+    """(angle - sin(angle)) / angle^2 (...), regular at 0."""
+    small = np.abs(angle) < 0.01
+    safe = np.where(small, 1.0, angle)
+    return np.where(small, angle / 6 - angle**3 / 120, (safe - np.sin(safe)) / safe**2)
+
+
+def riccati_step(a: Array, b: Array, q: Array, r: Array, cost: Array) -> tuple[Array, Array]:
+    """Gain K (2, 3) and cost-to-go (3, 3) one step earlier, of the `cost` to go (3, 3) afterwards."""
+    gain = np.linalg.solve(r + b.T @ cost @ b, b.T @ cost @ a)
+    earlier = q + a.T @ cost @ (a - b @ gain)
+    return gain, (earlier + earlier.T) / 2

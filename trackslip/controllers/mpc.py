@@ -1,0 +1,200 @@
+"""Nonlinear model predictive control of the unicycle, by CasADi (optional: `pip install "trackslip[mpc]"`).
+
+M. Diehl, H. G. Bock and J. P. Schlöder, "A real-time iteration scheme for nonlinear optimization in optimal feedback
+control", SIAM J. Control and Optimization 43(5), 2005.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trackslip.errors import InvalidValueError, TrackslipError, require_positive
+from trackslip.kinematics import Array, advance, track_speeds, twist_of_tracks
+from trackslip.trajectory import Reference
+
+
+@dataclass
+class _Memory:
+    """What is kept from one call to the next."""
+
+    program: _Program | None = None
+    """Built by the first call, which is when CasADi is needed."""
+    leading: tuple[int, ...] | None = None
+    """Shape of the robots; None before the first call."""
+    time: float = 0.0
+    """Of the last call [s]."""
+    plans: list[Array] = field(default_factory=list)
+    """Track speeds (K, 2) [m/s] of each robot, from that time on."""
+
+
+@dataclass(frozen=True)
+class ModelPredictive:
+    """Minimises the errors to come over a horizon, with the limit on the speed of both tracks.
+
+    The state is the pose, the inputs are the speeds of the tracks (v -+ half_gauge w), held for an interval: on a
+    robot without slip the motion is then an arc, and the limits are bounds. Least squares of position, heading and
+    track speeds about the reference's, by multiple shooting; each call takes a few Gauss-Newton steps from the plan of
+    the one before, shifted (real-time iteration), and drives the first twist of the new plan.
+
+    A robot whose problem can't be solved goes on with its shifted plan, or, without one, with the reference's twist.
+    """
+
+    intervals: int = 15
+    """K [-]."""
+    interval: float = 0.2
+    """Duration of each [s]."""
+    position_scale: float = 0.1
+    """An error in x or y that costs as much as one in the others at their scales [m]."""
+    heading_scale: float = 0.6
+    """The same of heading [rad]."""
+    speed_scale: float = 0.12
+    """The same of a track's speed about the reference's [m/s]."""
+    final_weight: float = 10.0
+    """How many times as much the errors at the end of the horizon count as those before [-]."""
+    track_speed: float = 0.295
+    """Limit of each track's speed [m/s]: a little below the sprockets' 0.3 m/s."""
+    half_gauge: float = 0.213
+    """b + D, where compensation of slip puts the tracks [m]; half the gauge is enough without it."""
+    iterations: int = 3
+    """Gauss-Newton steps a call [-]."""
+    _memory: _Memory = field(default_factory=_Memory, init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        for name in ("intervals", "iterations"):
+            if not getattr(self, name) >= 1:
+                raise InvalidValueError(name, getattr(self, name), "at least 1")
+        require_positive("interval", self.interval)
+        require_positive("position_scale", self.position_scale)
+        require_positive("heading_scale", self.heading_scale)
+        require_positive("speed_scale", self.speed_scale)
+        require_positive("final_weight", self.final_weight)
+        require_positive("track_speed", self.track_speed)
+        require_positive("half_gauge", self.half_gauge)
+
+    def reset(self) -> None:
+        """Forget the plans: the next call sizes them anew."""
+        self._memory.leading = None
+
+    def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
+        """Twists (..., 2) from measured poses (..., 3); as many as in the first call since `reset`.
+
+        Raises TrackslipError without CasADi.
+        """
+        memory = self._memory
+        if memory.program is None:
+            memory.program = _Program(self)
+        pose = np.asarray(pose, float)
+        leading = pose.shape[:-1]
+        wanted_poses, wanted_speeds = self._wanted(time, reference)
+        robots = pose.reshape(-1, 3)
+        if memory.leading is None:
+            limited = np.clip(wanted_speeds, -self.track_speed, self.track_speed)
+            memory.plans = [limited] * len(robots)
+        elif memory.leading != leading:
+            raise InvalidValueError("pose", pose.shape, f"of shape {(*memory.leading, 3)} until reset")
+        else:
+            memory.plans = [self._shifted(plan, time - memory.time) for plan in memory.plans]
+        memory.leading, memory.time = leading, time
+        memory.plans = [
+            self._improved(memory.program, plan, robot, wanted_poses, wanted_speeds)
+            for plan, robot in zip(memory.plans, robots, strict=True)
+        ]
+        first = np.array([plan[0] for plan in memory.plans]).reshape(*leading, 2)
+        return twist_of_tracks(first, self.half_gauge)
+
+    def _wanted(self, time: float, reference: Reference) -> tuple[Array, Array]:
+        """Poses (K + 1, 3) of the reference at the nodes, and its mean track speeds (K, 2) between them."""
+        nodes = time + self.interval * np.arange(self.intervals + 1)
+        middles = (nodes[1:] + nodes[:-1]) / 2
+        return reference.pose(nodes), track_speeds(reference.twist(middles), self.half_gauge)
+
+    def _shifted(self, plan: Array, elapsed: float) -> Array:
+        """A plan (K, 2) as seen `elapsed` [s] later; its last speeds go on."""
+        nodes = np.arange(self.intervals)
+        later = nodes + max(elapsed, 0.0) / self.interval
+        return np.stack([np.interp(later, nodes, side) for side in plan.T], axis=-1)
+
+    def _improved(
+        self, program: _Program, plan: Array, pose: Array, wanted_poses: Array, wanted_speeds: Array
+    ) -> Array:
+        """The plan (K, 2) after Gauss-Newton steps from `pose` (3,), or as it was if one of them fails."""
+        if not np.isfinite(pose).all():
+            return plan
+        origin = np.array([*wanted_poses[0, :2], 2 * np.pi * np.round((pose[2] - wanted_poses[0, 2]) / (2 * np.pi))])
+        wanted = wanted_poses - [*origin[:2], 0.0]
+        poses, speeds = self._driven(pose - origin, plan), plan
+        for _ in range(self.iterations):
+            found = program.step(poses, speeds, wanted, wanted_speeds)
+            if found is None:
+                return plan
+            poses, speeds = found
+        return np.clip(speeds, -self.track_speed, self.track_speed)
+
+    def _driven(self, pose: Array, plan: Array) -> Array:
+        """Poses (K + 1, 3) along a plan (K, 2) from `pose` (3,)."""
+        poses = [pose]
+        for twist in twist_of_tracks(plan, self.half_gauge):
+            poses.append(advance(poses[-1], twist, self.interval))
+        return np.array(poses)
+
+
+class _Program:
+    """The quadratic program of a Gauss-Newton step; its unknowns are (V_l, V_r, x, y, phi) interval by interval."""
+
+    def __init__(self, controller: ModelPredictive) -> None:
+        try:
+            import casadi
+        except ImportError:
+            raise TrackslipError('model predictive control needs CasADi: pip install "trackslip[mpc]"') from None
+        count = controller.intervals
+        poses, wanted_poses = casadi.SX.sym("poses", 3, count + 1), casadi.SX.sym("wanted_poses", 3, count + 1)
+        speeds, wanted_speeds = casadi.SX.sym("speeds", 2, count), casadi.SX.sym("wanted_speeds", 2, count)
+        unknowns = casadi.vec(casadi.vertcat(speeds, poses[:, 1:]))
+        wanted = casadi.vec(casadi.vertcat(wanted_speeds, wanted_poses[:, 1:]))
+        gaps = casadi.vec(
+            casadi.horzcat(
+                *(
+                    poses[:, k + 1]
+                    - _arc(casadi, poses[:, k], speeds[:, k], controller.half_gauge, controller.interval)
+                    for k in range(count)
+                )
+            )
+        )
+        matrix = casadi.jacobian(gaps, unknowns)
+        scales = [controller.speed_scale] * 2 + [controller.position_scale] * 2 + [controller.heading_scale]
+        weights = np.tile(np.array(scales) ** -2, (count, 1))
+        weights[-1, 2:] *= controller.final_weight
+        self._hessian = casadi.diag(casadi.DM(weights.ravel()))
+        self._linearised = casadi.Function(
+            "linearised",
+            [poses, speeds, wanted_poses, wanted_speeds],
+            [-casadi.mtimes(self._hessian, wanted), matrix, casadi.mtimes(matrix, unknowns) - gaps],
+        )
+        quiet = {"print_iter": False, "print_header": False, "print_info": False, "error_on_fail": False}
+        shape = {"h": self._hessian.sparsity(), "a": matrix.sparsity()}
+        self._solver: Any = casadi.conic("gauss_newton", "qrqp", shape, quiet)
+        self._bound = np.tile([controller.track_speed] * 2 + [np.inf] * 3, count)
+
+    def step(
+        self, poses: Array, speeds: Array, wanted_poses: Array, wanted_speeds: Array
+    ) -> tuple[Array, Array] | None:
+        """Better poses (K + 1, 3) and track speeds (K, 2); None if the solver fails."""
+        gradient, matrix, right = self._linearised(poses.T, speeds.T, wanted_poses.T, wanted_speeds.T)
+        bounds = {"lba": right, "uba": right, "lbx": -self._bound, "ubx": self._bound}
+        solution = self._solver(h=self._hessian, g=gradient, a=matrix, **bounds)
+        found = np.asarray(solution["x"]).reshape(-1, 5)
+        if not (self._solver.stats()["success"] and np.isfinite(found).all()):
+            return None
+        return np.concatenate([poses[:1], found[:, 2:]]), found[:, :2]
+
+
+def _arc(casadi: Any, pose: Any, speeds: Any, half_gauge: float, interval: float) -> Any:
+    """`kinematics.advance` in symbols; the chord's sinc as a series, within 1e-9 for turns up to 0.4 rad."""
+    half_turn = (speeds[1] - speeds[0]) / (2 * half_gauge) * interval / 2
+    chord = (speeds[0] + speeds[1]) / 2 * interval * (1 - half_turn**2 / 6 + half_turn**4 / 120)
+    heading = pose[2] + half_turn
+    return pose + casadi.vertcat(chord * casadi.cos(heading), chord * casadi.sin(heading), 2 * half_turn)

@@ -1,0 +1,57 @@
+"""Pure pursuit of a reference in time.
+
+R. C. Coulter, "Implementation of the pure pursuit path tracking algorithm", CMU-RI-TR-92-01, 1992.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trackslip.controllers.memo import OncePerReference
+from trackslip.controllers.path_ahead import PathAhead
+from trackslip.controllers.speed_law import natural_frequency, speed_to_keep_up
+from trackslip.errors import require_positive
+from trackslip.kinematics import Array
+from trackslip.metrics import body_errors
+from trackslip.trajectory import Reference
+
+
+@dataclass(frozen=True)
+class PurePursuit:
+    """Drives the arc through a goal that lies `look_ahead` further along the path than the reference is now.
+
+    The arc's curvature is 2 y / d^2, with the goal at (x, y) in the body frame, d away; on an arc without errors it is
+    the arc's own. On a straight line the closed loop is that of Eq. 31 with g = 2 / look_ahead^2 and xi = 1 / sqrt(2).
+    The robot never drives against the reference's direction: it waits there.
+    """
+
+    look_ahead: float = 0.3
+    """Along the path [m]."""
+    damping: float = 0.7
+    """xi of the speed law, of gain 2 xi sqrt(w_d^2 + g v_d^2) [-]."""
+    stiffness: float = 10.0
+    """g of the speed law [1/m^2]."""
+    _path: OncePerReference[PathAhead] = field(
+        default_factory=lambda: OncePerReference(PathAhead), init=False, repr=False, compare=False
+    )
+
+    def __post_init__(self) -> None:
+        require_positive("look_ahead", self.look_ahead)
+        require_positive("damping", self.damping)
+        require_positive("stiffness", self.stiffness)
+
+    def reset(self) -> None:
+        """Nothing to forget: the path kept is the reference's."""
+
+    def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
+        """Twists (..., 2) from measured poses (..., 3)."""
+        desired = reference.twist(time)
+        gain = 2 * self.damping * natural_frequency(desired, self.stiffness)
+        v = speed_to_keep_up(desired, body_errors(pose, reference.pose(time)), gain)
+        goal = body_errors(pose, self._path(reference).point(time, self.look_ahead))
+        # A goal that a robot far ahead of the reference has nearly reached must not make it spin.
+        distance_squared = np.maximum(goal[..., 0] ** 2 + goal[..., 1] ** 2, (self.look_ahead / 2) ** 2)
+        return np.stack([v, v * 2 * goal[..., 1] / distance_squared], axis=-1)

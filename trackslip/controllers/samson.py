@@ -1,0 +1,53 @@
+"""The nonlinear kinematic controller of Samson.
+
+C. Samson and K. Ait-Abderrahim, "Feedback control of a nonholonomic wheeled cart in Cartesian space", ICRA 1991;
+C. Canudas de Wit, B. Siciliano and G. Bastin (eds.), "Theory of Robot Control", Springer 1996.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trackslip.controllers.speed_law import natural_frequency, speed_towards
+from trackslip.errors import require_positive
+from trackslip.kinematics import Array
+from trackslip.metrics import body_errors
+from trackslip.trajectory import Reference
+
+
+@dataclass(frozen=True)
+class Samson:
+    """Feedback v = v_d cos(e_phi) + k1 e_x, w = w_d + k2 v_d sin(e_phi) / e_phi e_y + k3 e_phi.
+
+    V = k2 (e_x^2 + e_y^2) / 2 + e_phi^2 / 2 falls as -k1 k2 e_x^2 - k3 e_phi^2: stable from any error while the
+    reference moves, either way. With k1 = k3 = 2 xi sqrt(w_d^2 + g v_d^2) and k2 = g it is Eq. 31 to first order.
+    """
+
+    damping: float = 0.7
+    """xi, the damping ratio [-]."""
+    stiffness: float = 10.0
+    """g [1/m^2]."""
+
+    def __post_init__(self) -> None:
+        require_positive("damping", self.damping)
+        require_positive("stiffness", self.stiffness)
+
+    def reset(self) -> None:
+        """Nothing to forget."""
+
+    def gains(self, twist: ArrayLike) -> Array:
+        """(k1, k2, k3) (..., 3) [1/s, 1/m^2, 1/s] at reference twists (..., 2)."""
+        k1 = 2 * self.damping * natural_frequency(twist, self.stiffness)
+        return np.stack([k1, np.full_like(k1, self.stiffness), k1], axis=-1)
+
+    def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
+        """Twists (..., 2) from measured poses (..., 3)."""
+        desired = reference.twist(time)
+        k1, k2, k3 = self.gains(desired)
+        errors = body_errors(pose, reference.pose(time))
+        e_y, e_phi = errors[..., 1], errors[..., 2]
+        w = desired[1] + k2 * desired[0] * np.sinc(e_phi / np.pi) * e_y + k3 * e_phi
+        return np.stack([speed_towards(desired, errors, k1), w], axis=-1)
