@@ -99,6 +99,8 @@ def test_a_killed_benchmark_goes_on_where_it_was(short, tmp_path):
     command = [sys.executable, "-m", "experiments.cli", "benchmark", *short, *SMALL, "--seeds", "0", "--out"]
     root = os.path.dirname(os.path.dirname(os.path.dirname(__file__)))
     environment = os.environ | {"PYTHONPATH": root}
+    (tmp_path / "turn.csv").write_text("x,y\n0,0\n0.4,-0.1\n0.8,-0.3\n1.0,-0.6\n")
+    command[command.index("--starts") : command.index("--starts")] = ["turn.csv"]
     process = subprocess.Popen([*command, "killed"], env=environment, stdout=subprocess.DEVNULL)
     parts = tmp_path / "killed" / ".benchmark-parts"
     until = time.monotonic() + 60
@@ -124,7 +126,7 @@ def test_a_killed_benchmark_goes_on_where_it_was(short, tmp_path):
 
 def test_a_run_that_fails_is_a_row(trackslip, short, tmp_path):
     """The others of its fleet are as they would be without it."""
-    (tmp_path / "mine.py").write_text(MODULE.format(robots=1, robot=0))
+    (tmp_path / "mine.py").write_text(MODULE.format(robots=0, robot=0))
     options = (*short, "--compensations", "none", "--grounds", "stone", "--seeds", "0", "1")
     result = trackslip("benchmark", *options, "--controllers", "linear", "mine:Late", "mine:Broken")
     rows = {row["controller"]: row for row in result.summary["rows"]}
