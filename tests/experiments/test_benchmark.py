@@ -1,9 +1,11 @@
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet
@@ -269,3 +271,15 @@ def test_who_keeps_the_path_stands_above_who_is_near_it():
     assert lines[0] == "near with none on stone loses: paper (0 of 1 kept it)"
     assert lines[1] == "failed with none on stone loses: paper (0 of 1 kept it, 1 failed)"
     assert len(lines) == 2
+
+
+def test_the_readmes_controller_runs(trackslip, short, tmp_path):
+    readme = (Path(__file__).parents[2] / "README.md").read_text()
+    (text,) = re.findall(r"```python\n(# my_controller.py.*?)```", readme, re.DOTALL)
+    (tmp_path / "my_controller.py").write_text(text)
+    options = (*short[:2], *short[4:], "--starts", "random", "--compensations", "icr_radius", "--seeds", "0", "1")
+    result = trackslip("benchmark", *options, "--controllers", "feedforward", "my_controller:MyController")
+    rows = {row["controller"]: row for row in result.summary["rows"]}
+    mine = rows["my_controller:MyController"]
+    assert mine["failed"] == 0
+    assert mine["final_position"] < 0.3 * rows["feedforward"]["final_position"]

@@ -58,7 +58,7 @@ def test_readme_lists_the_named_grounds():
     rows = re.findall(r"^\| `(\w+)` \| ([\d.]+) \| ([\d.]+) \| (.+) \|$", README.read_text(), re.MULTILINE)
     listed = {name: (float(along), float(across), source) for name, along, across, source in rows}
     assert listed == {name: (n.ground.along, n.ground.across, n.source) for name, n in NAMED_GROUNDS.items()}
-    assert set(NAMED_GROUNDS) == {"stone", "concrete", "rubber", "packed_soil", "gravel", "wet", "ice"}
+    assert set(NAMED_GROUNDS) == {"stone", "concrete", "rubber", "packed_soil", "gravel", "wet", "sticky", "ice"}
     for named in NAMED_GROUNDS.values():
         assert "assumed" in named.source or "Noon" in named.source
 
