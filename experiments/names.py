@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from trackslip.compensation import Compensation, FixedLaw, OnlineIcr
-from trackslip.controllers import CONTROLLERS, Controller
+from trackslip.controllers import CONTROLLERS, Controller, ModelPredictive
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import RobotGeometry
 from trackslip.lawfile import SHIPPED, load_laws
@@ -21,6 +21,8 @@ from trackslip.trajectory.named import load_reference
 KNOWN_LAWS: dict[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}
 """Laws that needn't be identified."""
 _ONLINE, _ONLINE_COLD = "online", "online_cold"
+_MARGIN = 0.98  # of the top speed, that is planned with
+_REACH = 1.27  # b + D over b on hard ground: how far out compensation of slip puts the tracks
 _PRIOR = "icr_radius"  # the law that `online` begins with
 
 
@@ -51,12 +53,19 @@ def compensation(name: str, robot: RobotGeometry, laws: Path | None) -> Compensa
     return FixedLaw(stored[name])
 
 
-def controller(name: str) -> Controller:
+def controller(name: str, robot: RobotGeometry, top_speed: float) -> Controller:
     """A new controller: one of CONTROLLERS, or what MODULE:CLASS, found from here, makes when called.
+
+    Args:
+        name: of the controller.
+        robot: whose limits a controller that knows of limits is to respect.
+        top_speed: of its tracks [m/s].
 
     Raises:
         InvalidValueError: for what is neither.
     """
+    if name == "mpc":
+        return ModelPredictive(track_speed=_MARGIN * top_speed, half_gauge=_REACH * robot.half_gauge)
     if name in CONTROLLERS:
         return CONTROLLERS[name]()
     module, _, attribute = name.partition(":")
@@ -71,7 +80,10 @@ def controller(name: str) -> Controller:
 
 def source_of(name: str) -> str | None:
     """The file in which a user's controller is written; None for trackslip's own."""
-    return None if name in CONTROLLERS else inspect.getsourcefile(type(controller(name)))
+    if name in CONTROLLERS:
+        return None
+    module, _, attribute = name.partition(":")
+    return inspect.getsourcefile(type(_call(name, module, attribute)))
 
 
 def _call(name: str, module: str, attribute: str) -> Controller:

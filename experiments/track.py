@@ -37,7 +37,7 @@ def run(config: TrackConfig) -> None:
         robot = world.robot
         path = make_reference(config, robot)
         pilot = Pilot(
-            controller(config.controller),
+            controller(config.controller, robot.geometry, config.drive.top_speed),
             [0],
             compensation(config.compensation, robot.geometry, config.laws),
             config.preview,

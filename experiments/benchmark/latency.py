@@ -8,7 +8,7 @@ import numpy as np
 
 from experiments.benchmark.setup import Setup
 from experiments.benchmark_config import Case
-from experiments.names import controller, reference
+from experiments.names import reference
 from trackslip.kinematics import Array, limit_sprocket_speeds
 from trackslip.localization import PoseEstimate
 from trackslip.runlog import RunLog
@@ -21,7 +21,7 @@ def step_times(setup: Setup, case: Case, log: RunLog) -> Array:
     geometry, limit = setup.world.robot.geometry, setup.config.drive.top_speed
     path, pilot, compensation = (
         reference(case.reference),
-        controller(case.controller),
+        setup.controller(case.controller),
         setup.compensation(case.compensation),
     )
     covariance = np.zeros((len(log.time), 3, 3)) if log.covariance is None else log.covariance

@@ -18,6 +18,7 @@ from sim.ground_file import load_ground
 from sim.runs import Description, Pilot, closed_loop
 from sim.seeds import generator
 from trackslip.compensation import Compensation
+from trackslip.controllers import Controller
 from trackslip.kinematics import Array
 from trackslip.runlog import RunLog
 from trackslip.trajectory import Reference
@@ -41,13 +42,17 @@ class Setup:
     def check(self, cases: Sequence[Case]) -> None:
         """Raise TrackslipError for a name that stands for nothing, before anything is driven."""
         for name in dict.fromkeys(case.controller for case in cases):
-            controller(name)
+            self.controller(name)
         for name in dict.fromkeys(case.compensation for case in cases):
             self.compensation(name)
         for name in dict.fromkeys(case.reference for case in cases):
             reference(name)
         for name in dict.fromkeys(case.ground for case in cases):
             load_ground(name)
+
+    def controller(self, name: str) -> Controller:
+        """A new controller of that name."""
+        return controller(name, self.world.robot.geometry, self.config.drive.top_speed)
 
     def compensation(self, name: str) -> Compensation:
         """A new compensation of that name."""
@@ -71,7 +76,7 @@ class Setup:
         for k, case in enumerate(cases):
             steered.setdefault((case.controller, case.compensation), []).append(k)
         pilots = [
-            Pilot(controller(pilot), robots, self.compensation(law), self.config.preview)
+            Pilot(self.controller(pilot), robots, self.compensation(law), self.config.preview)
             for (pilot, law), robots in steered.items()
         ]
         locator = None if self.config.localization == "truth" else make_locator(self.config.localization, world.robot)
