@@ -193,7 +193,7 @@ class _Program:
 
 
 def _arc(casadi: Any, pose: Any, speeds: Any, half_gauge: float, interval: float) -> Any:
-    """`kinematics.advance` in symbols; the chord's sinc as a series, within 1e-9 for turns up to 0.4 rad."""
+    """`kinematics.advance` in symbols; the chord's sinc as a series, within 2e-8 of it for turns up to 0.4 rad."""
     half_turn = (speeds[1] - speeds[0]) / (2 * half_gauge) * interval / 2
     chord = (speeds[0] + speeds[1]) / 2 * interval * (1 - half_turn**2 / 6 + half_turn**4 / 120)
     heading = pose[2] + half_turn

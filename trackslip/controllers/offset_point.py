@@ -24,7 +24,7 @@ class OffsetPoint:
 
     Twist and velocity of that point are in one-to-one relation, so its error E obeys E' = -k E exactly. The heading is
     not controlled: it follows as a trailer's does, at the rate |v_d| / distance, which is why the point has to change
-    sides with the direction of travel.
+    sides with the direction of travel; where the reference stands it is ahead.
     """
 
     distance: float = 0.2
