@@ -63,8 +63,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         importlib.import_module(_RUNNERS[type(command)]).run(command)
     except TrackslipError as error:
         _fail(str(error), 2)
-    except KeyboardInterrupt:
-        _fail("interrupted", 130)
+    except KeyboardInterrupt as interrupt:
+        _fail(str(interrupt) or "interrupted", 130)
     except BrokenPipeError:  # whoever reads has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)

@@ -29,7 +29,6 @@ from experiments.benchmark_config import BenchmarkConfig, Case
 from experiments.console import print_table, progress
 from experiments.names import reference
 from trackslip import logfile
-from trackslip.errors import TrackslipError
 
 
 def run(config: BenchmarkConfig) -> None:
@@ -45,8 +44,8 @@ def run(config: BenchmarkConfig) -> None:
             _drive(setup, dict(zip(paths, groups(cases), strict=True)))
         except KeyboardInterrupt:
             done = sum(path.exists() for path in paths)
-            raise TrackslipError(
-                f"stopped with {done} of {len(paths)} groups of runs done; the same command goes on from there"
+            raise KeyboardInterrupt(
+                f"interrupted with {done} of {len(paths)} fleets driven; the same command goes on from there"
             ) from None
         runs = [row for path in paths for row in rows_of(path)]
         rows = over_seeds(runs)
@@ -61,7 +60,7 @@ def run(config: BenchmarkConfig) -> None:
         page = render(folder / store.RUNS, entries, lost, rows, runs, about, store.command_line("benchmark"))
         (folder / store.REPORT).write_text(page, encoding="utf-8")
         store.write_json(folder / store.MANIFEST, about)
-    parts.discard()
+    parts.discard(paths)
     print_table("Position errors, means over references, grounds, starts and seeds", BOARD_HEADER, board_text(entries))
     for line in lost:
         print(line)

@@ -6,10 +6,10 @@ and two processes that make the same one write the same.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
-import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -63,9 +63,13 @@ class Parts:
         store.write_json(draft, {"rows": rows})
         os.replace(draft, path)
 
-    def discard(self) -> None:
-        """Delete all parts: what they hold is now among the results."""
-        shutil.rmtree(self.folder, ignore_errors=True)
+    def discard(self, paths: Sequence[Path]) -> None:
+        """Delete parts, what they hold being now among the results, and their drafts; others' are left."""
+        with contextlib.suppress(OSError):
+            for path in paths:
+                for file in self.folder.glob(f"{path.stem}.*"):
+                    file.unlink()
+            self.folder.rmdir()
 
 
 def rows_of(path: Path) -> list[dict[str, Any]]:

@@ -15,6 +15,7 @@ from experiments.benchmark.group import groups
 from experiments.benchmark.setup import Setup, start
 from experiments.benchmark.table import NAMES, board, bootstrap95, losses, over_seeds
 from experiments.benchmark_config import CONTROLLER_NAMES, REFERENCE_NAMES, BenchmarkConfig, Case
+from experiments.cli import main
 from trackslip.controllers import CONTROLLERS
 from trackslip.logfile import read_runs
 from trackslip.metrics import tracking_errors
@@ -124,6 +125,27 @@ def test_a_killed_benchmark_goes_on_where_it_was(short, tmp_path):
     assert tables[0].equals(tables[1], check_metadata=True)
     summaries = [json.loads((tmp_path / name / "summary.json").read_text()) for name in ("killed", "undisturbed")]
     assert without_times(summaries[0]) == without_times(summaries[1])
+
+
+def test_an_interrupted_benchmark_says_how_to_go_on(short, tmp_path, monkeypatch, capsys):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("experiments.benchmark.work.measure", interrupted)
+    with pytest.raises(SystemExit) as stop:
+        main(["benchmark", *short, *SMALL, "--seeds", "0", "--out", "out"])
+    assert stop.value.code == 130
+    message = "trackslip: interrupted with 0 of 1 fleets driven; the same command goes on from there"
+    assert capsys.readouterr().err.strip() == message
+    assert not (tmp_path / "out").exists()
+
+
+def test_parts_of_another_benchmark_are_left(trackslip, short, tmp_path):
+    folder = tmp_path / "benchmark" / ".benchmark-parts"
+    folder.mkdir(parents=True)
+    (folder / "0123.json").write_text("{}")
+    trackslip("benchmark", *short, *SMALL[:2], "--compensations", "none", "--grounds", "stone", "--seeds", "0")
+    assert [file.name for file in folder.iterdir()] == ["0123.json"]
 
 
 def test_a_run_that_fails_is_a_row(trackslip, short, tmp_path):
