@@ -27,13 +27,16 @@ from experiments.benchmark.table import (
 from experiments.benchmark.work import work_off
 from experiments.benchmark_config import BenchmarkConfig, Case
 from experiments.console import print_table, progress
+from experiments.grid import stages_text
 from experiments.names import reference
+from sim.stopwatch import Stopwatch
 from trackslip import logfile
 
 
 def run(config: BenchmarkConfig) -> None:
     """Drive, gather, store and print."""
     began = time.perf_counter()
+    watch = Stopwatch()
     with store.results(config.out) as folder:
         setup = Setup.of(config)
         cases, notes = without_missing(config)
@@ -41,32 +44,35 @@ def run(config: BenchmarkConfig) -> None:
         parts = Parts.of(setup)
         paths = [parts.path(group) for group in groups(cases)]
         try:
-            _drive(setup, dict(zip(paths, groups(cases), strict=True)))
+            with watch.stage("driving"):
+                _drive(setup, dict(zip(paths, groups(cases), strict=True)))
         except KeyboardInterrupt:
             done = sum(path.exists() for path in paths)
             raise KeyboardInterrupt(
                 f"interrupted with {done} of {len(paths)} fleets driven; the same command goes on from there"
             ) from None
-        runs = [row for path in paths for row in rows_of(path)]
-        rows = over_seeds(runs)
-        entries, lost = board(rows), [*losses(rows), *notes]
-        if driven := [runs_of(path) for path in paths if runs_of(path).exists()]:
-            logfile.join_parquet(driven, folder / store.RUNS)
+        with watch.stage("gathering"):
+            runs = [row for path in paths for row in rows_of(path)]
+            rows = over_seeds(runs)
+            entries, lost = board(rows), [*losses(rows), *notes]
+            _gather(paths, folder / store.RUNS)
+        about = setup.world.manifest("benchmark", time.perf_counter() - began) | {"config": store.plain(config)}
+        with watch.stage("report"):
+            (folder / store.LEADERBOARD).write_text(_markdown(entries, lost, rows), encoding="utf-8")
+            page = render(folder / store.RUNS, entries, lost, rows, runs, about, store.command_line("benchmark"))
+            (folder / store.REPORT).write_text(page, encoding="utf-8")
         wall = time.perf_counter() - began
-        about = setup.world.manifest("benchmark", wall) | {"config": store.plain(config)}
-        summary = {"rows": rows, "failures": _failures(runs), "runs": len(runs), "wall_s": wall}
+        timing = {"wall_s": wall, "stages": watch.stages}
+        summary = {"rows": rows, "failures": _failures(runs), "runs": len(runs), "wall_s": wall, "timing": timing}
         store.write_json(folder / store.SUMMARY, summary)
-        (folder / store.LEADERBOARD).write_text(_markdown(entries, lost, rows), encoding="utf-8")
-        page = render(folder / store.RUNS, entries, lost, rows, runs, about, store.command_line("benchmark"))
-        (folder / store.REPORT).write_text(page, encoding="utf-8")
         store.write_json(folder / store.MANIFEST, about)
     parts.discard(paths)
-    print_table("Position errors, means over references, grounds, starts and seeds", BOARD_HEADER, board_text(entries))
+    print_table("Position errors, means over references, grounds and seeds", BOARD_HEADER, board_text(entries))
     for line in lost:
         print(line)
     for failure in _failures(runs):
         print(f"failed: {failure['run']}: {failure['error']}")
-    wall = time.perf_counter() - began
+    print(stages_text(watch.stages))
     print(f"{config.out / store.REPORT}: {len(runs)} runs in {wall:.1f} s; all {len(rows)} rows in {store.LEADERBOARD}")
 
 
@@ -78,6 +84,12 @@ def _drive(setup: Setup, wanted: dict[Path, tuple[Case, ...]]) -> None:
         report(total - sum(map(_seconds, missing.values())))
         for path in work_off(setup.config, missing):
             report(_seconds(missing[path]))
+
+
+def _gather(paths: Sequence[Path], file: Path) -> None:
+    """The runs of all parts, if there are any, as one file."""
+    if driven := [runs_of(path) for path in paths if runs_of(path).exists()]:
+        logfile.join_parquet(driven, file)
 
 
 def _seconds(group: Sequence[Case]) -> float:
@@ -98,7 +110,7 @@ def _markdown(entries: Sequence[Row], lost: Sequence[str], rows: Sequence[Row]) 
             "# Leaderboard",
             "",
             "Position errors are distances of the true position from where the reference is at the time; means over"
-            " references, grounds, starts and seeds. Kept: share of the runs that stayed within 0.5 m.",
+            " references, grounds and seeds. Kept: share of the runs that stayed within 0.5 m.",
             "",
             markdown(BOARD_HEADER, board_text(entries)),
             *([] if not lost else ["## Where the path is lost", "", *(f"- {line}" for line in lost), ""]),

@@ -18,6 +18,7 @@ _MEANS = (
     *("effort", "roughness", "saturation_s", "icr_offset", "icr_radius_error"),
 )
 _RESAMPLES = 2000
+_RANKED = ("controller", "compensation", "start")
 
 Row = Mapping[str, Any]
 
@@ -54,16 +55,16 @@ def bootstrap95(values: Sequence[float]) -> list[float] | None:
 
 
 def board(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """The leaderboard: controllers with compensations over all their rows, those that lose the path least on top.
+    """The leaderboard: controllers with compensations over references and grounds, those that keep the path on top.
 
     Equals are ordered by the mean of the position error once the transient is over.
     """
-    found: dict[tuple[str, str], list[Row]] = {}
+    found: dict[tuple[str, ...], list[Row]] = {}
     for row in rows:
-        found.setdefault((row["controller"], row["compensation"]), []).append(row)
+        found.setdefault(tuple(row[name] for name in _RANKED), []).append(row)
     entries = []
-    for (controller, compensation), same in found.items():
-        entry: dict[str, Any] = {"controller": controller, "compensation": compensation, "rows": len(same)}
+    for names, same in found.items():
+        entry: dict[str, Any] = dict(zip(_RANKED, names, strict=True)) | {"rows": len(same)}
         for key in (*_MEANS, "compute_ms_p50", "compute_ms_p99"):
             values = [row[key] for row in same if row[key] is not None]
             entry[key] = float(np.mean(values)) if values else None
@@ -81,19 +82,21 @@ def _settled(row: Row) -> float:
 
 
 def losses(rows: Sequence[Row]) -> list[str]:
-    """In a sentence for each controller, compensation and ground: on which references it lost the path, or failed."""
-    found: dict[tuple[str, str, str], list[str]] = {}
+    """In a line for each controller, compensation and ground: how many runs lost the path, or failed, and where."""
+    found: dict[tuple[str, str, str], list[Row]] = {}
     for row in rows:
-        if row["success"] < 1:
-            kept = round(row["success"] * row["seeds"])
-            where = row["reference"] + ("" if row["start"] == "zero" else f" from start {row['start']}")
-            failed = f", {row['failed']} failed" if row["failed"] else ""
-            key = (row["controller"], row["compensation"], row["ground"])
-            found.setdefault(key, []).append(f"{where} ({kept} of {row['seeds']} kept it{failed})")
-    return [
-        f"{controller} with {compensation} on {ground} loses: {', '.join(where)}"
-        for (controller, compensation, ground), where in found.items()
-    ]
+        found.setdefault((row["controller"], row["compensation"], row["ground"]), []).append(row)
+    lines = []
+    for (controller, compensation, ground), same in found.items():
+        runs = sum(row["seeds"] for row in same)
+        lost = sum(round((1 - row["success"]) * row["seeds"]) for row in same)
+        if lost:
+            failed = sum(row["failed"] for row in same)
+            where = ", ".join(dict.fromkeys(row["reference"] for row in same if row["success"] < 1))
+            crashed = f", {failed} of them failed" if failed else ""
+            who = f"{controller} with {compensation} on {ground}"
+            lines.append(f"{who} loses the path in {lost} of {runs} runs{crashed}: {where}")
+    return lines
 
 
 _Format = Callable[[Row], str]
@@ -118,6 +121,7 @@ def _interval(key: str) -> _Format:
 _BOARD: dict[str, _Format] = {
     "controller": lambda row: row["controller"],
     "compensation": lambda row: row["compensation"],
+    "start": lambda row: row["start"],
     "kept [%]": lambda row: f"{100 * row['success']:.0f}",
     "rms [mm]": _mm("rms_position"),
     "> 12 s [mm]": _mm("rms_position_after_12s"),

@@ -290,8 +290,8 @@ def test_who_keeps_the_path_stands_above_who_is_near_it():
     rows = over_seeds(runs)
     assert [entry["controller"] for entry in board(rows)] == ["better", "kept", "near", "failed"]
     lines = losses(rows)
-    assert lines[0] == "near with none on stone loses: paper (0 of 1 kept it)"
-    assert lines[1] == "failed with none on stone loses: paper (0 of 1 kept it, 1 failed)"
+    assert lines[0] == "near with none on stone loses the path in 1 of 1 runs: paper"
+    assert lines[1] == "failed with none on stone loses the path in 1 of 1 runs, 1 of them failed: paper"
     assert len(lines) == 2
 
 
