@@ -46,5 +46,5 @@ def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]
         table.add_row(*(escape(cell) for cell in row))
     console = Console(highlight=False)
     if not console.is_terminal:
-        console.width = 120  # a file has no width: cut nothing
+        console.width = 160  # a file has no width: cut nothing
     console.print(table)

@@ -96,6 +96,8 @@ def losses(rows: Sequence[Row]) -> list[str]:
             crashed = f", {failed} of them failed" if failed else ""
             who = f"{controller} with {compensation} on {ground}"
             lines.append(f"{who} loses the path in {lost} of {runs} runs{crashed}: {where}")
+    if len(lines) < len(found):
+        lines.append("all others keep the path in every run" if lines else "every run keeps the path")
     return lines
 
 
