@@ -5,10 +5,12 @@ exactly:
 
     v = (1 + epsilon) (s_r + s_l) / 2        w = (1 + epsilon) g (s_r - s_l) / (2 b)        g = b / (b + D)
 
-with belt speeds s = r omega. A scan measures the pose. The state is (x, y, phi, g, epsilon): the rates are linear in
-the yaw gain g, whereas a filter that is linearised in D loses its way when D is far off. Both constants wander with the
-way and the turn driven, not with time: what a motion doesn't show (D on a straight, both when standing) stays what it
-was, and how well it is known too.
+with belt speeds s = r omega. The centre of a turn needn't lie abreast of the robot's middle: with a weight ahead of it,
+or where a slippery ground hardly bends the way of a fast robot, it lies c ahead, and the middle drifts sideways with
+-c w. A scan measures the pose. The state is (x, y, phi, g, epsilon, c): the rates are linear in the yaw gain g, whereas
+a filter that is linearised in D loses its way when D is far off. The constants wander with the way and the turn driven,
+not with time: what a motion doesn't show (D on a straight, all when standing) stays what it was, and how well it is
+known too.
 
 Two gates watch the innovations. One too large for a scan's noise is a wrong pose and is left out; several in a row mean
 that the filter is wrong. Innovations that lean one way for a while, each small, mean that the ground has changed. In
@@ -29,6 +31,7 @@ from trackslip.slip import ConstantIcr
 
 _GAINS = (0.05, 10.0)  # yaw gains that are believed
 _LARGEST_ERROR = 0.5  # of the sprocket radius, relative
+_FARTHEST_CENTRE = 1.0  # [m]
 
 
 @dataclass(frozen=True)
@@ -39,10 +42,14 @@ class FilterTuning:
     """Standard deviation of g where nothing is known [-]."""
     radius_error_spread: float = 0.02
     """Standard deviation of epsilon where nothing is known [-]."""
+    centre_spread: float = 0.03
+    """Standard deviation of c where nothing is known [m]."""
     gain_walk: float = 0.003
     """Wander of g [1/sqrt(rad) turned]."""
     radius_error_walk: float = 0.0005
     """Wander of epsilon [1/sqrt(m) driven]."""
+    centre_walk: float = 0.003
+    """Wander of c [m per sqrt(rad) turned]."""
     position_walk: float = 0.0005
     """What the motion model misses, in position [m per sqrt(m) driven]."""
     heading_walk: float = 0.001
@@ -57,14 +64,19 @@ class FilterTuning:
     """Scans over which that mean is taken [-]."""
 
     def __post_init__(self) -> None:
-        for name in ("gain_spread", "radius_error_spread", "outlier", "change"):
+        for name in ("gain_spread", "radius_error_spread", "centre_spread", "outlier", "change"):
             require_positive(name, getattr(self, name))
-        for name in ("gain_walk", "radius_error_walk", "position_walk", "heading_walk"):
+        for name in ("gain_walk", "radius_error_walk", "centre_walk", "position_walk", "heading_walk"):
             require_non_negative(name, getattr(self, name))
         if self.patience < 1:
             raise InvalidValueError("patience", self.patience, "an integer >= 1")
         if not 1 <= self.memory < np.inf:
             raise InvalidValueError("memory", self.memory, "finite and >= 1")
+
+    @property
+    def spreads(self) -> tuple[float, float, float]:
+        """Of (g, epsilon, c)."""
+        return self.gain_spread, self.radius_error_spread, self.centre_spread
 
 
 class IcrFilter:
@@ -77,11 +89,11 @@ class IcrFilter:
         self._geometry, self._tuning = geometry, tuning or FilterTuning()
         pose = np.atleast_2d(np.asarray(start, float))
         n = len(pose)
-        self.state = np.empty((n, 5))
-        """x, y [m], phi [rad], g, epsilon [-]."""
+        self.state = np.zeros((n, 6))
+        """x, y [m], phi [rad], g, epsilon [-], c [m]."""
         gain = geometry.half_gauge / (geometry.half_gauge + law.offset)
         self.state[:, :3], self.state[:, 3], self.state[:, 4] = pose, gain, law.radius_error
-        self.covariance = np.zeros((n, 5, 5))
+        self.covariance = np.zeros((n, 6, 6))
         """Of the state."""
         self.restarts = np.zeros(n, int)
         """How often the filter began anew."""
@@ -114,15 +126,15 @@ class IcrFilter:
 
     def _predict(self, omega: Array, duration: float) -> None:
         tuning = self._tuning
-        motion, by_law = icr_motion(self.state[:, 3:], omega, self._geometry)  # (N, 2), (N, 2, 2)
-        motion, by_law = motion * duration, by_law * duration
+        velocity, by_law = icr_motion(self.state[:, 3:], omega, self._geometry)  # (N, 3), (N, 3, 3)
+        motion, by_law = velocity * duration, by_law * duration
         self.state[:, :3], by_pose, by_motion = drive_arc(self.state[:, :3], motion)
         jacobian = np.zeros_like(self.covariance)
         jacobian[:, :3, :3] = by_pose
         jacobian[:, :3, 3:] = np.einsum("nij,njk->nik", by_motion, by_law)
-        jacobian[:, [3, 4], [3, 4]] = 1.0
+        jacobian[:, [3, 4, 5], [3, 4, 5]] = 1.0
         self.covariance = np.einsum("nij,njk,nlk->nil", jacobian, self.covariance, jacobian)
-        way, turn = np.abs(motion).T
+        way, turn = np.abs(motion[:, 0]), np.abs(motion[:, 2])
         spread = np.stack(
             [
                 way * tuning.position_walk**2,
@@ -130,11 +142,12 @@ class IcrFilter:
                 turn * tuning.heading_walk**2,
                 turn * tuning.gain_walk**2,
                 way * tuning.radius_error_walk**2,
+                turn * tuning.centre_walk**2,
             ],
             axis=1,
         )
-        self.covariance[:, np.arange(5), np.arange(5)] += spread
-        for k, most in ((3, tuning.gain_spread), (4, tuning.radius_error_spread)):
+        self.covariance[:, np.arange(6), np.arange(6)] += spread
+        for k, most in enumerate(tuning.spreads, 3):
             over = self.covariance[:, k, k] > most**2  # no less is known than at the start
             shrink = np.where(over, most / np.sqrt(self.covariance[:, k, k]), 1.0)
             self.covariance[:, k, :] *= shrink[:, None]
@@ -157,12 +170,13 @@ class IcrFilter:
 
     def _learn(self, rows: np.ndarray, white: Array, root: Array) -> None:
         """Take up innovations (R, 3), whitened by the roots (R, 3, 3) of their covariances."""
-        half = _solve_lower(root[:, None], self.covariance[rows, :, :3])  # (R, 5, 3)
+        half = _solve_lower(root[:, None], self.covariance[rows, :, :3])  # (R, 6, 3)
         self.state[rows] += np.einsum("nij,nj->ni", half, white)
         covariance = self.covariance[rows] - np.einsum("nik,njk->nij", half, half)
         self.covariance[rows] = (covariance + covariance.swapaxes(1, 2)) / 2
         self.state[rows, 3] = np.clip(self.state[rows, 3], *_GAINS)
         self.state[rows, 4] = np.clip(self.state[rows, 4], -_LARGEST_ERROR, _LARGEST_ERROR)
+        self.state[rows, 5] = np.clip(self.state[rows, 5], -_FARTHEST_CENTRE, _FARTHEST_CENTRE)
         fade = 1 - 1 / self._tuning.memory
         self._lean[rows] = fade * self._lean[rows] + white
         self._weight[rows] = fade**2 * self._weight[rows] + 1
@@ -176,43 +190,51 @@ class IcrFilter:
         self.state[rows, :3] = pose
         self.covariance[rows] = 0.0
         self.covariance[rows[:, None, None], np.arange(3)[:, None], np.arange(3)] = noise
-        self.covariance[rows, 3, 3] = self._tuning.gain_spread**2
-        self.covariance[rows, 4, 4] = self._tuning.radius_error_spread**2
+        self.covariance[rows, 3:, 3:] = np.diag(np.square(self._tuning.spreads))
         self._lean[rows], self._weight[rows], self._refused[rows] = 0.0, 0.0, 0
 
 
 def icr_motion(law: Array, omega: Array, geometry: RobotGeometry) -> tuple[Array, Array]:
-    """Twists (N, 2) that sprockets at omega (N, 2) [rad/s] drive under (g, epsilon) (N, 2), and their derivatives.
+    """Velocities (N, 3) that sprockets at omega (N, 2) [rad/s] drive under (g, epsilon, c) (N, 3), and derivatives.
 
-    The derivatives (N, 2, 2) are those of (v, w) by (g, epsilon).
+    A velocity is (forward speed, lateral speed to the left, yaw rate); the derivatives (N, 3, 3) are by the law.
     """
-    gain, scale = law[:, 0], 1 + law[:, 1]
+    gain, scale, centre = law[:, 0], 1 + law[:, 1], law[:, 2]
     left, right = (geometry.sprocket_radius * omega).T
-    speed, yaw_rate = (right + left) / 2, (right - left) / (2 * geometry.half_gauge)
-    derivative = np.zeros((len(law), 2, 2))
-    derivative[:, 1, 0] = scale * yaw_rate
-    derivative[:, 0, 1], derivative[:, 1, 1] = speed, gain * yaw_rate
-    return np.stack([scale * speed, scale * gain * yaw_rate], axis=1), derivative
+    speed, turning = (right + left) / 2, (right - left) / (2 * geometry.half_gauge)
+    yaw_rate = scale * gain * turning
+    derivative = np.zeros((len(law), 3, 3))
+    derivative[:, 0, 1] = speed
+    derivative[:, 2, 0], derivative[:, 2, 1] = scale * turning, gain * turning
+    derivative[:, 1] = -centre[:, None] * derivative[:, 2]
+    derivative[:, 1, 2] = -yaw_rate
+    return np.stack([scale * speed, -centre * yaw_rate, yaw_rate], axis=1), derivative
 
 
 def drive_arc(pose: Array, motion: Array) -> tuple[Array, Array, Array]:
-    """Poses (N, 3) after arcs of length and turn `motion` (N, 2) [m, rad], and their derivatives.
+    """Poses (N, 3) after a constant velocity, and their derivatives.
 
-    Those are by the pose before (N, 3, 3) and by the motion (N, 3, 2).
+    Args:
+        pose: (N, 3) before.
+        motion: ways forwards and to the left along the curve, and turns, (N, 3) [m, m, rad].
+
+    Returns:
+        The poses, and their derivatives by the poses before (N, 3, 3) and by the motion (N, 3, 3).
     """
-    length, turn = motion.T
+    forward, leftward, turn = motion.T
     half = turn / 2
     chord, slope = np.sinc(half / np.pi), _sinc_slope(half)
     cos, sin = np.cos(pose[:, 2] + half), np.sin(pose[:, 2] + half)
-    along, aside = length * chord * cos, length * chord * sin
-    after = np.stack([pose[:, 0] + along, pose[:, 1] + aside, pose[:, 2] + turn], axis=1)
+    along, aside = cos * forward - sin * leftward, sin * forward + cos * leftward
+    after = pose + np.stack([chord * along, chord * aside, turn], axis=1)
     by_pose = np.tile(np.eye(3), (len(pose), 1, 1))
-    by_pose[:, 0, 2], by_pose[:, 1, 2] = -aside, along
-    by_motion = np.zeros((len(pose), 3, 2))
-    by_motion[:, 0, 0], by_motion[:, 1, 0] = chord * cos, chord * sin
-    by_motion[:, 0, 1] = length * (slope * cos - chord * sin) / 2
-    by_motion[:, 1, 1] = length * (slope * sin + chord * cos) / 2
-    by_motion[:, 2, 1] = 1.0
+    by_pose[:, 0, 2], by_pose[:, 1, 2] = -chord * aside, chord * along
+    by_motion = np.zeros((len(pose), 3, 3))
+    by_motion[:, 0, 0], by_motion[:, 0, 1] = chord * cos, -chord * sin
+    by_motion[:, 1, 0], by_motion[:, 1, 1] = chord * sin, chord * cos
+    by_motion[:, 0, 2] = (slope * along - chord * aside) / 2
+    by_motion[:, 1, 2] = (slope * aside + chord * along) / 2
+    by_motion[:, 2, 2] = 1.0
     return after, by_pose, by_motion
 
 

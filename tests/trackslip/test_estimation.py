@@ -17,7 +17,7 @@ GAIN = GEOMETRY.half_gauge / (GEOMETRY.half_gauge + TRUE.offset)
 COLD = ConstantIcr(0.0, GEOMETRY.half_gauge, 0.0)
 NOISE = np.diag([0.002, 0.002, np.radians(0.25)]) ** 2
 PERIOD = 0.05
-EXACT = FilterTuning(gain_walk=0.0, radius_error_walk=0.0, position_walk=0.0, heading_walk=0.0)
+EXACT = FilterTuning(gain_walk=0.0, radius_error_walk=0.0, position_walk=0.0, heading_walk=0.0, centre_walk=0.0)
 
 
 @dataclass
@@ -47,20 +47,25 @@ class Drive:
 
 @pytest.mark.parametrize("turn", [0.0, 1e-5, 0.03, -0.8])
 def test_derivatives_by_finite_differences(turn):
-    pose, motion, h = np.array([[0.3, -0.2, 0.7]]), np.array([[0.02, turn]]), 1e-6
-    _, by_pose, by_motion = drive_arc(pose, motion)
-    np.testing.assert_allclose(drive_arc(pose, motion)[0], advance(pose, motion, 1.0), atol=1e-15)
+    pose, motion, h = np.array([[0.3, -0.2, 0.7]]), np.array([[0.02, -0.003, turn]]), 1e-6
+    after, by_pose, by_motion = drive_arc(pose, motion)
+    fine = pose
+    for _ in range(2000):
+        fine = drive_arc(fine, motion / 2000)[0]
+    np.testing.assert_allclose(after, fine, atol=1e-12)
+    straight = motion * [1, 0, 1]
+    np.testing.assert_allclose(drive_arc(pose, straight)[0], advance(pose, straight[:, [0, 2]], 1.0), atol=1e-15)
     for k, step in enumerate(h * np.eye(3)):
-        difference = (advance(pose + step, motion, 1.0) - advance(pose - step, motion, 1.0)) / (2 * h)
+        difference = (drive_arc(pose + step, motion)[0] - drive_arc(pose - step, motion)[0]) / (2 * h)
         np.testing.assert_allclose(by_pose[0, :, k], difference[0], atol=1e-8)
-    for k, step in enumerate(h * np.eye(2)):
-        difference = (advance(pose, motion + step, 1.0) - advance(pose, motion - step, 1.0)) / (2 * h)
+        difference = (drive_arc(pose, motion + step)[0] - drive_arc(pose, motion - step)[0]) / (2 * h)
         np.testing.assert_allclose(by_motion[0, :, k], difference[0], atol=1e-8)
 
-    law, omega = np.array([[GAIN, TRUE.radius_error]]), np.array([[1.0, 1.0 + turn]])
-    twist, by_law = icr_motion(law, omega, GEOMETRY)
-    np.testing.assert_allclose(twist, TRUE.twist(omega, GEOMETRY), atol=1e-15)
-    for k, step in enumerate(h * np.eye(2)):
+    law, omega = np.array([[GAIN, TRUE.radius_error, 0.02]]), np.array([[1.0, 1.0 + turn]])
+    velocity, by_law = icr_motion(law, omega, GEOMETRY)
+    np.testing.assert_allclose(velocity[:, [0, 2]], TRUE.twist(omega, GEOMETRY), atol=1e-15)
+    np.testing.assert_allclose(velocity[:, 1], -0.02 * velocity[:, 2], atol=1e-15)
+    for k, step in enumerate(h * np.eye(3)):
         ends = [icr_motion(law + sign * step, omega, GEOMETRY)[0][0] for sign in (1, -1)]
         np.testing.assert_allclose(by_law[0, :, k], (ends[0] - ends[1]) / (2 * h), atol=1e-8)
 
@@ -74,8 +79,8 @@ def test_finds_the_law_and_knows_how_well():
     drive = Drive.begin(400, COLD, tuning)
     for seconds in (2.0, 18.0):
         drive.run(seconds, law=truth)
-        error = drive.found.state[:, 3:] - np.stack([gain, radius_error], axis=1)
-        square = np.einsum("ni,nij,nj->n", error, np.linalg.inv(drive.found.covariance[:, 3:, 3:]), error)
+        error = drive.found.state[:, 3:5] - np.stack([gain, radius_error], axis=1)
+        square = np.einsum("ni,nij,nj->n", error, np.linalg.inv(drive.found.covariance[:, 3:5, 3:5]), error)
         low, high = chi2.ppf([0.001, 0.999], 2 * len(square))
         assert low < square.sum() < high
     assert drive.found.restarts.sum() <= 1
@@ -98,6 +103,19 @@ def test_finds_changed_ground_within_seconds():
     np.testing.assert_allclose(drive.found.offset, 0.1, rtol=0.1)
     drive.run(10.0, law=sticky)
     np.testing.assert_allclose(drive.found.offset, 0.1, rtol=0.03)
+
+
+def test_a_turn_about_a_centre_that_is_not_abreast_is_no_changed_ground():
+    """As with a weight ahead of the middle: D is found all the same."""
+    speeds, centre = np.array([[2.0, 2.9]]), 0.03
+    drive = Drive.begin(20, TRUE)
+    for _ in range(400):
+        v, w = TRUE.twist(speeds, GEOMETRY)[0]
+        drive.pose = drive_arc(drive.pose, np.tile([v, -centre * w, w], (20, 1)) * PERIOD)[0]
+        drive.found.update(np.repeat(speeds, 20, axis=0), PERIOD, drive.measured())
+    assert not drive.found.restarts.any()
+    np.testing.assert_allclose(drive.found.offset, TRUE.offset, rtol=0.05)
+    np.testing.assert_allclose(drive.found.state[:, 5], centre, atol=0.01)
 
 
 def test_takes_steady_ground_for_steady():
@@ -152,7 +170,7 @@ def test_exact_poses_are_no_trouble():
     for _ in range(100):
         drive.pose = advance(drive.pose, TRUE.twist(speeds, GEOMETRY), PERIOD)
         drive.found.update(speeds, PERIOD, PoseEstimate(drive.pose, np.zeros((1, 3, 3)), np.ones(1, bool)))
-    np.testing.assert_allclose(drive.found.state[0, 3:], [GAIN, TRUE.radius_error], rtol=0.01)
+    np.testing.assert_allclose(drive.found.state[0, 3:5], [GAIN, TRUE.radius_error], rtol=0.01)
 
 
 def test_each_robots_bits_are_its_own():
