@@ -50,15 +50,15 @@ class FilterTuning:
     """Wander of epsilon [1/sqrt(m) driven]."""
     centre_walk: float = 0.003
     """Wander of c [m per sqrt(rad) turned]."""
-    position_walk: float = 0.0005
+    position_walk: float = 0.002
     """What the motion model misses, in position [m per sqrt(m) driven]."""
-    heading_walk: float = 0.001
+    heading_walk: float = 0.003
     """What it misses, in heading [rad per sqrt(rad) turned]."""
     outlier: float = 30.0
     """Squared innovation, in its own covariance, from which a pose is left out (chi-square, 3 degrees) [-]."""
     patience: int = 5
     """Poses left out in a row after which they are believed [-]."""
-    change: float = 30.0
+    change: float = 60.0
     """Squared mean of innovations, in its own covariance, from which the ground has changed (likewise) [-]."""
     memory: float = 10.0
     """Scans over which that mean is taken [-]."""
