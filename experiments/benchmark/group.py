@@ -73,6 +73,7 @@ def measure(setup: Setup, outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
         if log is not None and log.truth is not None:
             path = reference(case.reference)
             row |= store.plain(tracking_errors(log.time, log.truth.pose, path)) | store.plain(expense(log, top_speed))
+            row["valid_fraction"] = float(log.is_valid.mean())
             if log.icr is not None:
                 row |= {"icr_offset": log.icr[-1, 0], "icr_radius_error": log.icr[-1, 1]}
             if replace(case, seed=0) not in timed:

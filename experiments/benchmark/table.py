@@ -15,7 +15,7 @@ _WITH_INTERVAL = ("rms_position", "rms_position_after_12s", "rms_position_arc", 
 _MEANS = (
     *_WITH_INTERVAL,
     *("cross_track", "along_track", "max_position", "final_position", "final_heading", "iae", "itae"),
-    *("effort", "roughness", "saturation_s", "icr_offset", "icr_radius_error"),
+    *("effort", "roughness", "saturation_s", "valid_fraction", "icr_offset", "icr_radius_error"),
 )
 _RESAMPLES = 2000
 _RANKED = ("controller", "compensation", "start")
@@ -148,6 +148,7 @@ _WHOLE: dict[str, _Format] = {
     "ITAE [m s²]": lambda row: _number(row["itae"], 1, 2),
     "effort [rad²/s]": lambda row: _number(row["effort"], 1, 0),
     "saturated [s]": lambda row: _number(row["saturation_s"], 1, 2),
+    "poses valid [%]": lambda row: _number(row["valid_fraction"], 100, 1),
     "step p50 | p99 [ms]": lambda row: (
         f"{_number(row['compute_ms_p50'], 1, 2)} | {_number(row['compute_ms_p99'], 1, 2)}"
     ),

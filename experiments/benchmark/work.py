@@ -23,7 +23,7 @@ _SLOW = {"mpc": 4.0}  # how much longer a robot takes than under most controller
 def work_off(config: BenchmarkConfig, wanted: Mapping[Path, tuple[Case, ...]]) -> Iterator[Path]:
     """Make parts, in `config.jobs` processes; yields each when it is there. The longest are begun first."""
     order = sorted(wanted, key=lambda path: -_work(wanted[path]))
-    jobs = min(config.jobs or len(os.sched_getaffinity(0)), len(order))
+    jobs = min(config.jobs or _processors(), len(order))
     if jobs <= 1:
         for path in order:
             yield make(config, path, wanted[path])
@@ -56,6 +56,11 @@ def _setup(config: BenchmarkConfig) -> Setup:
 
 def _work(cases: tuple[Case, ...]) -> float:
     return reference(cases[0].reference).duration * sum(_SLOW.get(case.controller, 1.0) for case in cases)
+
+
+def _processors() -> int:
+    """How many this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _begin() -> None:

@@ -82,6 +82,7 @@ def test_rows_are_what_the_stored_runs_say(trackslip, short):
         low, high = row["rms_position_ci95"]
         assert low <= row["rms_position"] <= high
         assert (row["seeds"], row["failed"], row["success"]) == (2, 0, 1.0)
+        assert row["valid_fraction"] == 1.0
         assert 0 < row["compute_ms_p50"] <= row["compute_ms_p99"] < 1e3
     text = (result.folder / "leaderboard.md").read_text()
     assert text.count("\n| feedforward") == 2 + 4
