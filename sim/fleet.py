@@ -21,6 +21,8 @@ from trackslip.kinematics import Array
 _SETTLING = 1.0  # time for a robot set down on the ground to come to rest [s]
 _RESETTLING = 0.4  # the same where it begins nearly as low as it will stand
 _AT_REST = 0.005  # below this speed [m/s] it has; creep is a hundred times slower
+Rows = np.ndarray | slice
+_EVERYONE = slice(None)
 _UPRIGHT = 0.1  # below this roll and pitch it stands on its tracks [rad]
 
 
@@ -175,10 +177,9 @@ class Fleet:
             raise InvalidValueError("duration", duration, f"a multiple of the servo period, {self.period} s")
         if periods == 0:
             return
-        everyone = np.arange(self.size)
-        before = self._snapshot(everyone)
+        before = self._snapshot(_EVERYONE)
         forecast = self.drive.forecast(periods)
-        torque = self.drive.torque_for(forecast, self._run(everyone, forecast.mean))
+        torque = self.drive.torque_for(forecast, self._run(_EVERYONE, forecast.mean))
         weak = np.flatnonzero(self.drive.too_weak(forecast, torque).any(axis=(0, 2)))
         if not weak.size:
             self.drive.accept(forecast, torque)
@@ -191,21 +192,22 @@ class Fleet:
             self._advance_within_limits(weak, limited)
         self.drive.put(weak, limited)
 
-    def _run(self, rows: np.ndarray, mean: Array) -> Array:
+    def _run(self, rows: Rows, mean: Array) -> Array:
         """Run the belts of the robots `rows` (R,) at mean sprocket speeds (P, R, 2) [rad/s] for P periods.
 
         Returns the mean tractions (P, R, 2) in them.
         """
         # the lower side of a belt runs backwards when the robot goes forwards
         belts = (-self._radius[rows] * mean)[..., self.robot.pad_side] * self.robot.pad_sign
-        forces = np.empty((len(mean), len(rows), self._sensors.shape[1]))
-        forward = np.empty((len(mean), len(rows), 2))
+        ids = None if rows is _EVERYONE else rows
+        forces = np.empty((*mean.shape[:2], self._sensors.shape[1]))
+        forward = np.empty((*mean.shape[:2], 2))
         for k, speed in enumerate(belts):
             if self._friction.varies:
                 self._lay_friction(rows)
             self.belts[rows] = speed
             # grip follows the belts within a period: only the mean of the forces is their impulse
-            recorded = self.batch.rollout(self._substeps, record=("sensordata",), ids=rows)["sensordata"]
+            recorded = self.batch.rollout(self._substeps, record=("sensordata",), ids=ids)["sensordata"]
             forces[k] = recorded[..., : forces.shape[-1]].sum(axis=1)
             forward[k] = self._forward[rows]
             self._periods += 1
@@ -226,8 +228,8 @@ class Fleet:
             self._restore(rows, before)
             self._periods -= 1
 
-    def _snapshot(self, rows: np.ndarray) -> tuple[Array, ...]:
-        return self.batch.state[rows], self._heading[rows]
+    def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
+        return self.batch.state[rows].copy(), self._heading[rows].copy()
 
     def _restore(self, rows: np.ndarray, snapshot: tuple[Array, ...]) -> None:
         self.batch.state[rows], self._heading[rows] = snapshot
@@ -270,7 +272,7 @@ class Fleet:
         along = (self.robot.lrf_height - self.batch.qpos[:, 2]) / up[2]
         return along * (np.cos(self._heading) * up[1] - np.sin(self._heading) * up[0])
 
-    def _lay_friction(self, rows: np.ndarray) -> None:
+    def _lay_friction(self, rows: Rows) -> None:
         """Give every pad of the robots `rows` (R,) the friction of the place and the time."""
         time = (self._periods - self._began) * self.period
         self._pad_friction[rows] = self._friction.at(time, self.batch.qpos[:, :2], self._wrapped_heading())[rows]

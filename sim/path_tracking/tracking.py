@@ -134,16 +134,16 @@ class PathTracking:
 
     def info(self) -> dict[str, Array]:
         """What is known beyond the observation, by name; arrays (N, ...), the same keys at every time."""
-        true = self.fleet.twist()[:, [0, 2]]
-        omega = self.fleet.drive.omega
-        slip = track_slip(np.where(np.abs(omega) < _STANDING, 0.0, omega), true, self.fleet.robot.geometry)
+        twist, omega = self.fleet.twist(), self.fleet.drive.omega
+        driven = np.where(np.abs(omega) < _STANDING, 0.0, omega)
+        slip = track_slip(driven, twist[:, ::2], self.fleet.robot.geometry)
         return {
             "time": self._k * PERIOD,  # [s]
             "reference": self._reference.copy(),  # index in `references`, of those asked for by option beyond them
             "true_pose": self.fleet.pose(),  # (N, 3) [m, m, rad]
-            "true_twist": self.fleet.twist(),  # (N, 3) forward, to the left [m/s], yaw rate [rad/s]
+            "true_twist": twist,  # (N, 3) forward, to the left [m/s], yaw rate [rad/s]
             "true_error": self._error.copy(),  # (N, 3) in the robot's frame [m, m, rad]
-            "true_slip": np.nan_to_num(slip, nan=0.0),  # (N, 2); 0 where a sprocket stands [-]
+            "true_slip": np.where(driven == 0, 0.0, slip),  # (N, 2); 0 where a sprocket stands [-]
             "measured_pose": self._measured.copy(),  # (N, 3) [m, m, rad]
             "measured_omega": self._omega.copy(),  # (N, 2) [rad/s]
             "set_point": self.fleet.drive.set_point.copy(),  # (N, 2) [rad/s]
