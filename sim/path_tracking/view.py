@@ -99,7 +99,7 @@ class View:
         path = tracking.table.path(int(tracking.path_index[row]))[:, :2]
         for points, height, width, colour in (
             (_thinned(path), 0.004, _PATH_WIDTH, _PATH),
-            (self._trails[row], 0.008, _TRAIL_WIDTH, _TRAIL),
+            (self._trails[row], 0.014, _TRAIL_WIDTH, _TRAIL),
         ):
             for start, end in pairwise(points):
                 if scene.ngeom == scene.maxgeom:
