@@ -27,6 +27,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from experiments import store
 from experiments.bench_config import BenchConfig
+from experiments.bench_env import env_rows, measure_env
 from experiments.config import TrackConfig
 from experiments.console import print_table
 from experiments.grid import before_scanner, make_locator
@@ -58,22 +59,26 @@ def run(config: BenchConfig) -> None:
     began = perf_counter()
     with store.results(config.out) as folder:
         robot = load_robot()
-        rates = measure(config, robot)
-        peak = peak_memory()
+        summary = _measured(config, robot)
+        summary["peak_memory_mb"] = peak_memory()
         wall = perf_counter() - began
-        summary = {
-            "rows": bench_rows(rates, robot.model.opt.timestep),
-            "thread_speedup": thread_speedup(rates),
-            "peak_memory_mb": peak,
-            "timing": {"wall_s": wall},
-        }
+        summary["timing"] = {"wall_s": wall}
         about = store.manifest(
             "bench", config, wall, seed=config.seed, model_sha256=robot.digest, processors=os.cpu_count()
         )
         store.write_json(folder / store.SUMMARY, summary)
         store.write_json(folder / store.MANIFEST, about)
-    print_summary(summary)
+    (print_env_summary if config.env else print_summary)(summary)
     print(f"{config.out / store.SUMMARY}: {wall:.1f} s")
+
+
+def _measured(config: BenchConfig, robot: Robot) -> dict[str, Any]:
+    timestep = robot.model.opt.timestep
+    if config.env:
+        with _progress(1 + config.repeats) as step:
+            return {"rows": env_rows(config, measure_env(config, step), timestep)}
+    rates = measure(config, robot)
+    return {"rows": bench_rows(rates, timestep), "thread_speedup": thread_speedup(rates)}
 
 
 class Rig:
@@ -244,6 +249,31 @@ def print_summary(summary: Mapping[str, Any]) -> None:
                 for n, threads in dict.fromkeys(key[:2] for key in speedup)
             ],
         )
+    _print_memory(summary)
+
+
+def print_env_summary(summary: Mapping[str, Any]) -> None:
+    """Print the table of the environments, and the memory."""
+    print_table(
+        "Speed of the learning environments",
+        ("case", "robots", "threads", "steps/s", "ratio to bare", "ratio to SyncVectorEnv", "real-time factor"),
+        [
+            (
+                row["case"],
+                str(row["n"]),
+                str(row["threads"]),
+                f"{row['steps_per_s']:,.0f}",
+                f"{row['ratio_to_bare']:.2f}",
+                f"{row['ratio_to_single']:.1f}",
+                f"{row['real_time_factor']:.1f}",
+            )
+            for row in summary["rows"]
+        ],
+    )
+    _print_memory(summary)
+
+
+def _print_memory(summary: Mapping[str, Any]) -> None:
     if summary["peak_memory_mb"] is not None:
         print(f"peak memory {summary['peak_memory_mb']:.0f} MB")
 

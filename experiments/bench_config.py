@@ -14,7 +14,10 @@ MOST_REPEATS = 1000
 
 @dataclass(frozen=True)
 class BenchConfig:
-    """Measure how fast it simulates: bare physics, a fleet, the scanner before it, and the closed loop."""
+    """Measure how fast it simulates: bare physics, a fleet, the scanner before it, and the closed loop.
+
+    With `env`, the learning environments instead.
+    """
 
     sizes: tuple[int, ...] = (1, 25, 256)
     """Numbers of robots, each measured at each number of threads."""
@@ -24,6 +27,10 @@ class BenchConfig:
     """Simulated time in each measurement, of all robots together [s]; the closed loop gets a tenth."""
     repeats: int = 5
     """Rounds, in each of which every case is measured in short turns; the results are medians."""
+    env: bool = False
+    """Measure the gymnasium environments, natively vectorised and one by one, against the bare engine."""
+    env_size: int = 64
+    """Number of robots in them."""
     seed: int = 0
     """Root of all random numbers."""
     out: Path = Path("out/bench")
@@ -45,5 +52,7 @@ class BenchConfig:
         require_at_most("seconds", self.seconds, LONGEST_RUN, "s")
         if not 1 <= self.repeats <= MOST_REPEATS:
             raise InvalidValueError("repeats", self.repeats, f"an integer from 1 to {MOST_REPEATS}")
+        if not 1 <= self.env_size <= MOST_ROBOTS:
+            raise InvalidValueError("env_size", self.env_size, f"an integer from 1 to {MOST_ROBOTS}")
         if self.seed < 0:
             raise InvalidValueError("seed", self.seed, "an integer >= 0")

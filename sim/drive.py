@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -47,6 +49,10 @@ def tireless(top_speed: float = Drive.top_speed) -> Drive:
     return Drive(top_speed=top_speed, torque_limit=1e6, motor=Motor(no_load_speed=1e6, stall_torque=1e6))
 
 
+_STATE = ("set_point", "omega", "_error", "angle", "torque", "energy", "saturated_time")
+_PARAMETERS = ("radius", "_decay", "_mean_decay")
+
+
 @dataclass(frozen=True)
 class Forecast:
     """What the sprockets will do in the next P servo periods, torque permitting."""
@@ -79,8 +85,8 @@ class DriveState:
         """Largest torque [N m]."""
         self.rotor_stiffness = drive.motor.inertia / drive.period
         """Torque that it takes to change a sprocket's speed within a period [N m s/rad]."""
-        self._decay = np.exp(-drive.period / drive.lag)
-        self._mean_decay = -np.expm1(-drive.period / drive.lag) * drive.lag / drive.period
+        self._decay = np.full((n, 1), np.exp(-drive.period / drive.lag))
+        self._mean_decay = np.full((n, 1), _mean_decay(drive.period, drive.lag))
         self.set_point = np.zeros((n, 2))
         """[rad/s]"""
         self.omega = np.zeros((n, 2))
@@ -94,6 +100,26 @@ class DriveState:
         """Electrical energy since the start [J]."""
         self.saturated_time = np.zeros((n, 2))
         """Time since the start in which the motor was at its limit [s]."""
+
+    def restart(self, rows: np.ndarray, lag: Sequence[float]) -> None:
+        """Sprockets of the robots `rows` (R,) as at the start, at rest, with servos of these lags (R,) [s]."""
+        for name in _STATE:
+            getattr(self, name)[rows] = 0.0
+        for row, value in zip(rows, lag, strict=True):
+            self._decay[row] = np.exp(-self.period / value)
+            self._mean_decay[row] = _mean_decay(self.period, value)
+
+    def of(self, rows: np.ndarray) -> DriveState:
+        """The sprockets of the robots `rows` (R,), copied."""
+        part = copy.copy(self)
+        for name in (*_STATE, *_PARAMETERS):
+            setattr(part, name, getattr(self, name)[rows])
+        return part
+
+    def put(self, rows: np.ndarray, part: DriveState) -> None:
+        """Take the state of the sprockets of the robots `rows` (R,) from `part`."""
+        for name in _STATE:
+            getattr(self, name)[rows] = getattr(part, name)
 
     def command(self, omega: Array) -> None:
         """Set points (N, 2) [rad/s]; what is beyond the top speed is cut off."""
@@ -142,6 +168,11 @@ class DriveState:
         """Angles (N, 2) as the encoders count them [rad]."""
         count = 2 * np.pi / self._drive.encoder_counts
         return np.floor(self.angle / count) * count
+
+
+def _mean_decay(period: float, lag: float) -> float:
+    """Mean over a period [s] of what is left of an error of 1 at its start."""
+    return float(-np.expm1(-period / lag) * lag / period)
 
 
 def _added(total: Array, parts: Array) -> Array:

@@ -3,26 +3,50 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from mujoco import batch
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from sim.drive import RADIUS_ERROR, Drive, DriveState
 from sim.ground import Ground
 from sim.pad_friction import PadFriction
 from sim.robot import Robot
+from sim.robot_parameters import SINK
 from sim.saturation import SpeedSearch
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array
 
 _SETTLING = 1.0  # time for a robot set down on the ground to come to rest [s]
+_RESETTLING = 0.4  # the same where it begins nearly as low as it will stand
 _AT_REST = 0.005  # below this speed [m/s] it has; creep is a hundred times slower
+Rows = np.ndarray | slice
+_EVERYONE = slice(None)
 _UPRIGHT = 0.1  # below this roll and pitch it stands on its tracks [rad]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """How a robot's run begins, and what is its own in it."""
+
+    start: tuple[float, float, float]
+    """Pose [m, m, rad]."""
+    ground: Ground = field(default_factory=Ground)
+    radius_error: float = RADIUS_ERROR
+    """Of the effective sprocket radius [-]."""
+    lag: float = Drive.lag
+    """Time constant of the servos [s]."""
+    weight: tuple[float, float] = (0.0, 0.0)
+    """Where the centre of mass is, forward and to the left of where the model has it [m]."""
 
 
 class Fleet:
     """N robots on their grounds. Same arguments, same bits, at any number of threads."""
+
+    ground: tuple[Ground, ...]
+    """Of each robot."""
+    _friction: PadFriction
 
     def __init__(
         self,
@@ -74,21 +98,63 @@ class Fleet:
         self._forward = self.batch.bind("xmat")[:, robot.model.body("chassis").id, 0:4:3]
         self.plate = self.batch.bind("geom_xpos")[:, robot.model.geom("plate").id]
         """Middles (N, 3) of the robots' plates one physics step ago [m], live."""
+        self._fresh = self.batch.state[0].copy()  # of a robot that has done nothing yet
         self._gravity: Array | None = None  # (N, 3), live, once some ground slopes
+        self._centre: Array | None = None  # (N, 3), live, once some centre of mass is moved
         self._heading: Array = np.zeros(self.size)  # unwrapped
         self._periods = 0  # since the start
+        self._began: NDArray[np.int_] = np.zeros(self.size, int)  # when each robot's run began, in periods
         fastest = drive.top_speed / robot.geometry.half_gauge * drive.period  # turn in a period [rad]
         self._unwrap_every = max(1, int(1.0 / fastest))  # periods
-        self._place_at(start)
+        self._place_at(np.arange(self.size), start)
         self.set_ground(ground or Ground())
-        for g, friction, heading in zip(self.ground, self._pad_friction, start[:, 2], strict=True):
-            g.require_parking(friction.mean(axis=0), float(heading))
-        self._settle(start)
+        self._require_parking(np.arange(self.size), start)
+        self._settle(np.arange(self.size), start, _SETTLING)
 
     @property
     def time(self) -> float:
         """Since the start [s]."""
         return self._periods * self.period
+
+    def restart(self, rows: ArrayLike, setting: Sequence[Setting]) -> None:
+        """Begin new runs with the robots `rows` (R,), one setting each; the others' runs go on where they are.
+
+        Raises:
+            InvalidValueError: for poses that aren't finite, a slope too steep to park on.
+        """
+        rows = np.asarray(rows, int)
+        if not rows.size:
+            return
+        start = np.array([s.start for s in setting], float)
+        if not np.isfinite(start).all():
+            raise InvalidValueError("start", start.tolist(), "finite poses (x, y, phi)")
+        self._radius[rows, 0] = self.robot.geometry.sprocket_radius * (1 + np.array([s.radius_error for s in setting]))
+        self.drive.restart(rows, [s.lag for s in setting])
+        self._began[rows] = self._periods
+        self.belts[rows] = 0.0
+        self._balance(rows, np.array([s.weight for s in setting]))
+        self._place_at(rows, start, -SINK)
+        self._heading[rows] = start[:, 2]
+        grounds = list(self.ground)
+        for row, s in zip(rows, setting, strict=True):
+            grounds[row] = s.ground
+        self.ground = tuple(grounds)
+        self._friction.replace(rows, [s.ground for s in setting])
+        self._lay_gravity(rows)
+        self._lay_friction(rows)
+        self._require_parking(rows, start)
+        self._settle(rows, start, _RESETTLING)
+
+    def _balance(self, rows: np.ndarray, weight: Array) -> None:
+        """Move centres of mass (R, 2) from where the model has them, forward and to the left [m]."""
+        if self._centre is None:
+            if not weight.any():
+                return
+            self._centre = self.batch.expand("body_ipos")[:, self.robot.model.body("chassis").id]
+        self._centre[rows, :2] = self.robot.model.body("chassis").ipos[:2] + weight
+        self.belts[rows] = 1.0  # derived from standing belts, the engine's constants say that none ever moves
+        self.batch.set_const(ids=rows)
+        self.belts[rows] = 0.0
 
     def set_ground(self, ground: Ground | Sequence[Ground]) -> None:
         """Put the robots on a ground, all the same or one each; takes effect at once, also in mid-run."""
@@ -97,11 +163,8 @@ class Fleet:
             raise InvalidValueError("ground", f"{len(grounds)} grounds", f"one or {self.size}")
         self.ground = tuple(grounds)
         self._friction = PadFriction(grounds, self.robot.pad_position)
-        if self._gravity is None and any(g.slope != 0 for g in grounds):
-            self._gravity = self.batch.expand("opt.gravity")
-        if self._gravity is not None:
-            self._gravity[:] = [g.gravity(-float(self.robot.model.opt.gravity[2])) for g in grounds]
-        self._lay_friction()
+        self._lay_gravity(np.arange(self.size))
+        self._lay_friction(np.arange(self.size))
 
     def command(self, omega: ArrayLike) -> None:
         """Set points of the sprockets, (N, 2) or (2,) [rad/s]; they hold until the next."""
@@ -114,52 +177,62 @@ class Fleet:
             raise InvalidValueError("duration", duration, f"a multiple of the servo period, {self.period} s")
         if periods == 0:
             return
-        before = self._snapshot()
+        before = self._snapshot(_EVERYONE)
         forecast = self.drive.forecast(periods)
-        torque = self.drive.torque_for(forecast, self._run(forecast.mean))
-        if not self.drive.too_weak(forecast, torque).any():
+        torque = self.drive.torque_for(forecast, self._run(_EVERYONE, forecast.mean))
+        weak = np.flatnonzero(self.drive.too_weak(forecast, torque).any(axis=(0, 2)))
+        if not weak.size:
             self.drive.accept(forecast, torque)
             return
-        self._restore(before)
+        limited = self.drive.of(weak)
+        self.drive.accept(forecast, torque)
+        self._restore(weak, tuple(part[weak] for part in before))
+        self._periods -= periods
         for _ in range(periods):
-            self._advance_within_limits()
+            self._advance_within_limits(weak, limited)
+        self.drive.put(weak, limited)
 
-    def _run(self, mean: Array) -> Array:
-        """Run the belts at mean sprocket speeds (P, N, 2) [rad/s] for P periods; mean tractions (P, N, 2) in them."""
+    def _run(self, rows: Rows, mean: Array) -> Array:
+        """Run the belts of the robots `rows` (R,) at mean sprocket speeds (P, R, 2) [rad/s] for P periods.
+
+        Returns the mean tractions (P, R, 2) in them.
+        """
         # the lower side of a belt runs backwards when the robot goes forwards
-        belts = (-self._radius * mean)[..., self.robot.pad_side] * self.robot.pad_sign
-        forces = np.empty((len(mean), *self._sensors.shape))
-        forward = np.empty((len(mean), self.size, 2))
+        belts = (-self._radius[rows] * mean)[..., self.robot.pad_side] * self.robot.pad_sign
+        ids = None if rows is _EVERYONE else rows
+        forces = np.empty((*mean.shape[:2], self._sensors.shape[1]))
+        forward = np.empty((*mean.shape[:2], 2))
         for k, speed in enumerate(belts):
             if self._friction.varies:
-                self._lay_friction()
-            self.belts[:] = speed
+                self._lay_friction(rows)
+            self.belts[rows] = speed
             # grip follows the belts within a period: only the mean of the forces is their impulse
-            recorded = self.batch.rollout(self._substeps, record=("sensordata",))["sensordata"]
+            recorded = self.batch.rollout(self._substeps, record=("sensordata",), ids=ids)["sensordata"]
             forces[k] = recorded[..., : forces.shape[-1]].sum(axis=1)
-            forward[k] = self._forward
+            forward[k] = self._forward[rows]
             self._periods += 1
             if (k + 1) % self._unwrap_every == 0:
                 self._follow_heading()
         self._follow_heading()
         return _along(forces / self._substeps, forward)
 
-    def _advance_within_limits(self) -> None:
-        """One period in which some motor may be too weak to follow its servo.
+    def _advance_within_limits(self, rows: np.ndarray, drive: DriveState) -> None:
+        """One period of the robots `rows` (R,), in which some motor of theirs may be too weak to follow its servo.
 
         Its sprocket then ends at a speed for which it has just enough torque. What the ground makes of a speed is found
         by trying it.
         """
-        before = self._snapshot()
-        search = SpeedSearch(self.drive, self.robot.mass, float(np.linalg.norm(self.robot.model.opt.gravity)))
-        while not search.done(self._run(search.belt)):
-            self._restore(before)
+        before = self._snapshot(rows)
+        search = SpeedSearch(drive, self.robot.mass, float(np.linalg.norm(self.robot.model.opt.gravity)))
+        while not search.done(self._run(rows, search.belt)):
+            self._restore(rows, before)
+            self._periods -= 1
 
-    def _snapshot(self) -> tuple[Array, Array, int]:
-        return self.batch.state.copy(), self._heading.copy(), self._periods
+    def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
+        return self.batch.state[rows].copy(), self._heading[rows].copy()
 
-    def _restore(self, snapshot: tuple[Array, Array, int]) -> None:
-        self.batch.state[:], self._heading, self._periods = snapshot[0], snapshot[1].copy(), snapshot[2]
+    def _restore(self, rows: np.ndarray, snapshot: tuple[Array, ...]) -> None:
+        self.batch.state[rows], self._heading[rows] = snapshot
 
     def pose(self) -> Array:
         """True poses (N, 3) of the chassis [m, m, rad]; phi unwrapped."""
@@ -188,6 +261,10 @@ class Fleet:
         pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
         return np.column_stack([-self.batch.qpos[:, 2], roll, pitch])
 
+    def friction(self) -> Array:
+        """Friction coefficients (N, 2) along and across the tracks, mean over the pads [-]."""
+        return self._pad_friction.mean(axis=1)
+
     def lean(self) -> Array:
         """How far the plates stand to the left of the chassis, at the height at which they are scanned (N,) [m]."""
         w, x, y, z = self._quaternion
@@ -195,40 +272,56 @@ class Fleet:
         along = (self.robot.lrf_height - self.batch.qpos[:, 2]) / up[2]
         return along * (np.cos(self._heading) * up[1] - np.sin(self._heading) * up[0])
 
-    def _lay_friction(self) -> None:
-        """Give every pad the friction of the place and the time."""
-        self._pad_friction[:] = self._friction.at(self.time, self.batch.qpos[:, :2], self._wrapped_heading())
+    def _lay_friction(self, rows: Rows) -> None:
+        """Give every pad of the robots `rows` (R,) the friction of the place and the time."""
+        time = (self._periods - self._began) * self.period
+        self._pad_friction[rows] = self._friction.at(time, self.batch.qpos[:, :2], self._wrapped_heading())[rows]
 
-    def _place_at(self, start: Array) -> None:
-        qpos = self.batch.qpos
-        qpos[:, :3] = np.column_stack([start[:, :2], np.zeros(self.size)])
-        qpos[:, 3:7] = _yaw_quaternion(start[:, 2])
+    def _lay_gravity(self, rows: np.ndarray) -> None:
+        """Give the robots `rows` (R,) the gravity of their slopes."""
+        if self._gravity is None and any(self.ground[k].slope != 0 for k in rows):
+            self._gravity = self.batch.expand("opt.gravity")
+        if self._gravity is not None:
+            size = -float(self.robot.model.opt.gravity[2])
+            self._gravity[rows] = [self.ground[k].gravity(size) for k in rows]
 
-    def _settle(self, start: Array) -> None:
-        """Let the robots come to rest on the ground, at the poses `start` (N, 3)."""
+    def _place_at(self, rows: np.ndarray, start: Array, height: float = 0.0) -> None:
+        """Put the robots `rows` (R,) at poses (R, 3), upright, with nothing left of what they did before."""
+        self.batch.state[rows] = self._fresh
         qpos = self.batch.qpos
-        self.batch.step(nstep=round(_SETTLING / self.robot.model.opt.timestep))
-        self._require_rest(start)
+        qpos[rows, :3] = np.column_stack([start[:, :2], np.full(len(rows), height)])
+        qpos[rows, 3:7] = _yaw_quaternion(start[:, 2])
+
+    def _settle(self, rows: np.ndarray, start: Array, duration: float) -> None:
+        """Let the robots `rows` (R,) come to rest on the ground in `duration` [s], at the poses `start` (R, 3)."""
+        qpos = self.batch.qpos
+        self.batch.step(ids=rows, nstep=round(duration / self.robot.model.opt.timestep))
+        self._require_rest(rows, start)
         # settling moves it by less than a micrometre; start exactly where asked
-        qpos[:, :2] = start[:, :2]
-        half_turn = (start[:, 2] - self._wrapped_heading()) / 2
+        qpos[rows, :2] = start[:, :2]
+        half_turn = (start[:, 2] - self._wrapped_heading()[rows]) / 2
         cos, sin = np.cos(half_turn), np.sin(half_turn)
-        w, x, y, z = qpos[:, 3:7].T.copy()
-        qpos[:, 3:7] = np.column_stack([cos * w - sin * z, cos * x - sin * y, cos * y + sin * x, cos * z + sin * w])
-        self.batch.qvel[:] = 0
-        self.batch.time[:] = 0
-        self._heading = start[:, 2].copy()
+        w, x, y, z = qpos[rows, 3:7].T
+        qpos[rows, 3:7] = np.column_stack([cos * w - sin * z, cos * x - sin * y, cos * y + sin * x, cos * z + sin * w])
+        self.batch.qvel[rows] = 0
+        self.batch.time[rows] = 0
+        self._heading[rows] = start[:, 2]
         self._follow_heading()
 
-    def _require_rest(self, start: Array) -> None:
+    def _require_parking(self, rows: np.ndarray, start: Array) -> None:
+        """Raise InvalidValueError for robots `rows` (R,) that friction can't hold at the poses `start` (R, 3)."""
+        for k, heading in zip(rows, start[:, 2], strict=True):
+            self.ground[k].require_parking(self._pad_friction[k].mean(axis=0), float(heading))
+
+    def _require_rest(self, rows: np.ndarray, start: Array) -> None:
         """Raise InvalidValueError for robots that slide, or have tipped over, where they were set down."""
-        sliding = ~(np.hypot(*self.batch.qvel[:, :2].T) < _AT_REST)
-        tipped = ~(np.abs(self.attitude()[:, 1:]).max(axis=1) < _UPRIGHT)
+        sliding = ~(np.hypot(*self.batch.qvel[rows, :2].T) < _AT_REST)
+        tipped = ~(np.abs(self.attitude()[rows, 1:]).max(axis=1) < _UPRIGHT)
         for k in np.flatnonzero(sliding | tipped)[:1]:
             what = "tips over" if tipped[k] else "slides"
             raise InvalidValueError(
                 "slope",
-                self.ground[k].slope,
+                self.ground[rows[k]].slope,
                 f"less, to park with heading {round(float(start[k, 2]), 3) + 0:g} rad: the robot {what}",
             )
 

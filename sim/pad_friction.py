@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from sim.ground import Ground
 from trackslip.kinematics import Array
@@ -36,10 +37,36 @@ class PadFriction:
                 self._corners[i, j] = np.transpose([patch.x, patch.y])
                 self._patch[i, j] = patch.along, patch.across
 
-    def at(self, time: float, position: Array, heading: Array) -> Array:
-        """Friction (N, P, 2) along and across, at a time [s], of robots at positions (N, 2) [m] and headings (N,)."""
+    def replace(self, rows: np.ndarray, grounds: Sequence[Ground]) -> None:
+        """Put the robots `rows` (R,) on other grounds, one each."""
+        new = PadFriction(grounds, self._pads)
+        changes, patches = (
+            max(mine.shape[1], others.shape[1]) for mine, others in ((self._time, new._time), (self._patch, new._patch))
+        )
+        self._widen(changes, patches)
+        new._widen(changes, patches)
+        for mine, others in zip(self._tables(), new._tables(), strict=True):
+            mine[rows] = others
+        self.varies = bool(np.isfinite(self._time).any() or (self._patch > 0).any())
+
+    def _tables(self) -> tuple[Array, Array, Array, Array]:
+        return self._time, self._base, self._corners, self._patch
+
+    def _widen(self, changes: int, patches: int) -> None:
+        """Make room for as many changes and patches, which never come and are nowhere."""
+        later, more = changes - self._time.shape[1], patches - self._patch.shape[1]
+        self._time = np.pad(self._time, ((0, 0), (0, later)), constant_values=np.inf)
+        self._base = np.pad(self._base, ((0, 0), (0, later), (0, 0)), mode="edge")
+        self._corners = np.pad(self._corners, ((0, 0), (0, more), (0, 0), (0, 0)), constant_values=np.nan)
+        self._patch = np.pad(self._patch, ((0, 0), (0, more), (0, 0)))
+
+    def at(self, time: ArrayLike, position: Array, heading: Array) -> Array:
+        """Friction (N, P, 2) along and across of robots at positions (N, 2) [m] and headings (N,).
+
+        `time`: since the start of their runs, one or (N,) [s].
+        """
         n = len(position)
-        passed = (self._time <= time + 1e-9).sum(axis=1)
+        passed = (self._time <= np.reshape(time, (-1, 1)) + 1e-9).sum(axis=1)
         friction = np.repeat(self._base[np.arange(n), passed][:, None], len(self._pads), axis=1)
         if self._patch.shape[1] == 0:
             return friction

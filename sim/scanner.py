@@ -121,7 +121,7 @@ class ScannerFeed:
         if len(generators) != fleet.size:
             raise InvalidValueError("generators", len(generators), f"{fleet.size}, one for each robot")
         self._scanner, self._fleet, self._obstacles = scanner, fleet, obstacles or Obstacles()
-        self._noise, self._dropout = zip(*(g.spawn(2) for g in generators), strict=True)
+        self._noise, self._dropout = (list(g) for g in zip(*(g.spawn(2) for g in generators), strict=True))
         robot = fleet.robot
         x, y, heading = robot.lrf_mount
         self._heading = heading
@@ -145,6 +145,11 @@ class ScannerFeed:
         )
         self._groups = np.arange(6) == SCANNED_GROUP
         self._lrf = robot.model.body("lrf").id
+
+    def restart(self, robots: np.ndarray, generators: Sequence[np.random.Generator]) -> None:
+        """Give some robots (R,) new streams of noise."""
+        for robot, g in zip(robots, generators, strict=True):
+            self._noise[robot], self._dropout[robot] = g.spawn(2)
 
     @property
     def period(self) -> float:

@@ -46,6 +46,12 @@ class Tracker:
         self._blind = np.zeros((len(self._pose), 2))  # way [m] and turn [rad] since the last valid pose
         self._last = np.zeros((len(self._pose), 3, 3))  # covariance of the last valid pose
 
+    def restart(self, robots: np.ndarray, start: Array) -> None:
+        """Forget the past of some robots (R,), whose poses are known anew (R, 3)."""
+        self._pose[robots] = start
+        self._blind[robots] = 0.0
+        self._last[robots] = 0.0
+
     def predict(self, omega: Array, duration: float) -> Array:
         """Carry the poses on by sprocket speeds (N, 2) [rad/s] held for `duration` [s]; the new poses (N, 3)."""
         twist = body_twist(omega, 0.0, self._geometry)

@@ -1,0 +1,126 @@
+"""`trackslip bench --env`: what the learning environments cost, against the bare engine in the same motion.
+
+Robots follow their references, with actions made from observations by a line of arithmetic. A turn of the bare engine
+does what the vector environment did in the turn before: same robots, same start, same belt speeds in every control
+period. The single environments, in gymnasium's SyncVectorEnv, drive the same way.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from time import perf_counter
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+import sim
+from experiments.bench_config import BenchConfig
+from sim.path_tracking.config import PERIOD
+from sim.vector_env import PathTrackingVectorEnv
+from trackslip.kinematics import Array
+
+VECTOR, BARE, SINGLE = ENV_CASES = ("vector env", "bare", "SyncVectorEnv")
+_ID = "trackslip/PathTracking-v0"
+_OPTIONS: dict[str, Any] = {
+    "reference": ("circle", "figure_eight", "slalom", "spiral"),
+    "action": "twist",
+    "compensation": "icr_radius",
+}
+_BACK = np.array([0.5, 1.0, 1.0])  # of the errors, as they are observed, into the twist
+_SINGLE_SHARE = 0.25  # of the control periods: single environments take so much longer
+_UNDER_WAY = 40  # control periods after which all robots drive
+
+
+class EnvRig:
+    """N robots under way, natively and one by one, and the bare engine."""
+
+    def __init__(self, size: int, threads: int, seed: int) -> None:
+        """`size` robots on `threads` worker threads."""
+        assert sim
+        self.size = size
+        self._native = PathTrackingVectorEnv(size, threads=threads, **_OPTIONS)
+        self._singles = gymnasium.make_vec(_ID, num_envs=size, vectorization_mode="sync", **_OPTIONS)
+        self._seen = {VECTOR: self._native.reset(seed=seed)[0], SINGLE: self._singles.reset(seed=seed)[0]}
+        fleet = self._native.tracking.fleet
+        self._fleet = fleet
+        self._bare = type(fleet.batch)(fleet.robot.model, size, nthread=threads)
+        for name in ("geom_surfacevel", "pair_friction"):
+            self._bare.expand(name)[:] = fleet.batch.expand(name)
+        self._surface = self._bare.expand("geom_surfacevel")[:, fleet.robot.pads, 2]  # live
+        self.steps_per_period = round(PERIOD / fleet.robot.model.opt.timestep)
+        self.drive(VECTOR, _UNDER_WAY)
+        self.drive(SINGLE, _UNDER_WAY)
+        self._record(1)
+
+    def rates(self, periods: int) -> dict[str, float]:
+        """Physics steps per second, all robots together, of every case in a turn."""
+        few = max(1, math.ceil(_SINGLE_SHARE * periods))
+        taken = {
+            VECTOR: (periods, self._record(periods)),
+            BARE: (periods, _seconds(lambda: self._repeat())),
+            SINGLE: (few, _seconds(lambda: self.drive(SINGLE, few))),
+        }
+        return {case: self.size * n * self.steps_per_period / seconds for case, (n, seconds) in taken.items()}
+
+    def drive(self, case: str, periods: int) -> None:
+        """Let an environment follow its references."""
+        env = self._native if case == VECTOR else self._singles
+        for _ in range(periods):
+            seen = self._seen[case]
+            twist = seen[:, 3:5] + np.stack([_BACK[0] * seen[:, 0], seen[:, 1:3] @ _BACK[1:]], axis=1)
+            self._seen[case] = env.step(np.clip(twist, -1, 1).astype(np.float32))[0]
+
+    def _record(self, periods: int) -> float:
+        """Drive natively, remembering the belts; the time that it took, without that [s]."""
+        self._bare.state[:] = self._fleet.batch.state
+        self._belts: list[Array] = []
+        seconds = 0.0
+        for _ in range(periods):
+            seconds += _seconds(lambda: self.drive(VECTOR, 1))
+            self._belts.append(self._fleet.belts.copy())
+        return seconds
+
+    def _repeat(self) -> None:
+        """What was recorded, by the bare engine."""
+        for belts in self._belts:
+            self._surface[:] = belts
+            self._bare.step(nstep=self.steps_per_period)
+
+
+def measure_env(config: BenchConfig, step: Callable[[str], None]) -> dict[tuple[str, int], Array]:
+    """Rates (R,) of every case and number of threads in R rounds; the first round isn't counted."""
+    rates: dict[tuple[str, int], list[float]] = {}
+    periods = max(2, math.ceil(config.seconds / (config.env_size * PERIOD) - 1e-9))
+    rigs = {threads: EnvRig(config.env_size, threads, config.seed) for threads in config.thread_counts}
+    for k in range(1 + config.repeats):
+        for threads, rig in rigs.items():
+            for case, rate in rig.rates(periods).items():
+                if k > 0:
+                    rates.setdefault((case, threads), []).append(rate)
+        step(f"{config.env_size} robots")
+    return {key: np.array(measured) for key, measured in rates.items()}
+
+
+def env_rows(config: BenchConfig, rates: dict[tuple[str, int], Array], timestep: float) -> list[dict[str, Any]]:
+    """A row for each case; ratios are medians over those of the rounds."""
+    return [
+        {
+            "case": case,
+            "n": config.env_size,
+            "threads": threads,
+            "steps_per_s": float(np.median(rates[case, threads])),
+            "ratio_to_bare": float(np.median(rates[case, threads] / rates[BARE, threads])),
+            "ratio_to_single": float(np.median(rates[case, threads] / rates[SINGLE, threads])),
+            "real_time_factor": float(np.median(rates[case, threads])) * timestep,
+        }
+        for threads in config.thread_counts
+        for case in ENV_CASES
+    ]
+
+
+def _seconds(act: Callable[[], None]) -> float:
+    began = perf_counter()
+    act()
+    return perf_counter() - began

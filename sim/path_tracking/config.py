@@ -1,0 +1,169 @@
+"""Options of the environments: what `gymnasium.make` takes."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from sim.drive import Drive
+from sim.ground_file import load_ground
+from sim.path_tracking.randomization import Randomization
+from sim.robot_parameters import RobotParameters
+from trackslip.errors import InvalidValueError, require_at_most, require_non_negative, require_positive
+from trackslip.slip import SlipLaw
+
+PERIOD = 0.05
+"""Between actions, and between scans [s]."""
+ACTIONS = ("sprockets", "twist")
+POSE_SOURCES = ("truth", "noisy", "scanner")
+MOST_PREVIEWS = 100
+LONGEST_PREVIEW = 20.0
+"""How far a preview may look ahead [s]."""
+
+
+@dataclass(frozen=True)
+class Reward:
+    """What a step is worth: a sum of terms, each named in `info`.
+
+        alive               weight_alive
+        position            -weight_position s(d / position_scale)
+        heading             -weight_heading s(e_phi / heading_scale)
+        change              -weight_change mean((a - a_before)^2) / 4
+        termination         -weight_termination, on leaving the path or tipping over
+
+    with s(z) = z^2 / (1 + z^2), d the distance of the true pose from where it should be now, e_phi the error of its
+    heading and a the actions in [-1, 1]. s is quadratic for small errors and never exceeds 1: a step is worth between
+    weight_alive less the other weights and weight_alive. By default that is from 0 to 1, so that no step on the path is
+    worse than leaving it.
+    """
+
+    weight_alive: float = 1.0
+    """For every step [-]."""
+    weight_position: float = 0.7
+    """Of the position error [-]."""
+    weight_heading: float = 0.2
+    """Of the heading error [-]."""
+    weight_change: float = 0.1
+    """Of the change of action [-]."""
+    weight_termination: float = 10.0
+    """Once, for an episode that ends off the path [-]."""
+    position_scale: float = 0.05
+    """Position error that costs half of its weight [m]."""
+    heading_scale: float = 0.2
+    """Heading error that costs half of its weight [rad]."""
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            check = require_positive if f.name.endswith("scale") else require_non_negative
+            check(f.name, getattr(self, f.name))
+
+
+@dataclass(frozen=True)
+class EnvConfig:
+    """A task of path tracking."""
+
+    reference: str | tuple[str, ...] = "paper"
+    """Name of a reference, or a .csv file of way points; of several, each episode draws one."""
+    ground: str | tuple[str, ...] = "stone"
+    """Name of a ground, or a .toml file; of several, each episode draws one."""
+    action: str = "sprockets"
+    """What actions in [-1, 1] are: "sprockets", set points (left, right) in units of the top speed; "twist", body
+    twists (v, w) in units of `twist_scale`."""
+    twist_scale: tuple[float, float] = (0.3, 1.0)
+    """Unit of twists, in actions and observations [m/s, rad/s]."""
+    compensation: str | SlipLaw = "none"
+    """How twists become sprocket speeds: a slip law, or its name: "none", "published", or one of the shipped laws."""
+    previews: int = 5
+    """Number of reference twists ahead that are observed."""
+    preview_spacing: float = 0.2
+    """Time between them, a multiple of the control period [s]."""
+    pose_source: str = "truth"
+    """Where the observed pose comes from: "truth"; "noisy", the truth and Gaussian noise; "scanner", the plate in the
+    laser range finder's scans, the start being known."""
+    position_noise: float = 0.002
+    """Standard deviation of noisy positions, in x and in y [m]."""
+    heading_noise: float = math.radians(0.25)
+    """Standard deviation of noisy headings [rad]."""
+    off_path: float = 0.5
+    """Distance from where it should be beyond which an episode terminates [m]."""
+    reward: Reward = field(default_factory=Reward)
+    """What a step is worth."""
+    randomization: Randomization | str | None = None
+    """What differs from episode to episode; "typical" for Randomization.typical()."""
+    robot: RobotParameters = field(default_factory=RobotParameters)
+    """Shape and weight of the robot."""
+    drive: Drive = field(default_factory=Drive)
+    """Servos and motors."""
+
+    def __post_init__(self) -> None:
+        for name, choices in (("action", ACTIONS), ("pose_source", POSE_SOURCES)):
+            if getattr(self, name) not in choices:
+                raise InvalidValueError(name, getattr(self, name), f"one of {', '.join(choices)}")
+        for name in ("reference", "ground"):
+            value = getattr(self, name)
+            if not value or not all(isinstance(one, str) for one in _several(value)):
+                raise InvalidValueError(name, value, "a name, or a tuple of names")
+        for one in self.grounds:
+            load_ground(one)
+        if len(self.twist_scale) != 2:
+            raise InvalidValueError("twist_scale", self.twist_scale, "two numbers")
+        for scale in self.twist_scale:
+            require_positive("twist_scale", scale)
+        if not 0 <= self.previews <= MOST_PREVIEWS or int(self.previews) != self.previews:
+            raise InvalidValueError("previews", self.previews, f"an integer from 0 to {MOST_PREVIEWS}")
+        require_positive("preview_spacing", self.preview_spacing)
+        if abs(self.stride * PERIOD - self.preview_spacing) > 1e-9:
+            raise InvalidValueError("preview_spacing", self.preview_spacing, f"a multiple of {PERIOD} s")
+        require_at_most("previews * preview_spacing", self.previews * self.preview_spacing, LONGEST_PREVIEW, "s")
+        for name in ("position_noise", "heading_noise"):
+            require_non_negative(name, getattr(self, name))
+            require_at_most(name, getattr(self, name), 1.0)
+        require_positive("off_path", self.off_path)
+        require_at_most("off_path", self.off_path, 10.0, "m")
+        if isinstance(self.randomization, str) and self.randomization != "typical":
+            raise InvalidValueError("randomization", self.randomization, 'a Randomization, "typical" or None')
+        drawn = self.drawn
+        drawn.require_standing(self.robot)
+        if drawn.start_distance[1] >= self.off_path:
+            raise InvalidValueError("start_distance", drawn.start_distance, f"less than off_path = {self.off_path} m")
+
+    @classmethod
+    def of(cls, options: dict[str, Any]) -> EnvConfig:
+        """From keyword arguments; raises InvalidValueError for names that it doesn't have."""
+        known = [f.name for f in fields(cls)]
+        for name in options:
+            if name not in known:
+                raise InvalidValueError("option", name, f"one of {', '.join(known)}")
+        sequences = ("reference", "ground", "twist_scale")
+        values: dict[str, Any] = {
+            name: tuple(value) if name in sequences and isinstance(value, list) else value
+            for name, value in options.items()
+        }
+        return cls(**values)
+
+    @property
+    def references(self) -> tuple[str, ...]:
+        """The references that episodes draw from."""
+        return _several(self.reference)
+
+    @property
+    def grounds(self) -> tuple[str, ...]:
+        """The grounds that episodes draw from."""
+        return _several(self.ground)
+
+    @property
+    def stride(self) -> int:
+        """Control periods between previews."""
+        return round(self.preview_spacing / PERIOD)
+
+    @property
+    def drawn(self) -> Randomization:
+        """What differs from episode to episode."""
+        if isinstance(self.randomization, Randomization):
+            return self.randomization
+        return Randomization() if self.randomization is None else Randomization.typical()
+
+
+def _several(names: str | tuple[str, ...]) -> tuple[str, ...]:
+    return (names,) if isinstance(names, str) else tuple(names)

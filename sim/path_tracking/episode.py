@@ -1,0 +1,136 @@
+"""An episode: what is drawn, or asked for, before it begins."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sim.fleet import Setting
+from sim.ground import Ground, Patch
+from sim.ground_file import load_ground
+from sim.path_tracking.config import EnvConfig
+from sim.path_tracking.randomization import MOST_LATENCY, Randomization, Range
+from sim.path_tracking.reference_table import ReferenceTable
+from trackslip.errors import InvalidValueError, require_finite, require_positive
+from trackslip.kinematics import Array
+
+OPTIONS = ("reference", "ground", "start_error", "radius_error", "com", "lag", "latency")
+"""Keys of `reset(options=...)`."""
+_PARKING = 0.6  # of the least friction angle: how steep a drawn slope may be
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One robot's task."""
+
+    reference: int
+    """Index in the table of references."""
+    setting: Setting
+    """How its run begins."""
+    latency: int
+    """Control periods after which an action reaches the servos."""
+    noise: int
+    """Seed of the noise of measurement."""
+
+
+def draw(
+    config: EnvConfig, table: ReferenceTable, generator: np.random.Generator, options: Mapping[str, Any]
+) -> Episode:
+    """Draw an episode; what `options` ask for takes the place of what was drawn.
+
+    Args:
+        config: of the environment.
+        table: of references; one that is asked for and new is added.
+        generator: the same numbers are drawn from it whatever the options.
+        options: by name. `reference`: a name; `ground`: a name or a Ground, on which nothing is randomised;
+            `start_error`: (3,) forward, to the left, heading, from the reference's start [m, m, rad]; `radius_error`
+            [-]; `com`: (2,) forward, to the left [m]; `lag` [s]; `latency` [control periods].
+
+    Raises:
+        InvalidValueError: for unknown options, and values out of range.
+    """
+    for name in options:
+        if name not in OPTIONS:
+            raise InvalidValueError("options", name, f"one of {', '.join(OPTIONS)}")
+    drawn = config.drawn
+    reference = table.index(options.get("reference", _choice(generator, config.references)))
+    base = load_ground(_choice(generator, config.grounds))
+    ground = _ground(config, base, table.path(reference), generator)
+    if "ground" in options:
+        ground = options["ground"] if isinstance(options["ground"], Ground) else load_ground(options["ground"])
+    radius_error = _uniform(generator, drawn.radius_error, config.robot.radius_error)
+    com = _uniform(generator, drawn.com_x, 0.0), _uniform(generator, drawn.com_y, 0.0)
+    lag = _uniform(generator, drawn.lag, config.drive.lag)
+    latency = int(generator.integers(drawn.latency[0], drawn.latency[1], endpoint=True))
+    distance, bearing = _uniform(generator, drawn.start_distance, 0.0), generator.uniform(-math.pi, math.pi)
+    turned = _uniform(generator, drawn.start_heading, 0.0)
+    error = options.get("start_error", (distance * math.cos(bearing), distance * math.sin(bearing), turned))
+    latency = options.get("latency", latency)
+    if latency not in range(MOST_LATENCY + 1):
+        raise InvalidValueError("latency", latency, f"an integer from 0 to {MOST_LATENCY}")
+    setting = Setting(
+        start=_start(table.path(reference)[0], _finite("start_error", error, 3)),
+        ground=ground,
+        radius_error=float(options.get("radius_error", radius_error)),
+        lag=float(options.get("lag", lag)),
+        weight=_finite("com", options.get("com", com), 2),
+    )
+    require_positive("lag", setting.lag)
+    dataclasses.replace(config.robot, radius_error=setting.radius_error)
+    x, y = setting.weight
+    Randomization(com_x=(x, x), com_y=(y, y)).require_standing(config.robot)
+    return Episode(reference, setting, int(latency), int(generator.integers(2**63)))
+
+
+def _ground(config: EnvConfig, base: Ground, path: Array, generator: np.random.Generator) -> Ground:
+    """A named ground with another friction across, slope and patches."""
+    drawn = config.drawn
+    across = base.across * _uniform(generator, drawn.friction_ratio, 1.0)
+    count = int(generator.integers(drawn.patches[0], drawn.patches[1], endpoint=True))
+    patches = []
+    for _ in range(count):
+        x, y = path[generator.integers(len(path)), :2]
+        half = _uniform(generator, drawn.patch_size, 0.0) / 2
+        along = base.along * _uniform(generator, drawn.patch_friction, 1.0)
+        ratio = base.across / base.along * _uniform(generator, drawn.friction_ratio, 1.0)
+        patches.append(Patch((x - half, x + half), (y - half, y + half), along, along * ratio))
+    slope, uphill = _uniform(generator, drawn.slope, base.slope), generator.uniform(-math.pi, math.pi)
+    ground = dataclasses.replace(base, across=across, patches=(*base.patches, *patches))
+    if drawn.slope is None:
+        return ground
+    least = min(ground.along, across, *(min(patch.along, patch.across) for patch in ground.patches))
+    return dataclasses.replace(ground, slope=min(slope, _PARKING * math.atan(least)), uphill=uphill)
+
+
+def _start(pose: Array, error: tuple[float, ...]) -> tuple[float, float, float]:
+    x, y, phi = (float(value) for value in pose)
+    cos, sin = math.cos(phi), math.sin(phi)
+    return x + cos * error[0] - sin * error[1], y + sin * error[0] + cos * error[1], phi + error[2]
+
+
+def _finite(name: str, values: Any, n: int) -> Any:
+    """Values (n,) as floats; raises InvalidValueError for others."""
+    try:
+        numbers = tuple(float(value) for value in values)
+    except (TypeError, ValueError):
+        numbers = ()
+    if len(numbers) != n:
+        raise InvalidValueError(name, values, f"{n} numbers")
+    for value in numbers:
+        require_finite(name, value)
+    return numbers
+
+
+def _choice(generator: np.random.Generator, names: tuple[str, ...]) -> str:
+    return names[generator.integers(len(names))]
+
+
+def _uniform(generator: np.random.Generator, ends: Range | None, otherwise: float) -> float:
+    """A number from a range, or another without one; as much is drawn in either case."""
+    low, high = (otherwise, otherwise) if ends is None else ends
+    return low + (high - low) * float(generator.random())

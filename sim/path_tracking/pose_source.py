@@ -1,0 +1,108 @@
+"""Where the observed pose comes from: truth, truth with noise, or the scanner."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from sim.fleet import Fleet
+from sim.path_tracking.config import PERIOD, EnvConfig
+from sim.path_tracking.reference_table import Index
+from sim.scanner import LaserScanner, ScannerFeed
+from trackslip.kinematics import Array
+from trackslip.localization import PlateLocator, Tracker
+
+
+class PoseSource(Protocol):
+    """Tells where N robots are."""
+
+    def begin(self, rows: Index, seeds: Sequence[int], last: Index) -> None:
+        """New episodes of the robots `rows` (R,): seeds (R,) of their noise, and control periods (R,) in them."""
+        ...
+
+    def start(self, rows: Index) -> Array:
+        """Poses (R, 3) of the robots `rows` (R,) at the start of their episodes."""
+        ...
+
+    def pose(self, k: Index, omega: Array) -> Array:
+        """Poses (N, 3) now, in control periods (N,) of their episodes, after running at omega (N, 2) [rad/s]."""
+        ...
+
+
+class TruePose:
+    """The truth."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        self._fleet = fleet
+
+    def begin(self, rows: Index, seeds: Sequence[int], last: Index) -> None:
+        """Nothing to prepare."""
+
+    def start(self, rows: Index) -> Array:
+        """True poses (R, 3)."""
+        return self._fleet.pose()[rows]
+
+    def pose(self, k: Index, omega: Array) -> Array:
+        """True poses (N, 3)."""
+        return self._fleet.pose()
+
+
+class NoisyPose:
+    """The truth and Gaussian noise, which is drawn for a whole episode at its start."""
+
+    def __init__(self, fleet: Fleet, config: EnvConfig) -> None:
+        self._fleet = fleet
+        self._deviation = np.array([config.position_noise, config.position_noise, config.heading_noise])
+        self._noise = np.zeros((fleet.size, 1, 3))
+
+    def begin(self, rows: Index, seeds: Sequence[int], last: Index) -> None:
+        """Draw the noise."""
+        longer = int(last.max()) + 1 - self._noise.shape[1]
+        if longer > 0:
+            self._noise = np.pad(self._noise, ((0, 0), (0, longer), (0, 0)))
+        for row, seed, end in zip(rows, seeds, last, strict=True):
+            drawn = np.random.default_rng(seed).standard_normal((end + 1, 3))
+            self._noise[row, : end + 1] = drawn * self._deviation
+
+    def start(self, rows: Index) -> Array:
+        """Noisy poses (R, 3)."""
+        return self._fleet.pose()[rows] + self._noise[rows, 0]
+
+    def pose(self, k: Index, omega: Array) -> Array:
+        """Noisy poses (N, 3)."""
+        k = np.minimum(k, self._noise.shape[1] - 1)
+        return self._fleet.pose() + self._noise[np.arange(len(k)), k]
+
+
+class ScannedPose:
+    """The plate in the scans of the laser range finder, tracked from a known start."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        self._fleet = fleet
+        self._feed = ScannerFeed(LaserScanner(rate=1 / PERIOD), fleet, [np.random.default_rng(0)] * fleet.size)
+        self._locator = PlateLocator(fleet.robot.plate)
+        self._tracker = Tracker(fleet.pose(), fleet.robot.geometry)
+
+    def begin(self, rows: Index, seeds: Sequence[int], last: Index) -> None:
+        """New streams of noise, new tracks."""
+        self._feed.restart(rows, [np.random.default_rng(seed) for seed in seeds])
+        self._tracker.restart(rows, self._fleet.pose()[rows])
+
+    def start(self, rows: Index) -> Array:
+        """True poses (R, 3)."""
+        return self._fleet.pose()[rows]
+
+    def pose(self, k: Index, omega: Array) -> Array:
+        """Tracked poses (N, 3)."""
+        predicted = self._tracker.predict(omega, PERIOD)
+        scan = self._feed.measure(self._feed.true_ranges()[:, None, :])
+        return self._tracker.update(self._locator.locate(self._feed.scan(scan.ranges[:, 0]), predicted)).pose
+
+
+def pose_source(config: EnvConfig, fleet: Fleet) -> PoseSource:
+    """The one that a configuration names."""
+    if config.pose_source == "truth":
+        return TruePose(fleet)
+    return NoisyPose(fleet, config) if config.pose_source == "noisy" else ScannedPose(fleet)

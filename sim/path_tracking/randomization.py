@@ -1,0 +1,101 @@
+"""What differs from episode to episode."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+from sim.drive import LARGEST_RADIUS_ERROR, Drive
+from sim.ground import LARGEST_FRICTION, STEEPEST
+from sim.robot_parameters import RobotParameters
+from trackslip.errors import InvalidValueError
+
+Range = tuple[float, float]
+"""From, to: drawn uniformly."""
+
+MOST_LATENCY = 2
+"""Of commands [control periods]."""
+MOST_PATCHES = 10
+_LIMITS: dict[str, Range] = {
+    "friction_ratio": (0.1, 10.0),
+    "radius_error": (-LARGEST_RADIUS_ERROR, LARGEST_RADIUS_ERROR),
+    "com_x": (-1.0, 1.0),
+    "com_y": (-1.0, 1.0),
+    "slope": (0.0, STEEPEST),
+    "patches": (0, MOST_PATCHES),
+    "patch_size": (0.01, 100.0),
+    "patch_friction": (0.01, LARGEST_FRICTION / 10),
+    "lag": (0.001, 1.0),
+    "latency": (0, MOST_LATENCY),
+    "start_distance": (0.0, 10.0),
+    "start_heading": (-math.pi, math.pi),
+}
+
+
+@dataclass(frozen=True)
+class Randomization:
+    """Ranges (from, to) of what is drawn for each episode. By default every episode is like the first."""
+
+    friction_ratio: Range = (1.0, 1.0)
+    """Factor on the friction across the tracks, and so on the ratio across / along [-]."""
+    radius_error: Range | None = None
+    """Of the effective sprocket radius; None for the robot's own [-]."""
+    com_x: Range = (0.0, 0.0)
+    """Centre of mass, forward of where the robot has it [m]."""
+    com_y: Range = (0.0, 0.0)
+    """Centre of mass, to the left of where the robot has it [m]."""
+    slope: Range | None = None
+    """Of the ground, rising in any direction; None for the ground's own. At most 0.6 of the least friction angle, so
+    that the robot can be parked [rad]."""
+    patches: tuple[int, int] = (0, 0)
+    """Number of square patches of other friction on the path."""
+    patch_size: Range = (0.3, 1.0)
+    """Their sides [m]."""
+    patch_friction: Range = (0.5, 1.0)
+    """Their friction, as a fraction of the ground's around them; across is multiplied by `friction_ratio` anew [-]."""
+    lag: Range | None = None
+    """Time constant of the servos; None for the drive's own [s]."""
+    latency: tuple[int, int] = (0, 0)
+    """Control periods after which an action reaches the servos."""
+    start_distance: Range = (0.0, 0.0)
+    """Distance from the path's start, in any direction [m]."""
+    start_heading: Range = (0.0, 0.0)
+    """Error of the heading at the start [rad]."""
+
+    def __post_init__(self) -> None:
+        for field in dataclasses.fields(self):
+            _require_range(field.name, getattr(self, field.name))
+        for name in ("patches", "latency"):
+            if any(int(end) != end for end in getattr(self, name)):
+                raise InvalidValueError(name, getattr(self, name), "two integers")
+
+    @classmethod
+    def typical(cls) -> Randomization:
+        """What a robot may meet outdoors."""
+        return cls(
+            friction_ratio=(0.8, 1.5),
+            radius_error=(-0.02, 0.03),
+            com_x=(-0.02, 0.02),
+            com_y=(-0.03, 0.03),
+            slope=(0.0, 0.1),
+            patches=(0, 3),
+            lag=(0.6 * Drive.lag, 2.0 * Drive.lag),
+            latency=(0, MOST_LATENCY),
+            start_distance=(0.0, 0.2),
+            start_heading=(-0.3, 0.3),
+        )
+
+    def require_standing(self, robot: RobotParameters) -> None:
+        """Raise InvalidValueError if a robot with these centres of mass wouldn't stand on its tracks."""
+        for x in self.com_x:
+            for y in self.com_y:
+                dataclasses.replace(robot, com_x=robot.com_x + x, com_y=robot.com_y + y)
+
+
+def _require_range(name: str, ends: Range | None) -> None:
+    low, high = _LIMITS[name]
+    if ends is None:
+        return
+    if len(ends) != 2 or not low <= ends[0] <= ends[1] <= high:
+        raise InvalidValueError(name, tuple(ends), f"two ascending numbers from {low:g} to {high:g}")

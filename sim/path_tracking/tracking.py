@@ -1,0 +1,216 @@
+"""Path tracking of N robots, a row each: actions in, observations and rewards out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sim.fleet import Fleet
+from sim.path_tracking.config import PERIOD, EnvConfig, Reward
+from sim.path_tracking.episode import Episode, draw
+from sim.path_tracking.observation import Layout
+from sim.path_tracking.pose_source import pose_source
+from sim.path_tracking.randomization import MOST_LATENCY
+from sim.path_tracking.reference_table import Index, ReferenceTable
+from sim.robot import load_robot
+from trackslip.errors import InvalidValueError
+from trackslip.kinematics import Array, limit_sprocket_speeds, track_slip
+from trackslip.lawfile import load_laws
+from trackslip.metrics import LOST, body_errors
+from trackslip.slip import PUBLISHED, NoSlip, SlipLaw
+
+_TIPPED = 0.5  # roll or pitch from which a robot lies on its side [rad]
+_STANDING = 0.05  # sprocket speed below which a track has no slip to speak of [rad/s]
+TERMS = ("alive", "position", "heading", "change", "termination")
+"""Of the reward."""
+
+
+class PathTracking:
+    """The task, whatever interface it is offered through. Rows don't depend on each other, not in a bit."""
+
+    def __init__(self, config: EnvConfig, size: int, threads: int = 0) -> None:
+        """`size` robots, whose episodes are still to begin, on `threads` worker threads (0: one per processor)."""
+        robot = load_robot(parameters=config.robot)
+        self.config = config
+        self.size = size
+        self.table = ReferenceTable(config.references, config.previews * config.stride)
+        start = self.table.path(0)[0]
+        self.fleet = Fleet(robot, np.tile(start, (size, 1)), radius_error=0.0, drive=config.drive, threads=threads)
+        self.layout = Layout(config, self.fleet.drive.limit)
+        self._source = pose_source(config, self.fleet)
+        self._to_omega = _action_map(config, self.fleet)
+        self._reference: Index = np.zeros(size, int)
+        self._k: Index = np.zeros(size, int)  # control periods since the episode's start
+        self._latency: Index = np.zeros(size, int)
+        self._line = np.zeros((size, MOST_LATENCY + 1, 2))  # set points, the newest first [rad/s]
+        self._action: Array = np.zeros((size, 2))
+        self._angle: Array = np.zeros((size, 2))  # of the encoders, at the last control
+        self._omega: Array = np.zeros((size, 2))
+        self._measured: Array = np.zeros((size, 3))
+        self._error: Array = np.zeros((size, 3))  # true
+        self._success = np.ones(size, bool)
+        self._terms: dict[str, Array] = {name: np.zeros(size) for name in TERMS}
+        self.reward: Array = np.zeros(size)
+        """Of the last step (N,)."""
+        self.terminated: np.ndarray = np.zeros(size, bool)
+        """Whether each robot has left its path or tipped over (N,)."""
+        self.truncated: np.ndarray = np.zeros(size, bool)
+        """Whether each reference has come to its end (N,)."""
+
+    @property
+    def last(self) -> Index:
+        """Steps (N,) in each robot's episode."""
+        return self.table.last[self._reference]
+
+    @property
+    def path_index(self) -> Index:
+        """Index (N,) of each robot's reference in `table`."""
+        return self._reference.copy()
+
+    def draw(self, generator: np.random.Generator, options: Mapping[str, Any]) -> Episode:
+        """An episode for a robot, from its own generator; see `episode.draw`."""
+        return draw(self.config, self.table, generator, options)
+
+    def begin(self, rows: Sequence[int], episodes: Sequence[Episode]) -> None:
+        """Begin episodes with the robots `rows` (R,), one each; the others' go on where they are.
+
+        Raises:
+            InvalidValueError: for a ground on which a robot can't be parked.
+        """
+        where = np.asarray(rows, int)
+        if not where.size:
+            return
+        self.fleet.restart(where, [episode.setting for episode in episodes])
+        self._reference[where] = [episode.reference for episode in episodes]
+        self._latency[where] = [episode.latency for episode in episodes]
+        for state in (self._k, self._line, self._action, self._angle, self._omega, self.reward, *self._terms.values()):
+            state[where] = 0
+        self.terminated[where] = self.truncated[where] = False
+        self._source.begin(where, [episode.noise for episode in episodes], self.last[where])
+        self._measured[where] = self._source.start(where)
+        self._error[where] = body_errors(self.fleet.pose(), self._desired())[where]
+        self._success[where] = self._distance()[where] <= LOST
+
+    def step(self, actions: ArrayLike) -> None:
+        """Let a control period pass with actions (N, 2) in [-1, 1]; what is beyond is cut off.
+
+        Raises:
+            InvalidValueError: for actions that aren't finite, or of another shape.
+        """
+        action = _checked(actions, self.size)
+        self._line[:, 1:] = self._line[:, :-1].copy()
+        self._line[:, 0] = self._to_omega(action)
+        self.fleet.command(self._line[np.arange(self.size), self._latency])
+        self.fleet.advance(PERIOD)
+        self._k += 1
+        angle = self.fleet.drive.encoder_angle()
+        self._omega = (angle - self._angle) / PERIOD
+        self._angle = angle
+        self._measured = self._source.pose(self._k, self._omega)
+        self._error = body_errors(self.fleet.pose(), self._desired())
+        change = action - self._action
+        self._action = action
+        self._judge(change)
+
+    def _judge(self, change: Array) -> None:
+        """End episodes and give rewards, after a change (N, 2) of actions."""
+        distance = self._distance()
+        self._success &= distance <= LOST
+        tipped = ~(np.abs(self.fleet.attitude()[:, 1:]).max(axis=1) < _TIPPED)
+        self.terminated = ~(distance <= self.config.off_path) | tipped
+        self.truncated = (self._k >= self.last) & ~self.terminated
+        reward = self.config.reward
+        self._terms = reward_terms(reward, distance, self._error[:, 2], change, self.terminated)
+        self.reward = sum((self._terms[name] for name in TERMS), np.zeros(self.size))
+
+    def observation(self) -> Array:
+        """Observations (N, n), see `observation`."""
+        twist = self.table.twist(self._reference[:, None], self._k[:, None] + self.layout.steps)
+        error = body_errors(self._measured, self._desired())
+        return self.layout.observation(error, twist, self._omega, self._action)
+
+    def info(self) -> dict[str, Array]:
+        """What is known beyond the observation, by name; arrays (N, ...), the same keys at every time."""
+        twist, omega = self.fleet.twist(), self.fleet.drive.omega
+        driven = np.where(np.abs(omega) < _STANDING, 0.0, omega)
+        slip = track_slip(driven, twist[:, ::2], self.fleet.robot.geometry)
+        return {
+            "time": self._k * PERIOD,  # [s]
+            "reference": self._reference.copy(),  # index in `references`, of those asked for by option beyond them
+            "true_pose": self.fleet.pose(),  # (N, 3) [m, m, rad]
+            "true_twist": twist,  # (N, 3) forward, to the left [m/s], yaw rate [rad/s]
+            "true_error": self._error.copy(),  # (N, 3) in the robot's frame [m, m, rad]
+            "true_slip": np.where(driven == 0, 0.0, slip),  # (N, 2); 0 where a sprocket stands [-]
+            "measured_pose": self._measured.copy(),  # (N, 3) [m, m, rad]
+            "measured_omega": self._omega.copy(),  # (N, 2) [rad/s]
+            "set_point": self.fleet.drive.set_point.copy(),  # (N, 2) [rad/s]
+            "friction": self.fleet.friction(),  # (N, 2) along and across, mean over the pads [-]
+            "success": self._success.copy(),  # whether it has been within metrics.LOST of the reference all along
+            **{f"reward_{name}": self._terms[name].copy() for name in TERMS},
+        }
+
+    def _desired(self) -> Array:
+        return self.table.pose(self._reference, self._k)
+
+    def _distance(self) -> Array:
+        return np.hypot(self._error[:, 0], self._error[:, 1])
+
+
+def reward_terms(
+    reward: Reward, distance: Array, heading: Array, change: Array, terminated: np.ndarray
+) -> dict[str, Array]:
+    """The terms (N,) of `config.Reward`, by name.
+
+    Args:
+        reward: weights and scales.
+        distance: from where the robots should be (N,) [m].
+        heading: errors (N,) [rad].
+        change: of the actions (N, 2) [-].
+        terminated: who has left the path (N,).
+    """
+    return {
+        "alive": np.full(len(distance), reward.weight_alive),
+        "position": -reward.weight_position * _saturating(distance / reward.position_scale),
+        "heading": -reward.weight_heading * _saturating(heading / reward.heading_scale),
+        "change": -reward.weight_change * (change[:, 0] ** 2 + change[:, 1] ** 2) / 8,
+        "termination": -reward.weight_termination * terminated,
+    }
+
+
+def _saturating(z: Array) -> Array:
+    """z^2 / (1 + z^2)."""
+    square = z * z
+    return square / (1 + square)
+
+
+def _checked(actions: ArrayLike, size: int) -> Array:
+    action = np.asarray(actions, float)
+    if action.shape != (size, 2):
+        raise InvalidValueError("action", f"an array of shape {action.shape}", f"of shape {(size, 2)}")
+    if not np.isfinite(action).all():
+        row = int(np.flatnonzero(~np.isfinite(action).all(axis=1))[0])
+        raise InvalidValueError("action", action[row].tolist(), f"finite (robot {row})")
+    return np.clip(action, -1.0, 1.0)
+
+
+def _action_map(config: EnvConfig, fleet: Fleet) -> Callable[[Array], Array]:
+    """What turns actions (N, 2) into set points (N, 2) of the sprockets [rad/s]."""
+    limit, geometry = fleet.drive.limit, fleet.robot.geometry
+    if config.action == "sprockets":
+        return lambda action: action * limit
+    law, scale = _law(config, fleet), np.array(config.twist_scale)
+    return lambda action: limit_sprocket_speeds(law.sprocket_speeds(action * scale, geometry), limit)
+
+
+def _law(config: EnvConfig, fleet: Fleet) -> SlipLaw:
+    if isinstance(config.compensation, SlipLaw):
+        return config.compensation
+    laws: dict[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}
+    if config.compensation not in laws:
+        laws |= load_laws(robot=fleet.robot.geometry)
+    if config.compensation not in laws:
+        raise InvalidValueError("compensation", config.compensation, f"a slip law, or one of {', '.join(laws)}")
+    return laws[config.compensation]

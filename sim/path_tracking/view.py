@@ -1,0 +1,151 @@
+"""Pictures of the robots, with their paths and trails."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from sim.path_tracking.tracking import PathTracking
+from sim.robot import FIELD
+from trackslip.errors import TrackslipError
+from trackslip.kinematics import Array
+
+WIDTH, HEIGHT = 640, 480
+_BACKENDS = ("egl", "osmesa")  # that need no display
+_SPACING = 0.03  # between the ends of a drawn line's pieces, at least [m]
+_PATH, _TRAIL = (0.10, 0.36, 0.85, 1.0), (0.95, 0.45, 0.08, 1.0)
+_PATH_WIDTH, _TRAIL_WIDTH = 0.012, 0.008  # [m]
+_DISTANCE, _AZIMUTH, _ELEVATION = 2.6, 140.0, -35.0  # of the camera that follows a robot [m, deg, deg]
+
+
+class View:
+    """Draws a robot with its looks, its reference's path (blue) and where it has been (orange)."""
+
+    def __init__(self, tracking: PathTracking) -> None:
+        self._tracking = tracking
+        self._model: Any = None
+        self._data: Any = None
+        self._renderer: Any = None
+        self._window: Any = None
+        self._trails: list[list[Array]] = [[] for _ in range(tracking.size)]
+
+    def begin(self, rows: Sequence[int]) -> None:
+        """New trails for the robots `rows`."""
+        pose = self._tracking.fleet.pose()
+        for row in rows:
+            self._trails[row] = [pose[row, :2]]
+
+    def follow(self) -> None:
+        """Lengthen the trails."""
+        for trail, position in zip(self._trails, self._tracking.fleet.pose()[:, :2], strict=True):
+            if not trail or np.linalg.norm(position - trail[-1]) > _SPACING:
+                trail.append(position)
+
+    def picture(self, row: int) -> np.ndarray:
+        """Robot `row`, (HEIGHT, WIDTH, 3) uint8; raises TrackslipError where OpenGL doesn't work."""
+        if self._renderer is None:
+            self._renderer = _renderer(self._load())
+        self._renderer.update_scene(self._posed(row), camera=self._camera(row))
+        self._draw(self._renderer.scene, row)
+        return np.array(self._renderer.render())
+
+    def show(self) -> None:
+        """Robot 0 in a window; raises TrackslipError where there is no display."""
+        if self._window is None:
+            self._window = _window(self._load(), self._posed(0))
+        with self._window.lock():
+            self._posed(0)
+            self._window.user_scn.ngeom = 0
+            self._draw(self._window.user_scn, 0)
+        self._window.sync()
+
+    def close(self) -> None:
+        """Close what is open."""
+        for opened in (self._renderer, self._window):
+            if opened is not None:
+                opened.close()
+        self._renderer = self._window = None
+
+    def _load(self) -> Any:
+        if self._model is None:
+            spec = mujoco.MjSpec.from_file(str(FIELD))
+            self._tracking.config.robot.apply(spec)
+            self._model = spec.compile()
+            self._data = mujoco.MjData(self._model)
+        return self._model
+
+    def _posed(self, row: int) -> Any:
+        """Data of the model with its looks, in the state of robot `row`."""
+        self._load()
+        self._data.qpos[:] = self._tracking.fleet.batch.qpos[row]
+        for compute in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight):
+            compute(self._model, self._data)
+        return self._data
+
+    def _camera(self, row: int) -> mujoco.MjvCamera:
+        camera = mujoco.MjvCamera()
+        camera.lookat[:] = (*self._tracking.fleet.batch.qpos[row, :2], 0.2)
+        camera.distance, camera.azimuth, camera.elevation = _DISTANCE, _AZIMUTH, _ELEVATION
+        return camera
+
+    def _draw(self, scene: mujoco.MjvScene, row: int) -> None:
+        tracking = self._tracking
+        path = tracking.table.path(int(tracking.path_index[row]))[:, :2]
+        for points, height, width, colour in (
+            (_thinned(path), 0.004, _PATH_WIDTH, _PATH),
+            (self._trails[row], 0.014, _TRAIL_WIDTH, _TRAIL),
+        ):
+            for start, end in pairwise(points):
+                if scene.ngeom == scene.maxgeom:
+                    return
+                geom = scene.geoms[scene.ngeom]
+                kind = mujoco.mjtGeom.mjGEOM_CAPSULE
+                mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), np.array(colour))
+                mujoco.mjv_connector(geom, kind, width, np.append(start, height), np.append(end, height))
+                scene.ngeom += 1
+
+
+def _thinned(points: Array) -> Iterator[Array]:
+    """Points (T, 2) at least _SPACING apart."""
+    last = points[0]
+    yield last
+    for point in points[1:]:
+        if np.linalg.norm(point - last) > _SPACING:
+            last = point
+            yield last
+
+
+def _renderer(model: Any) -> Any:
+    """MuJoCo's renderer with the first OpenGL that works: the one MUJOCO_GL names, or one that needs no display."""
+    from mujoco.rendering.classic import gl_context
+
+    problems = []
+    chosen = gl_context.GLContext
+    for backend in (None,) if os.environ.get("MUJOCO_GL") or sys.platform != "linux" else _BACKENDS:
+        try:
+            if backend is not None:
+                gl_context.GLContext = __import__(f"mujoco.{backend}", fromlist=["GLContext"]).GLContext
+            return mujoco.Renderer(model, HEIGHT, WIDTH)
+        except Exception as error:  # whatever a machine without OpenGL comes up with
+            problems.append(f"{backend or os.environ.get('MUJOCO_GL')}: {' '.join(str(error).split())}")
+        finally:
+            gl_context.GLContext = chosen
+    raise TrackslipError(f"rendering: no OpenGL works here ({'; '.join(problems)}); MUJOCO_GL chooses egl or osmesa")
+
+
+def _window(model: Any, data: Any) -> Any:
+    """MuJoCo's viewer, passive."""
+    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise TrackslipError('rendering: "human" needs a display, and there is none; "rgb_array" does without')
+    try:
+        from mujoco import viewer
+
+        return viewer.launch_passive(model, data)
+    except Exception as error:  # whatever a display that doesn't work comes up with
+        raise TrackslipError(f"rendering: no window opens here: {' '.join(str(error).split())}") from error

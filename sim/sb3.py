@@ -1,0 +1,87 @@
+"""The vector environment as Stable-Baselines3 has them; needs the extra `rl`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import AutoresetMode
+
+from sim.vector_env import PathTrackingVectorEnv
+from trackslip.errors import InvalidValueError, TrackslipError
+
+try:
+    from stable_baselines3.common.vec_env import VecEnv
+except ImportError as error:
+    raise TrackslipError(f"sim.sb3: {error}; pip install 'trackslip[rl]'") from error
+
+
+class PathTrackingVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
+    """A PathTrackingVectorEnv, which resets in the same step as Stable-Baselines3 wants it."""
+
+    def __init__(self, num_envs: int = 1, threads: int = 0, **options: Any) -> None:
+        """`num_envs` robots, on worker threads (0: one per processor), with the fields of `EnvConfig`."""
+        self.env = PathTrackingVectorEnv(num_envs, autoreset_mode=AutoresetMode.SAME_STEP, threads=threads, **options)
+        self.render_mode = self.env.render_mode
+        super().__init__(num_envs, self.env.single_observation_space, self.env.single_action_space)
+        self._actions: np.ndarray = np.zeros((num_envs, 2))
+
+    def reset(self) -> np.ndarray:
+        """Begin episodes, with the seeds and options given before, if any; observations (N, n)."""
+        given = any(self._options)
+        options = {key: [one.get(key) for one in self._options] for key in self._options[0]} if given else None
+        observation, info = self.env.reset(seed=list(self._seeds), options=options)
+        self.reset_infos = _by_robot(info, self.num_envs)
+        self._reset_seeds()
+        self._reset_options()
+        return observation
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Take actions (N, 2)."""
+        self._actions = actions
+
+    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        """Let a control period pass: observations (N, n), rewards (N,), who has ended (N,), infos."""
+        observation, reward, terminated, truncated, info = self.env.step(self._actions)
+        ended = terminated | truncated
+        final, observations = info.pop("final_info", None), info.pop("final_obs", None)
+        for key in ("_final_info", "_final_obs"):
+            info.pop(key, None)
+        infos = _by_robot(info, self.num_envs)
+        for row in np.flatnonzero(ended):
+            infos[row] = _by_robot(final, self.num_envs)[row]
+            infos[row]["terminal_observation"] = observations[row]
+        for own, at_the_end in zip(infos, truncated, strict=True):
+            own["TimeLimit.truncated"] = bool(at_the_end)
+        return observation, reward.astype(np.float32), ended, infos
+
+    def close(self) -> None:
+        """Close what draws."""
+        self.env.close()
+
+    def get_images(self) -> Sequence[np.ndarray | None]:
+        """A picture (H, W, 3) of each robot."""
+        return self.env.render()
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """An attribute of the vector environment, once for each robot."""
+        return [getattr(self.env, attr_name)] * len(list(self._get_indices(indices)))
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Refused: robots of one batch have no attributes of their own."""
+        raise InvalidValueError("attr_name", attr_name, "set on `env`, for all robots")
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        """Refused: robots of one batch have no methods of their own."""
+        raise InvalidValueError("method_name", method_name, "called on `env`, for all robots")
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
+        """No robot is wrapped."""
+        return [False] * len(list(self._get_indices(indices)))
+
+
+def _by_robot(info: dict[str, Any], n: int) -> list[dict[str, Any]]:
+    """Infos (N, ...) as one dictionary for each robot."""
+    names: Iterable[str] = [name for name in info if not name.startswith("_")]
+    return [{name: info[name][row] for name in names} for row in range(n)]

@@ -1,0 +1,187 @@
+"""Path tracking of N robots, natively in one batch: the vector environment trackslip/PathTracking."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from sim.env import METADATA, require_render_mode, spaces
+from sim.path_tracking.config import EnvConfig
+from sim.path_tracking.tracking import PathTracking
+from sim.path_tracking.view import View
+from trackslip.errors import InvalidValueError, TrackslipError
+
+Observations = NDArray[np.float32]
+Rows = NDArray[np.int_]
+
+
+class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
+    """N robots, each on its own ground and reference.
+
+    Row i is, bit for bit, the environment `sim.env.PathTrackingEnv` with the seed of row i, as it would be in
+    gymnasium's SyncVectorEnv: same spaces, autoreset modes, infos.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        render_mode: str | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        threads: int = 0,
+        **options: Any,
+    ) -> None:
+        """Build the simulator.
+
+        Args:
+            num_envs: N, robots.
+            render_mode: None or "rgb_array".
+            autoreset_mode: of gymnasium.
+            threads: worker threads, 0 for one per processor.
+            options: the fields of `EnvConfig`.
+
+        Raises:
+            InvalidValueError: for options that are unknown or out of range.
+        """
+        require_render_mode(render_mode)
+        if render_mode == "human":
+            raise InvalidValueError("render_mode", render_mode, 'None or "rgb_array", for many robots')
+        if num_envs < 1:
+            raise InvalidValueError("num_envs", num_envs, "at least 1")
+        self.num_envs = num_envs
+        self.render_mode = render_mode
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = {**METADATA, "autoreset_mode": self.autoreset_mode}
+        self.tracking = PathTracking(EnvConfig.of(options), num_envs, threads)
+        self.single_observation_space, self.single_action_space = spaces(self.tracking)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self._generators: list[np.random.Generator | None] = [None] * num_envs
+        self._ended = np.ones(num_envs, bool)  # who waits for a new episode
+        self._begun = False
+        self._view = View(self.tracking) if render_mode is not None else None
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[Observations, dict[str, Any]]:
+        """Begin episodes.
+
+        Args:
+            seed: s gives row i the generator that the single environment has after reset(seed=s + i); a sequence, one
+                each, None for who keeps theirs.
+            options: `reset_mask`, (N,) bool, for some robots only; the others as for the single environment, of all
+                robots, or a list of one each.
+
+        Raises:
+            InvalidValueError: for unknown options, and values out of range.
+        """
+        options = dict(options or {})
+        rows = self._masked(options.pop("reset_mask", None))
+        seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
+        seeds = [None] * self.num_envs if seeds is None else list(seeds)
+        if len(seeds) != self.num_envs:
+            raise InvalidValueError("seed", seeds, f"an integer, or {self.num_envs}")
+        for row in rows:
+            if seeds[row] is not None or self._generators[row] is None:
+                self._generators[row] = seeding.np_random(None if seeds[row] is None else int(seeds[row]))[0]
+        if not self._begun and len(rows) < self.num_envs:
+            raise InvalidValueError("reset_mask", "not all robots", "all, the first time")
+        self._begin(rows, options)
+        self._begun = True
+        return self.tracking.observation(), self._infos(self.tracking.info(), self._mask(rows))
+
+    def step(self, actions: Observations) -> tuple[Observations, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
+        """Let a control period pass with actions (N, 2).
+
+        Raises:
+            InvalidValueError: for actions that aren't finite.
+            TrackslipError: without autoreset, while someone waits for a new episode.
+        """
+        if not self._begun:
+            raise TrackslipError("step: reset() comes first")
+        if self.autoreset_mode is AutoresetMode.DISABLED and self._ended.any():
+            waiting = np.flatnonzero(self._ended).tolist()
+            raise TrackslipError(f"step: robots {waiting} have ended; reset(options={{'reset_mask': ...}}) comes first")
+        tracking = self.tracking
+        tracking.step(actions)
+        if self.autoreset_mode is AutoresetMode.NEXT_STEP:
+            # those who had ended began anew in the meantime
+            self._begin(np.flatnonzero(self._ended), {})
+        if self._view is not None:
+            self._view.follow()
+        reward, terminated, truncated = tracking.reward.copy(), tracking.terminated.copy(), tracking.truncated.copy()
+        self._ended = terminated | truncated
+        if self.autoreset_mode is AutoresetMode.SAME_STEP and self._ended.any():
+            last = self._final(self._ended)
+            self._begin(np.flatnonzero(self._ended), {})
+        else:
+            last = {}
+        everyone = np.ones(self.num_envs, bool)
+        infos = last | self._infos(tracking.info(), everyone)
+        return tracking.observation(), reward, terminated, truncated, infos
+
+    def render(self) -> tuple[Any, ...]:
+        """A picture (480, 640, 3) of each robot.
+
+        Raises:
+            TrackslipError: where nothing can be drawn.
+        """
+        if self._view is None:
+            raise InvalidValueError("render_mode", None, "given to gymnasium.make_vec, to render")
+        return tuple(self._view.picture(row) for row in range(self.num_envs))
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Close what draws."""
+        if self._view is not None:
+            self._view.close()
+
+    def _masked(self, mask: Any) -> Rows:
+        """Rows (R,) of a mask (N,)."""
+        if mask is None:
+            return np.arange(self.num_envs)
+        if not isinstance(mask, np.ndarray) or mask.dtype != bool or mask.shape != (self.num_envs,) or not mask.any():
+            raise InvalidValueError("reset_mask", mask, f"an array ({self.num_envs},) of bool, one of them true")
+        return np.flatnonzero(mask)
+
+    def _begin(self, rows: Rows, options: Mapping[str, Any]) -> None:
+        """Begin episodes of the robots `rows` (R,), which no longer wait."""
+        for name, value in options.items():
+            if isinstance(value, list) and len(value) != self.num_envs:
+                raise InvalidValueError(f"options[{name!r}]", value, f"a value, or a list of {self.num_envs}")
+        episodes = []
+        for row in rows:
+            generator = self._generators[row]
+            assert generator is not None
+            own = {name: value[row] if isinstance(value, list) else value for name, value in options.items()}
+            episodes.append(self.tracking.draw(generator, own))
+        self.tracking.begin(rows.tolist(), episodes)
+        self._ended[rows] = False
+        if self._view is not None:
+            self._view.begin(rows.tolist())
+
+    def _final(self, ended: NDArray[np.bool_]) -> dict[str, Any]:
+        """`final_obs` and `final_info` of who has ended (N,)."""
+        observation = np.full(self.num_envs, None, dtype=object)
+        for row, values in zip(np.flatnonzero(ended), self.tracking.observation()[ended], strict=True):
+            observation[row] = values
+        infos = self._infos(self.tracking.info(), ended)
+        return {"final_obs": observation, "_final_obs": ended.copy(), "final_info": infos, "_final_info": ended.copy()}
+
+    def _infos(self, info: Mapping[str, np.ndarray], whose: NDArray[np.bool_]) -> dict[str, Any]:
+        """Infos with masks, zero for all but those (N,) whose they are."""
+        infos: dict[str, Any] = {}
+        for name, values in info.items():
+            if not whose.all():
+                values[~whose] = 0
+            infos[name], infos[f"_{name}"] = values, whose.copy()
+        return infos
+
+    def _mask(self, rows: Rows) -> NDArray[np.bool_]:
+        mask = np.zeros(self.num_envs, bool)
+        mask[rows] = True
+        return mask

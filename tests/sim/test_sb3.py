@@ -1,0 +1,66 @@
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")  # what it imports is not ours
+    pytest.importorskip("stable_baselines3")
+
+from stable_baselines3.common.env_checker import check_env
+
+from sim.sb3 import PathTrackingVecEnv
+from sim.vector_env import PathTrackingVectorEnv
+from trackslip.errors import InvalidValueError
+
+OPTIONS = {"reference": ("paper", "slalom"), "randomization": "typical", "off_path": 0.21}
+
+
+@pytest.mark.parametrize("options", [{}, {"action": "twist"}, {"pose_source": "noisy"}, {"pose_source": "scanner"}])
+def test_the_single_environment_passes_its_checks(options):
+    check_env(gym.make("sim:trackslip/PathTracking-v0", **options).unwrapped)
+
+
+def test_it_is_the_vector_environment():
+    ours = PathTrackingVectorEnv(4, autoreset_mode="SameStep", **OPTIONS)
+    theirs = PathTrackingVecEnv(4, **OPTIONS)
+    theirs.seed(5)
+    expected, _ = ours.reset(seed=5)
+    np.testing.assert_array_equal(theirs.reset(), expected)
+    assert theirs.reset_infos[2]["time"] == 0
+    ours.action_space.seed(5)
+    ends = 0
+    for _ in range(150):
+        actions = ours.action_space.sample()
+        expected, reward, terminated, truncated, info = ours.step(actions)
+        observation, rewards, done, infos = theirs.step(actions)
+        np.testing.assert_array_equal(observation, expected)
+        np.testing.assert_array_equal(rewards, reward.astype(np.float32))
+        np.testing.assert_array_equal(done, terminated | truncated)
+        for row in np.flatnonzero(done):
+            ends += 1
+            np.testing.assert_array_equal(infos[row]["terminal_observation"], info["final_obs"][row])
+            assert infos[row]["TimeLimit.truncated"] == truncated[row]
+            assert infos[row]["time"] == info["final_info"]["time"][row]
+            assert info["time"][row] == 0
+    assert ends > 0
+    assert theirs.env_is_wrapped(object) == [False] * 4
+    assert theirs.get_attr("num_envs", [1, 2]) == [4, 4]
+    with pytest.raises(InvalidValueError, match="speed"):
+        theirs.set_attr("speed", 1)
+    theirs.close()
+
+
+def test_options_reach_each_robot():
+    env = PathTrackingVecEnv(2)
+    env.set_options([{"reference": "circle"}, {"reference": "slalom"}])
+    env.reset()
+    assert [info["reference"] for info in env.reset_infos] == [1, 2]
+
+
+@pytest.mark.slow
+def test_an_agent_trains():
+    from stable_baselines3 import PPO
+
+    PPO("MlpPolicy", PathTrackingVecEnv(8), n_steps=32, batch_size=64, n_epochs=1, device="cpu").learn(512)
