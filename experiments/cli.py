@@ -20,6 +20,7 @@ from experiments.calibrate_config import CalibrateConfig
 from experiments.config import GridConfig, IdentifyConfig, PredictConfig, ReproduceConfig, TrackConfig
 from experiments.coverage_config import CoverageConfig
 from experiments.sensitivity_config import SensitivityConfig
+from experiments.train_config import TrainConfig
 from experiments.validate_config import ValidateConfig
 from trackslip.errors import TrackslipError
 
@@ -28,6 +29,7 @@ Command = (
     | Annotated[IdentifyConfig, tyro.conf.subcommand("identify")]
     | Annotated[TrackConfig, tyro.conf.subcommand("track")]
     | Annotated[BenchmarkConfig, tyro.conf.subcommand("benchmark")]
+    | Annotated[TrainConfig, tyro.conf.subcommand("train")]
     | Annotated[PredictConfig, tyro.conf.subcommand("predict")]
     | Annotated[CalibrateConfig, tyro.conf.subcommand("calibrate")]
     | Annotated[ValidateConfig, tyro.conf.subcommand("validate")]
@@ -43,6 +45,7 @@ _RUNNERS = {
     IdentifyConfig: "experiments.identify",
     TrackConfig: "experiments.track",
     BenchmarkConfig: "experiments.benchmark",
+    TrainConfig: "experiments.train",
     PredictConfig: "experiments.predict",
     CalibrateConfig: "experiments.calibrate",
     ValidateConfig: "experiments.validate",

@@ -9,6 +9,7 @@ import os
 import sys
 from pathlib import Path
 
+from sim.policy import Policy, PolicyController, policy_file
 from trackslip.compensation import Compensation, FixedLaw, OnlineIcr
 from trackslip.controllers import CONTROLLERS, Controller, ModelPredictive
 from trackslip.errors import InvalidValueError, TrackslipError
@@ -21,6 +22,7 @@ from trackslip.trajectory.named import load_reference
 KNOWN_LAWS: dict[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}
 """Laws that needn't be identified."""
 _ONLINE, _ONLINE_COLD = "online", "online_cold"
+_POLICY = "ppo:"
 _MARGIN = 0.98  # of the top speed, that is planned with
 _REACH = 1.27  # b + D over b on hard ground: how far out compensation of slip puts the tracks
 _PRIOR = "icr_radius"  # the law that `online` begins with
@@ -54,7 +56,7 @@ def compensation(name: str, robot: RobotGeometry, laws: Path | None) -> Compensa
 
 
 def controller(name: str, robot: RobotGeometry, top_speed: float) -> Controller:
-    """A new controller: one of CONTROLLERS, or what MODULE:CLASS, found from here, makes when called.
+    """A new controller: of CONTROLLERS, ppo:PATH of a trained policy, or what MODULE:CLASS makes when called.
 
     Args:
         name: of the controller.
@@ -68,6 +70,8 @@ def controller(name: str, robot: RobotGeometry, top_speed: float) -> Controller:
         return ModelPredictive(track_speed=_MARGIN * top_speed, half_gauge=_REACH * robot.half_gauge)
     if name in CONTROLLERS:
         return CONTROLLERS[name]()
+    if name.startswith(_POLICY):
+        return PolicyController(Policy.load(Path(name.removeprefix(_POLICY))), top_speed / robot.sprocket_radius)
     module, _, attribute = name.partition(":")
     if not module or not attribute:
         raise InvalidValueError("controller", name, f"one of {', '.join(CONTROLLERS)}, or MODULE:CLASS")
@@ -79,9 +83,11 @@ def controller(name: str, robot: RobotGeometry, top_speed: float) -> Controller:
 
 
 def source_of(name: str) -> str | None:
-    """The file in which a user's controller is written; None for trackslip's own."""
+    """The file in which a user's controller, or a policy, is written; None for trackslip's own."""
     if name in CONTROLLERS:
         return None
+    if name.startswith(_POLICY):
+        return str(policy_file(Path(name.removeprefix(_POLICY))))
     module, _, attribute = name.partition(":")
     return inspect.getsourcefile(type(_call(name, module, attribute)))
 

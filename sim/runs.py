@@ -13,7 +13,7 @@ from sim.fleet import Fleet
 from sim.scanner import ScannerFeed
 from sim.stopwatch import Stopwatch
 from trackslip.compensation import Compensation, FixedLaw
-from trackslip.controllers import Controller
+from trackslip.controllers import Controller, SensesSprockets
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import Array, RobotGeometry, advance, limit_sprocket_speeds
 from trackslip.localization import Locator, PoseEstimate, Tracker
@@ -187,6 +187,8 @@ def _steer(
     law = pilot.compensation.law()
     if pilot.preview > 0:
         pose = advance(pose, law.twist(omega, geometry), pilot.preview)
+    if isinstance(pilot.controller, SensesSprockets):
+        pilot.controller.sense(omega)
     twist = pilot.controller.twist(float(record.time[k]) + pilot.preview, pose, reference)
     record.steered(k, robots, twist, law)
     return law.sprocket_speeds(twist, geometry)

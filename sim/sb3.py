@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
+from sim.policy import corrected, features
 from sim.vector_env import PathTrackingVectorEnv
 from trackslip.errors import InvalidValueError, TrackslipError
 
 try:
-    from stable_baselines3.common.vec_env import VecEnv
+    from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 except ImportError as error:
     raise TrackslipError(f"sim.sb3: {error}; pip install 'trackslip[rl]'") from error
 
@@ -79,6 +81,34 @@ class PathTrackingVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
         """No robot is wrapped."""
         return [False] * len(list(self._get_indices(indices)))
+
+
+class Corrections(VecEnvWrapper):  # type: ignore[misc, unused-ignore]
+    """Actions correct the reference's twist, and observations are a policy's features: see `sim.policy`."""
+
+    def __init__(self, robots: PathTrackingVecEnv, authority: tuple[float, float]) -> None:
+        """`authority`: largest correction of (v, w), in units of the environment's `twist_scale`."""
+        box: Any = robots.observation_space
+        low, high = features(box.low).astype(np.float32), features(box.high).astype(np.float32)
+        super().__init__(robots, gymnasium.spaces.Box(low, high, dtype=np.float32), robots.action_space)
+        self._robots, self._authority = robots, authority
+        self._seen: np.ndarray = np.zeros((robots.num_envs, *box.shape))
+
+    def reset(self) -> np.ndarray:
+        """Begin episodes; features (N, n)."""
+        self._seen = self._robots.reset()
+        return features(self._seen).astype(np.float32)
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Take corrections (N, 2) in [-1, 1]."""
+        self._robots.step_async(corrected(self._seen, actions, self._authority))
+
+    def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
+        """Let a control period pass."""
+        self._seen, reward, ended, infos = self._robots.step_wait()
+        for row in np.flatnonzero(ended):
+            infos[row]["terminal_observation"] = features(infos[row]["terminal_observation"]).astype(np.float32)
+        return features(self._seen).astype(np.float32), reward, ended, infos
 
 
 def _by_robot(info: dict[str, Any], n: int) -> list[dict[str, Any]]:

@@ -9,6 +9,7 @@ import numpy as np
 from experiments.benchmark.setup import Setup
 from experiments.benchmark_config import Case
 from experiments.names import reference
+from trackslip.controllers import SensesSprockets
 from trackslip.kinematics import Array, limit_sprocket_speeds
 from trackslip.localization import PoseEstimate
 from trackslip.runlog import RunLog
@@ -35,6 +36,8 @@ def step_times(setup: Setup, case: Case, log: RunLog) -> Array:
         began = time.perf_counter()
         if k > 0:
             compensation.observe(log.omega[row], period, estimate)
+        if isinstance(pilot, SensesSprockets):
+            pilot.sense(log.omega[row])
         twist = pilot.twist(float(log.time[k]), estimate.pose, path)
         limit_sprocket_speeds(compensation.law().sprocket_speeds(twist, geometry), limit / geometry.sprocket_radius)
         times.append(time.perf_counter() - began)

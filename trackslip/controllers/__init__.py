@@ -1,6 +1,6 @@
 """Path-tracking controllers, a file each behind the protocol of `base`."""
 
-from trackslip.controllers.base import Controller
+from trackslip.controllers.base import Controller, SensesSprockets
 from trackslip.controllers.dynamic_feedback import DynamicFeedback
 from trackslip.controllers.feedforward import Feedforward
 from trackslip.controllers.kanayama import Kanayama
@@ -38,5 +38,6 @@ __all__ = [
     "OffsetPoint",
     "PurePursuit",
     "Samson",
+    "SensesSprockets",
     "Stanley",
 ]

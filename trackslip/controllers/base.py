@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from numpy.typing import ArrayLike
 
@@ -22,4 +22,13 @@ class Controller(Protocol):
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """Twists (..., 2) to drive at `time` [s] from measured poses (..., 3)."""
+        ...
+
+
+@runtime_checkable
+class SensesSprockets(Protocol):
+    """A controller that also wants to know how fast the sprockets turn."""
+
+    def sense(self, omega: Array) -> None:
+        """Sprocket speeds (N, 2) [rad/s], as the encoders counted them over the last period, before `twist`."""
         ...

@@ -1,0 +1,141 @@
+"""`trackslip train`: PPO on the vector environment, by Stable-Baselines3, and the policy that it leaves."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments import store
+from experiments.console import progress
+from experiments.train_config import TrainConfig
+from sim.path_tracking.config import Reward
+from sim.path_tracking.randomization import Randomization
+from sim.policy import Network, Policy
+from trackslip.errors import LogError, TrackslipError
+
+POLICY, CHECKPOINT = "policy.npz", "checkpoint.zip"
+_LEAST_RATE = 0.05  # of the learning rate, at the end
+_CHECKPOINT_EVERY = 20  # updates
+_RANDOMIZATION = Randomization(start_distance=(0.0, 0.2), start_heading=(-0.4, 0.4), friction_ratio=(0.95, 1.1))
+_REWARD = Reward(weight_position=0.8, weight_heading=0.1, weight_change=0.1, position_scale=0.02, heading_scale=0.2)
+
+
+def run(config: TrainConfig) -> None:
+    """Train, store the policy, and print what became of the reward."""
+    began = time.perf_counter()
+    model = _model(config)
+    try:
+        config.out.mkdir(parents=True, exist_ok=True)
+        before = model.num_timesteps
+        curve = _learn(model, config)
+        policy_of(model, config).save(config.out / POLICY)
+        wall = time.perf_counter() - began
+        timing = {"wall_s": wall, "steps_per_s": (model.num_timesteps - before) / wall}
+        store.write_json(config.out / store.SUMMARY, {"steps": model.num_timesteps, "curve": curve, "timing": timing})
+        store.write_json(config.out / store.MANIFEST, store.manifest("train", config, wall, seed=config.seed))
+    except OSError as error:
+        raise TrackslipError(f"out = {str(config.out)!r}: can't be written ({error.strerror or error})") from error
+    for point in (curve[0], curve[-1]) if curve else ():
+        print(f"{point['steps']:>10,} steps: {point['reward']:.3f} of 1 a step")
+    print(f"{config.out / POLICY}: {model.num_timesteps:,} steps in {wall:.0f} s")
+
+
+def environment_options(config: TrainConfig) -> dict[str, Any]:
+    """What the environment is made with."""
+    return {
+        "reference": config.references,
+        "ground": config.grounds,
+        "action": "twist",
+        "compensation": config.compensation,
+        "pose_source": "noisy",
+        "reward": _REWARD,
+        "randomization": _RANDOMIZATION,
+    }
+
+
+def policy_of(model: Any, config: TrainConfig) -> Policy:
+    """What a model of Stable-Baselines3 has learnt, as a policy of ours."""
+    network = model.policy
+    layers = [layer for layer in [*network.mlp_extractor.policy_net, network.action_net] if hasattr(layer, "weight")]
+    weights = tuple(layer.weight.detach().numpy().T.astype(float) for layer in layers)
+    biases = tuple(layer.bias.detach().numpy().astype(float) for layer in layers)
+    return Policy(Network(weights, biases), config.authority, {"action": "twist"})
+
+
+def _model(config: TrainConfig) -> Any:
+    """PPO at its beginning, or at the last checkpoint."""
+    try:
+        import torch
+        from stable_baselines3 import PPO
+    except ImportError as error:
+        raise TrackslipError('train needs Stable-Baselines3: pip install "trackslip[rl]"') from error
+    from sim.sb3 import Corrections, PathTrackingVecEnv
+
+    robots = PathTrackingVecEnv(config.robots, config.threads, **environment_options(config))
+    corrections = Corrections(robots, config.authority)
+    checkpoint = config.out / CHECKPOINT
+    rate = _falling(config.learning_rate)
+    if config.resume:
+        if not checkpoint.is_file():
+            raise LogError(f"{checkpoint}: no such file; without --resume training begins anew")
+        try:
+            return PPO.load(checkpoint, corrections, device="cpu", custom_objects={"learning_rate": rate})
+        except Exception as error:  # whatever is wrong with the file
+            raise LogError(f"{checkpoint}: can't be resumed ({type(error).__name__}: {error})") from error
+    shape = {"net_arch": list(config.network), "activation_fn": torch.nn.Tanh, "log_std_init": -1.2}
+    return PPO(
+        "MlpPolicy",
+        corrections,
+        learning_rate=rate,
+        n_steps=config.horizon,
+        batch_size=config.batch,
+        n_epochs=config.epochs,
+        gamma=config.discount,
+        seed=config.seed,
+        device="cpu",
+        policy_kwargs=shape,
+    )
+
+
+def _falling(rate: float) -> Callable[[float], float]:
+    """A learning rate as a function of the share of training that is left."""
+    return lambda left: rate * (_LEAST_RATE + (1 - _LEAST_RATE) * left)
+
+
+def _learn(model: Any, config: TrainConfig) -> list[dict[str, float]]:
+    """Train until `config.steps`; mean reward a step, by the steps done."""
+    from stable_baselines3.common.callbacks import BaseCallback
+
+    curve: list[dict[str, float]] = []
+    with progress("training", config.steps, "steps") as report:
+        report(model.num_timesteps)
+
+        class Recorder(BaseCallback):  # type: ignore[misc, unused-ignore]
+            updates = 0
+
+            def _on_step(self) -> bool:
+                return True
+
+            def _on_rollout_end(self) -> None:
+                rewards = self.locals["rollout_buffer"].rewards
+                curve.append({"steps": self.num_timesteps, "reward": float(np.mean(rewards))})
+                report(rewards.size)
+                self.updates += 1
+                if self.updates % _CHECKPOINT_EVERY == 0:
+                    _save(self.model, config.out)
+
+        model.learn(max(config.steps - model.num_timesteps, 0), callback=Recorder(), reset_num_timesteps=False)
+    _save(model, config.out)
+    return curve
+
+
+def _save(model: Any, folder: Path) -> None:
+    """The checkpoint, whole or not at all."""
+    draft = folder / f".{CHECKPOINT}-{os.getpid()}.zip"
+    model.save(draft)
+    os.replace(draft, folder / CHECKPOINT)

@@ -1,0 +1,135 @@
+"""A trained policy: a small network from observations to actions, in NumPy, and the controller that it makes.
+
+The network corrects the reference's twist: action = twist now + authority * tanh-network(features), cut off at [-1, 1].
+Features are the observation with its errors drawn out by arsinh, so that millimetres and decimetres both count.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from sim.path_tracking.config import PERIOD, EnvConfig
+from sim.path_tracking.observation import Layout
+from trackslip.errors import LogError
+from trackslip.kinematics import Array
+from trackslip.metrics import body_errors
+from trackslip.trajectory import Reference
+
+_FORMAT = "trackslip policy 1"
+_ERRORS, _TWIST_NOW = slice(0, 3), slice(3, 5)  # of an observation
+_FINE = np.array([0.02, 0.02, 0.02])  # errors, in the observation's units, that are neither small nor large
+
+
+def features(observation: Array) -> Array:
+    """What the network sees (..., n) of observations (..., n)."""
+    seen = np.array(observation, float)
+    seen[..., _ERRORS] = np.arcsinh(seen[..., _ERRORS] / _FINE)
+    return seen
+
+
+def corrected(observation: Array, correction: Array, authority: ArrayLike) -> Array:
+    """Actions (N, 2): the reference's twist now, of observations (N, n), and corrections (N, 2) in [-1, 1] of it."""
+    return np.clip(observation[:, _TWIST_NOW] + np.clip(correction, -1.0, 1.0) * np.asarray(authority), -1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Network:
+    """Layers of tanh, the last one without; rows don't depend on each other, not in a bit."""
+
+    weights: tuple[Array, ...]  # (in, out) each
+    biases: tuple[Array, ...]  # (out,) each
+
+    def __call__(self, x: Array) -> Array:
+        """Outputs (N, m) of inputs (N, n)."""
+        for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            # a matrix product would round differently for different N
+            x = np.add.reduce(x[:, :, None] * weight, axis=1) + bias
+            if k < len(self.weights) - 1:
+                x = np.tanh(x)
+        return x
+
+
+@dataclass(frozen=True)
+class Policy:
+    """What a training leaves: the network, how far it may correct, and the observations that it was trained on."""
+
+    network: Network
+    authority: tuple[float, float]
+    """Largest correction of (v, w), in units of the environment's `twist_scale` [-]."""
+    options: dict[str, Any]
+    """Of the environment: those of `EnvConfig` that shape observations and actions."""
+
+    def action(self, observation: ArrayLike) -> Array:
+        """Actions (N, 2) in [-1, 1] for observations (N, n)."""
+        seen = np.asarray(observation, float)
+        return corrected(seen, self.network(features(seen)), self.authority)
+
+    def save(self, path: Path) -> None:
+        """Write a .npz file."""
+        about = {"format": _FORMAT, "authority": list(self.authority), "options": self.options}
+        arrays: dict[str, Any] = {f"weight_{k}": weight for k, weight in enumerate(self.network.weights)}
+        arrays |= {f"bias_{k}": bias for k, bias in enumerate(self.network.biases)}
+        with path.open("wb") as file:
+            np.savez(file, about=np.array(json.dumps(about)), **arrays)
+
+    @classmethod
+    def load(cls, path: Path) -> Policy:
+        """Read what `save` wrote, or the policy.npz in a folder; raises LogError for what is none."""
+        file = policy_file(path)
+        try:
+            with np.load(file, allow_pickle=False) as stored:
+                about = json.loads(str(stored["about"]))
+                if about["format"] != _FORMAT:
+                    raise LogError(f"{file}: its format is {about['format']!r}, not {_FORMAT!r}")
+                layers = sum(name.startswith("weight_") for name in stored.files)
+                weights, biases = (tuple(stored[f"{part}_{k}"] for k in range(layers)) for part in ("weight", "bias"))
+                forward, turning = about["authority"]
+                return cls(Network(weights, biases), (float(forward), float(turning)), about["options"])
+        except OSError as error:
+            raise LogError(f"{file}: {error.strerror or error}") from error
+        except LogError:
+            raise
+        except (KeyError, ValueError, TypeError, AttributeError) as error:
+            raise LogError(f"{file}: not a policy ({type(error).__name__}: {error})") from error
+
+
+def policy_file(path: Path) -> Path:
+    """The file of a policy, which may be given by the folder that `trackslip train` left it in."""
+    return path / "policy.npz" if path.is_dir() else path
+
+
+class PolicyController:
+    """A policy as a controller of `trackslip.controllers`: builds observations from poses, as the environment does."""
+
+    def __init__(self, policy: Policy, top_speed: float) -> None:
+        """`top_speed` of the sprockets [rad/s]."""
+        config = EnvConfig.of(policy.options)
+        self._policy, self._layout = policy, Layout(config, top_speed)
+        self._scale = np.array(config.twist_scale)
+        self._omega: Array | None = None
+        self._action: Array | None = None
+
+    def reset(self) -> None:
+        """The sprockets stand, and nothing has been asked for."""
+        self._omega = self._action = None
+
+    def sense(self, omega: Array) -> None:
+        """Sprocket speeds (N, 2) [rad/s], as the encoders counted them over the last period."""
+        self._omega = omega
+
+    def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
+        """Twists (N, 2) for measured poses (N, 3)."""
+        error = body_errors(pose, reference.pose(time))
+        if self._action is None:
+            self._action = np.zeros((len(error), 2))
+        omega = np.zeros((len(error), 2)) if self._omega is None else self._omega
+        ahead = reference.twist(time + self._layout.steps * PERIOD)
+        twists = np.broadcast_to(ahead, (len(error), *ahead.shape))
+        self._action = self._policy.action(self._layout.observation(error, twists, omega, self._action))
+        return self._action * self._scale
