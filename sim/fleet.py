@@ -261,6 +261,11 @@ class Fleet:
         pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
         return np.column_stack([-self.batch.qpos[:, 2], roll, pitch])
 
+    def upright(self) -> Array:
+        """Cosines (N,) of the angles by which the chassis lean."""
+        _, x, y, _ = self._quaternion
+        return 1 - 2 * (x * x + y * y)
+
     def friction(self) -> Array:
         """Friction coefficients (N, 2) along and across the tracks, mean over the pads [-]."""
         return self._pad_friction.mean(axis=1)
