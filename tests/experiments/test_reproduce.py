@@ -129,7 +129,7 @@ def test_the_readme_shows_what_is_printed(reproduced):
 
 
 def test_the_readmes_python_runs():
-    (code,) = re.findall(r"```python\n(.*?)```", README.read_text(), re.DOTALL)
+    code, *_ = re.findall(r"```python\n(.*?)```", README.read_text(), re.DOTALL)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     rows = re.findall(r"-?\d\.\d+", done.stdout)
     assert len(rows) == 4
