@@ -146,7 +146,7 @@ class PathTracking:
         slip = track_slip(driven, twist[:, ::2], self.fleet.robot.geometry)
         return {
             "time": self._k * PERIOD,  # [s]
-            "reference": self._reference.copy(),  # index in `references`, of those asked for by option beyond them
+            "reference": self._reference.copy(),  # index in `table.names`
             "true_pose": self._pose.copy(),  # (N, 3) [m, m, rad]
             "true_twist": twist,  # (N, 3) forward, to the left [m/s], yaw rate [rad/s]
             "true_error": self._error.copy(),  # (N, 3) in the robot's frame [m, m, rad]
