@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 from mujoco import batch
@@ -15,6 +14,7 @@ from sim.pad_friction import PadFriction
 from sim.robot import Robot
 from sim.robot_parameters import SINK
 from sim.saturation import SpeedSearch
+from sim.setting import Setting
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array
 
@@ -24,21 +24,6 @@ _AT_REST = 0.005  # below this speed [m/s] it has; creep is a hundred times slow
 Rows = np.ndarray | slice
 _EVERYONE = slice(None)
 _UPRIGHT = 0.1  # below this roll and pitch it stands on its tracks [rad]
-
-
-@dataclass(frozen=True)
-class Setting:
-    """How a robot's run begins, and what is its own in it."""
-
-    start: tuple[float, float, float]
-    """Pose [m, m, rad]."""
-    ground: Ground = field(default_factory=Ground)
-    radius_error: float = RADIUS_ERROR
-    """Of the effective sprocket radius [-]."""
-    lag: float = Drive.lag
-    """Time constant of the servos [s]."""
-    weight: tuple[float, float] = (0.0, 0.0)
-    """Where the centre of mass is, forward and to the left of where the model has it [m]."""
 
 
 class Fleet:
@@ -260,6 +245,11 @@ class Fleet:
         roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
         pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
         return np.column_stack([-self.batch.qpos[:, 2], roll, pitch])
+
+    def upright(self) -> Array:
+        """Cosines (N,) of the angles by which the chassis lean."""
+        _, x, y, _ = self._quaternion
+        return 1 - 2 * (x * x + y * y)
 
     def friction(self) -> Array:
         """Friction coefficients (N, 2) along and across the tracks, mean over the pads [-]."""

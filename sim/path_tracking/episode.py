@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from sim.fleet import Setting
 from sim.ground import Ground, Patch
 from sim.ground_file import load_ground
 from sim.path_tracking.config import EnvConfig
 from sim.path_tracking.randomization import MOST_LATENCY, Randomization, Range
 from sim.path_tracking.reference_table import ReferenceTable
+from sim.setting import Setting
 from trackslip.errors import InvalidValueError, require_finite, require_positive
 from trackslip.kinematics import Array
 

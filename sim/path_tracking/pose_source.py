@@ -26,8 +26,14 @@ class PoseSource(Protocol):
         """Poses (R, 3) of the robots `rows` (R,) at the start of their episodes."""
         ...
 
-    def pose(self, k: Index, omega: Array) -> Array:
-        """Poses (N, 3) now, in control periods (N,) of their episodes, after running at omega (N, 2) [rad/s]."""
+    def pose(self, k: Index, omega: Array, true: Array) -> Array:
+        """Poses (N, 3) now.
+
+        Args:
+            k: control periods (N,) since the episodes began.
+            omega: (N, 2) at which the sprockets ran for the last of them [rad/s].
+            true: poses (N, 3).
+        """
         ...
 
 
@@ -44,9 +50,9 @@ class TruePose:
         """True poses (R, 3)."""
         return self._fleet.pose()[rows]
 
-    def pose(self, k: Index, omega: Array) -> Array:
+    def pose(self, k: Index, omega: Array, true: Array) -> Array:
         """True poses (N, 3)."""
-        return self._fleet.pose()
+        return true
 
 
 class NoisyPose:
@@ -70,10 +76,10 @@ class NoisyPose:
         """Noisy poses (R, 3)."""
         return self._fleet.pose()[rows] + self._noise[rows, 0]
 
-    def pose(self, k: Index, omega: Array) -> Array:
+    def pose(self, k: Index, omega: Array, true: Array) -> Array:
         """Noisy poses (N, 3)."""
         k = np.minimum(k, self._noise.shape[1] - 1)
-        return self._fleet.pose() + self._noise[np.arange(len(k)), k]
+        return true + self._noise[np.arange(len(k)), k]
 
 
 class ScannedPose:
@@ -94,7 +100,7 @@ class ScannedPose:
         """True poses (R, 3)."""
         return self._fleet.pose()[rows]
 
-    def pose(self, k: Index, omega: Array) -> Array:
+    def pose(self, k: Index, omega: Array, true: Array) -> Array:
         """Tracked poses (N, 3)."""
         predicted = self._tracker.predict(omega, PERIOD)
         scan = self._feed.measure(self._feed.true_ranges()[:, None, :])

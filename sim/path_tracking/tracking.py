@@ -22,7 +22,7 @@ from trackslip.lawfile import load_laws
 from trackslip.metrics import LOST, body_errors
 from trackslip.slip import PUBLISHED, NoSlip, SlipLaw
 
-_TIPPED = 0.5  # roll or pitch from which a robot lies on its side [rad]
+_TIPPED = np.cos(0.5)  # of the lean from which a robot has tipped over
 _STANDING = 0.05  # sprocket speed below which a track has no slip to speak of [rad/s]
 TERMS = ("alive", "position", "heading", "change", "termination")
 """Of the reward."""
@@ -49,8 +49,12 @@ class PathTracking:
         self._action: Array = np.zeros((size, 2))
         self._angle: Array = np.zeros((size, 2))  # of the encoders, at the last control
         self._omega: Array = np.zeros((size, 2))
+        self._noisy = config.pose_source != "truth"
+        self._pose: Array = np.zeros((size, 3))  # true
         self._measured: Array = np.zeros((size, 3))
+        self._desired: Array = np.zeros((size, 3))
         self._error: Array = np.zeros((size, 3))  # true
+        self._seen_error: Array = np.zeros((size, 3))  # as observed
         self._success = np.ones(size, bool)
         self._terms: dict[str, Array] = {name: np.zeros(size) for name in TERMS}
         self.reward: Array = np.zeros(size)
@@ -90,8 +94,10 @@ class PathTracking:
             state[where] = 0
         self.terminated[where] = self.truncated[where] = False
         self._source.begin(where, [episode.noise for episode in episodes], self.last[where])
+        self._pose, self._desired = self.fleet.pose(), self.table.pose(self._reference, self._k)
         self._measured[where] = self._source.start(where)
-        self._error[where] = body_errors(self.fleet.pose(), self._desired())[where]
+        self._error[where] = body_errors(self._pose, self._desired)[where]
+        self._seen_error[where] = body_errors(self._measured, self._desired)[where]
         self._success[where] = self._distance()[where] <= LOST
 
     def step(self, actions: ArrayLike) -> None:
@@ -109,8 +115,10 @@ class PathTracking:
         angle = self.fleet.drive.encoder_angle()
         self._omega = (angle - self._angle) / PERIOD
         self._angle = angle
-        self._measured = self._source.pose(self._k, self._omega)
-        self._error = body_errors(self.fleet.pose(), self._desired())
+        self._pose, self._desired = self.fleet.pose(), self.table.pose(self._reference, self._k)
+        self._measured = self._source.pose(self._k, self._omega, self._pose.copy())
+        self._error = body_errors(self._pose, self._desired)
+        self._seen_error = body_errors(self._measured, self._desired) if self._noisy else self._error.copy()
         change = action - self._action
         self._action = action
         self._judge(change)
@@ -119,7 +127,7 @@ class PathTracking:
         """End episodes and give rewards, after a change (N, 2) of actions."""
         distance = self._distance()
         self._success &= distance <= LOST
-        tipped = ~(np.abs(self.fleet.attitude()[:, 1:]).max(axis=1) < _TIPPED)
+        tipped = ~(self.fleet.upright() > _TIPPED)
         self.terminated = ~(distance <= self.config.off_path) | tipped
         self.truncated = (self._k >= self.last) & ~self.terminated
         reward = self.config.reward
@@ -129,8 +137,7 @@ class PathTracking:
     def observation(self) -> Array:
         """Observations (N, n), see `observation`."""
         twist = self.table.twist(self._reference[:, None], self._k[:, None] + self.layout.steps)
-        error = body_errors(self._measured, self._desired())
-        return self.layout.observation(error, twist, self._omega, self._action)
+        return self.layout.observation(self._seen_error, twist, self._omega, self._action)
 
     def info(self) -> dict[str, Array]:
         """What is known beyond the observation, by name; arrays (N, ...), the same keys at every time."""
@@ -139,8 +146,8 @@ class PathTracking:
         slip = track_slip(driven, twist[:, ::2], self.fleet.robot.geometry)
         return {
             "time": self._k * PERIOD,  # [s]
-            "reference": self._reference.copy(),  # index in `references`, of those asked for by option beyond them
-            "true_pose": self.fleet.pose(),  # (N, 3) [m, m, rad]
+            "reference": self._reference.copy(),  # index in `table.names`
+            "true_pose": self._pose.copy(),  # (N, 3) [m, m, rad]
             "true_twist": twist,  # (N, 3) forward, to the left [m/s], yaw rate [rad/s]
             "true_error": self._error.copy(),  # (N, 3) in the robot's frame [m, m, rad]
             "true_slip": np.where(driven == 0, 0.0, slip),  # (N, 2); 0 where a sprocket stands [-]
@@ -151,9 +158,6 @@ class PathTracking:
             "success": self._success.copy(),  # whether it has been within metrics.LOST of the reference all along
             **{f"reward_{name}": self._terms[name].copy() for name in TERMS},
         }
-
-    def _desired(self) -> Array:
-        return self.table.pose(self._reference, self._k)
 
     def _distance(self) -> Array:
         return np.hypot(self._error[:, 0], self._error[:, 1])

@@ -129,7 +129,7 @@ def test_the_readme_shows_what_is_printed(reproduced):
 
 
 def test_the_readmes_python_runs():
-    (code,) = re.findall(r"```python\n(import numpy.*?)```", README.read_text(), re.DOTALL)
+    (code,) = re.findall(r"```python\n(import numpy as np\n\nfrom sim.*?)```", README.read_text(), re.DOTALL)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     rows = re.findall(r"-?\d\.\d+", done.stdout)
     assert len(rows) == 4
