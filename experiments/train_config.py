@@ -55,6 +55,8 @@ class TrainConfig:
             if getattr(self, name) < 1:
                 raise InvalidValueError(name, getattr(self, name), "an integer >= 1")
         require_at_most("robots", self.robots, MOST_ROBOTS)
+        if self.robots * self.horizon % self.batch:
+            raise InvalidValueError("batch", self.batch, f"a factor of robots * horizon = {self.robots * self.horizon}")
         for name in ("references", "grounds", "network"):
             if not getattr(self, name):
                 raise InvalidValueError(name, getattr(self, name), "at least one")

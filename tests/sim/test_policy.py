@@ -1,0 +1,106 @@
+import json
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from sim.env import PathTrackingEnv
+from sim.imitation import IMITABLE, ControllerPolicy
+from sim.path_tracking.config import EnvConfig
+from sim.policy import Network, Policy, PolicyController
+from trackslip.controllers import CONTROLLERS, Lqr, SensesSprockets
+from trackslip.errors import InvalidValueError, LogError
+from trackslip.trajectory import paper_reference
+
+OPTIONS = {"action": "twist", "compensation": "icr_radius", "reference": "paper"}
+AUTHORITY = (0.1, 0.5)
+
+
+def network(rng, sizes=(19, 8, 2)):
+    pairs = list(pairwise(sizes))
+    weights = tuple(rng.normal(0, 0.3, pair) for pair in pairs)
+    return Network(weights, tuple(rng.normal(0, 0.1, size) for _, size in pairs))
+
+
+def test_network_is_layers_of_tanh():
+    rng = np.random.default_rng(0)
+    layers, x = network(rng, (19, 8, 5, 2)), rng.normal(size=(4, 19))
+    (a, b, c), (d, e, f) = layers.weights, layers.biases
+    np.testing.assert_allclose(layers(x), np.tanh(np.tanh(x @ a + d) @ b + e) @ c + f, atol=1e-12)
+
+
+def test_each_robots_bits_are_its_own():
+    rng = np.random.default_rng(0)
+    policy, seen = Policy(network(rng), AUTHORITY, {}), rng.uniform(-1, 1, (5, 19))
+    together = policy.action(seen)
+    for k in range(5):
+        np.testing.assert_array_equal(policy.action(seen[k : k + 1])[0], together[k])
+
+
+def test_without_corrections_the_references_twist_is_driven():
+    still = Network((np.zeros((19, 2)),), (np.zeros(2),))
+    controller = PolicyController(Policy(still, AUTHORITY, OPTIONS), 5.0)
+    reference = paper_reference()
+    twist = controller.twist(20.0, reference.pose(20.0)[None] + 0.1, reference)
+    np.testing.assert_allclose(twist, [[0.15, 0.12]], atol=1e-7)
+
+
+def test_a_stored_policy_is_the_same(tmp_path):
+    rng = np.random.default_rng(0)
+    policy, seen = Policy(network(rng), AUTHORITY, OPTIONS), rng.uniform(-1, 1, (5, 19))
+    policy.save(tmp_path / "policy.npz")
+    for path in (tmp_path, tmp_path / "policy.npz"):
+        stored = Policy.load(path)
+        np.testing.assert_array_equal(stored.action(seen), policy.action(seen))
+        assert (stored.authority, stored.options) == (AUTHORITY, OPTIONS)
+
+
+def test_what_is_no_policy_is_refused(tmp_path):
+    np.savez(tmp_path / "other.npz", a=np.zeros(2))
+    np.savez(tmp_path / "newer.npz", about=np.array(json.dumps({"format": "trackslip policy 2"})))
+    (tmp_path / "text.npz").write_text("no zip")
+    for name, message in (
+        ("nowhere.npz", "No such file"),
+        ("other.npz", "not a policy"),
+        ("newer.npz", "its format is 'trackslip policy 2'"),
+        ("text.npz", "not a policy"),
+    ):
+        with pytest.raises(LogError, match=message):
+            Policy.load(tmp_path / name)
+
+
+def test_on_the_benchmark_a_policy_sees_what_it_saw_in_the_environment():
+    rng = np.random.default_rng(1)
+    policy = Policy(network(rng), AUTHORITY, OPTIONS)
+    env = PathTrackingEnv(**OPTIONS)
+    controller = PolicyController(policy, env.tracking.fleet.drive.limit)
+    assert isinstance(controller, SensesSprockets)
+    reference = paper_reference()
+    observation, info = env.reset(seed=0, options={"start_error": (0.02, -0.05, 0.1)})
+    for _ in range(60):
+        action = policy.action(observation[None])[0]
+        controller.sense(np.array(info["measured_omega"])[None])
+        twist = controller.twist(info["time"], np.array(info["measured_pose"])[None], reference)
+        np.testing.assert_allclose(twist[0] / [0.3, 1.0], action, atol=1e-6)
+        observation, *_, info = env.step(action.astype(np.float32))
+
+
+@pytest.mark.parametrize("kind", IMITABLE)
+def test_controllers_as_policies_do_what_they_do(kind):
+    controller, config = kind(), EnvConfig.of(OPTIONS)
+    policy, reference = ControllerPolicy(controller, config), paper_reference()
+    env = PathTrackingEnv(**OPTIONS)
+    observation, info = env.reset(seed=0, options={"start_error": (0.02, -0.05, 0.1)})
+    for _ in range(40):
+        action = policy.action(observation[None])[0]
+        twist = controller.twist(info["time"], info["measured_pose"], reference)
+        np.testing.assert_allclose(action * [0.3, 1.0], np.clip(twist, [-0.3, -1.0], [0.3, 1.0]), atol=1e-5)
+        observation, *_, info = env.step(action.astype(np.float32))
+
+
+def test_controllers_that_look_ahead_cannot_be_imitated_so():
+    assert set(IMITABLE) < set(CONTROLLERS.values())
+    with pytest.raises(InvalidValueError, match="controller = 'Lqr'"):
+        ControllerPolicy(Lqr(), EnvConfig.of(OPTIONS))
+    with pytest.raises(InvalidValueError, match="action"):
+        ControllerPolicy(IMITABLE[0](), EnvConfig())
