@@ -14,15 +14,15 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from mujoco import batch
 
-import sim
 from experiments.bench_config import BenchConfig
 from sim.path_tracking.config import PERIOD
 from sim.vector_env import PathTrackingVectorEnv
 from trackslip.kinematics import Array
 
 VECTOR, BARE, SINGLE = ENV_CASES = ("vector env", "bare", "SyncVectorEnv")
-_ID = "trackslip/PathTracking-v0"
+_ID = "sim:trackslip/PathTracking-v0"
 _OPTIONS: dict[str, Any] = {
     "reference": ("circle", "figure_eight", "slalom", "spiral"),
     "action": "twist",
@@ -38,14 +38,13 @@ class EnvRig:
 
     def __init__(self, size: int, threads: int, seed: int) -> None:
         """`size` robots on `threads` worker threads."""
-        assert sim
         self.size = size
         self._native = PathTrackingVectorEnv(size, threads=threads, **_OPTIONS)
         self._singles = gymnasium.make_vec(_ID, num_envs=size, vectorization_mode="sync", **_OPTIONS)
         self._seen = {VECTOR: self._native.reset(seed=seed)[0], SINGLE: self._singles.reset(seed=seed)[0]}
         fleet = self._native.tracking.fleet
         self._fleet = fleet
-        self._bare = type(fleet.batch)(fleet.robot.model, size, nthread=threads)
+        self._bare = batch.Batch(fleet.robot.model, size, nthread=threads)
         for name in ("geom_surfacevel", "pair_friction"):
             self._bare.expand(name)[:] = fleet.batch.expand(name)
         self._surface = self._bare.expand("geom_surfacevel")[:, fleet.robot.pads, 2]  # live
@@ -59,7 +58,7 @@ class EnvRig:
         few = max(1, math.ceil(_SINGLE_SHARE * periods))
         taken = {
             VECTOR: (periods, self._record(periods)),
-            BARE: (periods, _seconds(lambda: self._repeat())),
+            BARE: (periods, _seconds(self._repeat)),
             SINGLE: (few, _seconds(lambda: self.drive(SINGLE, few))),
         }
         return {case: self.size * n * self.steps_per_period / seconds for case, (n, seconds) in taken.items()}

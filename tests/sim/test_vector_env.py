@@ -5,9 +5,11 @@ from gymnasium.utils.env_checker import data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from sim.ground import Ground
+from sim.named_grounds import NAMED_GROUNDS
 from sim.path_tracking.randomization import Randomization
 from sim.vector_env import PathTrackingVectorEnv
 from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.trajectory.named import REFERENCES
 
 ID = "sim:trackslip/PathTracking-v0"
 OPTIONS = {
@@ -159,3 +161,21 @@ def test_random_actions_on_random_grounds():
 @pytest.mark.slow
 def test_a_million_random_actions_on_random_grounds():
     fuzz(1_000_000)
+
+
+def test_whatever_is_drawn_can_be_parked():
+    drawn = Randomization(
+        friction_ratio=(0.3, 3.0),
+        com_x=(-0.03, 0.03),
+        com_y=(-0.06, 0.06),
+        slope=(0.0, 1.0),
+        patches=(0, 10),
+        start_distance=(0.0, 0.4),
+        start_heading=(-3.0, 3.0),
+    )
+    env = PathTrackingVectorEnv(200, reference=tuple(REFERENCES), ground=tuple(NAMED_GROUNDS), randomization=drawn)
+    _, info = env.reset(seed=5)
+    start = info["true_pose"]
+    for _ in range(10):
+        *_, info = env.step(np.zeros((200, 2), np.float32))
+    assert np.abs(info["true_pose"] - start).max() < 1e-3
