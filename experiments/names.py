@@ -42,7 +42,7 @@ def compensation(name: str, robot: RobotGeometry, laws: Path | None) -> Compensa
     if name in KNOWN_LAWS:
         return FixedLaw(KNOWN_LAWS[name])
     if name == _ONLINE_COLD:
-        return OnlineIcr(robot, ConstantIcr(0.0, robot.half_gauge))
+        return OnlineIcr(robot)
     stored = load_laws(laws or SHIPPED, robot)
     if name == _ONLINE and isinstance(prior := stored.get(_PRIOR), ConstantIcr):
         return OnlineIcr(robot, prior)
