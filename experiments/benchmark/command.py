@@ -70,7 +70,7 @@ def run(config: BenchmarkConfig) -> None:
         driven = [{key: value for key, value in run.items() if key != "compute_ms"} for run in runs]
         summary = {
             "rows": rows,
-            "cases": cases,
+            "cases": driven,
             "failures": _failures(runs),
             "runs": len(runs),
             "wall_s": wall,
