@@ -83,22 +83,22 @@ class BenchmarkConfig(Equipment):
     suite: Literal["paper", "quick", "full"] = "quick"
     """Which runs: Sec. IV of the paper with five seeds, every controller on one path, or on everything. What is given
     below takes the place of the suite's."""
-    controllers: tuple[str, ...] = ()
+    controllers: tuple[str, ...] | None = None
     """feedforward, linear, samson, kanayama, dynamic_feedback, offset_point, pure_pursuit, stanley, lqr, mpc, or your
     own as MODULE:CLASS."""
-    compensations: tuple[str, ...] = ()
+    compensations: tuple[str, ...] | None = None
     """none, published, a law in --laws (exponential, icr, icr_radius, ...), or found while driving: online, that begins
     with the law icr_radius, or online_cold, that begins with none."""
-    references: tuple[str, ...] = ()
+    references: tuple[str, ...] | None = None
     """paper, circle, figure_eight, slalom, rounded_square, clothoid, spiral, stop_and_go, or .csv files of way points
     with the columns x, y."""
-    grounds: tuple[str, ...] = ()
-    """stone, concrete, rubber, packed_soil, gravel, wet, ice, sticky (stone that grows stickier after 20 s), or .toml
-    files."""
-    starts: tuple[Start, ...] = ()
+    grounds: tuple[str, ...] | None = None
+    """stone, concrete, rubber, packed_soil, gravel, wet, ice, sticky (stone that grows stickier after 20 s), .toml
+    files, or robot, that of the --robot file."""
+    starts: tuple[Start, ...] | None = None
     """Where robots are set down: where the reference begins; beside it as the paper's was (0.36 m, 30 deg); or at
     random up to 0.15 m and 20 deg off."""
-    seeds: tuple[int, ...] = ()
+    seeds: tuple[int, ...] | None = None
     """Seeds of the scanner's noise and of random starts, the same for all controllers and compensations."""
     localization: Literal["plate", "line", "truth"] = "plate"
     """How the controllers learn their pose."""
@@ -117,12 +117,14 @@ class BenchmarkConfig(Equipment):
             raise InvalidValueError("jobs", self.jobs, f"an integer from 0 to {MOST_JOBS}")
         if not 0 <= self.preview <= LONGEST_PREVIEW:
             raise InvalidValueError("preview", self.preview, f"from 0 to {LONGEST_PREVIEW:g} s")
-        for seed in self.seeds:
+        for seed in self.seeds or ():
             if seed < 0:
                 raise InvalidValueError("seeds", seed, "integers >= 0")
         for name in ("controllers", "compensations", "references", "grounds", "starts", "seeds"):
             values = getattr(self, name)
-            if len(set(values)) < len(values):
+            if values == ():
+                raise InvalidValueError(name, values, "at least one")
+            if values is not None and len(set(values)) < len(values):
                 raise InvalidValueError(name, values, "all different")
 
     def cases(self) -> list[Case]:

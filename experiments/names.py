@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import importlib
-import inspect
 import os
 import sys
 from pathlib import Path
@@ -44,7 +43,7 @@ def compensation(name: str, robot: RobotGeometry, laws: Path | None) -> Compensa
     if name in KNOWN_LAWS:
         return FixedLaw(KNOWN_LAWS[name])
     if name == _ONLINE_COLD:
-        return OnlineIcr(robot, ConstantIcr(0.0, robot.half_gauge))
+        return OnlineIcr(robot)
     stored = load_laws(laws or SHIPPED, robot)
     if name == _ONLINE and isinstance(prior := stored.get(_PRIOR), ConstantIcr):
         return OnlineIcr(robot, prior)
@@ -82,14 +81,16 @@ def controller(name: str, robot: RobotGeometry, top_speed: float) -> Controller:
     return made
 
 
-def source_of(name: str) -> str | None:
-    """The file in which a user's controller, or a policy, is written; None for trackslip's own."""
-    if name in CONTROLLERS:
-        return None
-    if name.startswith(_POLICY):
-        return str(policy_file(Path(name.removeprefix(_POLICY))))
-    module, _, attribute = name.partition(":")
-    return inspect.getsourcefile(type(_call(name, module, attribute)))
+def user_modules() -> list[str]:
+    """Files of the modules that have been imported from here, by a user's controllers or for them."""
+    here = os.getcwd() + os.sep
+    files = {getattr(module, "__file__", None) or "" for module in list(sys.modules.values())}
+    return sorted(file for file in files if file.startswith(here) and "site-packages" not in file)
+
+
+def policy_path(name: str) -> Path | None:
+    """The file of a policy, if the controller called `name` is one."""
+    return policy_file(Path(name.removeprefix(_POLICY))) if name.startswith(_POLICY) else None
 
 
 def _call(name: str, module: str, attribute: str) -> Controller:
@@ -100,7 +101,7 @@ def _call(name: str, module: str, attribute: str) -> Controller:
         made: Controller = getattr(importlib.import_module(module), attribute)()
     except TrackslipError:
         raise
-    except Exception as error:  # whatever a user's module does
+    except (Exception, SystemExit) as error:  # whatever a user's module does
         raise InvalidValueError(
             "controller", name, f"MODULE:CLASS that can be imported and called ({type(error).__name__}: {error})"
         ) from error

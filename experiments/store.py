@@ -34,7 +34,7 @@ MANIFEST = "manifest.json"
 REPORT = "report.html"
 LEADERBOARD = "leaderboard.md"
 
-_PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "lmfit", "pyarrow", "matplotlib")
+_PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "lmfit", "pyarrow", "matplotlib", "casadi")
 
 
 @contextlib.contextmanager

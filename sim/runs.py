@@ -187,9 +187,18 @@ def _steer(
     law = pilot.compensation.law()
     if pilot.preview > 0:
         pose = advance(pose, law.twist(omega, geometry), pilot.preview)
-    if isinstance(pilot.controller, SensesSprockets):
-        pilot.controller.sense(omega)
-    twist = pilot.controller.twist(float(record.time[k]) + pilot.preview, pose, reference)
+    try:
+        if isinstance(pilot.controller, SensesSprockets):
+            pilot.controller.sense(omega)
+        wanted = pilot.controller.twist(float(record.time[k]) + pilot.preview, pose.copy(), reference)
+        twist = np.asarray(wanted, dtype=float)
+    except TrackslipError:
+        raise
+    except Exception as error:  # whatever a user's controller does
+        name = record.name(robots[0])
+        raise TrackslipError(
+            f"run {name!r}: its controller fails at {record.time[k]:g} s ({type(error).__name__}: {error})"
+        ) from error
     record.steered(k, robots, twist, law)
     return law.sprocket_speeds(twist, geometry)
 
@@ -235,6 +244,10 @@ class _Recorder:
     def estimate(self, k: int, estimate: PoseEstimate) -> None:
         self.pose[k], self._covariance[k], self._valid[k] = estimate.pose, estimate.covariance, estimate.valid
 
+    def name(self, robot: int) -> str:
+        """What a robot's run is called."""
+        return self._descriptions[robot].run
+
     def estimated(self, k: int, robots: Sequence[int]) -> PoseEstimate:
         """What was estimated of some robots."""
         return PoseEstimate(self.pose[k, robots], self._covariance[k, robots], self._valid[k, robots])
@@ -243,11 +256,15 @@ class _Recorder:
         """A controller's twists (R, 2) for R robots, and the law they are turned into sprocket speeds with.
 
         Raises:
-            TrackslipError: for a twist that isn't finite.
+            TrackslipError: for twists of another shape, and for one that isn't finite.
         """
-        twist = np.broadcast_to(np.asarray(twist, float), (len(robots), 2))
+        if twist.shape != (len(robots), 2):
+            raise TrackslipError(
+                f"run {self.name(robots[0])!r}: its controller's twists have the shape {twist.shape}: must be "
+                f"{(len(robots), 2)}, for as many poses"
+            )
         for i in np.flatnonzero(~np.isfinite(twist).all(axis=1)):
-            name = self._descriptions[robots[int(i)]].run
+            name = self.name(robots[int(i)])
             raise TrackslipError(
                 f"run {name!r}: its controller asks for the twist {tuple(twist[i].tolist())} at {self.time[k]:g} s"
             )

@@ -46,9 +46,11 @@ class FixedLaw:
 
 
 class OnlineIcr:
-    """Constant ICRs, found while driving (see `estimation`), beginning with those of `prior`."""
+    """Constant ICRs, found while driving (see `estimation`), beginning with those of `prior`, or with nothing."""
 
-    def __init__(self, geometry: RobotGeometry, prior: ConstantIcr, tuning: FilterTuning | None = None) -> None:
+    def __init__(
+        self, geometry: RobotGeometry, prior: ConstantIcr | None = None, tuning: FilterTuning | None = None
+    ) -> None:
         self._geometry, self._prior, self._tuning = geometry, prior, tuning
         self._filter: IcrFilter | None = None
 

@@ -18,7 +18,7 @@ class InvalidValueError(TrackslipError, ValueError):
 
     def __init__(self, field: str, value: object, allowed: str) -> None:
         super().__init__(f"{field} = {value!r}: must be {allowed}")
-        self.field = field
+        self.field, self.value, self.allowed = field, value, allowed
 
 
 class LogError(TrackslipError, ValueError):

@@ -10,7 +10,8 @@ or where a slippery ground hardly bends the way of a fast robot, it lies c ahead
 -c w. A scan measures the pose. The state is (x, y, phi, g, epsilon, c): the rates are linear in the yaw gain g, whereas
 a filter that is linearised in D loses its way when D is far off. The constants wander with the way and the turn driven,
 not with time: what a motion doesn't show (D on a straight, all when standing) stays what it was, and how well it is
-known too.
+known too. Where a robot turns so slowly that it may be chance, g and c are considered, but not learnt: a controller
+answers the noise of scans with small turns, and noise that isn't as it is said to be would pass for slip.
 
 Two gates watch the innovations. One too large for a scan's noise is a wrong pose and is left out; several in a row mean
 that the filter is wrong. Innovations that lean one way for a while, each small, mean that the ground has changed. In
@@ -44,6 +45,10 @@ class FilterTuning:
     """Standard deviation of epsilon where nothing is known [-]."""
     centre_spread: float = 0.03
     """Standard deviation of c where nothing is known [m]."""
+    known: float = 0.15
+    """Share of these that is left at the start where a law is known [-]."""
+    least_turn: float = 0.015
+    """Mean yaw rate from which g and c are learnt [rad/s]."""
     gain_walk: float = 0.003
     """Wander of g [1/sqrt(rad) turned]."""
     radius_error_walk: float = 0.0005
@@ -53,7 +58,9 @@ class FilterTuning:
     position_walk: float = 0.002
     """What the motion model misses, in position [m per sqrt(m) driven]."""
     heading_walk: float = 0.003
-    """What it misses, in heading [rad per sqrt(rad) turned]."""
+    """What it misses, in heading [rad per sqrt(rad) turned, and per sqrt(m) driven]."""
+    floor: float = 1e-4
+    """Least error of a measured pose [m and rad]."""
     outlier: float = 30.0
     """Squared innovation, in its own covariance, from which a pose is left out (chi-square, 3 degrees) [-]."""
     patience: int = 5
@@ -64,9 +71,9 @@ class FilterTuning:
     """Scans over which that mean is taken [-]."""
 
     def __post_init__(self) -> None:
-        for name in ("gain_spread", "radius_error_spread", "centre_spread", "outlier", "change"):
+        for name in ("gain_spread", "radius_error_spread", "centre_spread", "outlier", "change", "known", "floor"):
             require_positive(name, getattr(self, name))
-        for name in ("gain_walk", "radius_error_walk", "centre_walk", "position_walk", "heading_walk"):
+        for name in ("gain_walk", "radius_error_walk", "centre_walk", "position_walk", "heading_walk", "least_turn"):
             require_non_negative(name, getattr(self, name))
         if self.patience < 1:
             raise InvalidValueError("patience", self.patience, "an integer >= 1")
@@ -83,16 +90,22 @@ class IcrFilter:
     """Pose, D and epsilon of N robots; each robot's bits are its own, whatever the others do."""
 
     def __init__(
-        self, start: ArrayLike, geometry: RobotGeometry, law: ConstantIcr, tuning: FilterTuning | None = None
+        self,
+        start: ArrayLike,
+        geometry: RobotGeometry,
+        law: ConstantIcr | None = None,
+        tuning: FilterTuning | None = None,
     ) -> None:
-        """Begin at known poses `start` (N, 3) with the D and epsilon of `law`, as uncertain as `tuning` says."""
+        """Begin at known poses `start` (N, 3) with the D and epsilon of `law`, or with D = epsilon = 0 and no idea."""
         self._geometry, self._tuning = geometry, tuning or FilterTuning()
         pose = np.atleast_2d(np.asarray(start, float))
         n = len(pose)
         self.state = np.zeros((n, 6))
         """x, y [m], phi [rad], g, epsilon [-], c [m]."""
-        gain = geometry.half_gauge / (geometry.half_gauge + law.offset)
-        self.state[:, :3], self.state[:, 3], self.state[:, 4] = pose, gain, law.radius_error
+        self.state[:, :3], self.state[:, 3] = pose, 1.0
+        if law is not None:
+            self.state[:, 3] = geometry.half_gauge / (geometry.half_gauge + law.offset)
+            self.state[:, 4] = law.radius_error
         self.covariance = np.zeros((n, 6, 6))
         """Of the state."""
         self.restarts = np.zeros(n, int)
@@ -100,7 +113,8 @@ class IcrFilter:
         self._lean = np.zeros((n, 3))  # sum of whitened innovations, fading
         self._weight = np.zeros(n)  # variance of that sum
         self._refused = np.zeros(n, int)  # poses left out in a row
-        self._begin(np.arange(n), pose, np.zeros((n, 3, 3)))
+        self._turning = np.zeros(n)  # mean yaw rate of late [rad/s]
+        self._begin(np.arange(n), pose, np.zeros((n, 3, 3)), 1.0 if law is None else self._tuning.known)
 
     @property
     def law(self) -> ConstantIcr:
@@ -134,12 +148,13 @@ class IcrFilter:
         jacobian[:, :3, 3:] = np.einsum("nij,njk->nik", by_motion, by_law)
         jacobian[:, [3, 4, 5], [3, 4, 5]] = 1.0
         self.covariance = np.einsum("nij,njk,nlk->nil", jacobian, self.covariance, jacobian)
+        self._turning += (velocity[:, 2] - self._turning) / tuning.memory
         way, turn = np.abs(motion[:, 0]), np.abs(motion[:, 2])
         spread = np.stack(
             [
                 way * tuning.position_walk**2,
                 way * tuning.position_walk**2,
-                turn * tuning.heading_walk**2,
+                (way + turn) * tuning.heading_walk**2,
                 turn * tuning.gain_walk**2,
                 way * tuning.radius_error_walk**2,
                 turn * tuning.centre_walk**2,
@@ -157,8 +172,9 @@ class IcrFilter:
         tuning = self._tuning
         innovation = pose - self.state[rows, :3]
         innovation[:, 2] = wrap_angle(innovation[:, 2])
+        noise = noise + tuning.floor**2 * np.eye(3)
         spread = self.covariance[rows, :3, :3] + noise
-        root = np.linalg.cholesky((spread + spread.swapaxes(1, 2)) / 2 + 1e-12 * np.eye(3))
+        root = np.linalg.cholesky((spread + spread.swapaxes(1, 2)) / 2)
         white = _solve_lower(root, innovation)
         surprising = np.einsum("ni,ni->n", white, white) > tuning.outlier
         self._refused[rows] = np.where(surprising, self._refused[rows] + 1, 0)
@@ -166,13 +182,18 @@ class IcrFilter:
         self._learn(rows[good], white[good], root[good])
         again = (self._refused[rows] >= tuning.patience) | (self._leaning(rows) > tuning.change)
         self.restarts[rows[again]] += 1
-        self._begin(rows[again], pose[again], noise[again])
+        self._begin(rows[again], pose[again], noise[again], 1.0)
 
     def _learn(self, rows: np.ndarray, white: Array, root: Array) -> None:
         """Take up innovations (R, 3), whitened by the roots (R, 3, 3) of their covariances."""
         half = _solve_lower(root[:, None], self.covariance[rows, :, :3])  # (R, 6, 3)
-        self.state[rows] += np.einsum("nij,nj->ni", half, white)
-        covariance = self.covariance[rows] - np.einsum("nik,njk->nij", half, half)
+        taken = half.copy()
+        slow = np.abs(self._turning[rows]) < self._tuning.least_turn
+        taken[np.ix_(slow, [3, 5])] = 0.0  # considered, not learnt
+        self.state[rows] += np.einsum("nij,nj->ni", taken, white)
+        crossed = np.einsum("nik,njk->nij", taken, half)
+        covariance = self.covariance[rows] - crossed - crossed.swapaxes(1, 2)
+        covariance += np.einsum("nik,njk->nij", taken, taken)
         self.covariance[rows] = (covariance + covariance.swapaxes(1, 2)) / 2
         self.state[rows, 3] = np.clip(self.state[rows, 3], *_GAINS)
         self.state[rows, 4] = np.clip(self.state[rows, 4], -_LARGEST_ERROR, _LARGEST_ERROR)
@@ -185,12 +206,12 @@ class IcrFilter:
         """How far the latest innovations (R,) of the robots `rows` lean one way (chi-square, 3 degrees)."""
         return np.einsum("ni,ni->n", self._lean[rows], self._lean[rows]) / np.maximum(self._weight[rows], 1.0)
 
-    def _begin(self, rows: np.ndarray, pose: Array, noise: Array) -> None:
-        """Begin anew at poses (R, 3) with covariances (R, 3, 3)."""
+    def _begin(self, rows: np.ndarray, pose: Array, noise: Array, share: float) -> None:
+        """Begin anew at poses (R, 3) with covariances (R, 3, 3), and a `share` of the spreads of the constants."""
         self.state[rows, :3] = pose
         self.covariance[rows] = 0.0
         self.covariance[rows[:, None, None], np.arange(3)[:, None], np.arange(3)] = noise
-        self.covariance[rows, 3:, 3:] = np.diag(np.square(self._tuning.spreads))
+        self.covariance[rows, 3:, 3:] = np.diag(np.square(self._tuning.spreads)) * share**2
         self._lean[rows], self._weight[rows], self._refused[rows] = 0.0, 0.0, 0
 
 

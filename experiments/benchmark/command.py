@@ -10,7 +10,7 @@ from typing import Any
 
 from experiments import store
 from experiments.benchmark.group import groups
-from experiments.benchmark.parts import Parts, rows_of, runs_of
+from experiments.benchmark.parts import Parts, complete, rows_of, runs_of
 from experiments.benchmark.report import render
 from experiments.benchmark.setup import Setup, without_missing
 from experiments.benchmark.table import (
@@ -47,7 +47,7 @@ def run(config: BenchmarkConfig) -> None:
             with watch.stage("driving"):
                 _drive(setup, dict(zip(paths, groups(cases), strict=True)))
         except KeyboardInterrupt:
-            done = sum(path.exists() for path in paths)
+            done = sum(complete(path) for path in paths)
             raise KeyboardInterrupt(
                 f"interrupted with {done} of {len(paths)} fleets driven; the same command goes on from there"
             ) from None
@@ -56,14 +56,26 @@ def run(config: BenchmarkConfig) -> None:
             rows = over_seeds(runs)
             entries, lost = board(rows), [*losses(rows), *notes]
             _gather(paths, folder / store.RUNS)
-        about = setup.world.manifest("benchmark", time.perf_counter() - began) | {"config": store.plain(config)}
+        about = setup.world.manifest("benchmark", time.perf_counter() - began) | {
+            "config": store.plain(config),
+            "ground": {name: store.plain(setup.ground(name)) for name in dict.fromkeys(row["ground"] for row in rows)},
+            "seed": sorted({run["seed"] for run in runs}),
+        }
         with watch.stage("report"):
             (folder / store.LEADERBOARD).write_text(_markdown(entries, lost, rows), encoding="utf-8")
             page = render(folder / store.RUNS, entries, lost, rows, runs, about, store.command_line("benchmark"))
             (folder / store.REPORT).write_text(page, encoding="utf-8")
         wall = time.perf_counter() - began
         timing = {"wall_s": wall, "stages": watch.stages}
-        summary = {"rows": rows, "failures": _failures(runs), "runs": len(runs), "wall_s": wall, "timing": timing}
+        driven = [{key: value for key, value in run.items() if key != "compute_ms"} for run in runs]
+        summary = {
+            "rows": rows,
+            "cases": driven,
+            "failures": _failures(runs),
+            "runs": len(runs),
+            "wall_s": wall,
+            "timing": timing,
+        }
         store.write_json(folder / store.SUMMARY, summary)
         store.write_json(folder / store.MANIFEST, about)
     parts.discard(paths)
@@ -78,7 +90,7 @@ def run(config: BenchmarkConfig) -> None:
 
 def _drive(setup: Setup, wanted: dict[Path, tuple[Case, ...]]) -> None:
     """Make the parts that aren't there yet."""
-    missing = {path: group for path, group in wanted.items() if not path.exists()}
+    missing = {path: group for path, group in wanted.items() if not complete(path)}
     total = sum(map(_seconds, wanted.values()))
     with progress(f"{sum(map(len, wanted.values()))} runs", total) as report:
         report(total - sum(map(_seconds, missing.values())))

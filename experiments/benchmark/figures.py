@@ -45,26 +45,29 @@ def compensation_name(name: str) -> str:
 @styled
 def board(rows: Sequence[Mapping[str, Any]]) -> Figure:
     """Position error once the transient is over, for each controller (lines) and ground (panels), on a log axis."""
-    grounds, controllers, compensations = (
-        list(dict.fromkeys(row[key] for row in rows)) for key in ("ground", "controller", "compensation")
+    grounds, compensations, starts = (
+        list(dict.fromkeys(row[key] for row in rows)) for key in ("ground", "compensation", "start")
     )
-    figure = Figure(figsize=(9.0, 1.6 + 0.42 * len(controllers)), layout="constrained")
+    lines = list(dict.fromkeys((row["controller"], row["start"]) for row in rows))
+    figure = Figure(figsize=(9.0, 1.6 + 0.42 * len(lines)), layout="constrained")
     panels = figure.subplots(1, len(grounds), sharey=True, sharex=True, squeeze=False)[0]
     for axis, ground in zip(panels, grounds, strict=True):
         for k, compensation in enumerate(compensations):
             place = 0.5 * ((k + 0.5) / len(compensations) - 0.5)
-            for n, controller in enumerate(controllers):
+            for n, line in enumerate(lines):
                 some = [
                     row
                     for row in rows
-                    if (row["ground"], row["controller"], row["compensation"]) == (ground, controller, compensation)
+                    if (row["ground"], row["controller"], row["start"], row["compensation"])
+                    == (ground, *line, compensation)
                 ]
                 _dots(axis, some, n + place, law_line(compensation)["color"], _MARKERS[k % len(_MARKERS)])
         axis.set_title(f"on {ground}")
         axis.set_xscale("log")
         axis.set_xlabel("rms position error [mm], log scale")
-    panels[0].set_yticks(range(len(controllers)), controllers)
-    panels[0].set_ylim(len(controllers) - 0.5, -0.5)
+    labels = [name if len(starts) == 1 else f"{name}, start {start}" for name, start in lines]
+    panels[0].set_yticks(range(len(lines)), labels)
+    panels[0].set_ylim(len(lines) - 0.5, -0.5)
     for k, compensation in enumerate(compensations):
         colour = law_line(compensation)["color"]
         label = compensation_name(compensation)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,11 +14,16 @@ from experiments.benchmark.latency import step_times
 from experiments.benchmark.setup import Setup
 from experiments.benchmark_config import Case
 from experiments.names import reference
+from trackslip.errors import TrackslipError
 from trackslip.metrics import expense, tracking_errors
 from trackslip.runlog import RunLog
 
 ENOUGH = 32
 """Robots in a fleet, from which on it hardly gains by being larger, whereas more processes can share smaller ones."""
+
+
+TOO_MANY = 3 * ENOUGH
+"""Robots of one controller on one reference, beyond which they are more than one fleet."""
 
 
 @dataclass(frozen=True)
@@ -43,6 +49,9 @@ def groups(cases: Sequence[Case]) -> list[tuple[Case, ...]]:
                 found.append(tuple(group))
                 group = []
             group += same
+            while len(group) > TOO_MANY:
+                found.append(tuple(group[:ENOUGH]))
+                group = group[ENOUGH:]
         found.append(tuple(group))
     return found
 
@@ -52,9 +61,10 @@ def drive(setup: Setup, cases: Sequence[Case]) -> list[Outcome]:
     try:
         logs = setup.drive(cases)
         return [Outcome(case, log) for case, log in zip(cases, logs, strict=True)]
-    except Exception as error:  # a controller's, too: one failed run is a row
+    except (Exception, SystemExit) as error:  # a controller's, too: one failed run is a row
         if len(cases) == 1:
-            return [Outcome(cases[0], error=" ".join(f"{type(error).__name__}: {error}".split()))]
+            said = str(error) if isinstance(error, TrackslipError) else f"{type(error).__name__}: {error}"
+            return [Outcome(cases[0], error=" ".join(said.split()))]
     middle = len(cases) // 2
     return drive(setup, cases[:middle]) + drive(setup, cases[middle:])
 
@@ -78,6 +88,7 @@ def measure(setup: Setup, outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
                 row |= {"icr_offset": log.icr[-1, 0], "icr_radius_error": log.icr[-1, 1]}
             if replace(case, seed=0) not in timed:
                 timed.add(replace(case, seed=0))
-                row["compute_ms"] = np.round(1e3 * step_times(setup, case, log), 4).tolist()
+                with contextlib.suppress(Exception, SystemExit):  # a controller may not like to be alone
+                    row["compute_ms"] = np.round(1e3 * step_times(setup, case, log), 4).tolist()
         rows.append(row)
     return rows

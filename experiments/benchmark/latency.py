@@ -32,7 +32,7 @@ def step_times(setup: Setup, case: Case, log: RunLog) -> Array:
     times = []
     for k in range(min(_STEPS, len(log.time))):
         row = slice(k, k + 1)
-        estimate = PoseEstimate(log.pose[row], covariance[row], log.is_valid[row])
+        estimate = PoseEstimate(log.pose[row].copy(), covariance[row], log.is_valid[row])
         began = time.perf_counter()
         if k > 0:
             compensation.observe(log.omega[row], period, estimate)

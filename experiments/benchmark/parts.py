@@ -15,6 +15,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import pyarrow
+import pyarrow.parquet
+
 import experiments
 import models
 import sim
@@ -22,8 +25,9 @@ import trackslip
 from experiments import store
 from experiments.benchmark.setup import Setup
 from experiments.benchmark_config import BenchmarkConfig, Case
-from experiments.names import source_of
+from experiments.names import policy_path, user_modules
 from trackslip import logfile
+from trackslip.controllers import CONTROLLERS
 from trackslip.lawfile import SHIPPED
 from trackslip.runlog import RunLog
 
@@ -47,20 +51,24 @@ class Parts:
 
     def path(self, cases: Sequence[Case]) -> Path:
         """Where the part with these cases is, or will be."""
-        files = {name for case in cases for name in (case.reference, case.ground, source_of(case.controller))}
-        content = {name: _content(Path(name)) for name in sorted(filter(None, files)) if Path(name).is_file()}
+        own = any(case.controller not in CONTROLLERS for case in cases)
+        files = {name for case in cases for name in (case.reference, case.ground)} | set(user_modules() if own else ())
+        files |= {str(policy) for case in cases if (policy := policy_path(case.controller)) is not None}
+        content = {name: _content(Path(name)) for name in sorted(files) if Path(name).is_file()}
         return self.folder / f"{_digest([self.common, [vars(case) for case in cases], content])}.json"
 
     @staticmethod
     def write(path: Path, rows: Sequence[dict[str, Any]], logs: Sequence[RunLog]) -> None:
         """Keep a part: its runs first, its rows last, each whole or not at all."""
         path.parent.mkdir(parents=True, exist_ok=True)
+        runs = {"names": [log.run for log in logs], "bytes": 0}
         if logs:
             draft = path.with_suffix(f".runs-{os.getpid()}")
             logfile.write_parquet(logs, draft)
+            runs["bytes"] = draft.stat().st_size
             os.replace(draft, runs_of(path))
         draft = path.with_suffix(f".rows-{os.getpid()}")
-        store.write_json(draft, {"rows": rows})
+        store.write_json(draft, {"rows": rows, "runs": runs})
         os.replace(draft, path)
 
     def discard(self, paths: Sequence[Path]) -> None:
@@ -70,6 +78,18 @@ class Parts:
                 for file in self.folder.glob(f"{path.stem}.*"):
                     file.unlink()
             self.folder.rmdir()
+
+
+def complete(path: Path) -> bool:
+    """Whether a part is there, whole."""
+    try:
+        runs = json.loads(path.read_text(encoding="utf-8"))["runs"]
+        if not runs["names"]:
+            return True
+        stored = pyarrow.parquet.read_table(runs_of(path), columns=["run"]).column("run").unique().to_pylist()
+        return bool(runs_of(path).stat().st_size == runs["bytes"] and sorted(stored) == sorted(runs["names"]))
+    except (OSError, ValueError, KeyError, TypeError, pyarrow.ArrowException):
+        return False
 
 
 def rows_of(path: Path) -> list[dict[str, Any]]:

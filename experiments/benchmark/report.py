@@ -93,7 +93,8 @@ def _path_figures(runs_file: Path, cases: Sequence[Case]) -> Iterator[_Figure]:
             )
         if len(compensations) > 1:
             for controller in [c for c in (*_REPRESENTATIVES, *controllers) if c in controllers][:2]:
-                chosen = _first([case for case in here if case.controller == controller], "compensation")
+                one = [case for case in here if case.controller == controller]
+                chosen = _first([case for case in one if case.start == one[0].start], "compensation")
                 line = {key: law_line(key) for key in chosen}
                 yield _figure(runs_file, chosen, line, f"{name}: {controller} with each compensation", "")
 

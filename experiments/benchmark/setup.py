@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib.util
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -14,11 +15,13 @@ from experiments.grid import make_locator
 from experiments.names import compensation, controller, reference
 from experiments.world import World
 from sim.fleet import Fleet
+from sim.ground import Ground
 from sim.ground_file import load_ground
 from sim.runs import Description, Pilot, closed_loop
 from sim.seeds import generator
 from trackslip.compensation import Compensation
 from trackslip.controllers import Controller
+from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array
 from trackslip.runlog import RunLog
 from trackslip.trajectory import Reference
@@ -41,6 +44,14 @@ class Setup:
 
     def check(self, cases: Sequence[Case]) -> None:
         """Raise TrackslipError for a name that stands for nothing, before anything is driven."""
+        try:
+            self._look_up(cases)
+        except InvalidValueError as error:
+            if error.field in ("controller", "compensation", "reference", "ground"):  # the options are plural
+                raise InvalidValueError(f"{error.field}s", error.value, error.allowed) from error
+            raise
+
+    def _look_up(self, cases: Sequence[Case]) -> None:
         for name in dict.fromkeys(case.controller for case in cases):
             self.controller(name)
         for name in dict.fromkeys(case.compensation for case in cases):
@@ -48,7 +59,11 @@ class Setup:
         for name in dict.fromkeys(case.reference for case in cases):
             reference(name)
         for name in dict.fromkeys(case.ground for case in cases):
-            load_ground(name)
+            self.ground(name)
+
+    def ground(self, name: str) -> Ground:
+        """A ground by name or from a file; `robot` is that of the robot's own file."""
+        return self.world.ground if name == "robot" else load_ground(name)
 
     def controller(self, name: str) -> Controller:
         """A new controller of that name."""
@@ -61,7 +76,7 @@ class Setup:
     def drive(self, cases: Sequence[Case]) -> list[RunLog]:
         """Cases that share a reference, driven as one fleet."""
         path = reference(cases[0].reference)
-        grounds = [load_ground(case.ground) for case in cases]
+        grounds = [self.ground(case.ground) for case in cases]
         world = self.world
         fleet = Fleet(
             world.robot,
@@ -71,7 +86,7 @@ class Setup:
             self.config.drive,
             threads=1,
         )
-        feed = world.feed(fleet, [generator(case.seed, f"benchmark {case.reference}") for case in cases])
+        feed = world.feed(fleet, [generator(case.seed, f"benchmark {_key(case.reference)}") for case in cases])
         steered: dict[tuple[str, str], list[int]] = {}
         for k, case in enumerate(cases):
             steered.setdefault((case.controller, case.compensation), []).append(k)
@@ -88,13 +103,18 @@ class Setup:
         return closed_loop(fleet, pilots, path, feed, locator, descriptions)
 
 
+def _key(reference_name: str) -> str:
+    """What a reference's random numbers depend on: its name, however the path to its file is written."""
+    return Path(reference_name).stem
+
+
 def start(case: Case, path: Reference) -> Array:
     """Where the robot of a case is set down (3,)."""
     offset = np.zeros(3)
     if case.start == "paper":
         offset = np.array(_PAPER_OFFSET)
     elif case.start == "random":
-        rng = generator(case.seed, f"start {case.reference}")
+        rng = generator(case.seed, f"start {_key(case.reference)}")
         away, bearing = _FARTHEST * np.sqrt(rng.uniform()), rng.uniform(-np.pi, np.pi)
         offset = np.array([away * np.cos(bearing), away * np.sin(bearing), rng.uniform(-_MOST_TURNED, _MOST_TURNED)])
     pose = path.pose(0.0)
@@ -108,7 +128,7 @@ def without_missing(config: BenchmarkConfig) -> tuple[list[Case], list[str]]:
     A controller that is asked for by name isn't left out: it is refused.
     """
     cases, notes = config.cases(), []
-    if "mpc" not in config.controllers and importlib.util.find_spec("casadi") is None:
+    if "mpc" not in (config.controllers or ()) and importlib.util.find_spec("casadi") is None:
         rest = [case for case in cases if case.controller != "mpc"]
         if len(rest) < len(cases):
             notes.append('mpc is left out: CasADi is not installed; pip install "trackslip[mpc]"')

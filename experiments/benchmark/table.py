@@ -136,6 +136,7 @@ _BOARD: dict[str, _Format] = {
 _WHOLE: dict[str, _Format] = {
     **{name: (lambda row, name=name: str(row[name])) for name in NAMES},  # type: ignore[misc]
     "kept [%]": _BOARD["kept [%]"],
+    "failed": lambda row: f"{row['failed']} of {row['seeds']}",
     "rms [mm]": _interval("rms_position"),
     "> 12 s [mm]": _interval("rms_position_after_12s"),
     "turning [mm]": _interval("rms_position_arc"),

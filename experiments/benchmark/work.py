@@ -9,6 +9,7 @@ import signal
 import threading
 from collections.abc import Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 from experiments.benchmark.group import drive, measure
@@ -16,6 +17,7 @@ from experiments.benchmark.parts import Parts
 from experiments.benchmark.setup import Setup
 from experiments.benchmark_config import BenchmarkConfig, Case
 from experiments.names import reference
+from trackslip.errors import TrackslipError
 
 _SLOW = {"mpc": 4.0}  # how much longer a robot takes than under most controllers
 
@@ -34,6 +36,8 @@ def work_off(config: BenchmarkConfig, wanted: Mapping[Path, tuple[Case, ...]]) -
             pending = [pool.submit(make, config, path, wanted[path]) for path in order]
             for future in as_completed(pending):
                 yield future.result()
+        except BrokenProcessPool as error:
+            raise TrackslipError("a worker process died; the same command goes on from where it was") from error
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             for child in multiprocessing.active_children():

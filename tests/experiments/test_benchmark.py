@@ -12,8 +12,10 @@ import pyarrow.parquet
 import pytest
 
 from experiments.benchmark.group import groups
+from experiments.benchmark.parts import Parts, complete, runs_of
 from experiments.benchmark.setup import Setup, start
 from experiments.benchmark.table import NAMES, board, bootstrap95, losses, over_seeds
+from experiments.benchmark.work import make
 from experiments.benchmark_config import CONTROLLER_NAMES, REFERENCE_NAMES, BenchmarkConfig, Case
 from experiments.cli import main
 from trackslip.controllers import CONTROLLERS
@@ -40,6 +42,30 @@ class Broken(LinearTimeVarying):
 
 class NoController:
     pass
+
+class Quits(LinearTimeVarying):
+    def twist(self, time, pose, reference):
+        raise SystemExit("enough")
+
+class Flat(LinearTimeVarying):
+    def twist(self, time, pose, reference):
+        return super().twist(time, pose, reference).T
+
+class Silent(LinearTimeVarying):
+    def twist(self, time, pose, reference):
+        pass
+
+class Company(LinearTimeVarying):
+    """Won't drive alone, as when its steps are timed."""
+    def twist(self, time, pose, reference):
+        assert len(pose) > 1
+        return super().twist(time, pose, reference)
+
+class Careless(LinearTimeVarying):
+    def twist(self, time, pose, reference):
+        twist = super().twist(time, pose, reference)
+        pose += 1.0
+        return twist
 '''
 
 
@@ -161,9 +187,74 @@ def test_a_run_that_fails_is_a_row(trackslip, short, tmp_path):
     assert rows["mine:Broken"]["rms_position"] is None
     assert rows["mine:Broken"]["success"] == 0
     failures = result.summary["failures"]
-    assert [failure["error"] for failure in failures] == ["RuntimeError: out of order"] * 2
+    assert len(failures) == 2
+    assert all("its controller fails at 0 s (RuntimeError: out of order)" in failure["error"] for failure in failures)
     assert "RuntimeError: out of order" in result.printed
     assert len(read_runs(result.folder / "runs.parquet")) == 4
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("Quits", "SystemExit: enough"),
+        ("Flat", "its controller's twists have the shape (2, 1): must be (1, 2)"),
+        ("Silent", "its controller's twists have the shape (): must be (1, 2)"),
+    ],
+)
+def test_controllers_that_misbehave_are_told_apart(trackslip, short, tmp_path, name, message):
+    (tmp_path / "odd.py").write_text(MODULE.format(robots=0, robot=0))
+    options = (*short, "--compensations", "none", "--grounds", "stone", "--seeds", "0")
+    result = trackslip("benchmark", *options, "--controllers", "linear", f"odd:{name}")
+    rows = {row["controller"]: row for row in result.summary["rows"]}
+    assert rows["linear"]["failed"] == 0
+    (failure,) = result.summary["failures"]
+    assert message in failure["error"]
+
+
+def test_what_a_controller_does_to_its_poses_or_when_timed_is_its_own_affair(trackslip, short, tmp_path):
+    (tmp_path / "odd.py").write_text(MODULE.format(robots=0, robot=0))
+    options = (*short, "--compensations", "none", "--grounds", "stone", "--seeds", "0", "1")
+    result = trackslip("benchmark", *options, "--controllers", "linear", "odd:Careless", "odd:Company")
+    rows = {row["controller"]: row for row in result.summary["rows"]}
+    for name in ("odd:Careless", "odd:Company"):
+        assert rows[name]["failed"] == 0
+        assert rows[name]["rms_position"] == rows["linear"]["rms_position"]
+    assert rows["odd:Company"]["compute_ms_p50"] is None
+    logs = {log.run: log for log in read_runs(result.folder / "runs.parquet")}
+    one, other = (logs[f"{name} none bend.csv stone zero 0"] for name in ("linear", "odd:Careless"))
+    np.testing.assert_array_equal(one.pose, other.pose)
+
+
+def test_damaged_parts_are_driven_again(tmp_path, short):
+    setup = Setup.of(BenchmarkConfig(references=("bend.csv",), localization="truth", out=tmp_path / "out"))
+    cases = (Case("linear", "none", "bend.csv", "stone", "zero", 0),)
+    path = Parts.of(setup).path(cases)
+    assert not complete(path)
+    make(setup.config, path, cases)
+    assert complete(path)
+    runs, rows = runs_of(path).read_bytes(), path.read_bytes()
+    runs_of(path).write_bytes(runs[:1000])
+    assert not complete(path)
+    runs_of(path).unlink()
+    assert not complete(path)
+    runs_of(path).write_bytes(runs)
+    for damage in (b"", b"{}", rows[:50]):
+        path.write_bytes(damage)
+        assert not complete(path)
+    path.write_bytes(rows)
+    assert complete(path)
+
+
+def test_parts_depend_on_what_a_users_modules_say(tmp_path, short, monkeypatch):
+    (tmp_path / "gains_of_mine.py").write_text("K = 1.0")
+    source = "import gains_of_mine\nfrom trackslip.controllers import LinearTimeVarying as Mine"
+    (tmp_path / "imports_gains.py").write_text(source)
+    setup = Setup.of(BenchmarkConfig(localization="truth"))
+    cases = (Case("imports_gains:Mine", "none", "bend.csv", "stone", "zero", 0),)
+    setup.check(cases)
+    before = Parts.of(setup).path(cases)
+    (tmp_path / "gains_of_mine.py").write_text("K = 2.0")
+    assert Parts.of(setup).path(cases) != before
 
 
 def test_when_every_run_fails_there_is_still_a_table(trackslip, short, tmp_path):
@@ -188,14 +279,15 @@ def test_a_twist_that_is_no_number_fails_its_run_alone(trackslip, short, tmp_pat
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--controllers", "pd"), "controller = 'pd': must be one of feedforward, linear"),
-        (("--controllers", "no_such_module:Mine"), "controller = 'no_such_module:Mine': must be MODULE:CLASS that"),
-        (("--controllers", "mine:NoController"), "controller = 'mine:NoController': must be a class with a method"),
-        (("--compensations", "magic"), "compensation = 'magic': must be one of none, published, "),
-        (("--references", "square"), "reference = 'square': must be one of paper, circle"),
+        (("--controllers", "pd"), "controllers = 'pd': must be one of feedforward, linear"),
+        (("--controllers", "no_such_module:Mine"), "controllers = 'no_such_module:Mine': must be MODULE:CLASS that"),
+        (("--controllers", "mine:NoController"), "controllers = 'mine:NoController': must be a class with a method"),
+        (("--compensations", "magic"), "compensations = 'magic': must be one of none, published, "),
+        (("--references", "square"), "references = 'square': must be one of paper, circle"),
         (("--references", "none.csv"), "none.csv: "),
-        (("--grounds", "lava"), "ground = 'lava': must be one of stone, concrete"),
+        (("--grounds", "lava"), "grounds = 'lava': must be one of stone, concrete"),
         (("--controllers", "linear", "linear"), "controllers = ('linear', 'linear'): must be all different"),
+        (("--seeds",), "seeds = (): must be at least one"),
         (("--seeds", "-1"), "seeds = -1: must be integers >= 0"),
         (("--jobs", "-1"), "jobs = -1: must be an integer from 0"),
         (("--preview", "3"), "preview = 3.0: must be from 0 to 1 s"),

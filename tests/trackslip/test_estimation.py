@@ -14,7 +14,6 @@ from trackslip.slip import ConstantIcr
 GEOMETRY = RobotGeometry(0.168, 0.06)
 TRUE = ConstantIcr(0.045, GEOMETRY.half_gauge, 0.0067)
 GAIN = GEOMETRY.half_gauge / (GEOMETRY.half_gauge + TRUE.offset)
-COLD = ConstantIcr(0.0, GEOMETRY.half_gauge, 0.0)
 NOISE = np.diag([0.002, 0.002, np.radians(0.25)]) ** 2
 PERIOD = 0.05
 EXACT = FilterTuning(gain_walk=0.0, radius_error_walk=0.0, position_walk=0.0, heading_walk=0.0, centre_walk=0.0)
@@ -29,7 +28,9 @@ class Drive:
     rng: np.random.Generator
 
     @classmethod
-    def begin(cls, n: int, law: ConstantIcr = COLD, tuning: FilterTuning | None = None, seed: int = 0) -> "Drive":
+    def begin(
+        cls, n: int, law: ConstantIcr | None = None, tuning: FilterTuning | None = None, seed: int = 0
+    ) -> "Drive":
         pose = np.zeros((n, 3))
         return cls(IcrFilter(pose, GEOMETRY, law, tuning), pose, np.random.default_rng(seed))
 
@@ -76,7 +77,7 @@ def test_finds_the_law_and_knows_how_well():
     tuning = replace(EXACT, gain_spread=0.1, radius_error_spread=0.005)
     gain, radius_error = 1 + rng.normal(0, 0.1, 400), rng.normal(0, 0.005, 400)
     truth = ConstantIcr(GEOMETRY.half_gauge * (1 / gain - 1), GEOMETRY.half_gauge, radius_error)
-    drive = Drive.begin(400, COLD, tuning)
+    drive = Drive.begin(400, None, tuning)
     for seconds in (2.0, 18.0):
         drive.run(seconds, law=truth)
         error = drive.found.state[:, 3:5] - np.stack([gain, radius_error], axis=1)
@@ -179,7 +180,7 @@ def test_each_robots_bits_are_its_own():
     together = Drive.begin(3)
     together.run(5.0)
     rows = np.random.default_rng(0).normal(size=(100, 3, 3)) * np.sqrt(np.diag(NOISE))
-    alone = IcrFilter(np.zeros((1, 3)), GEOMETRY, COLD)
+    alone = IcrFilter(np.zeros((1, 3)), GEOMETRY)
     pose, speeds = np.zeros((1, 3)), np.array([[2.0, 2.9]])
     for noise in rows:
         pose = advance(pose, TRUE.twist(speeds, GEOMETRY), PERIOD)
@@ -197,4 +198,4 @@ def test_tuning_that_makes_no_sense_is_refused(field, value):
 
 def test_compensation_must_be_reset_first():
     with pytest.raises(TrackslipError, match="reset"):
-        OnlineIcr(GEOMETRY, COLD).law()
+        OnlineIcr(GEOMETRY).law()
