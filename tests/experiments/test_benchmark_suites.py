@@ -36,12 +36,6 @@ def check_section_4(rows):
     assert zero["online"]["rms_position_arc"] < zero["icr_radius"]["rms_position_arc"] + 0.0005
 
 
-def test_section_4_with_one_seed(trackslip):
-    result = trackslip("benchmark", "--suite", "paper", "--seeds", "7")
-    assert len(result.summary["rows"]) == 15
-    check_section_4(result.summary["rows"])
-
-
 @pytest.mark.slow
 def test_section_4_with_five_seeds(trackslip):
     result = trackslip("benchmark", "--suite", "paper")

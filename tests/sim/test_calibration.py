@@ -52,6 +52,7 @@ def test_a_known_robot_is_found_again_by_simulation():
         assert fit.stderr[name] < 0.002  # the error is the simulator's own
 
 
+@pytest.mark.slow
 def test_standard_errors_cover_what_noise_does():
     """Over repeats, errors in units of the stated ones have a mean square of one; by theory, which is quick."""
     errors = []
