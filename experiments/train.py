@@ -76,6 +76,7 @@ def _model(config: TrainConfig) -> Any:
         raise TrackslipError('train needs Stable-Baselines3: pip install "trackslip[rl]"') from error
     from sim.sb3 import Corrections, PathTrackingVecEnv
 
+    torch.set_num_threads(1)  # its threads would spin on the processors that the robots want
     robots = PathTrackingVecEnv(config.robots, config.threads, **environment_options(config))
     corrections = Corrections(robots, config.authority)
     checkpoint = config.out / CHECKPOINT
