@@ -17,15 +17,16 @@ import tyro
 from experiments.bench_config import BenchConfig
 from experiments.benchmark_config import BenchmarkConfig
 from experiments.calibrate_config import CalibrateConfig
-from experiments.config import GridConfig, IdentifyConfig, PredictConfig, ReproduceConfig, TrackConfig
+from experiments.config import IdentifyConfig, PredictConfig, ReproduceConfig, TrackConfig
 from experiments.coverage_config import CoverageConfig
 from experiments.sensitivity_config import SensitivityConfig
+from experiments.sweep_config import SweepConfig
 from experiments.train_config import TrainConfig
 from experiments.validate_config import ValidateConfig
 from trackslip.errors import TrackslipError
 
 Command = (
-    Annotated[GridConfig, tyro.conf.subcommand("grid")]
+    Annotated[SweepConfig, tyro.conf.subcommand("grid")]
     | Annotated[IdentifyConfig, tyro.conf.subcommand("identify")]
     | Annotated[TrackConfig, tyro.conf.subcommand("track")]
     | Annotated[BenchmarkConfig, tyro.conf.subcommand("benchmark")]
@@ -41,7 +42,7 @@ Command = (
 _DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate it. `trackslip COMMAND --help` lists a
 command's options."""
 _RUNNERS = {
-    GridConfig: "experiments.grid",
+    SweepConfig: "experiments.sweep",
     IdentifyConfig: "experiments.identify",
     TrackConfig: "experiments.track",
     BenchmarkConfig: "experiments.benchmark",

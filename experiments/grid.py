@@ -1,25 +1,26 @@
-"""`trackslip grid`: radius x speed in front of the scanner."""
+"""Radius x speed in front of the scanner: the paper's grid of runs, and what its numbers are."""
 
 from __future__ import annotations
 
 import contextlib
 import itertools
-import time
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, cast
 
 import numpy as np
 
-from experiments import store
 from experiments.config import GridConfig
-from experiments.console import print_table, progress
+from experiments.console import progress
 from experiments.world import World
+from sim.fleet import Fleet
 from sim.robot import Robot
 from sim.runs import Description, open_loop
+from sim.runs import Progress as Report
 from sim.seeds import generator
 from sim.stopwatch import Stopwatch
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification import SlipSamples, slip_samples, true_samples, usable_samples
+from trackslip.identification import SlipSamples, slip_samples, true_samples
 from trackslip.kinematics import Array, RobotGeometry, sprocket_speeds, wrap_angle
 from trackslip.localization import LineLocator, Locator, PlateLocator
 from trackslip.localization.bound import scan_ratio_to_bound
@@ -34,63 +35,72 @@ CLEARANCE = 1.5
 _WIDER = 1.3  # radius driven over radius commanded, about
 
 
-def run(config: GridConfig) -> None:
-    """Drive the grid and store it."""
-    began = time.perf_counter()
-    with store.results(config.out) as folder:
-        world = World.of(config)
-        robot = world.robot
-        watch = Stopwatch()
-        logs = drive_grid(config, world, watch)
-        with watch.stage("slips"):
-            sampling = usable_samples(logs, robot.geometry, method=config.motion)
-        warnings = [*saturation_warnings(logs), *sampling.notes, *map(str, sampling.refused)]
-        with watch.stage("errors of all methods"):
-            summary = grid_summary(config, logs, sampling.samples, robot.geometry, watch) | {"warnings": warnings}
-        wall = time.perf_counter() - began
-        summary["timing"] = {"wall_s": wall, "simulated_s": simulated_seconds(logs), "stages": watch.stages}
-        about = world.manifest("grid", wall)
-        store.write_results(folder, logs, summary, about)
-    print_table(
-        f"{len(logs)} runs of {config.duration:g} s",
-        ("commanded radius [m]", "observed [m]", "outer slip", "inner slip"),
-        radius_rows(config, summary),
-    )
-    for warning in warnings:
-        print(f"warning: {warning}")
-    print(stages_text(watch.stages))
-    print(f"{config.out / store.RUNS}: {len(logs)} runs in {wall:.1f} s")
+@dataclass(frozen=True)
+class Cell:
+    """One run of a grid."""
+
+    name: str
+    key: str
+    """What its random numbers depend on, besides the root seed."""
+    radius: float
+    """Of the no-slip command [m]."""
+    speed: float
+    """Of the no-slip command [m/s]."""
+    about: Mapping[str, Any] = field(default_factory=dict)
+    """What else is to be remembered of it."""
+
+    @classmethod
+    def at(cls, radius: float, speed: float) -> Cell:
+        """A run that has nothing special but its radius and speed."""
+        name = f"radius={radius!r} speed={speed!r}"
+        return cls(name, name, radius, speed)
 
 
 def drive_grid(config: GridConfig, world: World, watch: Stopwatch | None = None) -> list[RunLog]:
     """Every radius at every speed, all runs at once; raises InvalidValueError for radii too tight for the robot."""
-    robot = world.robot
-    half_gauge = robot.geometry.half_gauge
     for radius in config.radii:
-        if radius <= half_gauge:
-            raise InvalidValueError(
-                "radii",
-                radius,
-                f"greater than the half gauge, {half_gauge:g} m: else the inner track must stand or reverse",
-            )
-    cells = list(itertools.product(config.radii, config.speeds))
-    radius, speed = np.array(cells).T
-    keys = [f"radius={r!r} speed={v!r}" for r, v in cells]
+        require_radius(radius, world.robot.geometry)
+    cells = [Cell.at(radius, speed) for radius, speed in itertools.product(config.radii, config.speeds)]
+    with progress(f"{len(cells)} runs, scans and poses", config.duration) as report:
+        return drive_cells(cells, [world] * len(cells), report, watch)
+
+
+def drive_cells(
+    cells: Sequence[Cell],
+    worlds: Sequence[World],
+    report: Report = lambda seconds: None,
+    watch: Stopwatch | None = None,
+) -> list[RunLog]:
+    """Runs of one fleet, each in its own world; these differ in ground, radius error and seed only.
+
+    `report` is told the seconds that have passed for all of them.
+    """
+    world = worlds[0]
+    config, robot = cast(GridConfig, world.config), world.robot
     start = np.tile(before_scanner(robot), (len(cells), 1))
     if config.random_phase:
-        phases = [generator(config.seed, f"phase {key}").uniform(0, 2 * np.pi) for key in keys]
-        start = np.array([on_circle(robot, r, phase) for r, phase in zip(radius, phases, strict=True)])
-    fleet = world.fleet(start)
-    feed = world.feed(fleet, [generator(config.seed, f"grid {key}") for key in keys])
-    omega = sprocket_speeds(np.stack([speed, speed / radius], axis=-1), 0.0, robot.geometry)
-    common = world.metadata(config.localization)
+        phases = [
+            generator(w.config.seed, f"phase {c.key}").uniform(0, 2 * np.pi) for c, w in zip(cells, worlds, strict=True)
+        ]
+        start = np.array([on_circle(robot, c.radius, phase) for c, phase in zip(cells, phases, strict=True)])
+    errors = np.array([w.radius_error for w in worlds])
+    fleet = Fleet(robot, start, [w.ground for w in worlds], errors, config.drive, config.threads)
+    feed = world.feed(fleet, [generator(w.config.seed, f"grid {c.key}") for c, w in zip(cells, worlds, strict=True)])
+    twist = np.array([(cell.speed, cell.speed / cell.radius) for cell in cells])
+    omega = sprocket_speeds(twist, 0.0, robot.geometry)
     descriptions = [
-        Description(key, {"radius": r, "speed": v, **common}) for key, (r, v) in zip(keys, cells, strict=True)
+        Description(c.name, {"radius": c.radius, "speed": c.speed, **c.about, **w.metadata(config.localization)})
+        for c, w in zip(cells, worlds, strict=True)
     ]
-    with progress(f"{len(cells)} runs, scans and poses", config.duration) as report:
-        return open_loop(
-            fleet, omega, config.duration, feed, make_locator(config.localization, robot), descriptions, report, watch
-        )
+    locator = make_locator(config.localization, robot)
+    return open_loop(fleet, omega, config.duration, feed, locator, descriptions, report, watch)
+
+
+def require_radius(radius: float, geometry: RobotGeometry) -> None:
+    """Raise InvalidValueError for a radius too tight for the robot."""
+    if radius <= geometry.half_gauge:
+        allowed = f"greater than the half gauge, {geometry.half_gauge:g} m: else the inner track must stand or reverse"
+        raise InvalidValueError("radii", radius, allowed)
 
 
 def before_scanner(robot: Robot) -> Array:
@@ -139,18 +149,23 @@ def saturation_warnings(logs: Sequence[RunLog]) -> list[str]:
 
 
 def grid_summary(
-    config: GridConfig, logs: Sequence[RunLog], samples: SlipSamples, geometry: RobotGeometry, watch: Stopwatch
+    config: GridConfig,
+    names: Sequence[str],
+    logs: Sequence[RunLog],
+    samples: SlipSamples,
+    geometry: RobotGeometry,
+    watch: Stopwatch,
 ) -> dict[str, Any]:
     """The numbers of a grid: radii, spread of the slips over speed, errors and speed of localisation, errors of slip.
 
-    What needs a run that gave no sample is NaN.
+    `names` are those of all its runs, speed by speed. What needs a run that gave no sample is NaN.
     """
     truth = true_samples([log for log in logs if log.run in samples.run], geometry)
-    sampled = np.isin([log.run for log in logs], samples.run)
+    sampled = np.isin(names, samples.run)
     slip, true_slip, radius = (
-        np.full((len(logs), 2), np.nan),
-        np.full((len(logs), 2), np.nan),
-        np.full(len(logs), np.nan),
+        np.full((len(names), 2), np.nan),
+        np.full((len(names), 2), np.nan),
+        np.full(len(names), np.nan),
     )
     slip[sampled], true_slip[sampled], radius[sampled] = samples.slip, truth.slip, samples.radius
     by_radius = (len(config.radii), len(config.speeds))
@@ -163,6 +178,7 @@ def grid_summary(
     observed = 1 / (1 / radius).reshape(by_radius).mean(axis=1)  # of the mean curvature
     relative = (observed / published - 1)[~np.isnan(published)]
     outer, inner = 1, 0  # the runs turn left
+    seconds = watch.stages.get("localization")
     return {
         "radius": {
             "commanded": list(config.radii),
@@ -177,7 +193,7 @@ def grid_summary(
         "localization": localization_summary(logs)
         | {
             "ratio_to_bound": bound_ratios(logs),
-            "scans_per_s": sum(len(log.time) for log in logs) / watch.stages["localization"],
+            "scans_per_s": sum(len(log.time) for log in logs) / seconds if seconds else None,
         },
         "slip_error": _slip_error(error) | motion_errors([log for log in logs if log.run in samples.run], geometry),
     }

@@ -58,7 +58,8 @@ def run(config: ReproduceConfig) -> None:
                 "published": published_summary(),
                 "warnings": warnings,
             }
-            summary |= grid_summary(config, grid_logs, sampling.samples, robot.geometry, watch)
+            names = [log.run for log in grid_logs]
+            summary |= grid_summary(config, names, grid_logs, sampling.samples, robot.geometry, watch)
         with watch.stage("closed loops"):
             tracking_logs = drive_paths(config, world, {name: laws[name].law for name in IDENTIFIED if name in laws})
             summary["tracking"] = tracking_summary(tracking_logs, paper_reference())

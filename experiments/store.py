@@ -33,6 +33,7 @@ RUNS = "runs.parquet"
 MANIFEST = "manifest.json"
 REPORT = "report.html"
 LEADERBOARD = "leaderboard.md"
+TABLE = "table.parquet"
 
 _PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "lmfit", "pyarrow", "matplotlib", "casadi")
 
@@ -50,7 +51,7 @@ def results(out: Path) -> Iterator[Path]:
         try:
             made = [folder for folder in (out, *out.parents) if not folder.exists()]
             out.mkdir(parents=True, exist_ok=True)
-            for name in (MANIFEST, SUMMARY, RUNS, REPORT, LEADERBOARD):
+            for name in (MANIFEST, SUMMARY, RUNS, REPORT, LEADERBOARD, TABLE):
                 if (out / name).is_dir():
                     raise OutputError(f"out = {str(out)!r}: {name} is a folder there, and must be a file or absent")
             staging = Path(tempfile.mkdtemp(prefix=".partial-", dir=out))
@@ -76,7 +77,7 @@ def _replace(staging: Path, out: Path) -> None:
     """Put the new files in place of the old ones, the manifest last: what it stands beside is complete."""
     (out / MANIFEST).unlink(missing_ok=True)
     new = {file.name for file in staging.iterdir()}
-    for name in {SUMMARY, RUNS, REPORT, LEADERBOARD} - new:
+    for name in {SUMMARY, RUNS, REPORT, LEADERBOARD, TABLE} - new:
         (out / name).unlink(missing_ok=True)
     for name in sorted(new - {MANIFEST}) + sorted(new & {MANIFEST}):
         os.replace(staging / name, out / name)

@@ -21,8 +21,8 @@ from trackslip.errors import LogError, TrackslipError
 POLICY, CHECKPOINT = "policy.npz", "checkpoint.zip"
 _LEAST_RATE = 0.05  # of the learning rate, at the end
 _CHECKPOINT_EVERY = 20  # updates
-_RANDOMIZATION = Randomization(start_distance=(0.0, 0.2), start_heading=(-0.4, 0.4), friction_ratio=(0.95, 1.1))
-_REWARD = Reward(weight_position=0.8, weight_heading=0.1, weight_change=0.1, position_scale=0.02, heading_scale=0.2)
+_RANDOMIZATION = Randomization(start_distance=(0.0, 0.2), start_heading=(-0.4, 0.4), friction_ratio=(0.9, 1.4))
+_REWARD = Reward(weight_position=0.8, weight_heading=0.2, weight_change=4.0, position_scale=0.02, heading_scale=0.2)
 
 
 def run(config: TrainConfig) -> None:

@@ -17,7 +17,7 @@ class TrainConfig:
     The defaults are the tuned configuration that the README's numbers were made with.
     """
 
-    steps: int = 4_000_000
+    steps: int = 2_000_000
     """Control periods of all robots together."""
     robots: int = 64
     """Robots in the vector environment."""

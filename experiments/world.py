@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -23,8 +24,28 @@ from trackslip.kinematics import Array
 
 
 @dataclass(frozen=True)
+class Specification:
+    """A world whose files are read and whose names are looked up; nothing is compiled."""
+
+    parameters: RobotParameters
+    ground: Ground
+    radius_error: float
+    obstacles: Obstacles
+
+    @classmethod
+    def of(cls, config: Simulation) -> Specification:
+        """What a command is to simulate; raises TrackslipError for files and names that aren't there."""
+        parameters, ground = load_robot_file(config.robot)
+        if config.ground.source is not None:
+            ground = load_ground(config.ground.source)
+        obstacles = Obstacles() if config.obstacles is None else load_obstacles(config.obstacles)
+        error = parameters.radius_error if config.radius_error is None else config.radius_error
+        return cls(parameters, config.ground.changed(ground), error, obstacles)
+
+
+@dataclass(frozen=True)
 class World:
-    """Files read, names looked up, model compiled."""
+    """A specified world with its model compiled."""
 
     config: Simulation
     parameters: RobotParameters
@@ -34,15 +55,11 @@ class World:
     obstacles: Obstacles
 
     @classmethod
-    def of(cls, config: Simulation) -> World:
+    def of(cls, config: Simulation, specification: Specification | None = None) -> World:
         """What a command is to simulate; raises TrackslipError for files and names that aren't there."""
-        parameters, ground = load_robot_file(config.robot)
-        if config.ground.source is not None:
-            ground = load_ground(config.ground.source)
-        obstacles = Obstacles() if config.obstacles is None else load_obstacles(config.obstacles)
-        error = parameters.radius_error if config.radius_error is None else config.radius_error
-        robot = load_robot(parameters=parameters)
-        return cls(config, parameters, robot, config.ground.changed(ground), error, obstacles)
+        given = specification or Specification.of(config)
+        robot = _compiled(given.parameters)
+        return cls(config, given.parameters, robot, given.ground, given.radius_error, given.obstacles)
 
     def fleet(self, start: Array) -> Fleet:
         """Robots at the poses `start` (N, 3)."""
@@ -83,3 +100,8 @@ class World:
             obstacles=self.obstacles,
             robot=self.parameters,
         )
+
+
+@functools.lru_cache(maxsize=8)
+def _compiled(parameters: RobotParameters) -> Robot:
+    return load_robot(parameters=parameters)

@@ -82,14 +82,15 @@ def open_loop(
     waiting: list[Array] = []
     clusters: list[Cluster] = []
     for k in range(record.rows):
-        with watch.stage("physics and scans"):
+        with watch.stage("physics"):
             if k > 0:
                 fleet.advance(feed.period)
                 progress(feed.period)
             record.measure(k)
+        with watch.stage("scans"):
             waiting.append(feed.true_ranges())
         if len(waiting) == block or k == record.rows - 1:
-            with watch.stage("physics and scans"):
+            with watch.stage("scans"):
                 ranges = feed.measure(np.stack(waiting, axis=1)).ranges  # (N, block, B)
             with watch.stage("localization"):
                 first = k + 1 - len(waiting)

@@ -11,7 +11,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
@@ -72,27 +72,62 @@ def to_table(logs: Sequence[RunLog]) -> pa.Table:
     return table.cast(pa.schema(fields, metadata={_METADATA_KEY: json.dumps(metadata)}))
 
 
-def write_parquet(logs: Sequence[RunLog], path: Path) -> None:
-    """Write runs to a Parquet file."""
+def write_parquet(logs: Sequence[RunLog], file: Path | BinaryIO) -> None:
+    """Write runs to a Parquet file, a row group each, in order."""
     table = to_table(logs)
-    pa.parquet.write_table(table, path, **_packing(table.schema))
+    with pa.parquet.ParquetWriter(file, table.schema, **_packing(table.schema)) as writer:
+        first = 0
+        for log in logs:
+            writer.write_table(table.slice(first, len(log.time)), row_group_size=len(log.time))
+            first += len(log.time)
 
 
-def join_parquet(parts: Sequence[Path], path: Path) -> None:
-    """Write the runs of Parquet files that `write_parquet` made to a single one, in order, a file at a time."""
-    schemas = [pa.parquet.read_schema(part) for part in parts]
-    runs = {
-        name: about for schema in schemas for name, about in json.loads(schema.metadata[_METADATA_KEY])["runs"].items()
-    }
-    joined = pa.unify_schemas([schema.remove_metadata() for schema in schemas])
-    joined = joined.with_metadata({_METADATA_KEY: json.dumps({"version": 1, "runs": runs})})
+def join_parquet(runs: Sequence[tuple[Path, str]], path: Path) -> None:
+    """Write runs out of files that `write_parquet` made, (file, name) each, to a single one, in order.
+
+    Raises:
+        LogError: when a file can't be read, or lacks the run.
+    """
+    files = {file: _StoredRuns(file) for file in dict.fromkeys(file for file, _ in runs)}
+    joined = pa.unify_schemas([stored.schema for stored in files.values()])
+    about = {name: files[file].metadata(name) for file, name in runs}
+    joined = joined.with_metadata({_METADATA_KEY: json.dumps({"version": 1, "runs": about})})
     with pa.parquet.ParquetWriter(path, joined, **_packing(joined)) as writer:
-        for part in parts:
-            table = pa.parquet.read_table(part).replace_schema_metadata(None)
-            missing = [field for field in joined if field.name not in table.column_names]
-            for field in missing:
-                table = table.append_column(field, pa.nulls(len(table), field.type))
-            writer.write_table(table.select(joined.names).cast(joined))
+        for file, name in runs:
+            table = files[file].table(name)
+            for field in joined:
+                if field.name not in table.column_names:
+                    table = table.append_column(field, pa.nulls(len(table), field.type))
+            writer.write_table(table.select(joined.names).cast(joined), row_group_size=len(table))
+
+
+class _StoredRuns:
+    """A file of `write_parquet`'s, a run at a time."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            self._file = pa.parquet.ParquetFile(path)
+            self._metadata = json.loads(self._file.schema_arrow.metadata[_METADATA_KEY])["runs"]
+        except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
+            raise LogError(f"{path}: {_first_line(error)}") from error
+        if self._file.num_row_groups != len(self._metadata):
+            raise LogError(f"{path}: its runs have no row groups of their own")
+        self._group = {name: k for k, name in enumerate(self._metadata)}
+        self.schema = self._file.schema_arrow.remove_metadata()
+
+    def metadata(self, name: str) -> dict[str, Any]:
+        """What is remembered of a run."""
+        if name not in self._metadata:
+            raise LogError(f"{self._path}: it has no run {name!r}")
+        return dict(self._metadata[name])
+
+    def table(self, name: str) -> pa.Table:
+        """A run's rows."""
+        try:
+            return self._file.read_row_group(self._group[name]).replace_schema_metadata(None)
+        except (pa.ArrowException, OSError) as error:
+            raise LogError(f"{self._path}: run {name!r}: {_first_line(error)}") from error
 
 
 def _packing(schema: pa.Schema) -> dict[str, Any]:

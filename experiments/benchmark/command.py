@@ -10,7 +10,7 @@ from typing import Any
 
 from experiments import store
 from experiments.benchmark.group import groups
-from experiments.benchmark.parts import Parts, complete, rows_of, runs_of
+from experiments.benchmark.parts import Parts, complete, names_of, rows_of, runs_of
 from experiments.benchmark.report import render
 from experiments.benchmark.setup import Setup, without_missing
 from experiments.benchmark.table import (
@@ -100,7 +100,7 @@ def _drive(setup: Setup, wanted: dict[Path, tuple[Case, ...]]) -> None:
 
 def _gather(paths: Sequence[Path], file: Path) -> None:
     """The runs of all parts, if there are any, as one file."""
-    if driven := [runs_of(path) for path in paths if runs_of(path).exists()]:
+    if driven := [(runs_of(path), name) for path in paths for name in names_of(path)]:
         logfile.join_parquet(driven, file)
 
 

@@ -7,7 +7,6 @@ and two processes that make the same one write the same.
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import json
 import os
 from collections.abc import Sequence
@@ -18,14 +17,11 @@ from typing import Any
 import pyarrow
 import pyarrow.parquet
 
-import experiments
-import models
-import sim
-import trackslip
 from experiments import store
 from experiments.benchmark.setup import Setup
 from experiments.benchmark_config import BenchmarkConfig, Case
 from experiments.names import policy_path, user_modules
+from experiments.provenance import content, digest, made_by
 from trackslip import logfile
 from trackslip.controllers import CONTROLLERS
 from trackslip.lawfile import SHIPPED
@@ -33,7 +29,6 @@ from trackslip.runlog import RunLog
 
 _FOLDER = ".benchmark-parts"
 _IRRELEVANT = ("suite", "controllers", "compensations", "references", "grounds", "starts", "seeds", "jobs", "out")
-_PACKAGES = (trackslip, sim, experiments, models)
 
 
 @dataclass(frozen=True)
@@ -47,15 +42,15 @@ class Parts:
     @classmethod
     def of(cls, setup: Setup) -> Parts:
         """Those of a benchmark, wherever it was stopped."""
-        return cls(setup.config.out / _FOLDER, _digest(_common(setup)))
+        return cls(setup.config.out / _FOLDER, digest(_common(setup)))
 
     def path(self, cases: Sequence[Case]) -> Path:
         """Where the part with these cases is, or will be."""
         own = any(case.controller not in CONTROLLERS for case in cases)
         files = {name for case in cases for name in (case.reference, case.ground)} | set(user_modules() if own else ())
         files |= {str(policy) for case in cases if (policy := policy_path(case.controller)) is not None}
-        content = {name: _content(Path(name)) for name in sorted(files) if Path(name).is_file()}
-        return self.folder / f"{_digest([self.common, [vars(case) for case in cases], content])}.json"
+        own_files = {name: content(Path(name)) for name in sorted(files) if Path(name).is_file()}
+        return self.folder / f"{digest([self.common, [vars(case) for case in cases], own_files])}.json"
 
     @staticmethod
     def write(path: Path, rows: Sequence[dict[str, Any]], logs: Sequence[RunLog]) -> None:
@@ -98,6 +93,12 @@ def rows_of(path: Path) -> list[dict[str, Any]]:
     return rows
 
 
+def names_of(path: Path) -> list[str]:
+    """The names of a part's runs, those that were driven to the end."""
+    names: list[str] = json.loads(path.read_text(encoding="utf-8"))["runs"]["names"]
+    return names
+
+
 def runs_of(path: Path) -> Path:
     """Where a part's runs are, if it has any."""
     return path.with_suffix(".parquet")
@@ -110,21 +111,6 @@ def _common(setup: Setup) -> dict[str, Any]:
     return options | {
         "model": setup.world.robot.digest,
         "world": store.plain([setup.world.parameters, setup.world.obstacles, setup.world.radius_error]),
-        "laws": _content(laws / store.SUMMARY if laws.is_dir() else laws),
-        "code": [
-            (package.__name__, str(file.relative_to(root)), _content(file))
-            for package in _PACKAGES
-            for root in (Path(str(package.__path__[0])),)
-            for file in sorted(root.rglob("*"))
-            if file.suffix in (".py", ".xml", ".json")
-        ],
-        "versions": store.versions(),
+        "laws": content(laws / store.SUMMARY if laws.is_dir() else laws),
+        "made_by": made_by(),
     }
-
-
-def _content(path: Path) -> str | None:
-    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
-
-
-def _digest(value: Any) -> str:
-    return hashlib.sha256(json.dumps(value, sort_keys=True).encode()).hexdigest()[:32]

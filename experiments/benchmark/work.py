@@ -3,21 +3,15 @@
 from __future__ import annotations
 
 import functools
-import multiprocessing
-import os
-import signal
-import threading
 from collections.abc import Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
 from experiments.benchmark.group import drive, measure
 from experiments.benchmark.parts import Parts
 from experiments.benchmark.setup import Setup
 from experiments.benchmark_config import BenchmarkConfig, Case
+from experiments.executors import processors, workers
 from experiments.names import reference
-from trackslip.errors import TrackslipError
 
 _SLOW = {"mpc": 4.0}  # how much longer a robot takes than under most controllers
 
@@ -25,28 +19,14 @@ _SLOW = {"mpc": 4.0}  # how much longer a robot takes than under most controller
 def work_off(config: BenchmarkConfig, wanted: Mapping[Path, tuple[Case, ...]]) -> Iterator[Path]:
     """Make parts, in `config.jobs` processes; yields each when it is there. The longest are begun first."""
     order = sorted(wanted, key=lambda path: -_work(wanted[path]))
-    jobs = min(config.jobs or _processors(), len(order))
-    if jobs <= 1:
-        for path in order:
-            yield make(config, path, wanted[path])
-        return
-    # a fresh interpreter each: a forked one would share the threads of this one's engine
-    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), initializer=_begin) as pool:
-        try:
-            pending = [pool.submit(make, config, path, wanted[path]) for path in order]
-            for future in as_completed(pending):
-                yield future.result()
-        except BrokenProcessPool as error:
-            raise TrackslipError("a worker process died; the same command goes on from where it was") from error
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for child in multiprocessing.active_children():
-                child.terminate()
-            raise
+    jobs = min(config.jobs or processors(), len(order))
+    with workers("processes", jobs) as pool:
+        yield from pool.each(functools.partial(make, config), [(path, wanted[path]) for path in order])
 
 
-def make(config: BenchmarkConfig, path: Path, cases: tuple[Case, ...]) -> Path:
+def make(config: BenchmarkConfig, task: tuple[Path, tuple[Case, ...]]) -> Path:
     """Drive a group, store it as a part, and return its path."""
+    path, cases = task
     setup = _setup(config)
     outcomes = drive(setup, cases)
     Parts.write(path, measure(setup, outcomes), [outcome.log for outcome in outcomes if outcome.log is not None])
@@ -60,22 +40,3 @@ def _setup(config: BenchmarkConfig) -> Setup:
 
 def _work(cases: tuple[Case, ...]) -> float:
     return reference(cases[0].reference).duration * sum(_SLOW.get(case.controller, 1.0) for case in cases)
-
-
-def _processors() -> int:
-    """How many this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _begin() -> None:
-    """A worker leaves interrupts to its parent, and doesn't outlive it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)

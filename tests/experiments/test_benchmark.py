@@ -230,7 +230,7 @@ def test_damaged_parts_are_driven_again(tmp_path, short):
     cases = (Case("linear", "none", "bend.csv", "stone", "zero", 0),)
     path = Parts.of(setup).path(cases)
     assert not complete(path)
-    make(setup.config, path, cases)
+    make(setup.config, (path, cases))
     assert complete(path)
     runs, rows = runs_of(path).read_bytes(), path.read_bytes()
     runs_of(path).write_bytes(runs[:1000])

@@ -105,7 +105,7 @@ def test_the_shipped_laws_are_these(summary):
 def test_what_is_left_behind(folder, summary):
     names = {"manifest.json", "summary.json", "runs.parquet", "report.html"}
     assert {path.name for path in folder.iterdir()} == names
-    stages = {"physics and scans", "localization", "slips", "laws", "errors of all methods", "closed loops", "report"}
+    stages = {"physics", "scans", "localization", "slips", "laws", "errors of all methods", "closed loops", "report"}
     assert set(summary["timing"]["stages"]) == stages
     assert summary["timing"]["simulated_s"] == pytest.approx(25 * 30 + 10 * paper_reference().duration, abs=1)
     manifest = json.loads((folder / "manifest.json").read_text())

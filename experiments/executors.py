@@ -1,0 +1,158 @@
+"""Where parts of a sweep are driven: `concurrent.futures` executors by name."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any, TypeVar
+
+from trackslip.errors import TrackslipError
+
+_AHEAD = 2  # tasks handed out per worker, so that none waits for its next
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Workers:
+    """An executor and how many tasks it does at once."""
+
+    executor: Executor
+    count: int
+
+    @property
+    def inline(self) -> bool:
+        """Whether tasks are done in this process, one after another."""
+        return isinstance(self.executor, InlineExecutor)
+
+    def each(self, do: Callable[[Task], Result], tasks: Iterable[Task]) -> Iterator[Result]:
+        """`do` every task; results come as they are ready. Few tasks are handed out ahead of time.
+
+        Raises:
+            TrackslipError: when a worker dies.
+        """
+        ahead = 1 if self.inline else _AHEAD * self.count
+        left = iter(tasks)
+        pending = {self.executor.submit(do, task) for task in islice(left, ahead)}
+        try:
+            while pending:
+                done, pending = wait(pending, return_when=FIRST_COMPLETED)
+                for future in done:
+                    yield future.result()
+                    pending |= {self.executor.submit(do, task) for task in islice(left, 1)}
+        except BrokenProcessPool as error:
+            raise TrackslipError("a worker process died; the same command goes on from where it was") from error
+
+
+class InlineExecutor(Executor):
+    """Does what it is given at once, in this process."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """The future of what has already been done."""
+        future: Future[Any] = Future()
+        try:
+            future.set_result(fn(*args, **kwargs))
+        except Exception as error:
+            future.set_exception(error)
+        return future
+
+
+@contextlib.contextmanager
+def workers(name: str, jobs: int) -> Iterator[Workers]:
+    """Workers of the executor called `name`, `jobs` of them where that is ours to say.
+
+    Raises:
+        TrackslipError: when what it needs isn't installed, or can't be reached.
+    """
+    if name == "inline" or (name == "processes" and jobs <= 1):
+        yield Workers(InlineExecutor(), 1)
+    elif name == "processes":
+        with _processes(jobs) as pool:
+            yield Workers(pool, jobs)
+    elif name == "mpi":
+        with _mpi() as pool:
+            yield Workers(pool, pool.num_workers)
+    else:
+        with _dask(name.removeprefix("dask://")) as (pool, count):
+            yield Workers(pool, count)
+
+
+def processors() -> int:
+    """How many this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+@contextlib.contextmanager
+def _processes(jobs: int) -> Iterator[Executor]:
+    # a fresh interpreter each: a forked one would share the threads of this one's engine
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), initializer=_begin) as pool:
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for child in multiprocessing.active_children():
+                child.terminate()
+            raise
+
+
+@contextlib.contextmanager
+def _mpi() -> Iterator[Any]:
+    try:
+        from mpi4py.futures import MPIPoolExecutor
+    except (ImportError, RuntimeError) as error:
+        raise TrackslipError(f'--executor mpi: {error}; pip install "trackslip[mpi]"') from error
+    with MPIPoolExecutor() as pool:
+        if pool.num_workers < 1:
+            how = "mpiexec -n N python -m mpi4py.futures -m experiments.cli grid ..."
+            raise TrackslipError(f"--executor mpi: there are no workers; start it with {how}")
+        try:
+            yield pool
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+@contextlib.contextmanager
+def _dask(address: str) -> Iterator[tuple[Executor, int]]:
+    try:
+        from distributed import Client
+    except ImportError as error:
+        raise TrackslipError(f'--executor dask://{address}: {error}; pip install "trackslip[dask]"') from error
+    try:
+        client: Any = Client(  # type: ignore[no-untyped-call, unused-ignore]
+            f"tcp://{address}", timeout=10, set_as_default=False
+        )
+    except (OSError, ValueError, TimeoutError) as error:
+        raise TrackslipError(f"--executor dask://{address}: no scheduler answers there ({error})") from error
+    with client:
+        count = sum(worker["nthreads"] for worker in client.scheduler_info(n_workers=-1)["workers"].values())
+        if count < 1:
+            raise TrackslipError(f"--executor dask://{address}: the scheduler has no workers")
+        pool = client.get_executor(pure=False)
+        try:
+            yield pool, count
+        finally:
+            pool.shutdown(wait=False)
+
+
+def _begin() -> None:
+    """A worker leaves interrupts to its parent, and doesn't outlive it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)

@@ -1,0 +1,120 @@
+"""What is driven of a sweep: its results, and beside them the parts of one that isn't finished."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from experiments import store
+from experiments.provenance import changes, digest, made_by
+from experiments.sweep.drive import Part
+from experiments.sweep.plan import Run
+from trackslip import logfile
+from trackslip.errors import TrackslipError
+
+PARTS = ".grid-parts"
+
+
+@dataclass(frozen=True)
+class Stored:
+    """A run that has been driven."""
+
+    row: dict[str, Any]
+    file: Path
+    """Where its log is."""
+    made_by: dict[str, Any]
+    """Code, models and libraries that drove it."""
+
+
+class Archive:
+    """The runs in a folder of results."""
+
+    def __init__(self, out: Path) -> None:
+        self._out, self._parts = out, out / PARTS
+
+    def stored(self, runs: Sequence[Run], force: bool) -> dict[str, Stored]:
+        """What is there of `runs`, by id. Runs that failed aren't: they are driven again.
+
+        Raises:
+            TrackslipError: when it was driven by other code, models or libraries, unless by `force`.
+            LogError: when it is damaged.
+        """
+        wanted = {run.id for run in runs}
+        found = {}
+        for folder, rows, by in self._records():
+            for row in rows:
+                if row["id"] in wanted and row["error"] is None:
+                    found[row["id"]] = Stored(row, folder, by[row["made_by"]])
+        now = made_by()
+        stale = [one.made_by for one in found.values() if one.made_by != now]
+        if stale and not force:
+            raise TrackslipError(
+                f"out = {str(self._out)!r}: {len(stale)} of these runs are there, driven before a change of"
+                f" {', '.join(changes(stale[0], now))}: --force takes them as they are, --no-resume drives them anew"
+            )
+        return found
+
+    def keep(self, part: Part) -> None:
+        """Store a part: its runs first, its rows last, each whole or not at all."""
+        by = digest(made_by())
+        rows = [row | {"made_by": by} for row in part.rows]
+        path = self._parts / f"{digest([row['id'] for row in rows])}.json"
+        self._parts.mkdir(parents=True, exist_ok=True)
+        if part.runs is not None:
+            _put(path.with_suffix(".parquet"), part.runs)
+        record = {"made_by": {by: made_by()}, "runs": rows}
+        _put(path, json.dumps(store.plain(record)).encode())
+
+    def rows(self, runs: Sequence[Run], stored: Mapping[str, Stored]) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+        """The rows of all `runs`, in order, failed ones too, and by what they were made, by its digest."""
+        rows: dict[str, dict[str, Any]] = {}
+        by: dict[str, Any] = {}
+        for _, found, own in self._records():
+            by |= own
+            rows |= {row["id"]: row for row in found if row["error"] is not None}
+        rows |= {name: one.row for name, one in stored.items()}
+        ordered = [rows[run.id] for run in runs]
+        return ordered, {key: by[key] for key in sorted({row["made_by"] for row in ordered})}
+
+    def gather(self, runs: Sequence[Run], stored: Mapping[str, Stored], file: Path) -> None:
+        """Write the logs of `runs`, in order, to one file."""
+        logfile.join_parquet([(stored[run.id].file, run.name) for run in runs if run.id in stored], file)
+
+    def discard(self) -> None:
+        """Delete the parts, what is wanted of them being now among the results."""
+        with contextlib.suppress(OSError):
+            for file in self._parts.iterdir():
+                file.unlink()
+            self._parts.rmdir()
+
+    def _records(self) -> Iterable[tuple[Path, list[dict[str, Any]], dict[str, Any]]]:
+        """File of runs, rows and by what they were made, of the results and of every whole part."""
+        record = _record(self._out / store.SUMMARY)
+        if record is not None and (self._out / store.MANIFEST).exists():
+            yield self._out / store.RUNS, *record
+        for path in sorted(self._parts.glob("*.json")):
+            record = _record(path)
+            if record is not None:
+                yield path.with_suffix(".parquet"), *record
+
+
+def _record(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]] | None:
+    """Rows and by what they were made, if a sweep has left them here."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        rows, by = content["runs"], content["made_by"]
+        return (rows, by) if all({"id", "error"} <= set(row) and row["made_by"] in by for row in rows) else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _put(path: Path, content: bytes) -> None:
+    """A file, whole or not at all."""
+    draft = path.with_name(f".{path.name}-{os.getpid()}")
+    draft.write_bytes(content)
+    os.replace(draft, path)

@@ -1,0 +1,96 @@
+"""What varies in a sweep, and the values that it takes."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from experiments.sweep.options import ALIASES, converted, hint_of, names
+from experiments.sweep_config import SweepConfig
+from sim.robot_parameters import RobotParameters
+from sim.toml_file import read_toml
+from trackslip.errors import InvalidValueError, SettingsFileError, require_at_most, require_positive
+
+MOST_RUNS = 1_000_000
+_PARAMETERS = tuple(f"robot.{f.name}" for f in dataclasses.fields(RobotParameters) if f.name != "radius_error")
+_OWN = ("radius", "speed", "friction_ratio", *ALIASES, *_PARAMETERS)
+_HIGHEST_RATIO = 100.0
+
+
+def axes_of(config: SweepConfig) -> dict[str, tuple[Any, ...]]:
+    """Values by axis, the fastest last: radius and speed, after all that isn't everywhere the same.
+
+    Raises:
+        InvalidValueError, SettingsFileError: naming the axis and what is allowed.
+    """
+    given: dict[str, tuple[Any, ...]] = {}
+    for name, option, values in (
+        ("ground", "grounds", config.grounds),
+        ("friction_ratio", "friction_ratio", config.friction_ratio),
+        ("slope", "slope", config.slope),
+        ("seed", "seeds", config.seeds),
+    ):
+        if values:
+            given[name] = _checked(name, values, option)
+    for text in config.vary:
+        name, equals, listed = text.partition("=")
+        if not equals:
+            raise InvalidValueError("vary", text, "NAME=VALUE,VALUE,...")
+        _require_new(given, name, "vary")
+        given[name] = _checked(name, tuple(part.strip() for part in listed.split(",")), f"vary {name}")
+    from_file = {} if config.sweep is None else _flat(read_toml(config.sweep), str(config.sweep))
+    for name, values in from_file.items():
+        _require_new(given, name, str(config.sweep))
+        try:
+            given[name] = _checked(name, tuple(values) if isinstance(values, list) else (values,), name)
+        except InvalidValueError as error:
+            raise SettingsFileError(f"{config.sweep}: {error}") from error
+    drive = {"radius": given.pop("radius", config.radii), "speed": given.pop("speed", config.speeds)}
+    axes = {**given, **drive}
+    count = math.prod(len(values) for values in axes.values())
+    if count > MOST_RUNS:
+        raise InvalidValueError("runs", count, f"at most {MOST_RUNS:,}: the product of {', '.join(axes)}")
+    return axes
+
+
+def _checked(name: str, values: tuple[Any, ...], option: str) -> tuple[Any, ...]:
+    """An axis' values, as what they are; raises InvalidValueError."""
+    known = [*_OWN, *(n for n in names() if n not in ("robot", *ALIASES.values()))]
+    if name not in known:
+        raise InvalidValueError("axis", name, f"one of {', '.join(known)}")
+    if not values:
+        raise InvalidValueError(option, values, "at least one value")
+    taken = tuple(converted(_hint(name), value, option) for value in values)
+    if len(set(taken)) < len(taken):
+        raise InvalidValueError(option, taken, "all different")
+    if name in ("radius", "speed", "friction_ratio"):
+        for value in taken:
+            require_positive(option, value)
+    if name == "friction_ratio":
+        for value in taken:
+            require_at_most(option, value, _HIGHEST_RATIO)
+    return taken
+
+
+def _hint(name: str) -> Any:
+    if name in ("radius", "speed", "friction_ratio", *_PARAMETERS):
+        return float
+    return hint_of(ALIASES.get(name, name))
+
+
+def _require_new(given: Mapping[str, Any], name: str, where: str) -> None:
+    if name in given:
+        raise InvalidValueError(where, name, "an axis that isn't given twice")
+
+
+def _flat(table: Mapping[str, Any], where: str, prefix: str = "") -> dict[str, Any]:
+    """Nested tables as dotted names."""
+    found: dict[str, Any] = {}
+    for name, value in table.items():
+        if isinstance(value, Mapping):
+            found |= _flat(value, where, f"{prefix}{name}.")
+        else:
+            found[prefix + name] = value
+    return found

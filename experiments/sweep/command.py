@@ -1,0 +1,105 @@
+"""The command: drive what isn't driven yet, gather, sum up."""
+
+from __future__ import annotations
+
+import functools
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from experiments import store
+from experiments.console import progress
+from experiments.executors import processors, workers
+from experiments.grid import stages_text
+from experiments.sweep import summary
+from experiments.sweep.archive import Archive
+from experiments.sweep.drive import drive
+from experiments.sweep.plan import Run, fleets, plan
+from experiments.sweep.table import write_table
+from experiments.sweep_config import SweepConfig
+from experiments.world import World
+from sim.stopwatch import Stopwatch
+from trackslip import logfile
+from trackslip.errors import TrackslipError
+
+
+def run(config: SweepConfig) -> None:
+    """Drive, gather, store and print."""
+    began = time.perf_counter()
+    watch = Stopwatch()
+    runs = plan(config)
+    with store.results(config.out) as folder:
+        there = Archive(config.out)
+        stored = there.stored(runs, config.force) if config.resume else {}
+        missing = [one for one in runs if one.id not in stored]
+        before = len(stored)
+        driving = time.perf_counter()
+        watch.stages |= _drive(config, there, runs, missing)
+        driving = time.perf_counter() - driving
+        stored |= there.stored(missing, force=True)
+        rows, made_by = there.rows(runs, stored)
+        failures = [row for row in rows if row["error"] is not None]
+        if len(failures) == len(rows):
+            there.discard()
+            raise TrackslipError(_all_failed(failures))
+        with watch.stage("gathering"):
+            there.gather(runs, stored, folder / store.RUNS)
+            write_table(rows, list(runs[0].axes), folder / store.TABLE)
+        found = summary.of(config, runs, rows, lambda: logfile.read_runs(folder / store.RUNS), watch)
+        wall = time.perf_counter() - began
+        found |= {
+            "runs": rows,
+            "made_by": made_by,
+            "failures": [{"run": row["run"], "error": row["error"]} for row in failures],
+            "timing": {
+                "wall_s": wall,
+                "simulated_s": sum(one.config.duration for one in missing),
+                "driving_s": driving,
+                "stages": watch.stages,
+                "driven": len(missing),
+                "taken": before,
+            },
+        }
+        store.write_json(folder / store.SUMMARY, found)
+        store.write_json(folder / store.MANIFEST, World.of(config).manifest("grid", wall))
+    there.discard()
+    summary.print_out(config, runs, found)
+    print(stages_text(watch.stages))
+    already = f", {before} of them taken from before" if before else ""
+    print(f"{config.out / store.RUNS}: {len(runs) - len(failures)} runs in {wall:.1f} s{already}")
+
+
+def _drive(config: SweepConfig, there: Archive, runs: Sequence[Run], missing: Sequence[Run]) -> dict[str, float]:
+    """Drive what is missing and keep it, part by part; seconds of work by stage, all workers together."""
+    parts = fleets(missing)
+    stages: dict[str, float] = {}
+    jobs = min(config.jobs or processors(), len(parts))
+    total, left = (sum(one.config.duration for one in some) for some in (runs, missing))
+    done = len(runs) - len(missing)
+    with progress(f"{len(runs)} runs, scans and poses", total) as report:
+        report(total - left)
+        try:
+            with workers(config.executor, jobs) as pool:
+                task = functools.partial(drive, threads=config.threads, report=report) if pool.inline else drive
+                for part in pool.each(task, parts) if parts else ():
+                    there.keep(part)
+                    done += len(part.rows)
+                    if not pool.inline:
+                        report(part.duration)
+                    for name, seconds in part.stages.items():
+                        stages[name] = stages.get(name, 0.0) + seconds
+        except KeyboardInterrupt:
+            if done == 0:
+                raise
+            raise KeyboardInterrupt(
+                f"interrupted with {done} of {len(runs)} runs driven; the same command goes on from there"
+            ) from None
+    return stages
+
+
+def _all_failed(failures: Sequence[dict[str, Any]]) -> str:
+    """What to say when there is no run."""
+    first = failures[0]
+    if len(failures) == 1:
+        return str(first["error"])
+    return f"all {len(failures)} runs fail, the first, {first['run']!r}: {first['error']}"

@@ -1,0 +1,102 @@
+"""A command's options by their names, as axes of a sweep."""
+
+from __future__ import annotations
+
+import dataclasses
+import types
+import typing
+from pathlib import Path
+from typing import Any, TypeVar
+
+from experiments.config import GridConfig
+from trackslip.errors import InvalidValueError
+
+T = TypeVar("T")
+
+ALIASES = {"ground": "ground.source", "slope": "ground.slope"}
+"""Axes that are options under another name."""
+_NO_AXES = ("radii", "speeds", "threads", "out")
+_FLAGS = {"true": True, "false": False}
+
+
+def names() -> list[str]:
+    """Of all options of a run, nested ones with dots."""
+    return [name for name in _leaves(GridConfig) if name not in _NO_AXES]
+
+
+def with_option(config: T, name: str, value: object) -> T:
+    """A configuration with another value of the option `name`; raises InvalidValueError for what isn't allowed."""
+    try:
+        return _with(config, name.split("."), value, name)
+    except InvalidValueError as error:
+        prefix = name.rpartition(".")[0]
+        if prefix and "." not in error.field:
+            raise InvalidValueError(f"{prefix}.{error.field}", error.value, error.allowed) from error
+        raise
+
+
+def option(config: Any, name: str) -> Any:
+    """The value of the option `name`."""
+    for part in name.split("."):
+        config = getattr(config, part)
+    return config
+
+
+def hint_of(name: str) -> Any:
+    """The type of the option `name`."""
+    cls: Any = GridConfig
+    for part in name.split("."):
+        cls = _hints(cls)[part]
+    return cls
+
+
+def converted(hint: Any, value: object, name: str) -> Any:
+    """`value`, text or what TOML knows, as the type `hint`; raises InvalidValueError where it is none."""
+    options = typing.get_args(hint) if typing.get_origin(hint) in (typing.Union, types.UnionType) else (hint,)
+    for kind in options:
+        if typing.get_origin(kind) is typing.Literal:
+            if value in typing.get_args(kind):
+                return value
+        elif kind is bool:
+            if isinstance(value, bool) or value in _FLAGS:
+                return value if isinstance(value, bool) else _FLAGS[str(value)]
+        elif kind in (int, float):
+            if not isinstance(value, bool):
+                try:
+                    number = kind(value)
+                except (TypeError, ValueError, OverflowError):
+                    continue
+                if number == value or isinstance(value, str):
+                    return number
+        elif kind in (str, Path) and isinstance(value, str):
+            return kind(value)
+    raise InvalidValueError(name, value, _described(options))
+
+
+def _with(config: Any, path: list[str], value: object, name: str) -> Any:
+    head, *rest = path
+    if rest:
+        return dataclasses.replace(config, **{head: _with(getattr(config, head), rest, value, name)})
+    return dataclasses.replace(config, **{head: converted(_hints(type(config))[head], value, name)})
+
+
+def _leaves(cls: Any) -> list[str]:
+    found = []
+    for name, hint in _hints(cls).items():
+        found += [f"{name}.{leaf}" for leaf in _leaves(hint)] if dataclasses.is_dataclass(hint) else [name]
+    return found
+
+
+def _hints(cls: Any) -> dict[str, Any]:
+    hints = typing.get_type_hints(cls)
+    return {field.name: hints[field.name] for field in dataclasses.fields(cls)}
+
+
+def _described(options: typing.Iterable[Any]) -> str:
+    words = {int: "an integer", float: "a number", bool: "true or false", str: "a name", Path: "a file"}
+    known = [
+        " or ".join(map(str, typing.get_args(kind))) if typing.get_origin(kind) is typing.Literal else words[kind]
+        for kind in options
+        if kind is not types.NoneType
+    ]
+    return " or ".join(known)

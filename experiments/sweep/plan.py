@@ -1,0 +1,145 @@
+"""The runs of a sweep, each with all that its numbers depend on but for code and model."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import itertools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from experiments import store
+from experiments.config import GridConfig
+from experiments.grid import Cell, require_radius
+from experiments.provenance import digest
+from experiments.sweep.axes import axes_of
+from experiments.sweep.options import ALIASES, option, with_option
+from experiments.sweep_config import SweepConfig
+from experiments.world import Specification, World
+from trackslip.errors import InvalidValueError
+from trackslip.kinematics import RobotGeometry
+
+ENOUGH = 32
+"""Robots in a fleet, from which on it hardly gains by being larger, whereas more processes can share smaller ones."""
+_DRIVEN = ("radius", "speed")
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a sweep."""
+
+    name: str
+    """Its radius and speed, and where it isn't as the options say, so that it stays when values are added."""
+    axes: Mapping[str, Any]
+    """The values of what varies."""
+    config: GridConfig
+    """Its options, with one radius and one speed."""
+    specification: Specification
+
+    @functools.cached_property
+    def id(self) -> str:
+        """Hash of what the run is."""
+        options = {
+            name: getattr(self.config, name) for name in (*_IN_COMMON, "radii", "speeds", "seed", "random_phase")
+        }
+        return digest([self.name, options, self.specification])
+
+    @property
+    def cell(self) -> Cell:
+        """What is to be driven. Its noise depends on the root seed and on the rest of its name."""
+        key = " ".join(part for part in self.name.split(" ") if not part.startswith("seed="))
+        about = {"id": self.id, "axes": store.plain(self.axes)}
+        return Cell(self.name, key, self.config.radii[0], self.config.speeds[0], about)
+
+    def world(self, threads: int) -> World:
+        """Its world, compiled, for a fleet on that many worker threads."""
+        return World.of(replace(self.config, threads=threads), self.specification)
+
+    @functools.cached_property
+    def fleet(self) -> str:
+        """What the runs of a fleet have in common."""
+        given, config = self.specification, self.config
+        shape = replace(given.parameters, radius_error=0.0)
+        return digest([shape, given.obstacles, {name: getattr(config, name) for name in _IN_COMMON}])
+
+    @property
+    def grid(self) -> tuple[tuple[str, Any], ...]:
+        """What varies but radius and speed: which grid the run belongs to."""
+        return tuple((name, value) for name, value in self.axes.items() if name not in _DRIVEN)
+
+
+_IN_COMMON = ("drive", "scanner", "duration", "localization", "motion", "random_phase")
+
+
+def plan(config: SweepConfig) -> list[Run]:
+    """Every run; raises TrackslipError for values that make no sense, before anything is driven."""
+    axes = axes_of(config)
+    base = GridConfig(**{f.name: getattr(config, f.name) for f in dataclasses.fields(GridConfig)})
+    usual = _usual(base)
+    runs = []
+    for values in itertools.product(*axes.values()):
+        taken = dict(zip(axes, values, strict=True))
+        own = _config(base, taken)
+        specification = _specification(own, taken)
+        parameters = specification.parameters
+        require_radius(taken["radius"], RobotGeometry(parameters.half_gauge, parameters.sprocket_radius))
+        unusual = [f"{name}={value}" for name, value in taken.items() if name not in _DRIVEN and usual(name) != value]
+        name = " ".join([Cell.at(taken["radius"], taken["speed"]).name, *sorted(unusual)])
+        runs.append(Run(name, taken, own, specification))
+    return runs
+
+
+def fleets(runs: Sequence[Run]) -> list[tuple[Run, ...]]:
+    """Runs that can be driven as one fleet, about ENOUGH of them at a time, in order."""
+    alike: dict[str, list[Run]] = {}
+    for run in runs:
+        alike.setdefault(run.fleet, []).append(run)
+    found = []
+    for same in alike.values():
+        count = -(-len(same) // ENOUGH)
+        ends = [round(len(same) * k / count) for k in range(count + 1)]
+        found += [tuple(same[a:b]) for a, b in itertools.pairwise(ends)]
+    return found
+
+
+def _config(base: GridConfig, taken: Mapping[str, Any]) -> GridConfig:
+    config = replace(base, radii=(taken["radius"],), speeds=(taken["speed"],))
+    for name, value in taken.items():
+        if name not in (*_DRIVEN, "friction_ratio") and not name.startswith("robot."):
+            config = with_option(config, ALIASES.get(name, name), value)
+    return config
+
+
+def _specification(config: GridConfig, taken: Mapping[str, Any]) -> Specification:
+    """The world of a run: that of its options, with its own robot and ratio of friction."""
+    given = Specification.of(config)
+    changed = {name.removeprefix("robot."): value for name, value in taken.items() if name.startswith("robot.")}
+    try:
+        parameters = replace(given.parameters, **changed)
+    except InvalidValueError as error:
+        raise InvalidValueError(f"robot.{error.field}", error.value, error.allowed) from error
+    ground = given.ground
+    if "friction_ratio" in taken:
+        ground = replace(ground, across=taken["friction_ratio"] * ground.along)
+    return replace(given, parameters=parameters, ground=ground)
+
+
+def _usual(base: GridConfig) -> Callable[[str], Any]:
+    """What an axis would be without the sweep."""
+    given = Specification.of(base)
+
+    def value(name: str) -> Any:
+        if name == "friction_ratio":
+            return None
+        if name == "ground":
+            return base.ground.source or ("stone" if base.robot is None else None)
+        if name == "radius_error":
+            return given.radius_error
+        if name.startswith("robot."):
+            return getattr(given.parameters, name.removeprefix("robot."))
+        if ALIASES.get(name, name).startswith("ground."):
+            return getattr(given.ground, ALIASES.get(name, name).removeprefix("ground."))
+        return option(base, name)
+
+    return value
