@@ -18,6 +18,8 @@ from trackslip.errors import TrackslipError
 
 _AHEAD = 2  # tasks handed out per worker, so that none waits for its next
 
+_PATIENCE = 10  # for a scheduler to answer [s]
+
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
@@ -129,7 +131,7 @@ def _dask(address: str) -> Iterator[tuple[Executor, int]]:
         raise TrackslipError(f'--executor dask://{address}: {error}; pip install "trackslip[dask]"') from error
     try:
         client: Any = Client(  # type: ignore[no-untyped-call, unused-ignore]
-            f"tcp://{address}", timeout=10, set_as_default=False
+            f"tcp://{address}", timeout=_PATIENCE, set_as_default=False
         )
     except (OSError, ValueError, TimeoutError) as error:
         raise TrackslipError(f"--executor dask://{address}: no scheduler answers there ({error})") from error

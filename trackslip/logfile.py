@@ -82,19 +82,21 @@ def write_parquet(logs: Sequence[RunLog], file: Path | BinaryIO) -> None:
             first += len(log.time)
 
 
-def join_parquet(runs: Sequence[tuple[Path, str]], path: Path) -> None:
-    """Write runs out of files that `write_parquet` made, (file, name) each, to a single one, in order.
+def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
+    """Write runs out of files that `write_parquet` made, (file, name, new name) each, to a single one, in order.
 
     Raises:
         LogError: when a file can't be read, or lacks the run.
     """
-    files = {file: _StoredRuns(file) for file in dict.fromkeys(file for file, _ in runs)}
+    files = {file: _StoredRuns(file) for file in dict.fromkeys(file for file, *_ in runs)}
     joined = pa.unify_schemas([stored.schema for stored in files.values()])
-    about = {name: files[file].metadata(name) for file, name in runs}
+    about = {new: files[file].metadata(name) for file, name, new in runs}
     joined = joined.with_metadata({_METADATA_KEY: json.dumps({"version": 1, "runs": about})})
     with pa.parquet.ParquetWriter(path, joined, **_packing(joined)) as writer:
-        for file, name in runs:
+        for file, name, new in runs:
             table = files[file].table(name)
+            if new != name:
+                table = table.set_column(0, "run", pa.array([new] * len(table)))
             for field in joined:
                 if field.name not in table.column_names:
                     table = table.append_column(field, pa.nulls(len(table), field.type))

@@ -100,7 +100,7 @@ def _drive(setup: Setup, wanted: dict[Path, tuple[Case, ...]]) -> None:
 
 def _gather(paths: Sequence[Path], file: Path) -> None:
     """The runs of all parts, if there are any, as one file."""
-    if driven := [(runs_of(path), name) for path in paths for name in names_of(path)]:
+    if driven := [(runs_of(path), name, name) for path in paths for name in names_of(path)]:
         logfile.join_parquet(driven, file)
 
 

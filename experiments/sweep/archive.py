@@ -78,12 +78,13 @@ class Archive:
             by |= own
             rows |= {row["id"]: row for row in found if row["error"] is not None}
         rows |= {name: one.row for name, one in stored.items()}
-        ordered = [rows[run.id] for run in runs]
+        ordered = [rows[run.id] | {"run": run.name, **run.axes} for run in runs]
         return ordered, {key: by[key] for key in sorted({row["made_by"] for row in ordered})}
 
     def gather(self, runs: Sequence[Run], stored: Mapping[str, Stored], file: Path) -> None:
         """Write the logs of `runs`, in order, to one file."""
-        logfile.join_parquet([(stored[run.id].file, run.name) for run in runs if run.id in stored], file)
+        there = [(stored[run.id], run.name) for run in runs if run.id in stored]
+        logfile.join_parquet([(one.file, one.row["run"], name) for one, name in there], file)
 
     def discard(self) -> None:
         """Delete the parts, what is wanted of them being now among the results."""

@@ -30,6 +30,8 @@ def run(config: SweepConfig) -> None:
     runs = plan(config)
     with store.results(config.out) as folder:
         there = Archive(config.out)
+        if not config.resume:
+            there.discard()
         stored = there.stored(runs, config.force) if config.resume else {}
         missing = [one for one in runs if one.id not in stored]
         before = len(stored)

@@ -66,7 +66,7 @@ def converted(hint: Any, value: object, name: str) -> Any:
                     number = kind(value)
                 except (TypeError, ValueError, OverflowError):
                     continue
-                if number == value or isinstance(value, str):
+                if isinstance(value, str) or number == value or number != number:
                     return number
         elif kind in (str, Path) and isinstance(value, str):
             return kind(value)

@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from experiments import store
 from experiments.config import GridConfig
 from experiments.grid import Cell, require_radius
 from experiments.provenance import digest
@@ -30,7 +29,7 @@ class Run:
     """One run of a sweep."""
 
     name: str
-    """Its radius and speed, and where it isn't as the options say, so that it stays when values are added."""
+    """Its radius and speed, and where it isn't as the options say."""
     axes: Mapping[str, Any]
     """The values of what varies."""
     config: GridConfig
@@ -39,18 +38,22 @@ class Run:
 
     @functools.cached_property
     def id(self) -> str:
-        """Hash of what the run is."""
-        options = {
-            name: getattr(self.config, name) for name in (*_IN_COMMON, "radii", "speeds", "seed", "random_phase")
-        }
-        return digest([self.name, options, self.specification])
+        """Hash of what the run is, however it was asked for."""
+        return digest([self.setting, self.config.radii, self.config.speeds, self.config.seed])
+
+    @functools.cached_property
+    def setting(self) -> str:
+        """Hash of what the run is, but for radius, speed and seed."""
+        return _setting(self.config, self.specification)
 
     @property
     def cell(self) -> Cell:
-        """What is to be driven. Its noise depends on the root seed and on the rest of its name."""
-        key = " ".join(part for part in self.name.split(" ") if not part.startswith("seed="))
-        about = {"id": self.id, "axes": store.plain(self.axes)}
-        return Cell(self.name, key, self.config.radii[0], self.config.speeds[0], about)
+        """What is to be driven. Its random numbers depend on all that its id does."""
+        radius, speed = self.config.radii[0], self.config.speeds[0]
+        key = Cell.at(radius, speed).key
+        if self.setting != _usual_setting():
+            key += f" {self.setting}"
+        return Cell(self.name, key, radius, speed, {"id": self.id})
 
     def world(self, threads: int) -> World:
         """Its world, compiled, for a fleet on that many worker threads."""
@@ -67,6 +70,16 @@ class Run:
     def grid(self) -> tuple[tuple[str, Any], ...]:
         """What varies but radius and speed: which grid the run belongs to."""
         return tuple((name, value) for name, value in self.axes.items() if name not in _DRIVEN)
+
+
+def _setting(config: GridConfig, specification: Specification) -> str:
+    return digest([{name: getattr(config, name) for name in _IN_COMMON}, specification])
+
+
+@functools.cache
+def _usual_setting() -> str:
+    """Of the shipped robot, ground and scanner: the paper's grid has the same noise wherever it is driven."""
+    return _setting(GridConfig(), Specification.of(GridConfig()))
 
 
 _IN_COMMON = ("drive", "scanner", "duration", "localization", "motion", "random_phase")

@@ -20,11 +20,12 @@ class Result:
 
 @pytest.fixture
 def trackslip(tmp_path, capsys):
-    """Runs a command into a folder of its own and reads back what it wrote."""
+    """Runs a command into a folder, by default one of its own, and reads back what it wrote."""
 
     def run(*arguments: str) -> Result:
-        folder = tmp_path / arguments[0]
-        main([*arguments, "--out", str(folder)])
+        own = "--out" in arguments
+        folder = Path(arguments[arguments.index("--out") + 1]) if own else tmp_path / arguments[0]
+        main([*arguments, *(() if own else ("--out", str(folder)))])
         printed = capsys.readouterr().out
         summary, manifest = (json.loads((folder / f"{name}.json").read_text()) for name in ("summary", "manifest"))
         return Result(folder, summary, manifest, printed)

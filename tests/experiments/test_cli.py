@@ -20,7 +20,12 @@ GEOMETRY = ("--half-gauge", "0.168", "--sprocket-radius", "0.06")
 
 def test_small_grid_then_identify_then_csv(trackslip, tmp_path, capsys):
     grid = trackslip("grid", *SMALL, "--seed", "3")
-    assert {path.name for path in grid.folder.iterdir()} == {"manifest.json", "runs.parquet", "summary.json", "table.parquet"}
+    assert {path.name for path in grid.folder.iterdir()} == {
+        "manifest.json",
+        "runs.parquet",
+        "summary.json",
+        "table.parquet",
+    }
     assert "4 runs of 8 s" in grid.printed
     assert grid.manifest["seed"] == 3
     assert grid.summary["radius"]["commanded"] == [0.6, 1.5]

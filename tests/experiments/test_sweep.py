@@ -1,0 +1,307 @@
+"""`trackslip grid` over axes: names, ids, resuming, failures, executors."""
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from experiments import provenance
+from experiments.cli import main, parse
+from experiments.sweep.archive import PARTS
+from experiments.sweep.plan import fleets, plan
+from trackslip.logfile import read_runs
+
+SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
+SWEEP = (*SHORT, "--friction-ratio", "1.0", "1.2", "--seeds", "0", "1")
+
+
+def logs(folder):
+    return {log.metadata["id"]: log for log in read_runs(folder / "runs.parquet")}
+
+
+def planned(*arguments):
+    return plan(parse(["grid", *arguments]))
+
+
+def test_every_combination_is_a_run_with_a_row(trackslip):
+    result = trackslip("grid", *SWEEP, "--grounds", "stone", "ice")
+    rows = pq.read_table(result.folder / "table.parquet").to_pylist()
+    assert len(rows) == len(logs(result.folder)) == 16
+    assert len({row["id"] for row in rows}) == len({row["run"] for row in rows}) == 16
+    for row in rows:
+        log = logs(result.folder)[row["id"]]
+        assert log.run == row["run"]
+        ground, along = log.metadata["ground"], {"stone": 0.7, "ice": 0.12}[row["ground"]]
+        assert ground["along"] == along
+        assert ground["across"] == pytest.approx(row["friction_ratio"] * along)
+        assert (log.metadata["seed"], log.metadata["radius"]) == (row["seed"], row["radius"])
+        assert row["slip_l"] == pytest.approx(row["true_slip_l"], abs=0.01)
+        assert row["omega_r"] == pytest.approx(log.omega[-20:, 1].mean(), rel=1e-3)
+    assert [grid["runs"] for grid in result.summary["grids"]] == [2] * 8
+    assert "16 runs in 8 grids" in result.printed
+    schema = pq.read_schema(result.folder / "table.parquet")
+    for field in schema:
+        assert set(field.metadata) == {b"unit", b"description"}, field.name
+        assert field.metadata[b"description"], field.name
+
+
+def test_runs_keep_their_ids_and_bits_when_others_come(trackslip, tmp_path):
+    few = logs(trackslip("grid", *SHORT, "--slope", "0.05").folder)
+    many = trackslip("grid", *SHORT, "--slope", "0", "0.05", "--seeds", "3", "0", "--vary", "drive.lag=0.05,0.08",
+                     "--no-resume").folder  # fmt: skip
+    more = logs(many)
+    assert set(few) < set(more)
+    for key, log in few.items():
+        for ours, theirs in ((log.pose, more[key].pose), (log.truth.pose, more[key].truth.pose)):
+            np.testing.assert_array_equal(ours, theirs)
+    noise = [log.pose[:, :2] - log.truth.pose[:, :2] for log in more.values()]
+    assert len({part.tobytes() for part in noise}) == len(more)
+
+
+def test_a_run_is_the_same_however_it_is_asked_for():
+    (one,) = planned("--radii", "1", "--speeds", "0.1", "--ground", "ice", "--ground.slope", "0.02", "--seed", "7")
+    (same,) = planned("--radii", "1", "--speeds", "0.1", "--grounds", "ice", "--slope", "0.02", "--seeds", "7")
+    assert (one.id, one.cell.key) == (same.id, same.cell.key)
+    assert one.name == "radius=1.0 speed=0.1"
+    assert same.name == "radius=1.0 speed=0.1 ground=ice seed=7 slope=0.02"
+    ids = {one.id}
+    for option, value in (
+        ("--seed", "8"),
+        ("--radii", "1.1"),
+        ("--scanner.noise", "0.006"),
+        ("--drive.lag", "0.06"),
+        ("--obstacles", "posts"),
+        ("--motion", "arc"),
+        ("--radius-error", "0.01"),
+        ("--duration", "20"),
+    ):
+        base = ["--radii", "1", "--speeds", "0.1", "--ground", "ice", "--ground.slope", "0.02", "--seed", "7"]
+        ids |= {planned(*base, option, value)[0].id}
+    assert len(ids) == 9
+
+
+def test_the_papers_grid_has_the_noise_that_it_always_had():
+    assert [run.cell.key for run in planned("--radii", "0.5", "--speeds", "0.05", "0.1")] == [
+        "radius=0.5 speed=0.05",
+        "radius=0.5 speed=0.1",
+    ]
+
+
+def test_any_option_varies_and_only_equal_models_share_a_fleet(tmp_path):
+    (tmp_path / "sweep.toml").write_text(
+        'radius = [1.0, 2.0]\nspeed = 0.1\nground = ["stone", "gravel"]\n[robot]\nhalf_gauge = [0.15, 0.168]\n'
+        "[scanner]\nnoise = [0.005, 0.01]\n"
+    )
+    runs = planned("--sweep", str(tmp_path / "sweep.toml"), "--vary", "random_phase=false,true")
+    assert len(runs) == 32
+    assert len(fleets(runs)) == 8
+    for fleet in fleets(runs):
+        assert len({(run.specification.parameters, run.config.scanner, run.config.random_phase) for run in fleet}) == 1
+    narrow = [run for run in runs if run.axes["robot.half_gauge"] == 0.15]
+    assert {run.world(1).robot.geometry.half_gauge for run in narrow} == {0.15}
+    assert len(narrow) == 16
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--vary", "noise"), "vary = 'noise': must be NAME=VALUE,VALUE,..."),
+        (("--vary", "colour=red"), "axis = 'colour': must be one of radius, speed, friction_ratio"),
+        (("--vary", "scanner.noise=0.1,loud"), "vary scanner.noise = 'loud': must be a number"),
+        (("--vary", "scanner.noise=-1"), "scanner.noise = -1.0: must be"),
+        (("--vary", "robot.half_gauge=0.2,-1"), "robot.half_gauge = -1.0: must be"),
+        (("--vary", "localization=gps"), "vary localization = 'gps': must be plate or line"),
+        (("--vary", "drive.encoder_counts=1.5"), "vary drive.encoder_counts = '1.5': must be an integer"),
+        (("--vary", "random_phase=maybe"), "vary random_phase = 'maybe': must be true or false"),
+        (("--friction-ratio", "1", "1"), "friction_ratio = (1.0, 1.0): must be all different"),
+        (("--friction-ratio", "0"), "friction_ratio = 0.0: must be a finite number > 0"),
+        (("--friction-ratio", "nan"), "friction_ratio = nan: must be a finite number > 0"),
+        (("--slope", "0.1", "--vary", "slope=0.2"), "vary = 'slope': must be an axis that isn't given twice"),
+        (("--slope", "-0.1"), "ground.slope = -0.1: must be"),
+        (("--grounds", "moon"), "ground = 'moon': must be one of stone"),
+        (("--seeds", "-1"), "seed = -1: must be an integer >= 0"),
+        (("--executor", "cloud"), "executor = 'cloud': must be processes, inline, mpi or dask://HOST:PORT"),
+        (("--jobs", "-1"), "jobs = -1: must be an integer from 0"),
+        (("--sweep", "none.toml"), "none.toml: No such file"),
+    ],
+)
+def test_mistakes_get_one_line(refused, arguments, message):
+    assert message in refused("grid", *SHORT, *arguments)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("radius = []", "radius = (): must be at least one value"),
+        ("radius = [1.0, -1.0]", "radius = -1.0: must be a finite number > 0"),
+        ("radius = [[1.0]]", "radius = [1.0]: must be a number"),
+        ("speed = [9.0]", "speeds = 9.0: must be at most drive.top_speed"),
+        ("colour = [1]", "axis = 'colour'"),
+        ("radius = [1", "not TOML"),
+    ],
+)
+def test_mistakes_in_a_sweep_file(refused, tmp_path, text, message):
+    (tmp_path / "sweep.toml").write_text(text)
+    assert message in refused("grid", *SHORT, "--sweep", str(tmp_path / "sweep.toml"))
+
+
+def test_what_is_stored_is_not_driven_again(trackslip, monkeypatch):
+    first = trackslip("grid", *SWEEP)
+    content = (first.folder / "runs.parquet").read_bytes()
+    with monkeypatch.context() as patch:
+        patch.setattr("experiments.sweep.drive.drive_cells", None)
+        again = trackslip("grid", *SWEEP)
+        assert (again.folder / "runs.parquet").read_bytes() == content
+        assert again.summary["timing"]["taken"] == 8
+        part = trackslip("grid", *SHORT, "--friction-ratio", "1.0")
+        assert len(logs(part.folder)) == 2
+    whole = trackslip("grid", *SWEEP)
+    assert whole.summary["timing"]["taken"] == 2
+    assert (whole.folder / "runs.parquet").read_bytes() == content
+    assert not (whole.folder / PARTS).exists()
+
+
+def test_runs_of_other_code_are_refused_but_by_force(trackslip, refused, tmp_path, monkeypatch):
+    out = ("--out", str(tmp_path / "out"))
+    folder = trackslip("grid", *SHORT, *out).folder
+    now = provenance.made_by()
+    for change, named in (({"code": "0"}, "trackslip's code"), ({"versions": {"mujoco": "9.9"}}, "mujoco (")):
+        with monkeypatch.context() as patch:
+            changed = now | change | {"versions": now["versions"] | change.get("versions", {})}
+            patch.setattr("experiments.sweep.archive.made_by", lambda c=changed: c)
+            message = refused("grid", *SHORT, *out)
+            assert f"2 of these runs are there, driven before a change of {named}" in message
+            forced = trackslip("grid", *SHORT, *out, "--force")
+            assert forced.summary["timing"]["taken"] == 2
+            assert len(trackslip("grid", *SHORT, "--seed", "9", *out).summary["runs"]) == 2  # others aren't refused
+        trackslip("grid", *SHORT, *out, "--no-resume")
+    assert logs(folder)
+
+
+def test_failed_runs_are_rows_and_are_driven_again(trackslip, monkeypatch):
+    """On a slope steeper than its friction angle a robot can't be parked."""
+    arguments = ("grid", *SHORT, "--slope", "0", "0.9")
+    result = trackslip(*arguments)
+    rows = pq.read_table(result.folder / "table.parquet").to_pylist()
+    assert [row["error"] is None for row in rows] == [True, True, False, False]
+    assert rows[2]["error"].startswith("slope = 0.9: must be less than the friction angle")
+    assert rows[2]["slip_l"] is None
+    assert len(logs(result.folder)) == 2
+    assert [failure["run"] for failure in result.summary["failures"]] == [row["run"] for row in rows[2:]]
+    assert "failed: radius=0.6 speed=0.2 slope=0.9: slope = 0.9" in result.printed
+    again = trackslip(*arguments)
+    assert again.summary["timing"]["taken"] == 2
+    assert pq.read_table(result.folder / "table.parquet").to_pylist() == rows
+
+
+def test_a_failing_run_does_not_take_its_fleet_with_it(trackslip, monkeypatch):
+    from experiments.sweep import drive as module
+
+    real = module.drive_cells
+
+    def fragile(cells, *rest):
+        if any(cell.radius == 1.5 for cell in cells):
+            raise MemoryError("too wide")
+        return real(cells, *rest)
+
+    monkeypatch.setattr(module, "drive_cells", fragile)
+    result = trackslip("grid", *SWEEP)
+    assert {row["error"] for row in result.summary["runs"]} == {None, "MemoryError: too wide"}
+    assert len(logs(result.folder)) == 4
+    monkeypatch.setattr(module, "drive_cells", real)
+    assert len(logs(trackslip("grid", *SWEEP).folder)) == 8
+
+
+def test_a_damaged_file_of_runs_is_not_thrown_away(trackslip, refused, tmp_path):
+    out = ("--out", str(tmp_path / "out"))
+    runs = trackslip("grid", *SHORT, *out).folder / "runs.parquet"
+    runs.write_bytes(runs.read_bytes()[:-100])
+    assert "runs.parquet: " in refused("grid", *SHORT, *out)
+    trackslip("grid", *SHORT, *out, "--no-resume")
+    assert len(logs(runs.parent)) == 2
+
+
+def test_an_interrupted_grid_goes_on(trackslip, tmp_path, monkeypatch, capsys):
+    from experiments.sweep import command
+
+    arguments = ("grid", *SHORT, "--vary", "scanner.noise=0.001,0.002,0.003,0.004")
+    whole = trackslip(*arguments, "--out", str(tmp_path / "whole")).folder
+    real, driven = command.drive, []
+
+    def twice(*arguments, **options):
+        if len(driven) == 2:
+            raise KeyboardInterrupt
+        driven.append(1)
+        return real(*arguments, **options)
+
+    monkeypatch.setattr(command, "drive", twice)
+    with pytest.raises(SystemExit) as stop:
+        main([*arguments, "--out", str(tmp_path / "part")])
+    assert stop.value.code == 130
+    assert "interrupted with 4 of 8 runs driven; the same command goes on from there" in capsys.readouterr().err
+    assert not (tmp_path / "part" / "runs.parquet").exists()
+    monkeypatch.setattr(command, "drive", real)
+    result = trackslip(*arguments, "--out", str(tmp_path / "part"))
+    assert result.summary["timing"]["taken"] == 4
+    for name in ("runs.parquet", "table.parquet"):
+        assert (whole / name).read_bytes() == (result.folder / name).read_bytes()
+
+
+def killed_and_resumed(arguments, out, kills, rng, environment=None):
+    """Run a command in a process of its own, kill it at random moments, then let it end."""
+    command = [sys.executable, "-m", "experiments.cli", *arguments, "--out", str(out)]
+    for _ in range(kills):
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        time.sleep(rng.uniform(0.5, 6.0))
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+
+
+def same_bytes(one, other):
+    for name in ("runs.parquet", "table.parquet"):
+        assert (one / name).read_bytes() == (other / name).read_bytes(), name
+    assert not (other / PARTS).exists()
+    summaries = [json.loads((folder / "summary.json").read_text()) for folder in (one, other)]
+    assert summaries[0]["runs"] == summaries[1]["runs"]
+
+
+def test_two_processes_killed_and_resumed(trackslip, tmp_path):
+    arguments = ("grid", *SHORT[:-1], "processes", "--jobs", "2", "--vary", "scanner.noise=0.001,0.002,0.003,0.004")
+    whole = trackslip(*arguments[:-4], "--executor", "inline", *arguments[-2:], "--out", str(tmp_path / "whole")).folder
+    killed_and_resumed(arguments, tmp_path / "killed", 1, random.Random(0))
+    same_bytes(whole, tmp_path / "killed")
+
+
+@pytest.mark.slow
+def test_a_thousand_runs_killed_ten_times(tmp_path):
+    """A minute a kill, about."""
+    arguments = ("grid", "--duration", "8", "--jobs", "2", "--friction-ratio", *(f"{1 + k / 40}" for k in range(40)))
+    killed_and_resumed(arguments, tmp_path / "killed", 10, random.Random(1))
+    killed_and_resumed(arguments, tmp_path / "whole", 0, random.Random(1))
+    same_bytes(tmp_path / "whole", tmp_path / "killed")
+
+
+def test_a_dask_cluster_gives_the_same(trackslip, tmp_path):
+    distributed = pytest.importorskip("distributed")
+    arguments = ("grid", *SHORT[:-2], "--vary", "scanner.noise=0.001,0.002")
+    whole = trackslip(*arguments, "--executor", "inline", "--out", str(tmp_path / "whole")).folder
+    with distributed.LocalCluster(1, processes=False, threads_per_worker=1, dashboard_address=None, protocol="tcp") as cluster:
+        address = cluster.scheduler_address
+        result = trackslip(
+            *arguments, "--executor", f"dask://{address.removeprefix('tcp://')}", "--out", str(tmp_path / "dask")
+        )
+    same_bytes(whole, result.folder)
+
+
+def test_no_scheduler(refused, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("experiments.executors._PATIENCE", 1)
+    assert "no scheduler answers there" in refused("grid", *SHORT[:-2], "--executor", "dask://127.0.0.1:1")
