@@ -68,7 +68,7 @@ def run(config: BenchConfig) -> None:
         )
         store.write_json(folder / store.SUMMARY, summary)
         store.write_json(folder / store.MANIFEST, about)
-    (print_env_summary if config.env else print_summary)(summary)
+    _print_out(config, summary)
     print(f"{config.out / store.SUMMARY}: {wall:.1f} s")
 
 
@@ -77,8 +77,24 @@ def _measured(config: BenchConfig, robot: Robot) -> dict[str, Any]:
     if config.env:
         with _progress(1 + config.repeats) as step:
             return {"rows": env_rows(config, measure_env(config, step), timestep)}
+    if config.grid:
+        from experiments.bench_grid import measure_grid
+
+        with _progress(len(config.thread_counts)) as step:
+            return {"rows": measure_grid(config, step)}
     rates = measure(config, robot)
     return {"rows": bench_rows(rates, timestep), "thread_speedup": thread_speedup(rates)}
+
+
+def _print_out(config: BenchConfig, summary: Mapping[str, Any]) -> None:
+    if config.grid:
+        from experiments.bench_grid import print_grid_summary
+
+        print_grid_summary(summary)
+    elif config.env:
+        print_env_summary(summary)
+    else:
+        print_summary(summary)
 
 
 class Rig:

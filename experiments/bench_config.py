@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.config import LONGEST_RUN, MOST_THREADS
+from experiments.config import LONGEST_RUN, MOST_THREADS, SHORTEST_RUN
 from trackslip.errors import InvalidValueError, require_at_most, require_positive
 
 MOST_ROBOTS = 10_000
@@ -16,7 +16,7 @@ MOST_REPEATS = 1000
 class BenchConfig:
     """Measure how fast it simulates: bare physics, a fleet, the scanner before it, and the closed loop.
 
-    With `env`, the learning environments instead.
+    With `env`, the learning environments instead; with `grid`, a grid of a thousand runs.
     """
 
     sizes: tuple[int, ...] = (1, 25, 256)
@@ -31,6 +31,12 @@ class BenchConfig:
     """Measure the gymnasium environments, natively vectorised and one by one, against the bare engine."""
     env_size: int = 64
     """Number of robots in them."""
+    grid: bool = False
+    """Measure a large grid of runs, once on each number of processes in --thread-counts, against the bare engine."""
+    grid_runs: int = 1000
+    """Number of runs in it, a multiple of 25."""
+    grid_duration: float = 30.0
+    """Length of each [s]."""
     seed: int = 0
     """Root of all random numbers."""
     out: Path = Path("out/bench")
@@ -54,5 +60,11 @@ class BenchConfig:
             raise InvalidValueError("repeats", self.repeats, f"an integer from 1 to {MOST_REPEATS}")
         if not 1 <= self.env_size <= MOST_ROBOTS:
             raise InvalidValueError("env_size", self.env_size, f"an integer from 1 to {MOST_ROBOTS}")
+        if self.env and self.grid:
+            raise InvalidValueError("grid", self.grid, "without --env")
+        if not 25 <= self.grid_runs <= MOST_ROBOTS or self.grid_runs % 25:
+            raise InvalidValueError("grid_runs", self.grid_runs, f"a multiple of 25 from 25 to {MOST_ROBOTS}")
+        if not SHORTEST_RUN <= self.grid_duration <= LONGEST_RUN:
+            raise InvalidValueError("grid_duration", self.grid_duration, f"from {SHORTEST_RUN:g} to {LONGEST_RUN:g} s")
         if self.seed < 0:
             raise InvalidValueError("seed", self.seed, "an integer >= 0")

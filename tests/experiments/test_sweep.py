@@ -293,7 +293,9 @@ def test_a_dask_cluster_gives_the_same(trackslip, tmp_path):
     distributed = pytest.importorskip("distributed")
     arguments = ("grid", *SHORT[:-2], "--vary", "scanner.noise=0.001,0.002")
     whole = trackslip(*arguments, "--executor", "inline", "--out", str(tmp_path / "whole")).folder
-    with distributed.LocalCluster(1, processes=False, threads_per_worker=1, dashboard_address=None, protocol="tcp") as cluster:
+    with distributed.LocalCluster(
+        1, processes=False, threads_per_worker=1, dashboard_address=None, protocol="tcp"
+    ) as cluster:
         address = cluster.scheduler_address
         result = trackslip(
             *arguments, "--executor", f"dask://{address.removeprefix('tcp://')}", "--out", str(tmp_path / "dask")
