@@ -73,7 +73,9 @@ def read_target(name: str, geometry: RobotGeometry) -> Target:
     try:
         source = read_source(IdentifyConfig(path))
     except InvalidValueError:  # it doesn't say its geometry
-        source = read_source(IdentifyConfig(path, geometry.half_gauge, geometry.sprocket_radius))
+        source = read_source(
+            IdentifyConfig(path, half_gauge=geometry.half_gauge, sprocket_radius=geometry.sprocket_radius)
+        )
     simulated = all("plate" in log.metadata for log in source.logs) and len(source.logs) > 0
     return MeasuredTurns(source.sampling.samples, source.geometry, of_plate=simulated)
 

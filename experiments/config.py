@@ -161,6 +161,8 @@ class IdentifyConfig:
     path: tyro.conf.Positional[Path]
     """Folder of a stored grid, or a .csv or .parquet log: run, t, omega_l, omega_r, x, y, phi (traces), or
     omega_l, omega_r, v, w (steady samples)."""
+    where: tuple[str, ...] = ()
+    """Which of a sweep's runs, as NAME=VALUE: ground=ice friction_ratio=1.2."""
     half_gauge: float | None = None
     """Half the distance between the tracks [m]; by default the log's own."""
     sprocket_radius: float | None = None

@@ -12,6 +12,7 @@ from experiments import store
 from experiments.config import IdentifyConfig
 from experiments.console import print_table
 from experiments.report import Report, render
+from experiments.sweep.choose import chosen, require_one_setting
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification import FAMILIES, Comparison, Sampling, identify, usable_rows, usable_samples
 from trackslip.kinematics import RobotGeometry
@@ -94,6 +95,10 @@ def _read(config: IdentifyConfig, file: Path) -> Source:
         raise LogError(f"{file}: needs the columns {needed}; found {', '.join(columns)[:200]!r}")
     runs = runs_from_table(table, str(file))
     logs = [log for log in runs if "controller" not in log.metadata]
+    if config.where:
+        names = chosen(file.parent, config.where)
+        logs = [log for log in logs if log.run in names]
+    require_one_setting(logs, file)
     if not logs:
         raise LogError(f"{file}: its {len(runs)} run(s) are closed loops; slip is identified from steady runs")
     geometry = choose_geometry(config, logs[0].metadata.get("geometry"), file)

@@ -307,3 +307,22 @@ def test_no_scheduler(refused, monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr("experiments.executors._PATIENCE", 1)
     assert "no scheduler answers there" in refused("grid", *SHORT[:-2], "--executor", "dask://127.0.0.1:1")
+
+
+def test_a_law_is_identified_from_runs_of_one_setting(trackslip, refused, tmp_path):
+    arguments = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8", "--friction-ratio", "1.0", "1.2")
+    folder = str(trackslip("grid", *arguments, "--seeds", "0", "1", "--executor", "inline").folder)
+    assert "its runs differ in ground (across): choose with --where" in refused("identify", folder)
+    assert "where = 'colour=red': must be NAME=VALUE with one of friction_ratio, seed, radius, speed" in refused(
+        "identify", folder, "--where", "colour=red"
+    )
+    assert "where = 'friction_ratio=1.1': must be friction_ratio=one of 1.0, 1.2" in refused(
+        "identify", folder, "--where", "friction_ratio=1.1"
+    )
+    offset = {}
+    for ratio in ("1", "1.2"):
+        found = trackslip("identify", folder, "--where", f"friction_ratio={ratio}")
+        assert found.summary["samples"] == 8
+        offset[ratio] = found.summary["slip_laws"]["icr"]["values"]["offset"]
+    assert offset["1.2"] > 1.4 * offset["1"]  # 40 % more friction across more than doubles it
+    assert trackslip("identify", folder, "--where", "friction_ratio=1.2", "seed=1").summary["samples"] == 4
