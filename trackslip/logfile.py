@@ -19,6 +19,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from trackslip.errors import LogError
+from trackslip.fileformat import FORMAT, require_known_format
 from trackslip.heading_unit import require_radians
 from trackslip.kinematics import Array
 from trackslip.runlog import RunLog, Truth
@@ -68,7 +69,7 @@ def to_table(logs: Sequence[RunLog]) -> pa.Table:
     fields = [
         f.with_metadata({"unit": _UNITS[f.name]}) if f.name in _UNITS else f for f in table.schema.remove_metadata()
     ]
-    metadata = {"version": 1, "runs": {log.run: metadata_with_scans(log.metadata, log.scans) for log in logs}}
+    metadata = {"format": FORMAT, "runs": {log.run: metadata_with_scans(log.metadata, log.scans) for log in logs}}
     return table.cast(pa.schema(fields, metadata={_METADATA_KEY: json.dumps(metadata)}))
 
 
@@ -85,7 +86,7 @@ def join_parquet(parts: Sequence[Path], path: Path) -> None:
         name: about for schema in schemas for name, about in json.loads(schema.metadata[_METADATA_KEY])["runs"].items()
     }
     joined = pa.unify_schemas([schema.remove_metadata() for schema in schemas])
-    joined = joined.with_metadata({_METADATA_KEY: json.dumps({"version": 1, "runs": runs})})
+    joined = joined.with_metadata({_METADATA_KEY: json.dumps({"format": FORMAT, "runs": runs})})
     with pa.parquet.ParquetWriter(path, joined, **_packing(joined)) as writer:
         for part in parts:
             table = pa.parquet.read_table(part).replace_schema_metadata(None)
@@ -351,8 +352,12 @@ def _stored_metadata(table: pa.Table, source: str) -> dict[str, dict[str, Any]]:
     if not stored:
         return {}
     try:
-        runs: dict[str, dict[str, Any]] = json.loads(stored)["runs"]
-    except (ValueError, KeyError, TypeError) as error:
+        content = json.loads(stored)
+        require_known_format(content, source)
+        runs: dict[str, dict[str, Any]] = content["runs"]
+    except LogError:
+        raise
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise LogError(f"{source}: its metadata is damaged ({_first_line(error)})") from error
     return runs
 

@@ -42,6 +42,7 @@ def run(config: BenchmarkConfig) -> None:
         cases, notes = without_missing(config)
         setup.check(cases)
         parts = Parts.of(setup)
+        parts.discard_useless()
         paths = [parts.path(group) for group in groups(cases)]
         try:
             with watch.stage("driving"):
