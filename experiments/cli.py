@@ -17,8 +17,10 @@ import tyro
 from experiments.bench_config import BenchConfig
 from experiments.benchmark_config import BenchmarkConfig
 from experiments.calibrate_config import CalibrateConfig
+from experiments.completion_config import CompletionConfig
 from experiments.config import GridConfig, IdentifyConfig, PredictConfig, ReproduceConfig, TrackConfig
 from experiments.coverage_config import CoverageConfig
+from experiments.examples import examples_text
 from experiments.sensitivity_config import SensitivityConfig
 from experiments.train_config import TrainConfig
 from experiments.validate_config import ValidateConfig
@@ -37,9 +39,10 @@ Command = (
     | Annotated[SensitivityConfig, tyro.conf.subcommand("sensitivity")]
     | Annotated[ReproduceConfig, tyro.conf.subcommand("reproduce")]
     | Annotated[BenchConfig, tyro.conf.subcommand("bench")]
+    | Annotated[CompletionConfig, tyro.conf.subcommand("completion")]
 )
-_DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate it. `trackslip COMMAND --help` lists a
-command's options."""
+_DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate it.
+`trackslip COMMAND --help` lists a command's options, with examples."""
 _RUNNERS = {
     GridConfig: "experiments.grid",
     IdentifyConfig: "experiments.identify",
@@ -53,6 +56,7 @@ _RUNNERS = {
     SensitivityConfig: "experiments.sensitivity",
     ReproduceConfig: "experiments.reproduce",
     BenchConfig: "experiments.bench",
+    CompletionConfig: "experiments.completion",
 }
 
 
@@ -64,10 +68,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         command = parse(arguments)
         importlib.import_module(_RUNNERS[type(command)]).run(command)
+        sys.stdout.flush()
     except TrackslipError as error:
         _fail(str(error), 2)
     except KeyboardInterrupt as interrupt:
         _fail(str(interrupt) or "interrupted", 130)
+    except MemoryError:
+        _fail("out of memory", 2)
     except BrokenPipeError:  # whoever reads has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
@@ -83,6 +90,9 @@ def parse(arguments: Sequence[str]) -> Any:
             return _parse(arguments)
     except SystemExit as stop:
         if stop.code != 2:
+            if {"-h", "--help"} & set(arguments):
+                print(examples_text("" if arguments[0].startswith("-") else arguments[0]))
+            sys.stdout.flush()
             raise
     # tyro explains in a box as wide as the terminal: ask again for one wide enough to hold each sentence on a line
     box = io.StringIO()
