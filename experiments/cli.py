@@ -6,10 +6,11 @@ import contextlib
 import importlib
 import io
 import os
-import re
 import signal
 import sys
+import typing
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Annotated, Any
 
 import tyro
@@ -21,10 +22,11 @@ from experiments.completion_config import CompletionConfig
 from experiments.config import GridConfig, IdentifyConfig, PredictConfig, ReproduceConfig, TrackConfig
 from experiments.coverage_config import CoverageConfig
 from experiments.examples import examples_text
+from experiments.mistakes import sentence
 from experiments.sensitivity_config import SensitivityConfig
 from experiments.train_config import TrainConfig
 from experiments.validate_config import ValidateConfig
-from trackslip.errors import TrackslipError
+from trackslip.errors import InvalidValueError, TrackslipError
 
 Command = (
     Annotated[GridConfig, tyro.conf.subcommand("grid")]
@@ -85,6 +87,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def parse(arguments: Sequence[str]) -> Any:
     """The command's configuration; raises TrackslipError in one line for options that are wrong."""
+    _require_sense(arguments)
     try:
         with contextlib.redirect_stderr(io.StringIO()):
             return _parse(arguments)
@@ -105,30 +108,21 @@ def parse(arguments: Sequence[str]) -> Any:
         os.environ.pop("COLUMNS")
         if width is not None:
             os.environ["COLUMNS"] = width
-    raise TrackslipError(_sentence(box.getvalue()))
+    raise TrackslipError(sentence(box.getvalue(), arguments[0] if arguments else ""))
 
 
 def _parse(arguments: Sequence[str]) -> Any:
     return tyro.cli(Command, prog="trackslip", args=arguments, description=_DESCRIPTION)
 
 
-def _sentence(box: str) -> str:
-    """The first paragraph of tyro's box under its title, in one line. Where the terminal can't draw, so is the box."""
-    box = re.sub(r"\x1b\[[0-9;]*m", "", box)  # colours, on a terminal
-    paragraphs: list[list[str]] = [[]]
-    for line in box.splitlines():
-        text = line.strip().strip("│").strip()
-        if line.startswith("╭") or set(text) <= set("-─╰╯"):
-            paragraphs.append([])
-        else:
-            paragraphs[-1].append(text)
-    filled = [" ".join(lines) for lines in paragraphs if lines]
-    sentence = filled[0 if "╭" in box else 1]
-    # name nested fields as the options are: 'Error parsing X.ground: along = -1' -> 'ground.along = -1'
-    nested = re.match(r"Error parsing [\w-]+\.([\w.]+): (?=\w+ = )", sentence)
-    if nested:
-        return f"{nested[1]}.{sentence[nested.end() :]}"
-    return re.sub(r"^Error parsing (?:\w+: (?=[\w.]+ = ))?", "", sentence)
+def _require_sense(arguments: Sequence[str]) -> None:
+    """Raise TrackslipError for what tyro would not tell well."""
+    for before, argument in pairwise(("trackslip", *arguments)):
+        if not argument:
+            raise InvalidValueError(before, argument, "something")
+    names = [typing.get_args(part)[1].name for part in typing.get_args(Command)]
+    if arguments and not arguments[0].startswith("-") and arguments[0] not in names:
+        raise InvalidValueError("COMMAND", arguments[0], f"one of {', '.join(names)}")
 
 
 def _terminate(*_: object) -> None:
@@ -136,7 +130,8 @@ def _terminate(*_: object) -> None:
 
 
 def _fail(message: str, code: int) -> None:
-    print(f"trackslip: {' '.join(message.split())}", file=sys.stderr)
+    line = "".join(c if c.isprintable() else "?" for c in " ".join(message.split()))
+    print(f"trackslip: {line}", file=sys.stderr)
     sys.exit(code)
 
 

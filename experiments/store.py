@@ -77,6 +77,8 @@ def results(out: Path) -> Iterator[Path]:
 
 def _reason(error: OSError) -> str:
     """Why a file can't be written, in the system's words; pyarrow has longer ones."""
+    if isinstance(error, FileExistsError):
+        return "it is not a folder"
     return os.strerror(error.errno) if error.errno else str(error)
 
 

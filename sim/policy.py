@@ -7,6 +7,8 @@ Features are the observation with its errors drawn out by arsinh, so that millim
 from __future__ import annotations
 
 import json
+import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -95,7 +97,7 @@ class Policy:
             raise LogError(f"{file}: {error.strerror or error}") from error
         except LogError:
             raise
-        except (KeyError, ValueError, TypeError, AttributeError) as error:
+        except (KeyError, ValueError, TypeError, AttributeError, EOFError, zipfile.BadZipFile, zlib.error) as error:
             raise LogError(f"{file}: not a policy ({type(error).__name__}: {error})") from error
 
 
