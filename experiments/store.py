@@ -141,7 +141,7 @@ def write_samples(folder: Path, samples: SlipSamples) -> None:
     names = (*logfile.SAMPLE_COLUMNS, "slip_l", "slip_r")
     table = pa.table({"run": list(samples.run)} | {n: columns[:, k] for k, n in enumerate(names)})
     with _arrow_errors(folder / RUNS):
-        pa.parquet.write_table(table, folder / RUNS)
+        pa.parquet.write_table(table, folder / RUNS, write_page_checksum=True)
 
 
 @contextlib.contextmanager

@@ -89,7 +89,7 @@ def join_parquet(parts: Sequence[Path], path: Path) -> None:
     joined = joined.with_metadata({_METADATA_KEY: json.dumps({"format": FORMAT, "runs": runs})})
     with pa.parquet.ParquetWriter(path, joined, **_packing(joined)) as writer:
         for part in parts:
-            table = pa.parquet.read_table(part).replace_schema_metadata(None)
+            table = pa.parquet.read_table(part, page_checksum_verification=True).replace_schema_metadata(None)
             missing = [field for field in joined if field.name not in table.column_names]
             for field in missing:
                 table = table.append_column(field, pa.nulls(len(table), field.type))
@@ -97,9 +97,14 @@ def join_parquet(parts: Sequence[Path], path: Path) -> None:
 
 
 def _packing(schema: pa.Schema) -> dict[str, Any]:
-    """How to write measured numbers, which hardly repeat, in two thirds of the space."""
+    """How to write measured numbers, which hardly repeat, in two thirds of the space; damage to them is noticed."""
     numbers = [field.name for field in schema if pa.types.is_float64(field.type)]
-    return {"compression": "zstd", "use_dictionary": ["run"], "use_byte_stream_split": numbers}
+    return {
+        "compression": "zstd",
+        "use_dictionary": ["run"],
+        "use_byte_stream_split": numbers,
+        "write_page_checksum": True,
+    }
 
 
 def write_csv(logs: Sequence[RunLog], path: Path) -> None:
@@ -114,7 +119,7 @@ def read_table(path: Path) -> pa.Table:
             raise LogError(f"{path}: no such file")
         table = None
         if path.suffix.lower() == ".parquet":
-            table = pa.parquet.read_table(path)
+            table = pa.parquet.read_table(path, page_checksum_verification=True)
         elif path.suffix.lower() == ".csv":
             table = pa.csv.read_csv(path, convert_options=_as_text(path))
         if table is not None and table.column_names is not None:  # names may not be text

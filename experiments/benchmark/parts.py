@@ -96,7 +96,8 @@ def complete(path: Path) -> bool:
         runs = json.loads(path.read_text(encoding="utf-8"))["runs"]
         if not runs["names"]:
             return True
-        stored = pyarrow.parquet.read_table(runs_of(path), columns=["run"]).column("run").unique().to_pylist()
+        table = pyarrow.parquet.read_table(runs_of(path), page_checksum_verification=True)
+        stored = table.column("run").unique().to_pylist()
         return bool(runs_of(path).stat().st_size == runs["bytes"] and sorted(stored) == sorted(runs["names"]))
     except (OSError, ValueError, KeyError, TypeError, pyarrow.ArrowException):
         return False

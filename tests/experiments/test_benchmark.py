@@ -239,6 +239,8 @@ def test_damaged_parts_are_driven_again(tmp_path, short):
     runs, rows = runs_of(path).read_bytes(), path.read_bytes()
     runs_of(path).write_bytes(runs[:1000])
     assert not complete(path)
+    runs_of(path).write_bytes(runs[:1000] + bytes([runs[1000] ^ 1]) + runs[1001:])
+    assert not complete(path)
     runs_of(path).unlink()
     assert not complete(path)
     runs_of(path).write_bytes(runs)

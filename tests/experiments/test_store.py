@@ -215,11 +215,11 @@ def test_a_format_that_is_none(value):
 
 
 def test_a_damaged_file_of_runs_costs_a_line(old, tmp_path):
-    """Whatever byte is wrong: runs, or a LogError."""
+    """Whatever bytes are wrong. What isn't covered by a checksum is hardly anything."""
     rng = np.random.default_rng(0)
     whole = (old / "runs.parquet").read_bytes()
     file, failures = tmp_path / "damaged.parquet", []
-    for _ in range(150):
+    for _ in range(100):
         damaged = bytearray(whole)
         for place in rng.integers(len(whole), size=rng.integers(1, 30)):
             damaged[place] = rng.integers(256)
@@ -228,5 +228,5 @@ def test_a_damaged_file_of_runs_costs_a_line(old, tmp_path):
             read_runs(file)
         except LogError as error:
             failures.append(str(error))
-    assert len(failures) > 50
+    assert len(failures) > 90
     assert all("\n" not in failure for failure in failures)
