@@ -27,7 +27,6 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from experiments import store
 from experiments.bench_config import BenchConfig
-from experiments.bench_env import env_rows, measure_env
 from experiments.config import TrackConfig
 from experiments.console import print_table
 from experiments.grid import before_scanner, make_locator
@@ -75,6 +74,8 @@ def run(config: BenchConfig) -> None:
 def _measured(config: BenchConfig, robot: Robot) -> dict[str, Any]:
     timestep = robot.model.opt.timestep
     if config.env:
+        from experiments.bench_env import env_rows, measure_env  # late: it needs gymnasium
+
         with _progress(1 + config.repeats) as step:
             return {"rows": env_rows(config, measure_env(config, step), timestep)}
     if config.grid:

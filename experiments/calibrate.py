@@ -31,10 +31,10 @@ TABLE_COLUMNS = ("radius", "speed", "observed_radius", "slip_outer", "slip_inner
 def run(config: CalibrateConfig) -> None:
     """Fit, store and print."""
     began = time.perf_counter()
-    robot, ground = load_robot_file(config.robot)
-    base = Candidate(robot, ground.across / ground.along)
-    target = read_target(config.target, base.geometry)
     with store.results(config.out) as folder:
+        robot, ground = load_robot_file(config.robot)
+        base = Candidate(robot, ground.across / ground.along)
+        target = read_target(config.target, base.geometry)
         twist = partial(simulated_twist, along=ground.along, threads=config.threads)
         further = starts(config.free, config.starts, generator(config.seed, "calibrate"))
         with progress(f"calibration to {config.target}", 1 + config.starts, "starts") as report:

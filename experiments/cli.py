@@ -6,10 +6,11 @@ import contextlib
 import importlib
 import io
 import os
-import re
 import signal
 import sys
+import typing
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Annotated, Any
 
 import tyro
@@ -17,13 +18,16 @@ import tyro
 from experiments.bench_config import BenchConfig
 from experiments.benchmark_config import BenchmarkConfig
 from experiments.calibrate_config import CalibrateConfig
+from experiments.completion_config import CompletionConfig
 from experiments.config import IdentifyConfig, PredictConfig, ReproduceConfig, TrackConfig
 from experiments.coverage_config import CoverageConfig
+from experiments.examples import examples_text
+from experiments.mistakes import sentence
 from experiments.sensitivity_config import SensitivityConfig
 from experiments.sweep_config import SweepConfig
 from experiments.train_config import TrainConfig
 from experiments.validate_config import ValidateConfig
-from trackslip.errors import TrackslipError
+from trackslip.errors import InvalidValueError, TrackslipError
 
 Command = (
     Annotated[SweepConfig, tyro.conf.subcommand("grid")]
@@ -38,11 +42,12 @@ Command = (
     | Annotated[SensitivityConfig, tyro.conf.subcommand("sensitivity")]
     | Annotated[ReproduceConfig, tyro.conf.subcommand("reproduce")]
     | Annotated[BenchConfig, tyro.conf.subcommand("bench")]
+    | Annotated[CompletionConfig, tyro.conf.subcommand("completion")]
 )
-_DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate it. `trackslip COMMAND --help` lists a
-command's options."""
+_DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate it.
+`trackslip COMMAND --help` lists a command's options, with examples."""
 _RUNNERS = {
-    SweepConfig: "experiments.sweep",
+    SweepConfig: "experiments.sweep.command",
     IdentifyConfig: "experiments.identify",
     TrackConfig: "experiments.track",
     BenchmarkConfig: "experiments.benchmark",
@@ -54,6 +59,7 @@ _RUNNERS = {
     SensitivityConfig: "experiments.sensitivity",
     ReproduceConfig: "experiments.reproduce",
     BenchConfig: "experiments.bench",
+    CompletionConfig: "experiments.completion",
 }
 
 
@@ -65,10 +71,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         command = parse(arguments)
         importlib.import_module(_RUNNERS[type(command)]).run(command)
+        sys.stdout.flush()
     except TrackslipError as error:
         _fail(str(error), 2)
     except KeyboardInterrupt as interrupt:
         _fail(str(interrupt) or "interrupted", 130)
+    except MemoryError:
+        _fail("out of memory", 2)
     except BrokenPipeError:  # whoever reads has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
@@ -79,11 +88,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 def parse(arguments: Sequence[str]) -> Any:
     """The command's configuration; raises TrackslipError in one line for options that are wrong."""
+    _require_sense(arguments)
     try:
         with contextlib.redirect_stderr(io.StringIO()):
             return _parse(arguments)
     except SystemExit as stop:
         if stop.code != 2:
+            if {"-h", "--help"} & set(arguments):
+                print(examples_text("" if arguments[0].startswith("-") else arguments[0]))
+            sys.stdout.flush()
             raise
     # tyro explains in a box as wide as the terminal: ask again for one wide enough to hold each sentence on a line
     box = io.StringIO()
@@ -96,30 +109,21 @@ def parse(arguments: Sequence[str]) -> Any:
         os.environ.pop("COLUMNS")
         if width is not None:
             os.environ["COLUMNS"] = width
-    raise TrackslipError(_sentence(box.getvalue()))
+    raise TrackslipError(sentence(box.getvalue(), arguments[0] if arguments else ""))
 
 
 def _parse(arguments: Sequence[str]) -> Any:
     return tyro.cli(Command, prog="trackslip", args=arguments, description=_DESCRIPTION)
 
 
-def _sentence(box: str) -> str:
-    """The first paragraph of tyro's box under its title, in one line. Where the terminal can't draw, so is the box."""
-    box = re.sub(r"\x1b\[[0-9;]*m", "", box)  # colours, on a terminal
-    paragraphs: list[list[str]] = [[]]
-    for line in box.splitlines():
-        text = line.strip().strip("│").strip()
-        if line.startswith("╭") or set(text) <= set("-─╰╯"):
-            paragraphs.append([])
-        else:
-            paragraphs[-1].append(text)
-    filled = [" ".join(lines) for lines in paragraphs if lines]
-    sentence = filled[0 if "╭" in box else 1]
-    # name nested fields as the options are: 'Error parsing X.ground: along = -1' -> 'ground.along = -1'
-    nested = re.match(r"Error parsing [\w-]+\.([\w.]+): (?=\w+ = )", sentence)
-    if nested:
-        return f"{nested[1]}.{sentence[nested.end() :]}"
-    return re.sub(r"^Error parsing (?:\w+: (?=[\w.]+ = ))?", "", sentence)
+def _require_sense(arguments: Sequence[str]) -> None:
+    """Raise TrackslipError for what tyro would not tell well."""
+    for before, argument in pairwise(("trackslip", *arguments)):
+        if not argument:
+            raise InvalidValueError(before, argument, "something")
+    names = [typing.get_args(part)[1].name for part in typing.get_args(Command)]
+    if arguments and not arguments[0].startswith("-") and arguments[0] not in names:
+        raise InvalidValueError("COMMAND", arguments[0], f"one of {', '.join(names)}")
 
 
 def _terminate(*_: object) -> None:
@@ -127,7 +131,8 @@ def _terminate(*_: object) -> None:
 
 
 def _fail(message: str, code: int) -> None:
-    print(f"trackslip: {' '.join(message.split())}", file=sys.stderr)
+    line = "".join(c if c.isprintable() else "?" for c in " ".join(message.split()))
+    print(f"trackslip: {line}", file=sys.stderr)
     sys.exit(code)
 
 

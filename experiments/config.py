@@ -32,6 +32,10 @@ SHORTEST_RUN = 4.0
 """Shortest run that leaves something steady to average [s]."""
 WIDEST = 1000.0
 """Largest radius [m]."""
+SMALLEST = 1e-3
+"""Smallest radius [m]."""
+LOWEST_RATIO = 0.01
+"""Of friction across to along."""
 FARTHEST = 100.0
 """Largest coordinate of a start [m]."""
 LINEAR_START = (0.3, -0.2, math.pi / 3)
@@ -289,3 +293,8 @@ class PredictConfig:
             raise InvalidValueError("radii", self.radii, "at least one number")
         for radius in self.radii:
             require_positive("radii", radius)
+            require_at_most("radii", radius, WIDEST, "m")
+            if radius < SMALLEST:
+                raise InvalidValueError("radii", radius, f"at least {SMALLEST:g} m")
+        if self.friction_ratio is not None and self.friction_ratio < LOWEST_RATIO:
+            raise InvalidValueError("friction_ratio", self.friction_ratio, f"at least {LOWEST_RATIO:g}")

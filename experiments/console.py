@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import rich.box
 from rich.console import Console
@@ -11,7 +12,8 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
-from sim.runs import Progress as Report
+if TYPE_CHECKING:
+    from sim.runs import Progress as Report
 
 
 @contextlib.contextmanager

@@ -11,9 +11,9 @@ from typing import Any
 from experiments import store
 from experiments.config import IdentifyConfig
 from experiments.console import print_table
-from experiments.report import Report, render
 from experiments.sweep.choose import chosen, require_one_setting
 from trackslip.errors import InvalidValueError, LogError
+from trackslip.fileformat import require_known_manifest
 from trackslip.identification import FAMILIES, Comparison, Sampling, identify, usable_rows, usable_samples
 from trackslip.kinematics import RobotGeometry
 from trackslip.lawfile import identification_to_json
@@ -38,9 +38,11 @@ class Source:
 
 def run(config: IdentifyConfig) -> None:
     """Fit the laws, store and print them."""
+    from experiments.report import Report, render  # late: others read logs with this module, and draw nothing
+
     began = time.perf_counter()
-    source = read_source(config)
     with store.results(config.out) as folder:
+        source = read_source(config)
         found = identify(source.sampling, source.geometry)
         summary = identification_to_json(found, source.geometry)
         wall = time.perf_counter() - began
@@ -74,9 +76,12 @@ def run(config: IdentifyConfig) -> None:
 def read_source(config: IdentifyConfig) -> Source:
     """Samples from a stored folder or a log; raises LogError or InvalidValueError for what can't be used."""
     try:
-        file = config.path / store.RUNS if config.path.is_dir() else config.path
+        folder = config.path.is_dir()
     except OSError as error:
         raise LogError(f"path = {str(config.path)[:80]!r}: {error.strerror}") from error
+    if folder:
+        require_known_manifest(config.path)
+    file = config.path / store.RUNS if folder else config.path
     try:
         return _read(config, file)
     except LogError as error:

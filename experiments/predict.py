@@ -12,6 +12,7 @@ from experiments.config import PredictConfig
 from experiments.console import print_table
 from sim.robot_file import load_robot_file
 from sim.robot_parameters import RobotParameters
+from trackslip.fileformat import FORMAT
 from trackslip.skid_theory import line_contact, steady_twist
 from trackslip.slip import ConstantIcr
 
@@ -25,6 +26,7 @@ def run(config: PredictConfig) -> None:
     with store.results(config.out) as folder:
         wall = time.perf_counter() - began
         summary = {
+            "format": FORMAT,
             "geometry": {"half_gauge": robot.half_gauge, "sprocket_radius": robot.sprocket_radius},
             "slip_laws": {"icr_radius": {"values": {"offset": law.offset, "radius_error": law.radius_error}}},
             "radius": list(config.radii),

@@ -14,27 +14,30 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet
 
-from trackslip import logfile
+from experiments.interrupts import interrupts_later
+from experiments.locking import locked
+from trackslip import fileformat
 from trackslip.errors import OutputError
-from trackslip.identification import SlipSamples
-from trackslip.runlog import RunLog
+
+if TYPE_CHECKING:
+    from trackslip.identification import SlipSamples
+    from trackslip.runlog import RunLog
 
 SUMMARY = "summary.json"
 RUNS = "runs.parquet"
-MANIFEST = "manifest.json"
+MANIFEST = fileformat.MANIFEST
 REPORT = "report.html"
 LEADERBOARD = "leaderboard.md"
 TABLE = "table.parquet"
 
+_PARTIAL = ".partial-"
 _PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "lmfit", "pyarrow", "matplotlib", "casadi")
 
 
@@ -42,45 +45,75 @@ _PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "lmfit", "pyarrow", "matpl
 def results(out: Path) -> Iterator[Path]:
     """A folder to write into, whose files are moved to `out` when the block ends well, else deleted.
 
+    Until the block ends no other command can write to `out`; what killed ones left there is deleted.
+
     Raises:
-        OutputError: at once, before anything is computed, when `out` can't be written.
+        OutputError: at once, before anything is computed, when `out` can't be written or another command writes to it;
+            later, when the disk is full.
     """
     made: list[Path] = []
-    staging = None
     try:
-        try:
-            made = [folder for folder in (out, *out.parents) if not folder.exists()]
-            out.mkdir(parents=True, exist_ok=True)
-            for name in (MANIFEST, SUMMARY, RUNS, REPORT, LEADERBOARD, TABLE):
-                if (out / name).is_dir():
-                    raise OutputError(f"out = {str(out)!r}: {name} is a folder there, and must be a file or absent")
-            staging = Path(tempfile.mkdtemp(prefix=".partial-", dir=out))
-        except OutputError:
-            raise
-        except OSError as error:
-            raise OutputError(f"out = {str(out)!r}: can't be written ({error.strerror})") from error
-        yield staging
-        _replace(staging, out)
+        made = [folder for folder in (out, *out.parents) if not folder.exists()]
+        out.mkdir(parents=True, exist_ok=True)
+        with locked(out):
+            _require_files(out, (MANIFEST, SUMMARY, RUNS, REPORT, LEADERBOARD, TABLE))
+            for left in out.glob(f"{_PARTIAL}*"):
+                shutil.rmtree(left, ignore_errors=True)
+            staging = Path(tempfile.mkdtemp(prefix=_PARTIAL, dir=out))
+            try:
+                yield staging
+                with interrupts_later():
+                    _replace(staging, out)
+            finally:
+                shutil.rmtree(staging, ignore_errors=True)
+    except OutputError:
+        raise
     except OSError as error:
-        if isinstance(error, OutputError):
-            raise
-        raise OutputError(f"out = {str(out)!r}: can't be written ({error.strerror or error})") from error
+        raise OutputError(f"out = {str(out)!r}: can't be written ({_reason(error)})") from error
     finally:
-        if staging is not None:
-            shutil.rmtree(staging, ignore_errors=True)
         for folder in made:  # leave no empty folders of ours behind
             with contextlib.suppress(OSError):
                 folder.rmdir()
 
 
+def _reason(error: OSError) -> str:
+    """Why a file can't be written, in the system's words; pyarrow has longer ones."""
+    if isinstance(error, FileExistsError):
+        return "it is not a folder"
+    return os.strerror(error.errno) if error.errno else str(error)
+
+
+def _require_files(out: Path, names: Iterable[str]) -> None:
+    for name in names:
+        if (out / name).is_dir():
+            raise OutputError(f"out = {str(out)!r}: {name} is a folder there, and must be a file or absent")
+
+
 def _replace(staging: Path, out: Path) -> None:
-    """Put the new files in place of the old ones, the manifest last: what it stands beside is complete."""
-    (out / MANIFEST).unlink(missing_ok=True)
+    """Put the new files in place of the old ones, the manifest last: what it stands beside is complete.
+
+    When that fails, the old ones are put back.
+    """
     new = {file.name for file in staging.iterdir()}
-    for name in {SUMMARY, RUNS, REPORT, LEADERBOARD, TABLE} - new:
-        (out / name).unlink(missing_ok=True)
-    for name in sorted(new - {MANIFEST}) + sorted(new & {MANIFEST}):
-        os.replace(staging / name, out / name)
+    _require_files(out, sorted(new))
+    old = staging / ".old"
+    old.mkdir()
+    moved: list[str] = []
+    placed: list[str] = []
+    try:
+        for name in (MANIFEST, *sorted({SUMMARY, RUNS, REPORT, LEADERBOARD, TABLE} | new - {MANIFEST})):
+            if (out / name).exists():
+                os.replace(out / name, old / name)
+                moved.append(name)
+        for name in sorted(new - {MANIFEST}) + sorted(new & {MANIFEST}):
+            os.replace(staging / name, out / name)
+            placed.append(name)
+    except OSError:
+        for name in placed:
+            (out / name).unlink()
+        for name in moved:
+            os.replace(old / name, out / name)
+        raise
 
 
 def write_results(folder: Path, logs: Sequence[RunLog], summary: Mapping[str, Any], about: Mapping[str, Any]) -> None:
@@ -92,15 +125,37 @@ def write_results(folder: Path, logs: Sequence[RunLog], summary: Mapping[str, An
 
 def write_parquet(folder: Path, logs: Sequence[RunLog]) -> None:
     """Write runs as the folder's RUNS."""
-    logfile.write_parquet(logs, folder / RUNS)
+    from trackslip import logfile  # late: not every command has runs to write
+
+    with _arrow_errors(folder / RUNS):
+        logfile.write_parquet(logs, folder / RUNS)
 
 
 def write_samples(folder: Path, samples: SlipSamples) -> None:
     """Write steady samples as the folder's RUNS."""
+    import pyarrow as pa
+    import pyarrow.parquet
+
+    from trackslip import logfile
+
     columns = np.concatenate([samples.omega, samples.twist, samples.slip], axis=1)
     names = (*logfile.SAMPLE_COLUMNS, "slip_l", "slip_r")
     table = pa.table({"run": list(samples.run)} | {n: columns[:, k] for k, n in enumerate(names)})
-    pa.parquet.write_table(table, folder / RUNS)
+    with _arrow_errors(folder / RUNS):
+        pa.parquet.write_table(table, folder / RUNS, write_page_checksum=True)
+
+
+@contextlib.contextmanager
+def _arrow_errors(file: Path) -> Iterator[None]:
+    """Make OutputErrors of pyarrow's own errors, those that aren't the system's."""
+    import pyarrow as pa
+
+    try:
+        yield
+    except OSError:
+        raise
+    except pa.ArrowException as error:
+        raise OutputError(f"{file.name}: can't be written ({str(error).splitlines()[0]})") from error
 
 
 def command_line(command: str) -> str:
@@ -133,6 +188,7 @@ def plain(value: Any) -> Any:
 def manifest(command: str, config: Any, wall_s: float, **more: Any) -> dict[str, Any]:
     """What is needed to make a result again: resolved options, versions, git state, and what is in `more`."""
     return {
+        "format": fileformat.FORMAT,
         "command": command,
         "arguments": sys.argv[1:],
         "config": plain(config),

@@ -16,7 +16,7 @@ from experiments.train_config import TrainConfig
 from sim.path_tracking.config import Reward
 from sim.path_tracking.randomization import Randomization
 from sim.policy import Network, Policy
-from trackslip.errors import LogError, TrackslipError
+from trackslip.errors import LogError, OutputError, TrackslipError
 
 POLICY, CHECKPOINT = "policy.npz", "checkpoint.zip"
 _LEAST_RATE = 0.05  # of the learning rate, at the end
@@ -28,18 +28,20 @@ _REWARD = Reward(weight_position=0.8, weight_heading=0.2, weight_change=4.0, pos
 def run(config: TrainConfig) -> None:
     """Train, store the policy, and print what became of the reward."""
     began = time.perf_counter()
-    model = _model(config)
-    try:
-        config.out.mkdir(parents=True, exist_ok=True)
+    with store.results(config.out) as folder:
+        model = _model(config)
         before = model.num_timesteps
-        curve = _learn(model, config)
-        policy_of(model, config).save(config.out / POLICY)
+        try:
+            curve = _learn(model, config, folder)
+        except KeyboardInterrupt:
+            if not (config.out / CHECKPOINT).is_file():
+                raise
+            raise KeyboardInterrupt("interrupted; with --resume it goes on from the last checkpoint") from None
+        policy_of(model, config).save(folder / POLICY)
         wall = time.perf_counter() - began
         timing = {"wall_s": wall, "steps_per_s": (model.num_timesteps - before) / wall}
-        store.write_json(config.out / store.SUMMARY, {"steps": model.num_timesteps, "curve": curve, "timing": timing})
-        store.write_json(config.out / store.MANIFEST, store.manifest("train", config, wall, seed=config.seed))
-    except OSError as error:
-        raise TrackslipError(f"out = {str(config.out)!r}: can't be written ({error.strerror or error})") from error
+        store.write_json(folder / store.SUMMARY, {"steps": model.num_timesteps, "curve": curve, "timing": timing})
+        store.write_json(folder / store.MANIFEST, store.manifest("train", config, wall, seed=config.seed))
     for point in (curve[0], curve[-1]) if curve else ():
         print(f"{point['steps']:>10,} steps: {point['reward']:.3f} of 1 a step")
     print(f"{config.out / POLICY}: {model.num_timesteps:,} steps in {wall:.0f} s")
@@ -108,8 +110,12 @@ def _falling(rate: float) -> Callable[[float], float]:
     return lambda left: rate * (_LEAST_RATE + (1 - _LEAST_RATE) * left)
 
 
-def _learn(model: Any, config: TrainConfig) -> list[dict[str, float]]:
-    """Train until `config.steps`; mean reward a step, by the steps done."""
+def _learn(model: Any, config: TrainConfig, drafts: Path) -> list[dict[str, float]]:
+    """Train until `config.steps`, with checkpoints, drafted in a folder of the same disk.
+
+    Returns:
+        Mean reward a step, by the steps done.
+    """
     from stable_baselines3.common.callbacks import BaseCallback
 
     curve: list[dict[str, float]] = []
@@ -128,15 +134,17 @@ def _learn(model: Any, config: TrainConfig) -> list[dict[str, float]]:
                 report(rewards.size)
                 self.updates += 1
                 if self.updates % _CHECKPOINT_EVERY == 0:
-                    _save(self.model, config.out)
+                    _save(self.model, config.out, drafts)
 
         model.learn(max(config.steps - model.num_timesteps, 0), callback=Recorder(), reset_num_timesteps=False)
-    _save(model, config.out)
+    _save(model, config.out, drafts)
     return curve
 
 
-def _save(model: Any, folder: Path) -> None:
+def _save(model: Any, folder: Path, drafts: Path) -> None:
     """The checkpoint, whole or not at all."""
-    draft = folder / f".{CHECKPOINT}-{os.getpid()}.zip"
-    model.save(draft)
-    os.replace(draft, folder / CHECKPOINT)
+    try:
+        model.save(drafts / CHECKPOINT)
+    except RuntimeError as error:  # torch's, when the disk is full
+        raise OutputError(f"out = {str(folder)!r}: {CHECKPOINT} can't be written ({error})") from error
+    os.replace(drafts / CHECKPOINT, folder / CHECKPOINT)

@@ -5,9 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from experiments.config import MOST_THREADS
 from trackslip.errors import InvalidValueError, require_at_most, require_positive
 
 MOST_ROBOTS = 4096
+LARGEST_LAYER = 4096
+LARGEST_SEED = 2**32 - 1
+"""That PyTorch and NumPy's old generators take."""
 
 
 @dataclass(frozen=True)
@@ -61,14 +65,14 @@ class TrainConfig:
             if not getattr(self, name):
                 raise InvalidValueError(name, getattr(self, name), "at least one")
         for size in self.network:
-            if size < 1:
-                raise InvalidValueError("network", size, "integers >= 1")
+            if not 1 <= size <= LARGEST_LAYER:
+                raise InvalidValueError("network", size, f"integers from 1 to {LARGEST_LAYER}")
         for value in self.authority:
             require_positive("authority", value)
         require_positive("learning_rate", self.learning_rate)
         if not 0 < self.discount < 1:
             raise InvalidValueError("discount", self.discount, "between 0 and 1")
-        if self.seed < 0:
-            raise InvalidValueError("seed", self.seed, "an integer >= 0")
-        if self.threads < 0:
-            raise InvalidValueError("threads", self.threads, "an integer >= 0")
+        if not 0 <= self.seed <= LARGEST_SEED:
+            raise InvalidValueError("seed", self.seed, f"an integer from 0 to {LARGEST_SEED}")
+        if not 0 <= self.threads <= MOST_THREADS:
+            raise InvalidValueError("threads", self.threads, f"an integer from 0 to {MOST_THREADS}")

@@ -7,6 +7,8 @@ Features are the observation with its errors drawn out by arsinh, so that millim
 from __future__ import annotations
 
 import json
+import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +24,11 @@ from trackslip.metrics import body_errors
 from trackslip.trajectory import Reference
 
 _FORMAT = "trackslip policy 1"
+_DAMAGED = (
+    *(KeyError, ValueError, TypeError, AttributeError),
+    *(EOFError, NotImplementedError, zipfile.BadZipFile, zlib.error),
+)
+"""What reading a file that holds no policy may raise."""
 _ERRORS, _TWIST_NOW = slice(0, 3), slice(3, 5)  # of an observation
 _FINE = np.array([0.02, 0.02, 0.02])  # errors, in the observation's units, that are neither small nor large
 
@@ -83,7 +90,7 @@ class Policy:
         """Read what `save` wrote, or the policy.npz in a folder; raises LogError for what is none."""
         file = policy_file(path)
         try:
-            with np.load(file, allow_pickle=False) as stored:
+            with file.open("rb") as opened, np.load(opened, allow_pickle=False) as stored:
                 about = json.loads(str(stored["about"]))
                 if about["format"] != _FORMAT:
                     raise LogError(f"{file}: its format is {about['format']!r}, not {_FORMAT!r}")
@@ -95,7 +102,7 @@ class Policy:
             raise LogError(f"{file}: {error.strerror or error}") from error
         except LogError:
             raise
-        except (KeyError, ValueError, TypeError, AttributeError) as error:
+        except _DAMAGED as error:
             raise LogError(f"{file}: not a policy ({type(error).__name__}: {error})") from error
 
 

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 
 from sim.drive import LARGEST_RADIUS_ERROR, RADIUS_ERROR
 from trackslip.errors import InvalidValueError, require_at_most, require_positive
+
+if TYPE_CHECKING:
+    import mujoco
 
 SINK = 0.002
 """How far the weight presses the tracks into level ground [m]: the contact recipe's, whatever the robot."""

@@ -17,7 +17,8 @@ class InvalidValueError(TrackslipError, ValueError):
     """
 
     def __init__(self, field: str, value: object, allowed: str) -> None:
-        super().__init__(f"{field} = {value!r}: must be {allowed}")
+        shown = float(value) if isinstance(value, float) else value  # NumPy's numbers show their type
+        super().__init__(f"{field} = {shown!r}: must be {allowed}")
         self.field, self.value, self.allowed = field, value, allowed
 
 

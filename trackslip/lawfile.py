@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from trackslip.errors import InvalidValueError, LogError
+from trackslip.fileformat import FORMAT, require_known_format, require_known_manifest
 from trackslip.identification import FAMILIES, Comparison, FittedLaw, Identification, law_from_values
 from trackslip.kinematics import RobotGeometry
 from trackslip.slip import SlipLaw
@@ -21,6 +22,7 @@ SHIPPED = Path(__file__).parent / "laws.json"
 def laws_to_json(laws: Mapping[str, FittedLaw], geometry: RobotGeometry) -> dict[str, Any]:
     """What goes into a summary: `slip_laws` and `geometry`."""
     return {
+        "format": FORMAT,
         "geometry": {"half_gauge": geometry.half_gauge, "sprocket_radius": geometry.sprocket_radius},
         "slip_laws": {
             name: {"values": fit.values, "stderr": fit.stderr, "rms": fit.rms}
@@ -78,12 +80,16 @@ def load_laws(path: Path = SHIPPED, robot: RobotGeometry | None = None) -> dict[
         robot: whom they are for, if that is to be checked.
 
     Raises:
-        LogError: for a file that isn't there, isn't what `laws_to_json` makes, or was made for another robot.
+        LogError: for a file that isn't there, isn't what `laws_to_json` makes, or was made for another robot or by
+            a newer version.
     """
     file = path
     try:
         file = path / "summary.json" if path.is_dir() else path
+        if path.is_dir():
+            require_known_manifest(path)
         content = json.loads(file.read_text(encoding="utf-8"))
+        require_known_format(content, file)
         half_gauge, radius = (float(content["geometry"][key]) for key in ("half_gauge", "sprocket_radius"))
         stored = content["slip_laws"]
         if robot is not None and not np.allclose([half_gauge, radius], [robot.half_gauge, robot.sprocket_radius]):

@@ -19,6 +19,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from trackslip.errors import LogError
+from trackslip.fileformat import FORMAT, require_known_format
 from trackslip.heading_unit import require_radians
 from trackslip.kinematics import Array
 from trackslip.runlog import RunLog, Truth
@@ -68,7 +69,7 @@ def to_table(logs: Sequence[RunLog]) -> pa.Table:
     fields = [
         f.with_metadata({"unit": _UNITS[f.name]}) if f.name in _UNITS else f for f in table.schema.remove_metadata()
     ]
-    metadata = {"version": 1, "runs": {log.run: metadata_with_scans(log.metadata, log.scans) for log in logs}}
+    metadata = {"format": FORMAT, "runs": {log.run: metadata_with_scans(log.metadata, log.scans) for log in logs}}
     return table.cast(pa.schema(fields, metadata={_METADATA_KEY: json.dumps(metadata)}))
 
 
@@ -91,7 +92,7 @@ def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
     files = {file: _StoredRuns(file) for file in dict.fromkeys(file for file, *_ in runs)}
     joined = pa.unify_schemas([stored.schema for stored in files.values()])
     about = {new: files[file].metadata(name) for file, name, new in runs}
-    joined = joined.with_metadata({_METADATA_KEY: json.dumps({"version": 1, "runs": about})})
+    joined = joined.with_metadata({_METADATA_KEY: json.dumps({"format": FORMAT, "runs": about})})
     with pa.parquet.ParquetWriter(path, joined, **_packing(joined)) as writer:
         for file, name, new in runs:
             table = files[file].table(name)
@@ -109,7 +110,7 @@ class _StoredRuns:
     def __init__(self, path: Path) -> None:
         self._path = path
         try:
-            self._file = pa.parquet.ParquetFile(path)
+            self._file = pa.parquet.ParquetFile(path, page_checksum_verification=True)
             self._metadata = json.loads(self._file.schema_arrow.metadata[_METADATA_KEY])["runs"]
         except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
             raise LogError(f"{path}: {_first_line(error)}") from error
@@ -133,9 +134,14 @@ class _StoredRuns:
 
 
 def _packing(schema: pa.Schema) -> dict[str, Any]:
-    """How to write measured numbers, which hardly repeat, in two thirds of the space."""
+    """How to write measured numbers, which hardly repeat, in two thirds of the space; damage to them is noticed."""
     numbers = [field.name for field in schema if pa.types.is_float64(field.type)]
-    return {"compression": "zstd", "use_dictionary": ["run"], "use_byte_stream_split": numbers}
+    return {
+        "compression": "zstd",
+        "use_dictionary": ["run"],
+        "use_byte_stream_split": numbers,
+        "write_page_checksum": True,
+    }
 
 
 def write_csv(logs: Sequence[RunLog], path: Path) -> None:
@@ -150,7 +156,7 @@ def read_table(path: Path) -> pa.Table:
             raise LogError(f"{path}: no such file")
         table = None
         if path.suffix.lower() == ".parquet":
-            table = pa.parquet.read_table(path)
+            table = pa.parquet.read_table(path, page_checksum_verification=True)
         elif path.suffix.lower() == ".csv":
             table = pa.csv.read_csv(path, convert_options=_as_text(path))
         if table is not None and table.column_names is not None:  # names may not be text
@@ -388,8 +394,12 @@ def _stored_metadata(table: pa.Table, source: str) -> dict[str, dict[str, Any]]:
     if not stored:
         return {}
     try:
-        runs: dict[str, dict[str, Any]] = json.loads(stored)["runs"]
-    except (ValueError, KeyError, TypeError) as error:
+        content = json.loads(stored)
+        require_known_format(content, source)
+        runs: dict[str, dict[str, Any]] = content["runs"]
+    except LogError:
+        raise
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise LogError(f"{source}: its metadata is damaged ({_first_line(error)})") from error
     return runs
 

@@ -42,6 +42,7 @@ def run(config: BenchmarkConfig) -> None:
         cases, notes = without_missing(config)
         setup.check(cases)
         parts = Parts.of(setup)
+        parts.discard_useless()
         paths = [parts.path(group) for group in groups(cases)]
         try:
             with watch.stage("driving"):
@@ -51,6 +52,8 @@ def run(config: BenchmarkConfig) -> None:
             raise KeyboardInterrupt(
                 f"interrupted with {done} of {len(paths)} fleets driven; the same command goes on from there"
             ) from None
+        finally:
+            parts.discard_useless()
         with watch.stage("gathering"):
             runs = [row for path in paths for row in rows_of(path)]
             rows = over_seeds(runs)

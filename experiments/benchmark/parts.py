@@ -36,13 +36,15 @@ class Parts:
     """The parts in a folder of results."""
 
     folder: Path
+    version: str
+    """Hash of the code, with which the names of all its parts begin."""
     common: str
-    """Hash of what all parts depend on."""
+    """Hash of what else all parts depend on."""
 
     @classmethod
     def of(cls, setup: Setup) -> Parts:
         """Those of a benchmark, wherever it was stopped."""
-        return cls(setup.config.out / _FOLDER, digest(_common(setup)))
+        return cls(setup.config.out / _FOLDER, digest(made_by())[:8], digest(_common(setup)))
 
     def path(self, cases: Sequence[Case]) -> Path:
         """Where the part with these cases is, or will be."""
@@ -50,7 +52,7 @@ class Parts:
         files = {name for case in cases for name in (case.reference, case.ground)} | set(user_modules() if own else ())
         files |= {str(policy) for case in cases if (policy := policy_path(case.controller)) is not None}
         own_files = {name: content(Path(name)) for name in sorted(files) if Path(name).is_file()}
-        return self.folder / f"{digest([self.common, [vars(case) for case in cases], own_files])}.json"
+        return self.folder / f"{self.version}-{digest([self.common, [vars(case) for case in cases], own_files])}.json"
 
     @staticmethod
     def write(path: Path, rows: Sequence[dict[str, Any]], logs: Sequence[RunLog]) -> None:
@@ -65,6 +67,14 @@ class Parts:
         draft = path.with_suffix(f".rows-{os.getpid()}")
         store.write_json(draft, {"rows": rows, "runs": runs})
         os.replace(draft, path)
+
+    def discard_useless(self) -> None:
+        """Delete other code's parts and drafts that were left half-written; nobody else may be writing parts."""
+        with contextlib.suppress(OSError):
+            for file in self.folder.glob("*"):
+                if not file.name.startswith(f"{self.version}-") or file.suffix not in (".json", ".parquet"):
+                    file.unlink()
+            self.folder.rmdir()
 
     def discard(self, paths: Sequence[Path]) -> None:
         """Delete parts, what they hold being now among the results, and their drafts; others' are left."""
@@ -81,7 +91,8 @@ def complete(path: Path) -> bool:
         runs = json.loads(path.read_text(encoding="utf-8"))["runs"]
         if not runs["names"]:
             return True
-        stored = pyarrow.parquet.read_table(runs_of(path), columns=["run"]).column("run").unique().to_pylist()
+        table = pyarrow.parquet.read_table(runs_of(path), page_checksum_verification=True)
+        stored = table.column("run").unique().to_pylist()
         return bool(runs_of(path).stat().st_size == runs["bytes"] and sorted(stored) == sorted(runs["names"]))
     except (OSError, ValueError, KeyError, TypeError, pyarrow.ArrowException):
         return False
@@ -112,5 +123,4 @@ def _common(setup: Setup) -> dict[str, Any]:
         "model": setup.world.robot.digest,
         "world": store.plain([setup.world.parameters, setup.world.obstacles, setup.world.radius_error]),
         "laws": content(laws / store.SUMMARY if laws.is_dir() else laws),
-        "made_by": made_by(),
     }

@@ -1,5 +1,1 @@
 """`trackslip grid`: runs over any axes, on one process or many, to be gone on with whenever they are stopped."""
-
-from experiments.sweep.command import run
-
-__all__ = ["run"]

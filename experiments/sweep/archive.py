@@ -10,6 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import pyarrow
+import pyarrow.parquet
+
 from experiments import store
 from experiments.provenance import changes, digest, made_by
 from experiments.sweep.drive import Part
@@ -46,10 +49,11 @@ class Archive:
         """
         wanted = {run.id for run in runs}
         found = {}
-        for folder, rows, by in self._records():
+        for file, rows, by in self._records():
+            whole = file.parent == self._out or _whole(file)  # of results a damaged file is the user's to judge
             for row in rows:
-                if row["id"] in wanted and row["error"] is None:
-                    found[row["id"]] = Stored(row, folder, by[row["made_by"]])
+                if whole and row["id"] in wanted and row["error"] is None:
+                    found[row["id"]] = Stored(row, file, by[row["made_by"]])
         now = made_by()
         stale = [one.made_by for one in found.values() if one.made_by != now]
         if stale and not force:
@@ -112,6 +116,15 @@ def _record(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]] | None:
         return (rows, by) if all({"id", "error"} <= set(row) and row["made_by"] in by for row in rows) else None
     except (OSError, ValueError, KeyError, TypeError):
         return None
+
+
+def _whole(file: Path) -> bool:
+    """Whether a part's runs can be read."""
+    try:
+        pyarrow.parquet.read_table(file, page_checksum_verification=True)
+    except (OSError, pyarrow.ArrowException):
+        return False
+    return True
 
 
 def _put(path: Path, content: bytes) -> None:

@@ -167,12 +167,16 @@ def test_an_interrupted_benchmark_says_how_to_go_on(short, tmp_path, monkeypatch
     assert not (tmp_path / "out").exists()
 
 
-def test_parts_of_another_benchmark_are_left(trackslip, short, tmp_path):
+def test_parts_of_another_benchmark_are_left_but_not_those_of_other_code(trackslip, short, tmp_path):
     folder = tmp_path / "benchmark" / ".benchmark-parts"
     folder.mkdir(parents=True)
-    (folder / "0123.json").write_text("{}")
+    version = Parts.of(Setup.of(BenchmarkConfig())).version
+    others = {f"{version}-0123.json", f"{version}-0123.parquet"}
+    useless = {"01234567-0123.json", f"{version}-4567.runs-99", f"{version}-4567.rows-99", "0123.json"}
+    for name in others | useless:
+        (folder / name).write_text("{}")
     trackslip("benchmark", *short, *SMALL[:2], "--compensations", "none", "--grounds", "stone", "--seeds", "0")
-    assert [file.name for file in folder.iterdir()] == ["0123.json"]
+    assert {file.name for file in folder.iterdir()} == others
 
 
 def test_a_run_that_fails_is_a_row(trackslip, short, tmp_path):
@@ -234,6 +238,8 @@ def test_damaged_parts_are_driven_again(tmp_path, short):
     assert complete(path)
     runs, rows = runs_of(path).read_bytes(), path.read_bytes()
     runs_of(path).write_bytes(runs[:1000])
+    assert not complete(path)
+    runs_of(path).write_bytes(runs[:1000] + bytes([runs[1000] ^ 1]) + runs[1001:])
     assert not complete(path)
     runs_of(path).unlink()
     assert not complete(path)

@@ -80,7 +80,7 @@ def test_what_is_tied_together_is_told(trackslip):
     ("arguments", "message"),
     [
         (("--target", "nowhere.csv"), "nowhere.csv: no such file"),
-        (("--target", ""), "target = ''"),
+        (("--target", ""), "--target = '': must be something"),
         (("--free", "mass"), "invalid choice 'mass'"),
         (("--free", "com_y", "com_y"), "free = 'com_y': must be named once"),
         (("--starts", "-1"), "starts = -1"),

@@ -248,8 +248,10 @@ def test_an_interrupted_grid_goes_on(trackslip, tmp_path, monkeypatch, capsys):
     assert "interrupted with 4 of 8 runs driven; the same command goes on from there" in capsys.readouterr().err
     assert not (tmp_path / "part" / "runs.parquet").exists()
     monkeypatch.setattr(command, "drive", real)
+    spoilt = min((tmp_path / "part" / PARTS).glob("*.parquet"))
+    spoilt.write_bytes(spoilt.read_bytes()[:5000])
     result = trackslip(*arguments, "--out", str(tmp_path / "part"))
-    assert result.summary["timing"]["taken"] == 4
+    assert result.summary["timing"]["taken"] == 2
     for name in ("runs.parquet", "table.parquet"):
         assert (whole / name).read_bytes() == (result.folder / name).read_bytes()
 

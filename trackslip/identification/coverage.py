@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from trackslip.identification.families import FAMILIES
 from trackslip.identification.fit import fit
@@ -90,7 +90,7 @@ def noise_coverage(
         fits = fit(family, runs)
         goal = fit(family, runs.measured(truth.twist[None]), fits.values, fits.scatter).values[0]
         error = np.sqrt(np.diag(fits.noise_covariance[0]))
-        by_noise += np.abs(fits.values[0] - goal) <= stats.norm.ppf((1 + CONFIDENCE) / 2) * error
+        by_noise += np.abs(fits.values[0] - goal) <= scipy.stats.norm.ppf((1 + CONFIDENCE) / 2) * error
         ends = profile_intervals(fits, heights(fits, lack_of_fit(fits, True), True))[0]
         by_all += (ends[:, 0] <= goal) & (goal <= ends[:, 1])
     count = len(repeats)

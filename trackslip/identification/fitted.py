@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+import scipy
 
 from trackslip.errors import LogError
 from trackslip.identification.families import family
@@ -145,7 +145,9 @@ def _likelihood(fits: Fits, deviation: Array) -> float:
     coarse = np.linspace(np.log(LEAST_SCATTER), 1.0, _COARSE)
     best = coarse[np.argmin([minus(value) for value in coarse])]
     step = coarse[1] - coarse[0]
-    fine = minimize_scalar(minus, bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-6})
+    fine = scipy.optimize.minimize_scalar(
+        minus, bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-6}
+    )
     return float(fine.fun)
 
 

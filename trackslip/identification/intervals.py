@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from trackslip.identification.fit import Fits, fit, minimise
 from trackslip.identification.replicates import LackOfFit
@@ -43,10 +43,12 @@ def heights(fits: Fits, lacks: Sequence[LackOfFit] | None, measured: bool) -> Ar
     Student's quantile where the scatter was estimated, times the square of how much larger the standard errors are
     than those of least squares; where a law lacks fit, the degrees of freedom are those of its misses.
     """
-    quantile = np.where(fits.scatter > 0, stats.f.ppf(CONFIDENCE, 1, fits.freedom), stats.chi2.ppf(CONFIDENCE, 1))
+    quantile = np.where(
+        fits.scatter > 0, scipy.stats.f.ppf(CONFIDENCE, 1, fits.freedom), scipy.stats.chi2.ppf(CONFIDENCE, 1)
+    )
     for k, lack in enumerate(lacks or ()):
         if lack.inflation > 1:
-            quantile[k] = stats.f.ppf(CONFIDENCE, 1, lack.freedom[0])
+            quantile[k] = scipy.stats.f.ppf(CONFIDENCE, 1, lack.freedom[0])
     with np.errstate(invalid="ignore", divide="ignore"):
         larger = standard_errors(fits, lacks, measured) ** 2 / np.einsum("mii->mi", fits.covariance)
     return quantile[:, None] * np.where(np.isfinite(larger), larger, 1.0)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from trackslip.identification.fit import Fits
 from trackslip.kinematics import Array, RobotGeometry, body_twist
@@ -86,7 +86,7 @@ def lack_of_fit(fits: Fits, measured: bool) -> list[LackOfFit] | None:
             LackOfFit(
                 "F", float(f), (between, within), float(p), float(max(1.0, excess**0.5)) if p < SIGNIFICANT else 1.0
             )
-            for f, p, excess in zip(ratio, stats.f.sf(ratio, between, within), missed, strict=True)
+            for f, p, excess in zip(ratio, scipy.stats.f.sf(ratio, between, within), missed, strict=True)
         ]
     freedom = fits.freedom
     if not measured or freedom < 1:
@@ -95,7 +95,7 @@ def lack_of_fit(fits: Fits, measured: bool) -> list[LackOfFit] | None:
     squares = np.sum(whitened**2, axis=1)
     return [
         LackOfFit("chi2", float(c), (freedom,), float(p), 1.0)
-        for c, p in zip(squares, stats.chi2.sf(squares, freedom), strict=True)
+        for c, p in zip(squares, scipy.stats.chi2.sf(squares, freedom), strict=True)
     ]
 
 

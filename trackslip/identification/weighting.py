@@ -17,7 +17,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
+import scipy
 
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import SIDES, Array, RobotGeometry, track_speeds
@@ -98,5 +98,5 @@ class WeightedRuns:
         least = low == np.log(LEAST_SCATTER)
         if known:
             unscattered = np.sum(self.whiten(deviation, np.zeros(len(deviation))) ** 2, axis=1)
-            least |= unscattered < stats.chi2.ppf(_EXPLAINED, freedom)
+            least |= unscattered < scipy.stats.chi2.ppf(_EXPLAINED, freedom)
         return np.where(least, 0.0 if known else LEAST_SCATTER, np.exp((low + high) / 2))

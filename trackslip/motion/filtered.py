@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import butter, savgol_filter, sosfilt, sosfilt_zi, sosfiltfilt
+import scipy
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array, advance
@@ -38,7 +38,7 @@ def butterworth_motion(log: RunLog) -> Motion:
             which it turned too far to bridge.
     """
     even, pose = _even_poses(log)
-    return difference(even, sosfiltfilt(butter(2, CUTOFF, output="sos"), pose, axis=0))
+    return difference(even, scipy.signal.sosfiltfilt(scipy.signal.butter(2, CUTOFF, output="sos"), pose, axis=0))
 
 
 def paper_motion(log: RunLog) -> Motion:
@@ -48,9 +48,9 @@ def paper_motion(log: RunLog) -> Motion:
     LogError as `butterworth_motion` does.
     """
     even, pose = _even_poses(log)
-    low_pass = butter(2, CUTOFF, output="sos")
-    settled = sosfilt_zi(low_pass)[..., None] * pose[0]
-    smooth, _ = sosfilt(low_pass, pose, axis=0, zi=settled)
+    low_pass = scipy.signal.butter(2, CUTOFF, output="sos")
+    settled = scipy.signal.sosfilt_zi(low_pass)[..., None] * pose[0]
+    smooth, _ = scipy.signal.sosfilt(low_pass, pose, axis=0, zi=settled)
     motion = difference(even, smooth)
     dx, dy, turn = np.diff(smooth, axis=0).T
     v = np.copysign(np.hypot(dx, dy), motion.twist[:, 0])
@@ -68,8 +68,8 @@ def savgol_motion(log: RunLog) -> Motion:
     rate = abs(pose[-1, 2] - pose[0, 2]) / (even[-1] - even[0])
     rows = int(min(LONGEST_WINDOW, LONGEST_TURN / max(rate, 1e-9)) / step)
     window = int(np.clip(rows, _DEGREE + 3, len(even) - 1)) // 2 * 2 - 1
-    smooth = savgol_filter(pose, window, _DEGREE, axis=0)
-    dx, dy, turning = savgol_filter(pose, window, _DEGREE, deriv=1, delta=step, axis=0).T
+    smooth = scipy.signal.savgol_filter(pose, window, _DEGREE, axis=0)
+    dx, dy, turning = scipy.signal.savgol_filter(pose, window, _DEGREE, deriv=1, delta=step, axis=0).T
     v = dx * np.cos(smooth[:, 2]) + dy * np.sin(smooth[:, 2])
     return Motion(even, smooth, np.stack([v, turning], axis=-1))
 

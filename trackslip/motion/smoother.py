@@ -8,7 +8,7 @@ neighbours only, so the normal equations are banded.
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import solveh_banded
+import scipy
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
@@ -58,14 +58,14 @@ def rts(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
         distance = np.sqrt(np.einsum("ti,tij,tj->t", residual, information, residual))
         weighted = information * np.minimum(1.0, _HUBER / np.maximum(distance, 1e-300))[:, None, None]
         band, gradient = _normal_equations(time, state, residual, weighted)
-        step = -solveh_banded(band, gradient.ravel(), lower=True).reshape(state.shape)
+        step = -scipy.linalg.solveh_banded(band, gradient.ravel(), lower=True).reshape(state.shape)
         state = state + step
         if np.abs(step).max() < _CONVERGED:
             break
     residual = np.where(valid[:, None], state[:, :3] - measured, 0.0)
     mean = np.zeros((*state.shape, 2))
     mean[:, 3, 0] = mean[:, 5, 1] = 1 / len(time)
-    spread = solveh_banded(band, mean.reshape(-1, 2), lower=True)
+    spread = scipy.linalg.solveh_banded(band, mean.reshape(-1, 2), lower=True)
     posterior = mean.reshape(-1, 2).T @ spread
     deviation = residual[valid] * np.sqrt(np.diagonal(information[valid], axis1=1, axis2=2))
     excess = np.trace(long_run_covariance(deviation)) / 3  # 1 for errors as large as stated, and without memory

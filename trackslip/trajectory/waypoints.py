@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.interpolate import CubicSpline
 
 from trackslip.errors import InvalidValueError, ReferenceFileError
 from trackslip.kinematics import Array
@@ -110,5 +110,5 @@ def _through(points: Array, label: str, limits: Limits) -> ProfiledReference:
     if chords.sum() > LONGEST:
         raise InvalidValueError("way through all points", float(chords.sum().round(3)), f"at most {LONGEST:g} m")
     parameter = np.concatenate([[0.0], np.cumsum(chords)])
-    spline = CubicSpline(parameter, points[:, 0] + 1j * points[:, 1], bc_type="natural")
+    spline = scipy.interpolate.CubicSpline(parameter, points[:, 0] + 1j * points[:, 1], bc_type="natural")
     return ProfiledReference(ParametricPath(spline, parameter), limits)

@@ -1,0 +1,27 @@
+"""Interrupts that wait until something short is done."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import threading
+from collections.abc import Iterator
+
+
+@contextlib.contextmanager
+def interrupts_later() -> Iterator[None]:
+    """Put off Ctrl-C and SIGTERM until the block ends; then raise KeyboardInterrupt if there was one."""
+    if threading.current_thread() is not threading.main_thread():  # others aren't interrupted
+        yield
+        return
+    caught: list[int] = []
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        for number in before:
+            signal.signal(number, lambda which, _: caught.append(which))
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, signal.SIG_DFL if handler is None else handler)
+    if caught:
+        raise KeyboardInterrupt
