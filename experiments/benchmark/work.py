@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import functools
-import multiprocessing
 import os
-import signal
-import threading
 from collections.abc import Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 
@@ -17,6 +14,7 @@ from experiments.benchmark.parts import Parts
 from experiments.benchmark.setup import Setup
 from experiments.benchmark_config import BenchmarkConfig, Case
 from experiments.names import reference
+from experiments.workers import deaf_children, workers
 from trackslip.errors import TrackslipError
 
 _SLOW = {"mpc": 4.0}  # how much longer a robot takes than under most controllers
@@ -30,19 +28,14 @@ def work_off(config: BenchmarkConfig, wanted: Mapping[Path, tuple[Case, ...]]) -
         for path in order:
             yield make(config, path, wanted[path])
         return
-    # a fresh interpreter each: a forked one would share the threads of this one's engine
-    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), initializer=_begin) as pool:
-        try:
-            pending = [pool.submit(make, config, path, wanted[path]) for path in order]
+    try:
+        with workers(jobs) as pool:
+            with deaf_children():
+                pending = [pool.submit(make, config, path, wanted[path]) for path in order]
             for future in as_completed(pending):
                 yield future.result()
-        except BrokenProcessPool as error:
-            raise TrackslipError("a worker process died; the same command goes on from where it was") from error
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for child in multiprocessing.active_children():
-                child.terminate()
-            raise
+    except BrokenProcessPool as error:
+        raise TrackslipError("a worker process died; the same command goes on from where it was") from error
 
 
 def make(config: BenchmarkConfig, path: Path, cases: tuple[Case, ...]) -> Path:
@@ -65,17 +58,3 @@ def _work(cases: tuple[Case, ...]) -> float:
 def _processors() -> int:
     """How many this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-def _begin() -> None:
-    """A worker leaves interrupts to its parent, and doesn't outlive it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
