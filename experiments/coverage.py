@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import itertools
-import multiprocessing
 import os
 import time
 from collections.abc import Mapping
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from typing import Any
 
@@ -18,6 +16,7 @@ from experiments.console import print_table, progress
 from experiments.coverage_config import CoverageConfig
 from experiments.grid import drive_grid
 from experiments.identify import SYMBOLS
+from experiments.workers import deaf_children, processes
 from experiments.world import World
 from sim.seeds import generator
 from trackslip.identification import (
@@ -124,15 +123,16 @@ def scanned_again(
     logs: list[RunLog], geometry: RobotGeometry, config: CoverageConfig, repeats: int
 ) -> list[SlipSamples]:
     """Samples of runs whose true ranges get new noise every time; the runs are shared out over processes."""
-    workers = config.threads or os.cpu_count() or 1
     jobs = [(log, geometry, config.scanner.noise, config.seed, repeats) for log in logs]
     omega = np.array([log.omega[steady_part(log, geometry).rows].mean(axis=0) for log in logs])
     found = []
     with (
-        ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn")) as pool,
+        processes(config.threads or os.cpu_count() or 1) as pool,
         progress(f"{len(logs)} runs scanned {repeats} times", len(logs)) as report,
     ):
-        for twist, covariance in pool.map(_bundled, jobs):
+        with deaf_children():
+            results = pool.map(_bundled, jobs)
+        for twist, covariance in results:
             found.append((twist, covariance))
             report(1.0)
     names = [log.run for log in logs]

@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-import multiprocessing
 import os
-import signal
-import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -14,6 +11,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any, TypeVar
 
+from experiments.workers import deaf_children, processes
 from trackslip.errors import TrackslipError
 
 _AHEAD = 2  # tasks handed out per worker, so that none waits for its next
@@ -44,15 +42,19 @@ class Workers:
         """
         ahead = 1 if self.inline else _AHEAD * self.count
         left = iter(tasks)
-        pending = {self.executor.submit(do, task) for task in islice(left, ahead)}
+        pending = self._submitted(do, islice(left, ahead))
         try:
             while pending:
                 done, pending = wait(pending, return_when=FIRST_COMPLETED)
                 for future in done:
                     yield future.result()
-                    pending |= {self.executor.submit(do, task) for task in islice(left, 1)}
+                    pending |= self._submitted(do, islice(left, 1))
         except BrokenProcessPool as error:
             raise TrackslipError("a worker process died; the same command goes on from where it was") from error
+
+    def _submitted(self, do: Callable[[Task], Result], tasks: Iterable[Task]) -> set[Future[Result]]:
+        with deaf_children() if isinstance(self.executor, ProcessPoolExecutor) else contextlib.nullcontext():
+            return {self.executor.submit(do, task) for task in tasks}
 
 
 class InlineExecutor(Executor):
@@ -78,7 +80,7 @@ def workers(name: str, jobs: int) -> Iterator[Workers]:
     if name == "inline" or (name == "processes" and jobs <= 1):
         yield Workers(InlineExecutor(), 1)
     elif name == "processes":
-        with _processes(jobs) as pool:
+        with processes(jobs) as pool:
             yield Workers(pool, jobs)
     elif name == "mpi":
         with _mpi() as pool:
@@ -91,19 +93,6 @@ def workers(name: str, jobs: int) -> Iterator[Workers]:
 def processors() -> int:
     """How many this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-@contextlib.contextmanager
-def _processes(jobs: int) -> Iterator[Executor]:
-    # a fresh interpreter each: a forked one would share the threads of this one's engine
-    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn"), initializer=_begin) as pool:
-        try:
-            yield pool
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for child in multiprocessing.active_children():
-                child.terminate()
-            raise
 
 
 @contextlib.contextmanager
@@ -144,17 +133,3 @@ def _dask(address: str) -> Iterator[tuple[Executor, int]]:
             yield pool, count
         finally:
             pool.shutdown(wait=False)
-
-
-def _begin() -> None:
-    """A worker leaves interrupts to its parent, and doesn't outlive it."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_DFL)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)

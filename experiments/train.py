@@ -16,7 +16,7 @@ from experiments.train_config import TrainConfig
 from sim.path_tracking.config import Reward
 from sim.path_tracking.randomization import Randomization
 from sim.policy import Network, Policy
-from trackslip.errors import LogError, OutputError, TrackslipError
+from trackslip.errors import LogError, TrackslipError
 
 POLICY, CHECKPOINT = "policy.npz", "checkpoint.zip"
 _LEAST_RATE = 0.05  # of the learning rate, at the end
@@ -143,8 +143,5 @@ def _learn(model: Any, config: TrainConfig, drafts: Path) -> list[dict[str, floa
 
 def _save(model: Any, folder: Path, drafts: Path) -> None:
     """The checkpoint, whole or not at all."""
-    try:
-        model.save(drafts / CHECKPOINT)
-    except RuntimeError as error:  # torch's, when the disk is full
-        raise OutputError(f"out = {str(folder)!r}: {CHECKPOINT} can't be written ({error})") from error
+    model.save(drafts / CHECKPOINT)
     os.replace(drafts / CHECKPOINT, folder / CHECKPOINT)

@@ -10,6 +10,8 @@ from trackslip.errors import InvalidValueError, require_at_most, require_positiv
 
 MOST_ROBOTS = 4096
 LARGEST_LAYER = 4096
+MOST_AUTHORITY = 10.0
+"""[m/s], [rad/s]"""
 LARGEST_SEED = 2**32 - 1
 """That PyTorch and NumPy's old generators take."""
 
@@ -69,7 +71,9 @@ class TrainConfig:
                 raise InvalidValueError("network", size, f"integers from 1 to {LARGEST_LAYER}")
         for value in self.authority:
             require_positive("authority", value)
+            require_at_most("authority", value, MOST_AUTHORITY)
         require_positive("learning_rate", self.learning_rate)
+        require_at_most("learning_rate", self.learning_rate, 1.0)
         if not 0 < self.discount < 1:
             raise InvalidValueError("discount", self.discount, "between 0 and 1")
         if not 0 <= self.seed <= LARGEST_SEED:

@@ -142,6 +142,8 @@ def test_track_takes_a_start_and_laws(trackslip):
         (("predict", "--friction-ratio", "1e-300"), "friction_ratio = 1e-300: must be at least 0.01"),
         (("predict", "--radii", "1e-300"), "radii = 1e-300: must be at least 0.001 m"),
         (("train", "--seed", "99999999999"), "seed = 99999999999: must be an integer from 0 to 4294967295"),
+        (("train", "--learning-rate", "2"), "learning_rate = 2.0: must be at most 1"),
+        (("train", "--authority", "1e300", "1"), "authority = 1e+300: must be at most 10"),
         (("train", "--threads", "99999"), "threads = 99999: must be an integer from 0 to 1024"),
         (("train", "--network", "1000000000"), "network = 1000000000: must be integers from 1 to 4096"),
         (("grid", "--radii", "-1"), "radii = -1.0: must be a finite number > 0"),

@@ -2,6 +2,7 @@ import json
 
 import pytest
 
+from experiments.cli import main
 from sim.policy import Policy
 
 TINY = (
@@ -36,6 +37,22 @@ def test_a_policy_is_trained_resumed_and_takes_part_in_the_benchmark(trackslip):
     table = trackslip("benchmark", *options, *controllers, "--compensations", "icr_radius")
     assert json.dumps(table.summary["failures"]) == "[]"
     assert [row["controller"] for row in table.summary["rows"]] == ["feedforward", f"ppo:{more.folder}"]
+
+
+def test_an_interrupted_training_says_how_to_go_on_and_leaves_its_checkpoint(trackslip, monkeypatch, capsys):
+    pytest.importorskip("stable_baselines3")
+    folder = trackslip("train", *TINY, "--steps", "128").folder
+    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("experiments.train._save", interrupt)
+    with pytest.raises(SystemExit) as stop:
+        main(["train", *TINY, "--steps", "256", "--resume", "--out", str(folder)])
+    assert stop.value.code == 130
+    assert capsys.readouterr().err == "trackslip: interrupted; with --resume it goes on from the last checkpoint\n"
+    assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
 
 
 @pytest.mark.parametrize(
