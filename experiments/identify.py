@@ -30,9 +30,13 @@ class Source:
 
     @property
     def origin(self) -> dict[str, Any]:
-        """Seed and model of simulated runs; empty for a real robot's."""
-        metadata = self.logs[0].metadata if self.logs else {}
-        return {key: metadata[key] for key in ("seed", "model_sha256") if key in metadata}
+        """Seed, model and ground that all runs agree on; empty for a real robot's."""
+        metadata = [log.metadata for log in self.logs]
+        return {
+            key: metadata[0][key]
+            for key in ("seed", "model_sha256", "ground")
+            if metadata and all(one.get(key) == metadata[0].get(key) is not None for one in metadata)
+        }
 
 
 def run(config: IdentifyConfig) -> None:
@@ -60,7 +64,7 @@ def run(config: IdentifyConfig) -> None:
             grid_logs=source.logs,
             identification=found,
         )
-        (folder / store.REPORT).write_text(render(page), encoding="utf-8")
+        render(page).write(folder, config.pdf)
     runs = len(found.samples)
     print_table(f"Slip laws from {runs} runs", LAW_HEADER, law_rows(found.comparison))
     print_table("Laws compared, the best first", COMPARISON_HEADER, comparison_rows(found.comparison))

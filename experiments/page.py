@@ -1,10 +1,12 @@
-"""What every page is made with: templates, figures as inline SVG, a manifest as a list."""
+"""What every page is made with: templates, figures as inline SVG and as files, a manifest as a list."""
 
 from __future__ import annotations
 
 import io
 import re
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import jinja2
@@ -12,7 +14,27 @@ import matplotlib
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from experiments import store
+
 MISSING = "–"
+
+
+@dataclass(frozen=True)
+class Page:
+    """A report: the page that needs no other file, and its figures once more by the names of their files."""
+
+    html: str
+    figures: Mapping[str, Figure]
+
+    def write(self, folder: Path, pdf: bool = False) -> None:
+        """Write REPORT and each figure as FIGURES/NAME.svg, with `pdf` as NAME.pdf too."""
+        (folder / store.REPORT).write_text(self.html, encoding="utf-8")
+        (folder / store.FIGURES).mkdir()
+        for name, figure in self.figures.items():
+            (folder / store.FIGURES / f"{name}.svg").write_text(_svg(figure, name), encoding="utf-8")
+            if pdf:
+                with matplotlib.rc_context({"pdf.fonttype": 42}):
+                    figure.savefig(folder / store.FIGURES / f"{name}.pdf", metadata={"CreationDate": None})
 
 
 def render_page(template: str, *, title: str, command: str, manifest: Mapping[str, Any], **context: Any) -> str:
@@ -39,15 +61,46 @@ def render_page(template: str, *, title: str, command: str, manifest: Mapping[st
 
 def inline_svg(figure: Figure, name: str) -> Markup:
     """A figure as an <svg> element; `name` makes its ids differ from other figures' on the page."""
-    buffer = io.StringIO()
-    with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "path"}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    text = buffer.getvalue()
+    text = _svg(figure, name)
     text = text[text.index("<svg") :]
     text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text, flags=re.DOTALL)
     text = re.sub(r'((?:\bid|xlink:href)="#?|url\(#)(?=[^"#)])', rf"\g<1>{name}-", text)
     text = re.sub(r"\n\s*", "\n", text)
     return Markup(text.replace("<svg ", '<svg aria-hidden="true" ', 1))
+
+
+def conditions(manifest: Mapping[str, Any], command: str) -> str:
+    """Seed, ground and command in a line, for captions; what the manifest doesn't know is said to be unknown."""
+    seed, ground = manifest.get("seed"), manifest.get("ground")
+    seeds = seed if isinstance(seed, list | tuple) else [seed]
+    parts = [
+        "seed unknown" if seed is None else f"seed{'s' if len(seeds) > 1 else ''} {', '.join(map(str, seeds))}",
+        "ground unknown" if not isinstance(ground, Mapping) else _ground(ground),
+    ]
+    return " · ".join([*parts, command] if command else parts)
+
+
+def _ground(ground: Mapping[str, Any]) -> str:
+    """A ground, or several by their names."""
+    if "along" not in ground:
+        return "; ".join(f"{name} {_ground(one)}" for name, one in ground.items() if isinstance(one, Mapping))
+    text = f"ground: friction {ground['along']:g} along, {ground['across']:g} across"
+    if ground.get("slope"):
+        text += f", slope {ground['slope']:.3g} rad, uphill {ground.get('uphill', 0.0):.3g} rad"
+    return text + "".join(f", {len(ground[key])} {key}" for key in ("patches", "changes") if ground.get(key))
+
+
+def file_name(text: str) -> str:
+    """A title as the name of a file: lower-case letters and digits, the rest underscores."""
+    return re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
+
+
+def _svg(figure: Figure, name: str) -> str:
+    """A figure as the text of an SVG file, the same every time; its letters are outlines, so that it needs no font."""
+    buffer = io.StringIO()
+    with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "path"}):
+        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+    return buffer.getvalue()
 
 
 def _flatten(value: Any, path: str = "") -> Iterator[tuple[str, str]]:

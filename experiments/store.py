@@ -33,6 +33,8 @@ RUNS = "runs.parquet"
 MANIFEST = "manifest.json"
 REPORT = "report.html"
 LEADERBOARD = "leaderboard.md"
+FIGURES = "figures"
+"""A folder; the rest are files."""
 
 _PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "lmfit", "pyarrow", "matplotlib", "casadi")
 
@@ -53,6 +55,7 @@ def results(out: Path) -> Iterator[Path]:
             for name in (MANIFEST, SUMMARY, RUNS, REPORT, LEADERBOARD):
                 if (out / name).is_dir():
                     raise OutputError(f"out = {str(out)!r}: {name} is a folder there, and must be a file or absent")
+            _require_own_figures(out)
             staging = Path(tempfile.mkdtemp(prefix=".partial-", dir=out))
         except OutputError:
             raise
@@ -78,8 +81,22 @@ def _replace(staging: Path, out: Path) -> None:
     new = {file.name for file in staging.iterdir()}
     for name in {SUMMARY, RUNS, REPORT, LEADERBOARD} - new:
         (out / name).unlink(missing_ok=True)
+    if (out / FIGURES).is_dir():
+        shutil.rmtree(out / FIGURES)
     for name in sorted(new - {MANIFEST}) + sorted(new & {MANIFEST}):
         os.replace(staging / name, out / name)
+
+
+def _require_own_figures(out: Path) -> None:
+    """Refuse a folder FIGURES that no command made: it would be deleted."""
+    figures = out / FIGURES
+    if not figures.exists():
+        return
+    if not figures.is_dir():
+        raise OutputError(f"out = {str(out)!r}: {FIGURES} is a file there, and must be a folder or absent")
+    files = list(figures.iterdir())
+    if files and not ((out / MANIFEST).is_file() and all(file.suffix in (".svg", ".pdf") for file in files)):
+        raise OutputError(f"out = {str(out)!r}: {FIGURES} there holds files that aren't of these results; move it away")
 
 
 def write_results(folder: Path, logs: Sequence[RunLog], summary: Mapping[str, Any], about: Mapping[str, Any]) -> None:

@@ -10,8 +10,9 @@ from typing import Any
 
 import numpy as np
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
-from experiments.page import MISSING, inline_svg, render_page
+from experiments.page import MISSING, Page, file_name, inline_svg, render_page
 from experiments.validation import convergence, energy, figures, turning_figures
 from experiments.validation.panels import Panels
 from experiments.validation.results import Validation
@@ -34,8 +35,8 @@ class Row:
     default: str = MISSING
 
 
-def render(found: Validation, summary: Mapping[str, Any], manifest: Mapping[str, Any], command: str) -> str:
-    """The page as HTML that needs no other file."""
+def render(found: Validation, summary: Mapping[str, Any], manifest: Mapping[str, Any], command: str) -> Page:
+    """The page and its figures, a file for each panel."""
     own_step = float(load_robot(parameters=found.parameters).model.opt.timestep)
     drawn = {
         "turns": turning_figures.icr_and_slip(found.turns, found.naive_turns, found.parameters),
@@ -46,7 +47,7 @@ def render(found: Validation, summary: Mapping[str, Any], manifest: Mapping[str,
         "steps": figures.steps_and_solvers(found.convergence, own_step),
         "energy": figures.energies(found.energy),
     }
-    return render_page(
+    html = render_page(
         "validation.html.j2",
         title="The simulator against theory",
         command=command,
@@ -56,6 +57,12 @@ def render(found: Validation, summary: Mapping[str, Any], manifest: Mapping[str,
         rows=rows(found, summary, own_step),
         facts=facts(found, summary),
     )
+    files = {f"{name}_{file_name(_title(panel))}": panel for name, panels in drawn.items() for panel in panels}
+    return Page(html, files)
+
+
+def _title(panel: Figure) -> str:
+    return panel.axes[0].get_title(loc="left")
 
 
 def _card(panels: Panels, name: str) -> Markup:
