@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import io
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,21 +21,47 @@ MISSING = "–"
 
 
 @dataclass(frozen=True)
+class Drawing:
+    """A figure and its name, which says what is in it: letters, digits and underscores."""
+
+    name: str
+    figure: Figure
+
+    @functools.cached_property
+    def svg(self) -> str:
+        """The text of an SVG file, the same every time; its letters are outlines, so that it needs no font."""
+        buffer = io.StringIO()
+        with matplotlib.rc_context({"svg.hashsalt": self.name, "svg.fonttype": "path"}):
+            self.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+        return buffer.getvalue()
+
+    @property
+    def inline(self) -> Markup:
+        """An <svg> element, whose ids differ from those of other figures on the page."""
+        text = self.svg[self.svg.index("<svg") :]
+        text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text, flags=re.DOTALL)
+        text = re.sub(r'((?:\bid|xlink:href)="#?|url\(#)(?=[^"#)])', rf"\g<1>{self.name}-", text)
+        text = re.sub(r"\n\s*", "\n", text)
+        return Markup(text.replace("<svg ", '<svg aria-hidden="true" ', 1))
+
+
+@dataclass(frozen=True)
 class Page:
-    """A report: the page that needs no other file, and its figures once more by the names of their files."""
+    """A report: the page that needs no other file, and its figures, which are files as well."""
 
     html: str
-    figures: Mapping[str, Figure]
+    drawings: Sequence[Drawing]
 
     def write(self, folder: Path, pdf: bool = False) -> None:
         """Write REPORT and each figure as FIGURES/NAME.svg, with `pdf` as NAME.pdf too."""
         (folder / store.REPORT).write_text(self.html, encoding="utf-8")
         (folder / store.FIGURES).mkdir()
-        for name, figure in self.figures.items():
-            (folder / store.FIGURES / f"{name}.svg").write_text(_svg(figure, name), encoding="utf-8")
+        for drawing in self.drawings:
+            file = folder / store.FIGURES / drawing.name
+            file.with_suffix(".svg").write_text(drawing.svg, encoding="utf-8")
             if pdf:
                 with matplotlib.rc_context({"pdf.fonttype": 42}):
-                    figure.savefig(folder / store.FIGURES / f"{name}.pdf", metadata={"CreationDate": None})
+                    drawing.figure.savefig(file.with_suffix(".pdf"), metadata={"CreationDate": None})
 
 
 def render_page(template: str, *, title: str, command: str, manifest: Mapping[str, Any], **context: Any) -> str:
@@ -57,16 +84,6 @@ def render_page(template: str, *, title: str, command: str, manifest: Mapping[st
     return environment.get_template(template).render(
         title=title, command=command, manifest=list(_flatten(manifest)), **context
     )
-
-
-def inline_svg(figure: Figure, name: str) -> Markup:
-    """A figure as an <svg> element; `name` makes its ids differ from other figures' on the page."""
-    text = _svg(figure, name)
-    text = text[text.index("<svg") :]
-    text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text, flags=re.DOTALL)
-    text = re.sub(r'((?:\bid|xlink:href)="#?|url\(#)(?=[^"#)])', rf"\g<1>{name}-", text)
-    text = re.sub(r"\n\s*", "\n", text)
-    return Markup(text.replace("<svg ", '<svg aria-hidden="true" ', 1))
 
 
 def conditions(manifest: Mapping[str, Any], command: str) -> str:
@@ -93,14 +110,6 @@ def _ground(ground: Mapping[str, Any]) -> str:
 def file_name(text: str) -> str:
     """A title as the name of a file: lower-case letters and digits, the rest underscores."""
     return re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
-
-
-def _svg(figure: Figure, name: str) -> str:
-    """A figure as the text of an SVG file, the same every time; its letters are outlines, so that it needs no font."""
-    buffer = io.StringIO()
-    with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "path"}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    return buffer.getvalue()
 
 
 def _flatten(value: Any, path: str = "") -> Iterator[tuple[str, str]]:

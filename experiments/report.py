@@ -12,7 +12,9 @@ from matplotlib.figure import Figure
 from experiments import comparison_figures, figure_style, figures, law_figures, tracking_figures
 from experiments.identification_text import IdentificationText
 from experiments.localization_figures import Sightings, error_against_viewing_angle, sightings
-from experiments.page import MISSING, Page, conditions, inline_svg, render_page
+from experiments.page import MISSING, Drawing, Page, conditions, render_page
+from experiments.published_figures import published_and_simulated
+from experiments.published_runs import geometry_of, published_runs
 from experiments.roles import RoleSamples
 from trackslip.identification import FittedLaw, Identification
 from trackslip.runlog import RunLog
@@ -63,7 +65,7 @@ class Report:
 def render(report: Report) -> Page:
     """The page and its figures."""
     seen = sightings(report.grid_logs)
-    drawn = dict(_figures(report, seen))
+    drawings = [Drawing(name, figure) for name, figure in _figures(report, seen)]
     tracking = report.summary.get("tracking")
     html = render_page(
         "report.html.j2",
@@ -71,19 +73,24 @@ def render(report: Report) -> Page:
         command=report.command,
         manifest=report.manifest,
         report=report,
-        figures={name: inline_svg(figure, name) for name, figure in drawn.items()},
+        figures={drawing.name: drawing.inline for drawing in drawings},
         conditions=conditions(report.manifest, report.command),
         found=None if report.identification is None else IdentificationText.of(report.identification),
         seen=None if seen is None else seen.facts(),
         warnings=_warnings(report),
         tracking=_tracking_rows(tracking if isinstance(tracking, list | tuple) else ()),
+        by_paper=any(geometry_of(log.metadata) for log in (*report.grid_logs, *report.tracking_logs)),
         truth=any(log.truth is not None for log in report.tracking_logs),
     )
-    return Page(html, drawn)
+    return Page(html, drawings)
 
 
 def _figures(report: Report, seen: Sightings | None) -> Iterator[tuple[str, Figure]]:
     """Name and figure of whatever the report has data for."""
+    if report.comparison and report.identification is not None:
+        turns = RoleSamples.of(report.identification.samples, report.identification.geometry)
+        if len(turns):
+            yield "published_and_simulated", published_and_simulated(report.summary["radius"], turns)
     if report.grid_logs:
         yield "fig04_pose_and_velocity", figures.pose_and_velocity(figures.typical_run(report.grid_logs))
     if seen is not None:
@@ -95,13 +102,21 @@ def _figures(report: Report, seen: Sightings | None) -> Iterator[tuple[str, Figu
     if feedforward or linear:
         yield "fig07_planned_trajectory", tracking_figures.planned_trajectory()
     if feedforward:
-        yield "fig08_feedforward_paths", tracking_figures.paths(feedforward)
+        yield "fig08_feedforward_paths", tracking_figures.paths(feedforward, _published("feedforward", feedforward))
     if linear:
-        yield "fig10_feedback_paths", tracking_figures.paths(linear)
-        yield "fig11_feedback_errors", tracking_figures.tracking_errors_over_time(linear)
-        estimated = tracking_figures.slip_during_tracking(linear, report.laws)
+        published = _published("linear", linear)
+        yield "fig10_feedback_paths", tracking_figures.paths(linear, published)
+        yield "fig11_feedback_errors", tracking_figures.tracking_errors_over_time(linear, published)
+        estimated = tracking_figures.slip_during_tracking(linear, report.laws, published)
         if estimated is not None:
             yield "fig12_slip_during_tracking", estimated
+
+
+def _published(controller: str, runs: Mapping[str, RunLog]) -> dict[str, RunLog]:
+    """The same by the paper's equations, for the robot's geometry, as far as it is known, and start."""
+    log = next(iter(runs.values()))
+    geometry = geometry_of(log.metadata)
+    return {} if geometry is None else published_runs(controller, tracking_figures.driven(log)[0], geometry)
 
 
 def _law_figures(found: Identification) -> Iterator[tuple[str, Figure]]:

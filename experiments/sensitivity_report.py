@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from experiments.figure_style import BLUE, ORANGE, styled
-from experiments.page import Page, conditions, inline_svg, render_page
+from experiments.page import Drawing, Page, conditions, render_page
 
 _LOOKS = {"outer": (BLUE, "o", -0.14), "inner": (ORANGE, "s", 0.14)}  # colour, marker, place beside the row's line
 
@@ -22,19 +22,19 @@ def render(
     command: str,
 ) -> Page:
     """The page and its figure; `rows` as in the summary, `header` and `table` as printed."""
-    figure = slip_errors(rows)
+    drawing = Drawing("slip_errors", slip_errors(rows))
     html = render_page(
         "sensitivity.html.j2",
         title="What scanner, mounting and field do to slip",
         command=command,
         manifest=manifest,
-        figures={"slip_errors": inline_svg(figure, "slip_errors")},
+        figures={drawing.name: drawing.inline},
         conditions=conditions(manifest, command),
         header=header,
         table=table,
         warnings=[(row["effect"], warning) for row in rows for warning in row["warnings"]],
     )
-    return Page(html, {"slip_errors": figure})
+    return Page(html, [drawing])
 
 
 @styled

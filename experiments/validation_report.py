@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,8 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from experiments.page import MISSING, Page, file_name, inline_svg, render_page
+from experiments.page import MISSING, Drawing, Page, file_name, render_page
 from experiments.validation import convergence, energy, figures, turning_figures
-from experiments.validation.panels import Panels
 from experiments.validation.results import Validation
 from experiments.validation.standing import ANGLES, REFERENCE_ANGLE
 from experiments.validation.turning import WATCH, Turns
@@ -38,7 +37,7 @@ class Row:
 def render(found: Validation, summary: Mapping[str, Any], manifest: Mapping[str, Any], command: str) -> Page:
     """The page and its figures, a file for each panel."""
     own_step = float(load_robot(parameters=found.parameters).model.opt.timestep)
-    drawn = {
+    panels = {
         "turns": turning_figures.icr_and_slip(found.turns, found.naive_turns, found.parameters),
         "left": turning_figures.what_is_left(found.turns, found.parameters),
         "slip": turning_figures.slip_against_radius(found.turns, found.naive_turns, found.parameters, found.ground),
@@ -47,27 +46,27 @@ def render(found: Validation, summary: Mapping[str, Any], manifest: Mapping[str,
         "steps": figures.steps_and_solvers(found.convergence, own_step),
         "energy": figures.energies(found.energy),
     }
+    drawn = {name: [_drawing(name, panel) for panel in several] for name, several in panels.items()}
     html = render_page(
         "validation.html.j2",
         title="The simulator against theory",
         command=command,
         manifest=manifest,
-        figures={name: _card(panels, name) for name, panels in drawn.items()},
+        figures={name: _card(drawings) for name, drawings in drawn.items()},
         conditions=conditions(found, manifest, command),
         rows=rows(found, summary, own_step),
         facts=facts(found, summary),
     )
-    files = {f"{name}_{file_name(_title(panel))}": panel for name, panels in drawn.items() for panel in panels}
-    return Page(html, files)
+    return Page(html, [drawing for drawings in drawn.values() for drawing in drawings])
 
 
-def _title(panel: Figure) -> str:
-    return panel.axes[0].get_title(loc="left")
+def _drawing(name: str, panel: Figure) -> Drawing:
+    """A panel of the figure `name`, named for both."""
+    return Drawing(f"{name}_{file_name(panel.axes[0].get_title(loc='left'))}", panel)
 
 
-def _card(panels: Panels, name: str) -> Markup:
-    drawn = Markup("").join(inline_svg(panel, f"{name}{k}") for k, panel in enumerate(panels))
-    return Markup('<div class="panels">\n{}</div>\n').format(drawn)
+def _card(drawings: Sequence[Drawing]) -> Markup:
+    return Markup('<div class="panels">\n{}</div>\n').format(Markup("").join(drawing.inline for drawing in drawings))
 
 
 def rows(found: Validation, summary: Mapping[str, Any], own_step: float) -> list[Row]:

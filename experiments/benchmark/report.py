@@ -8,13 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import pyarrow.parquet
-from matplotlib.figure import Figure
 
 from experiments.benchmark import figures
 from experiments.benchmark.table import BOARD_HEADER, WHOLE_HEADER, Row, board_text, whole_text
 from experiments.benchmark_config import Case
 from experiments.figure_style import law_line
-from experiments.page import Page, conditions, file_name, inline_svg, render_page
+from experiments.page import Drawing, Page, conditions, file_name, render_page
 from trackslip.logfile import runs_from_table
 from trackslip.runlog import RunLog
 
@@ -30,10 +29,9 @@ _REPRESENTATIVES = ("linear", "feedforward")  # with which compensations are com
 
 @dataclass(frozen=True)
 class _Figure:
-    name: str
+    drawing: Drawing
     heading: str
     caption: str
-    drawn: Figure
 
 
 def render(
@@ -59,13 +57,13 @@ def render(
     shown = list(
         _path_figures(runs_file, [Case(*(run[key] for key in Case.__match_args__)) for run in runs if not run["error"]])
     )
-    drawn = {"leaderboard": figures.board(rows)} | {figure.name: figure.drawn for figure in shown}
+    drawings = [Drawing("leaderboard", figures.board(rows)), *(figure.drawing for figure in shown)]
     html = render_page(
         "benchmark.html.j2",
         title="Controllers of a tracked robot, with and without compensation of slip",
         command=command,
         manifest=manifest,
-        figures={name: inline_svg(figure, name) for name, figure in drawn.items()},
+        figures={drawing.name: drawing.inline for drawing in drawings},
         conditions=conditions(manifest, command),
         paths=shown,
         board_header=BOARD_HEADER,
@@ -74,7 +72,7 @@ def render(
         header=WHOLE_HEADER,
         table=whole_text(rows),
     )
-    return Page(html, drawn)
+    return Page(html, drawings)
 
 
 def _path_figures(runs_file: Path, cases: Sequence[Case]) -> Iterator[_Figure]:
@@ -123,7 +121,7 @@ def _figure(
     one = next(iter(chosen.values()))
     lines = {figures.compensation_name(key): (logs[case.run], dict(style[key])) for key, case in chosen.items()}
     caption = f"{what + ', o' if what else 'O'}n {one.ground}, start {one.start}, seed {one.seed}."
-    return _Figure(f"paths_{file_name(heading)}", heading, caption, figures.paths(one.reference, lines))
+    return _Figure(Drawing(f"paths_{file_name(heading)}", figures.paths(one.reference, lines)), heading, caption)
 
 
 def _read(path: Path, names: Sequence[str]) -> list[RunLog]:

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy.interpolate import CubicSpline
 
-from experiments.figure_style import BLUE, GREEN, ORANGE, VERMILLION, styled
+from experiments.figure_style import BLUE, GREEN, ORANGE, RED, styled
 from experiments.validation.panels import DEFAULT, RECIPE, THEORY, Panels, panel
 from experiments.validation.turning import Turns
 from sim.drive import Drive
@@ -22,7 +22,7 @@ from trackslip.kinematics import Array, RobotGeometry, limit_sprocket_speeds, sp
 
 _DASHES: tuple[Any, ...] = ("-", "--", "-.", (0, (1, 1)))
 _MARKERS = "os^Dv"
-_COLOURS = (BLUE, ORANGE, GREEN, VERMILLION, "#CC79A7")
+_COLOURS = (BLUE, ORANGE, GREEN, RED, "#CC79A7")
 
 
 def own(turns: Turns, parameters: RobotParameters) -> np.ndarray:

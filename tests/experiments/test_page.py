@@ -8,7 +8,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from experiments import store
-from experiments.page import Page, conditions, file_name
+from experiments.page import Drawing, Page, conditions, file_name
 from trackslip.errors import OutputError
 
 
@@ -20,7 +20,7 @@ def drawn() -> Figure:
 
 def write(out, *names, pdf=False):
     with store.results(out) as folder:
-        Page("<p>a page</p>", {name: drawn() for name in names}).write(folder, pdf)
+        Page("<p>a page</p>", [Drawing(name, drawn()) for name in names]).write(folder, pdf)
         store.write_json(folder / store.MANIFEST, {})
 
 

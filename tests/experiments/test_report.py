@@ -32,7 +32,7 @@ def page_of(found, **more):
             **more,
         )
     )
-    assert list(page.figures) == figures_in(page.html)
+    assert [drawing.name for drawing in page.drawings] == figures_in(page.html)
     return page.html
 
 
