@@ -19,6 +19,7 @@ from experiments.benchmark_config import BenchmarkConfig
 from experiments.calibrate_config import CalibrateConfig
 from experiments.config import GridConfig, IdentifyConfig, PredictConfig, ReproduceConfig, TrackConfig
 from experiments.coverage_config import CoverageConfig
+from experiments.export_config import ExportConfig
 from experiments.sensitivity_config import SensitivityConfig
 from experiments.train_config import TrainConfig
 from experiments.validate_config import ValidateConfig
@@ -27,6 +28,7 @@ from trackslip.errors import TrackslipError
 Command = (
     Annotated[GridConfig, tyro.conf.subcommand("grid")]
     | Annotated[IdentifyConfig, tyro.conf.subcommand("identify")]
+    | Annotated[ExportConfig, tyro.conf.subcommand("export")]
     | Annotated[TrackConfig, tyro.conf.subcommand("track")]
     | Annotated[BenchmarkConfig, tyro.conf.subcommand("benchmark")]
     | Annotated[TrainConfig, tyro.conf.subcommand("train")]
@@ -43,6 +45,7 @@ command's options."""
 _RUNNERS = {
     GridConfig: "experiments.grid",
     IdentifyConfig: "experiments.identify",
+    ExportConfig: "experiments.export",
     TrackConfig: "experiments.track",
     BenchmarkConfig: "experiments.benchmark",
     TrainConfig: "experiments.train",

@@ -16,7 +16,7 @@ from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification import FAMILIES, Comparison, Sampling, identify, usable_rows, usable_samples
 from trackslip.kinematics import RobotGeometry
 from trackslip.lawfile import identification_to_json
-from trackslip.logfile import REQUIRED, SAMPLE_COLUMNS, read_samples, read_table, runs_from_table
+from trackslip.logfile import REQUIRED, SAMPLE_COLUMNS, read_samples, read_table, runs_file, runs_from_table
 from trackslip.runlog import RunLog
 
 
@@ -76,10 +76,7 @@ def run(config: IdentifyConfig) -> None:
 
 def read_source(config: IdentifyConfig) -> Source:
     """Samples from a stored folder or a log; raises LogError or InvalidValueError for what can't be used."""
-    try:
-        file = config.path / store.RUNS if config.path.is_dir() else config.path
-    except OSError as error:
-        raise LogError(f"path = {str(config.path)[:80]!r}: {error.strerror}") from error
+    file = runs_file(config.path)
     try:
         return _read(config, file)
     except LogError as error:

@@ -27,9 +27,10 @@ from trackslip import logfile
 from trackslip.errors import OutputError
 from trackslip.identification import SlipSamples
 from trackslip.runlog import RunLog
+from trackslip.schema import with_units
 
 SUMMARY = "summary.json"
-RUNS = "runs.parquet"
+RUNS = logfile.RUNS
 MANIFEST = "manifest.json"
 REPORT = "report.html"
 LEADERBOARD = "leaderboard.md"
@@ -116,7 +117,8 @@ def write_samples(folder: Path, samples: SlipSamples) -> None:
     columns = np.concatenate([samples.omega, samples.twist, samples.slip], axis=1)
     names = (*logfile.SAMPLE_COLUMNS, "slip_l", "slip_r")
     table = pa.table({"run": list(samples.run)} | {n: columns[:, k] for k, n in enumerate(names)})
-    pa.parquet.write_table(table, folder / RUNS)
+    table = table.cast(pa.schema(with_units(table.schema)))
+    pa.parquet.write_table(table, folder / RUNS, write_page_checksum=True)
 
 
 def command_line(command: str) -> str:
