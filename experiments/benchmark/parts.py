@@ -97,7 +97,7 @@ def complete(path: Path) -> bool:
         runs = json.loads(path.read_text(encoding="utf-8"))["runs"]
         if not runs["names"]:
             return True
-        stored = pyarrow.parquet.read_table(runs_of(path), columns=["run"]).column("run").unique().to_pylist()
+        stored = logfile.read_table(runs_of(path)).column("run").unique().to_pylist()  # all of it, to check it
         return bool(runs_of(path).stat().st_size == runs["bytes"] and sorted(stored) == sorted(runs["names"]))
     except (OSError, ValueError, KeyError, TypeError, pyarrow.ArrowException):
         return False
