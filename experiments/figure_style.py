@@ -52,9 +52,9 @@ DASHES = {
     "exponential_speed": (0, (6, 1.5, 1, 1.5, 1, 1.5)),
     "power": (0, (3, 1.5)),
     "hyperbola": (0, (4, 1.5, 1, 1.5)),
-    "icr": (0, (1, 1)),
+    "icr": (0, (2, 1)),
     "icr_radius": "-",
-    "icr_sides": (0, (1, 2.5)),
+    "icr_sides": (0, (2, 2.5)),
     "online": (0, (5, 1)),
     "online_cold": (0, (5, 1, 1, 1)),
 }
