@@ -10,6 +10,7 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from experiments import comparison_figures, figure_style, figures, law_figures, tracking_figures
+from experiments.error_sketch import errors_defined
 from experiments.identification_text import IdentificationText
 from experiments.localization_figures import Sightings, error_against_viewing_angle, sightings
 from experiments.page import MISSING, Drawing, Page, conditions, render_page
@@ -104,6 +105,7 @@ def _figures(report: Report, seen: Sightings | None) -> Iterator[tuple[str, Figu
     if feedforward:
         yield "fig08_feedforward_paths", tracking_figures.paths(feedforward, _published("feedforward", feedforward))
     if linear:
+        yield "fig09_errors_defined", errors_defined()
         published = _published("linear", linear)
         yield "fig10_feedback_paths", tracking_figures.paths(linear, published)
         yield "fig11_feedback_errors", tracking_figures.tracking_errors_over_time(linear, published)

@@ -159,12 +159,13 @@ def conditions(found: Validation, manifest: Mapping[str, Any], command: str) -> 
     ratios = f"friction {ground.along:g} along, {_range(ground.along * found.turns.ratio, '')} across"
     nearest = f"friction {ground.along:g} along, {ground.along * nearest_ratio(found.turns, ground):.3g} across"
     random = f"seed {manifest.get('seed', MISSING)}"
+    fixed = "no random numbers"
     grounds = {
-        "turns": (ratios,),
-        "left": (ratios,),
-        "slip": (nearest,),
-        "loads": (both,),
-        "slopes": (both,),
+        "turns": (ratios, fixed),
+        "left": (ratios, fixed),
+        "slip": (nearest, fixed),
+        "loads": (both, fixed),
+        "slopes": (both, fixed),
         "steps": (both, random),
         "energy": (both, random),
     }

@@ -138,7 +138,7 @@ def runs_file(path: Path) -> Path:
         if not (path / RUNS).is_file():
             raise LogError(f"{path}: there is no {RUNS} in this folder")
     except OSError as error:
-        raise LogError(f"{str(path)[:80]!r}: {error.strerror}") from error
+        raise LogError(f"path = {str(path)[:80]!r}: {error.strerror}") from error
     return path / RUNS
 
 

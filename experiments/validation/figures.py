@@ -60,9 +60,9 @@ def _make_room(axes: Axes, share: float = 0.15) -> None:
 def _reach(axes: Axes, x: Array, load: Array, colour: str, marker: str, name: str) -> None:
     """Medians of loads (M, P) at places (P,); thick, the middle half of them; thin, from the least to the greatest."""
     least, lower, middle, upper, greatest = np.quantile(load, [0.0, 0.25, 0.5, 0.75, 1.0], axis=0)
-    axes.vlines(x, lower, upper, color=colour, lw=5.0, alpha=0.45)
+    axes.vlines(x, lower, upper, color=colour, lw=5.0)
     reach = [middle - least, greatest - middle]
-    axes.errorbar(x, middle, reach, fmt=marker, color=colour, ms=4.5, lw=1.0, capsize=2.0, label=name)
+    axes.errorbar(x, middle, reach, fmt=marker, color=colour, ms=5.5, mec="white", lw=1.0, capsize=2.0, label=name)
 
 
 @styled
@@ -133,13 +133,13 @@ def energies(found: Energy) -> Panels:
     rows = thin(len(found.time))
     time = found.time[rows]
     whole, axes = panel("Since the start", "time [s]", "energy [J]")
-    axes.plot(time, found.traction[rows], color=BLUE, lw=4.0, alpha=0.45, label="put in by the belts")
+    axes.plot(time, found.traction[rows], color=BLUE, lw=4.0, alpha=0.75, label="put in by the belts")
     axes.plot(time, found.friction[rows], color=BLACK, lw=1.1, ls="--", label="lost where belts slide")
     axes.plot(time, found.kinetic[rows], color=GREEN, lw=1.3, label="kinetic and potential")
     axes.legend(loc="upper left")
     left, axes = panel("The difference, enlarged", "time [s]", "energy [J]")
     difference = found.traction - found.friction - found.damping
-    axes.plot(time, difference[rows], color=BLUE, lw=4.0, alpha=0.45, label="put in − all losses")
+    axes.plot(time, difference[rows], color=BLUE, lw=4.0, alpha=0.75, label="put in − all losses")
     axes.plot(time, found.kinetic[rows], color=GREEN, lw=1.3, ls="--", label="kinetic and potential")
     axes.plot(time, (difference - found.kinetic)[rows], color=RED, ls="-.", lw=1.3, label="not accounted for")
     axes.axhline(0, color="#888888", lw=0.8, zorder=1)

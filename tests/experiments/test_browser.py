@@ -47,8 +47,8 @@ def page():
 
 def test_a_whole_report_fits_phone_and_desk(page):
     seen = assert_fits(page.html)
-    assert len(page.drawings) == 13
-    assert [frame["figures"] for frame in seen.frames] == [13, 13]
+    assert len(page.drawings) == 14
+    assert [frame["figures"] for frame in seen.frames] == [14, 14]
 
 
 def test_every_caption_states_seed_ground_and_command(page):

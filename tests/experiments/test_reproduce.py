@@ -166,7 +166,7 @@ def test_slip_error_over_seeds(tmp_path, options):
 def test_the_report_is_one_file_that_needs_no_network(folder):
     page = (folder / "report.html").read_text()
     assert {path.stem for path in (folder / "figures").iterdir()} == set(re.findall(r'<figure id="(\w+)"', page))
-    for figure in (4, 5, 6, 7, 8, 10, 11, 12):
+    for figure in (4, 5, 6, 7, 8, 9, 10, 11, 12):
         assert f"Fig. {figure}" in page or f"Figure {figure}" in page
     assert page.count("<svg") >= 8
     for needle in ('src="http', 'href="http', "<script src", "@import", "url(http"):
