@@ -120,7 +120,10 @@ def read_table(path: Path) -> pa.Table:
     except LogError:
         raise
     except (pa.ArrowException, OSError, csv.Error, UnicodeError) as error:
-        raise LogError(f"{path}: {_first_line(error)}") from error
+        reason = _first_line(error).split("': ")[-1]  # pyarrow may repeat the file's name
+        if path.suffix.lower() == ".parquet":
+            reason = f"damaged, cut short or no Parquet file ({reason})"
+        raise LogError(f"{path}: {reason}") from error
     raise LogError(f"{path}: must end in .parquet or .csv")
 
 

@@ -5,13 +5,25 @@ from __future__ import annotations
 import csv
 
 import numpy as np
+import pyarrow.parquet
 import pytest
+from identified import driven
 
 import trackslip as package
+from experiments import store
 from experiments.cli import main, parse
 from experiments.identify import read_source
+from trackslip.errors import LogError
 from trackslip.logfile import RUNS
 from trackslip.schema import COLUMNS
+
+
+def test_steady_samples_have_units_too(tmp_path):
+    store.write_samples(tmp_path, driven([(0.1, 0.1), (0.2, 0.1)]))
+    for field in pyarrow.parquet.read_schema(tmp_path / RUNS):
+        assert field.metadata[b"unit"].decode() == COLUMNS[field.name].unit
+    with pytest.raises(LogError, match="column t is missing"):
+        package.load(tmp_path)
 
 
 @pytest.fixture(scope="module")
@@ -101,6 +113,6 @@ def test_a_damaged_file_costs_a_line_and_older_results_stay(command, tmp_path, g
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "report.html").write_text("older")
     more = ["--out", "out"] if command == "identify" else ["--csv"]
-    assert "cut.parquet: " in refused(command, "cut.parquet", *more)
+    assert "cut.parquet: damaged, cut short or no Parquet file" in refused(command, "cut.parquet", *more)
     assert (tmp_path / "out" / "report.html").read_text() == "older"
     assert "no runs.parquet in this folder" in refused(command, "out", *more)
