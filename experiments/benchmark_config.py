@@ -110,6 +110,8 @@ class BenchmarkConfig(Equipment):
     """Processes, 0 for one per processor; the results are the same."""
     out: Path = Path("out/benchmark")
     """Folder for the results. If the command is stopped, the next one with the same options goes on from there."""
+    pdf: bool = False
+    """Write the figures as PDF, too."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

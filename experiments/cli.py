@@ -22,6 +22,7 @@ from experiments.completion_config import CompletionConfig
 from experiments.config import IdentifyConfig, PredictConfig, ReproduceConfig, TrackConfig
 from experiments.coverage_config import CoverageConfig
 from experiments.examples import examples_text
+from experiments.export_config import ExportConfig
 from experiments.mistakes import sentence
 from experiments.sensitivity_config import SensitivityConfig
 from experiments.sweep_config import SweepConfig
@@ -32,6 +33,7 @@ from trackslip.errors import InvalidValueError, TrackslipError
 Command = (
     Annotated[SweepConfig, tyro.conf.subcommand("grid")]
     | Annotated[IdentifyConfig, tyro.conf.subcommand("identify")]
+    | Annotated[ExportConfig, tyro.conf.subcommand("export")]
     | Annotated[TrackConfig, tyro.conf.subcommand("track")]
     | Annotated[BenchmarkConfig, tyro.conf.subcommand("benchmark")]
     | Annotated[TrainConfig, tyro.conf.subcommand("train")]
@@ -49,6 +51,7 @@ _DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate i
 _RUNNERS = {
     SweepConfig: "experiments.sweep.command",
     IdentifyConfig: "experiments.identify",
+    ExportConfig: "experiments.export",
     TrackConfig: "experiments.track",
     BenchmarkConfig: "experiments.benchmark",
     TrainConfig: "experiments.train",

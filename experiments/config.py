@@ -180,6 +180,8 @@ class IdentifyConfig:
     """Time after the sprockets have become steady that is left out of each run [s]."""
     out: Path = Path("out/identify")
     """Folder for the results."""
+    pdf: bool = False
+    """Write the figures as PDF, too."""
 
     def __post_init__(self) -> None:
         for name in ("half_gauge", "sprocket_radius"):
@@ -250,6 +252,8 @@ class ReproduceConfig(GridConfig):
 
     out: Path = Path("out/reproduce")
     """Folder for the results."""
+    pdf: bool = False
+    """Write the figures as PDF, too."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -5,25 +5,30 @@ from __future__ import annotations
 from typing import Any
 
 import matplotlib
+from matplotlib.axes import Axes
+from matplotlib.patheffects import withStroke
 
 from trackslip.kinematics import Array
 
-BLUE, ORANGE, GREEN, VERMILLION, BLACK = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#1a1a1a"
+BLUE, ORANGE, GREEN, RED, BLACK = "#0072B2", "#C98200", "#009E73", "#C1272D", "#1a1a1a"
+GREY, SHADE = "#8a8a8a", "#efefef"
+"""Lines, and areas, that are there to compare with."""
 COLOURS = {
-    "none": VERMILLION,
+    "none": RED,
     "published": BLACK,
-    "constant": "#8a8a8a",
+    "constant": GREY,
     "exponential": "#CC79A7",
     "exponential_speed": ORANGE,
     "power": GREEN,
     "hyperbola": "#8C510A",
-    "icr": "#56B4E9",
+    "icr": "#3A93C9",
     "icr_radius": BLUE,
     "icr_sides": "#6A3D9A",
     "online": "#117733",
     "online_cold": "#999933",
 }
-"""The same colour for the same slip law in every figure (Okabe and Ito's palette, and three more)."""
+"""The same colour for the same slip law in every figure: after Okabe and Ito's palette, each at least 3 : 1 against the
+card behind it, on the light page and on the dark one, where the style sheet inverts figures."""
 LABELS = {
     "none": "no slip assumed",
     "published": "published law (Eq. 11)",
@@ -40,20 +45,20 @@ LABELS = {
 }
 """What a law, or a compensation by it, is called."""
 DASHES = {
-    "none": "-",
+    "none": (0, (12, 1.5)),
     "published": "--",
     "constant": (0, (6, 2)),
     "exponential": "-.",
     "exponential_speed": (0, (6, 1.5, 1, 1.5, 1, 1.5)),
     "power": (0, (3, 1.5)),
     "hyperbola": (0, (4, 1.5, 1, 1.5)),
-    "icr": (0, (1, 1)),
+    "icr": (0, (2, 1)),
     "icr_radius": "-",
-    "icr_sides": (0, (1, 2.5)),
+    "icr_sides": (0, (2, 2.5)),
     "online": (0, (5, 1)),
     "online_cold": (0, (5, 1, 1, 1)),
 }
-"""Line styles, so that the laws can be told apart without colour too."""
+"""Line styles, all different, so that the laws can be told apart without colour too."""
 INNER, OUTER = ORANGE, BLUE
 """Colours of the tracks by their role in the turn."""
 BAND = "#d5e6d5"
@@ -74,6 +79,16 @@ STYLE: dict[Any, Any] = {
     "legend.fontsize": 8.0,
     "path.simplify_threshold": 0.3,
 }
+RADII_SHADES, SPEED_SHADES = ("viridis", 0.6), ("plasma", 0.6)
+"""Colour maps, and how far up they are dark enough to be seen."""
+DESIRED: dict[str, Any] = {
+    "color": "#e3e3e3",
+    "lw": 3.6,
+    "solid_capstyle": "round",
+    "label": "desired",
+    "path_effects": [withStroke(linewidth=5.2, foreground=GREY)],
+}
+"""Keywords of the line that a reference is: a road."""
 POINTS = 500
 """Points of a line that the eye can still tell apart at the figures' width."""
 
@@ -90,6 +105,17 @@ def limits_around(values: Array) -> tuple[float, float]:
     low, high = min(0.0, float(values.min())), max(0.0, float(values.max()))
     room = 0.12 * (high - low) + 1e-4
     return low - room, high + room
+
+
+def shade(map_and_top: tuple[str, float], share: float) -> tuple[float, float, float, float]:
+    """The colour at a share from 0 to 1 of what is used of a colour map."""
+    name, top = map_and_top
+    return matplotlib.colormaps[name](top * share)
+
+
+def mark_span(axis: Axes, begin: float, end: float) -> None:
+    """Shade a stretch of the horizontal axis, with an edge that can be seen."""
+    axis.axvspan(begin, end, facecolor=SHADE, edgecolor=GREY, lw=0.8, ls=":", zorder=0)
 
 
 def law_line(name: str, **more: object) -> dict[str, object]:

@@ -6,17 +6,30 @@ Every function returns a new Figure that no window or global state knows of. The
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from experiments.error_bars import bar_factor, bar_key, draw_bars, with_bars
-from experiments.figure_style import BLACK, BLUE, GREEN, ORANGE, POINTS, limits_around, styled, thin
+from experiments.figure_style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    POINTS,
+    RADII_SHADES,
+    RED,
+    SPEED_SHADES,
+    limits_around,
+    shade,
+    styled,
+    thin,
+)
 from experiments.grouping import alike, narrow, repeated, span
+from experiments.published_runs import geometry_of, published_poses
 from experiments.radius_axis import curve_radii, show_radii
 from experiments.roles import ROLES, RoleSamples, slip_at
 from trackslip.identification import FittedLaw
@@ -27,6 +40,7 @@ from trackslip.runlog import RunLog
 from trackslip.slip import PUBLISHED
 
 _MARKERS = "osD^vP*X"
+_BY_PAPER: dict[str, Any] = {"color": RED, "lw": 1.4, "ls": "--"}  # what the paper's law says
 
 
 def typical_run(logs: Sequence[RunLog], radius: float = 1.5, speed: float = 0.15) -> RunLog:
@@ -70,6 +84,11 @@ def pose_and_velocity(log: RunLog) -> Figure:
         fine = thin(len(log.time))
         for axis, columns in ((position, (0, 1)), (heading, (2,)), (velocity, (3, 4)), (turning, (5,))):
             axis.plot(log.time[fine], truth[fine][:, columns], color=BLACK, lw=0.8)
+    if by_paper := geometry_of(log.metadata) is not None:
+        published = _with_derivatives(log, published_poses(log))
+        fine = thin(len(log.time))
+        for axis, columns in ((position, (0, 1)), (heading, (2,)), (velocity, (3, 4)), (turning, (5,))):
+            axis.plot(log.time[fine], published[fine][:, columns], **_BY_PAPER)
     for axis, label, title in (
         (position, "position [m]", "Position"),
         (velocity, "velocity [m/s]", "Velocity"),
@@ -79,12 +98,30 @@ def pose_and_velocity(log: RunLog) -> Figure:
         handles = axis.get_legend_handles_labels()[0]
         if log.truth is not None:
             handles.append(Line2D([], [], color=BLACK, lw=0.8, label="truth"))
+        if by_paper:
+            handles.append(Line2D([], [], **_BY_PAPER, label="by Eq. 11"))
         axis.set(ylabel=label, title=title)
         # beside the title, since a turning robot's traces visit every corner of the axes
-        axis.legend(handles=handles, ncols=3, loc="lower right", bbox_to_anchor=(1, 0.98), borderaxespad=0)
+        axis.legend(
+            handles=handles,
+            ncols=4,
+            loc="lower right",
+            bbox_to_anchor=(1, 0.98),
+            borderaxespad=0,
+            columnspacing=1.0,
+            handlelength=1.5,
+            handletextpad=0.5,
+        )
     for axis in axes[1]:
         axis.set_xlabel("time [s]")
     return figure
+
+
+def _with_derivatives(log: RunLog, pose: Array) -> Array:
+    """(T, 6): poses (T, 3) at a log's times and their derivatives, headings near the log's own."""
+    pose = pose.copy()
+    pose[:, 2] += 2 * np.pi * np.round(np.nanmedian(log.pose[:, 2] - pose[:, 2]) / (2 * np.pi))
+    return np.column_stack([pose, np.gradient(pose, log.time, axis=0)])
 
 
 def _true_traces(log: RunLog) -> Array:
@@ -110,7 +147,7 @@ def slip_against_speed_and_radius(runs: RoleSamples, best: FittedLaw) -> Figure:
         slip = runs.slip[:, row]
         at_observed = slip_at(PUBLISHED, np.array(OBSERVED_RADII), 1.0)[:, row]
         for radius, value in zip(OBSERVED_RADII, at_observed, strict=True):
-            against_speed.axhline(value, color=_shade(radius, runs), ls="--", lw=0.9, alpha=0.6)
+            against_speed.axhline(value, color=_shade(radius, runs), ls="--", lw=0.8)
         for marker, group in zip(_MARKERS, by_radius, strict=False):
             colour = _shade(float(runs.radius[group].mean()), runs)
             label = span(runs.radius[group], "m")
@@ -122,7 +159,7 @@ def slip_against_speed_and_radius(runs: RoleSamples, best: FittedLaw) -> Figure:
                 against_speed.plot(speeds, slip_at(best.law, at, speeds, left=left)[:, row], color=colour, lw=1.0)
         against_radius.plot(curve, slip_at(PUBLISHED, curve, 1.0)[:, row], color=BLACK, ls="--", lw=1.2)
         for number, (marker, group) in enumerate(zip(_MARKERS, by_speed, strict=False)):
-            colour = matplotlib.colormaps["plasma"](0.85 * number / max(len(by_speed) - 1, 1))
+            colour = shade(SPEED_SHADES, number / max(len(by_speed) - 1, 1))
             size = 9.0 - 1.1 * min(number, 4)  # runs at one radius nearly coincide: the first look out around
             label = span(runs.speed[group], "m/s")
             against_radius.plot(
@@ -150,7 +187,7 @@ def _shade(radius: float, runs: RoleSamples) -> tuple[float, float, float, float
     """A colour for a radius [m], on a logarithmic scale from the smallest to the largest."""
     least, most = float(runs.radius[runs.radius > 0].min(initial=min(OBSERVED_RADII))), float(runs.radius.max())
     share = np.log(max(radius, least) / least) / np.log(max(most, max(OBSERVED_RADII)) / least)
-    return matplotlib.colormaps["viridis"](0.9 * float(share))
+    return shade(RADII_SHADES, float(share))
 
 
 def _legend_below(

@@ -17,7 +17,7 @@ from trackslip.fileformat import require_known_manifest
 from trackslip.identification import FAMILIES, Comparison, Sampling, identify, usable_rows, usable_samples
 from trackslip.kinematics import RobotGeometry
 from trackslip.lawfile import identification_to_json
-from trackslip.logfile import REQUIRED, SAMPLE_COLUMNS, read_samples, read_table, runs_from_table
+from trackslip.logfile import REQUIRED, SAMPLE_COLUMNS, read_samples, read_table, runs_file, runs_from_table
 from trackslip.runlog import RunLog
 
 
@@ -31,9 +31,13 @@ class Source:
 
     @property
     def origin(self) -> dict[str, Any]:
-        """Seed and model of simulated runs; empty for a real robot's."""
-        metadata = self.logs[0].metadata if self.logs else {}
-        return {key: metadata[key] for key in ("seed", "model_sha256") if key in metadata}
+        """Seed, model and ground that all runs agree on; empty for a real robot's."""
+        metadata = [log.metadata for log in self.logs]
+        return {
+            key: metadata[0][key]
+            for key in ("seed", "model_sha256", "ground")
+            if metadata and all(one.get(key) == metadata[0].get(key) is not None for one in metadata)
+        }
 
 
 def run(config: IdentifyConfig) -> None:
@@ -63,7 +67,7 @@ def run(config: IdentifyConfig) -> None:
             grid_logs=source.logs,
             identification=found,
         )
-        (folder / store.REPORT).write_text(render(page), encoding="utf-8")
+        render(page).write(folder, config.pdf)
     runs = len(found.samples)
     print_table(f"Slip laws from {runs} runs", LAW_HEADER, law_rows(found.comparison))
     print_table("Laws compared, the best first", COMPARISON_HEADER, comparison_rows(found.comparison))
@@ -75,13 +79,9 @@ def run(config: IdentifyConfig) -> None:
 
 def read_source(config: IdentifyConfig) -> Source:
     """Samples from a stored folder or a log; raises LogError or InvalidValueError for what can't be used."""
-    try:
-        folder = config.path.is_dir()
-    except OSError as error:
-        raise LogError(f"path = {str(config.path)[:80]!r}: {error.strerror}") from error
-    if folder:
+    file = runs_file(config.path)
+    if file != config.path:
         require_known_manifest(config.path)
-    file = config.path / store.RUNS if folder else config.path
     try:
         return _read(config, file)
     except LogError as error:

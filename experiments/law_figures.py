@@ -72,7 +72,7 @@ def _line(axis: Axes, radius: Array, slip: Array, limits: tuple[float, float], k
 
 def _style(key: str, best: str, *, strong: bool) -> dict[str, Any]:
     label = LABELS.get(key, key) + (" – best" if key == best else "")
-    return law_line(key, label=label, lw=2.0 if strong else 1.0, alpha=1.0 if strong else 0.8)
+    return law_line(key, label=label, lw=2.0 if strong else 1.0)
 
 
 @styled

@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from experiments.figure_style import BLUE, GREEN, ORANGE, styled
+from experiments.figure_style import BLUE, GREEN, ORANGE, mark_span, styled
 from sim.scanner import LaserScanner
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.localization.bound import LEAST_ANGLE, pose_bound, viewing_angle
@@ -124,7 +124,7 @@ def error_against_viewing_angle(seen: Sightings) -> Figure:
         axis.yaxis.set_minor_formatter(NullFormatter())
         axis.set(xlabel="angle between plate and line of sight [°]", ylabel=label, title=title, xlim=(0, 90))
         axis.set_xticks(range(0, 91, 15))
-        axis.axvspan(0, np.degrees(LEAST_ANGLE), color="#e4e4e4", lw=0, zorder=0)
+        mark_span(axis, 0, float(np.degrees(LEAST_ANGLE)))
     handles = [*position.get_legend_handles_labels()[0], *heading.get_legend_handles_labels()[0]]
     figure.legend(handles=handles, ncols=3, loc="outside lower center")
     return figure

@@ -1,10 +1,13 @@
-"""What every page is made with: templates, figures as inline SVG, a manifest as a list."""
+"""What every page is made with: templates, figures as inline SVG and as files, a manifest as a list."""
 
 from __future__ import annotations
 
+import functools
 import io
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import jinja2
@@ -12,7 +15,53 @@ import matplotlib
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from experiments import store
+
 MISSING = "–"
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure and its name, which says what is in it: letters, digits and underscores."""
+
+    name: str
+    figure: Figure
+
+    @functools.cached_property
+    def svg(self) -> str:
+        """The text of an SVG file, the same every time; its letters are outlines, so that it needs no font."""
+        buffer = io.StringIO()
+        with matplotlib.rc_context({"svg.hashsalt": self.name, "svg.fonttype": "path"}):
+            self.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+        return buffer.getvalue()
+
+    @property
+    def inline(self) -> Markup:
+        """An <svg> element, whose ids differ from those of other figures on the page."""
+        text = self.svg[self.svg.index("<svg") :]
+        text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text, flags=re.DOTALL)
+        text = re.sub(r'((?:\bid|xlink:href)="#?|url\(#)(?=[^"#)])', rf"\g<1>{self.name}-", text)
+        text = re.sub(r"\n\s*", "\n", text)
+        return Markup(text.replace("<svg ", '<svg aria-hidden="true" ', 1))
+
+
+@dataclass(frozen=True)
+class Page:
+    """A report: the page that needs no other file, and its figures, which are files as well."""
+
+    html: str
+    drawings: Sequence[Drawing]
+
+    def write(self, folder: Path, pdf: bool = False) -> None:
+        """Write REPORT and each figure as FIGURES/NAME.svg, with `pdf` as NAME.pdf too."""
+        (folder / store.REPORT).write_text(self.html, encoding="utf-8")
+        (folder / store.FIGURES).mkdir()
+        for drawing in self.drawings:
+            file = folder / store.FIGURES / drawing.name
+            file.with_suffix(".svg").write_text(drawing.svg, encoding="utf-8")
+            if pdf:
+                with matplotlib.rc_context({"pdf.fonttype": 42}):
+                    drawing.figure.savefig(file.with_suffix(".pdf"), metadata={"CreationDate": None})
 
 
 def render_page(template: str, *, title: str, command: str, manifest: Mapping[str, Any], **context: Any) -> str:
@@ -37,17 +86,30 @@ def render_page(template: str, *, title: str, command: str, manifest: Mapping[st
     )
 
 
-def inline_svg(figure: Figure, name: str) -> Markup:
-    """A figure as an <svg> element; `name` makes its ids differ from other figures' on the page."""
-    buffer = io.StringIO()
-    with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "path"}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-    text = buffer.getvalue()
-    text = text[text.index("<svg") :]
-    text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text, flags=re.DOTALL)
-    text = re.sub(r'((?:\bid|xlink:href)="#?|url\(#)(?=[^"#)])', rf"\g<1>{name}-", text)
-    text = re.sub(r"\n\s*", "\n", text)
-    return Markup(text.replace("<svg ", '<svg aria-hidden="true" ', 1))
+def conditions(manifest: Mapping[str, Any], command: str) -> str:
+    """Seed, ground and command in a line, for captions; what the manifest doesn't know is said to be unknown."""
+    seed, ground = manifest.get("seed"), manifest.get("ground")
+    seeds = seed if isinstance(seed, list | tuple) else [seed]
+    parts = [
+        "seed unknown" if seed is None else f"seed{'s' if len(seeds) > 1 else ''} {', '.join(map(str, seeds))}",
+        "ground unknown" if not isinstance(ground, Mapping) else _ground(ground),
+    ]
+    return " · ".join([*parts, command] if command else parts)
+
+
+def _ground(ground: Mapping[str, Any]) -> str:
+    """A ground, or several by their names."""
+    if "along" not in ground:
+        return "; ".join(f"{name} {_ground(one)}" for name, one in ground.items() if isinstance(one, Mapping))
+    text = f"ground: friction {ground['along']:g} along, {ground['across']:g} across"
+    if ground.get("slope"):
+        text += f", slope {ground['slope']:.3g} rad, uphill {ground.get('uphill', 0.0):.3g} rad"
+    return text + "".join(f", {len(ground[key])} {key}" for key in ("patches", "changes") if ground.get(key))
+
+
+def file_name(text: str) -> str:
+    """A title as the name of a file: lower-case letters and digits, the rest underscores."""
+    return re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
 
 
 def _flatten(value: Any, path: str = "") -> Iterator[tuple[str, str]]:

@@ -10,9 +10,12 @@ from typing import Any
 from matplotlib.figure import Figure
 
 from experiments import comparison_figures, figure_style, figures, law_figures, tracking_figures
+from experiments.error_sketch import errors_defined
 from experiments.identification_text import IdentificationText
 from experiments.localization_figures import Sightings, error_against_viewing_angle, sightings
-from experiments.page import MISSING, inline_svg, render_page
+from experiments.page import MISSING, Drawing, Page, conditions, render_page
+from experiments.published_figures import published_and_simulated
+from experiments.published_runs import geometry_of, published_runs
 from experiments.roles import RoleSamples
 from trackslip.identification import FittedLaw, Identification
 from trackslip.runlog import RunLog
@@ -60,60 +63,78 @@ class Report:
         return {} if self.identification is None else self.identification.comparison.laws
 
 
-def render(report: Report) -> str:
-    """The page as HTML that needs no other file."""
+def render(report: Report) -> Page:
+    """The page and its figures."""
     seen = sightings(report.grid_logs)
-    drawn = {name: inline_svg(figure, name) for name, figure in _figures(report, seen)}
+    drawings = [Drawing(name, figure) for name, figure in _figures(report, seen)]
     tracking = report.summary.get("tracking")
-    return render_page(
+    html = render_page(
         "report.html.j2",
         title=report.title,
         command=report.command,
         manifest=report.manifest,
         report=report,
-        figures=drawn,
-        conditions=_conditions(report),
+        figures={drawing.name: drawing.inline for drawing in drawings},
+        conditions=conditions(report.manifest, report.command),
         found=None if report.identification is None else IdentificationText.of(report.identification),
         seen=None if seen is None else seen.facts(),
         warnings=_warnings(report),
         tracking=_tracking_rows(tracking if isinstance(tracking, list | tuple) else ()),
+        by_paper=any(geometry_of(log.metadata) for log in (*report.grid_logs, *report.tracking_logs)),
         truth=any(log.truth is not None for log in report.tracking_logs),
     )
+    return Page(html, drawings)
 
 
 def _figures(report: Report, seen: Sightings | None) -> Iterator[tuple[str, Figure]]:
     """Name and figure of whatever the report has data for."""
+    if report.comparison and report.identification is not None:
+        turns = RoleSamples.of(report.identification.samples, report.identification.geometry)
+        if len(turns):
+            yield "published_and_simulated", published_and_simulated(report.summary["radius"], turns)
     if report.grid_logs:
-        yield "pose", figures.pose_and_velocity(figures.typical_run(report.grid_logs))
+        yield "fig04_pose_and_velocity", figures.pose_and_velocity(figures.typical_run(report.grid_logs))
     if seen is not None:
-        yield "localization", error_against_viewing_angle(seen)
+        yield "localization_error", error_against_viewing_angle(seen)
     if report.identification is not None:
         yield from _law_figures(report.identification)
     feedforward = tracking_figures.runs_of(report.tracking_logs, "feedforward")
     linear = tracking_figures.runs_of(report.tracking_logs, "linear")
     if feedforward or linear:
-        yield "plan", tracking_figures.planned_trajectory()
+        yield "fig07_planned_trajectory", tracking_figures.planned_trajectory()
     if feedforward:
-        yield "feedforward", tracking_figures.paths(feedforward)
+        yield "fig08_feedforward_paths", tracking_figures.paths(feedforward, _published("feedforward", feedforward))
     if linear:
-        yield "linear", tracking_figures.paths(linear)
-        yield "errors", tracking_figures.tracking_errors_over_time(linear)
-        estimated = tracking_figures.slip_during_tracking(linear, report.laws)
+        yield "fig09_errors_defined", errors_defined()
+        published = _published("linear", linear)
+        yield "fig10_feedback_paths", tracking_figures.paths(linear, published)
+        yield "fig11_feedback_errors", tracking_figures.tracking_errors_over_time(linear, published)
+        estimated = tracking_figures.slip_during_tracking(linear, report.laws, published)
         if estimated is not None:
-            yield "estimated", estimated
+            yield "fig12_slip_during_tracking", estimated
+
+
+def _published(controller: str, runs: Mapping[str, RunLog]) -> dict[str, RunLog]:
+    """The same by the paper's equations, for the robot's geometry, as far as it is known, and start."""
+    log = next(iter(runs.values()))
+    geometry = geometry_of(log.metadata)
+    return {} if geometry is None else published_runs(controller, tracking_figures.driven(log)[0], geometry)
 
 
 def _law_figures(found: Identification) -> Iterator[tuple[str, Figure]]:
     comparison = found.comparison
     turns = RoleSamples.of(found.samples, found.geometry)
     if len(turns):
-        yield "slip", figures.slip_against_speed_and_radius(turns, comparison.laws[comparison.best])
-        yield "laws", law_figures.fitted_laws(turns, comparison)
-        yield "residuals", law_figures.residuals(turns, comparison)
-    yield "criteria", comparison_figures.criteria(comparison)
+        yield (
+            "fig05_slip_over_speed_and_radius",
+            figures.slip_against_speed_and_radius(turns, comparison.laws[comparison.best]),
+        )
+        yield "fig06_slip_laws", law_figures.fitted_laws(turns, comparison)
+        yield "residuals_of_laws", law_figures.residuals(turns, comparison)
+    yield "comparison_of_laws", comparison_figures.criteria(comparison)
     correlated = comparison_figures.correlated_laws(comparison)
     if correlated:
-        yield "correlations", comparison_figures.correlations(correlated)
+        yield "correlations_of_parameters", comparison_figures.correlations(correlated)
 
 
 def _tracking_rows(rows: Sequence[Mapping[str, Any]]) -> list[list[str]]:
@@ -138,24 +159,3 @@ def _warnings(report: Report) -> list[str]:
     left_out = set() if found is None else set(map(str, found.outliers))
     warnings = report.summary.get("warnings", () if found is None else found.warnings)
     return [str(warning) for warning in warnings if str(warning) not in left_out]
-
-
-def _conditions(report: Report) -> str:
-    """Seed, ground and command in a line, as far as the manifest knows them."""
-    parts = []
-    seed, ground = _find(report.manifest, "seed"), _find(report.manifest, "ground")
-    if seed is not None:
-        parts.append(f"seed {seed}")
-    if isinstance(ground, Mapping):
-        parts.append("ground: " + ", ".join(f"{key} {value}" for key, value in ground.items() if value))
-    elif ground is not None:
-        parts.append(f"ground: {ground}")
-    return " · ".join([*parts, report.command] if report.command else parts)
-
-
-def _find(tree: Mapping[str, Any], key: str) -> Any:
-    """The value of `key` nearest the root of nested mappings, or None."""
-    if key in tree:
-        return tree[key]
-    inner = (_find(value, key) for value in tree.values() if isinstance(value, Mapping))
-    return next((value for value in inner if value is not None), None)

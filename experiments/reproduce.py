@@ -77,7 +77,7 @@ def run(config: ReproduceConfig) -> None:
                 identification=found,
                 tracking_logs=tracking_logs,
             )
-            (folder / store.REPORT).write_text(render(page), encoding="utf-8")
+            render(page).write(folder, config.pdf)
         wall = time.perf_counter() - began
         summary["timing"] = {
             "wall_s": wall,

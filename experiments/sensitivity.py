@@ -38,7 +38,7 @@ def run(config: SensitivityConfig) -> None:
         table = [as_text(row) for row in rows]
         about = world.manifest("sensitivity", wall)
         page = render(rows, _HEADER, table, about, store.command_line("sensitivity"))
-        (folder / store.REPORT).write_text(page, encoding="utf-8")
+        page.write(folder, config.pdf)
         store.write_json(folder / store.SUMMARY, {"rows": rows, "timing": {"wall_s": wall}})
         store.write_json(folder / store.MANIFEST, about)
     print_table("Errors of slip over the runs, and of the poses (rms)", _HEADER, table)

@@ -16,6 +16,8 @@ class SensitivityConfig(GridConfig):
 
     out: Path = Path("out/sensitivity")
     """Folder for the results."""
+    pdf: bool = False
+    """Write the figures as PDF, too."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from experiments.figure_style import BLUE, ORANGE, styled
-from experiments.page import inline_svg, render_page
+from experiments.page import Drawing, Page, conditions, render_page
 
 _LOOKS = {"outer": (BLUE, "o", -0.14), "inner": (ORANGE, "s", 0.14)}  # colour, marker, place beside the row's line
 
@@ -20,18 +20,21 @@ def render(
     table: Sequence[Sequence[str]],
     manifest: Mapping[str, Any],
     command: str,
-) -> str:
-    """The page as HTML that needs no other file; `rows` as in the summary, `header` and `table` as printed."""
-    return render_page(
+) -> Page:
+    """The page and its figure; `rows` as in the summary, `header` and `table` as printed."""
+    drawing = Drawing("slip_errors", slip_errors(rows))
+    html = render_page(
         "sensitivity.html.j2",
         title="What scanner, mounting and field do to slip",
         command=command,
         manifest=manifest,
-        figures={"errors": inline_svg(slip_errors(rows), "errors")},
+        figures={drawing.name: drawing.inline},
+        conditions=conditions(manifest, command),
         header=header,
         table=table,
         warnings=[(row["effect"], warning) for row in rows for warning in row["warnings"]],
     )
+    return Page(html, [drawing])
 
 
 @styled

@@ -36,6 +36,8 @@ MANIFEST = fileformat.MANIFEST
 REPORT = "report.html"
 LEADERBOARD = "leaderboard.md"
 TABLE = "table.parquet"
+FIGURES = "figures"
+"""A folder; the rest are files."""
 
 _PARTIAL = ".partial-"
 _PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "lmfit", "pyarrow", "matplotlib", "casadi")
@@ -57,6 +59,7 @@ def results(out: Path) -> Iterator[Path]:
         out.mkdir(parents=True, exist_ok=True)
         with locked(out):
             _require_files(out, (MANIFEST, SUMMARY, RUNS, REPORT, LEADERBOARD, TABLE))
+            _require_own_figures(out)
             for left in out.glob(f"{_PARTIAL}*"):
                 shutil.rmtree(left, ignore_errors=True)
             staging = Path(tempfile.mkdtemp(prefix=_PARTIAL, dir=out))
@@ -95,13 +98,13 @@ def _replace(staging: Path, out: Path) -> None:
     When that fails, the old ones are put back.
     """
     new = {file.name for file in staging.iterdir()}
-    _require_files(out, sorted(new))
+    _require_files(out, sorted(new - {FIGURES}))
     old = staging / ".old"
     old.mkdir()
     moved: list[str] = []
     placed: list[str] = []
     try:
-        for name in (MANIFEST, *sorted({SUMMARY, RUNS, REPORT, LEADERBOARD, TABLE} | new - {MANIFEST})):
+        for name in (MANIFEST, *sorted({SUMMARY, RUNS, REPORT, LEADERBOARD, TABLE, FIGURES} | new - {MANIFEST})):
             if (out / name).exists():
                 os.replace(out / name, old / name)
                 moved.append(name)
@@ -110,10 +113,22 @@ def _replace(staging: Path, out: Path) -> None:
             placed.append(name)
     except OSError:
         for name in placed:
-            (out / name).unlink()
+            os.replace(out / name, staging / name)
         for name in moved:
             os.replace(old / name, out / name)
         raise
+
+
+def _require_own_figures(out: Path) -> None:
+    """Refuse a folder FIGURES that no command made: it would be deleted."""
+    figures = out / FIGURES
+    if not figures.exists():
+        return
+    if not figures.is_dir():
+        raise OutputError(f"out = {str(out)!r}: {FIGURES} is a file there, and must be a folder or absent")
+    files = list(figures.iterdir())
+    if files and not ((out / MANIFEST).is_file() and all(file.suffix in (".svg", ".pdf") for file in files)):
+        raise OutputError(f"out = {str(out)!r}: {FIGURES} there holds files that aren't of these results; move it away")
 
 
 def write_results(folder: Path, logs: Sequence[RunLog], summary: Mapping[str, Any], about: Mapping[str, Any]) -> None:
@@ -137,10 +152,12 @@ def write_samples(folder: Path, samples: SlipSamples) -> None:
     import pyarrow.parquet
 
     from trackslip import logfile
+    from trackslip.schema import with_units
 
     columns = np.concatenate([samples.omega, samples.twist, samples.slip], axis=1)
     names = (*logfile.SAMPLE_COLUMNS, "slip_l", "slip_r")
     table = pa.table({"run": list(samples.run)} | {n: columns[:, k] for k, n in enumerate(names)})
+    table = table.cast(pa.schema(with_units(table.schema)))
     with _arrow_errors(folder / RUNS):
         pa.parquet.write_table(table, folder / RUNS, write_page_checksum=True)
 

@@ -7,27 +7,44 @@ else where it was estimated to be.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.figure_style import BLACK, BLUE, COLOURS, GREEN, LABELS, ORANGE, law_line, styled, thin
+from experiments.figure_style import (
+    BLACK,
+    BLUE,
+    COLOURS,
+    DESIRED,
+    GREEN,
+    LABELS,
+    ORANGE,
+    law_line,
+    mark_span,
+    styled,
+    thin,
+)
+from experiments.published_runs import geometry_of
 from trackslip.identification import FittedLaw
-from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
+from trackslip.kinematics import Array, curvature, track_slip
 from trackslip.metrics import TRANSIENT, body_errors
 from trackslip.runlog import RunLog
 from trackslip.slip import PUBLISHED, SlipLaw
-from trackslip.trajectory import paper_reference
+from trackslip.trajectory import Reference, paper_reference
 
-DESIRED = {"color": "#c9c9c9", "lw": 5.0, "solid_capstyle": "round", "label": "desired"}
-"""Keywords of the line that a reference is."""
 _SLOWEST = 0.3  # sprocket speed below which a measured slip is a quotient of noise [rad/s]
 _SMOOTH = 0.5  # length of the moving average over the true slip [s]
 _CLOSEST = 3e-4  # distance below which an error is a zero crossing, not news [m]
 _POLE = 0.5  # beyond it a law is near its pole, and a line across it would be no datum [-]
 _SLIP_RANGE = (-0.15, 0.10)  # of Fig. 12
+_EVERY = 20  # steps of a run by the paper's equations from one cross to the next: 1 s
+_SIDES = {1: ORANGE, 0: BLUE}  # tracks
+_LAW: dict[str, Any] = {"lw": 2.2, "ls": (0, (3, 1.2))}
+_TRUE: dict[str, Any] = {"lw": 0.8}
+_CROSS: dict[str, Any] = {"ls": "none", "marker": "x", "ms": 4.5}
 
 
 def runs_of(logs: Sequence[RunLog], controller: str) -> dict[str, RunLog]:
@@ -60,7 +77,7 @@ def planned_trajectory() -> Figure:
     heading.plot(time, pose[:, 2], color=GREEN, label="φ$_d$")
     turning = np.flatnonzero(reference.twist(time)[:, 1])
     for axis in (position, heading):
-        axis.axvspan(time[turning[0]], time[turning[-1]], color="#efefef", lw=0, zorder=0)
+        mark_span(axis, time[turning[0]], time[turning[-1]])
         middle = (time[turning[0]] + time[turning[-1]]) / 2
         axis.text(middle, 0.03, "arc", transform=axis.get_xaxis_transform(), ha="center", color="#666666")
         axis.set_xlabel("time [s]")
@@ -73,8 +90,11 @@ def planned_trajectory() -> Figure:
 
 
 @styled
-def paths(runs: Mapping[str, RunLog]) -> Figure:
-    """Figs. 8 and 10: the paths with each compensation, and the distance from the reference over time."""
+def paths(runs: Mapping[str, RunLog], published: Mapping[str, RunLog] | None = None) -> Figure:
+    """Figs. 8 and 10: the paths with each compensation, and the distance from the reference over time.
+
+    `published` are runs by the paper's equations, drawn as crosses.
+    """
     reference = paper_reference()
     figure = Figure(figsize=(9.0, 4.5), layout="constrained")
     plane, distance = figure.subplots(1, 2, width_ratios=(1.25, 1))
@@ -89,6 +109,12 @@ def paths(runs: Mapping[str, RunLog]) -> Figure:
         error = body_errors(pose, reference.pose(log.time))
         norm = np.hypot(error[:, 0], error[:, 1])
         distance.semilogy(log.time[rows], 1e3 * np.maximum(norm[rows], _CLOSEST), **style)
+    for name, log in (published or {}).items():
+        rows = slice(None, None, _EVERY)
+        norm = np.hypot(*body_errors(log.pose, reference.pose(log.time))[rows, :2].T)
+        plane.plot(log.pose[rows, 0], log.pose[rows, 1], **_crosses(name))
+        seen = norm > _CLOSEST
+        distance.semilogy(log.time[rows][seen], 1e3 * norm[seen], **_crosses(name))
     start = driven(next(iter(runs.values())))[0]
     plane.plot(*start[:2], "o", ms=8, mfc="white", mec=BLACK, mew=1.5, zorder=6)
     plane.annotate("start", start[:2], xytext=(12, -3), textcoords="offset points", fontsize=8.5, annotation_clip=False)
@@ -98,9 +124,16 @@ def paths(runs: Mapping[str, RunLog]) -> Figure:
         xlabel="time [s]", ylabel="distance from the desired position [mm]", title="Position error (log scale)"
     )
     distance.set_ylim(bottom=1e3 * _CLOSEST)
-    distance.axvspan(TRANSIENT, _arc_end(), color="#efefef", lw=0, zorder=0)
+    mark_span(distance, TRANSIENT, _arc_end())
     figure.legend(handles=plane.get_legend_handles_labels()[0], ncols=3, loc="outside lower center")
     return figure
+
+
+def _crosses(name: str) -> dict[str, Any]:
+    """Keywords of what the paper's equations say of a compensation."""
+    label = f"{LABELS[name]}: by the paper's equations"
+    look = {"marker": {"none": "x", "published": "+"}[name], "ms": 5.5, "mew": 1.1}
+    return {"color": COLOURS[name], "ls": "none", "label": label, **look}
 
 
 def _arc_end() -> float:
@@ -111,15 +144,17 @@ def _arc_end() -> float:
 
 
 @styled
-def tracking_errors_over_time(runs: Mapping[str, RunLog]) -> Figure:
-    """Fig. 11: position errors in the body frame and their norm; on the right from 12 s on, in mm."""
+def tracking_errors_over_time(runs: Mapping[str, RunLog], published: Mapping[str, RunLog] | None = None) -> Figure:
+    """Fig. 11: position errors in the body frame and their norm; on the right from 12 s on, in mm.
+
+    `published` are runs by the paper's equations, drawn as crosses.
+    """
     reference = paper_reference()
     figure = Figure(figsize=(9.0, 6.0), layout="constrained")
     axes = figure.subplots(3, 2, sharex="col", width_ratios=(1, 1.35))
     for name in [n for n in ("none", "published", "icr_radius") if n in runs] or list(runs):
         log = runs[name]
-        error = body_errors(driven(log), reference.pose(log.time))[:, :2]
-        traces = np.column_stack([error, np.hypot(error[:, 0], error[:, 1])])
+        traces = _error_traces(log, reference)
         late = log.time >= TRANSIENT
         style = law_line(name, lw=1.2, label=LABELS.get(name, name))
         for k in range(3):
@@ -127,11 +162,17 @@ def tracking_errors_over_time(runs: Mapping[str, RunLog]) -> Figure:
             axes[k, 0].plot(log.time[rows], traces[rows, k], **style)
             rows = thin(int(late.sum()))
             axes[k, 1].plot(log.time[late][rows], 1e3 * traces[late][rows, k], **style)
+    for name, log in (published or {}).items():
+        traces = _error_traces(log, reference)[::_EVERY]
+        late = log.time[::_EVERY] >= TRANSIENT
+        for k in range(3):
+            axes[k, 0].plot(log.time[::_EVERY], traces[:, k], **_crosses(name))
+            axes[k, 1].plot(log.time[::_EVERY][late], 1e3 * traces[late, k], **_crosses(name))
     for k, symbol in enumerate(("e$_x$", "e$_y$", "‖e‖")):
         axes[k, 0].set_ylabel(f"{symbol} [m]")
         axes[k, 1].set_ylabel(f"{symbol} [mm]")
         for axis in axes[k]:
-            axis.axvspan(TRANSIENT, _arc_end(), color="#efefef", lw=0, zorder=0)
+            mark_span(axis, TRANSIENT, _arc_end())
             axis.axhline(0, color="#888888", lw=0.7, zorder=1)
     axes[0, 0].set(title="Whole run", xlim=(0, reference.duration))
     axes[0, 1].set(title=f"From {TRANSIENT:g} s on (grey: the arc)", xlim=(TRANSIENT, reference.duration))
@@ -141,11 +182,20 @@ def tracking_errors_over_time(runs: Mapping[str, RunLog]) -> Figure:
     return figure
 
 
+def _error_traces(log: RunLog, reference: Reference) -> Array:
+    """(T, 3): the errors forward and to the left, and their norm [m]."""
+    error = body_errors(driven(log), reference.pose(log.time))[:, :2]
+    return np.column_stack([error, np.hypot(error[:, 0], error[:, 1])])
+
+
 @styled
-def slip_during_tracking(runs: Mapping[str, RunLog], laws: Mapping[str, FittedLaw]) -> Figure | None:
+def slip_during_tracking(
+    runs: Mapping[str, RunLog], laws: Mapping[str, FittedLaw], published: Mapping[str, RunLog] | None = None
+) -> Figure | None:
     """Fig. 12: the slip that a law gave the controller at each step, and where truth is known, the real one.
 
-    Up to two compensations, one above the other; None if no run has commanded twists and a law that is known.
+    Up to two compensations, one above the other, with the same by the paper's equations as crosses where `published`
+    has it; None if no run has commanded twists and a law that is known.
     """
     known: dict[str, SlipLaw] = {"published": PUBLISHED, **{name: fit.law for name, fit in laws.items()}}
     names = [n for n in ("published", "icr_radius", "icr", "exponential") if n in runs and n in known]
@@ -156,38 +206,47 @@ def slip_during_tracking(runs: Mapping[str, RunLog], laws: Mapping[str, FittedLa
     column = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
     for axis, name in zip(column, names, strict=True):
         _slip_panel(axis, runs[name], known[name])
+        if published and name in published:
+            _slip_crosses(axis, published[name], known[name])
         axis.set(ylim=_SLIP_RANGE, ylabel="slip i [–]", title=f"Compensated by: {LABELS[name]}")
     column[-1].set(xlabel="time [s]", xlim=(0, paper_reference().duration))
     handles = [
-        Line2D([], [], color=colour, lw=width, alpha=alpha, label=f"{side} track, {kind}")
-        for side, colour in (("right", ORANGE), ("left", GREEN))
-        for kind, width, alpha in (("from the law", 2.4, 0.45), ("true", 0.8, 1.0))
+        Line2D([], [], color=_SIDES[track], label=f"{side} track, {kind}", **look)
+        for track, side in ((1, "right"), (0, "left"))
+        for kind, look in (("from the law", _LAW), ("true", _TRUE), ("by the paper's equations", _CROSS))
     ]
-    figure.legend(handles=handles, ncols=4, loc="outside lower center")
+    figure.legend(handles=handles, ncols=2, loc="outside lower center")
     return figure
 
 
 def _slip_panel(axis: Axes, log: RunLog, law: SlipLaw) -> None:
     """Slip of both tracks over time: from the law thick, true thin."""
     assert log.twist_command is not None
-    axis.axvspan(TRANSIENT, _arc_end(), color="#efefef", lw=0, zorder=0)
+    mark_span(axis, TRANSIENT, _arc_end())
     axis.axhline(0, color="#888888", lw=0.7, zorder=1)
     slip = law(curvature(log.twist_command))
     slip = np.where(np.abs(slip) < _POLE, slip, np.nan)
     true = _true_slip(log)
     rows = thin(len(log.time), 1000)
-    for track, colour in ((1, ORANGE), (0, GREEN)):
-        axis.plot(log.time[rows], slip[rows, track], color=colour, lw=2.4, alpha=0.45)
+    for track, colour in _SIDES.items():
+        axis.plot(log.time[rows], slip[rows, track], color=colour, **_LAW)
         if true is not None:
-            axis.plot(log.time[rows], true[rows, track], color=colour, lw=0.8)
+            axis.plot(log.time[rows], true[rows, track], color=colour, **_TRUE)
+
+
+def _slip_crosses(axis: Axes, log: RunLog, law: SlipLaw) -> None:
+    """Slip of both tracks by the paper's equations."""
+    assert log.twist_command is not None
+    slip = law(curvature(log.twist_command))[::_EVERY]
+    for track, colour in _SIDES.items():
+        axis.plot(log.time[::_EVERY], slip[:, track], color=colour, **_CROSS)
 
 
 def _true_slip(log: RunLog) -> Array | None:
     """(T, 2) smoothed true slip, NaN where a sprocket hardly turns; None without truth or geometry."""
-    geometry = log.metadata.get("geometry")
-    if log.truth is None or not isinstance(geometry, Mapping):
+    robot = geometry_of(log.metadata)
+    if log.truth is None or robot is None:
         return None
-    robot = RobotGeometry(float(geometry["half_gauge"]), float(geometry["sprocket_radius"]))
     width = max(1, round(_SMOOTH / float(np.median(np.diff(log.time)))))
     window = np.ones(width) / width
     twist = log.truth.twist[:, [0, 2]]

@@ -43,7 +43,7 @@ def run(config: ValidateConfig) -> None:
             ground=ground,
         )
         page = render(found, summary, about, store.command_line("validate"))
-        (folder / store.REPORT).write_text(page, encoding="utf-8")
+        page.write(folder, config.pdf)
         store.write_json(folder / store.SUMMARY, summary)
         store.write_json(folder / store.MANIFEST, about)
     print_table("The simulator against theory", ("quantity", "measured"), rows(summary))

@@ -16,3 +16,5 @@ class ValidateConfig(Repeatable):
     """A robot file, as calibrate writes it; by default the shipped robot."""
     out: Path = Path("out/validate")
     """Folder for the results."""
+    pdf: bool = False
+    """Write the figures as PDF, too."""

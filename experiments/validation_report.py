@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from markupsafe import Markup
+from matplotlib.figure import Figure
 
-from experiments.page import MISSING, inline_svg, render_page
+from experiments.page import MISSING, Drawing, Page, file_name, render_page
 from experiments.validation import convergence, energy, figures, turning_figures
-from experiments.validation.panels import Panels
 from experiments.validation.results import Validation
 from experiments.validation.standing import ANGLES, REFERENCE_ANGLE
 from experiments.validation.turning import WATCH, Turns
@@ -34,10 +34,10 @@ class Row:
     default: str = MISSING
 
 
-def render(found: Validation, summary: Mapping[str, Any], manifest: Mapping[str, Any], command: str) -> str:
-    """The page as HTML that needs no other file."""
+def render(found: Validation, summary: Mapping[str, Any], manifest: Mapping[str, Any], command: str) -> Page:
+    """The page and its figures, a file for each panel."""
     own_step = float(load_robot(parameters=found.parameters).model.opt.timestep)
-    drawn = {
+    panels = {
         "turns": turning_figures.icr_and_slip(found.turns, found.naive_turns, found.parameters),
         "left": turning_figures.what_is_left(found.turns, found.parameters),
         "slip": turning_figures.slip_against_radius(found.turns, found.naive_turns, found.parameters, found.ground),
@@ -46,21 +46,27 @@ def render(found: Validation, summary: Mapping[str, Any], manifest: Mapping[str,
         "steps": figures.steps_and_solvers(found.convergence, own_step),
         "energy": figures.energies(found.energy),
     }
-    return render_page(
+    drawn = {name: [_drawing(name, panel) for panel in several] for name, several in panels.items()}
+    html = render_page(
         "validation.html.j2",
         title="The simulator against theory",
         command=command,
         manifest=manifest,
-        figures={name: _card(panels, name) for name, panels in drawn.items()},
+        figures={name: _card(drawings) for name, drawings in drawn.items()},
         conditions=conditions(found, manifest, command),
         rows=rows(found, summary, own_step),
         facts=facts(found, summary),
     )
+    return Page(html, [drawing for drawings in drawn.values() for drawing in drawings])
 
 
-def _card(panels: Panels, name: str) -> Markup:
-    drawn = Markup("").join(inline_svg(panel, f"{name}{k}") for k, panel in enumerate(panels))
-    return Markup('<div class="panels">\n{}</div>\n').format(drawn)
+def _drawing(name: str, panel: Figure) -> Drawing:
+    """A panel of the figure `name`, named for both."""
+    return Drawing(f"{name}_{file_name(panel.axes[0].get_title(loc='left'))}", panel)
+
+
+def _card(drawings: Sequence[Drawing]) -> Markup:
+    return Markup('<div class="panels">\n{}</div>\n').format(Markup("").join(drawing.inline for drawing in drawings))
 
 
 def rows(found: Validation, summary: Mapping[str, Any], own_step: float) -> list[Row]:
@@ -153,12 +159,13 @@ def conditions(found: Validation, manifest: Mapping[str, Any], command: str) -> 
     ratios = f"friction {ground.along:g} along, {_range(ground.along * found.turns.ratio, '')} across"
     nearest = f"friction {ground.along:g} along, {ground.along * nearest_ratio(found.turns, ground):.3g} across"
     random = f"seed {manifest.get('seed', MISSING)}"
+    fixed = "no random numbers"
     grounds = {
-        "turns": (ratios,),
-        "left": (ratios,),
-        "slip": (nearest,),
-        "loads": (both,),
-        "slopes": (both,),
+        "turns": (ratios, fixed),
+        "left": (ratios, fixed),
+        "slip": (nearest, fixed),
+        "loads": (both, fixed),
+        "slopes": (both, fixed),
         "steps": (both, random),
         "energy": (both, random),
     }

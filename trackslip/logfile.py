@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -24,7 +24,10 @@ from trackslip.heading_unit import require_radians
 from trackslip.kinematics import Array
 from trackslip.runlog import RunLog, Truth
 from trackslip.scan_columns import SCANNED, metadata_with_scans, scan_columns, scans_from_table
+from trackslip.schema import COLUMNS, with_units
 
+RUNS = "runs.parquet"
+"""The file with the runs in a folder of results."""
 REQUIRED = ("run", "t", "omega_l", "omega_r", "x", "y", "phi")
 SAMPLE_COLUMNS = ("omega_l", "omega_r", "v", "w")
 _COMMAND = ("omega_cmd_l", "omega_cmd_r")
@@ -39,24 +42,11 @@ _TORQUE = ("torque_l", "torque_r")
 _POWER = ("power_l", "power_r")
 _SATURATED = ("saturated_l", "saturated_r")
 _LEAN = ("true_lean",)
-_UNITS = {
-    "t": "s",
-    **dict.fromkeys(("omega_l", "omega_r", *_COMMAND, "w", "w_cmd", "true_w"), "rad/s"),
-    **dict.fromkeys(("x", "y", "true_x", "true_y", "true_lean", "icr_offset"), "m"),
-    **dict.fromkeys(("phi", "true_phi"), "rad"),
-    **dict.fromkeys(("v", "v_cmd", "true_v", "true_lateral"), "m/s"),
-    **dict.fromkeys(("var_x", "cov_xy", "var_y"), "m^2"),
-    **dict.fromkeys(("cov_xphi", "cov_yphi"), "m rad"),
-    "var_phi": "rad^2",
-    **dict.fromkeys(_TRACTION, "N"),
-    **dict.fromkeys(_TORQUE, "N m"),
-    **dict.fromkeys(_POWER, "W"),
-}
 _METADATA_KEY = b"trackslip"
 
 
 def to_table(logs: Sequence[RunLog]) -> pa.Table:
-    """Runs as one table, a row a scan; units in the columns' metadata, the runs' metadata in the schema's.
+    """Runs as one table, a row a scan; units and descriptions in the columns' metadata, the runs' in the schema's.
 
     Columns that some runs lack are null there.
     """
@@ -66,11 +56,15 @@ def to_table(logs: Sequence[RunLog]) -> pa.Table:
             f"run {max(names, key=names.count)!r}: there are {names.count(max(names, key=names.count))} of it"
         )
     table = pa.concat_tables([_run_table(log) for log in logs], promote_options="default")
-    fields = [
-        f.with_metadata({"unit": _UNITS[f.name]}) if f.name in _UNITS else f for f in table.schema.remove_metadata()
-    ]
-    metadata = {"format": FORMAT, "runs": {log.run: metadata_with_scans(log.metadata, log.scans) for log in logs}}
-    return table.cast(pa.schema(fields, metadata={_METADATA_KEY: json.dumps(metadata)}))
+    fields = with_units(table.schema.remove_metadata())
+    runs = {log.run: metadata_with_scans(log.metadata, log.scans) for log in logs}
+    return table.cast(pa.schema(fields, metadata=_file_metadata(fields, runs)))
+
+
+def _file_metadata(fields: Iterable[pa.Field], runs: Mapping[str, Any]) -> dict[bytes, str]:
+    """What a file remembers: of its runs, and of its columns once more, for readers that pass over theirs (polars)."""
+    columns = {field.name: COLUMNS[field.name].metadata for field in fields if field.name in COLUMNS}
+    return {_METADATA_KEY: json.dumps({"format": FORMAT, "columns": columns, "runs": runs})}
 
 
 def write_parquet(logs: Sequence[RunLog], file: Path | BinaryIO) -> None:
@@ -92,7 +86,7 @@ def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
     files = {file: _StoredRuns(file) for file in dict.fromkeys(file for file, *_ in runs)}
     joined = pa.unify_schemas([stored.schema for stored in files.values()])
     about = {new: files[file].metadata(name) for file, name, new in runs}
-    joined = joined.with_metadata({_METADATA_KEY: json.dumps({"format": FORMAT, "runs": about})})
+    joined = joined.with_metadata(_file_metadata(joined, about))
     with pa.parquet.ParquetWriter(path, joined, **_packing(joined)) as writer:
         for file, name, new in runs:
             table = files[file].table(name)
@@ -164,8 +158,29 @@ def read_table(path: Path) -> pa.Table:
     except LogError:
         raise
     except (pa.ArrowException, OSError, csv.Error, UnicodeError) as error:
-        raise LogError(f"{path}: {_first_line(error)}") from error
+        reason = _first_line(error).split("': ")[-1]  # pyarrow may repeat the file's name
+        if path.suffix.lower() == ".parquet":
+            reason = f"damaged, cut short or no Parquet file ({reason})"
+        raise LogError(f"{path}: {reason}") from error
     raise LogError(f"{path}: must end in .parquet or .csv")
+
+
+def load(path: str | Path) -> list[RunLog]:
+    """The runs in a folder of results, or in a `.parquet` or `.csv` file; raises LogError when there are none."""
+    path = Path(path)
+    return read_runs(runs_file(path))
+
+
+def runs_file(path: Path) -> Path:
+    """The file with the runs of a folder of results, or `path` itself; raises LogError for a folder without."""
+    try:
+        if not path.is_dir():
+            return path
+        if not (path / RUNS).is_file():
+            raise LogError(f"{path}: there is no {RUNS} in this folder")
+    except OSError as error:
+        raise LogError(f"path = {str(path)[:80]!r}: {error.strerror}") from error
+    return path / RUNS
 
 
 def read_runs(path: Path) -> list[RunLog]:
@@ -308,8 +323,9 @@ class _Columns:
     def _parse(self, name: str) -> Array:
         column = self._table.column(name)
         stated = (self._table.schema.field(name).metadata or {}).get(b"unit")
-        if stated is not None and name in _UNITS and stated.decode() != _UNITS[name]:
-            raise LogError(f"{self._source}: column {name}: in {stated.decode()!r}, must be in {_UNITS[name]}")
+        if stated is not None and name in COLUMNS and stated.decode(errors="replace") != COLUMNS[name].unit:
+            unit = stated.decode(errors="replace")
+            raise LogError(f"{self._source}: column {name}: in {unit!r}, must be in {COLUMNS[name].unit or 'no unit'}")
         if not (pa.types.is_string(column.type) or pa.types.is_large_string(column.type)):
             if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
                 raise LogError(f"{self._source}: column {name}: {column.type} is not a number")

@@ -67,7 +67,7 @@ def run(config: BenchmarkConfig) -> None:
         with watch.stage("report"):
             (folder / store.LEADERBOARD).write_text(_markdown(entries, lost, rows), encoding="utf-8")
             page = render(folder / store.RUNS, entries, lost, rows, runs, about, store.command_line("benchmark"))
-            (folder / store.REPORT).write_text(page, encoding="utf-8")
+            page.write(folder, config.pdf)
         wall = time.perf_counter() - began
         timing = {"wall_s": wall, "stages": watch.stages}
         driven = [{key: value for key, value in run.items() if key != "compute_ms"} for run in runs]

@@ -9,32 +9,21 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.figure_style import BLACK, LABELS, law_line, styled, thin
+from experiments.figure_style import BLACK, BLUE, DESIRED, GREEN, GREY, LABELS, ORANGE, RED, law_line, styled, thin
 from experiments.names import reference
-from experiments.tracking_figures import DESIRED, driven
+from experiments.tracking_figures import driven
 from trackslip.metrics import LOST, body_errors
 from trackslip.runlog import RunLog
 
-_PALETTE = (
-    "#0072B2",
-    "#D55E00",
-    "#009E73",
-    "#CC79A7",
-    "#1a1a1a",
-    "#E69F00",
-    "#56B4E9",
-    "#6A3D9A",
-    "#8C510A",
-    "#8a8a8a",
-)
+_PALETTE = (BLUE, RED, GREEN, "#CC79A7", BLACK, ORANGE, "#3A93C9", "#6A3D9A", "#8C510A", GREY)
+_DASHES: tuple[Any, ...] = ("-", "--", "-.", (0, (2, 1)), (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)), (0, (3, 1, 1, 1)))
 _CLOSEST = 3e-4  # distance below which an error is a zero crossing, not news [m]
-_MARKERS = ("o", "s", "D", "^", "v", "P", "X")
+_MARKERS = ("o", "s", "D", "^", "v", "P", "X", "<", ">", "p", "h", "*")
 
 
 def controller_line(number: int, **more: Any) -> dict[str, Any]:
-    """Keywords of a line that stands for the `number`-th controller: a colour, dashed from the second round on."""
-    again, place = divmod(number, len(_PALETTE))
-    return {"color": _PALETTE[place], "linestyle": ("-", "--", ":")[again % 3], **more}
+    """Keywords of a line that stands for the `number`-th controller: colour and dashes, the first 70 all different."""
+    return {"color": _PALETTE[number % len(_PALETTE)], "linestyle": _DASHES[number % len(_DASHES)], **more}
 
 
 def compensation_name(name: str) -> str:
@@ -114,7 +103,7 @@ def paths(name: str, lines: Mapping[str, tuple[RunLog, dict[str, Any]]]) -> Figu
     plane.annotate("start", start[:2], xytext=(10, -4), textcoords="offset points", fontsize=8.5, annotation_clip=False)
     plane.set_aspect("equal", adjustable="datalim")
     plane.set(xlabel="x [m]", ylabel="y [m]", title="Path")
-    distance.axhline(1e3 * LOST, color="#888888", lw=0.8, ls=":")
+    distance.axhline(1e3 * LOST, color=GREY, lw=0.8, ls=":")
     distance.annotate(
         "lost", (0.99, 1e3 * LOST), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=8
     )

@@ -28,7 +28,18 @@ from trackslip.lawfile import SHIPPED
 from trackslip.runlog import RunLog
 
 _FOLDER = ".benchmark-parts"
-_IRRELEVANT = ("suite", "controllers", "compensations", "references", "grounds", "starts", "seeds", "jobs", "out")
+_IRRELEVANT = (
+    "suite",
+    "controllers",
+    "compensations",
+    "references",
+    "grounds",
+    "starts",
+    "seeds",
+    "jobs",
+    "out",
+    "pdf",
+)
 
 
 @dataclass(frozen=True)
@@ -91,8 +102,7 @@ def complete(path: Path) -> bool:
         runs = json.loads(path.read_text(encoding="utf-8"))["runs"]
         if not runs["names"]:
             return True
-        table = pyarrow.parquet.read_table(runs_of(path), page_checksum_verification=True)
-        stored = table.column("run").unique().to_pylist()
+        stored = logfile.read_table(runs_of(path)).column("run").unique().to_pylist()  # all of it, to check it
         return bool(runs_of(path).stat().st_size == runs["bytes"] and sorted(stored) == sorted(runs["names"]))
     except (OSError, ValueError, KeyError, TypeError, pyarrow.ArrowException):
         return False

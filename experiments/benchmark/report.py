@@ -8,13 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import pyarrow.parquet
-from markupsafe import Markup
 
 from experiments.benchmark import figures
 from experiments.benchmark.table import BOARD_HEADER, WHOLE_HEADER, Row, board_text, whole_text
 from experiments.benchmark_config import Case
 from experiments.figure_style import law_line
-from experiments.page import inline_svg, render_page
+from experiments.page import Drawing, Page, conditions, file_name, render_page
 from trackslip.logfile import runs_from_table
 from trackslip.runlog import RunLog
 
@@ -30,10 +29,9 @@ _REPRESENTATIVES = ("linear", "feedforward")  # with which compensations are com
 
 @dataclass(frozen=True)
 class _Figure:
-    name: str
+    drawing: Drawing
     heading: str
     caption: str
-    svg: Markup
 
 
 def render(
@@ -44,8 +42,8 @@ def render(
     runs: Sequence[Row],
     manifest: Mapping[str, Any],
     command: str,
-) -> str:
-    """The page as HTML that needs no other file.
+) -> Page:
+    """The page and its figures.
 
     Args:
         runs_file: the Parquet file with the runs.
@@ -59,12 +57,14 @@ def render(
     shown = list(
         _path_figures(runs_file, [Case(*(run[key] for key in Case.__match_args__)) for run in runs if not run["error"]])
     )
-    return render_page(
+    drawings = [Drawing("leaderboard", figures.board(rows)), *(figure.drawing for figure in shown)]
+    html = render_page(
         "benchmark.html.j2",
         title="Controllers of a tracked robot, with and without compensation of slip",
         command=command,
         manifest=manifest,
-        figures={"board": inline_svg(figures.board(rows), "board")} | {figure.name: figure.svg for figure in shown},
+        figures={drawing.name: drawing.inline for drawing in drawings},
+        conditions=conditions(manifest, command),
         paths=shown,
         board_header=BOARD_HEADER,
         board=board_text(entries),
@@ -72,6 +72,7 @@ def render(
         header=WHOLE_HEADER,
         table=whole_text(rows),
     )
+    return Page(html, drawings)
 
 
 def _path_figures(runs_file: Path, cases: Sequence[Case]) -> Iterator[_Figure]:
@@ -120,8 +121,7 @@ def _figure(
     one = next(iter(chosen.values()))
     lines = {figures.compensation_name(key): (logs[case.run], dict(style[key])) for key, case in chosen.items()}
     caption = f"{what + ', o' if what else 'O'}n {one.ground}, start {one.start}, seed {one.seed}."
-    name = "".join(letter if letter.isalnum() else "-" for letter in heading)
-    return _Figure(name, heading, caption, inline_svg(figures.paths(one.reference, lines), name))
+    return _Figure(Drawing(f"paths_{file_name(heading)}", figures.paths(one.reference, lines)), heading, caption)
 
 
 def _read(path: Path, names: Sequence[str]) -> list[RunLog]:

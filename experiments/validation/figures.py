@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator
 
-from experiments.figure_style import BLACK, BLUE, GREEN, ORANGE, VERMILLION, styled, thin
+from experiments.figure_style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, styled, thin
 from experiments.validation import convergence
 from experiments.validation.convergence import Convergence
 from experiments.validation.energy import Energy
@@ -60,9 +60,9 @@ def _make_room(axes: Axes, share: float = 0.15) -> None:
 def _reach(axes: Axes, x: Array, load: Array, colour: str, marker: str, name: str) -> None:
     """Medians of loads (M, P) at places (P,); thick, the middle half of them; thin, from the least to the greatest."""
     least, lower, middle, upper, greatest = np.quantile(load, [0.0, 0.25, 0.5, 0.75, 1.0], axis=0)
-    axes.vlines(x, lower, upper, color=colour, lw=5.0, alpha=0.45)
+    axes.vlines(x, lower, upper, color=colour, lw=5.0)
     reach = [middle - least, greatest - middle]
-    axes.errorbar(x, middle, reach, fmt=marker, color=colour, ms=4.5, lw=1.0, capsize=2.0, label=name)
+    axes.errorbar(x, middle, reach, fmt=marker, color=colour, ms=5.5, mec="white", lw=1.0, capsize=2.0, label=name)
 
 
 @styled
@@ -77,7 +77,7 @@ def slopes(creep: Creep, slide: Slide, ground: Ground) -> Panels:
             np.degrees(angle), 1e3 * speed[first], color=colour, marker=marker, ls=dash, ms=4.5, label=_name(heading)
         )
         axes.axvline(np.degrees(friction_angle((ground.along, ground.across), heading)), color=colour, ls=dash, lw=0.9)
-    axes.axvline(np.degrees(REFERENCE_ANGLE), color="#aaaaaa", lw=5.0, alpha=0.5, zorder=0)
+    axes.axvline(np.degrees(REFERENCE_ANGLE), color=GREY, lw=3.0, zorder=0)
     axes.set(yscale="log", xlim=(0, None))
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
     axes.yaxis.set_major_formatter("{x:g}")
@@ -117,9 +117,7 @@ def steps_and_solvers(found: Convergence, own_step: float) -> Panels:
     if own_step in found.step_error:
         axes.plot(1e3 * own_step, 1e3 * found.step_error[own_step], "o", color=BLUE, ms=12, mfc="none", mew=1.2,
                   label="the model's own step")  # fmt: skip
-    axes.axhline(
-        1e3 * found.solver_difference, color=VERMILLION, ls="-.", label="CG from Newton,\nat the model's own step"
-    )
+    axes.axhline(1e3 * found.solver_difference, color=RED, ls="-.", label="CG from Newton,\nat the model's own step")
     axes.set(xscale="log", yscale="log")
     axes.set_xticks(1e3 * step, [f"{1e3 * s:g}" for s in step])
     axes.set_xticks([], minor=True)
@@ -135,15 +133,15 @@ def energies(found: Energy) -> Panels:
     rows = thin(len(found.time))
     time = found.time[rows]
     whole, axes = panel("Since the start", "time [s]", "energy [J]")
-    axes.plot(time, found.traction[rows], color=BLUE, lw=4.0, alpha=0.45, label="put in by the belts")
+    axes.plot(time, found.traction[rows], color=BLUE, lw=4.0, alpha=0.75, label="put in by the belts")
     axes.plot(time, found.friction[rows], color=BLACK, lw=1.1, ls="--", label="lost where belts slide")
     axes.plot(time, found.kinetic[rows], color=GREEN, lw=1.3, label="kinetic and potential")
     axes.legend(loc="upper left")
     left, axes = panel("The difference, enlarged", "time [s]", "energy [J]")
     difference = found.traction - found.friction - found.damping
-    axes.plot(time, difference[rows], color=BLUE, lw=4.0, alpha=0.45, label="put in − all losses")
+    axes.plot(time, difference[rows], color=BLUE, lw=4.0, alpha=0.75, label="put in − all losses")
     axes.plot(time, found.kinetic[rows], color=GREEN, lw=1.3, ls="--", label="kinetic and potential")
-    axes.plot(time, (difference - found.kinetic)[rows], color=VERMILLION, ls="-.", lw=1.3, label="not accounted for")
+    axes.plot(time, (difference - found.kinetic)[rows], color=RED, ls="-.", lw=1.3, label="not accounted for")
     axes.axhline(0, color="#888888", lw=0.8, zorder=1)
     _make_room(axes, 0.3)
     axes.legend(loc="upper left")

@@ -7,11 +7,11 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.figure_style import BLACK, BLUE, VERMILLION
+from experiments.figure_style import BLACK, BLUE, RED
 
 RECIPE: dict[str, Any] = {"color": BLUE, "marker": "o"}
 """The contacts of the model, in every figure."""
-DEFAULT: dict[str, Any] = {"color": VERMILLION, "marker": "^"}
+DEFAULT: dict[str, Any] = {"color": RED, "marker": "^"}
 """MuJoCo's default contact."""
 THEORY: dict[str, Any] = {"color": BLACK, "lw": 1.0}
 

@@ -5,14 +5,13 @@ from __future__ import annotations
 import itertools
 from typing import Any
 
-import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy.interpolate import CubicSpline
 
-from experiments.figure_style import BLUE, GREEN, ORANGE, VERMILLION, styled
+from experiments.figure_style import BLUE, GREEN, ORANGE, RED, SPEED_SHADES, shade, styled
 from experiments.validation.panels import DEFAULT, RECIPE, THEORY, Panels, panel
 from experiments.validation.turning import Turns
 from sim.drive import Drive
@@ -22,7 +21,7 @@ from trackslip.kinematics import Array, RobotGeometry, limit_sprocket_speeds, sp
 
 _DASHES: tuple[Any, ...] = ("-", "--", "-.", (0, (1, 1)))
 _MARKERS = "os^Dv"
-_COLOURS = (BLUE, ORANGE, GREEN, VERMILLION, "#CC79A7")
+_COLOURS = (BLUE, ORANGE, GREEN, RED, "#CC79A7")
 
 
 def own(turns: Turns, parameters: RobotParameters) -> np.ndarray:
@@ -161,7 +160,7 @@ def slip_against_radius(turns: Turns, naive: Turns, parameters: RobotParameters,
         _theory_line(axes, turns, rows)
         speeds = np.unique(turns.speed)
         for k, (speed, marker) in enumerate(zip(speeds, itertools.cycle(_MARKERS), strict=False)):
-            colour = matplotlib.colormaps["plasma"](0.85 * k / max(len(speeds) - 1, 1))
+            colour = shade(SPEED_SHADES, k / max(len(speeds) - 1, 1))
             chosen = rows & (turns.speed == speed)
             for track in (0, 1):
                 axes.plot(

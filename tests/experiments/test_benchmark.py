@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet
 import pytest
+from browser import assert_fits
 
 from experiments.benchmark.group import groups
 from experiments.benchmark.parts import Parts, complete, runs_of
@@ -113,8 +114,12 @@ def test_rows_are_what_the_stored_runs_say(trackslip, short):
     text = (result.folder / "leaderboard.md").read_text()
     assert text.count("\n| feedforward") == 2 + 4
     assert "feedforward" in result.printed
-    assert (result.folder / "report.html").stat().st_size > 10_000
+    page = (result.folder / "report.html").read_text(encoding="utf-8")
+    names = {path.stem for path in (result.folder / "figures").glob("*.svg")}
+    assert "leaderboard" in names
+    assert names == set(re.findall(r'<figure id="(\w+)"', page))
     assert not (result.folder / ".benchmark-parts").exists()
+    assert_fits(page)  # last: it skips the test where there is no browser
 
 
 def test_as_many_processes_as_one_likes_give_the_same_bits(trackslip, short, tmp_path):

@@ -103,7 +103,7 @@ def test_the_shipped_laws_are_these(summary):
 
 
 def test_what_is_left_behind(folder, summary):
-    names = {"manifest.json", "summary.json", "runs.parquet", "report.html"}
+    names = {"manifest.json", "summary.json", "runs.parquet", "report.html", "figures"}
     assert {path.name for path in folder.iterdir()} == names
     stages = {"physics", "scans", "localization", "slips", "laws", "errors of all methods", "closed loops", "report"}
     assert set(summary["timing"]["stages"]) == stages
@@ -165,7 +165,8 @@ def test_slip_error_over_seeds(tmp_path, options):
 
 def test_the_report_is_one_file_that_needs_no_network(folder):
     page = (folder / "report.html").read_text()
-    for figure in (4, 5, 6, 7, 8, 10, 11, 12):
+    assert {path.stem for path in (folder / "figures").iterdir()} == set(re.findall(r'<figure id="(\w+)"', page))
+    for figure in (4, 5, 6, 7, 8, 9, 10, 11, 12):
         assert f"Fig. {figure}" in page or f"Figure {figure}" in page
     assert page.count("<svg") >= 8
     for needle in ('src="http', 'href="http', "<script src", "@import", "url(http"):

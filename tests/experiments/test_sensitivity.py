@@ -3,6 +3,7 @@
 import re
 
 import pytest
+from browser import assert_fits
 
 from experiments import sensitivity
 from experiments.effects import EFFECTS, Effect
@@ -12,7 +13,7 @@ SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "8")
 
 def test_a_row_for_each_effect(trackslip):
     found = trackslip("sensitivity", *SMALL, "--seed", "2")
-    assert {path.name for path in found.folder.iterdir()} == {"manifest.json", "summary.json", "report.html"}
+    assert {path.name for path in found.folder.iterdir()} == {"manifest.json", "summary.json", "report.html", "figures"}
     assert found.manifest["command"] == "sensitivity"
     assert found.manifest["seed"] == 2
     rows = {row["effect"]: row for row in found.summary["rows"]}
@@ -61,6 +62,7 @@ def test_the_page_needs_no_other_file_and_shows_the_table(trackslip, monkeypatch
     found = trackslip("sensitivity", *SMALL)
     page = (found.folder / "report.html").read_text(encoding="utf-8")
     assert page.count("<svg ") == 1
+    assert (found.folder / "figures" / "slip_errors.svg").is_file()
     for reference in re.findall(r'(?:src|href)="([^"]*)"', page):
         assert reference.startswith("#")
     for needle in ("<script", "<link", "@import", "url(http"):
@@ -68,6 +70,7 @@ def test_the_page_needs_no_other_file_and_shows_the_table(trackslip, monkeypatch
     for row in found.summary["rows"]:
         assert f'<th scope="row">{row["effect"]}</th>' in page
         assert f'<td class="n">{row["slip_error"]["outer"]["bias"]:+.5f}</td>' in page
+    assert_fits(page)  # last: it skips the test where there is no browser
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import re
 
 import numpy as np
 import pytest
+from browser import assert_fits
 
 from experiments.cli import main
 from experiments.validation import convergence, energy, turning
@@ -77,7 +78,7 @@ def assert_within_bounds(found):
 
 def assert_report_is_whole(page):
     for name, panels in FIGURES.items():
-        figure = re.search(rf'<figure id="fig-{name}">.*?</figure>', page, re.DOTALL)
+        figure = re.search(rf'<figure id="{name}">.*?</figure>', page, re.DOTALL)
         assert figure is not None
         assert figure[0].count("<svg ") == panels
         assert figure[0].count("<figcaption>") == 1
@@ -102,7 +103,7 @@ def test_numbers(quick):
 
 def test_what_is_left_behind(quick):
     folder, printed = quick
-    assert {path.name for path in folder.iterdir()} == {"manifest.json", "summary.json", "report.html"}
+    assert {path.name for path in folder.iterdir()} == {"manifest.json", "summary.json", "report.html", "figures"}
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["seed"] == 3
     assert manifest["robot"]["half_gauge"] == 0.168
@@ -115,6 +116,11 @@ def test_what_is_left_behind(quick):
 
 def test_the_report_is_whole_and_needs_no_network(quick):
     assert_report_is_whole(page_of(quick[0]))
+    assert len(list((quick[0] / "figures").glob("*.svg"))) == page_of(quick[0]).count("<svg ")
+
+
+def test_the_report_fits_phone_and_desk(quick):
+    assert_fits(page_of(quick[0]))
 
 
 def test_the_report_shows_the_numbers(quick):

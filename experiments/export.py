@@ -1,0 +1,76 @@
+"""`trackslip export`: stored runs as CSV, for spreadsheets and for programs that don't know Parquet."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from experiments.console import print_table
+from experiments.export_config import ExportConfig
+from trackslip.errors import InvalidValueError, OutputError
+from trackslip.logfile import load, to_table, write_csv
+from trackslip.runlog import RunLog
+from trackslip.schema import COLUMNS
+
+_SHOWN = 10  # names in a message
+
+
+def run(config: ExportConfig) -> None:
+    """List the runs, or write them."""
+    logs = [replace(log, scans=None) for log in chosen(load(config.path), config.run)]
+    if not config.csv:
+        print_table(f"Runs in {config.path}", ("run", "rows", "duration [s]", "truth"), [_row(log) for log in logs])
+        return
+    file, about = config.file, config.file.with_suffix(".columns.csv")
+    if file.exists() and file.samefile(config.path):
+        raise InvalidValueError("out", str(file), "another file than the one that is read")
+    for name in (file, about):
+        if name.exists() and not config.overwrite:
+            raise OutputError(f"{name}: is there already; --overwrite replaces it")
+    columns = to_table(logs).column_names
+    _write(about, lambda path: _write_columns(columns, path))
+    _write(file, lambda path: write_csv(logs, path))
+    print(f"{file}: {len(logs)} run(s), {sum(len(log.time) for log in logs)} rows; units in {about.name}")
+    geometry = logs[0].metadata.get("geometry")
+    if isinstance(geometry, dict):
+        options = " ".join(f"--{name.replace('_', '-')} {value:g}" for name, value in geometry.items())
+        print(f"trackslip identify {file} {options}")
+
+
+def chosen(logs: Sequence[RunLog], names: Sequence[str]) -> list[RunLog]:
+    """The runs of these names, in their order, or all; raises InvalidValueError for a name that none has."""
+    known = {log.run: log for log in logs}
+    for name in names:
+        if name not in known:
+            more = f", ... ({len(known)} of them)" if len(known) > _SHOWN else ""
+            raise InvalidValueError("run", name, f"one of {', '.join(map(repr, list(known)[:_SHOWN]))}{more}")
+    return [known[name] for name in names] or list(logs)
+
+
+def _row(log: RunLog) -> tuple[str, ...]:
+    return log.run, str(len(log.time)), f"{log.time[-1] - log.time[0]:.2f}", "no" if log.truth is None else "yes"
+
+
+def _write_columns(names: Sequence[str], path: Path) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(("column", "unit", "description"))
+        writer.writerows((COLUMNS[name].name, COLUMNS[name].unit, COLUMNS[name].description) for name in names)
+
+
+def _write(path: Path, writing: Callable[[Path], None]) -> None:
+    """Write a file whole or not at all."""
+    draft = path.with_name(f".partial-{os.getpid()}-{path.name}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        writing(draft)
+        os.replace(draft, path)
+    except OSError as error:
+        raise OutputError(f"{path}: can't be written ({error.strerror or error})") from error
+    finally:
+        with contextlib.suppress(OSError):
+            draft.unlink()

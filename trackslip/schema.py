@@ -1,0 +1,100 @@
+"""The columns of a table of runs: name, unit, what it is. Every file's columns carry these as metadata.
+
+`python -m trackslip.schema` prints them as the table in docs/data.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import pyarrow as pa
+
+PURE = "1"
+"""The unit of a pure number."""
+NO_UNIT = ""
+"""That of what isn't a number."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of a table of runs."""
+
+    name: str
+    unit: str
+    description: str
+
+    @property
+    def metadata(self) -> dict[str, str]:
+        """As it is stored with the column."""
+        return {"unit": self.unit, "description": self.description}
+
+
+def _tracks(name: str, unit: str, description: str) -> tuple[Column, Column]:
+    """The column of the left track and that of the right."""
+    return Column(f"{name}_l", unit, f"{description}, left"), Column(f"{name}_r", unit, f"{description}, right")
+
+
+COLUMNS: dict[str, Column] = {
+    column.name: column
+    for column in (
+        Column("run", NO_UNIT, "name of the run, the same in all its rows"),
+        Column("t", "s", "time of the scan since the start of the run, ascending"),
+        *_tracks("omega", "rad/s", "sprocket speed by the encoder, mean since the row before"),
+        Column("x", "m", "estimated position in the field"),
+        Column("y", "m", "estimated position in the field"),
+        Column("phi", "rad", "estimated heading, counter-clockwise from x, without jumps"),
+        Column("valid", NO_UNIT, "whether the pose was measured in this scan"),
+        *_tracks("omega_cmd", "rad/s", "sprocket speed commanded from this row on"),
+        Column("v_cmd", "m/s", "forward speed that the controller asked for"),
+        Column("w_cmd", "rad/s", "yaw rate that the controller asked for"),
+        Column("icr_offset", "m", "offset D of the ICRs that slip was compensated with"),
+        Column("icr_radius_error", PURE, "error epsilon of the sprocket radius that slip was compensated with"),
+        Column("var_x", "m^2", "variance of x"),
+        Column("cov_xy", "m^2", "covariance of x and y"),
+        Column("cov_xphi", "m rad", "covariance of x and phi"),
+        Column("var_y", "m^2", "variance of y"),
+        Column("cov_yphi", "m rad", "covariance of y and phi"),
+        Column("var_phi", "rad^2", "variance of phi"),
+        Column("true_x", "m", "true position"),
+        Column("true_y", "m", "true position"),
+        Column("true_phi", "rad", "true heading"),
+        Column("true_v", "m/s", "true forward speed"),
+        Column("true_lateral", "m/s", "true speed to the left"),
+        Column("true_w", "rad/s", "true yaw rate"),
+        *_tracks("traction", "N", "force of the ground on the track, along the robot"),
+        *_tracks("torque", "N m", "torque of the motor at its sprocket"),
+        *_tracks("power", "W", "electrical power of the motor, mean since the row before"),
+        *_tracks("saturated", PURE, "share of the time since the row before with the motor at its limit"),
+        Column("true_lean", "m", "how far the scanned plate stands to the left of the robot"),
+        Column(
+            "first_beam",
+            PURE,
+            "number of the beam that the first of ranges belongs to, counted from 0 on the right; 0 without ranges",
+        ),
+        Column("lost", PURE, "beams between the plate's first and last return that nothing stopped"),
+        Column("hidden_first", "rad", "angle beyond the plate's first return that something nearer hides"),
+        Column("hidden_last", "rad", "angle beyond the plate's last return that something nearer hides"),
+        Column("ranges", "m", "list of the ranges that were taken for the plate, a number for each beam"),
+        Column("v", "m/s", "forward speed of a steady sample"),
+        Column("w", "rad/s", "yaw rate of a steady sample"),
+        *_tracks("slip", PURE, "slip i = 1 - V / (r omega) of a steady sample"),
+    )
+}
+"""By name."""
+
+
+def with_units(fields: Sequence[pa.Field]) -> list[pa.Field]:
+    """Fields of a schema with what is known of them as metadata."""
+    return [f.with_metadata(COLUMNS[f.name].metadata) if f.name in COLUMNS else f for f in fields]
+
+
+def markdown() -> str:
+    """The table of all columns."""
+    lines = ["| column | unit | what |", "|---|---|---|"]
+    lines += [f"| `{column.name}` | {column.unit or '–'} | {column.description} |" for column in COLUMNS.values()]
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    print(markdown())
