@@ -6,39 +6,15 @@ from typing import Any
 
 import matplotlib
 
+from experiments.colours import BLACK as BLACK
+from experiments.colours import BLUE as BLUE
+from experiments.colours import COLOURS as COLOURS
+from experiments.colours import GREEN as GREEN
+from experiments.colours import LABELS as LABELS
+from experiments.colours import ORANGE as ORANGE
+from experiments.colours import VERMILLION as VERMILLION
 from trackslip.kinematics import Array
 
-BLUE, ORANGE, GREEN, VERMILLION, BLACK = "#0072B2", "#E69F00", "#009E73", "#D55E00", "#1a1a1a"
-COLOURS = {
-    "none": VERMILLION,
-    "published": BLACK,
-    "constant": "#8a8a8a",
-    "exponential": "#CC79A7",
-    "exponential_speed": ORANGE,
-    "power": GREEN,
-    "hyperbola": "#8C510A",
-    "icr": "#56B4E9",
-    "icr_radius": BLUE,
-    "icr_sides": "#6A3D9A",
-    "online": "#117733",
-    "online_cold": "#999933",
-}
-"""The same colour for the same slip law in every figure (Okabe and Ito's palette, and three more)."""
-LABELS = {
-    "none": "no slip assumed",
-    "published": "published law (Eq. 11)",
-    "constant": "constant slip",
-    "exponential": "exponential",
-    "exponential_speed": "exponential with speed",
-    "power": "power of radius",
-    "hyperbola": "hyperbola",
-    "icr": "constant ICR",
-    "icr_radius": "constant ICR with ε",
-    "icr_sides": "constant ICR, two-sided",
-    "online": "online",
-    "online_cold": "online, from nothing",
-}
-"""What a law, or a compensation by it, is called."""
 DASHES = {
     "none": "-",
     "published": "--",

@@ -41,7 +41,7 @@ class World:
             ground = load_ground(config.ground.source)
         obstacles = Obstacles() if config.obstacles is None else load_obstacles(config.obstacles)
         error = parameters.radius_error if config.radius_error is None else config.radius_error
-        robot = load_robot(parameters=parameters)
+        robot = load_robot(parameters=parameters, contact_sensors=config.rrd)
         return cls(config, parameters, robot, config.ground.changed(ground), error, obstacles)
 
     def fleet(self, start: Array) -> Fleet:
@@ -57,6 +57,7 @@ class World:
         metadata: dict[str, Any] = store.plain(
             {
                 "geometry": self.robot.geometry,
+                "robot": self.parameters,
                 "plate": self.robot.plate,
                 "lrf": {"mount": self.robot.lrf_mount},
                 "ground": self.ground,

@@ -32,7 +32,18 @@ from trackslip.lawfile import SHIPPED
 from trackslip.runlog import RunLog
 
 _FOLDER = ".benchmark-parts"
-_IRRELEVANT = ("suite", "controllers", "compensations", "references", "grounds", "starts", "seeds", "jobs", "out")
+_IRRELEVANT = (
+    "suite",
+    "controllers",
+    "compensations",
+    "references",
+    "grounds",
+    "starts",
+    "seeds",
+    "jobs",
+    "out",
+    "rrd",
+)
 _PACKAGES = (trackslip, sim, experiments, models)
 
 
