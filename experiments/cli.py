@@ -22,6 +22,7 @@ from experiments.coverage_config import CoverageConfig
 from experiments.sensitivity_config import SensitivityConfig
 from experiments.train_config import TrainConfig
 from experiments.validate_config import ValidateConfig
+from experiments.view_config import ViewConfig
 from trackslip.errors import TrackslipError
 
 Command = (
@@ -37,6 +38,7 @@ Command = (
     | Annotated[SensitivityConfig, tyro.conf.subcommand("sensitivity")]
     | Annotated[ReproduceConfig, tyro.conf.subcommand("reproduce")]
     | Annotated[BenchConfig, tyro.conf.subcommand("bench")]
+    | Annotated[ViewConfig, tyro.conf.subcommand("view")]
 )
 _DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate it. `trackslip COMMAND --help` lists a
 command's options."""
@@ -53,6 +55,7 @@ _RUNNERS = {
     SensitivityConfig: "experiments.sensitivity",
     ReproduceConfig: "experiments.reproduce",
     BenchConfig: "experiments.bench",
+    ViewConfig: "experiments.view",
 }
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from experiments import store
 from experiments.config import GridConfig
 from experiments.console import print_table, progress
+from experiments.recording import record_all
 from experiments.world import World
 from sim.robot import Robot
 from sim.runs import Description, open_loop
@@ -51,6 +52,8 @@ def run(config: GridConfig) -> None:
         summary["timing"] = {"wall_s": wall, "simulated_s": simulated_seconds(logs), "stages": watch.stages}
         about = world.manifest("grid", wall)
         store.write_results(folder, logs, summary, about)
+        if config.rrd:
+            record_all(folder, logs)
     print_table(
         f"{len(logs)} runs of {config.duration:g} s",
         ("commanded radius [m]", "observed [m]", "outer slip", "inner slip"),

@@ -33,6 +33,8 @@ RUNS = "runs.parquet"
 MANIFEST = "manifest.json"
 REPORT = "report.html"
 LEADERBOARD = "leaderboard.md"
+RECORDINGS = "recordings"
+"""A folder of recordings for the rerun viewer."""
 
 _PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "lmfit", "pyarrow", "matplotlib", "casadi")
 
@@ -53,6 +55,8 @@ def results(out: Path) -> Iterator[Path]:
             for name in (MANIFEST, SUMMARY, RUNS, REPORT, LEADERBOARD):
                 if (out / name).is_dir():
                     raise OutputError(f"out = {str(out)!r}: {name} is a folder there, and must be a file or absent")
+            if (out / RECORDINGS).exists() and not (out / RECORDINGS).is_dir():
+                raise OutputError(f"out = {str(out)!r}: {RECORDINGS} is a file there, and must be a folder or absent")
             staging = Path(tempfile.mkdtemp(prefix=".partial-", dir=out))
         except OutputError:
             raise
@@ -78,8 +82,21 @@ def _replace(staging: Path, out: Path) -> None:
     new = {file.name for file in staging.iterdir()}
     for name in {SUMMARY, RUNS, REPORT, LEADERBOARD} - new:
         (out / name).unlink(missing_ok=True)
-    for name in sorted(new - {MANIFEST}) + sorted(new & {MANIFEST}):
+    _replace_recordings(staging / RECORDINGS, out / RECORDINGS)
+    for name in sorted(new - {MANIFEST, RECORDINGS}) + sorted(new & {MANIFEST}):
         os.replace(staging / name, out / name)
+
+
+def _replace_recordings(staging: Path, out: Path) -> None:
+    """Put new recordings, if there are any, in place of all old ones; other files in the folder stay."""
+    for old in out.glob("*.rrd"):
+        old.unlink()
+    if staging.is_dir():
+        out.mkdir(exist_ok=True)
+        for file in staging.iterdir():
+            os.replace(file, out / file.name)
+    with contextlib.suppress(OSError):
+        out.rmdir()
 
 
 def write_results(folder: Path, logs: Sequence[RunLog], summary: Mapping[str, Any], about: Mapping[str, Any]) -> None:

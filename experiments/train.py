@@ -5,18 +5,24 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from experiments import store
+from experiments.config import GroundOptions, TrackConfig
 from experiments.console import progress
+from experiments.recording import record_all
+from experiments.track import drive, make_reference
 from experiments.train_config import TrainConfig
+from experiments.world import World
 from sim.path_tracking.config import Reward
 from sim.path_tracking.randomization import Randomization
 from sim.policy import Network, Policy
 from trackslip.errors import LogError, TrackslipError
+from trackslip.runlog import RunLog
 
 POLICY, CHECKPOINT = "policy.npz", "checkpoint.zip"
 _LEAST_RATE = 0.05  # of the learning rate, at the end
@@ -38,11 +44,28 @@ def run(config: TrainConfig) -> None:
         timing = {"wall_s": wall, "steps_per_s": (model.num_timesteps - before) / wall}
         store.write_json(config.out / store.SUMMARY, {"steps": model.num_timesteps, "curve": curve, "timing": timing})
         store.write_json(config.out / store.MANIFEST, store.manifest("train", config, wall, seed=config.seed))
+        if config.rrd:
+            record_all(config.out, [_driven(config, name) for name in config.references])
     except OSError as error:
         raise TrackslipError(f"out = {str(config.out)!r}: can't be written ({error.strerror or error})") from error
     for point in (curve[0], curve[-1]) if curve else ():
         print(f"{point['steps']:>10,} steps: {point['reward']:.3f} of 1 a step")
     print(f"{config.out / POLICY}: {model.num_timesteps:,} steps in {wall:.0f} s")
+
+
+def _driven(config: TrainConfig, reference: str) -> RunLog:
+    """A run of the policy on a path, from where that begins, on the first of the grounds."""
+    course = TrackConfig(
+        controller=f"ppo:{config.out / POLICY}",
+        compensation=config.compensation,
+        reference=reference,
+        ground=GroundOptions(config.grounds[0]),
+        seed=config.seed,
+        threads=config.threads,
+        rrd=True,
+    )
+    world = World.of(course)
+    return replace(drive(course, world, make_reference(course, world.robot))[0], run=f"policy {reference}")
 
 
 def environment_options(config: TrainConfig) -> dict[str, Any]:

@@ -6,21 +6,20 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from experiments import store
 from trackslip.errors import OutputError
 from trackslip.runlog import RunLog
 
-FOLDER = "recordings"
-"""Where they are, in a folder of results."""
 _LONGEST = 120  # characters of a file's name
 
 
 def record_all(folder: Path, logs: Sequence[RunLog], compared: Mapping[str, Sequence[RunLog]] | None = None) -> None:
-    """A recording of each run, and of each of the groups `compared`, into FOLDER in `folder`."""
+    """A recording of each run, and of each of the groups `compared`, into store.RECORDINGS in `folder`."""
     for name, log in zip(file_names([log.run for log in logs]), logs, strict=True):
-        record(folder / FOLDER / name, [log])
+        record(folder / store.RECORDINGS / name, [log])
     groups = compared or {}
     for name, group in zip(file_names(list(groups)), groups.values(), strict=True):
-        record(folder / FOLDER / name, group)
+        record(folder / store.RECORDINGS / name, group)
 
 
 def record(file: Path, logs: Sequence[RunLog], laws: Path | None = None) -> None:
@@ -37,10 +36,7 @@ def record(file: Path, logs: Sequence[RunLog], laws: Path | None = None) -> None
         draft.touch()
         with stream.new_stream(title(logs)) as recording:
             recording.save(draft)
-            if len(logs) == 1:
-                stream.send_run(recording, logs[0], laws)
-            else:
-                stream.send_comparison(recording, logs, laws)
+            stream.send(recording, logs, laws)
             recording.flush()
             recording.disconnect()
         draft.replace(file)

@@ -23,7 +23,6 @@ def blueprint(
     roots: Sequence[str],
     panels: Sequence[Panel],
     sent: Sequence[str],
-    look_at: Array,
     within: Array,
     moment: float,
     duration: float,
@@ -34,7 +33,6 @@ def blueprint(
         roots: entities of the runs.
         panels: plots; those of which nothing is there are left out.
         sent: entities that there are.
-        look_at: what several robots are looked at (2,) [m]; a single one is followed.
         within: points (n, 2) that the plan shows [m].
         moment: at which the viewer begins to play, in a loop [s].
         duration: of the runs [s].
@@ -44,9 +42,9 @@ def blueprint(
         for panel in panels
         if (entities := [f"{root}/{name}" for root in roots for name in panel.entities if f"{root}/{name}" in sent])
     ]
-    target = np.array([*look_at, 0.2])
+    target = np.array([0.0, 0.0, 0.2])
     space = rrb.Spatial3DView(
-        origin=f"/{roots[0]}/{CAMERA}" if len(roots) == 1 else "/",
+        origin=f"/{CAMERA}",
         contents=["+ /**"],
         name="Robot and field" if len(roots) == 1 else "Robots and field",
         background=_BACKGROUND,
@@ -80,7 +78,7 @@ def blueprint(
             contents=[f"+ /{entity}" for entity in entities],
             name=panel.title,
             axis_y=None if panel.range is None else rrb.ScalarAxis(range=panel.range, zoom_lock=False),
-            plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop),
+            plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=panel.legend),
         )
         for panel, entities in plots
     ]

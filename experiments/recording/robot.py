@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import mujoco
 import numpy as np
 import rerun as rr
@@ -12,8 +14,9 @@ from experiments.recording.columns import at_height, mesh, rgb, send, send_poses
 from experiments.recording.traces import Traces
 from trackslip.kinematics import Array
 
-ROBOT, CAMERA = "robot", "camera"
-"""Entities of a run, below its own."""
+ROBOT = "robot"
+"""Entity of the robot, below that of the run."""
+CAMERA = "camera"
 _PHASES = 8  # places of a shoe between two, so that rows repeat and pack well
 _MARKED = 11  # every so many shoes is painted, to see the belt run
 _NEWTON = 0.004  # length of a force's arrow [m/N]
@@ -50,9 +53,12 @@ def _send_shoes(stream: rr.RecordingStream, entity: str, time: Array, travel: Ar
         send(stream, f"{entity}/{name}", time[rows], poses.partition(np.full(len(where), where.shape[1])))
 
 
-def send_camera(stream: rr.RecordingStream, entity: str, traces: Traces) -> None:
-    """Where a camera stands that goes with the robot without turning."""
-    send(stream, f"{entity}/{CAMERA}", traces.time, rr.Transform3D.columns(translation=at_height(traces.pose)))
+def send_camera(stream: rr.RecordingStream, runs: Sequence[Traces]) -> None:
+    """Where a camera stands that goes with the middle of the robots, without turning."""
+    time = max((traces.time for traces in runs), key=lambda time: float(time[-1]))
+    places = [[np.interp(time, traces.time, column) for column in traces.pose.T] for traces in runs]
+    middle = np.mean(places, axis=0).T
+    send(stream, CAMERA, time, rr.Transform3D.columns(translation=at_height(middle)))
 
 
 def send_simple_robot(

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,10 +36,12 @@ class Panel:
     range: tuple[float, float] | None = None
     height: float = 1.0
     """Beside the others'."""
+    legend: bool = True
 
 
 SLIP_TRUE, SLIP_IDENTIFIED, SLIP_LAW = "slip/true", "slip/identified", "slip/law"
 _SLIP_RANGE = (-0.25, 0.20)
+_DISTANCE = "Distance from the reference [mm]"
 PANELS = (
     Panel("Slip [-]", (SLIP_IDENTIFIED, SLIP_TRUE, SLIP_LAW), _SLIP_RANGE, 1.7),
     Panel("Sprocket speed [rad/s]", ("sprocket/set_point", "sprocket/measured")),
@@ -49,14 +52,14 @@ PANELS = (
 )
 """Of one run."""
 COMPARED = (
-    Panel("Distance from the reference [mm]", ("error/distance",)),
-    Panel("Heading error [deg]", ("error/heading",)),
-    Panel("True slip [-], pale: right track", (SLIP_TRUE,), _SLIP_RANGE),
-    Panel("Identified slip [-], pale: right track", (SLIP_IDENTIFIED,), _SLIP_RANGE),
+    Panel(_DISTANCE, ("error/distance",), height=2.0),
+    Panel("Heading error [deg]", ("error/heading",), legend=False),
+    Panel("True slip [-], pale: right track", (SLIP_TRUE,), _SLIP_RANGE, legend=False),
+    Panel("Identified slip [-], pale: right track", (SLIP_IDENTIFIED,), _SLIP_RANGE, legend=False),
     Panel("Sprocket speed [rad/s], pale: right track", ("sprocket/measured",)),
-    Panel("Yaw rate [rad/s], pale: asked for", ("twist/yaw",)),
+    Panel("Yaw rate [rad/s], pale: asked for", ("twist/yaw",), legend=False),
 )
-"""Of several runs."""
+"""Of several runs; their colours are the same in all."""
 
 
 def series_of(traces: Traces) -> list[Series]:
@@ -89,6 +92,15 @@ def series_of(traces: Traces) -> list[Series]:
             load = np.stack([part.sum(axis=1) for part in np.split(log.truth.contact[..., 2], [left], axis=1)], axis=-1)
             add("contact/load", load, ("left, load", "right, load"), sides, 1.5)
     return found
+
+
+def compared_panels(runs: Sequence[Traces]) -> list[Panel]:
+    """COMPARED, with the distances' range such that they can be told apart once the transients are over."""
+    late = [traces.late_distance for traces in runs if traces.late_distance is not None]
+    if not late:
+        return list(COMPARED)
+    highest = 1.2e3 * max(float(distance.max()) for distance in late) + 1.0
+    return [replace(COMPARED[0], range=(0.0, highest)), *COMPARED[1:]]
 
 
 def compared_series(traces: Traces, name: str, colour: str, pale: str) -> list[Series]:

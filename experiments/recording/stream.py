@@ -13,7 +13,7 @@ from experiments.colours import BLUE, COLOURS
 from experiments.recording import columns, field, paths, robot, sensing
 from experiments.recording.blueprint import blueprint
 from experiments.recording.geometry import looks, parameters_of
-from experiments.recording.series import COMPARED, PANELS, compared_series, series_of
+from experiments.recording.series import PANELS, compared_panels, compared_series, series_of
 from experiments.recording.traces import Traces, traces_of
 from trackslip.kinematics import Array
 from trackslip.runlog import RunLog
@@ -31,14 +31,22 @@ def new_stream(title: str) -> rr.RecordingStream:
     return stream
 
 
-def send_run(stream: rr.RecordingStream, log: RunLog, laws: Path | None = None) -> float:
-    """Everything about a run; returns the moment at which it is interesting [s]."""
+def send(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Path | None = None) -> None:
+    """A run, or several to compare; `laws` is a file of identified laws, by default the shipped one."""
+    if len(logs) == 1:
+        send_run(stream, logs[0], laws)
+    else:
+        send_comparison(stream, logs, laws)
+
+
+def send_run(stream: rr.RecordingStream, log: RunLog, laws: Path | None = None) -> None:
+    """Everything about a run."""
     traces = traces_of(log, laws)
     model = looks(parameters_of(log))
     within = _within([traces])
     field.send_field(stream, traces, model, within)
     robot.send_robot(stream, RUN, traces, model)
-    robot.send_camera(stream, RUN, traces)
+    robot.send_camera(stream, [traces])
     robot.send_contacts(stream, RUN, traces, model)
     sensing.send_estimate(stream, RUN, traces, model)
     sensing.send_scans(stream, RUN, traces, field.scan_height(model))
@@ -48,15 +56,15 @@ def send_run(stream: rr.RecordingStream, log: RunLog, laws: Path | None = None) 
     columns.send_series(stream, RUN, traces.time, series)
     columns.send_properties(stream, RUN, {"name": log.run, **log.metadata})
     sent = [f"{RUN}/{line.entity}" for line in series]
-    stream.send_blueprint(blueprint([RUN], PANELS, sent, np.zeros(2), within, traces.moment, float(traces.time[-1])))
-    return traces.moment
+    stream.send_blueprint(blueprint([RUN], PANELS, sent, within, traces.moment, float(traces.time[-1])))
 
 
-def send_comparison(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Path | None = None) -> float:
-    """Several runs on the same time line, each in a colour of its own; returns the interesting moment [s]."""
+def send_comparison(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Path | None = None) -> None:
+    """Several runs on the same time line, each in a colour of its own."""
     runs = [traces_of(log, laws) for log in logs]
     within = _within(runs)
     field.send_field(stream, runs[0], looks(parameters_of(logs[0])), within)
+    robot.send_camera(stream, runs)
     roots: list[str] = []
     sent: list[str] = []
     drawn: set[str] = set()
@@ -75,8 +83,7 @@ def send_comparison(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Pa
         sent += [f"{root}/{line.entity}" for line in series]
     worst = max(runs, key=lambda traces: 0.0 if traces.distance is None else float(np.max(traces.distance)))
     duration = max(float(traces.time[-1]) for traces in runs)
-    stream.send_blueprint(blueprint(roots, COMPARED, sent, _at_moment(worst), within, worst.moment, duration))
-    return worst.moment
+    stream.send_blueprint(blueprint(roots, compared_panels(runs), sent, within, worst.moment, duration))
 
 
 def run_colours(logs: Sequence[RunLog]) -> list[str]:
@@ -99,8 +106,3 @@ def _within(runs: Sequence[Traces]) -> Array:
     points += [traces.reference[:, :2] for traces in runs if traces.reference is not None]
     points += [mount[None, :2] for traces in runs if (mount := field.mount_of(traces)) is not None]
     return np.concatenate(points)
-
-
-def _at_moment(traces: Traces) -> Array:
-    """Where the robot is then (2,) [m]."""
-    return traces.pose[int(np.argmin(np.abs(traces.time - traces.moment))), :2]
