@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -36,6 +37,8 @@ def run(config: ViewConfig) -> None:
         with tempfile.TemporaryDirectory(prefix="trackslip-view-") as folder:
             file = Path(folder) / file_names([title(chosen)])[0]
             record(file, chosen, laws)
+            if config.web:
+                print("in the browser, at http://localhost:9090, until interrupted", flush=True)
             _open(file, config.web)
 
 
@@ -86,5 +89,6 @@ def _open(file: Path, web: bool) -> None:
             raise
     if process.returncode != 0:
         why = next((line for line in said.splitlines() if line.startswith("Error: ")), said).removeprefix("Error: ")
+        why = re.sub(r"\S*/\S+: ", "", why)  # where in the viewer's source
         other = "" if web else "--web, or "
         raise TrackslipError(f"the rerun viewer doesn't start; try {other}--save FILE ({why.strip()[:_LONGEST]})")
