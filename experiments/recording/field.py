@@ -18,7 +18,7 @@ from trackslip.kinematics import Array
 
 FIELD = "field"
 _STONE = 0.5  # of the paving [m]
-_MARGIN = 1.5  # of ground around everything [m]
+_MARGIN = 3.0  # of ground around everything [m]
 _MOST_STONES = 100  # along a side
 _TONES = ((92, 90, 86, 255), (84, 82, 78, 255))
 _TALL = 1.0  # posts, walls and people [m]

@@ -13,8 +13,8 @@ from trackslip.kinematics import Array
 from trackslip.scanlog import ScanLog
 
 ESTIMATE_COLOUR, PLATE_COLOUR, OTHER_COLOUR = VERMILLION, "#ff3d7f", "#8d6bd1"
-MAGNIFIED = 10.0
-"""Times that covariance ellipses are drawn too large, which would not be seen else."""
+MAGNIFIED = 30.0
+"""Times that the 3-sigma ellipses of covariance are drawn too large: they are of millimetres."""
 _SIGMAS = 3.0
 _ON_TOP = 0.11  # of the plate, above its middle [m]
 _MOST_RAYS = 24  # to the plate, drawn of a scan
@@ -43,7 +43,7 @@ def send_estimate(stream: rr.RecordingStream, entity: str, traces: Traces, model
     style = rr.Ellipsoids3D.from_fields(colors=[(*rgb(ESTIMATE_COLOUR), 110)], fill_mode="solid")
     stream.log(ellipse, style, static=True)
     columns = rr.Ellipsoids3D.columns(
-        half_sizes=np.column_stack([half, np.full(len(half), 0.002)]),
+        half_sizes=np.column_stack([half, np.full(len(half), 0.004)]),
         centers=at_height(found, height + _ON_TOP),
         quaternions=quaternion(turned),
     )

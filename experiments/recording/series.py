@@ -56,7 +56,7 @@ COMPARED = (
     Panel("Heading error [deg]", ("error/heading",), legend=False),
     Panel("True slip [-], pale: right track", (SLIP_TRUE,), _SLIP_RANGE, legend=False),
     Panel("Identified slip [-], pale: right track", (SLIP_IDENTIFIED,), _SLIP_RANGE, legend=False),
-    Panel("Sprocket speed [rad/s], pale: right track", ("sprocket/measured",)),
+    Panel("Sprocket speed [rad/s], pale: right track", ("sprocket/measured",), legend=False),
     Panel("Yaw rate [rad/s], pale: asked for", ("twist/yaw",), legend=False),
 )
 """Of several runs; their colours are the same in all."""

@@ -68,11 +68,12 @@ def send_comparison(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Pa
     roots: list[str] = []
     sent: list[str] = []
     drawn: set[str] = set()
+    names = telling_names([log.run for log in logs])
     for number, (traces, colour) in enumerate(zip(runs, run_colours(logs), strict=True)):
         root = rr.new_entity_path([RUN, traces.log.run]).removeprefix("/")
         robot.send_simple_robot(stream, root, traces, looks(parameters_of(traces.log)), colour)
         paths.send_paths(stream, root, traces, colour, estimate=False)
-        series = compared_series(traces, traces.log.run, colour, paler(colour))
+        series = compared_series(traces, names[number], colour, paler(colour))
         columns.send_series(stream, root, traces.time, series)
         columns.send_properties(stream, f"{RUN}_{number}", {"name": traces.log.run, **traces.log.metadata})
         path = str([traces.log.metadata.get(key) for key in ("reference", "circle")])
@@ -84,6 +85,15 @@ def send_comparison(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Pa
     worst = max(runs, key=lambda traces: 0.0 if traces.distance is None else float(np.max(traces.distance)))
     duration = max(float(traces.time[-1]) for traces in runs)
     stream.send_blueprint(blueprint(roots, compared_panels(runs), sent, within, worst.moment, duration))
+
+
+def telling_names(names: Sequence[str]) -> list[str]:
+    """Names of runs without the words that all of them have."""
+    words = [name.split() for name in names]
+    if len({len(name) for name in words}) > 1:
+        return list(names)
+    differ = [len(set(column)) > 1 for column in zip(*words, strict=True)]
+    return [" ".join(word for word, tells in zip(name, differ, strict=True) if tells) for name in words]
 
 
 def run_colours(logs: Sequence[RunLog]) -> list[str]:

@@ -15,6 +15,7 @@ from rerun.chunk import RrdReader
 from experiments import recording
 from experiments.cli import main
 from experiments.recording.geometry import belt, body, looks, parameters_of
+from experiments.recording.stream import telling_names
 from experiments.recording.traces import traces_of
 from sim.robot_parameters import RobotParameters
 from trackslip.kinematics import RobotGeometry, track_slip
@@ -213,3 +214,8 @@ def test_file_names():
 def test_driving_without_a_recording_needs_no_rerun():
     code = "import sys, experiments.track, experiments.view; sys.exit('rerun' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
+
+
+def test_names_that_tell_runs_apart():
+    assert telling_names(["linear none stone 0", "linear icr stone 0"]) == ["none", "icr"]
+    assert telling_names(["a b", "a b c"]) == ["a b", "a b c"]
