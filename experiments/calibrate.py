@@ -15,6 +15,7 @@ from experiments.calibrate_config import CalibrateConfig
 from experiments.config import IdentifyConfig
 from experiments.console import print_table, progress
 from experiments.identify import read_source
+from experiments.turns import record_turns
 from sim.calibration import Candidate, Fit, calibrate, floor, simulated_twist, starts
 from sim.ground import Ground
 from sim.robot_file import load_robot_file, robot_file_text
@@ -54,6 +55,8 @@ def run(config: CalibrateConfig) -> None:
         (folder / ROBOT).write_text(robot_file_text(best.candidate.robot, made, comment), encoding="utf-8")
         store.write_json(folder / store.SUMMARY, summary)
         store.write_json(folder / store.MANIFEST, store.manifest("calibrate", config, wall, seed=config.seed))
+        if config.rrd:
+            record_turns(folder, folder / ROBOT, config)
     _print(config, best, centred, lowest, wall)
 
 

@@ -26,6 +26,8 @@ class CalibrateConfig(Repeatable):
     """A robot file with the values to start from and those that are not free; by default the shipped robot."""
     starts: int = 5
     """Random starts besides the robot's own values."""
+    rrd: bool = False
+    """Also let the calibrated robot turn with the paper's radii, recorded for the rerun viewer in OUT/recordings."""
     out: Path = Path("out/calibrate")
     """Folder for the results, robot.toml among them."""
 

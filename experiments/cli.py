@@ -28,6 +28,7 @@ from experiments.sensitivity_config import SensitivityConfig
 from experiments.sweep_config import SweepConfig
 from experiments.train_config import TrainConfig
 from experiments.validate_config import ValidateConfig
+from experiments.view_config import ViewConfig
 from trackslip.errors import InvalidValueError, TrackslipError
 
 Command = (
@@ -45,6 +46,7 @@ Command = (
     | Annotated[ReproduceConfig, tyro.conf.subcommand("reproduce")]
     | Annotated[BenchConfig, tyro.conf.subcommand("bench")]
     | Annotated[CompletionConfig, tyro.conf.subcommand("completion")]
+    | Annotated[ViewConfig, tyro.conf.subcommand("view")]
 )
 _DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate it.
 `trackslip COMMAND --help` lists a command's options, with examples."""
@@ -63,6 +65,7 @@ _RUNNERS = {
     ReproduceConfig: "experiments.reproduce",
     BenchConfig: "experiments.bench",
     CompletionConfig: "experiments.completion",
+    ViewConfig: "experiments.view",
 }
 
 

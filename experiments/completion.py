@@ -27,6 +27,7 @@ _NAMES = {
 }
 """Of options that take other text too."""
 
+_ONE_WAY = typing.get_args(tyro.conf.FlagCreatePairsOff[bool])[-1]
 _POSITIONAL = typing.get_args(tyro.conf.Positional[int])[1]
 
 
@@ -62,7 +63,7 @@ def options(config: type, prefix: str = "") -> Iterator[tuple[str, tuple[str, ..
             continue
         option = f"--{name.removesuffix('.')}"
         yield option, tuple(_literals(hint)) or _NAMES.get(option, ())
-        if hint is bool:
+        if hint is bool and _ONE_WAY not in marks:
             yield f"--no-{name}", ()
 
 

@@ -94,6 +94,8 @@ class Equipment:
     scanner: LaserScanner = field(default_factory=LaserScanner)
     obstacles: Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE")] = None
     """What the scanner sees besides the plate: posts, room, walker, occluded, or a .toml file; by default nothing."""
+    rrd: bool = False
+    """Also write recordings for the rerun viewer, to OUT/recordings."""
 
     def __post_init__(self) -> None:
         if self.radius_error is not None and not abs(self.radius_error) <= LARGEST_RADIUS_ERROR:

@@ -16,6 +16,7 @@ from experiments.console import print_table, progress
 from experiments.coverage_config import CoverageConfig
 from experiments.grid import drive_grid
 from experiments.identify import SYMBOLS
+from experiments.recording import record_all
 from experiments.workers import deaf_children, processes
 from experiments.world import World
 from sim.seeds import generator
@@ -49,6 +50,8 @@ def run(config: CoverageConfig) -> None:
         repeats: list[tuple[SlipSamples, SlipSamples]] = []
         for k, count in enumerate(config.shares()):
             logs = drive_grid(config.grid(k), world)
+            if k == 0 and config.rrd:
+                record_all(folder, logs)
             truth = true_samples(logs, geometry, of_plate=True)
             repeats += [(samples, truth) for samples in scanned_again(logs, geometry, config, count)]
         design = repeats[0][0]

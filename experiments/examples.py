@@ -13,11 +13,25 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("six runs of 20 s", "trackslip grid --radii 0.5 1 2 --speeds 0.1 0.2 --duration 20"),
         ("on a slope of gravel", "trackslip grid --ground gravel --ground.slope 0.1 --ground.uphill 1.57"),
         ("with a worse scanner", "trackslip grid --scanner.noise 0.01 --obstacles posts --out out/noisy"),
+        ("a thousand runs", "trackslip grid --grounds stone ice --slope 0 0.05 --seeds 0 1 2 3 4 5 6 7 8 9"),
+        ("over any option", "trackslip grid --vary scanner.noise=0.005,0.02 robot.half_gauge=0.15,0.2"),
+        ("on a Dask cluster", "trackslip grid --sweep sweep.toml --executor dask://host:8786"),
     ),
     "identify": (
         ("from a stored grid", "trackslip identify out/grid"),
         ("from a real robot's log", "trackslip identify log.csv --half-gauge 0.168 --sprocket-radius 0.06"),
+        ("from some of a sweep's runs", "trackslip identify out/grid --where ground=ice seed=0"),
         ("as the paper did", "trackslip identify out/grid --motion paper --out out/identify-paper"),
+    ),
+    "export": (
+        ("the names of the runs", "trackslip export out/grid"),
+        ("all of them as CSV", "trackslip export out/grid --csv"),
+        ("one of them", 'trackslip export out/grid --csv --run "radius=0.5 speed=0.1" --out run.csv'),
+    ),
+    "view": (
+        ("the first run", "trackslip view out/track"),
+        ("two runs, compared", 'trackslip view out/reproduce --run "linear none" --run "linear icr"'),
+        ("a file for the viewer", "trackslip view log.csv --save log.rrd"),
     ),
     "track": (
         ("the paper's path and controller", "trackslip track"),
@@ -32,8 +46,8 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("one of your own", "trackslip benchmark --controllers linear my_controller:MyController"),
     ),
     "train": (
-        ("four million steps", "trackslip train"),
-        ("go on from the last checkpoint", "trackslip train --steps 8000000 --resume"),
+        ("two million steps", "trackslip train"),
+        ("go on from the last checkpoint", "trackslip train --steps 4000000 --resume"),
         ("a quick try", "trackslip train --steps 100000 --robots 16 --batch 512 --out out/try"),
     ),
     "predict": (
@@ -65,6 +79,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
         ("the simulator", "trackslip bench"),
         ("a quick look", "trackslip bench --sizes 1 64 --thread-counts 1 --seconds 5 --repeats 3"),
         ("the learning environments", "trackslip bench --env"),
+        ("a thousand runs, on one process and on two", "trackslip bench --grid"),
     ),
     "completion": (
         ("in this shell", 'eval "$(trackslip completion bash)"'),

@@ -8,42 +8,17 @@ import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 
+from experiments.colours import BLACK as BLACK
+from experiments.colours import BLUE as BLUE
+from experiments.colours import COLOURS as COLOURS
+from experiments.colours import GREEN as GREEN
+from experiments.colours import GREY as GREY
+from experiments.colours import LABELS as LABELS
+from experiments.colours import ORANGE as ORANGE
+from experiments.colours import RED as RED
+from experiments.colours import SHADE as SHADE
 from trackslip.kinematics import Array
 
-BLUE, ORANGE, GREEN, RED, BLACK = "#0072B2", "#C98200", "#009E73", "#C1272D", "#1a1a1a"
-GREY, SHADE = "#8a8a8a", "#efefef"
-"""Lines, and areas, that are there to compare with."""
-COLOURS = {
-    "none": RED,
-    "published": BLACK,
-    "constant": GREY,
-    "exponential": "#CC79A7",
-    "exponential_speed": ORANGE,
-    "power": GREEN,
-    "hyperbola": "#8C510A",
-    "icr": "#3A93C9",
-    "icr_radius": BLUE,
-    "icr_sides": "#6A3D9A",
-    "online": "#117733",
-    "online_cold": "#999933",
-}
-"""The same colour for the same slip law in every figure: after Okabe and Ito's palette, each at least 3 : 1 against the
-card behind it, on the light page and on the dark one, where the style sheet inverts figures."""
-LABELS = {
-    "none": "no slip assumed",
-    "published": "published law (Eq. 11)",
-    "constant": "constant slip",
-    "exponential": "exponential",
-    "exponential_speed": "exponential with speed",
-    "power": "power of radius",
-    "hyperbola": "hyperbola",
-    "icr": "constant ICR",
-    "icr_radius": "constant ICR with ε",
-    "icr_sides": "constant ICR, two-sided",
-    "online": "online",
-    "online_cold": "online, from nothing",
-}
-"""What a law, or a compensation by it, is called."""
 DASHES = {
     "none": (0, (12, 1.5)),
     "published": "--",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from experiments.grid import (
     stages_text,
 )
 from experiments.names import KNOWN_LAWS
+from experiments.recording import record_all
 from experiments.report import ComparisonRow, Report, render
 from experiments.track import (
     TRACKING_HEADER,
@@ -85,6 +86,8 @@ def run(config: ReproduceConfig) -> None:
             "stages": watch.stages,
         }
         store.write_results(folder, [*grid_logs, *tracking_logs], summary, about)
+        if config.rrd:
+            record_all(folder, [*grid_logs, *tracking_logs], _by_controller(tracking_logs))
     print_table(
         "Published | simulated",
         ("quantity", "published", "simulated"),
@@ -120,6 +123,12 @@ def drive_paths(config: ReproduceConfig, world: World, identified: Mapping[str, 
         return closed_loop(
             fleet, pilots, reference, feed, make_locator(config.localization, world.robot), descriptions, bar
         )
+
+
+def _by_controller(logs: Sequence[RunLog]) -> dict[str, list[RunLog]]:
+    """Runs to compare: those that differ in their compensation only."""
+    controllers = dict.fromkeys(log.metadata["controller"] for log in logs)
+    return {f"{name} compared": [log for log in logs if log.metadata["controller"] == name] for name in controllers}
 
 
 def published_summary() -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from experiments import store
 from experiments.console import print_table
 from experiments.effects import EFFECTS, Effect
 from experiments.grid import drive_grid, localization_summary
+from experiments.recording import record_all
 from experiments.sensitivity_config import SensitivityConfig
 from experiments.sensitivity_report import render
 from experiments.world import World
@@ -33,7 +35,8 @@ def run(config: SensitivityConfig) -> None:
     began = time.perf_counter()
     with store.results(config.out) as folder:
         world = World.of(config)
-        rows = measure(config, world)
+        shown: list[RunLog] | None = [] if config.rrd else None
+        rows = measure(config, world, shown)
         wall = time.perf_counter() - began
         table = [as_text(row) for row in rows]
         about = world.manifest("sensitivity", wall)
@@ -41,6 +44,7 @@ def run(config: SensitivityConfig) -> None:
         page.write(folder, config.pdf)
         store.write_json(folder / store.SUMMARY, {"rows": rows, "timing": {"wall_s": wall}})
         store.write_json(folder / store.MANIFEST, about)
+        record_all(folder, shown or [])
     print_table("Errors of slip over the runs, and of the poses (rms)", _HEADER, table)
     for row in rows:
         if row["slip_error"] is None:
@@ -48,14 +52,16 @@ def run(config: SensitivityConfig) -> None:
     print(f"{config.out / store.REPORT}: {len(rows)} grids in {wall:.1f} s")
 
 
-def measure(config: SensitivityConfig, world: World) -> list[dict[str, Any]]:
-    """A row for each of EFFECTS, all with the same random numbers."""
+def measure(config: SensitivityConfig, world: World, shown: list[RunLog] | None = None) -> list[dict[str, Any]]:
+    """A row for each of EFFECTS, all with the same random numbers; the first run of each is added to `shown`."""
     nominal = drive_grid(config, world)
     rows = []
     for effect in EFFECTS:
         changed = effect.driven(config)
         logs = nominal if changed == config else drive_grid(changed, World.of(changed))
         logs = [effect.evaluated(log) for log in logs]
+        if shown is not None:
+            shown.append(replace(logs[0], run=f"{effect.name}, {logs[0].run}"))
         rows.append({"effect": effect.name, "settings": settings(effect)} | errors(logs, world, config.motion))
     return rows
 

@@ -37,9 +37,14 @@ REPORT = "report.html"
 LEADERBOARD = "leaderboard.md"
 TABLE = "table.parquet"
 FIGURES = "figures"
-"""A folder; the rest are files."""
+"""A folder of figures as files."""
+RECORDINGS = "recordings"
+"""A folder of recordings for the rerun viewer."""
 
-_PARTIAL = ".partial-"
+FOLDERS = {FIGURES: (".svg", ".pdf"), RECORDINGS: (".rrd",)}
+"""Folders among the results, and how the names of what is in them end; the rest are files."""
+
+_PARTIAL, _OLD = ".partial-", ".old"
 _PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "lmfit", "pyarrow", "matplotlib", "casadi")
 
 
@@ -59,8 +64,10 @@ def results(out: Path) -> Iterator[Path]:
         out.mkdir(parents=True, exist_ok=True)
         with locked(out):
             _require_files(out, (MANIFEST, SUMMARY, RUNS, REPORT, LEADERBOARD, TABLE))
-            _require_own_figures(out)
+            for name, endings in FOLDERS.items():
+                _require_own(out, name, endings)
             for left in out.glob(f"{_PARTIAL}*"):
+                _restore(left, out)
                 shutil.rmtree(left, ignore_errors=True)
             staging = Path(tempfile.mkdtemp(prefix=_PARTIAL, dir=out))
             try:
@@ -98,13 +105,13 @@ def _replace(staging: Path, out: Path) -> None:
     When that fails, the old ones are put back.
     """
     new = {file.name for file in staging.iterdir()}
-    _require_files(out, sorted(new - {FIGURES}))
-    old = staging / ".old"
+    _require_files(out, sorted(new - set(FOLDERS)))
+    old = staging / _OLD
     old.mkdir()
     moved: list[str] = []
     placed: list[str] = []
     try:
-        for name in (MANIFEST, *sorted({SUMMARY, RUNS, REPORT, LEADERBOARD, TABLE, FIGURES} | new - {MANIFEST})):
+        for name in (MANIFEST, *sorted({SUMMARY, RUNS, REPORT, LEADERBOARD, TABLE, *FOLDERS} | new - {MANIFEST})):
             if (out / name).exists():
                 os.replace(out / name, old / name)
                 moved.append(name)
@@ -119,16 +126,26 @@ def _replace(staging: Path, out: Path) -> None:
         raise
 
 
-def _require_own_figures(out: Path) -> None:
-    """Refuse a folder FIGURES that no command made: it would be deleted."""
-    figures = out / FIGURES
-    if not figures.exists():
+def _restore(left: Path, out: Path) -> None:
+    """Put back the results that a command had moved out of the way when it was killed."""
+    if not (left / _OLD / MANIFEST).exists() or (out / MANIFEST).exists():
         return
-    if not figures.is_dir():
-        raise OutputError(f"out = {str(out)!r}: {FIGURES} is a file there, and must be a folder or absent")
-    files = list(figures.iterdir())
-    if files and not ((out / MANIFEST).is_file() and all(file.suffix in (".svg", ".pdf") for file in files)):
-        raise OutputError(f"out = {str(out)!r}: {FIGURES} there holds files that aren't of these results; move it away")
+    for old in sorted((left / _OLD).iterdir(), key=lambda file: file.name == MANIFEST):
+        if (out / old.name).is_dir():
+            shutil.rmtree(out / old.name)
+        os.replace(old, out / old.name)
+
+
+def _require_own(out: Path, name: str, endings: tuple[str, ...]) -> None:
+    """Refuse a folder of FOLDERS that no command made: it would be deleted."""
+    folder = out / name
+    if not folder.exists():
+        return
+    if not folder.is_dir():
+        raise OutputError(f"out = {str(out)!r}: {name} is a file there, and must be a folder or absent")
+    files = list(folder.iterdir())
+    if files and not ((out / MANIFEST).is_file() and all(file.suffix in endings for file in files)):
+        raise OutputError(f"out = {str(out)!r}: {name} there holds files that aren't of these results; move it away")
 
 
 def write_results(folder: Path, logs: Sequence[RunLog], summary: Mapping[str, Any], about: Mapping[str, Any]) -> None:

@@ -18,6 +18,7 @@ from experiments.grid import (
     simulated_seconds,
 )
 from experiments.names import compensation, controller, reference
+from experiments.recording import record_all
 from experiments.world import World
 from sim.robot import Robot
 from sim.runs import Description, Pilot, closed_loop
@@ -34,27 +35,8 @@ def run(config: TrackConfig) -> None:
     began = time.perf_counter()
     with store.results(config.out) as folder:
         world = World.of(config)
-        robot = world.robot
-        path = make_reference(config, robot)
-        pilot = Pilot(
-            controller(config.controller, robot.geometry, config.drive.top_speed),
-            [0],
-            compensation(config.compensation, robot.geometry, config.laws),
-            config.preview,
-        )
-        start = start_pose(config, path)
-        name = f"{config.controller} {config.compensation}"
-        fleet = world.fleet(start[None])
-        feed = world.feed(fleet, [generator(config.seed, f"track {name}")])
-        locator = None if config.localization == "truth" else make_locator(config.localization, robot)
-        metadata = world.metadata(config.localization) | {
-            "controller": config.controller,
-            "compensation": config.compensation,
-            "reference": config.reference,
-            "start": start.tolist(),
-        }
-        with progress(name, path.duration) as report:
-            logs = closed_loop(fleet, [pilot], path, feed, locator, [Description(name, metadata)], report)
+        path = make_reference(config, world.robot)
+        logs = drive(config, world, path)
         wall = time.perf_counter() - began
         rows = tracking_summary(logs, path)
         found = localization_summary(logs)
@@ -65,16 +47,54 @@ def run(config: TrackConfig) -> None:
         }
         about = world.manifest("track", wall)
         store.write_results(folder, logs, summary, about)
+        if config.rrd:
+            record_all(folder, logs)
     print_table("Tracking errors of the true pose", TRACKING_HEADER, tracking_rows(rows))
     print(f"{found['valid_fraction']:.1%} of the scans gave a valid pose; the rest was dead reckoning")
     print(f"{config.out / store.RUNS}: {wall:.1f} s")
+
+
+def drive(config: TrackConfig, world: World, path: Reference) -> list[RunLog]:
+    """The run, as a list of one."""
+    robot = world.robot
+    pilot = Pilot(
+        controller(config.controller, robot.geometry, config.drive.top_speed),
+        [0],
+        compensation(config.compensation, robot.geometry, config.laws),
+        config.preview,
+    )
+    start = start_pose(config, path)
+    name = f"{config.controller} {config.compensation}"
+    fleet = world.fleet(start[None])
+    feed = world.feed(fleet, [generator(config.seed, f"track {name}")])
+    locator = None if config.localization == "truth" else make_locator(config.localization, robot)
+    metadata = world.metadata(config.localization) | {
+        "controller": config.controller,
+        "compensation": config.compensation,
+        "reference": config.reference,
+        "start": start.tolist(),
+    }
+    if config.reference == "circle":
+        metadata["circle"] = store.plain(circle_options(config, robot))
+    with progress(name, path.duration) as report:
+        return closed_loop(fleet, [pilot], path, feed, locator, [Description(name, metadata)], report)
+
+
+def circle_options(config: TrackConfig, robot: Robot) -> dict[str, Any]:
+    """The arguments of the configured circle."""
+    return {
+        "radius": config.circle_radius,
+        "speed": config.circle_speed,
+        "duration": config.circle_duration,
+        "start": before_scanner(robot),
+    }
 
 
 def make_reference(config: TrackConfig, robot: Robot) -> Reference:
     """The configured path; a circle is one in front of the scanner, as the options say."""
     if config.reference != "circle":
         return reference(config.reference)
-    return circle(config.circle_radius, config.circle_speed, config.circle_duration, before_scanner(robot))
+    return circle(**circle_options(config, robot))
 
 
 def start_pose(config: TrackConfig, reference: Reference) -> Array:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,11 +13,13 @@ import numpy as np
 
 from experiments import store
 from experiments.console import progress
+from experiments.recording import record_all
 from experiments.train_config import TrainConfig
 from sim.path_tracking.config import Reward
 from sim.path_tracking.randomization import Randomization
 from sim.policy import Network, Policy
 from trackslip.errors import LogError, TrackslipError
+from trackslip.runlog import RunLog
 
 POLICY, CHECKPOINT = "policy.npz", "checkpoint.zip"
 _LEAST_RATE = 0.05  # of the learning rate, at the end
@@ -42,9 +45,32 @@ def run(config: TrainConfig) -> None:
         timing = {"wall_s": wall, "steps_per_s": (model.num_timesteps - before) / wall}
         store.write_json(folder / store.SUMMARY, {"steps": model.num_timesteps, "curve": curve, "timing": timing})
         store.write_json(folder / store.MANIFEST, store.manifest("train", config, wall, seed=config.seed))
+        if config.rrd:
+            record_all(folder, [_driven(config, folder / POLICY, name) for name in config.references])
     for point in (curve[0], curve[-1]) if curve else ():
         print(f"{point['steps']:>10,} steps: {point['reward']:.3f} of 1 a step")
     print(f"{config.out / POLICY}: {model.num_timesteps:,} steps in {wall:.0f} s")
+
+
+def _driven(config: TrainConfig, policy: Path, reference: str) -> RunLog:
+    """A run of the policy on a path, from where that begins, on the first of the grounds."""
+    from experiments.config import GroundOptions, TrackConfig
+    from experiments.track import drive, make_reference
+    from experiments.world import World
+
+    course = TrackConfig(
+        controller=f"ppo:{policy}",
+        compensation=config.compensation,
+        reference=reference,
+        ground=GroundOptions(config.grounds[0]),
+        seed=config.seed,
+        threads=config.threads,
+        rrd=True,
+    )
+    world = World.of(course)
+    log = drive(course, world, make_reference(course, world.robot))[0]
+    metadata = log.metadata | {"controller": f"ppo:{config.out}"}
+    return replace(log, run=f"policy {reference}", metadata=metadata)
 
 
 def environment_options(config: TrainConfig) -> dict[str, Any]:

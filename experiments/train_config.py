@@ -53,6 +53,8 @@ class TrainConfig:
     """Worker threads of the simulator, 0 for one per processor."""
     resume: bool = False
     """Go on from the last checkpoint in OUT, instead of beginning anew."""
+    rrd: bool = False
+    """Also let the policy drive each path in the end, recorded for the rerun viewer in OUT/recordings."""
     out: Path = Path("out/train")
     """Folder for the policy, its checkpoints and the record of its training."""
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from experiments import store
 from experiments.console import print_table, progress
+from experiments.turns import record_turns
 from experiments.validate_config import ValidateConfig
 from experiments.validation.convergence import converge
 from experiments.validation.energy import account
@@ -46,6 +47,8 @@ def run(config: ValidateConfig) -> None:
         page.write(folder, config.pdf)
         store.write_json(folder / store.SUMMARY, summary)
         store.write_json(folder / store.MANIFEST, about)
+        if config.rrd:
+            record_turns(folder, config.robot, config)
     print_table("The simulator against theory", ("quantity", "measured"), rows(summary))
     print(f"{config.out / store.REPORT}: {time.perf_counter() - began:.1f} s")
 

@@ -14,6 +14,8 @@ class ValidateConfig(Repeatable):
 
     robot: Path | None = None
     """A robot file, as calibrate writes it; by default the shipped robot."""
+    rrd: bool = False
+    """Also let the robot turn with the paper's radii, recorded for the rerun viewer in OUT/recordings."""
     out: Path = Path("out/validate")
     """Folder for the results."""
     pdf: bool = False

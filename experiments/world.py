@@ -58,7 +58,7 @@ class World:
     def of(cls, config: Simulation, specification: Specification | None = None) -> World:
         """What a command is to simulate; raises TrackslipError for files and names that aren't there."""
         given = specification or Specification.of(config)
-        robot = _compiled(given.parameters)
+        robot = _compiled(given.parameters, config.rrd)
         return cls(config, given.parameters, robot, given.ground, given.radius_error, given.obstacles)
 
     def fleet(self, start: Array) -> Fleet:
@@ -74,6 +74,7 @@ class World:
         metadata: dict[str, Any] = store.plain(
             {
                 "geometry": self.robot.geometry,
+                "robot": self.parameters,
                 "plate": self.robot.plate,
                 "lrf": {"mount": self.robot.lrf_mount},
                 "ground": self.ground,
@@ -103,5 +104,5 @@ class World:
 
 
 @functools.lru_cache(maxsize=8)
-def _compiled(parameters: RobotParameters) -> Robot:
-    return load_robot(parameters=parameters)
+def _compiled(parameters: RobotParameters, contact_sensors: bool) -> Robot:
+    return load_robot(parameters=parameters, contact_sensors=contact_sensors)

@@ -47,6 +47,17 @@ def read_contacts(fleet: Fleet) -> Contacts:
     )
 
 
+def pad_forces(fleet: Fleet) -> Array:
+    """Forces (N, P, 3) of the ground on the pads, forwards, to the left and up [N], one physics step ago.
+
+    The fleet's robot must have been loaded with contact sensors.
+    """
+    contacts = read_contacts(fleet)
+    along_across = contacts.force * np.repeat(fleet.robot.pad_sign, POINTS)[:, None]
+    at_points = np.concatenate([along_across, contacts.load[..., None]], axis=-1)
+    return at_points.reshape(fleet.size, -1, POINTS, 3).sum(axis=2)
+
+
 def use_default_contact(robot: Robot) -> None:
     """Make the contacts those that MuJoCo has where nobody says otherwise; the friction coefficients stay."""
     model, plain = robot.model, mujoco.MjSpec().option

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
@@ -46,13 +46,15 @@ class Robot:
     lrf_height: float
     """[m]"""
     digest: str
-    """SHA-256 of the model, visuals aside."""
+    """SHA-256 of the model, visuals and contact sensors aside."""
+    contact_sensors: bool = False
+    """Whether it has a sensor at every pad; its runs are then recorded with the pads' forces and with whole scans."""
 
 
 def load_robot(path: Path = FIELD, parameters: RobotParameters | None = None, contact_sensors: bool = False) -> Robot:
     """Compile a model without its visuals, changed to `parameters`, and read its geometry.
 
-    With contact sensors, `sim.instruments` can tell the force at every point of contact.
+    With contact sensors, `sim.instruments` can tell the force at every point of contact, and `sim.runs` records it.
 
     Raises:
         TrackslipError: for a file that doesn't compile or lacks a named part.
@@ -65,10 +67,12 @@ def load_robot(path: Path = FIELD, parameters: RobotParameters | None = None, co
         for geom in list(spec.geoms):
             if geom.group == VISUAL_GROUP:
                 spec.delete(geom)
+        model = spec.compile()
+        digest = hashlib.sha256(spec.to_xml().encode()).hexdigest()
         if contact_sensors:
             add_contact_sensors(spec)
-        model = spec.compile()
-        return _read(model, sprocket_radius, hashlib.sha256(spec.to_xml().encode()).hexdigest())
+            model = spec.compile()
+        return replace(_read(model, sprocket_radius, digest), contact_sensors=contact_sensors)
     except (ValueError, KeyError, AttributeError) as error:
         raise TrackslipError(f"{path}: {' '.join(str(error).split())}") from error
 

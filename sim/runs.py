@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from sim.fleet import Fleet
+from sim.instruments import pad_forces
 from sim.scanner import ScannerFeed
 from sim.stopwatch import Stopwatch
 from trackslip.compensation import Compensation, FixedLaw
@@ -92,6 +93,7 @@ def open_loop(
         if len(waiting) == block or k == record.rows - 1:
             with watch.stage("scans"):
                 ranges = feed.measure(np.stack(waiting, axis=1)).ranges  # (N, block, B)
+                record.scanned(ranges)
             with watch.stage("localization"):
                 first = k + 1 - len(waiting)
                 _localise(record, tracker, feed, locator, ranges, first)
@@ -100,9 +102,7 @@ def open_loop(
             waiting.clear()
         fleet.command(limit_sprocket_speeds(omega, fleet.drive.limit))
         record.command[k] = fleet.drive.set_point
-    empty = feed.scan(np.empty((0, len(feed.bearings))))
-    seen = [ScanLog(empty, fleet.robot.plate, cluster) for cluster in _by_robot(clusters, fleet.size)]
-    return [replace(log, scans=scans) for log, scans in zip(record.logs(), seen, strict=True)]
+    return record.with_scans(feed, _by_robot(clusters, fleet.size))
 
 
 def _localise(
@@ -168,12 +168,21 @@ def closed_loop(
         else:
             predicted = tracker.predict(record.omega[k], feed.period if k > 0 else 0.0)
             scan = feed.measure(feed.true_ranges()[:, None, :])
+            record.scanned(scan.ranges)
             record.estimate(k, tracker.update(locator.locate(feed.scan(scan.ranges[:, 0]), predicted)))
         for pilot in pilots:
             omega[pilot.robots] = _steer(pilot, record, k, reference, geometry, feed.period)
         fleet.command(limit_sprocket_speeds(omega, fleet.drive.limit))
         record.command[k] = fleet.drive.set_point
-    return record.logs()
+    if locator is None or not fleet.robot.contact_sensors:
+        return record.logs()
+    return record.with_scans(feed, [_plate_of(record, feed, fleet, i) for i in range(fleet.size)])
+
+
+def _plate_of(record: _Recorder, feed: ScannerFeed, fleet: Fleet, robot: int) -> Cluster:
+    """What of a robot's scans belongs to its plate, where it was found to be."""
+    scan = feed.scan(record.full_ranges(robot).astype(float))
+    return extract_plate(scan, fleet.robot.plate, scan.from_world(record.pose[:, robot]))
 
 
 def _steer(
@@ -227,6 +236,9 @@ class _Recorder:
         self._torque = np.zeros((rows, n, 2))
         self._energy = np.zeros((rows, n, 2))
         self._saturated_time = np.zeros((rows, n, 2))
+        self._in_detail = fleet.robot.contact_sensors
+        self._contact = np.zeros((rows if self._in_detail else 0, n, len(fleet.robot.pad_side), 3), np.float32)
+        self._ranges: list[np.ndarray] = []  # (N, rows, B) each
 
     def measure(self, k: int) -> None:
         """Encoders and truth."""
@@ -238,12 +250,23 @@ class _Recorder:
         self._lean[k] = fleet.lean()
         self._traction[k], self._torque[k] = fleet.traction(), fleet.drive.torque
         self._energy[k], self._saturated_time[k] = fleet.drive.energy, fleet.drive.saturated_time
+        if self._in_detail:
+            self._contact[k] = pad_forces(fleet)
         for i in np.flatnonzero(~(np.abs(fleet.attitude()[:, 1:]) < _TIPPED).all(axis=1)):
             name = self._descriptions[int(i)].run
             raise TrackslipError(f"run {name!r}: the robot tips over after {self.time[k]:g} s")
 
     def estimate(self, k: int, estimate: PoseEstimate) -> None:
         self.pose[k], self._covariance[k], self._valid[k] = estimate.pose, estimate.covariance, estimate.valid
+
+    def scanned(self, ranges: Array) -> None:
+        """Keep the next whole scans (N, rows, B), where all is recorded."""
+        if self._in_detail:
+            self._ranges.append(ranges.astype(np.float32))
+
+    def full_ranges(self, robot: int) -> Array:
+        """The whole scans (T, B) of a robot."""
+        return np.concatenate([block[robot] for block in self._ranges])
 
     def name(self, robot: int) -> str:
         """What a robot's run is called."""
@@ -273,6 +296,13 @@ class _Recorder:
         if isinstance(law, ConstantIcr):
             self._icr[k, robots] = np.stack(np.broadcast_arrays(law.offset, law.radius_error), axis=-1)
 
+    def with_scans(self, feed: ScannerFeed, plates: Sequence[Cluster]) -> list[RunLog]:
+        """The logs, with what of each robot's scans was taken for its plate."""
+        empty, plate = feed.scan(np.empty((0, len(feed.bearings)))), self._fleet.robot.plate
+        full = [self.full_ranges(i) if self._in_detail else None for i in range(len(plates))]
+        seen = [ScanLog(empty, plate, cluster, ranges) for cluster, ranges in zip(plates, full, strict=True)]
+        return [replace(log, scans=scans) for log, scans in zip(self.logs(), seen, strict=True)]
+
     def logs(self) -> list[RunLog]:
         return [
             RunLog(
@@ -293,6 +323,7 @@ class _Recorder:
                     self._rate(self._energy[:, i]),
                     self._rate(self._saturated_time[:, i]),
                     self._lean[:, i],
+                    self._contact[:, i] if self._in_detail else None,
                 ),
                 metadata=dict(d.metadata),
             )

@@ -23,7 +23,14 @@ from trackslip.fileformat import FORMAT, require_known_format
 from trackslip.heading_unit import require_radians
 from trackslip.kinematics import Array
 from trackslip.runlog import RunLog, Truth
-from trackslip.scan_columns import SCANNED, metadata_with_scans, scan_columns, scans_from_table
+from trackslip.scan_columns import (
+    SCANNED,
+    from_list_column,
+    list_column,
+    metadata_with_scans,
+    scan_columns,
+    scans_from_table,
+)
 from trackslip.schema import COLUMNS, with_units
 
 RUNS = "runs.parquet"
@@ -42,6 +49,7 @@ _TORQUE = ("torque_l", "torque_r")
 _POWER = ("power_l", "power_r")
 _SATURATED = ("saturated_l", "saturated_r")
 _LEAN = ("true_lean",)
+_CONTACT = "contact"
 _METADATA_KEY = b"trackslip"
 
 
@@ -139,8 +147,9 @@ def _packing(schema: pa.Schema) -> dict[str, Any]:
 
 
 def write_csv(logs: Sequence[RunLog], path: Path) -> None:
-    """Write runs to a CSV file; metadata and ranges are lost, numbers are not."""
-    pa.csv.write_csv(to_table([replace(log, scans=None) for log in logs]), path)
+    """Write runs to a CSV file; metadata, ranges and contacts are lost, other numbers are not."""
+    truth = [log.truth and replace(log.truth, contact=None) for log in logs]
+    pa.csv.write_csv(to_table([replace(log, scans=None, truth=t) for log, t in zip(logs, truth, strict=True)]), path)
 
 
 def read_table(path: Path) -> pa.Table:
@@ -245,7 +254,7 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
                     icr=_present(icr, rows),
                     covariance=None if covariance is None else _symmetric(covariance[rows]),
                     valid=None if valid is None else valid[rows],
-                    truth=_truth(true_parts),
+                    truth=_truth(true_parts, from_list_column(table, _CONTACT, rows)),
                     scans=scans_from_table(table, rows, metadata.get(key, {})),
                     metadata={k: value for k, value in metadata.get(key, {}).items() if k != SCANNED},
                 )
@@ -373,6 +382,8 @@ def _run_table(log: RunLog) -> pa.Table:
             columns |= {name: np.ascontiguousarray(block[:, k]) for k, name in enumerate(names)}
     if log.valid is not None:
         columns["valid"] = log.valid
+    if log.truth is not None and log.truth.contact is not None:
+        columns[_CONTACT] = list_column(log.truth.contact)
     if log.scans is not None:
         columns |= scan_columns(log.scans)
     return pa.table(columns)
@@ -390,11 +401,12 @@ def _present(block: Array | None, rows: np.ndarray) -> Array | None:
     return None if block is None or np.isnan(block[rows]).all() else block[rows]
 
 
-def _truth(parts: Sequence[Array | None]) -> Truth | None:
+def _truth(parts: Sequence[Array | None], contact: Array | None) -> Truth | None:
     pose, twist, traction, torque, power, saturated, lean = parts
     if pose is None or twist is None or traction is None or torque is None:
         return None
-    return Truth(pose, twist, traction, torque, power, saturated, None if lean is None else lean[:, 0])
+    pads = None if contact is None or contact.shape[1] % 3 else contact.reshape(len(contact), -1, 3)
+    return Truth(pose, twist, traction, torque, power, saturated, None if lean is None else lean[:, 0], pads)
 
 
 def _symmetric(upper: Array) -> Array:

@@ -23,6 +23,7 @@ class Truth:
     power: Array | None = None  # (T, 2) electrical power of each motor, mean since the row before [W]
     saturated: Array | None = None  # (T, 2) share of the time since the row before with the motor at its limit [-]
     lean: Array | None = None  # (T,) how far the scanned plate stands to the left of the robot [m]
+    contact: Array | None = None  # (T, P, 3) force of the ground on each pad: forwards, to the left, up [N]
 
 
 @dataclass(frozen=True)

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
 from trackslip.errors import LogError
+from trackslip.kinematics import Array
 from trackslip.scanlog import ScanLog
 
 SCANNED = "scanned"
 """Key in a run's metadata of what its ranges were measured with."""
 _RANGES = "ranges"
+_FULL = "all_ranges"
 _NUMBERS = ("first_beam", "lost", "hidden_first", "hidden_last")
 
 
@@ -21,7 +24,24 @@ def scan_columns(scans: ScanLog) -> dict[str, Any]:
     """Columns of T rows."""
     hidden_first, hidden_last = scans.cluster.hidden.T
     numbers = (scans.first_beam(), scans.cluster.lost, hidden_first, hidden_last)
-    return dict(zip(_NUMBERS, numbers, strict=True)) | {_RANGES: pa.array(scans.ranges(), pa.list_(pa.float32()))}
+    columns = dict(zip(_NUMBERS, numbers, strict=True)) | {_RANGES: pa.array(scans.ranges(), pa.list_(pa.float32()))}
+    return columns if scans.full is None else columns | {_FULL: list_column(scans.full)}
+
+
+def list_column(rows: Array) -> pa.Array:
+    """Numbers (T, ...) as a column of T lists."""
+    return pa.array(list(rows.reshape(len(rows), -1).astype(np.float32)), pa.list_(pa.float32()))
+
+
+def from_list_column(table: pa.Table, name: str, rows: np.ndarray) -> Array | None:
+    """Numbers (T, n) of lists as long as each other, or None where some row has none, or there is no such column."""
+    if name not in table.column_names or not pa.types.is_list(table.schema.field(name).type):
+        return None
+    column = table.column(name).take(rows).combine_chunks()
+    lengths = np.diff(column.offsets.to_numpy())
+    if column.null_count or len(np.unique(lengths)) != 1:
+        return None
+    return np.asarray(column.flatten().to_numpy(zero_copy_only=False), float).reshape(len(rows), -1)
 
 
 def metadata_with_scans(metadata: Mapping[str, Any], scans: ScanLog | None) -> Mapping[str, Any]:
@@ -42,4 +62,8 @@ def scans_from_table(table: pa.Table, rows: np.ndarray, metadata: Mapping[str, A
             raise LogError(f"column {name}: {kind} with {part.column(name).null_count} empty")
     first_beam, lost, *hidden = (part.column(name).to_numpy() for name in _NUMBERS)
     ranges = [np.asarray(row.values.to_numpy(zero_copy_only=False), float) for row in part.column(_RANGES)]
-    return ScanLog.of(metadata[SCANNED], first_beam.astype(int), ranges, lost.astype(int), np.stack(hidden, axis=-1))
+    seen = ScanLog.of(metadata[SCANNED], first_beam.astype(int), ranges, lost.astype(int), np.stack(hidden, axis=-1))
+    full = from_list_column(table, _FULL, rows)
+    if full is not None and full.shape[1] != len(seen.scan.bearings):
+        raise LogError(f"column {_FULL}: {full.shape[1]} ranges, where the scanner has {len(seen.scan.bearings)} beams")
+    return replace(seen, full=full)

@@ -22,6 +22,7 @@ class ScanLog:
     plate: Plate
     cluster: Cluster
     """A row for each row of the log; no returns where none was found."""
+    full: Array | None = None  # (T, B) ranges of whole scans, whatever they met, NaN where nothing came back [m]
 
     def first_beam(self) -> np.ndarray:
         """(T,) index of the cluster's first beam; 0 where there is none."""

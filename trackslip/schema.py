@@ -76,6 +76,12 @@ COLUMNS: dict[str, Column] = {
         Column("hidden_first", "rad", "angle beyond the plate's first return that something nearer hides"),
         Column("hidden_last", "rad", "angle beyond the plate's last return that something nearer hides"),
         Column("ranges", "m", "list of the ranges that were taken for the plate, a number for each beam"),
+        Column("all_ranges", "m", "with --rrd: list of all ranges of the scan; NaN where nothing came back"),
+        Column(
+            "contact",
+            "N",
+            "with --rrd: list of the forces of the ground on the pads, along the robot, to its left and up, pad by pad",
+        ),
         Column("v", "m/s", "forward speed of a steady sample"),
         Column("w", "rad/s", "yaw rate of a steady sample"),
         *_tracks("slip", PURE, "slip i = 1 - V / (r omega) of a steady sample"),

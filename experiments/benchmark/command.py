@@ -29,8 +29,10 @@ from experiments.benchmark_config import BenchmarkConfig, Case
 from experiments.console import print_table, progress
 from experiments.grid import stages_text
 from experiments.names import reference
+from experiments.recording import record_all
 from sim.stopwatch import Stopwatch
 from trackslip import logfile
+from trackslip.runlog import RunLog
 
 
 def run(config: BenchmarkConfig) -> None:
@@ -59,6 +61,9 @@ def run(config: BenchmarkConfig) -> None:
             rows = over_seeds(runs)
             entries, lost = board(rows), [*losses(rows), *notes]
             _gather(paths, folder / store.RUNS)
+        if config.rrd:
+            with watch.stage("recordings"):
+                _record(folder, cases)
         about = setup.world.manifest("benchmark", time.perf_counter() - began) | {
             "config": store.plain(config),
             "ground": {name: store.plain(setup.ground(name)) for name in dict.fromkeys(row["ground"] for row in rows)},
@@ -105,6 +110,19 @@ def _gather(paths: Sequence[Path], file: Path) -> None:
     """The runs of all parts, if there are any, as one file."""
     if driven := [(runs_of(path), name, name) for path in paths for name in names_of(path)]:
         logfile.join_parquet(driven, file)
+
+
+def _record(folder: Path, cases: Sequence[Case]) -> None:
+    """A comparison a reference, ground and start: all controllers and compensations with the first seed."""
+    if not (folder / store.RUNS).exists():
+        return
+    logs = {log.run: log for log in logfile.read_runs(folder / store.RUNS)}
+    compared: dict[str, list[RunLog]] = {}
+    for case in cases:
+        if case.seed == cases[0].seed and case.run in logs:
+            name = f"{Path(case.reference).stem} {Path(case.ground).stem} {case.start} seed {case.seed}"
+            compared.setdefault(name, []).append(logs[case.run])
+    record_all(folder, [], compared)
 
 
 def _seconds(group: Sequence[Case]) -> float:

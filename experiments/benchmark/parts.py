@@ -39,6 +39,7 @@ _IRRELEVANT = (
     "jobs",
     "out",
     "pdf",
+    "rrd",
 )
 
 

@@ -11,6 +11,7 @@ from experiments import store
 from experiments.console import progress
 from experiments.executors import processors, workers
 from experiments.grid import stages_text
+from experiments.recording import record_all
 from experiments.sweep import summary
 from experiments.sweep.archive import Archive
 from experiments.sweep.drive import drive
@@ -46,6 +47,8 @@ def run(config: SweepConfig) -> None:
             raise TrackslipError(_all_failed(failures))
         with watch.stage("gathering"):
             there.gather(runs, stored, folder / store.RUNS)
+            if config.rrd:
+                record_all(folder, logfile.read_runs(folder / store.RUNS))
             write_table(rows, list(runs[0].axes), folder / store.TABLE)
         found = summary.of(config, runs, rows, lambda: logfile.read_runs(folder / store.RUNS), watch)
         wall = time.perf_counter() - began

@@ -38,8 +38,8 @@ class Run:
 
     @functools.cached_property
     def id(self) -> str:
-        """Hash of what the run is, however it was asked for."""
-        return digest([self.setting, self.config.radii, self.config.speeds, self.config.seed])
+        """Hash of what the run is and of how much of it is recorded, however it was asked for."""
+        return digest([self.setting, self.config.radii, self.config.speeds, self.config.seed, self.config.rrd])
 
     @functools.cached_property
     def setting(self) -> str:

@@ -36,6 +36,8 @@ NEEDED = {
     ("reproduce",): {"mujoco", *DRAWN},
     ("bench",): {"mujoco"},
     ("completion", "bash"): set(),
+    ("export",): {"pyarrow"},
+    ("view",): {"pyarrow"},
 }
 """What a command may import of HEAVY: by being run, or where only its name is given, by being got ready to run."""
 PROBE = """

@@ -33,7 +33,8 @@ def full(scan_rectangle):
     pose = np.column_stack([np.full(ROWS, 2.0), np.zeros(ROWS), np.linspace(0.5, 1.0, ROWS)])
     scan = scan_rectangle(pose, rng)
     two, three = rng.normal(size=(ROWS, 2)), rng.normal(size=(ROWS, 3))
-    scans = ScanLog(replace(scan, ranges=np.empty((0, len(scan.bearings)))), Plate(), extract_plate(scan, Plate()))
+    seen = replace(scan, ranges=np.empty((0, len(scan.bearings))))
+    scans = ScanLog(seen, Plate(), extract_plate(scan, Plate()), full=scan.ranges)
     return RunLog(
         "r",
         0.1 * np.arange(ROWS),
@@ -44,7 +45,7 @@ def full(scan_rectangle):
         icr=two,
         covariance=np.tile(np.eye(3), (ROWS, 1, 1)),
         valid=np.ones(ROWS, bool),
-        truth=Truth(pose, three, two, two, power=two, saturated=two, lean=three[:, 0]),
+        truth=Truth(pose, three, two, two, power=two, saturated=two, lean=three[:, 0], contact=np.ones((ROWS, 20, 3))),
         scans=scans,
         metadata={"seed": 1},
     )
@@ -77,13 +78,13 @@ def test_what_has_no_unit_is_no_number(stored):
 def test_units_are_in_the_files_own_metadata_too_and_survive_joining(stored, tmp_path, full):
     other = tmp_path / "other.parquet"
     write_parquet([replace(full, run="s", scans=None)], other)
-    join_parquet([stored, other], tmp_path / "joined.parquet")
+    join_parquet([(stored, "r", "r"), (other, "s", "t")], tmp_path / "joined.parquet")
     schema = pyarrow.parquet.read_schema(tmp_path / "joined.parquet")
     about = json.loads(schema.metadata[b"trackslip"])
     assert about["columns"]["true_w"]["unit"] == "rad/s"
     assert set(about["columns"]) == set(schema.names)
     assert schema.field("ranges").metadata[b"unit"] == b"m"
-    assert [log.run for log in trackslip.load(tmp_path / "joined.parquet")] == ["r", "s"]
+    assert [log.run for log in trackslip.load(tmp_path / "joined.parquet")] == ["r", "t"]
 
 
 def test_the_documented_table_is_the_schema():

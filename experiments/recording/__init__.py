@@ -1,0 +1,64 @@
+"""RunLogs to recordings for the rerun viewer. Importing this doesn't import rerun; recording does."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from experiments import store
+from trackslip.errors import OutputError
+from trackslip.runlog import RunLog
+
+_LONGEST = 120  # characters of a file's name
+
+
+def record_all(folder: Path, logs: Sequence[RunLog], compared: Mapping[str, Sequence[RunLog]] | None = None) -> None:
+    """A recording of each run, and of each of the groups `compared`, into store.RECORDINGS in `folder`."""
+    for name, log in zip(file_names([log.run for log in logs]), logs, strict=True):
+        record(folder / store.RECORDINGS / name, [log])
+    groups = compared or {}
+    for name, group in zip(file_names(list(groups)), groups.values(), strict=True):
+        record(folder / store.RECORDINGS / name, group)
+
+
+def record(file: Path, logs: Sequence[RunLog], laws: Path | None = None) -> None:
+    """A run, or several to compare, as a .rrd file, complete or not at all.
+
+    Raises:
+        OutputError: when the file can't be written.
+    """
+    from experiments.recording import stream
+
+    draft = file.with_name(f".partial-{file.name}")
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        draft.touch()
+        with stream.new_stream(title(logs)) as recording:
+            recording.save(draft)
+            stream.send(recording, logs, laws)
+            recording.flush()
+            recording.disconnect()
+        draft.replace(file)
+    except OSError as error:
+        raise OutputError(f"{file}: can't be written ({error.strerror or error})") from error
+    finally:
+        draft.unlink(missing_ok=True)
+
+
+def title(logs: Sequence[RunLog]) -> str:
+    """What a recording is called."""
+    return logs[0].run if len(logs) == 1 else f"{len(logs)} runs: {', '.join(log.run for log in logs)}"
+
+
+def file_names(names: Sequence[str]) -> list[str]:
+    """Names of files (n,) for runs, all different whatever is in theirs."""
+    found: list[str] = []
+    for name in names:
+        plain = re.sub(r"[^\w.=+-]+", "_", name).strip("._")[:_LONGEST] or "run"
+        number, unique = 1, plain
+        while f"{unique}.rrd".lower() in [other.lower() for other in found]:
+            number += 1
+            unique = f"{plain}_{number}"
+        found.append(f"{unique}.rrd")
+    return found

@@ -1,0 +1,109 @@
+"""How the viewer opens: 3-D and plan on the left, plots over time on the right, around the interesting moment."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun.blueprint as rrb
+
+from experiments.recording.columns import TIMELINE
+from experiments.recording.field import FIELD
+from experiments.recording.robot import CAMERA, ROBOT
+from experiments.recording.series import Panel
+from trackslip.kinematics import Array
+
+_BEHIND = np.array([-1.6, -1.4, 1.25])  # from where the robot is looked at [m]
+_BEFORE, _LOOP = 1.0, 6.0  # how long before the moment the viewer begins, and how long it plays, again and again [s]
+_ASPECT = 1.9  # width of the plan to its height
+_BACKGROUND = (30, 32, 36)
+
+
+def blueprint(
+    roots: Sequence[str],
+    panels: Sequence[Panel],
+    sent: Sequence[str],
+    within: Array,
+    moment: float,
+    duration: float,
+) -> rrb.Blueprint:
+    """The layout.
+
+    Args:
+        roots: entities of the runs.
+        panels: plots; those of which nothing is there are left out.
+        sent: entities that there are.
+        within: points (n, 2) that the plan shows [m].
+        moment: at which the viewer begins to play, in a loop [s].
+        duration: of the runs [s].
+    """
+    plots = [
+        (panel, entities)
+        for panel in panels
+        if (entities := [f"{root}/{name}" for root in roots for name in panel.entities if f"{root}/{name}" in sent])
+    ]
+    target = np.array([0.0, 0.0, 0.2])
+    space = rrb.Spatial3DView(
+        origin=f"/{CAMERA}",
+        contents=["+ /**"],
+        name="Robot and field" if len(roots) == 1 else "Robots and field",
+        background=_BACKGROUND,
+        line_grid=False,
+        eye_controls=rrb.EyeControls3D(
+            kind="Orbital",
+            position=target + _BEHIND,
+            look_target=target,
+            eye_up=[0, 0, 1],
+        ),
+    )
+    middle = (within.min(axis=0) + within.max(axis=0)) / 2
+    wide, high = within.max(axis=0) - within.min(axis=0)
+    left_out = [f"- /{FIELD}/ground/**", *(f"- /{root}/{ROBOT}/contact_forces/**" for root in roots)]
+    plan = rrb.Spatial3DView(
+        origin="/",
+        contents=["+ /**", *left_out],
+        name="Plan [grid: 1 m]",
+        background=_BACKGROUND,
+        line_grid=rrb.LineGrid3D(visible=True, spacing=1.0, color=(90, 90, 90, 120)),
+        eye_controls=rrb.EyeControls3D(
+            kind="Orbital",
+            position=[*middle, max(wide / _ASPECT, high) + 1.0],
+            look_target=[*middle, 0.0],
+            eye_up=[0, 1, 0],
+        ),
+    )
+    views = [
+        rrb.TimeSeriesView(
+            origin="/",
+            contents=[f"+ /{entity}" for entity in entities],
+            name=panel.title,
+            axis_y=None if panel.range is None else rrb.ScalarAxis(range=panel.range, zoom_lock=False),
+            plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=panel.legend),
+        )
+        for panel, entities in plots
+    ]
+    first = max(0.0, min(moment - _BEFORE, duration - _LOOP))
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Vertical(space, plan, row_shares=[1.2, 1]),
+            rrb.Vertical(*views, row_shares=[panel.height for panel, _ in plots]),
+            column_shares=[1, 1.1],
+        )
+        if views
+        else rrb.Vertical(space, plan),
+        rrb.TimePanel(
+            timeline=TIMELINE,
+            state="collapsed",
+            play_state="playing",
+            loop_mode="selection",
+            time_selection=rrb.components.AbsoluteTimeRange(min=_nanoseconds(first), max=_nanoseconds(first + _LOOP)),
+        ),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _nanoseconds(seconds: float) -> int:
+    return round(1e9 * seconds)

@@ -1,0 +1,100 @@
+"""The field, the same all the time: ground, scanner, obstacles; of those, only people walk."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import mujoco
+import numpy as np
+import rerun as rr
+
+from experiments.recording import geometry
+from experiments.recording.columns import mesh, quaternion, rgb, send
+from experiments.recording.sensing import OTHER_COLOUR
+from experiments.recording.traces import Traces
+from sim.obstacles import Walker
+from trackslip.kinematics import Array
+
+FIELD = "field"
+_STONE = 0.5  # of the paving [m]
+_MARGIN = 3.0  # of ground around everything [m]
+_MOST_STONES = 100  # along a side
+_TONES = ((92, 90, 86, 255), (84, 82, 78, 255))
+_TALL = 1.0  # posts, walls and people [m]
+
+
+def send_field(stream: rr.RecordingStream, traces: Traces, model: mujoco.MjModel, within: Array) -> None:
+    """Ground around the points `within` (n, 2), and what a run's log says of the scanner and of obstacles."""
+    stream.log(f"{FIELD}/ground", mesh(_paving(within)), static=True)
+    mount = mount_of(traces)
+    if mount is not None:
+        pose = rr.Transform3D(
+            translation=[mount[0], mount[1], scan_height(model)],
+            quaternion=rr.Quaternion(xyzw=quaternion(mount[2:])[0]),
+        )
+        stream.log(f"{FIELD}/scanner", pose, mesh(geometry.body(model, geometry.SCANNER)), static=True)
+    _send_obstacles(stream, traces)
+
+
+def mount_of(traces: Traces) -> Array | None:
+    """The scanner's pose (3,), where the log says it."""
+    if traces.log.scans is not None:
+        return traces.log.scans.scan.mount
+    scanner = traces.log.metadata.get("lrf")
+    mount = scanner.get("mount") if isinstance(scanner, Mapping) else None
+    return np.array(mount, float) if isinstance(mount, list | tuple) and len(mount) == 3 else None
+
+
+def scan_height(model: mujoco.MjModel) -> float:
+    """Height of the scan plane [m]."""
+    return float(model.body(geometry.SCANNER).pos[2])
+
+
+def _paving(within: Array) -> geometry.Triangles:
+    low = np.floor((within.min(axis=0) - _MARGIN) / _STONE).astype(int)
+    high = np.ceil((within.max(axis=0) + _MARGIN) / _STONE).astype(int)
+    high = np.minimum(high, low + _MOST_STONES)
+    i, j = (grid.ravel() for grid in np.meshgrid(*(np.arange(a, b) for a, b in zip(low, high, strict=True))))
+    corner = np.array([[0, 0], [1, 0], [1, 1], [0, 0], [1, 1], [0, 1]])
+    flat = _STONE * (np.stack([i, j], axis=-1)[:, None] + corner).reshape(-1, 2)
+    tone = np.repeat((i + j) % 2, len(corner))
+    return geometry.Triangles(np.column_stack([flat, np.zeros(len(flat))]), np.array(_TONES, np.uint8)[tone])
+
+
+def _send_obstacles(stream: rr.RecordingStream, traces: Traces) -> None:
+    """What the log says stood and walked in the field."""
+    known = traces.log.metadata.get("obstacles")
+    if not isinstance(known, Mapping):
+        return
+    posts, walls, walkers = ([o for o in known.get(kind) or ()] for kind in ("posts", "walls", "walkers"))
+    if posts:
+        centres = [[post["x"], post["y"], _TALL / 2] for post in posts]
+        stream.log(f"{FIELD}/posts", _cylinders(centres, [post["radius"] for post in posts]), static=True)
+    if walls:
+        ends = np.array([[wall[key] for key in ("x0", "y0", "x1", "y1")] for wall in walls]).reshape(-1, 2, 2)
+        strips = [[[*end, z] for end, z in _around(wall)] for wall in ends]
+        stream.log(f"{FIELD}/walls", rr.LineStrips3D(strips, colors=[rgb(OTHER_COLOUR)], radii=[0.01]), static=True)
+    for k, walker in enumerate(walkers):
+        person = Walker(**{**walker, "turns_after": _infinite(walker.get("turns_after"))})
+        entity = f"{FIELD}/walkers/{k}"
+        stream.log(entity, _cylinders([[0, 0, _TALL / 2]], [person.radius]), static=True)
+        where = person.place(traces.log.time)
+        translation = np.column_stack([where, np.zeros(len(where))])
+        send(stream, entity, traces.time, rr.Transform3D.columns(translation=translation))
+
+
+def _around(wall: Array) -> list[tuple[Array, float]]:
+    """Corners of an upright wall between two ends (2, 2), with their heights, once around."""
+    return [(wall[0], 0.0), (wall[1], 0.0), (wall[1], _TALL), (wall[0], _TALL), (wall[0], 0.0)]
+
+
+def _cylinders(centres: Any, radii: Any) -> rr.Cylinders3D:
+    return rr.Cylinders3D(
+        lengths=[_TALL] * len(radii), radii=radii, centers=centres, colors=[rgb(OTHER_COLOUR)], fill_mode="solid"
+    )
+
+
+def _infinite(value: float | None) -> float:
+    """What JSON doesn't know."""
+    return float("inf") if value is None else value

@@ -1,0 +1,168 @@
+"""The looks of the compiled model as coloured triangles, a mesh a body, and the shoes of its tracks apart."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import mujoco
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from sim.robot import FIELD, VISUAL_GROUP
+from sim.robot_parameters import RobotParameters
+from sim.scanner import SCANNED_GROUP
+from trackslip.errors import TrackslipError
+from trackslip.kinematics import Array
+from trackslip.runlog import RunLog
+
+CHASSIS, SCANNER = "chassis", "lrf"
+BELTS = ("left_belt", "right_belt")
+"""Geoms that are a belt with its shoes, in one mesh."""
+_SIDES = 20  # of a cylinder
+_LOOKS = (SCANNED_GROUP, VISUAL_GROUP)
+
+
+@dataclass(frozen=True)
+class Triangles:
+    """A mesh whose triangles share no vertices, so that each is shaded flat."""
+
+    vertices: Array  # (3 F, 3) [m]
+    colours: np.ndarray  # (3 F, 4) uint8
+
+    @property
+    def normals(self) -> Array:
+        """(3 F, 3) unit vectors."""
+        corner = self.vertices.reshape(-1, 3, 3)
+        normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+        length = np.linalg.norm(normal, axis=1, keepdims=True)
+        return np.repeat(normal / np.where(length > 0, length, 1.0), 3, axis=0)
+
+
+@dataclass(frozen=True)
+class Belt:
+    """A track's shoes: all alike, in a closed loop around the wheels."""
+
+    shoe: Array  # (3 F, 3) vertices of one, about its middle, lying as it does under the robot [m]
+    place: Array  # (S, 3) their middles in the chassis' frame, backwards under the robot, forwards above [m]
+    angle: Array  # (S + 1,) each one's turn about the robot's y axis, unwrapped, and the first one's again [rad]
+    pitch: float
+    """From shoe to shoe, along the belt [m]."""
+
+    def shoes(self, travel: Array) -> tuple[Array, Array]:
+        """Middles (..., S, 3) [m] and quaternions (..., S, 4), xyzw, of the shoes when the belt has run `travel` (...).
+
+        Positive travel [m] drives the robot forwards.
+        """
+        count = len(self.place)
+        at = np.arange(count) + (travel / self.pitch)[..., None]
+        turns, index = np.divmod(at, count)
+        knots = np.arange(count + 1)
+        closed = np.concatenate([self.place, self.place[:1]])
+        place = np.stack([np.interp(index, knots, closed[:, k]) for k in range(3)], axis=-1)
+        half = (np.interp(index, knots, self.angle) + turns * (self.angle[-1] - self.angle[0])) / 2
+        zero = np.zeros_like(half)
+        return place, np.stack([zero, np.sin(half), zero, np.cos(half)], axis=-1)
+
+
+@functools.lru_cache(maxsize=8)
+def looks(parameters: RobotParameters) -> mujoco.MjModel:
+    """The compiled field with a robot of these parameters, looks included."""
+    spec = mujoco.MjSpec.from_file(str(FIELD))
+    parameters.apply(spec)
+    return spec.compile()
+
+
+def parameters_of(log: RunLog) -> RobotParameters:
+    """The robot that drove a run, as far as its log says; for the rest the shipped one."""
+    known = log.metadata.get("robot") or log.metadata.get("geometry")
+    if not isinstance(known, Mapping):
+        return RobotParameters()
+    names = RobotParameters.__dataclass_fields__
+    try:
+        return RobotParameters(**{str(key): float(value) for key, value in known.items() if key in names})
+    except (TrackslipError, TypeError, ValueError):  # a robot of another kind
+        return RobotParameters()
+
+
+def body(model: mujoco.MjModel, name: str, without: Collection[str] = ()) -> Triangles:
+    """What is to be seen of a body, in its own frame."""
+    owner = model.body(name).id
+    parts = [
+        _of_geom(model, i)
+        for i in range(model.ngeom)
+        if model.geom_bodyid[i] == owner and model.geom_group[i] in _LOOKS and model.geom(i).name not in without
+    ]
+    return Triangles(np.concatenate([p.vertices for p in parts]), np.concatenate([p.colours for p in parts]))
+
+
+def belt(model: mujoco.MjModel, name: str) -> tuple[Triangles, Belt | None]:
+    """A geom that is a belt with its shoes, in two: what stays, and the shoes; None where they can't be told apart."""
+    whole = _of_geom(model, model.geom(name).id)
+    corner = whole.vertices.reshape(-1, 3, 3)
+    label = _connected(corner)
+    count = np.bincount(label)
+    size, often = np.unique(count, return_counts=True)
+    shoes = np.flatnonzero(count == size[np.argmax(often)])
+    if len(shoes) < 3:
+        return whole, None
+    stays = ~np.isin(label, shoes)
+    band = Triangles(corner[stays].reshape(-1, 3), whole.colours[np.repeat(stays, 3)])
+    place = np.array([corner[label == k].reshape(-1, 3).mean(axis=0) for k in shoes])
+    around = place - place.mean(axis=0)
+    order = np.argsort(np.arctan2(around[:, 2], -around[:, 0]))  # backwards below, then up and forwards above
+    lowest = int(np.argmin(np.hypot(place[order, 0], place[order, 2])))
+    order = np.roll(order, -lowest)
+    place, shoes = place[order], shoes[order]
+    ahead = np.roll(place, -1, axis=0) - np.roll(place, 1, axis=0)
+    angle = np.unwrap(np.arctan2(ahead[:, 2], -ahead[:, 0]))
+    angle -= angle[0]
+    step = np.linalg.norm(np.roll(place, -1, axis=0) - place, axis=1)
+    shoe = corner[label == shoes[0]].reshape(-1, 3) - place[0]
+    turn = 2 * np.pi * np.sign(angle[-1])
+    return band, Belt(shoe, place, np.append(angle, turn), float(step.mean()))
+
+
+def _connected(corner: Array) -> np.ndarray:
+    """To which piece (F,) each of F triangles (F, 3, 3) belongs; those of a piece share corners."""
+    _, vertex = np.unique(np.round(corner.reshape(-1, 3), 6), axis=0, return_inverse=True)
+    face = vertex.reshape(-1, 3)
+    links = np.concatenate([face[:, :2], face[:, 1:]])
+    graph = coo_array((np.ones(len(links)), links.T), shape=(face.max() + 1,) * 2)
+    _, piece = connected_components(graph, directed=False)
+    return np.unique(piece[face[:, 0]], return_inverse=True)[1]
+
+
+def _of_geom(model: mujoco.MjModel, i: int) -> Triangles:
+    """A geom in its body's frame."""
+    kind, size = model.geom_type[i], model.geom_size[i]
+    if kind == mujoco.mjtGeom.mjGEOM_MESH:
+        mesh = model.geom_dataid[i]
+        first, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
+        corners = model.mesh_vert[model.mesh_vertadr[mesh] :][model.mesh_face[first : first + faces]].reshape(-1, 3)
+    elif kind == mujoco.mjtGeom.mjGEOM_BOX:
+        corners = _prism(np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * size[:2], size[2])
+    else:  # a cylinder, or a capsule, whose round ends are left out
+        angle = np.linspace(0, 2 * np.pi, _SIDES, endpoint=False)
+        corners = _prism(size[0] * np.stack([np.cos(angle), np.sin(angle)], axis=-1), size[1])
+    rotation = np.zeros(9)
+    mujoco.mju_quat2Mat(rotation, model.geom_quat[i])
+    vertices = corners @ rotation.reshape(3, 3).T + model.geom_pos[i]
+    material = model.geom_matid[i]
+    rgba: Any = model.mat_rgba[material] if material >= 0 else model.geom_rgba[i]
+    return Triangles(vertices, np.tile(np.rint(255 * rgba).astype(np.uint8), (len(vertices), 1)))
+
+
+def _prism(section: Array, half_height: float) -> Array:
+    """Corners (3 F, 3) of an upright prism over a convex section (K, 2), counter-clockwise."""
+    count = len(section)
+    low = np.column_stack([section, np.full(count, -half_height)])
+    high = low * [1, 1, -1]
+    k = np.arange(count)
+    after = (k + 1) % count
+    sides = np.stack([low[k], low[after], high[after], low[k], high[after], high[k]], axis=1)
+    fan = np.stack([np.zeros(count - 2, int), k[1:-1], k[2:]], axis=1)
+    return np.concatenate([sides.reshape(-1, 3), high[fan].reshape(-1, 3), low[fan[:, ::-1]].reshape(-1, 3)])

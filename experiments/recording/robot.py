@@ -1,0 +1,86 @@
+"""The robot in a recording: its own geometry, where it is, and the forces on it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+import rerun as rr
+
+from experiments.colours import GREEN
+from experiments.recording import geometry
+from experiments.recording.columns import at_height, mesh, rgb, send, send_poses
+from experiments.recording.traces import Traces
+from trackslip.kinematics import Array
+
+ROBOT = "robot"
+"""Entity of the robot, below that of the run."""
+CAMERA = "camera"
+_PHASES = 8  # places of a shoe between two, so that rows repeat and pack well
+_MARKED = 11  # every so many shoes is painted, to see the belt run
+_NEWTON = 0.004  # length of a force's arrow [m/N]
+_BESIDE = 0.06  # distance from a pad to its arrow, which the track would hide [m]
+
+
+def send_robot(stream: rr.RecordingStream, entity: str, traces: Traces, model: mujoco.MjModel) -> None:
+    """The robot's own geometry, its shoes moving, where it is."""
+    robot = f"{entity}/{ROBOT}"
+    send_poses(stream, robot, traces.time, traces.pose)
+    stream.log(f"{robot}/body", mesh(geometry.body(model, geometry.CHASSIS, without=geometry.BELTS)), static=True)
+    speed = traces.log.omega * float(model.geom("left_sprocket").size[0])
+    travel = np.cumsum(speed * np.diff(traces.time, prepend=0.0)[:, None], axis=0)
+    for track, name in enumerate(geometry.BELTS):
+        band, belt = geometry.belt(model, name)
+        stream.log(f"{robot}/{name}", mesh(band), static=True)
+        if belt is not None:
+            _send_shoes(stream, f"{robot}/{name}", traces.time, travel[:, track], belt)
+
+
+def _send_shoes(stream: rr.RecordingStream, entity: str, time: Array, travel: Array, belt: geometry.Belt) -> None:
+    """Shoes of a belt that has run `travel` (T,) [m]: all go on by a pitch at most, painted ones all around."""
+    step = np.rint(travel / belt.pitch * _PHASES) / _PHASES
+    changed = np.flatnonzero(np.diff(step, prepend=np.nan) != 0)
+    painted = np.arange(0, len(belt.place), _MARKED)
+    for name, rows, run, which, size, colour in (
+        ("shoes", changed, (step % 1)[changed] * belt.pitch, slice(None), 1.0, (38, 38, 42, 255)),
+        ("painted_shoes", slice(None), travel, painted, 1.15, (230, 159, 0, 255)),
+    ):
+        where, turn = (part[:, which] for part in belt.shoes(run))
+        shoe = geometry.Triangles(size * belt.shoe, np.tile(np.array(colour, np.uint8), (len(belt.shoe), 1)))
+        stream.log(f"{entity}/{name}", mesh(shoe), static=True)
+        poses = rr.InstancePoses3D.columns(translations=where.reshape(-1, 3), quaternions=turn.reshape(-1, 4))
+        send(stream, f"{entity}/{name}", time[rows], poses.partition(np.full(len(where), where.shape[1])))
+
+
+def send_camera(stream: rr.RecordingStream, runs: Sequence[Traces]) -> None:
+    """Where a camera stands that goes with the middle of the robots, without turning."""
+    time = max((traces.time for traces in runs), key=lambda time: float(time[-1]))
+    places = [[np.interp(time, traces.time, column) for column in traces.pose.T] for traces in runs]
+    middle = np.mean(places, axis=0).T
+    send(stream, CAMERA, time, rr.Transform3D.columns(translation=at_height(middle)))
+
+
+def send_simple_robot(
+    stream: rr.RecordingStream, entity: str, traces: Traces, model: mujoco.MjModel, colour: str
+) -> None:
+    """The robot painted in one colour, its tracks at rest."""
+    robot = f"{entity}/{ROBOT}"
+    send_poses(stream, robot, traces.time, traces.pose)
+    body = geometry.body(model, geometry.CHASSIS, without=("left_wheels", "right_wheels"))
+    rubber = body.colours[:, :3].max(axis=1, keepdims=True) < 40
+    painted = np.where(rubber, body.colours, np.array([*rgb(colour), 255], np.uint8))
+    stream.log(f"{robot}/body", mesh(geometry.Triangles(body.vertices, painted)), static=True)
+
+
+def send_contacts(stream: rr.RecordingStream, entity: str, traces: Traces, model: mujoco.MjModel) -> None:
+    """Forces of the ground on the pads, if the log has them, as arrows beside the pads."""
+    pads = np.array([model.geom_pos[i] for i in range(model.ngeom) if "_pad" in model.geom(i).name])
+    force = None if traces.log.truth is None else traces.log.truth.contact
+    if force is None or force.shape[1] != len(pads):
+        return
+    pads = pads + np.sign(pads) * [0, _BESIDE, 0]
+    arrows = f"{entity}/{ROBOT}/contact_forces"
+    stream.log(arrows, rr.Arrows3D.from_fields(origins=pads, colors=[rgb(GREEN)], radii=[0.004]), static=True)
+    vectors = rr.Arrows3D.columns(vectors=(_NEWTON * force).reshape(-1, 3))
+    send(stream, arrows, traces.time, vectors.partition(np.full(len(force), len(pads))))

@@ -1,0 +1,97 @@
+"""What was measured of the robot: the scans, the plate found in them, and its covariance."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import rerun as rr
+
+from experiments.colours import VERMILLION
+from experiments.recording.columns import at_height, quaternion, rgb, send, send_poses
+from experiments.recording.traces import Traces
+from trackslip.kinematics import Array
+from trackslip.scanlog import ScanLog
+
+ESTIMATE_COLOUR, PLATE_COLOUR, OTHER_COLOUR = VERMILLION, "#ff3d7f", "#8d6bd1"
+MAGNIFIED = 30.0
+"""Times that the 3-sigma ellipses of covariance are drawn too large: they are of millimetres."""
+_SIGMAS = 3.0
+_ON_TOP = 0.11  # of the plate, above its middle [m]
+_MOST_RAYS = 24  # to the plate, drawn of a scan
+_EVERY_OTHER = 4  # return that isn't the plate's
+
+
+def send_estimate(stream: rr.RecordingStream, entity: str, traces: Traces, model: mujoco.MjModel) -> None:
+    """The plate where it was found, and the ellipse of its position's covariance, magnified."""
+    log = traces.log
+    rows = np.flatnonzero(np.isfinite(traces.estimate).all(axis=1))
+    if not rows.size:
+        return
+    plate = model.geom("plate")
+    height = float(plate.pos[2])
+    found, time = traces.estimate[rows], traces.time[rows]
+    box = rr.Boxes3D(half_sizes=[plate.size * [1, 1, 1.05]], colors=[rgb(ESTIMATE_COLOUR)], radii=[0.004])
+    plate_found = f"{entity}/estimate/plate"
+    stream.log(plate_found, box, static=True)
+    send_poses(stream, plate_found, time, found, height)
+    if log.covariance is None or not np.isfinite(log.covariance[rows]).all():
+        return
+    variance, axes = np.linalg.eigh(log.covariance[rows, :2, :2])
+    half = MAGNIFIED * _SIGMAS * np.sqrt(np.maximum(variance, 0))
+    turned = np.arctan2(axes[:, 1, 0], axes[:, 0, 0])
+    ellipse = f"{entity}/estimate/covariance"
+    style = rr.Ellipsoids3D.from_fields(colors=[(*rgb(ESTIMATE_COLOUR), 110)], fill_mode="solid")
+    stream.log(ellipse, style, static=True)
+    columns = rr.Ellipsoids3D.columns(
+        half_sizes=np.column_stack([half, np.full(len(half), 0.004)]),
+        centers=at_height(found, height + _ON_TOP),
+        quaternions=quaternion(turned),
+    )
+    send(stream, ellipse, time, columns)
+
+
+def send_scans(stream: rr.RecordingStream, entity: str, traces: Traces, height: float) -> None:
+    """The scans' returns by cluster, the plate's or not, and rays to the plate."""
+    scans = traces.log.scans
+    if scans is None:
+        return
+    x, y, heading = scans.scan.mount
+    origin = np.array([x, y, height])
+    cluster = scans.cluster
+    plate = _points(origin, heading, cluster.bearing, np.where(cluster.hit, cluster.range, np.nan))
+    _send_points(stream, f"{entity}/scan/plate", traces.time, plate, PLATE_COLOUR)
+    _send_points(stream, f"{entity}/scan/other", traces.time, _others(scans, origin, heading), OTHER_COLOUR)
+    step = np.maximum(1, cluster.count // _MOST_RAYS)[:, None]
+    ray = cluster.hit & (np.cumsum(cluster.hit, axis=1) % step == 0)
+    ends = plate[ray]
+    strips = np.stack([np.broadcast_to(origin, ends.shape), ends], axis=1)
+    rays = f"{entity}/scan/rays"
+    style = rr.LineStrips3D.from_fields(colors=[(*rgb(PLATE_COLOUR), 60)], radii=[0.0015])
+    stream.log(rays, style, static=True)
+    if len(strips):
+        send(stream, rays, traces.time, rr.LineStrips3D.columns(strips=strips).partition(ray.sum(axis=1)))
+
+
+def _points(origin: Array, heading: float, bearing: Array, distance: Array) -> Array:
+    """Ends (..., 3) of beams."""
+    angle = heading + bearing
+    x, y = origin[0] + distance * np.cos(angle), origin[1] + distance * np.sin(angle)
+    return np.stack([x, y, np.full_like(x, origin[2])], axis=-1)
+
+
+def _others(scans: ScanLog, origin: Array, heading: float) -> Array:
+    """Every few of the returns (T, B', 3) that aren't the plate's, NaN elsewhere."""
+    if scans.full is None:
+        return np.empty((len(scans.cluster.count), 0, 3))
+    rest = scans.full.copy()
+    rows, columns = np.nonzero(scans.cluster.hit)
+    rest[rows, scans.first_beam()[rows] + columns] = np.nan
+    return _points(origin, heading, scans.scan.bearings, rest)[:, ::_EVERY_OTHER]
+
+
+def _send_points(stream: rr.RecordingStream, entity: str, time: Array, points: Array, colour: str) -> None:
+    known = np.isfinite(points[..., 0])
+    if known.any():
+        stream.log(entity, rr.Points3D.from_fields(colors=[rgb(colour)], radii=[0.012]), static=True)
+        columns = rr.Points3D.columns(positions=points[known])
+        send(stream, entity, time, columns.partition(known.sum(axis=1)))

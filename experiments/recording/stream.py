@@ -1,0 +1,118 @@
+"""One run, or several side by side, into a stream of rerun's."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from uuid import uuid4
+
+import numpy as np
+import rerun as rr
+
+from experiments.colours import BLUE, COLOURS
+from experiments.recording import columns, field, paths, robot, sensing
+from experiments.recording.blueprint import blueprint
+from experiments.recording.geometry import looks, parameters_of
+from experiments.recording.series import PANELS, compared_panels, compared_series, series_of
+from experiments.recording.traces import Traces, traces_of
+from trackslip.kinematics import Array
+from trackslip.runlog import RunLog
+
+APPLICATION = "trackslip"
+RUN = "run"
+"""Entity of a single run; of several, it holds an entity each."""
+_DISTINCT = (BLUE, "#D55E00", "#009E73", "#E69F00", "#CC79A7", "#56B4E9", "#F0E442", "#B8B8B8", "#8C510A", "#6A3D9A")
+
+
+def new_stream(title: str) -> rr.RecordingStream:
+    """A stream for a recording of its own."""
+    stream = rr.RecordingStream(APPLICATION, recording_id=uuid4())
+    stream.send_recording_name(title)
+    return stream
+
+
+def send(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Path | None = None) -> None:
+    """A run, or several to compare; `laws` is a file of identified laws, by default the shipped one."""
+    if len(logs) == 1:
+        send_run(stream, logs[0], laws)
+    else:
+        send_comparison(stream, logs, laws)
+
+
+def send_run(stream: rr.RecordingStream, log: RunLog, laws: Path | None = None) -> None:
+    """Everything about a run."""
+    traces = traces_of(log, laws)
+    model = looks(parameters_of(log))
+    within = _within([traces])
+    field.send_field(stream, traces, model, within)
+    robot.send_robot(stream, RUN, traces, model)
+    robot.send_camera(stream, [traces])
+    robot.send_contacts(stream, RUN, traces, model)
+    sensing.send_estimate(stream, RUN, traces, model)
+    sensing.send_scans(stream, RUN, traces, field.scan_height(model))
+    paths.send_paths(stream, RUN, traces, paths.TRUE_COLOUR, estimate=True)
+    paths.send_reference(stream, "reference", traces)
+    series = series_of(traces)
+    columns.send_series(stream, RUN, traces.time, series)
+    columns.send_properties(stream, RUN, {"name": log.run, **log.metadata})
+    sent = [f"{RUN}/{line.entity}" for line in series]
+    stream.send_blueprint(blueprint([RUN], PANELS, sent, within, traces.moment, float(traces.time[-1])))
+
+
+def send_comparison(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Path | None = None) -> None:
+    """Several runs on the same time line, each in a colour of its own."""
+    runs = [traces_of(log, laws) for log in logs]
+    within = _within(runs)
+    field.send_field(stream, runs[0], looks(parameters_of(logs[0])), within)
+    robot.send_camera(stream, runs)
+    roots: list[str] = []
+    sent: list[str] = []
+    drawn: set[str] = set()
+    names = telling_names([log.run for log in logs])
+    for number, (traces, colour) in enumerate(zip(runs, run_colours(logs), strict=True)):
+        root = rr.new_entity_path([RUN, traces.log.run]).removeprefix("/")
+        robot.send_simple_robot(stream, root, traces, looks(parameters_of(traces.log)), colour)
+        paths.send_paths(stream, root, traces, colour, estimate=False)
+        series = compared_series(traces, names[number], colour, paler(colour))
+        columns.send_series(stream, root, traces.time, series)
+        columns.send_properties(stream, f"{RUN}_{number}", {"name": traces.log.run, **traces.log.metadata})
+        path = str([traces.log.metadata.get(key) for key in ("reference", "circle")])
+        if path not in drawn:  # runs that share a reference share its picture
+            paths.send_reference(stream, f"reference/{len(drawn)}", traces)
+            drawn.add(path)
+        roots.append(root)
+        sent += [f"{root}/{line.entity}" for line in series]
+    worst = max(runs, key=lambda traces: 0.0 if traces.distance is None else float(np.max(traces.distance)))
+    duration = max(float(traces.time[-1]) for traces in runs)
+    stream.send_blueprint(blueprint(roots, compared_panels(runs), sent, within, worst.moment, duration))
+
+
+def telling_names(names: Sequence[str]) -> list[str]:
+    """Names of runs without the words that all of them have."""
+    words = [name.split() for name in names]
+    if len({len(name) for name in words}) > 1:
+        return list(names)
+    differ = [len(set(column)) > 1 for column in zip(*words, strict=True)]
+    return [" ".join(word for word, tells in zip(name, differ, strict=True) if tells) for name in words]
+
+
+def run_colours(logs: Sequence[RunLog]) -> list[str]:
+    """A colour a run: that of its compensation, where no two have the same."""
+    names = [str(log.metadata.get("compensation")) for log in logs]
+    if len(set(names)) == len(names) and set(names) <= set(COLOURS):
+        on_dark = {"published": "#e6e6e6"}
+        return [on_dark.get(name, COLOURS[name]) for name in names]
+    return [_DISTINCT[k % len(_DISTINCT)] for k in range(len(logs))]
+
+
+def paler(colour: str) -> str:
+    """A colour halfway to white."""
+    return "#" + "".join(f"{(int(colour[k : k + 2], 16) + 255) // 2:02x}" for k in (1, 3, 5))
+
+
+def _within(runs: Sequence[Traces]) -> Array:
+    """Points (n, 2) that everything of interest lies between."""
+    points = [traces.pose[:, :2] for traces in runs]
+    points += [traces.reference[:, :2] for traces in runs if traces.reference is not None]
+    points += [mount[None, :2] for traces in runs if (mount := field.mount_of(traces)) is not None]
+    return np.concatenate(points)

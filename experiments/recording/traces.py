@@ -1,0 +1,159 @@
+"""What is shown of a run over time, from its log."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.names import KNOWN_LAWS
+from experiments.names import reference as load_reference
+from trackslip.errors import TrackslipError
+from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
+from trackslip.lawfile import SHIPPED, load_laws
+from trackslip.metrics import TRANSIENT, body_errors
+from trackslip.motion.filtered import savgol_motion
+from trackslip.runlog import RunLog
+from trackslip.slip import ConstantIcr, SlipLaw
+from trackslip.trajectory import Reference, circle
+
+_SLOWEST = 0.3  # sprocket speed below which a slip is a quotient of noise [rad/s]
+_POLE = 0.5  # beyond it a law is near its pole [-]
+_BY_DEFAULT = "icr_radius"  # the law shown of a run that was compensated by none
+
+
+@dataclass(frozen=True)
+class Traces:
+    """A run, ready to be drawn: T rows. What a log doesn't tell is None, what it doesn't tell in a row NaN."""
+
+    log: RunLog
+    time: Array  # (T,) since the first row [s]
+    pose: Array  # (T, 3) where the robot is: the true pose, or without truth the last one measured
+    estimate: Array  # (T, 3) where it was measured to be, NaN where it wasn't
+    reference: Array | None  # (T, 3) where it should be
+    error: Array | None  # (T, 3) the distance to there, in the body frame [m, m, rad]
+    slip: Array | None  # (T, 2) true [-]
+    identified: Array | None  # (T, 2) of the measured poses, smoothed [-]
+    law: Array | None  # (T, 2) that a law gives at the curvature asked for, or else driven [-]
+    law_name: str
+
+    @property
+    def distance(self) -> Array | None:
+        """(T,) from where the robot should be [m]."""
+        return None if self.error is None else np.hypot(self.error[:, 0], self.error[:, 1])
+
+    @property
+    def late_distance(self) -> Array | None:
+        """The same once the transient is over; None for a shorter run [m]."""
+        late = self.time >= TRANSIENT
+        return None if self.distance is None or not late.any() else self.distance[late]
+
+    @property
+    def moment(self) -> float:
+        """When it is interesting: at the largest error once the transient is over, or else midway [s]."""
+        late = self.late_distance
+        if late is None:
+            return float(self.time[len(self.time) // 2])
+        return float(self.time[len(self.time) - len(late) + int(np.argmax(late))])
+
+
+def traces_of(log: RunLog, laws: Path | None = None) -> Traces:
+    """What can be shown of a run; `laws` is a file of identified laws, by default the shipped one."""
+    estimate = np.where(log.is_valid[:, None], log.pose, np.nan)
+    pose = _held(estimate) if log.truth is None else log.truth.pose
+    path = reference_of(log)
+    desired = None if path is None else path.pose(log.time)
+    geometry = geometry_of(log)
+    true = identified = law = None
+    name = ""
+    if geometry is not None:
+        identified, driven = _identified_slip(log, geometry)
+        if log.truth is not None:
+            twist = log.truth.twist[:, [0, 2]]
+            mean = (twist + np.concatenate([twist[:1], twist[:-1]])) / 2  # as measured sprocket speeds are means
+            true, driven = _slip(log.omega, mean, geometry), mean
+        law, name = _slip_by_law(log, geometry, driven if log.twist_command is None else log.twist_command, laws)
+    return Traces(
+        log=log,
+        time=log.time - log.time[0],
+        pose=pose,
+        estimate=estimate,
+        reference=desired,
+        error=None if desired is None else body_errors(pose, desired),
+        slip=true,
+        identified=identified,
+        law=law,
+        law_name=name,
+    )
+
+
+def geometry_of(log: RunLog) -> RobotGeometry | None:
+    """What a log says of its robot."""
+    known = log.metadata.get("geometry")
+    try:
+        return RobotGeometry(**known) if isinstance(known, Mapping) else None
+    except (TypeError, TrackslipError):
+        return None
+
+
+def reference_of(log: RunLog) -> Reference | None:
+    """The path that a run was to follow, if its log says so and the path is still to be had."""
+    name, arc = log.metadata.get("reference"), log.metadata.get("circle")
+    if name is None:
+        return None
+    with contextlib.suppress(TrackslipError, TypeError):
+        return circle(**arc) if isinstance(arc, Mapping) else load_reference(str(name))
+    return None
+
+
+def _slip(omega: Array, twist: Array, geometry: RobotGeometry) -> Array:
+    """Slips (T, 2), NaN where a sprocket hardly turns."""
+    return np.where(np.abs(omega) > _SLOWEST, track_slip(omega, twist, geometry), np.nan)
+
+
+def _identified_slip(log: RunLog, geometry: RobotGeometry) -> tuple[Array | None, Array | None]:
+    """Slips (T, 2) of the smoothed measured poses, and the twists (T, 2) that these give; None without enough poses."""
+    try:
+        motion = savgol_motion(log)
+    except TrackslipError:
+        return None, None
+    within = (log.time >= motion.time[0]) & (log.time <= motion.time[-1])
+    middle = log.time - np.diff(log.time, prepend=log.time[0]) / 2  # measured sprocket speeds are means
+    twist = np.stack([np.interp(middle, motion.time, column) for column in motion.twist.T], axis=-1)
+    slip = _slip(log.omega, twist, geometry)
+    return np.where(within[:, None], slip, np.nan), twist
+
+
+def _slip_by_law(
+    log: RunLog, geometry: RobotGeometry, twist: Array | None, file: Path | None
+) -> tuple[Array | None, str]:
+    """Slips (T, 2) by the law that compensated a run, or else by a constant ICR, and the law's name."""
+    if twist is None:
+        return None, ""
+    name = str(log.metadata.get("compensation", "none"))
+    law: SlipLaw | None = None
+    if log.icr is not None and name != "none":
+        law = ConstantIcr(log.icr[:, 0], geometry.half_gauge, log.icr[:, 1])  # type: ignore[arg-type]
+    else:
+        laws: dict[str, Any] = dict(KNOWN_LAWS)
+        with contextlib.suppress(TrackslipError):
+            laws |= load_laws(file or SHIPPED, geometry)
+        name = name if name != "none" and name in laws else _BY_DEFAULT
+        law = laws.get(name)
+    if law is None:
+        return None, ""
+    slip = law(curvature(twist))
+    return np.where((np.abs(slip) < _POLE) & (np.abs(log.omega) > _SLOWEST), slip, np.nan), name
+
+
+def _held(pose: Array) -> Array:
+    """Poses (T, 3) with the last known one, at the start the first, in place of those that are NaN."""
+    known = np.isfinite(pose).all(axis=1)
+    if not known.any():
+        return np.zeros_like(pose)
+    last = np.maximum.accumulate(np.where(known, np.arange(len(pose)), -1))
+    return pose[np.where(last < 0, np.argmax(known), last)]

@@ -1,0 +1,33 @@
+"""Options of `trackslip view`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from trackslip.errors import InvalidValueError
+
+
+@dataclass(frozen=True)
+class ViewConfig:
+    """Look at stored runs in the rerun viewer: one, or several side by side on the same time line."""
+
+    path: tyro.conf.Positional[Path]
+    """Folder of results, or a .parquet or .csv log, of a real robot too."""
+    run: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="ID")] = ()
+    """Name of a run; give it several times to compare runs. By default the first."""
+    web: bool = False
+    """Open it in the browser, until interrupted."""
+    save: Path | None = None
+    """Write a .rrd file instead, for `rerun FILE`."""
+
+    def __post_init__(self) -> None:
+        if self.save is not None and self.save.suffix.lower() != ".rrd":
+            raise InvalidValueError("save", str(self.save), "a file that ends in .rrd")
+        if self.save is not None and self.web:
+            raise InvalidValueError("web", self.web, "left out with --save")
+        if len(set(self.run)) < len(self.run):
+            raise InvalidValueError("run", self.run, "all different")

@@ -1,0 +1,221 @@
+"""Recordings, read back and compared with the logs that they were made of."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from rerun.chunk import RrdReader
+
+from experiments import recording
+from experiments.cli import main
+from experiments.recording.geometry import belt, body, looks, parameters_of
+from experiments.recording.stream import telling_names
+from experiments.recording.traces import traces_of
+from sim.robot_parameters import RobotParameters
+from trackslip.kinematics import RobotGeometry, track_slip
+from trackslip.logfile import read_runs, write_csv
+from trackslip.runlog import RunLog
+
+CIRCLE = (
+    *("--reference", "circle", "--circle-duration", "14", "--circle-radius", "0.8"),
+    *("--start", "-1.4", "0.1", "0.2"),
+)
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory) -> tuple[Path, list[RunLog]]:
+    """Two runs on a circle among posts, whose folders hold a recording each."""
+    logs, folder = [], tmp_path_factory.mktemp("recording")
+    for compensation in ("none", "icr_radius"):
+        out = folder / compensation
+        main(["track", *CIRCLE, "--compensation", compensation, "--obstacles", "posts", "--rrd", "--out", str(out)])
+        logs += read_runs(out / "runs.parquet")
+    return folder, logs
+
+
+def component(file: Path, entity: str, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Times (T,) [s] and values (T, n) of a component of an entity that has as many in each row."""
+    times, values = [], []
+    for chunk in RrdReader(file).stream().filter(content=entity):
+        batch = chunk.to_record_batch()
+        column = [c for c in batch.schema.names if c.endswith(f":{name}")]
+        if column and "time" in batch.schema.names:
+            flat = batch.column(column[0]).flatten()
+            while pa.types.is_nested(flat.type):
+                flat = flat.flatten()
+            values.append(np.asarray(flat).reshape(batch.num_rows, -1))
+            times.append(batch.column("time").cast("int64").to_numpy() / 1e9)
+    order = np.argsort(np.concatenate(times))
+    return np.concatenate(times)[order], np.concatenate(values)[order]
+
+
+def verify(file: Path) -> None:
+    command = [str(Path(sys.executable).with_name("rerun")), "rrd", "verify", str(file)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def require_pose(file: Path, entity: str, log: RunLog) -> None:
+    assert log.truth is not None
+    time, translation = component(file, entity, "translation")
+    _, quaternion = component(file, entity, "quaternion")
+    np.testing.assert_allclose(time, log.time, atol=1e-9)
+    np.testing.assert_allclose(translation[:, :2], log.truth.pose[:, :2], atol=1e-6)
+    x, y, z, w = quaternion.T.astype(float)  # rerun's order
+    np.testing.assert_allclose([x, y], 0, atol=1e-7)
+    heading = np.unwrap(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+    assert np.ptp(log.truth.pose[:, 2]) > 1  # the robot turned
+    np.testing.assert_allclose(heading - heading[0], log.truth.pose[:, 2] - log.truth.pose[0, 2], atol=1e-6)
+    np.testing.assert_allclose(np.exp(1j * heading), np.exp(1j * log.truth.pose[:, 2]), atol=1e-6)
+
+
+def test_recording_holds_the_run(driven):
+    folder, logs = driven
+    log = logs[1]
+    file = folder / "icr_radius" / "recordings" / "linear_icr_radius.rrd"
+    verify(file)
+    assert file.stat().st_size < 3e6
+    require_pose(file, "/run/robot", log)
+    _, slip = component(file, "/run/slip/true", "scalars")
+    geometry = RobotGeometry(**log.metadata["geometry"])
+    twist = log.truth.twist[:, [0, 2]]
+    expected = track_slip(log.omega[1:], (twist[1:] + twist[:-1]) / 2, geometry)
+    turning = np.abs(log.omega[1:]) > 0.3
+    np.testing.assert_allclose(slip[1:][turning], expected[turning], atol=1e-12)
+    assert np.isnan(slip[1:][~turning]).all()
+    _, measured = component(file, "/run/sprocket/measured", "scalars")
+    np.testing.assert_array_equal(measured, log.omega)
+    _, force = component(file, "/run/robot/contact_forces", "vectors")
+    scale = force.reshape(len(force), -1, 3)[:, :, 2].sum(axis=1) / log.truth.contact[..., 2].sum(axis=1)
+    np.testing.assert_allclose(scale, scale[0], rtol=1e-5)
+
+
+def test_slips_agree_in_steady_turns(driven):
+    traces = traces_of(driven[1][1])
+    steady = slice(160, 260)
+    for other in (traces.identified, traces.law):
+        np.testing.assert_allclose(np.nanmean(other[steady], axis=0), traces.slip[steady].mean(axis=0), atol=0.01)
+    assert traces.law_name == "icr_radius"
+    assert traces.moment > 11.9
+    assert traces.distance[0] == pytest.approx(np.hypot(0.1, 0.1), abs=1e-6)  # the circle is the one that was asked for
+
+
+def test_runs_side_by_side(driven, tmp_path):
+    logs = driven[1]
+    file = tmp_path / "both.rrd"
+    recording.record(file, logs)
+    verify(file)
+    for log in logs:
+        require_pose(file, f"/run/{log.run.replace(' ', chr(92) + ' ')}/robot", log)
+    assert len(RrdReader(file).recordings()) == 1
+    assert len(RrdReader(file).blueprints()) == 1
+
+
+def test_detail_is_stored_and_changes_nothing(driven, tmp_path):
+    logs = driven[1]
+    main(["track", *CIRCLE, "--compensation", "none", "--obstacles", "posts", "--out", str(tmp_path)])
+    plain, log = read_runs(tmp_path / "runs.parquet")[0], logs[0]
+    assert not (tmp_path / "recordings").exists()
+    assert plain.truth.contact is None
+    assert plain.scans is None
+    np.testing.assert_array_equal(log.truth.pose, plain.truth.pose)
+    assert log.metadata == plain.metadata
+    sides = log.truth.contact.reshape(len(log.time), 2, -1, 3).sum(axis=2)
+    np.testing.assert_allclose(sides[..., 0], log.truth.traction, rtol=1e-4, atol=1e-3)
+    np.testing.assert_allclose(sides[1:, :, 2].sum(axis=1), 25 * 9.81, rtol=0.01)
+    first = log.scans.first_beam()
+    k = 100
+    width = log.scans.cluster.width[k]
+    seen = log.scans.full[k, first[k] : first[k] + width]
+    hit = log.scans.cluster.hit[k, :width]
+    np.testing.assert_array_equal(seen[hit], log.scans.cluster.range[k, :width][hit].astype(np.float32))
+    assert np.isfinite(log.scans.full[k]).sum() > hit.sum()  # the posts
+
+
+def test_shoes_run_with_the_belt():
+    model = looks(RobotParameters())
+    band, shoes = belt(model, "left_belt")
+    assert shoes is not None
+    assert len(shoes.place) == 44
+    assert len(band.vertices) + 44 * len(shoes.shoe) == 3 * 936
+    assert shoes.pitch == pytest.approx((0.8 + 2 * np.pi * 0.067) / 44, rel=0.01)
+    place, turn = shoes.shoes(np.array([0.0, 0.01, shoes.pitch]))
+    below = place[0, :, 2] < 0.01
+    forwards = np.zeros_like(below)
+    forwards[1:-1] = place[1, 1:-1, 0] > place[0, 1:-1, 0]
+    assert not forwards[below].any()  # under the robot the belt runs backwards
+    np.testing.assert_allclose(place[2], np.roll(place[0], -1, axis=0), atol=1e-9)
+    np.testing.assert_allclose(np.linalg.norm(turn, axis=-1), 1)
+    _, above = np.unravel_index(np.argmax(place[..., 2]), place.shape[:2])
+    np.testing.assert_allclose(np.abs(turn[0, above]), [0, 1, 0, 0], atol=0.1)  # upside down
+
+
+def test_triangles_face_outwards():
+    plate = body(looks(RobotParameters()), "chassis", without=("left_belt", "right_belt"))
+    assert np.isfinite(plate.normals).all()
+    mesh = plate.vertices.reshape(-1, 3, 3)
+    volume = np.einsum("ni,ni->n", mesh[:, 0], np.cross(mesh[:, 1], mesh[:, 2])).sum() / 6
+    assert volume > 0.60 * 0.04 * 0.20  # that of the plate and more: of outward faces
+
+
+def test_view_of_a_real_robots_log(driven, tmp_path, capsys):
+    bare = [replace(log, truth=None, metadata={}, covariance=None, command=None, scans=None) for log in driven[1]]
+    write_csv(bare, tmp_path / "real.csv")
+    main(["view", str(tmp_path / "real.csv"), "--save", str(tmp_path / "real.rrd")])
+    assert "2 runs, shown is 'linear none'" in capsys.readouterr().out
+    verify(tmp_path / "real.rrd")
+    _, translation = component(tmp_path / "real.rrd", "/run/robot", "translation")
+    np.testing.assert_allclose(translation[:, :2], bare[0].pose[:, :2], atol=1e-6)
+    assert parameters_of(bare[0]) == RobotParameters()
+
+
+def test_view_refuses(driven, refused):
+    folder = driven[0] / "none"
+    assert refused("view", str(folder), "--run", "other").endswith("no run 'other'; there are 'linear none'")
+    assert "no runs in it" in refused("view", str(driven[0]))
+    assert "no such file" in refused("view", "missing.parquet")
+    assert "a file that ends in .rrd" in refused("view", str(folder), "--save", "x.txt")
+    assert "can't be written" in refused("view", str(folder), "--save", "/proc/x/y.rrd")
+
+
+def test_view_without_a_viewer(driven, refused, monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(name, raising=False)
+    assert "doesn't start; try --web, or --save FILE" in refused("view", str(driven[0] / "none"))
+
+
+def test_recordings_are_replaced_whole(driven, trackslip):
+    quick = ("--reference", "circle", "--circle-duration", "1", "--localization", "truth")
+    first = trackslip("track", *quick, "--rrd", "--compensation", "none")
+    assert [file.name for file in (first.folder / "recordings").iterdir()] == ["linear_none.rrd"]
+    verify(first.folder / "recordings" / "linear_none.rrd")
+    again = trackslip("track", *quick, "--rrd", "--compensation", "published")
+    assert [file.name for file in (again.folder / "recordings").iterdir()] == ["linear_published.rrd"]
+    without = trackslip("track", *quick)
+    assert not (without.folder / "recordings").exists()
+
+
+def test_file_names():
+    assert recording.file_names(["radius=0.5 speed=0.1", "a/b", "a b", "..", "x" * 300]) == [
+        "radius=0.5_speed=0.1.rrd",
+        "a_b.rrd",
+        "a_b_2.rrd",
+        "run.rrd",
+        "x" * 120 + ".rrd",
+    ]
+
+
+def test_driving_without_a_recording_needs_no_rerun():
+    code = "import sys, experiments.track, experiments.view; sys.exit('rerun' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code]).returncode == 0
+
+
+def test_names_that_tell_runs_apart():
+    assert telling_names(["linear none stone 0", "linear icr stone 0"]) == ["none", "icr"]
+    assert telling_names(["a b", "a b c"]) == ["a b", "a b c"]
