@@ -122,3 +122,13 @@ def test_environments_are_registered_whichever_is_imported_first(first):
     code = f"import {first}\nimport gymnasium, sim.ground\nprint('trackslip/PathTracking-v0' in gymnasium.registry)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "True\n"
+
+
+def test_an_interrupt_while_it_is_still_loading_costs_a_line():
+    code = (
+        "import sys, types\nfrom experiments.__main__ import main\n"
+        "def find_spec(name, *_):\n    if name == 'tyro':\n        raise KeyboardInterrupt\n"
+        "sys.meta_path.insert(0, types.SimpleNamespace(find_spec=find_spec))\nmain()"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (130, "trackslip: interrupted\n")

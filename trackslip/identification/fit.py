@@ -47,16 +47,16 @@ class Fits:
 
     @cached_property
     def jacobian(self) -> Array:
-        """Derivatives (M, 2 n, p) of the predicted deviations, not weighted."""
+        """Derivatives (M, 2 n, p) of the predicted deviations, not weighted; for values at a limit, just inside it."""
         runs, count = self.runs, len(self.values)
-        scale = self.family.limits(runs.geometry.half_gauge)[2]
+        low, high, scale = self.family.limits(runs.geometry.half_gauge)
+        inside = np.clip(self.values, low + _DIFFERENCE * scale, high - _DIFFERENCE * scale)
         jacobian = np.empty((count, 2 * runs.runs, self.values.shape[1]))
         for k in range(self.values.shape[1]):
             step = np.zeros(self.values.shape[1])
             step[k] = _DIFFERENCE * scale[k]
             ahead, behind = (
-                runs.deviation(self.family.law((self.values + sign * step)[:, None, :], runs.geometry))
-                for sign in (1, -1)
+                runs.deviation(self.family.law((inside + sign * step)[:, None, :], runs.geometry)) for sign in (1, -1)
             )
             jacobian[..., k] = ((ahead - behind) / (2 * step[k])).reshape(count, -1)
         return jacobian
