@@ -266,8 +266,9 @@ def opengl():
 
 
 @pytest.mark.filterwarnings("ignore")  # of drivers
-@pytest.mark.skipif(not opengl(), reason="OpenGL doesn't work here")
 def test_pictures_show_the_robot_its_path_and_its_trail():
+    if not opengl():
+        pytest.skip("OpenGL doesn't work here")
     env = gym.make(ID, render_mode="rgb_array", reference="circle", off_path=5.0).unwrapped
     env.reset(seed=0)
     before = env.render()
