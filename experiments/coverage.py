@@ -94,7 +94,7 @@ def drawn_coverage(
     """Shares for samples drawn from every law, with errors of measurement that the fits are told, and are not."""
     names = [name for name in FAMILIES if FAMILIES[name].names]
     shares: dict[bool, dict[str, Any]] = {True: {}, False: {}}
-    with progress(f"{len(names)} laws, {config.repeats} sets of samples each", 2 * len(names)) as report:
+    with progress(f"{len(names)} laws, {config.repeats} sets of samples each", 2 * len(names), "fits") as report:
         for name, known in itertools.product(names, (True, False)):
             rng = generator(config.seed, f"coverage {name} {known}")
             values = generating_values(name, fitted)
@@ -131,7 +131,7 @@ def scanned_again(
     found = []
     with (
         processes(config.threads or os.cpu_count() or 1) as pool,
-        progress(f"{len(logs)} runs scanned {repeats} times", len(logs)) as report,
+        progress(f"{len(logs)} runs scanned {repeats} times", len(logs), "runs") as report,
     ):
         with deaf_children():
             results = pool.map(_bundled, jobs)

@@ -145,8 +145,7 @@ def _learn(model: Any, config: TrainConfig, drafts: Path) -> list[dict[str, floa
     from stable_baselines3.common.callbacks import BaseCallback
 
     curve: list[dict[str, float]] = []
-    with progress("training", config.steps, "steps") as report:
-        report(model.num_timesteps)
+    with progress("training", config.steps, "steps", model.num_timesteps) as report:
 
         class Recorder(BaseCallback):  # type: ignore[misc, unused-ignore]
             updates = 0

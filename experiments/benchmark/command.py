@@ -100,8 +100,8 @@ def _drive(setup: Setup, wanted: dict[Path, tuple[Case, ...]]) -> None:
     """Make the parts that aren't there yet."""
     missing = {path: group for path, group in wanted.items() if not complete(path)}
     total = sum(map(_seconds, wanted.values()))
-    with progress(f"{sum(map(len, wanted.values()))} runs", total) as report:
-        report(total - sum(map(_seconds, missing.values())))
+    done = total - sum(map(_seconds, missing.values()))
+    with progress(f"{sum(map(len, wanted.values()))} runs", total, done=done) as report:
         for path in work_off(setup.config, missing):
             report(_seconds(missing[path]))
 

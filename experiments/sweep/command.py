@@ -81,8 +81,7 @@ def _drive(config: SweepConfig, there: Archive, runs: Sequence[Run], missing: Se
     jobs = min(config.jobs or processors(), len(parts))
     total, left = (sum(one.config.duration for one in some) for some in (runs, missing))
     done = len(runs) - len(missing)
-    with progress(f"{len(runs)} runs, scans and poses", total) as report:
-        report(total - left)
+    with progress(f"{len(runs)} runs, scans and poses", total, done=total - left) as report:
         try:
             with workers(config.executor, jobs) as pool:
                 task = functools.partial(drive, threads=config.threads, report=report) if pool.inline else drive
