@@ -5,8 +5,15 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any, TypeVar
@@ -16,6 +23,7 @@ from trackslip.errors import TrackslipError
 
 _AHEAD = 2  # tasks handed out per worker, so that none waits for its next
 
+_GO_ON = "the same command goes on from where it was"
 _PATIENCE = 10  # for a scheduler to answer [s]
 
 Task = TypeVar("Task")
@@ -49,8 +57,12 @@ class Workers:
                 for future in done:
                     yield future.result()
                     pending |= self._submitted(do, islice(left, 1))
-        except BrokenProcessPool as error:
-            raise TrackslipError("a worker process died; the same command goes on from where it was") from error
+        except (BrokenExecutor, CancelledError) as error:
+            raise TrackslipError(f"a worker died; {_GO_ON}") from error
+        except Exception as error:
+            if not type(error).__module__.startswith("distributed"):
+                raise
+            raise TrackslipError(f"the cluster fails ({type(error).__name__}); {_GO_ON}") from error
 
     def _submitted(self, do: Callable[[Task], Result], tasks: Iterable[Task]) -> set[Future[Result]]:
         with deaf_children() if isinstance(self.executor, ProcessPoolExecutor) else contextlib.nullcontext():

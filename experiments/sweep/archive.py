@@ -130,5 +130,8 @@ def _whole(file: Path) -> bool:
 def _put(path: Path, content: bytes) -> None:
     """A file, whole or not at all."""
     draft = path.with_name(f".{path.name}-{os.getpid()}")
-    draft.write_bytes(content)
-    os.replace(draft, path)
+    try:
+        draft.write_bytes(content)
+        os.replace(draft, path)
+    finally:
+        draft.unlink(missing_ok=True)
