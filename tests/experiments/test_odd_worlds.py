@@ -15,7 +15,7 @@ STICKY = ("--ground.along", "10", "--ground.across", "10")
         (("--ground.along", "1e308"), "ground.along = 1e+308: must be at most 10"),
         (("--ground.uphill", "inf"), "ground.uphill = inf: must be a finite number"),
         (("--ground.slope", "0.9", *STICKY), "slope = 0.9: must be less, to park with heading 0 rad: the robot tips"),
-        (("--robot", ""), "Is a directory"),
+        (("--robot", "."), "Is a directory"),
         (("--radius-error", "nan"), "radius_error = nan"),
         (("--drive.motor.voltage", "1e308"), "drive.motor.voltage = 1e+308: must be at most 1e+06"),
         (("--drive.motor.rotor-inertia", "1e300"), "drive.motor.rotor_inertia = 1e+300: must be at most 1e+06"),
