@@ -53,6 +53,12 @@ class Traces:
         return None if self.distance is None or not late.any() else self.distance[late]
 
     @property
+    def late_heading(self) -> Array | None:
+        """The error of the heading once the transient is over; None for a shorter run [rad]."""
+        late = self.time >= TRANSIENT
+        return None if self.error is None or not late.any() else self.error[late, 2]
+
+    @property
     def moment(self) -> float:
         """When it is interesting: at the largest error once the transient is over, or else midway [s]."""
         late = self.late_distance
