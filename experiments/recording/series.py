@@ -13,7 +13,6 @@ import numpy as np
 from experiments.recording.traces import Traces
 from trackslip.kinematics import Array
 
-
 LEFT, RIGHT = "#56B4E9", "#E69F00"
 """The tracks, in every panel: of Okabe and Ito's colours, as all here, on the viewer's dark ground."""
 _AHEAD, _SIDEWAYS, _TURNING = "#009E73", "#F0E442", "#CC79A7"
@@ -21,6 +20,7 @@ _PALE = {LEFT: "#BFE3F8", RIGHT: "#FFE0A0", _AHEAD: "#9ADFCA", _TURNING: "#F2D5E
 _DIM = {LEFT: "#2B5F7D", RIGHT: "#7A5400"}
 _GREY = "#8a8a8a"
 _THICK, _LINE, _THIN = 4.0, 1.5, 0.8  # widths of lines
+_MOST_LABELS = 4.5  # along an axis
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Series:
     values: Array  # (T, n), NaN for a gap
     names: tuple[str, ...]
     colours: tuple[str, ...]
-    width: float = 1.5
+    width: float = 1.5  # [px]
 
 
 @dataclass(frozen=True)
@@ -108,21 +108,29 @@ def series_of(traces: Traces) -> list[Series]:
 
 def panels(runs: Sequence[Traces]) -> list[Panel]:
     """PANELS of a run, or COMPARED of several, with errors' ranges such that they can be read after the transients."""
-    late = [(traces.late_distance, traces.late_heading) for traces in runs]
-    distance = max((1e3 * float(found.max()) for found, _ in late if found is not None), default=None)
-    heading = max((float(np.degrees(np.abs(found).max())) for _, found in late if found is not None), default=None)
-    ranges = {}
-    if distance is not None and heading is not None:
-        high, turn = _rounded(distance), _rounded(heading)
-        ranges = {_POSITION: (-high, high), _DISTANCE: (-0.05 * high, high), _HEADING: (-turn, turn)}
+    late = [error for traces in runs if (error := traces.late_error) is not None]
+    ranges: dict[str, tuple[float, float]] = {}
+    if late:
+        error = np.concatenate(late)
+        ranges[_POSITION] = _readable(1e3 * np.append(error[:, :2].ravel(), np.hypot(error[:, 0], error[:, 1])))
+        ranges[_DISTANCE] = _readable(1e3 * np.hypot(error[:, 0], error[:, 1]))
+        ranges[_HEADING] = _readable(np.degrees(error[:, 2]))
     chosen = PANELS if len(runs) == 1 else COMPARED
     return [replace(panel, range=ranges.get(panel.title, panel.range)) for panel in chosen]
 
 
-def _rounded(highest: float) -> float:
-    """The end of an axis that shows `highest` and, as the viewer labels powers of ten only, one to three labels."""
-    power = 10.0 ** np.floor(np.log10(max(highest, 1e-3)))
-    return float(next(factor * power for factor in (1.2, 2.2, 3.2, 11.0) if highest < 0.97 * factor * power))
+def _readable(values: Array) -> tuple[float, float]:
+    """The range of an axis with zero, all values, and at least two labels: the viewer has them at powers of ten only.
+
+    The same power's multiples all, and only so many that a low panel has room for them.
+    """
+    low, high = min(float(values.min()), 0.0), max(float(values.max()), 0.0)
+    margin = 0.08 * max(high - low, 1e-3)
+    low, high = low - margin, high + margin
+    power = 10.0 ** np.ceil(np.log10((high - low) / _MOST_LABELS))
+    if np.floor(high / power) - np.ceil(low / power) < 1:
+        low, high = (low, 1.08 * power) if high > -low else (-1.08 * power, high)
+    return float(low), float(high)
 
 
 def compared_series(traces: Traces, name: str, colour: str, pale: str) -> list[Series]:
@@ -133,9 +141,7 @@ def compared_series(traces: Traces, name: str, colour: str, pale: str) -> list[S
         if series.entity in kept:
             two = len(series.names) == 2
             names = (f"{name}, left", f"{name}, right") if two else (name,)
-            found.append(
-                Series(series.entity, series.values, names, (colour, pale) if two else (colour,), series.width)
-            )
+            found.append(Series(series.entity, series.values, names, (colour, pale) if two else (colour,)))
     truth, asked = traces.log.truth, traces.log.twist_command
     yaw = [(f"{name}, true", colour, truth.twist[:, 2])] if truth is not None else []
     yaw += [(f"{name}, asked", pale, asked[:, 1])] if asked is not None else []
