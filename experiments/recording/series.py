@@ -14,12 +14,13 @@ from experiments.recording.traces import Traces
 from trackslip.kinematics import Array
 
 LEFT, RIGHT = "#56B4E9", "#E69F00"
-"""The tracks, in every panel: of Okabe and Ito's colours, as all here, on the viewer's dark ground."""
+"""The tracks, in every panel: of Okabe and Ito's colours, as all here."""
 _AHEAD, _SIDEWAYS, _TURNING = "#009E73", "#F0E442", "#CC79A7"
 _PALE = {LEFT: "#BFE3F8", RIGHT: "#FFE0A0", _AHEAD: "#9ADFCA", _TURNING: "#F2D5E4"}
 _DIM = {LEFT: "#2B5F7D", RIGHT: "#7A5400"}
+"""Not see-through: the viewer draws a line in pieces that overlap."""
 _GREY = "#8a8a8a"
-_THICK, _LINE, _THIN = 4.0, 1.5, 0.8  # widths of lines
+_THICK, _LINE, _THIN = 4.5, 1.5, 0.8  # widths of lines
 _MOST_LABELS = 4.5  # along an axis
 
 
@@ -52,15 +53,15 @@ SLIP_LAW, SLIP_IDENTIFIED, SLIP_TRUE = "slip/by_law", "slip/identified", "slip/t
 _SLIP_RANGE = (-0.25, 0.20)
 _POSITION, _HEADING = "Position error [mm]", "Heading error [deg]"
 _DISTANCE = "Distance from the reference [mm]"
-_FORCES = "Forces on the tracks"
+_MOTION = "Twist and forces"
 PANELS = (
-    Panel("Slip [-]", (SLIP_LAW, SLIP_IDENTIFIED, SLIP_TRUE), _SLIP_RANGE, 1.7),
-    Panel("Sprocket speed [rad/s]", ("sprocket/asked", "sprocket/measured"), height=1.3),
-    Panel(_POSITION, ("error/distance", "error/position"), height=1.1),
+    Panel("Slip [-]", (SLIP_LAW, SLIP_IDENTIFIED, SLIP_TRUE), _SLIP_RANGE, 1.9),
+    Panel("Sprocket speed [rad/s]", ("sprocket/asked", "sprocket/measured"), height=1.4),
+    Panel(_POSITION, ("error/distance", "error/position"), height=1.2),
     Panel(_HEADING, ("error/heading",), height=0.9, legend=False),
-    Panel("Twist [m/s, rad/s]", ("twist/asked", "twist/true"), height=1.3),
-    Panel("Load [N]", ("contact/load",), tab=_FORCES),
-    Panel("Traction [N]", ("contact/traction",), tab=_FORCES),
+    Panel("Twist [m/s, rad/s]", ("twist/asked", "twist/true"), height=1.5, tab=_MOTION),
+    Panel("Load on the tracks [N]", ("contact/load",), tab=_MOTION),
+    Panel("Traction of the tracks [N]", ("contact/traction",), tab=_MOTION),
 )
 """Of one run."""
 COMPARED = (
