@@ -101,7 +101,7 @@ def _open(file: Path, web: bool) -> None:
         raise TrackslipError("the rerun viewer isn't installed; --save FILE writes what it would show")
     command = [viewer, "--new", str(file)]
     if web:
-        page, stream = _free_port(_PAGE), _free_port(_STREAM)
+        page, stream = free_port(_PAGE), free_port(_STREAM)
         ports = ["--port", str(stream), "--web-viewer-port", str(page)]
         command = [viewer, "--web-viewer", "--bind", _LOCAL, *ports, str(file)]
         source = urllib.parse.quote(f"rerun+http://{_LOCAL}:{stream}/proxy", safe="")
@@ -120,7 +120,7 @@ def _open(file: Path, web: bool) -> None:
         raise TrackslipError(f"the rerun viewer doesn't start; try {other}--save FILE ({why.strip()[:_LONGEST]})")
 
 
-def _free_port(usual: int) -> int:
+def free_port(usual: int) -> int:
     """The usual port, or where that is taken any other."""
     for port in (usual, 0):
         with socket.socket() as test, contextlib.suppress(OSError):

@@ -14,7 +14,8 @@ from experiments.recording.robot import CAMERA, ROBOT
 from experiments.recording.series import Panel
 from trackslip.kinematics import Array
 
-_BEHIND = np.array([-1.6, -1.4, 1.25])  # from where the robot is looked at [m]
+_BEHIND = np.array([-1.25, -1.1, 1.0])  # from where a robot is looked at [m]
+_FARTHER = 1.4  # times that several are looked at from
 _BEFORE, _LOOP = 1.0, 6.0  # how long before the moment the viewer begins, and how long it plays, again and again [s]
 _ASPECT = 1.9  # width of the plan to its height
 _LEGEND = 1.25  # of the plots' width to that of the data: legends stand beside these
@@ -53,7 +54,7 @@ def blueprint(
         line_grid=False,
         eye_controls=rrb.EyeControls3D(
             kind="Orbital",
-            position=target + _BEHIND,
+            position=target + (_BEHIND if len(roots) == 1 else _FARTHER * _BEHIND),
             look_target=target,
             eye_up=[0, 0, 1],
         ),

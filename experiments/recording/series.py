@@ -113,14 +113,14 @@ def panels(runs: Sequence[Traces]) -> list[Panel]:
     ranges: dict[str, tuple[float, float]] = {}
     if late:
         error = np.concatenate(late)
-        ranges[_POSITION] = _readable(1e3 * np.append(error[:, :2].ravel(), np.hypot(error[:, 0], error[:, 1])))
-        ranges[_DISTANCE] = _readable(1e3 * np.hypot(error[:, 0], error[:, 1]))
-        ranges[_HEADING] = _readable(np.degrees(error[:, 2]))
+        ranges[_POSITION] = readable(1e3 * np.append(error[:, :2].ravel(), np.hypot(error[:, 0], error[:, 1])))
+        ranges[_DISTANCE] = readable(1e3 * np.hypot(error[:, 0], error[:, 1]))
+        ranges[_HEADING] = readable(np.degrees(error[:, 2]))
     chosen = PANELS if len(runs) == 1 else COMPARED
     return [replace(panel, range=ranges.get(panel.title, panel.range)) for panel in chosen]
 
 
-def _readable(values: Array) -> tuple[float, float]:
+def readable(values: Array) -> tuple[float, float]:
     """The range of an axis with zero, all values, and at least two labels: the viewer has them at powers of ten only.
 
     The same power's multiples all, and only so many that a low panel has room for them.
