@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import rerun as rr
@@ -45,6 +46,8 @@ def blueprint(
         for panel in panels
         if (entities := [f"{root}/{name}" for root in roots for name in panel.entities if f"{root}/{name}" in sent])
     ]
+    if plots and not any(panel.legend for panel, _ in plots):
+        plots[0] = (replace(plots[0][0], legend=True), plots[0][1])
     target = np.array([0.0, 0.0, 0.2])
     space = rrb.Spatial3DView(
         origin=f"/{CAMERA}",

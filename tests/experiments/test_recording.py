@@ -11,12 +11,14 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
+import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
 from experiments import recording
 from experiments.cli import main
+from experiments.recording.blueprint import blueprint
 from experiments.recording.geometry import belt, body, looks, parameters_of
-from experiments.recording.series import LEFT, PANELS, RIGHT, readable, series_of
+from experiments.recording.series import COMPARED, LEFT, PANELS, RIGHT, readable, series_of
 from experiments.recording.stream import telling_names
 from experiments.recording.traces import traces_of
 from experiments.view import choose, free_port
@@ -201,6 +203,17 @@ def test_view_chooses_by_name_or_id(driven):
             choose(logs, [unknown], path)
     with pytest.raises(LogError, match="are the same"):
         choose(logs, ["abcd", "linear none"], path)
+
+
+def test_runs_without_a_reference_have_a_legend(driven, monkeypatch):
+    shown = []
+    view = rrb.TimeSeriesView
+    monkeypatch.setattr(rrb, "TimeSeriesView", lambda **about: shown.append(about) or view(**about))
+    sent = [f"{root}/slip/{name}" for root in ("run/a", "run/b") for name in ("true", "identified")]
+    blueprint(["run/a", "run/b"], COMPARED, sent, np.zeros((1, 2)), 1.0, 6.0)
+    assert [about["name"].split()[0] for about in shown] == ["True", "Identified"]
+    visible = [about["plot_legend"].visible.as_arrow_array()[0].as_py() for about in shown]
+    assert visible == [True, False]
 
 
 def test_a_taken_port_is_left_alone():
