@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import shutil
+import socket
 import subprocess
 import sys
 import tempfile
+import urllib.parse
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -20,6 +23,10 @@ from trackslip.logfile import read_runs
 from trackslip.runlog import RunLog
 
 _NAMED = 5  # runs that an error names
+_SHORT = 12  # characters of an id that are shown
+_LOCAL = "127.0.0.1"
+_PAGE, _STREAM = 9090, 9876
+"""Usual ports of the viewer's page and of what it is sent."""
 _LONGEST = 300  # characters of what the viewer said
 
 
@@ -37,8 +44,6 @@ def run(config: ViewConfig) -> None:
         with tempfile.TemporaryDirectory(prefix="trackslip-view-") as folder:
             file = Path(folder) / file_names([title(chosen)])[0]
             record(file, chosen, laws)
-            if config.web:
-                print("in the browser, at http://localhost:9090, until interrupted", flush=True)
             _open(file, config.web)
 
 
@@ -51,15 +56,30 @@ def read(path: Path) -> list[RunLog]:
     return read_runs(path)
 
 
-def choose(logs: Sequence[RunLog], names: Sequence[str], path: Path) -> list[RunLog]:
-    """The runs called `names`, in that order, or else the first; raises LogError for a name that none has."""
-    known = {log.run: log for log in logs}
-    for name in names:
-        if name not in known:
-            some = ", ".join(repr(other) for other in list(known)[:_NAMED])
-            more = f" and {len(known) - _NAMED} more" if len(known) > _NAMED else ""
-            raise LogError(f"{path}: no run {name!r}; there are {some}{more}")
-    return [known[name] for name in names] or [logs[0]]
+def choose(logs: Sequence[RunLog], wanted: Sequence[str], path: Path) -> list[RunLog]:
+    """The runs that `wanted` says, in that order, or else the first; raises LogError unless each says one."""
+    chosen = [_find(logs, one, path) for one in wanted] or [logs[0]]
+    if len({log.run for log in chosen}) < len(chosen):
+        raise LogError(f"{path}: two of the runs {', '.join(map(repr, wanted))} are the same")
+    return chosen
+
+
+def _find(logs: Sequence[RunLog], wanted: str, path: Path) -> RunLog:
+    """The run of that name or, in a sweep, of that id or the only one whose id begins so."""
+    found = [log for log in logs if log.run == wanted]
+    found = found or [log for log in logs if wanted and str(log.metadata.get("id", "")).startswith(wanted)]
+    if len(found) != 1:
+        some = found or logs
+        names = ", ".join(_called(log) for log in some[:_NAMED])
+        more = f" and {len(some) - _NAMED} more" if len(some) > _NAMED else ""
+        what = f"{len(found)} runs whose id begins with" if found else "no run"
+        raise LogError(f"{path}: {what} {wanted!r}; there are {names}{more}")
+    return found[0]
+
+
+def _called(log: RunLog) -> str:
+    identity = log.metadata.get("id")
+    return repr(log.run) if identity is None else f"{log.run!r} (id {str(identity)[:_SHORT]})"
 
 
 def _has_laws(path: Path) -> bool:
@@ -79,8 +99,14 @@ def _open(file: Path, web: bool) -> None:
     viewer = str(beside) if beside.exists() else shutil.which("rerun")
     if viewer is None:
         raise TrackslipError("the rerun viewer isn't installed; --save FILE writes what it would show")
-    command = [viewer, "--new", *(["--web-viewer"] if web else []), str(file)]
-    quiet = {"RUST_LOG": "warn" if web else "error", "RERUN_APP_ONLY": "true"}
+    command = [viewer, "--new", str(file)]
+    if web:
+        page, stream = free_port(_PAGE), free_port(_STREAM)
+        ports = ["--port", str(stream), "--web-viewer-port", str(page)]
+        command = [viewer, "--web-viewer", "--bind", _LOCAL, *ports, str(file)]
+        source = urllib.parse.quote(f"rerun+http://{_LOCAL}:{stream}/proxy", safe="")
+        print(f"in the browser, until interrupted: http://{_LOCAL}:{page}?url={source}", flush=True)
+    quiet = {"RUST_LOG": "error", "RERUN_APP_ONLY": "true"}
     with subprocess.Popen(command, env={**quiet, **os.environ}, stderr=subprocess.PIPE, text=True) as process:
         try:
             _, said = process.communicate()
@@ -92,3 +118,13 @@ def _open(file: Path, web: bool) -> None:
         why = re.sub(r"\S*/\S+: ", "", why)  # where in the viewer's source
         other = "" if web else "--web, or "
         raise TrackslipError(f"the rerun viewer doesn't start; try {other}--save FILE ({why.strip()[:_LONGEST]})")
+
+
+def free_port(usual: int) -> int:
+    """The usual port, or where that is taken any other."""
+    for port in (usual, 0):
+        with socket.socket() as test, contextlib.suppress(OSError):
+            test.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the viewer will
+            test.bind((_LOCAL, port))
+            return int(test.getsockname()[1])
+    raise TrackslipError("no port is free on this machine; --save FILE writes what the viewer would show")

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
+import rerun as rr
 import rerun.blueprint as rrb
 
 from experiments.recording.columns import TIMELINE
@@ -13,9 +15,11 @@ from experiments.recording.robot import CAMERA, ROBOT
 from experiments.recording.series import Panel
 from trackslip.kinematics import Array
 
-_BEHIND = np.array([-1.6, -1.4, 1.25])  # from where the robot is looked at [m]
+_BEHIND = np.array([-1.25, -1.1, 1.0])  # from where a robot is looked at [m]
+_FARTHER = 1.4  # times that several are looked at from
 _BEFORE, _LOOP = 1.0, 6.0  # how long before the moment the viewer begins, and how long it plays, again and again [s]
 _ASPECT = 1.9  # width of the plan to its height
+_LEGEND = 1.25  # of the plots' width to that of the data: legends stand beside these
 _BACKGROUND = (30, 32, 36)
 
 
@@ -42,6 +46,8 @@ def blueprint(
         for panel in panels
         if (entities := [f"{root}/{name}" for root in roots for name in panel.entities if f"{root}/{name}" in sent])
     ]
+    if plots and not any(panel.legend for panel, _ in plots):
+        plots[0] = (replace(plots[0][0], legend=True), plots[0][1])
     target = np.array([0.0, 0.0, 0.2])
     space = rrb.Spatial3DView(
         origin=f"/{CAMERA}",
@@ -51,7 +57,7 @@ def blueprint(
         line_grid=False,
         eye_controls=rrb.EyeControls3D(
             kind="Orbital",
-            position=target + _BEHIND,
+            position=target + (_BEHIND if len(roots) == 1 else _FARTHER * _BEHIND),
             look_target=target,
             eye_up=[0, 0, 1],
         ),
@@ -72,24 +78,14 @@ def blueprint(
             eye_up=[0, 1, 0],
         ),
     )
-    views = [
-        rrb.TimeSeriesView(
-            origin="/",
-            contents=[f"+ /{entity}" for entity in entities],
-            name=panel.title,
-            axis_y=None if panel.range is None else rrb.ScalarAxis(range=panel.range, zoom_lock=False),
-            plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=panel.legend),
-        )
-        for panel, entities in plots
-    ]
     first = max(0.0, min(moment - _BEFORE, duration - _LOOP))
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(space, plan, row_shares=[1.2, 1]),
-            rrb.Vertical(*views, row_shares=[panel.height for panel, _ in plots]),
+            _tabs(plots, duration),
             column_shares=[1, 1.1],
         )
-        if views
+        if plots
         else rrb.Vertical(space, plan),
         rrb.TimePanel(
             timeline=TIMELINE,
@@ -103,6 +99,31 @@ def blueprint(
         auto_views=False,
         auto_layout=False,
     )
+
+
+def _tabs(plots: Sequence[tuple[Panel, Sequence[str]]], duration: float) -> rrb.Container:
+    """Panels with their entities below each other, in tabs where there is more than one."""
+    tabs = []
+    for name in dict.fromkeys(panel.tab for panel, _ in plots):
+        inside = [(panel, entities) for panel, entities in plots if panel.tab == name]
+        views = [_plot(panel, entities, duration) for panel, entities in inside]
+        tabs.append(rrb.Vertical(*views, name=name, row_shares=[panel.height for panel, _ in inside]))
+    return rrb.Tabs(*tabs) if len(tabs) > 1 else tabs[0]
+
+
+def _plot(panel: Panel, entities: Sequence[str], duration: float) -> rrb.TimeSeriesView:
+    return rrb.TimeSeriesView(
+        origin="/",
+        contents=[f"+ /{entity}" for entity in entities],
+        name=panel.title,
+        axis_x=rrb.TimeAxis(view_range=rr.TimeRange(_at(0.0), _at(duration * _LEGEND))),
+        axis_y=None if panel.range is None else rrb.ScalarAxis(range=panel.range, zoom_lock=False),
+        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=panel.legend),
+    )
+
+
+def _at(seconds: float) -> rr.TimeRangeBoundary:
+    return rr.TimeRangeBoundary.absolute(seconds=seconds)
 
 
 def _nanoseconds(seconds: float) -> int:

@@ -9,8 +9,6 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from sim.robot import FIELD, VISUAL_GROUP
 from sim.robot_parameters import RobotParameters
@@ -130,10 +128,11 @@ def _connected(corner: Array) -> np.ndarray:
     """To which piece (F,) each of F triangles (F, 3, 3) belongs; those of a piece share corners."""
     _, vertex = np.unique(np.round(corner.reshape(-1, 3), 6), axis=0, return_inverse=True)
     face = vertex.reshape(-1, 3)
-    links = np.concatenate([face[:, :2], face[:, 1:]])
-    graph = coo_array((np.ones(len(links)), links.T), shape=(face.max() + 1,) * 2)
-    _, piece = connected_components(graph, directed=False)
-    return np.unique(piece[face[:, 0]], return_inverse=True)[1]
+    lowest = np.arange(face.max() + 1)  # corner known to be in the same piece as each
+    while np.ptp(lowest[face], axis=1).any():
+        np.minimum.at(lowest, face, lowest[face].min(axis=1, keepdims=True))
+        lowest = lowest[lowest]
+    return np.unique(lowest[face[:, 0]], return_inverse=True)[1]
 
 
 def _of_geom(model: mujoco.MjModel, i: int) -> Triangles:

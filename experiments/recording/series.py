@@ -1,4 +1,7 @@
-"""What is plotted over time: entities, names with units, colours, and the panels that they are gathered in."""
+"""What is plotted over time: entities, names with units, colours, and the panels that they are gathered in.
+
+The viewer draws the entities of a panel, and lists them in its legend, by the alphabet: what comes later lies on top.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +10,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from experiments.colours import BLUE, GREEN, ORANGE, VERMILLION
 from experiments.recording.traces import Traces
 from trackslip.kinematics import Array
 
-_PALE = {GREEN: "#8fd3bd", ORANGE: "#f3cf86", BLUE: "#8fbfe0", VERMILLION: "#f0b08a"}
-_LEFT, _RIGHT = GREEN, ORANGE
-_GREY = "#9a9a9a"
+LEFT, RIGHT = "#56B4E9", "#E69F00"
+"""The tracks, in every panel: of Okabe and Ito's colours, as all here."""
+_AHEAD, _SIDEWAYS, _TURNING = "#009E73", "#F0E442", "#CC79A7"
+_PALE = {LEFT: "#BFE3F8", RIGHT: "#FFE0A0", _AHEAD: "#9ADFCA", _TURNING: "#F2D5E4"}
+_DIM = {LEFT: "#2B5F7D", RIGHT: "#7A5400"}
+"""Not see-through: the viewer draws a line in pieces that overlap."""
+_GREY = "#8a8a8a"
+_THICK, _LINE, _THIN = 4.5, 1.5, 0.8  # widths of lines
+_MOST_LABELS = 4.5  # along an axis
 
 
 @dataclass(frozen=True)
@@ -24,7 +32,7 @@ class Series:
     values: Array  # (T, n), NaN for a gap
     names: tuple[str, ...]
     colours: tuple[str, ...]
-    width: float = 1.5
+    width: float = 1.5  # [px]
 
 
 @dataclass(frozen=True)
@@ -37,23 +45,28 @@ class Panel:
     height: float = 1.0
     """Beside the others'."""
     legend: bool = True
+    tab: str = "Slip and errors"
+    """Where there are others, the tab that the panel is in."""
 
 
-SLIP_TRUE, SLIP_IDENTIFIED, SLIP_LAW = "slip/true", "slip/identified", "slip/law"
+SLIP_LAW, SLIP_IDENTIFIED, SLIP_TRUE = "slip/by_law", "slip/identified", "slip/true"
 _SLIP_RANGE = (-0.25, 0.20)
+_POSITION, _HEADING = "Position error [mm]", "Heading error [deg]"
 _DISTANCE = "Distance from the reference [mm]"
+_MOTION = "Twist and forces"
 PANELS = (
-    Panel("Slip [-]", (SLIP_IDENTIFIED, SLIP_TRUE, SLIP_LAW), _SLIP_RANGE, 1.7),
-    Panel("Sprocket speed [rad/s]", ("sprocket/set_point", "sprocket/measured")),
-    Panel("Position error [mm]", ("error/distance", "error/position")),
-    Panel("Heading error [deg]", ("error/heading",)),
-    Panel("Twist [m/s, rad/s]", ("twist/asked", "twist/true")),
-    Panel("Load on the tracks [N]", ("contact/load", "contact/traction")),
+    Panel("Slip [-]", (SLIP_LAW, SLIP_IDENTIFIED, SLIP_TRUE), _SLIP_RANGE, 1.9),
+    Panel("Sprocket speed [rad/s]", ("sprocket/asked", "sprocket/measured"), height=1.4),
+    Panel(_POSITION, ("error/distance", "error/position"), height=1.2),
+    Panel(_HEADING, ("error/heading",), height=0.9, legend=False),
+    Panel("Twist [m/s, rad/s]", ("twist/asked", "twist/true"), height=1.5, tab=_MOTION),
+    Panel("Load on the tracks [N]", ("contact/load",), tab=_MOTION),
+    Panel("Traction of the tracks [N]", ("contact/traction",), tab=_MOTION),
 )
 """Of one run."""
 COMPARED = (
     Panel(_DISTANCE, ("error/distance",), height=2.0),
-    Panel("Heading error [deg]", ("error/heading",), legend=False),
+    Panel(_HEADING, ("error/heading",), legend=False),
     Panel("True slip [-], pale: right track", (SLIP_TRUE,), _SLIP_RANGE, legend=False),
     Panel("Identified slip [-], pale: right track", (SLIP_IDENTIFIED,), _SLIP_RANGE, legend=False),
     Panel("Sprocket speed [rad/s], pale: right track", ("sprocket/measured",), legend=False),
@@ -70,37 +83,55 @@ def series_of(traces: Traces) -> list[Series]:
         if values is not None:
             found.append(Series(entity, values, names, colours, width))
 
-    sides, pale = (_LEFT, _RIGHT), (_PALE[_LEFT], _PALE[_RIGHT])
-    add(SLIP_IDENTIFIED, traces.identified, ("left, identified", "right, identified"), pale, 1.0)
-    add(SLIP_TRUE, traces.slip, ("left, true", "right, true"), sides, 1.5)
+    sides, ways = (LEFT, RIGHT), (_AHEAD, _TURNING)
+    pale_sides, pale_ways = (tuple(_PALE[colour] for colour in colours) for colours in (sides, ways))
     law = traces.law_name
-    add(SLIP_LAW, traces.law, (f"left, law {law}", f"right, law {law}"), (BLUE, VERMILLION), 4.0)
-    add("sprocket/set_point", log.command, ("left, set point", "right, set point"), pale, 3.0)
-    add("sprocket/measured", log.omega, ("left, measured", "right, measured"), sides, 1.2)
+    add(SLIP_LAW, traces.law, (f"left, law {law}", f"right, law {law}"), (_DIM[LEFT], _DIM[RIGHT]), _THICK)
+    add(SLIP_IDENTIFIED, traces.identified, ("left, identified", "right, identified"), pale_sides, _THIN)
+    add(SLIP_TRUE, traces.slip, ("left, true", "right, true"), sides, _LINE)
+    add("sprocket/asked", log.command, ("left, set point", "right, set point"), pale_sides, _THICK)
+    add("sprocket/measured", log.omega, ("left, measured", "right, measured"), sides, _LINE)
     if traces.error is not None and traces.distance is not None:
         millimetres = 1e3 * traces.error[:, :2]
-        add("error/distance", 1e3 * traces.distance[:, None], ("distance",), (_GREY,), 3.0)
-        add("error/position", millimetres, ("ahead", "to the left"), (BLUE, VERMILLION), 1.5)
-        add("error/heading", np.degrees(traces.error[:, 2:]), ("heading",), (BLUE,), 1.5)
-    pale_twist = (_PALE[BLUE], _PALE[VERMILLION])
-    add("twist/asked", log.twist_command, ("v asked for [m/s]", "w asked for [rad/s]"), pale_twist, 3.0)
+        add("error/distance", 1e3 * traces.distance[:, None], ("distance",), (_GREY,), _THICK)
+        add("error/position", millimetres, ("ahead", "to the left"), (_AHEAD, _SIDEWAYS), _LINE)
+        add("error/heading", np.degrees(traces.error[:, 2:]), ("heading",), (_TURNING,), _LINE)
+    add("twist/asked", log.twist_command, ("v asked for [m/s]", "w asked for [rad/s]"), pale_ways, _THICK)
     if log.truth is not None:
-        add("twist/true", log.truth.twist[:, [0, 2]], ("v true [m/s]", "w true [rad/s]"), (BLUE, VERMILLION), 1.2)
-        add("contact/traction", log.truth.traction, ("left, traction", "right, traction"), pale, 1.2)
+        add("twist/true", log.truth.twist[:, [0, 2]], ("v true [m/s]", "w true [rad/s]"), ways, _LINE)
+        add("contact/traction", log.truth.traction, ("left, traction", "right, traction"), sides, _THIN)
         if log.truth.contact is not None:
             left = log.truth.contact.shape[1] // 2  # the pads stand left before right
             load = np.stack([part.sum(axis=1) for part in np.split(log.truth.contact[..., 2], [left], axis=1)], axis=-1)
-            add("contact/load", load, ("left, load", "right, load"), sides, 1.5)
+            add("contact/load", load, ("left, load", "right, load"), sides, _LINE)
     return found
 
 
-def compared_panels(runs: Sequence[Traces]) -> list[Panel]:
-    """COMPARED, with the distances' range such that they can be told apart once the transients are over."""
-    late = [traces.late_distance for traces in runs if traces.late_distance is not None]
-    if not late:
-        return list(COMPARED)
-    highest = 1.2e3 * max(float(distance.max()) for distance in late) + 1.0
-    return [replace(COMPARED[0], range=(0.0, highest)), *COMPARED[1:]]
+def panels(runs: Sequence[Traces]) -> list[Panel]:
+    """PANELS of a run, or COMPARED of several, with errors' ranges such that they can be read after the transients."""
+    late = [error for traces in runs if (error := traces.late_error) is not None]
+    ranges: dict[str, tuple[float, float]] = {}
+    if late:
+        error = np.concatenate(late)
+        ranges[_POSITION] = readable(1e3 * np.append(error[:, :2].ravel(), np.hypot(error[:, 0], error[:, 1])))
+        ranges[_DISTANCE] = readable(1e3 * np.hypot(error[:, 0], error[:, 1]))
+        ranges[_HEADING] = readable(np.degrees(error[:, 2]))
+    chosen = PANELS if len(runs) == 1 else COMPARED
+    return [replace(panel, range=ranges.get(panel.title, panel.range)) for panel in chosen]
+
+
+def readable(values: Array) -> tuple[float, float]:
+    """The range of an axis with zero, all values, and at least two labels: the viewer has them at powers of ten only.
+
+    The same power's multiples all, and only so many that a low panel has room for them.
+    """
+    low, high = min(float(values.min()), 0.0), max(float(values.max()), 0.0)
+    margin = 0.08 * max(high - low, 1e-3)
+    low, high = low - margin, high + margin
+    power = 10.0 ** np.ceil(np.log10((high - low) / _MOST_LABELS))
+    if np.floor(high / power) - np.ceil(low / power) < 1:
+        low, high = (low, 1.08 * power) if high > -low else (-1.08 * power, high)
+    return float(low), float(high)
 
 
 def compared_series(traces: Traces, name: str, colour: str, pale: str) -> list[Series]:
@@ -111,9 +142,7 @@ def compared_series(traces: Traces, name: str, colour: str, pale: str) -> list[S
         if series.entity in kept:
             two = len(series.names) == 2
             names = (f"{name}, left", f"{name}, right") if two else (name,)
-            found.append(
-                Series(series.entity, series.values, names, (colour, pale) if two else (colour,), series.width)
-            )
+            found.append(Series(series.entity, series.values, names, (colour, pale) if two else (colour,)))
     truth, asked = traces.log.truth, traces.log.twist_command
     yaw = [(f"{name}, true", colour, truth.twist[:, 2])] if truth is not None else []
     yaw += [(f"{name}, asked", pale, asked[:, 1])] if asked is not None else []

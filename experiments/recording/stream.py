@@ -13,7 +13,7 @@ from experiments.colours import BLUE, COLOURS
 from experiments.recording import columns, field, paths, robot, sensing
 from experiments.recording.blueprint import blueprint
 from experiments.recording.geometry import looks, parameters_of
-from experiments.recording.series import PANELS, compared_panels, compared_series, series_of
+from experiments.recording.series import compared_series, panels, series_of
 from experiments.recording.traces import Traces, traces_of
 from trackslip.kinematics import Array
 from trackslip.runlog import RunLog
@@ -56,7 +56,7 @@ def send_run(stream: rr.RecordingStream, log: RunLog, laws: Path | None = None) 
     columns.send_series(stream, RUN, traces.time, series)
     columns.send_properties(stream, RUN, {"name": log.run, **log.metadata})
     sent = [f"{RUN}/{line.entity}" for line in series]
-    stream.send_blueprint(blueprint([RUN], PANELS, sent, within, traces.moment, float(traces.time[-1])))
+    stream.send_blueprint(blueprint([RUN], panels([traces]), sent, within, traces.moment, float(traces.time[-1])))
 
 
 def send_comparison(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Path | None = None) -> None:
@@ -84,7 +84,7 @@ def send_comparison(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Pa
         sent += [f"{root}/{line.entity}" for line in series]
     worst = max(runs, key=lambda traces: 0.0 if traces.distance is None else float(np.max(traces.distance)))
     duration = max(float(traces.time[-1]) for traces in runs)
-    stream.send_blueprint(blueprint(roots, compared_panels(runs), sent, within, worst.moment, duration))
+    stream.send_blueprint(blueprint(roots, panels(runs), sent, within, worst.moment, duration))
 
 
 def telling_names(names: Sequence[str]) -> list[str]:

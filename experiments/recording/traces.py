@@ -47,18 +47,18 @@ class Traces:
         return None if self.error is None else np.hypot(self.error[:, 0], self.error[:, 1])
 
     @property
-    def late_distance(self) -> Array | None:
-        """The same once the transient is over; None for a shorter run [m]."""
+    def late_error(self) -> Array | None:
+        """The error (T', 3) once the transient is over; None for a shorter run [m, m, rad]."""
         late = self.time >= TRANSIENT
-        return None if self.distance is None or not late.any() else self.distance[late]
+        return None if self.error is None or not late.any() else self.error[late]
 
     @property
     def moment(self) -> float:
         """When it is interesting: at the largest error once the transient is over, or else midway [s]."""
-        late = self.late_distance
+        late = self.late_error
         if late is None:
             return float(self.time[len(self.time) // 2])
-        return float(self.time[len(self.time) - len(late) + int(np.argmax(late))])
+        return float(self.time[len(self.time) - len(late) + int(np.argmax(np.hypot(late[:, 0], late[:, 1])))])
 
 
 def traces_of(log: RunLog, laws: Path | None = None) -> Traces:

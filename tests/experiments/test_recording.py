@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import subprocess
 import sys
 from dataclasses import replace
@@ -10,14 +11,19 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
+import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
 from experiments import recording
 from experiments.cli import main
+from experiments.recording.blueprint import blueprint
 from experiments.recording.geometry import belt, body, looks, parameters_of
+from experiments.recording.series import COMPARED, LEFT, PANELS, RIGHT, readable, series_of
 from experiments.recording.stream import telling_names
 from experiments.recording.traces import traces_of
+from experiments.view import choose, free_port
 from sim.robot_parameters import RobotParameters
+from trackslip.errors import LogError
 from trackslip.kinematics import RobotGeometry, track_slip
 from trackslip.logfile import read_runs, write_csv
 from trackslip.runlog import RunLog
@@ -182,6 +188,63 @@ def test_view_refuses(driven, refused):
     assert "no such file" in refused("view", "missing.parquet")
     assert "a file that ends in .rrd" in refused("view", str(folder), "--save", "x.txt")
     assert "can't be written" in refused("view", str(folder), "--save", "/proc/x/y.rrd")
+
+
+def test_view_chooses_by_name_or_id(driven):
+    ids = ("abcd12", "abce34")
+    logs = [replace(log, metadata=log.metadata | {"id": i}) for log, i in zip(driven[1], ids, strict=True)]
+    path = Path("runs")
+    assert choose(logs, ["abce34", "linear none"], path) == [logs[1], logs[0]]
+    assert choose(logs, ["abcd"], path) == [logs[0]]
+    with pytest.raises(LogError, match=r"2 runs whose id begins with 'abc'; there are 'linear none' \(id abcd12\), "):
+        choose(logs, ["abc"], path)
+    for unknown in ("abcx", ""):
+        with pytest.raises(LogError, match="no run '"):
+            choose(logs, [unknown], path)
+    with pytest.raises(LogError, match="are the same"):
+        choose(logs, ["abcd", "linear none"], path)
+
+
+def test_runs_without_a_reference_have_a_legend(driven, monkeypatch):
+    shown = []
+    view = rrb.TimeSeriesView
+    monkeypatch.setattr(rrb, "TimeSeriesView", lambda **about: shown.append(about) or view(**about))
+    sent = [f"{root}/slip/{name}" for root in ("run/a", "run/b") for name in ("true", "identified")]
+    blueprint(["run/a", "run/b"], COMPARED, sent, np.zeros((1, 2)), 1.0, 6.0)
+    assert [about["name"].split()[0] for about in shown] == ["True", "Identified"]
+    visible = [about["plot_legend"].visible.as_arrow_array()[0].as_py() for about in shown]
+    assert visible == [True, False]
+
+
+def test_a_taken_port_is_left_alone():
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        taken = other.getsockname()[1]
+        assert free_port(taken) != taken
+    assert free_port(taken) == taken
+
+
+def test_lines_lie_on_thicker_ones(driven):
+    """The viewer draws by the alphabet."""
+    series = {line.entity: line for line in series_of(traces_of(driven[1][1]))}
+    for panel in PANELS:
+        widths = [series[entity].width for entity in sorted(panel.entities)]
+        assert max(widths) == widths[0]
+    for entity, line in series.items():
+        if entity.endswith(("true", "measured", "load", "traction")) and line.names[0].startswith("left"):
+            assert line.colours == (LEFT, RIGHT)
+        elif line.names[0].startswith("left"):
+            assert not set(line.colours) & {LEFT, RIGHT}
+
+
+@pytest.mark.parametrize("values", [(-40.0, 50.0), (0.2, 11.9), (-0.7, 0.99), (-5.0, -0.1), (0.0, 0.0), (0.0, 1420.0)])
+def test_errors_axes_have_two_labels_or_more(values):
+    low, high = readable(np.array(values))
+    assert low < min(values) <= max(values) < high
+    powers = 10.0 ** np.arange(-5, 5)
+    count = np.floor(high / powers) - np.ceil(low / powers) + 1
+    assert ((count >= 2) & (count <= 5)).any()
 
 
 def test_view_without_a_viewer(driven, refused, monkeypatch):

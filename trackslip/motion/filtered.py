@@ -8,6 +8,7 @@ import scipy
 from trackslip.errors import LogError
 from trackslip.kinematics import Array, advance
 from trackslip.motion.base import Motion, SteadyTwist, long_run_covariance
+from trackslip.motion.savgol import savgol
 from trackslip.runlog import RunLog
 
 CUTOFF = 0.5
@@ -68,8 +69,8 @@ def savgol_motion(log: RunLog) -> Motion:
     rate = abs(pose[-1, 2] - pose[0, 2]) / (even[-1] - even[0])
     rows = int(min(LONGEST_WINDOW, LONGEST_TURN / max(rate, 1e-9)) / step)
     window = int(np.clip(rows, _DEGREE + 3, len(even) - 1)) // 2 * 2 - 1
-    smooth = scipy.signal.savgol_filter(pose, window, _DEGREE, axis=0)
-    dx, dy, turning = scipy.signal.savgol_filter(pose, window, _DEGREE, deriv=1, delta=step, axis=0).T
+    smooth, slope = savgol(pose, window, _DEGREE, step)
+    dx, dy, turning = slope.T
     v = dx * np.cos(smooth[:, 2]) + dy * np.sin(smooth[:, 2])
     return Motion(even, smooth, np.stack([v, turning], axis=-1))
 
