@@ -11,6 +11,7 @@ import pytest
 from pages import PAGES, ROOT, arguments, blocks, commands, indented, links
 
 from experiments.cli import main, parse
+from trackslip.errors import TrackslipError
 
 OPTIONAL = ("pandas", "polars")
 """Libraries that readers may have; those who test have them by the extra `test`."""
@@ -217,32 +218,36 @@ def test_pages_that_cannot_be(text, message):
 
 
 @pytest.mark.parametrize(
-    "text",
+    ("text", "error", "message"),
     [
-        "```python\nassert 1 == 2\n```\n",
-        "```python\nx = 1\n```\n```python\nassert x == 2\n```\n",
-        "```sh\ntrackslip grid --radius 1\n```\n",
-        "<!-- parsed only: long -->\n```sh\ntrackslip grid --radius 1\n```\n",
-        "<!-- refused -->\n```sh\ntrackslip completion bash\n```\n",
-        "```sh\nls\n```\n",
-        "```python\nprint('a 1.0')\n```\n```text\na 1.1\n```\n",
-        "```python\nprint('a 1.0')\n```\n```text\nb 1.0\n```\n",
-        "```python\nprint('a 1.0 b')\n```\n```text\na 1.0\n```\n",
-        "```python\nprint('a 1.0 b')\n```\n```text\na 1.1 …\n```\n",
+        ("```python\nassert 1 == 2\n```\n", AssertionError, None),
+        ("```python\nx = 1\n```\n```python\nassert x == 2\n```\n", AssertionError, None),
+        ("```python\nimport nothing_of_that_name\n```\n", ModuleNotFoundError, "nothing_of_that_name"),
+        ("```sh\ntrackslip grid --radius 1\n```\n", AssertionError, "radius"),
+        ("<!-- parsed only: long -->\n```sh\ntrackslip grid --radius 1\n```\n", TrackslipError, "radius"),
+        ("<!-- refused -->\n```sh\ntrackslip completion bash\n```\n", AssertionError, "completion"),
+        ("```sh\nls\n```\n", ValueError, "not a command"),
+        ("```python\nprint('a 1.0')\n```\n```text\na 1.1\n```\n", AssertionError, "not printed: a 1.1"),
+        ("```python\nprint('a 1.0')\n```\n```text\nb 1.0\n```\n", AssertionError, "not printed: b 1.0"),
+        ("```python\nprint('a 1.0 b')\n```\n```text\na 1.0\n```\n", AssertionError, "not printed: a 1.0"),
+        ("```python\nprint('a 1.0 b')\n```\n```text\na 1.1 …\n```\n", AssertionError, "not printed: a 1.1"),
     ],
 )
-def test_blocks_that_are_wrong_fail(text, workplace, capsys):
+def test_blocks_that_are_wrong_fail(text, error, message, workplace, capsys):
+    *before, last = blocks(text)
     runner = Runner(workplace, capsys)
-    with pytest.raises((AssertionError, Exception)):
-        for block in blocks(text):
-            runner.run(block)
+    for block in before:
+        runner.run(block)
+    with pytest.raises(error, match=message):
+        runner.run(last)
 
 
 def test_blocks_that_are_right_pass(workplace, capsys):
     runner = Runner(workplace, capsys)
     text = (
         "```python\nx = 1\n```\n```python\nprint('a', x / 3, 'b')\n```\n```text\na 0.3333 …\n```\n"
-        "<!-- file: b.toml -->\n```toml\nc = 1\n```\n```python\nfrom pathlib import Path\nassert Path('b.toml').read_text() == 'c = 1\\n'\n```\n"
+        "<!-- file: b.toml -->\n```toml\nc = 1\n```\n"
+        "```python\nfrom pathlib import Path\nassert Path('b.toml').read_text() == 'c = 1\\n'\n```\n"
         "<!-- refused -->\n```sh\ntrackslip grid --radius 1\n```\n"
     )
     for block in blocks(text):
