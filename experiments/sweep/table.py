@@ -62,3 +62,17 @@ def _column(values: list[Any], name: str) -> pa.Array:
     if kinds == {bool}:
         return pa.array(values, pa.bool_())
     return pa.array([None if value is None else str(value) for value in values], pa.string())
+
+
+def markdown() -> str:
+    """COLUMNS and AXES as a table, for docs/data.md."""
+    rows = [
+        f"| `{name}` | {unit or '–'} | {description} |"
+        for columns in (COLUMNS, AXES)
+        for name, (unit, description) in columns.items()
+    ]
+    return "\n".join(["| column | unit | what |", "|---|---|---|", *rows, ""])
+
+
+if __name__ == "__main__":
+    print(markdown(), end="")

@@ -402,9 +402,9 @@ def test_who_keeps_the_path_stands_above_who_is_near_it():
     assert lines[2:] == ["all others keep the path in every run"]
 
 
-def test_the_readmes_controller_runs(trackslip, short, tmp_path):
-    readme = (Path(__file__).parents[2] / "README.md").read_text()
-    (text,) = re.findall(r"```python\n(# my_controller.py.*?)```", readme, re.DOTALL)
+def test_the_documented_controller_compares(trackslip, short, tmp_path):
+    page = (Path(__file__).parents[2] / "docs" / "controller.md").read_text()
+    (text,) = re.findall(r"```python\n(# my_controller.py.*?)```", page, re.DOTALL)
     (tmp_path / "my_controller.py").write_text(text)
     options = (*short[:2], *short[4:], "--starts", "random", "--compensations", "icr_radius", "--seeds", "0", "1")
     result = trackslip("benchmark", *options, "--controllers", "feedforward", "my_controller:MyController")

@@ -6,14 +6,12 @@ import contextlib
 import io
 import json
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from experiments.cli import main, parse
+from experiments.cli import main
 from trackslip.lawfile import SHIPPED, load_laws
 from trackslip.logfile import read_runs
 from trackslip.trajectory import paper_reference
@@ -126,21 +124,6 @@ def test_the_readme_shows_what_is_printed(reproduced):
         assert number.sub("#", expected).split() == number.sub("#", line).split()
         values, reference = ([float(text) for text in number.findall(row)] for row in (line, expected))
         np.testing.assert_allclose(values, reference, rtol=0.02, atol=2e-4, err_msg=line)
-
-
-def test_the_readmes_python_runs():
-    (code,) = re.findall(r"```python\n(import numpy as np\n\nfrom sim.*?)```", README.read_text(), re.DOTALL)
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    rows = re.findall(r"-?\d\.\d+", done.stdout)
-    assert len(rows) == 4
-
-
-def test_the_readmes_commands_parse():
-    text = README.read_text()
-    commands = [line.split()[1:] for line in text.splitlines() if line.startswith("    trackslip ")]
-    assert len(commands) >= 6
-    for arguments in commands:
-        assert parse(arguments) is not None
 
 
 @pytest.mark.slow

@@ -1,0 +1,26 @@
+"""The table of a grid's runs, as documented."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pyarrow.parquet
+
+from experiments.sweep.table import AXES, COLUMNS, markdown, write_table
+
+DOCS = Path(__file__).parents[2] / "docs" / "data.md"
+
+
+def test_the_documented_table_is_the_codes():
+    assert DOCS.read_text(encoding="utf-8").count(markdown()) == 1
+    assert all(f"| `{name}` |" in markdown() for name in (*COLUMNS, *AXES))
+
+
+def test_every_column_that_is_written_is_documented(tmp_path):
+    row = {"run": "r", "id": "0", "error": None, "radius": 0.5, "speed": 0.1, "ground": "ice", "v": 0.1}
+    write_table([row], ["ground", "radius", "speed"], tmp_path / "table.parquet")
+    schema = pyarrow.parquet.read_schema(tmp_path / "table.parquet")
+    assert schema.names == ["run", "id", "ground", "radius", "speed", *list(COLUMNS)[2:]]
+    for field in schema:
+        unit, what = (field.metadata[key].decode() for key in (b"unit", b"description"))
+        assert f"| `{field.name}` | {unit or '–'} | {what} |" in markdown()
