@@ -13,7 +13,6 @@ from experiments.config import IdentifyConfig
 from experiments.console import print_table
 from experiments.sweep.choose import chosen, require_one_setting
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.fileformat import require_known_manifest
 from trackslip.identification import FAMILIES, Comparison, Sampling, identify, usable_rows, usable_samples
 from trackslip.kinematics import RobotGeometry
 from trackslip.lawfile import identification_to_json
@@ -80,8 +79,6 @@ def run(config: IdentifyConfig) -> None:
 def read_source(config: IdentifyConfig) -> Source:
     """Samples from a stored folder or a log; raises LogError or InvalidValueError for what can't be used."""
     file = runs_file(config.path)
-    if file != config.path:
-        require_known_manifest(config.path)
     try:
         return _read(config, file)
     except LogError as error:

@@ -14,12 +14,11 @@ import urllib.parse
 from collections.abc import Sequence
 from pathlib import Path
 
-from experiments import store
 from experiments.recording import file_names, record, title
 from experiments.view_config import ViewConfig
 from trackslip.errors import LogError, TrackslipError
 from trackslip.lawfile import load_laws
-from trackslip.logfile import read_runs
+from trackslip.logfile import load
 from trackslip.runlog import RunLog
 
 _NAMED = 5  # runs that an error names
@@ -32,7 +31,7 @@ _LONGEST = 300  # characters of what the viewer said
 
 def run(config: ViewConfig) -> None:
     """Read, choose, show."""
-    logs = read(config.path)
+    logs = load(config.path)
     chosen = choose(logs, config.run, config.path)
     if not config.run and len(logs) > 1:
         print(f"{len(logs)} runs, shown is {chosen[0].run!r}; --run ID chooses, --run ID --run ID compares")
@@ -45,15 +44,6 @@ def run(config: ViewConfig) -> None:
             file = Path(folder) / file_names([title(chosen)])[0]
             record(file, chosen, laws)
             _open(file, config.web)
-
-
-def read(path: Path) -> list[RunLog]:
-    """The runs in a folder of results, or in a log; raises LogError where there are none."""
-    if path.is_dir():
-        if not (path / store.RUNS).is_file():
-            raise LogError(f"{path}: no runs in it ({store.RUNS} is missing)")
-        path = path / store.RUNS
-    return read_runs(path)
 
 
 def choose(logs: Sequence[RunLog], wanted: Sequence[str], path: Path) -> list[RunLog]:

@@ -19,7 +19,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from trackslip.errors import LogError
-from trackslip.fileformat import FORMAT, require_known_format
+from trackslip.fileformat import FORMAT, require_known_format, require_known_manifest
 from trackslip.heading_unit import require_radians
 from trackslip.kinematics import Array
 from trackslip.runlog import RunLog, Truth
@@ -181,12 +181,15 @@ def load(path: str | Path) -> list[RunLog]:
 
 
 def runs_file(path: Path) -> Path:
-    """The file with the runs of a folder of results, or `path` itself; raises LogError for a folder without."""
+    """The file with the runs of a folder of results, or `path` itself; raises LogError for a folder without, or a newer one."""
     try:
         if not path.is_dir():
             return path
         if not (path / RUNS).is_file():
             raise LogError(f"{path}: there is no {RUNS} in this folder")
+        require_known_manifest(path)
+    except LogError:
+        raise
     except OSError as error:
         raise LogError(f"path = {str(path)[:80]!r}: {error.strerror}") from error
     return path / RUNS

@@ -19,6 +19,7 @@ from experiments.sweep.drive import Part
 from experiments.sweep.plan import Run
 from trackslip import logfile
 from trackslip.errors import TrackslipError
+from trackslip.fileformat import require_known_manifest
 
 PARTS = ".grid-parts"
 
@@ -45,8 +46,9 @@ class Archive:
 
         Raises:
             TrackslipError: when it was driven by other code, models or libraries, unless by `force`.
-            LogError: when it is damaged.
+            LogError: when it is damaged, or a newer version's.
         """
+        require_known_manifest(self._out)
         wanted = {run.id for run in runs}
         found = {}
         for file, rows, by in self._records():

@@ -184,7 +184,7 @@ def test_view_of_a_real_robots_log(driven, tmp_path, capsys):
 def test_view_refuses(driven, refused):
     folder = driven[0] / "none"
     assert refused("view", str(folder), "--run", "other").endswith("no run 'other'; there are 'linear none'")
-    assert "no runs in it" in refused("view", str(driven[0]))
+    assert "there is no runs.parquet in this folder" in refused("view", str(driven[0]))
     assert "no such file" in refused("view", "missing.parquet")
     assert "a file that ends in .rrd" in refused("view", str(folder), "--save", "x.txt")
     assert "can't be written" in refused("view", str(folder), "--save", "/proc/x/y.rrd")
