@@ -181,7 +181,11 @@ def load(path: str | Path) -> list[RunLog]:
 
 
 def runs_file(path: Path) -> Path:
-    """The file with the runs of a folder of results, or `path` itself; raises LogError for a folder without, or a newer one."""
+    """The file with the runs of a folder of results, or `path` itself.
+
+    Raises:
+        LogError: for a folder without runs, or of a newer version.
+    """
     try:
         if not path.is_dir():
             return path
