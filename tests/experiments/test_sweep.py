@@ -15,6 +15,7 @@ import pytest
 
 from experiments import provenance
 from experiments.cli import main, parse
+from experiments.grid import drive_cells
 from experiments.sweep.archive import PARTS
 from experiments.sweep.choose import chosen
 from experiments.sweep.plan import fleets, plan
@@ -210,21 +211,19 @@ def test_failed_runs_are_rows_and_are_driven_again(trackslip, monkeypatch):
     assert pq.read_table(result.folder / "table.parquet").to_pylist() == rows
 
 
+def fragile(cells, *rest):
+    """A fleet of which some radius is too wide."""
+    if any(cell.radius == 1.5 for cell in cells):
+        raise MemoryError("too wide")
+    return drive_cells(cells, *rest)
+
+
 def test_a_failing_run_does_not_take_its_fleet_with_it(trackslip, monkeypatch):
-    from experiments.sweep import drive as module
-
-    real = module.drive_cells
-
-    def fragile(cells, *rest):
-        if any(cell.radius == 1.5 for cell in cells):
-            raise MemoryError("too wide")
-        return real(cells, *rest)
-
-    monkeypatch.setattr(module, "drive_cells", fragile)
-    result = trackslip("grid", *SWEEP)
+    with monkeypatch.context() as patch:
+        patch.setattr("experiments.sweep.drive.drive_cells", fragile)
+        result = trackslip("grid", *SWEEP)
     assert {row["error"] for row in result.summary["runs"]} == {None, "MemoryError: too wide"}
     assert len(logs(result.folder)) == 4
-    monkeypatch.setattr(module, "drive_cells", real)
     assert len(logs(trackslip("grid", *SWEEP).folder)) == 8
 
 
@@ -255,17 +254,8 @@ def test_runs_whose_logs_are_gone_are_driven_again(trackslip):
 
 
 def test_what_fails_anew_is_not_taken_from_before(trackslip, monkeypatch):
-    from experiments.sweep import drive as module
-
     trackslip("grid", *SHORT)
-    real = module.drive_cells
-
-    def fragile(cells, *rest):
-        if any(cell.radius == 1.5 for cell in cells):
-            raise MemoryError("too wide")
-        return real(cells, *rest)
-
-    monkeypatch.setattr(module, "drive_cells", fragile)
+    monkeypatch.setattr("experiments.sweep.drive.drive_cells", fragile)
     anew = trackslip("grid", *SHORT, "--no-resume")
     assert [row["error"] for row in anew.summary["runs"]] == [None, "MemoryError: too wide"]
 
