@@ -110,13 +110,14 @@ def processors() -> int:
 @contextlib.contextmanager
 def _mpi() -> Iterator[Any]:
     try:
+        from mpi4py import MPI
         from mpi4py.futures import MPIPoolExecutor
     except (ImportError, RuntimeError) as error:
         raise TrackslipError(f'--executor mpi: {error}; pip install "trackslip[mpi]"') from error
+    if MPI.COMM_WORLD.Get_size() < 2:  # asked for workers, some MPIs would wait for them for ever
+        how = "mpiexec -n N python -m mpi4py.futures -m experiments.cli grid ..."
+        raise TrackslipError(f"--executor mpi: there are no workers; start it with {how}")
     with MPIPoolExecutor() as pool:
-        if pool.num_workers < 1:
-            how = "mpiexec -n N python -m mpi4py.futures -m experiments.cli grid ..."
-            raise TrackslipError(f"--executor mpi: there are no workers; start it with {how}")
         try:
             yield pool
         except BaseException:

@@ -89,6 +89,8 @@ def _read(config: IdentifyConfig, file: Path) -> Source:
     table = read_table(file)
     columns = table.column_names
     if "x" not in columns and set(SAMPLE_COLUMNS) <= set(columns):
+        if config.where:
+            raise InvalidValueError("where", " ".join(config.where), "left out: steady samples aren't a sweep's runs")
         geometry = choose_geometry(config, None, file)
         omega, twist = read_samples(table, str(file))
         return Source(geometry, usable_rows(omega / config.gear, twist, geometry), ())
@@ -100,9 +102,11 @@ def _read(config: IdentifyConfig, file: Path) -> Source:
     if config.where:
         names = chosen(file.parent, config.where)
         logs = [log for log in logs if log.run in names]
-    require_one_setting(logs, file)
+        if not logs:
+            raise LogError(f"{file}: none of the {len(names)} run(s) chosen with --where is there: they failed")
     if not logs:
         raise LogError(f"{file}: its {len(runs)} run(s) are closed loops; slip is identified from steady runs")
+    require_one_setting(logs, file)
     geometry = choose_geometry(config, logs[0].metadata.get("geometry"), file)
     known = {"geometry": store.plain(geometry)}
     logs = [replace(log, omega=log.omega / config.gear, metadata=log.metadata | known) for log in logs]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,8 +44,7 @@ class SweepConfig(GridConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        host = self.executor.removeprefix("dask://")
-        if self.executor not in ("processes", "inline", "mpi") and (host == self.executor or ":" not in host):
+        if self.executor not in ("processes", "inline", "mpi") and not re.fullmatch(r"dask://.+:\d+", self.executor):
             raise InvalidValueError("executor", self.executor, _EXECUTORS)
         if not 0 <= self.jobs <= MOST_JOBS:
             raise InvalidValueError("jobs", self.jobs, f"an integer from 0 to {MOST_JOBS}")

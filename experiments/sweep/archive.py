@@ -18,7 +18,7 @@ from experiments.provenance import changes, digest, made_by
 from experiments.sweep.drive import Part
 from experiments.sweep.plan import Run
 from trackslip import logfile
-from trackslip.errors import TrackslipError
+from trackslip.errors import LogError, TrackslipError
 from trackslip.fileformat import require_known_manifest
 
 PARTS = ".grid-parts"
@@ -36,10 +36,10 @@ class Stored:
 
 
 class Archive:
-    """The runs in a folder of results."""
+    """The runs in a folder of results; without `resume`, only those that are driven from now on."""
 
-    def __init__(self, out: Path) -> None:
-        self._out, self._parts = out, out / PARTS
+    def __init__(self, out: Path, resume: bool = True) -> None:
+        self._out, self._parts, self._resume = out, out / PARTS, resume
 
     def stored(self, runs: Sequence[Run], force: bool) -> dict[str, Stored]:
         """What is there of `runs`, by id. Runs that failed aren't: they are driven again.
@@ -48,14 +48,17 @@ class Archive:
             TrackslipError: when it was driven by other code, models or libraries, unless by `force`.
             LogError: when it is damaged, or a newer version's.
         """
-        require_known_manifest(self._out)
+        if self._resume:
+            self._require_readable()
         wanted = {run.id for run in runs}
-        found = {}
+        found: dict[str, Stored] = {}
         for file, rows, by in self._records():
-            whole = file.parent == self._out or _whole(file)  # of results a damaged file is the user's to judge
-            for row in rows:
-                if whole and row["id"] in wanted and row["error"] is None:
-                    found[row["id"]] = Stored(row, file, by[row["made_by"]])
+            there = [row for row in rows if row["id"] in wanted and row["error"] is None]
+            if there and not _whole(file):
+                if file.parent == self._parts:
+                    continue
+                raise LogError(f"{file}: damaged; --no-resume drives all runs anew")  # the user's to judge
+            found |= {row["id"]: Stored(row, file, by[row["made_by"]]) for row in there}
         now = made_by()
         stale = [one.made_by for one in found.values() if one.made_by != now]
         if stale and not force:
@@ -99,10 +102,26 @@ class Archive:
                 file.unlink()
             self._parts.rmdir()
 
+    def _require_readable(self) -> None:
+        """Raise LogError for results of a newer version, or whose manifest or summary is damaged."""
+        file = self._out / store.SUMMARY
+        try:
+            require_known_manifest(self._out)
+            if (self._out / store.MANIFEST).exists() and file.exists():
+                json.loads(file.read_text(encoding="utf-8"))
+        except LogError as error:
+            raise LogError(f"{error}; --no-resume replaces it") from error
+        except ValueError as error:
+            raise LogError(f"{file}: not JSON ({error}); --no-resume drives all runs anew") from error
+
     def _records(self) -> Iterable[tuple[Path, list[dict[str, Any]], dict[str, Any]]]:
         """File of runs, rows and by what they were made, of the results and of every whole part."""
         record = _record(self._out / store.SUMMARY)
-        if record is not None and (self._out / store.MANIFEST).exists():
+        if (
+            self._resume
+            and record is not None
+            and all((self._out / name).exists() for name in (store.MANIFEST, store.RUNS))
+        ):
             yield self._out / store.RUNS, *record
         for path in sorted(self._parts.glob("*.json")):
             record = _record(path)
@@ -121,9 +140,11 @@ def _record(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]] | None:
 
 
 def _whole(file: Path) -> bool:
-    """Whether a part's runs can be read."""
+    """Whether a file's runs can be read."""
     try:
-        pyarrow.parquet.read_table(file, page_checksum_verification=True)
+        with pyarrow.parquet.ParquetFile(file, page_checksum_verification=True) as runs:
+            for group in range(runs.num_row_groups):
+                runs.read_row_group(group)
     except (OSError, pyarrow.ArrowException):
         return False
     return True

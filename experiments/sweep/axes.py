@@ -47,6 +47,8 @@ def axes_of(config: SweepConfig) -> dict[str, tuple[Any, ...]]:
             given[name] = _checked(name, tuple(values) if isinstance(values, list) else (values,), name)
         except InvalidValueError as error:
             raise SettingsFileError(f"{config.sweep}: {error}") from error
+    if "friction_ratio" in given and ("ground.across" in given or config.ground.across is not None):
+        raise InvalidValueError("friction_ratio", given["friction_ratio"], "left out where ground.across is given")
     drive = {"radius": given.pop("radius", config.radii), "speed": given.pop("speed", config.speeds)}
     axes = {**given, **drive}
     count = math.prod(len(values) for values in axes.values())

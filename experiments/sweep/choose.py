@@ -55,7 +55,7 @@ def _difference(key: str, values: Sequence[Any]) -> str:
 
 def _is(value: Any, text: str) -> bool:
     """Whether a value is what is written."""
-    if str(value) == text:
+    if str(value) == text or (isinstance(value, bool) and str(value).lower() == text):
         return True
     with contextlib.suppress(ValueError):
         return isinstance(value, int | float) and float(text) == value

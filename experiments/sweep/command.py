@@ -30,10 +30,10 @@ def run(config: SweepConfig) -> None:
     watch = Stopwatch()
     runs = plan(config)
     with store.results(config.out) as folder:
-        there = Archive(config.out)
+        there = Archive(config.out, config.resume)
         if not config.resume:
             there.discard()
-        stored = there.stored(runs, config.force) if config.resume else {}
+        stored = there.stored(runs, config.force)
         missing = [one for one in runs if one.id not in stored]
         before = len(stored)
         driving = time.perf_counter()
@@ -77,6 +77,8 @@ def run(config: SweepConfig) -> None:
 def _drive(config: SweepConfig, there: Archive, runs: Sequence[Run], missing: Sequence[Run]) -> dict[str, float]:
     """Drive what is missing and keep it, part by part; seconds of work by stage, all workers together."""
     parts = fleets(missing)
+    if not parts:
+        return {}
     stages: dict[str, float] = {}
     jobs = min(config.jobs or processors(), len(parts))
     total, left = (sum(one.config.duration for one in some) for some in (runs, missing))
@@ -85,7 +87,7 @@ def _drive(config: SweepConfig, there: Archive, runs: Sequence[Run], missing: Se
         try:
             with workers(config.executor, jobs) as pool:
                 task = functools.partial(drive, threads=config.threads, report=report) if pool.inline else drive
-                for part in pool.each(task, parts) if parts else ():
+                for part in pool.each(task, parts):
                     there.keep(part)
                     done += len(part.rows)
                     if not pool.inline:
@@ -95,8 +97,9 @@ def _drive(config: SweepConfig, there: Archive, runs: Sequence[Run], missing: Se
         except KeyboardInterrupt:
             if done == 0:
                 raise
+            same = "the same command" if config.resume else "the same command without --no-resume"
             raise KeyboardInterrupt(
-                f"interrupted with {done} of {len(runs)} runs driven; the same command goes on from there"
+                f"interrupted with {done} of {len(runs)} runs driven; {same} goes on from there"
             ) from None
     return stages
 

@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 ALIASES = {"ground": "ground.source", "slope": "ground.slope"}
 """Axes that are options under another name."""
-_NO_AXES = ("radii", "speeds", "threads", "out")
+_NO_AXES = ("radii", "speeds", "threads", "rrd", "out")
 _FLAGS = {"true": True, "false": False}
 
 
@@ -58,8 +58,8 @@ def converted(hint: Any, value: object, name: str) -> Any:
             if value in typing.get_args(kind):
                 return value
         elif kind is bool:
-            if isinstance(value, bool) or value in _FLAGS:
-                return value if isinstance(value, bool) else _FLAGS[str(value)]
+            if isinstance(value, bool) or (isinstance(value, str) and value in _FLAGS):
+                return value if isinstance(value, bool) else _FLAGS[value]
         elif kind in (int, float):
             if not isinstance(value, bool):
                 try:
@@ -68,9 +68,14 @@ def converted(hint: Any, value: object, name: str) -> Any:
                     continue
                 if isinstance(value, str) or number == value or number != number:
                     return number
-        elif kind in (str, Path) and isinstance(value, str):
+        elif kind in (str, Path) and isinstance(value, str) and _is_unicode(value):
             return kind(value)
     raise InvalidValueError(name, value, _described(options))
+
+
+def _is_unicode(text: str) -> bool:
+    """Whether a text can be stored; names of files may be any bytes."""
+    return not any("\ud800" <= character <= "\udfff" for character in text)
 
 
 def _with(config: Any, path: list[str], value: object, name: str) -> Any:

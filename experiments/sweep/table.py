@@ -41,6 +41,10 @@ AXES: dict[str, tuple[str, str]] = {
 }
 
 
+_LARGEST = 2**63 - 1
+"""Integer of a column; larger ones, seeds, are text."""
+
+
 def write_table(rows: Sequence[Mapping[str, Any]], axes: Sequence[str], path: Path) -> None:
     """Write the rows of a sweep to a Parquet file; units and meanings are in the columns' metadata."""
     first, last = [*COLUMNS][:2], [*COLUMNS][2:]
@@ -57,6 +61,8 @@ def write_table(rows: Sequence[Mapping[str, Any]], axes: Sequence[str], path: Pa
 def _column(values: list[Any], name: str) -> pa.Array:
     """A column of the type that its values have; text where there are none, or of several kinds."""
     kinds = {type(value) for value in values if value is not None}
+    if kinds == {int} and max(value for value in values if value is not None) > _LARGEST:
+        kinds = {str}
     if kinds <= {int, float} and (kinds or COLUMNS.get(name, ("",))[0]):
         return pa.array(values, pa.int64() if kinds == {int} else pa.float64())
     if kinds == {bool}:

@@ -15,6 +15,7 @@ import pytest
 
 from experiments import provenance
 from experiments.cli import main, parse
+from experiments.grid import drive_cells
 from experiments.sweep.archive import PARTS
 from experiments.sweep.choose import chosen
 from experiments.sweep.plan import fleets, plan
@@ -127,9 +128,15 @@ def test_any_option_varies_and_only_equal_models_share_a_fleet(tmp_path):
         (("--friction-ratio", "nan"), "friction_ratio = nan: must be a finite number > 0"),
         (("--slope", "0.1", "--vary", "slope=0.2"), "vary = 'slope': must be an axis that isn't given twice"),
         (("--slope", "-0.1"), "ground.slope = -0.1: must be"),
+        (("--grounds", "\udcff.toml"), "must be a name"),
         (("--grounds", "moon"), "ground = 'moon': must be one of stone"),
         (("--seeds", "-1"), "seed = -1: must be an integer >= 0"),
         (("--executor", "cloud"), "executor = 'cloud': must be processes, inline, mpi or dask://HOST:PORT"),
+        (("--executor", "dask://:"), "executor = 'dask://:': must be processes"),
+        (("--vary", "motion=arc", "--vary", "duration=4,6"), "--vary = 'given twice': must be given once"),
+        (("--vary", "rrd=true,false"), "axis = 'rrd': must be one of"),
+        (("--friction-ratio", "1.2", "--ground.across", "0.5"), "friction_ratio = (1.2,): must be left out where"),
+        (("--friction-ratio", "1.2", "--vary", "ground.across=0.5"), "friction_ratio = (1.2,): must be left out where"),
         (("--jobs", "-1"), "jobs = -1: must be an integer from 0"),
         (("--sweep", "none.toml"), "none.toml: No such file"),
     ],
@@ -146,6 +153,7 @@ def test_mistakes_get_one_line(refused, arguments, message):
         ("radius = [[1.0]]", "radius = [1.0]: must be a number"),
         ("speed = [9.0]", "speeds = 9.0: must be at most drive.top_speed"),
         ("colour = [1]", "axis = 'colour'"),
+        ("random_phase = [[true]]", "random_phase = [True]: must be true or false"),
         ("radius = [1", "not TOML"),
     ],
 )
@@ -203,31 +211,59 @@ def test_failed_runs_are_rows_and_are_driven_again(trackslip, monkeypatch):
     assert pq.read_table(result.folder / "table.parquet").to_pylist() == rows
 
 
+def fragile(cells, *rest):
+    """A fleet of which some radius is too wide."""
+    if any(cell.radius == 1.5 for cell in cells):
+        raise MemoryError("too wide")
+    return drive_cells(cells, *rest)
+
+
 def test_a_failing_run_does_not_take_its_fleet_with_it(trackslip, monkeypatch):
-    from experiments.sweep import drive as module
-
-    real = module.drive_cells
-
-    def fragile(cells, *rest):
-        if any(cell.radius == 1.5 for cell in cells):
-            raise MemoryError("too wide")
-        return real(cells, *rest)
-
-    monkeypatch.setattr(module, "drive_cells", fragile)
-    result = trackslip("grid", *SWEEP)
+    with monkeypatch.context() as patch:
+        patch.setattr("experiments.sweep.drive.drive_cells", fragile)
+        result = trackslip("grid", *SWEEP)
     assert {row["error"] for row in result.summary["runs"]} == {None, "MemoryError: too wide"}
     assert len(logs(result.folder)) == 4
-    monkeypatch.setattr(module, "drive_cells", real)
     assert len(logs(trackslip("grid", *SWEEP).folder)) == 8
 
 
-def test_a_damaged_file_of_runs_is_not_thrown_away(trackslip, refused, tmp_path):
+@pytest.mark.parametrize(
+    ("name", "spoil", "message"),
+    [
+        ("runs.parquet", lambda content: content[:-100], "runs.parquet: damaged; --no-resume"),
+        ("summary.json", lambda content: content[:300], "summary.json: not JSON"),
+        ("manifest.json", lambda content: content[:300], "manifest.json: not JSON"),
+        ("manifest.json", lambda content: content.replace(b'"format": 1', b'"format": 99'), "in format 99; "),
+    ],
+)
+def test_damaged_or_newer_results_are_not_thrown_away(trackslip, refused, tmp_path, name, spoil, message):
     out = ("--out", str(tmp_path / "out"))
-    runs = trackslip("grid", *SHORT, *out).folder / "runs.parquet"
-    runs.write_bytes(runs.read_bytes()[:-100])
-    assert "runs.parquet: " in refused("grid", *SHORT, *out)
+    folder = trackslip("grid", *SHORT, *out).folder
+    spoilt = spoil((folder / name).read_bytes())
+    (folder / name).write_bytes(spoilt)
+    assert message in refused("grid", *SHORT, *out, "--seeds", "0", "1")  # at once: there is nothing new
+    assert (folder / name).read_bytes() == spoilt
     trackslip("grid", *SHORT, *out, "--no-resume")
-    assert len(logs(runs.parent)) == 2
+    assert len(logs(folder)) == 2
+
+
+def test_runs_whose_logs_are_gone_are_driven_again(trackslip):
+    (trackslip("grid", *SHORT).folder / "runs.parquet").unlink()
+    again = trackslip("grid", *SHORT)
+    assert again.summary["timing"]["driven"] == len(logs(again.folder)) == 2
+
+
+def test_what_fails_anew_is_not_taken_from_before(trackslip, monkeypatch):
+    trackslip("grid", *SHORT)
+    monkeypatch.setattr("experiments.sweep.drive.drive_cells", fragile)
+    anew = trackslip("grid", *SHORT, "--no-resume")
+    assert [row["error"] for row in anew.summary["runs"]] == [None, "MemoryError: too wide"]
+
+
+def test_seeds_beyond_64_bits_are_text(trackslip):
+    large = 10**20
+    table = pq.read_table(trackslip("grid", *SHORT, "--seeds", "1", str(large)).folder / "table.parquet")
+    assert set(table["seed"].to_pylist()) == {"1", str(large)}
 
 
 def test_an_interrupted_grid_goes_on(trackslip, tmp_path, monkeypatch, capsys):
@@ -331,3 +367,15 @@ def test_a_law_is_identified_from_runs_of_one_setting(trackslip, refused, tmp_pa
         "radius=0.6 speed=0.2 friction_ratio=1.0",
         "1",
     }
+
+
+def test_choosing_what_is_not_there(trackslip, refused, tmp_path):
+    arguments = (*SHORT, "--slope", "0", "0.9", "--vary", "random_phase=true,false")
+    folder = trackslip("grid", *arguments).folder
+    assert len(chosen(folder, ["random_phase=true", "slope=0"])) == 2
+    assert "none of the 4 run(s) chosen with --where is there: they failed" in refused(
+        "identify", str(folder), "--where", "slope=0.9"
+    )
+    samples = tmp_path / "samples.csv"
+    samples.write_text("omega_l,omega_r,v,w\n1,2,0.1,0.2\n")
+    assert "where = 'slope=0': must be left out" in refused("identify", str(samples), "--where", "slope=0")
