@@ -100,10 +100,12 @@ def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
             table = files[file].table(name)
             if new != name:
                 table = table.set_column(0, "run", pa.array([new] * len(table)))
-            for field in joined:
-                if field.name not in table.column_names:
-                    table = table.append_column(field, pa.nulls(len(table), field.type))
-            writer.write_table(table.select(joined.names).cast(joined), row_group_size=len(table))
+            if not table.schema.equals(joined):
+                for field in joined:
+                    if field.name not in table.column_names:
+                        table = table.append_column(field, pa.nulls(len(table), field.type))
+                table = table.select(joined.names).cast(joined)
+            writer.write_table(table, row_group_size=len(table))
 
 
 class _StoredRuns:

@@ -24,13 +24,20 @@ def scan_columns(scans: ScanLog) -> dict[str, Any]:
     """Columns of T rows."""
     hidden_first, hidden_last = scans.cluster.hidden.T
     numbers = (scans.first_beam(), scans.cluster.lost, hidden_first, hidden_last)
-    columns = dict(zip(_NUMBERS, numbers, strict=True)) | {_RANGES: pa.array(scans.ranges(), pa.list_(pa.float32()))}
+    ranges, width = scans.ranges()
+    columns = dict(zip(_NUMBERS, numbers, strict=True)) | {_RANGES: _lists(ranges, width)}
     return columns if scans.full is None else columns | {_FULL: list_column(scans.full)}
 
 
 def list_column(rows: Array) -> pa.Array:
     """Numbers (T, ...) as a column of T lists."""
-    return pa.array(list(rows.reshape(len(rows), -1).astype(np.float32)), pa.list_(pa.float32()))
+    return _lists(rows.ravel(), np.full(len(rows), rows[0].size))
+
+
+def _lists(values: Array, count: np.ndarray) -> pa.Array:
+    """Numbers as lists of `count` (T,) of them."""
+    ends = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)
+    return pa.ListArray.from_arrays(pa.array(ends), pa.array(values.astype(np.float32)))
 
 
 def from_list_column(table: pa.Table, name: str, rows: np.ndarray) -> Array | None:

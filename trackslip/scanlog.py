@@ -30,13 +30,14 @@ class ScanLog:
         index = np.rint((self.cluster.bearing[:, 0] - self.scan.bearings[0]) / step).astype(int)
         return np.where(self.cluster.count > 0, index, 0)
 
-    def ranges(self) -> list[Array]:
-        """T arrays of ranges from each first beam on [m], NaN where a beam didn't come back or met something else."""
-        cluster = self.cluster
-        return [
-            np.where(hit[:width], values[:width], np.nan)
-            for hit, values, width in zip(cluster.hit, cluster.range, cluster.width, strict=True)
-        ]
+    def ranges(self) -> tuple[Array, np.ndarray]:
+        """Ranges of all rows, one row after the other, and how many each has (T,).
+
+        A row's go from its first beam on [m], NaN where a beam didn't come back or met something else.
+        """
+        cluster, width = self.cluster, self.cluster.width
+        within = np.arange(cluster.hit.shape[1]) < width[:, None]
+        return np.where(cluster.hit, cluster.range, np.nan)[within], width
 
     def metadata(self) -> dict[str, Any]:
         """All but the ranges, as it fits into JSON."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,74 +26,84 @@ PARTS = ".grid-parts"
 
 @dataclass(frozen=True)
 class Stored:
-    """A run that has been driven."""
+    """A run that has been driven, or has failed."""
 
     row: dict[str, Any]
     file: Path
-    """Where its log is."""
+    """Where its log is, unless it failed."""
     made_by: dict[str, Any]
     """Code, models and libraries that drove it."""
 
+    @property
+    def failed(self) -> bool:
+        """Whether there is no log."""
+        return self.row["error"] is not None
+
 
 class Archive:
-    """The runs in a folder of results; without `resume`, only those that are driven from now on."""
+    """The runs in a folder of results."""
 
-    def __init__(self, out: Path, resume: bool = True) -> None:
-        self._out, self._parts, self._resume = out, out / PARTS, resume
+    def __init__(self, out: Path) -> None:
+        self._out, self._parts = out, out / PARTS
+        self._there: dict[str, Stored] = {}
 
-    def stored(self, runs: Sequence[Run], force: bool) -> dict[str, Stored]:
-        """What is there of `runs`, by id. Runs that failed aren't: they are driven again.
+    def take(self, runs: Sequence[Run], force: bool) -> None:
+        """Look what is there of `runs` already. Runs that failed aren't: they are driven again.
 
         Raises:
             TrackslipError: when it was driven by other code, models or libraries, unless by `force`.
             LogError: when it is damaged, or a newer version's.
         """
-        if self._resume:
-            self._require_readable()
+        self._require_readable()
         wanted = {run.id for run in runs}
-        found: dict[str, Stored] = {}
         for file, rows, by in self._records():
             there = [row for row in rows if row["id"] in wanted and row["error"] is None]
             if there and not _whole(file):
                 if file.parent == self._parts:
                     continue
                 raise LogError(f"{file}: damaged; --no-resume drives all runs anew")  # the user's to judge
-            found |= {row["id"]: Stored(row, file, by[row["made_by"]]) for row in there}
+            self._there |= {row["id"]: Stored(row, file, by[row["made_by"]]) for row in there}
         now = made_by()
-        stale = [one.made_by for one in found.values() if one.made_by != now]
+        stale = [one.made_by for one in self._there.values() if one.made_by != now]
         if stale and not force:
             raise TrackslipError(
                 f"out = {str(self._out)!r}: {len(stale)} of these runs are there, driven before a change of"
                 f" {', '.join(changes(stale[0], now))}: --force takes them as they are, --no-resume drives them anew"
             )
-        return found
+
+    def missing(self, runs: Sequence[Run]) -> list[Run]:
+        """Those of `runs` that are neither there nor have failed."""
+        return [run for run in runs if run.id not in self._there]
 
     def keep(self, part: Part) -> None:
-        """Store a part: its runs first, its rows last, each whole or not at all."""
-        by = digest(made_by())
-        rows = [row | {"made_by": by} for row in part.rows]
+        """Store a part: its runs first, its rows last, each whole or not at all.
+
+        Raises:
+            TrackslipError: when other code, models or libraries than ours drove it.
+        """
+        now = made_by()
+        if part.made_by != digest(now):
+            raise TrackslipError("a worker has other code, models or libraries than this process")
+        rows: list[dict[str, Any]] = store.plain([row | {"made_by": part.made_by} for row in part.rows])
         path = self._parts / f"{digest([row['id'] for row in rows])}.json"
         self._parts.mkdir(parents=True, exist_ok=True)
+        file = path.with_suffix(".parquet")
         if part.runs is not None:
-            _put(path.with_suffix(".parquet"), part.runs)
-        record = {"made_by": {by: made_by()}, "runs": rows}
-        _put(path, json.dumps(store.plain(record)).encode())
+            _put(file, part.runs)
+        _put(path, json.dumps({"made_by": {part.made_by: now}, "runs": rows}).encode())
+        self._there |= {row["id"]: Stored(row, file, now) for row in rows}
 
-    def rows(self, runs: Sequence[Run], stored: Mapping[str, Stored]) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    def rows(self, runs: Sequence[Run]) -> tuple[list[dict[str, Any]], dict[str, Any]]:
         """The rows of all `runs`, in order, failed ones too, and by what they were made, by its digest."""
-        rows: dict[str, dict[str, Any]] = {}
-        by: dict[str, Any] = {}
-        for _, found, own in self._records():
-            by |= own
-            rows |= {row["id"]: row for row in found if row["error"] is not None}
-        rows |= {name: one.row for name, one in stored.items()}
-        ordered = [rows[run.id] | {"run": run.name, **run.axes} for run in runs]
-        return ordered, {key: by[key] for key in sorted({row["made_by"] for row in ordered})}
+        there = [self._there[run.id] for run in runs]
+        rows = [one.row | {"run": run.name, **run.axes} for run, one in zip(runs, there, strict=True)]
+        by = {one.row["made_by"]: one.made_by for one in there}
+        return rows, {key: by[key] for key in sorted(by)}
 
-    def gather(self, runs: Sequence[Run], stored: Mapping[str, Stored], file: Path) -> None:
+    def gather(self, runs: Sequence[Run], file: Path) -> None:
         """Write the logs of `runs`, in order, to one file."""
-        there = [(stored[run.id], run.name) for run in runs if run.id in stored]
-        logfile.join_parquet([(one.file, one.row["run"], name) for one, name in there], file)
+        there = [(self._there[run.id], run.name) for run in runs]
+        logfile.join_parquet([(one.file, one.row["run"], name) for one, name in there if not one.failed], file)
 
     def discard(self) -> None:
         """Delete the parts, what is wanted of them being now among the results."""
@@ -117,11 +127,7 @@ class Archive:
     def _records(self) -> Iterable[tuple[Path, list[dict[str, Any]], dict[str, Any]]]:
         """File of runs, rows and by what they were made, of the results and of every whole part."""
         record = _record(self._out / store.SUMMARY)
-        if (
-            self._resume
-            and record is not None
-            and all((self._out / name).exists() for name in (store.MANIFEST, store.RUNS))
-        ):
+        if record is not None and all((self._out / name).exists() for name in (store.MANIFEST, store.RUNS)):
             yield self._out / store.RUNS, *record
         for path in sorted(self._parts.glob("*.json")):
             record = _record(path)

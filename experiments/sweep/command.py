@@ -30,23 +30,23 @@ def run(config: SweepConfig) -> None:
     watch = Stopwatch()
     runs = plan(config)
     with store.results(config.out) as folder:
-        there = Archive(config.out, config.resume)
-        if not config.resume:
+        there = Archive(config.out)
+        if config.resume:
+            there.take(runs, config.force)
+        else:
             there.discard()
-        stored = there.stored(runs, config.force)
-        missing = [one for one in runs if one.id not in stored]
-        before = len(stored)
+        missing = there.missing(runs)
+        before = len(runs) - len(missing)
         driving = time.perf_counter()
         watch.stages |= _drive(config, there, runs, missing)
         driving = time.perf_counter() - driving
-        stored |= there.stored(missing, force=True)
-        rows, made_by = there.rows(runs, stored)
+        rows, made_by = there.rows(runs)
         failures = [row for row in rows if row["error"] is not None]
         if len(failures) == len(rows):
             there.discard()
             raise TrackslipError(_all_failed(failures))
         with watch.stage("gathering"):
-            there.gather(runs, stored, folder / store.RUNS)
+            there.gather(runs, folder / store.RUNS)
             if config.rrd:
                 record_all(folder, logfile.read_runs(folder / store.RUNS))
             write_table(rows, list(runs[0].axes), folder / store.TABLE)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from experiments.grid import drive_cells, localization_summary
+from experiments.provenance import digest, made_by
 from experiments.sweep.plan import Run
 from sim.runs import Progress
 from sim.stopwatch import Stopwatch
@@ -31,6 +32,8 @@ class Part:
     """Seconds of work by stage."""
     duration: float
     """Simulated, of all its runs together [s]."""
+    made_by: str
+    """Digest of the code, models and libraries that drove it."""
 
 
 def drive(runs: Sequence[Run], threads: int = 1, report: Progress = lambda seconds: None) -> Part:
@@ -54,7 +57,8 @@ def drive(runs: Sequence[Run], threads: int = 1, report: Progress = lambda secon
         file = io.BytesIO()
         if logs:
             logfile.write_parquet(logs, file)
-    return Part(rows, file.getvalue() or None, watch.stages, sum(run.config.duration for run in runs))
+    duration = sum(run.config.duration for run in runs)
+    return Part(rows, file.getvalue() or None, watch.stages, duration, digest(made_by()))
 
 
 def _outcomes(runs: Sequence[Run], threads: int, report: Progress, watch: Stopwatch) -> list[RunLog | str]:

@@ -19,7 +19,7 @@ from experiments.world import Specification, World
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry
 
-ENOUGH = 32
+ENOUGH = 64
 """Robots in a fleet, from which on it hardly gains by being larger, whereas more processes can share smaller ones."""
 _DRIVEN = ("radius", "speed")
 

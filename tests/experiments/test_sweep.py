@@ -185,7 +185,8 @@ def test_runs_of_other_code_are_refused_but_by_force(trackslip, refused, tmp_pat
     for change, named in (({"code": "0"}, "trackslip's code"), ({"versions": {"mujoco": "9.9"}}, "mujoco (")):
         with monkeypatch.context() as patch:
             changed = now | change | {"versions": now["versions"] | change.get("versions", {})}
-            patch.setattr("experiments.sweep.archive.made_by", lambda c=changed: c)
+            for module in ("archive", "drive"):
+                patch.setattr(f"experiments.sweep.{module}.made_by", lambda c=changed: c)
             message = refused("grid", *SHORT, *out)
             assert f"2 of these runs are there, driven before a change of {named}" in message
             forced = trackslip("grid", *SHORT, *out, "--force")
@@ -193,6 +194,14 @@ def test_runs_of_other_code_are_refused_but_by_force(trackslip, refused, tmp_pat
             assert len(trackslip("grid", *SHORT, "--seed", "9", *out).summary["runs"]) == 2  # others aren't refused
         trackslip("grid", *SHORT, *out, "--no-resume")
     assert logs(folder)
+
+
+def test_a_worker_with_other_code_is_refused(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("experiments.sweep.drive.made_by", lambda: {"code": "other"})
+    with pytest.raises(SystemExit) as stop:
+        main(["grid", *SHORT, "--out", str(tmp_path / "out")])
+    assert stop.value.code == 2
+    assert "a worker has other code" in capsys.readouterr().err
 
 
 def test_failed_runs_are_rows_and_are_driven_again(trackslip, monkeypatch):
