@@ -102,7 +102,8 @@ def open_loop(
             waiting.clear()
         fleet.command(limit_sprocket_speeds(omega, fleet.drive.limit))
         record.command[k] = fleet.drive.set_point
-    return record.with_scans(feed, _by_robot(clusters, fleet.size))
+    with watch.stage("localization"):
+        return record.with_scans(feed, _by_robot(clusters, fleet.size))
 
 
 def _localise(
