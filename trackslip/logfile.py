@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import csv
 import json
+from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -51,6 +54,7 @@ _SATURATED = ("saturated_l", "saturated_r")
 _LEAN = ("true_lean",)
 _CONTACT = "contact"
 _METADATA_KEY = b"trackslip"
+_AHEAD = 8  # runs that are read while others are written
 
 
 def to_table(logs: Sequence[RunLog]) -> pa.Table:
@@ -95,11 +99,12 @@ def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
     joined = pa.unify_schemas([stored.schema for stored in files.values()])
     about = {new: files[file].metadata(name) for file, name, new in runs}
     joined = joined.with_metadata(_file_metadata(joined, about))
-    with pa.parquet.ParquetWriter(path, joined, **_packing(joined)) as writer:
-        for file, name, new in runs:
-            table = files[file].table(name)
-            if new != name:
-                table = table.set_column(0, "run", pa.array([new] * len(table)))
+    with pa.parquet.ParquetWriter(path, joined, **_packing(joined)) as writer, ThreadPoolExecutor(1) as reader:
+        left = iter(runs)
+        ahead = deque(reader.submit(files[file].table, name, new) for file, name, new in islice(left, _AHEAD))
+        while ahead:
+            table = ahead.popleft().result()
+            ahead.extend(reader.submit(files[file].table, name, new) for file, name, new in islice(left, 1))
             if not table.schema.equals(joined):
                 for field in joined:
                     if field.name not in table.column_names:
@@ -129,10 +134,11 @@ class _StoredRuns:
             raise LogError(f"{self._path}: it has no run {name!r}")
         return dict(self._metadata[name])
 
-    def table(self, name: str) -> pa.Table:
-        """A run's rows."""
+    def table(self, name: str, new: str) -> pa.Table:
+        """A run's rows, under a new name."""
         try:
-            return self._file.read_row_group(self._group[name]).replace_schema_metadata(None)
+            table = self._file.read_row_group(self._group[name]).replace_schema_metadata(None)
+            return table if new == name else table.set_column(0, "run", pa.array([new] * len(table)))
         except (pa.ArrowException, OSError) as error:
             raise LogError(f"{self._path}: run {name!r}: {_first_line(error)}") from error
 
