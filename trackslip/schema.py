@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import pyarrow as pa
@@ -95,12 +95,11 @@ def with_units(fields: Sequence[pa.Field]) -> list[pa.Field]:
     return [f.with_metadata(COLUMNS[f.name].metadata) if f.name in COLUMNS else f for f in fields]
 
 
-def markdown() -> str:
-    """The table of all columns."""
-    lines = ["| column | unit | what |", "|---|---|---|"]
-    lines += [f"| `{column.name}` | {column.unit or '–'} | {column.description} |" for column in COLUMNS.values()]
-    return "\n".join(lines)
+def markdown(columns: Iterable[Column]) -> str:
+    """Columns as a table, for docs/data.md."""
+    lines = [f"| `{column.name}` | {column.unit or '–'} | {column.description} |" for column in columns]
+    return "\n".join(["| column | unit | what |", "|---|---|---|", *lines, ""])
 
 
 if __name__ == "__main__":
-    print(markdown())
+    print(markdown(COLUMNS.values()), end="")
