@@ -170,3 +170,14 @@ def test_time_comes_in_servo_periods(robot):
         Fleet(robot, np.zeros((1, 3))).advance(0.0123)
     with pytest.raises(InvalidValueError, match="along"):
         Ground(along=-0.1)
+
+
+def test_steady_belts_are_stepped_in_one_go_to_the_same_bits(robot):
+    fleets = [Fleet(robot, np.zeros((3, 3))) for _ in range(2)]
+    for fleet, at_once in zip(fleets, (4.0, 0.01), strict=True):
+        fleet.command([[5.0, 6.0], [-4.0, 4.0], [2.0, 2.0]])
+        for _ in range(round(4.0 / at_once)):  # the belts are at their set points to the last bit for half of it
+            fleet.advance(at_once)
+    whole, pieces = ((f.pose(), f.twist(), f.drive.torque, f.drive.energy, f.drive.angle) for f in fleets)
+    for a, b in zip(whole, pieces, strict=True):
+        np.testing.assert_array_equal(a, b)
