@@ -1,8 +1,8 @@
 """`trackslip bench --grid`: what a large grid of runs costs, on one process and on several, beside the bare engine.
 
 The grid is the paper's 25 runs at many ratios of friction. The bare engine steps as many robots, on the same ground and
-with the same belt speeds, for as many steps in one call, on as many threads as the grid has processes; it goes before
-and after each grid, and what is compared with is the mean.
+with the same belt speeds, for as many steps in one call, those in which robots are set down included, on as many
+threads as the grid has processes; it goes before and after each grid, and what is compared with is the mean.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from experiments.grid import before_scanner
 from experiments.sweep import command
 from experiments.sweep.plan import Run, plan
 from experiments.sweep_config import SweepConfig
-from sim.fleet import Fleet
+from sim.fleet import SETTLING, Fleet
 from trackslip.kinematics import sprocket_speeds
 
 APART = ("scans", "localization", "slips")
@@ -64,7 +64,7 @@ def bare_seconds(runs: list[Run], threads: int) -> float:
     fleet.advance(_START)
     bare = bare_batch(fleet)
     began = perf_counter()
-    bare.step(nstep=round(some[0].config.duration / world.robot.model.opt.timestep))
+    bare.step(nstep=round((SETTLING + some[0].config.duration) / world.robot.model.opt.timestep))
     return (perf_counter() - began) * len(runs) / len(some)
 
 

@@ -18,7 +18,8 @@ from sim.setting import Setting
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array
 
-_SETTLING = 1.0  # time for a robot set down on the ground to come to rest [s]
+SETTLING = 1.0
+"""Time for a robot set down on the ground to come to rest [s]: physics before a fleet's first period."""
 _RESETTLING = 0.4  # the same where it begins nearly as low as it will stand
 _AT_REST = 0.005  # below this speed [m/s] it has; creep is a hundred times slower
 Rows = np.ndarray | slice
@@ -96,7 +97,7 @@ class Fleet:
         self._place_at(np.arange(self.size), start)
         self.set_ground(ground or Ground())
         self._require_parking(np.arange(self.size), start)
-        self._settle(np.arange(self.size), start, _SETTLING)
+        self._settle(np.arange(self.size), start, SETTLING)
 
     @property
     def time(self) -> float:

@@ -144,12 +144,16 @@ class _StoredRuns:
 
 
 def _packing(schema: pa.Schema) -> dict[str, Any]:
-    """How to write measured numbers, which hardly repeat, in two thirds of the space; damage to them is noticed."""
+    """How to write measured numbers, which hardly repeat, in less space; damage to them is noticed.
+
+    Zstandard would save a tenth more and take half as long again. Who looks for some runs or times can skip the rest.
+    """
     numbers = [field.name for field in schema if pa.types.is_float64(field.type)]
     return {
-        "compression": "zstd",
+        "compression": "lz4",
         "use_dictionary": ["run"],
         "use_byte_stream_split": numbers,
+        "write_statistics": ["run", "t"],
         "write_page_checksum": True,
     }
 

@@ -76,18 +76,18 @@ def run(config: SweepConfig) -> None:
 
 def _drive(config: SweepConfig, there: Archive, runs: Sequence[Run], missing: Sequence[Run]) -> dict[str, float]:
     """Drive what is missing and keep it, part by part; seconds of work by stage, all workers together."""
-    parts = fleets(missing)
-    if not parts:
+    if not missing:
         return {}
     stages: dict[str, float] = {}
-    jobs = min(config.jobs or processors(), len(parts))
+    jobs = config.jobs or processors()
+    jobs = min(jobs, len(fleets(missing, jobs)))
     total, left = (sum(one.config.duration for one in some) for some in (runs, missing))
     done = len(runs) - len(missing)
     with progress(f"{len(runs)} runs, scans and poses", total, done=total - left) as report:
         try:
             with workers(config.executor, jobs) as pool:
                 task = functools.partial(drive, threads=config.threads, report=report) if pool.inline else drive
-                for part in pool.each(task, parts):
+                for part in pool.each(task, fleets(missing, pool.count)):
                     there.keep(part)
                     done += len(part.rows)
                     if not pool.inline:

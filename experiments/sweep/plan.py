@@ -19,8 +19,10 @@ from experiments.world import Specification, World
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry
 
-ENOUGH = 64
-"""Robots in a fleet, from which on it hardly gains by being larger, whereas more processes can share smaller ones."""
+_ENOUGH, _MOST = 64, 128
+"""Robots in a fleet: with fewer it is slow, with more it hardly gains and more is lost when a worker is stopped."""
+_EACH = 4
+"""Fleets for a worker, or more, so that all end at about the same time; unless they'd be too small."""
 _DRIVEN = ("radius", "speed")
 
 
@@ -103,14 +105,15 @@ def plan(config: SweepConfig) -> list[Run]:
     return runs
 
 
-def fleets(runs: Sequence[Run]) -> list[tuple[Run, ...]]:
-    """Runs that can be driven as one fleet, about ENOUGH of them at a time, in order."""
+def fleets(runs: Sequence[Run], workers: int) -> list[tuple[Run, ...]]:
+    """Runs that can be driven as one fleet, for so many workers, in order."""
+    size = min(max(_ENOUGH, -(-len(runs) // (_EACH * workers))), _MOST)
     alike: dict[str, list[Run]] = {}
     for run in runs:
         alike.setdefault(run.fleet, []).append(run)
     found = []
     for same in alike.values():
-        count = -(-len(same) // ENOUGH)
+        count = -(-len(same) // size)
         ends = [round(len(same) * k / count) for k in range(count + 1)]
         found += [tuple(same[a:b]) for a, b in itertools.pairwise(ends)]
     return found

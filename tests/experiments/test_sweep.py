@@ -104,12 +104,23 @@ def test_any_option_varies_and_only_equal_models_share_a_fleet(tmp_path):
     )
     runs = planned("--sweep", str(tmp_path / "sweep.toml"), "--vary", "random_phase=false,true")
     assert len(runs) == 32
-    assert len(fleets(runs)) == 8
-    for fleet in fleets(runs):
+    assert len(fleets(runs, 2)) == 8
+    for fleet in fleets(runs, 2):
         assert len({(run.specification.parameters, run.config.scanner, run.config.random_phase) for run in fleet}) == 1
     narrow = [run for run in runs if run.axes["robot.half_gauge"] == 0.15]
     assert {run.world(1).robot.geometry.half_gauge for run in narrow} == {0.15}
     assert len(narrow) == 16
+
+
+@pytest.mark.parametrize(
+    ("workers", "count", "largest"), [(1, 8, 125), (2, 8, 125), (3, 12, 84), (4, 16, 63), (64, 16, 63)]
+)
+def test_fleets_are_large_and_yet_every_worker_has_some(workers, count, largest):
+    runs = planned("--friction-ratio", *(str(0.8 + 0.01 * k) for k in range(40)))
+    parts = fleets(runs, workers)
+    assert [run for part in parts for run in part] == runs
+    assert len(parts) == count
+    assert max(map(len, parts)) == largest
 
 
 @pytest.mark.parametrize(
