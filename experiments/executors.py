@@ -23,11 +23,14 @@ from trackslip.errors import TrackslipError
 
 _AHEAD = 2  # tasks handed out per worker, so that none waits for its next
 
-_GO_ON = "the same command goes on from where it was"
 _PATIENCE = 10  # for a scheduler to answer [s]
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
+
+
+class WorkersFailedError(TrackslipError):
+    """What works off the tasks is gone; what it has done isn't."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,7 @@ class Workers:
         """`do` every task; results come as they are ready. Few tasks are handed out ahead of time.
 
         Raises:
-            TrackslipError: when a worker dies.
+            WorkersFailedError: when a worker dies.
         """
         ahead = 1 if self.inline else _AHEAD * self.count
         left = iter(tasks)
@@ -58,11 +61,11 @@ class Workers:
                     yield future.result()
                     pending |= self._submitted(do, islice(left, 1))
         except (BrokenExecutor, CancelledError) as error:
-            raise TrackslipError(f"a worker died; {_GO_ON}") from error
+            raise WorkersFailedError("a worker died") from error
         except Exception as error:
             if not type(error).__module__.startswith("distributed"):
                 raise
-            raise TrackslipError(f"the cluster fails ({type(error).__name__}); {_GO_ON}") from error
+            raise WorkersFailedError(f"the cluster fails ({type(error).__name__})") from error
 
     def _submitted(self, do: Callable[[Task], Result], tasks: Iterable[Task]) -> set[Future[Result]]:
         with deaf_children() if isinstance(self.executor, ProcessPoolExecutor) else contextlib.nullcontext():

@@ -58,8 +58,6 @@ class Cell:
 
 def drive_grid(config: GridConfig, world: World, watch: Stopwatch | None = None) -> list[RunLog]:
     """Every radius at every speed, all runs at once; raises InvalidValueError for radii too tight for the robot."""
-    for radius in config.radii:
-        require_radius(radius, world.robot.geometry)
     cells = [Cell.at(radius, speed) for radius, speed in itertools.product(config.radii, config.speeds)]
     with progress(f"{len(cells)} runs, scans and poses", config.duration) as report:
         return drive_cells(cells, [world] * len(cells), report, watch)
@@ -77,6 +75,8 @@ def drive_cells(
     """
     world = worlds[0]
     config, robot = cast(GridConfig, world.config), world.robot
+    for cell in cells:
+        require_radius(cell.radius, robot.geometry)
     start = np.tile(before_scanner(robot), (len(cells), 1))
     if config.random_phase:
         phases = [

@@ -159,7 +159,7 @@ def write_parquet(folder: Path, logs: Sequence[RunLog]) -> None:
     """Write runs as the folder's RUNS."""
     from trackslip import logfile  # late: not every command has runs to write
 
-    with _arrow_errors(folder / RUNS):
+    with arrow_errors(folder / RUNS):
         logfile.write_parquet(logs, folder / RUNS)
 
 
@@ -175,12 +175,12 @@ def write_samples(folder: Path, samples: SlipSamples) -> None:
     names = (*logfile.SAMPLE_COLUMNS, "slip_l", "slip_r")
     table = pa.table({"run": list(samples.run)} | {n: columns[:, k] for k, n in enumerate(names)})
     table = table.cast(pa.schema(with_units(table.schema)))
-    with _arrow_errors(folder / RUNS):
+    with arrow_errors(folder / RUNS):
         pa.parquet.write_table(table, folder / RUNS, write_page_checksum=True)
 
 
 @contextlib.contextmanager
-def _arrow_errors(file: Path) -> Iterator[None]:
+def arrow_errors(file: Path) -> Iterator[None]:
     """Make OutputErrors of pyarrow's own errors, those that aren't the system's."""
     import pyarrow as pa
 

@@ -8,11 +8,8 @@ from __future__ import annotations
 
 import csv
 import json
-from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -53,8 +50,8 @@ _POWER = ("power_l", "power_r")
 _SATURATED = ("saturated_l", "saturated_r")
 _LEAN = ("true_lean",)
 _CONTACT = "contact"
-_METADATA_KEY = b"trackslip"
-_AHEAD = 8  # runs that are read while others are written
+METADATA_KEY = b"trackslip"
+"""Under which a file remembers its runs and columns."""
 
 
 def to_table(logs: Sequence[RunLog]) -> pa.Table:
@@ -70,80 +67,26 @@ def to_table(logs: Sequence[RunLog]) -> pa.Table:
     table = pa.concat_tables([_run_table(log) for log in logs], promote_options="default")
     fields = with_units(table.schema.remove_metadata())
     runs = {log.run: metadata_with_scans(log.metadata, log.scans) for log in logs}
-    return table.cast(pa.schema(fields, metadata=_file_metadata(fields, runs)))
+    return table.cast(pa.schema(fields, metadata=file_metadata(fields, runs)))
 
 
-def _file_metadata(fields: Iterable[pa.Field], runs: Mapping[str, Any]) -> dict[bytes, str]:
+def file_metadata(fields: Iterable[pa.Field], runs: Mapping[str, Any]) -> dict[bytes, str]:
     """What a file remembers: of its runs, and of its columns once more, for readers that pass over theirs (polars)."""
     columns = {field.name: COLUMNS[field.name].metadata for field in fields if field.name in COLUMNS}
-    return {_METADATA_KEY: json.dumps({"format": FORMAT, "columns": columns, "runs": runs})}
+    return {METADATA_KEY: json.dumps({"format": FORMAT, "columns": columns, "runs": runs})}
 
 
 def write_parquet(logs: Sequence[RunLog], file: Path | BinaryIO) -> None:
     """Write runs to a Parquet file, a row group each, in order."""
     table = to_table(logs)
-    with pa.parquet.ParquetWriter(file, table.schema, **_packing(table.schema)) as writer:
+    with pa.parquet.ParquetWriter(file, table.schema, **packing(table.schema)) as writer:
         first = 0
         for log in logs:
             writer.write_table(table.slice(first, len(log.time)), row_group_size=len(log.time))
             first += len(log.time)
 
 
-def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
-    """Write runs out of files that `write_parquet` made, (file, name, new name) each, to a single one, in order.
-
-    Raises:
-        LogError: when a file can't be read, or lacks the run.
-    """
-    files = {file: _StoredRuns(file) for file in dict.fromkeys(file for file, *_ in runs)}
-    joined = pa.unify_schemas([stored.schema for stored in files.values()])
-    about = {new: files[file].metadata(name) for file, name, new in runs}
-    joined = joined.with_metadata(_file_metadata(joined, about))
-    with pa.parquet.ParquetWriter(path, joined, **_packing(joined)) as writer, ThreadPoolExecutor(1) as reader:
-        left = iter(runs)
-        ahead = deque(reader.submit(files[file].table, name, new) for file, name, new in islice(left, _AHEAD))
-        while ahead:
-            table = ahead.popleft().result()
-            ahead.extend(reader.submit(files[file].table, name, new) for file, name, new in islice(left, 1))
-            if not table.schema.equals(joined):
-                for field in joined:
-                    if field.name not in table.column_names:
-                        table = table.append_column(field, pa.nulls(len(table), field.type))
-                table = table.select(joined.names).cast(joined)
-            writer.write_table(table, row_group_size=len(table))
-
-
-class _StoredRuns:
-    """A file of `write_parquet`'s, a run at a time."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        try:
-            self._file = pa.parquet.ParquetFile(path, page_checksum_verification=True)
-            self._metadata = json.loads(self._file.schema_arrow.metadata[_METADATA_KEY])["runs"]
-        except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
-            raise LogError(f"{path}: {_first_line(error)}") from error
-        if self._file.num_row_groups != len(self._metadata):
-            raise LogError(f"{path}: its runs have no row groups of their own")
-        self._group = {name: k for k, name in enumerate(self._metadata)}
-        self.schema = self._file.schema_arrow.remove_metadata()
-
-    def metadata(self, name: str) -> dict[str, Any]:
-        """What is remembered of a run."""
-        if name not in self._metadata:
-            raise LogError(f"{self._path}: it has no run {name!r}")
-        return dict(self._metadata[name])
-
-    def table(self, name: str, new: str) -> pa.Table:
-        """A run's rows, under a new name."""
-        try:
-            table = self._file.read_row_group(self._group[name]).replace_schema_metadata(None)
-            return table if new == name else table.set_column(0, "run", pa.array([new] * len(table)))
-        except (pa.ArrowException, OSError) as error:
-            raise LogError(f"{self._path}: run {name!r}: {_first_line(error)}") from error
-
-
-def _packing(schema: pa.Schema) -> dict[str, Any]:
+def packing(schema: pa.Schema) -> dict[str, Any]:
     """How to write measured numbers, which hardly repeat, in less space; damage to them is noticed.
 
     Zstandard would save a tenth more and take half as long again. Who looks for some runs or times can skip the rest.
@@ -179,7 +122,7 @@ def read_table(path: Path) -> pa.Table:
     except LogError:
         raise
     except (pa.ArrowException, OSError, csv.Error, UnicodeError) as error:
-        reason = _first_line(error).split("': ")[-1]  # pyarrow may repeat the file's name
+        reason = first_line(error).split("': ")[-1]  # pyarrow may repeat the file's name
         if path.suffix.lower() == ".parquet":
             reason = f"damaged, cut short or no Parquet file ({reason})"
         raise LogError(f"{path}: {reason}") from error
@@ -225,7 +168,7 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
     try:
         names = table.column("run").cast(pa.string())
     except pa.ArrowException as error:
-        raise LogError(f"{source}: column run: {_first_line(error)}") from error
+        raise LogError(f"{source}: column run: {first_line(error)}") from error
     if "" in (listed := ["" if name is None else name for name in names.to_pylist()]):
         raise LogError(f"{source}: row {listed.index('') + 1}, column run: empty")
     encoded = names.combine_chunks().dictionary_encode()
@@ -437,7 +380,7 @@ def _symmetric(upper: Array) -> Array:
 
 
 def _stored_metadata(table: pa.Table, source: str) -> dict[str, dict[str, Any]]:
-    stored = (table.schema.metadata or {}).get(_METADATA_KEY)
+    stored = (table.schema.metadata or {}).get(METADATA_KEY)
     if not stored:
         return {}
     try:
@@ -447,9 +390,10 @@ def _stored_metadata(table: pa.Table, source: str) -> dict[str, dict[str, Any]]:
     except LogError:
         raise
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise LogError(f"{source}: its metadata is damaged ({_first_line(error)})") from error
+        raise LogError(f"{source}: its metadata is damaged ({first_line(error)})") from error
     return runs
 
 
-def _first_line(error: Exception) -> str:
+def first_line(error: Exception) -> str:
+    """What an error says, in a line."""
     return str(error).splitlines()[0] if str(error) else type(error).__name__

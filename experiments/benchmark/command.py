@@ -27,11 +27,13 @@ from experiments.benchmark.table import (
 from experiments.benchmark.work import work_off
 from experiments.benchmark_config import BenchmarkConfig, Case
 from experiments.console import print_table, progress
+from experiments.executors import WorkersFailedError
 from experiments.grid import stages_text
 from experiments.names import reference
 from experiments.recording import record_all
 from sim.stopwatch import Stopwatch
 from trackslip import logfile
+from trackslip.logjoin import join_parquet
 from trackslip.runlog import RunLog
 
 
@@ -49,10 +51,10 @@ def run(config: BenchmarkConfig) -> None:
         try:
             with watch.stage("driving"):
                 _drive(setup, dict(zip(paths, groups(cases), strict=True)))
-        except KeyboardInterrupt:
-            done = sum(complete(path) for path in paths)
-            raise KeyboardInterrupt(
-                f"interrupted with {done} of {len(paths)} fleets driven; the same command goes on from there"
+        except (KeyboardInterrupt, WorkersFailedError) as stop:
+            done, said = sum(complete(path) for path in paths), str(stop) or "interrupted"
+            raise type(stop)(
+                f"{said} with {done} of {len(paths)} fleets driven; the same command goes on from there"
             ) from None
         finally:
             parts.discard_useless()
@@ -109,7 +111,7 @@ def _drive(setup: Setup, wanted: dict[Path, tuple[Case, ...]]) -> None:
 def _gather(paths: Sequence[Path], file: Path) -> None:
     """The runs of all parts, if there are any, as one file."""
     if driven := [(runs_of(path), name, name) for path in paths for name in names_of(path)]:
-        logfile.join_parquet(driven, file)
+        join_parquet(driven, file)
 
 
 def _record(folder: Path, cases: Sequence[Case]) -> None:

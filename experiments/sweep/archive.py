@@ -17,9 +17,9 @@ from experiments import store
 from experiments.provenance import changes, digest, made_by
 from experiments.sweep.drive import Part
 from experiments.sweep.plan import Run
-from trackslip import logfile
 from trackslip.errors import LogError, TrackslipError
 from trackslip.fileformat import require_known_manifest
+from trackslip.logjoin import join_parquet
 
 PARTS = ".grid-parts"
 
@@ -103,7 +103,7 @@ class Archive:
     def gather(self, runs: Sequence[Run], file: Path) -> None:
         """Write the logs of `runs`, in order, to one file."""
         there = [(self._there[run.id], run.name) for run in runs]
-        logfile.join_parquet([(one.file, one.row["run"], name) for one, name in there if not one.failed], file)
+        join_parquet([(one.file, one.row["run"], name) for one, name in there if not one.failed], file)
 
     def discard(self) -> None:
         """Delete the parts, what is wanted of them being now among the results."""

@@ -49,6 +49,12 @@ def axes_of(config: SweepConfig) -> dict[str, tuple[Any, ...]]:
             raise SettingsFileError(f"{config.sweep}: {error}") from error
     if "friction_ratio" in given and ("ground.across" in given or config.ground.across is not None):
         raise InvalidValueError("friction_ratio", given["friction_ratio"], "left out where ground.across is given")
+    for name, option, values, usual in (
+        ("radius", "radii", config.radii, SweepConfig.radii),
+        ("speed", "speeds", config.speeds, SweepConfig.speeds),
+    ):
+        if name in given and values != usual:
+            raise InvalidValueError(option, values, f"left out where {name} is given as an axis")
     drive = {"radius": given.pop("radius", config.radii), "speed": given.pop("speed", config.speeds)}
     axes = {**given, **drive}
     count = math.prod(len(values) for values in axes.values())
@@ -91,8 +97,8 @@ def _flat(table: Mapping[str, Any], where: str, prefix: str = "") -> dict[str, A
     """Nested tables as dotted names."""
     found: dict[str, Any] = {}
     for name, value in table.items():
-        if isinstance(value, Mapping):
-            found |= _flat(value, where, f"{prefix}{name}.")
-        else:
-            found[prefix + name] = value
+        own = {prefix + name: value}
+        for axis, values in (_flat(value, where, f"{prefix}{name}.") if isinstance(value, Mapping) else own).items():
+            _require_new(found, axis, where)
+            found[axis] = values
     return found

@@ -5,11 +5,12 @@ from __future__ import annotations
 import functools
 import time
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from experiments import store
 from experiments.console import progress
-from experiments.executors import processors, workers
+from experiments.executors import WorkersFailedError, processors, workers
 from experiments.grid import stages_text
 from experiments.recording import record_all
 from experiments.sweep import summary
@@ -29,49 +30,58 @@ def run(config: SweepConfig) -> None:
     began = time.perf_counter()
     watch = Stopwatch()
     runs = plan(config)
-    with store.results(config.out) as folder:
-        there = Archive(config.out)
-        if config.resume:
-            there.take(runs, config.force)
-        else:
-            there.discard()
-        missing = there.missing(runs)
-        before = len(runs) - len(missing)
-        driving = time.perf_counter()
-        watch.stages |= _drive(config, there, runs, missing)
-        driving = time.perf_counter() - driving
-        rows, made_by = there.rows(runs)
-        failures = [row for row in rows if row["error"] is not None]
-        if len(failures) == len(rows):
-            there.discard()
-            raise TrackslipError(_all_failed(failures))
-        with watch.stage("gathering"):
-            there.gather(runs, folder / store.RUNS)
-            if config.rrd:
-                record_all(folder, logfile.read_runs(folder / store.RUNS))
-            write_table(rows, list(runs[0].axes), folder / store.TABLE)
-        found = summary.of(config, runs, rows, lambda: logfile.read_runs(folder / store.RUNS), watch)
-        wall = time.perf_counter() - began
-        found |= {
-            "runs": rows,
-            "made_by": made_by,
-            "failures": [{"run": row["run"], "error": row["error"]} for row in failures],
-            "timing": {
-                "wall_s": wall,
-                "simulated_s": sum(one.config.duration for one in missing),
-                "driving_s": driving,
-                "stages": watch.stages,
-                "driven": len(missing),
-                "taken": before,
-            },
-        }
-        store.write_json(folder / store.SUMMARY, found)
-        store.write_json(folder / store.MANIFEST, World.of(config).manifest("grid", wall))
+    there = Archive(config.out)
+    try:
+        with store.results(config.out) as folder:
+            found = _drive_and_gather(config, runs, there, folder, watch)
+            wall = found["timing"]["wall_s"] = time.perf_counter() - began
+            store.write_json(folder / store.SUMMARY, found)
+            store.write_json(folder / store.MANIFEST, World.of(config).manifest("grid", wall))
+    except (KeyboardInterrupt, WorkersFailedError) as stop:
+        raise type(stop)(_how_to_go_on(stop, config, len(runs), len(runs) - len(there.missing(runs)))) from None
     there.discard()
     summary.print_out(config, runs, found)
     print(stages_text(watch.stages))
-    already = f", {before} of them taken from before" if before else ""
-    print(f"{config.out / store.RUNS}: {len(runs) - len(failures)} runs in {wall:.1f} s{already}")
+    taken = found["timing"]["taken"]
+    already = f", {taken} of them taken from before" if taken else ""
+    print(f"{config.out / store.RUNS}: {len(runs) - len(found['failures'])} runs in {wall:.1f} s{already}")
+
+
+def _drive_and_gather(
+    config: SweepConfig, runs: Sequence[Run], there: Archive, folder: Path, watch: Stopwatch
+) -> dict[str, Any]:
+    """Files of runs and rows in `folder`; the summary."""
+    if config.resume:
+        there.take(runs, config.force)
+    else:
+        there.discard()
+    missing = there.missing(runs)
+    driving = time.perf_counter()
+    watch.stages |= _drive(config, there, runs, missing)
+    driving = time.perf_counter() - driving
+    rows, made_by = there.rows(runs)
+    failures = [row for row in rows if row["error"] is not None]
+    if len(failures) == len(rows):
+        there.discard()
+        raise TrackslipError(_all_failed(failures))
+    with watch.stage("gathering"):
+        there.gather(runs, folder / store.RUNS)
+        if config.rrd:
+            record_all(folder, logfile.read_runs(folder / store.RUNS))
+        with store.arrow_errors(folder / store.TABLE):
+            write_table(rows, list(runs[0].axes), folder / store.TABLE)
+    return summary.of(config, runs, rows, lambda: logfile.read_runs(folder / store.RUNS), watch) | {
+        "runs": rows,
+        "made_by": made_by,
+        "failures": [{"run": row["run"], "error": row["error"]} for row in failures],
+        "timing": {
+            "simulated_s": sum(one.config.duration for one in missing),
+            "driving_s": driving,
+            "stages": watch.stages,
+            "driven": len(missing),
+            "taken": len(runs) - len(missing),
+        },
+    }
 
 
 def _drive(config: SweepConfig, there: Archive, runs: Sequence[Run], missing: Sequence[Run]) -> dict[str, float]:
@@ -82,26 +92,27 @@ def _drive(config: SweepConfig, there: Archive, runs: Sequence[Run], missing: Se
     jobs = config.jobs or processors()
     jobs = min(jobs, len(fleets(missing, jobs)))
     total, left = (sum(one.config.duration for one in some) for some in (runs, missing))
-    done = len(runs) - len(missing)
-    with progress(f"{len(runs)} runs, scans and poses", total, done=total - left) as report:
-        try:
-            with workers(config.executor, jobs) as pool:
-                task = functools.partial(drive, threads=config.threads, report=report) if pool.inline else drive
-                for part in pool.each(task, fleets(missing, pool.count)):
-                    there.keep(part)
-                    done += len(part.rows)
-                    if not pool.inline:
-                        report(part.duration)
-                    for name, seconds in part.stages.items():
-                        stages[name] = stages.get(name, 0.0) + seconds
-        except KeyboardInterrupt:
-            if done == 0:
-                raise
-            same = "the same command" if config.resume else "the same command without --no-resume"
-            raise KeyboardInterrupt(
-                f"interrupted with {done} of {len(runs)} runs driven; {same} goes on from there"
-            ) from None
+    with (
+        progress(f"{len(runs)} runs, scans and poses", total, done=total - left) as report,
+        workers(config.executor, jobs) as pool,
+    ):
+        task = functools.partial(drive, threads=config.threads, report=report) if pool.inline else drive
+        for part in pool.each(task, fleets(missing, pool.count)):
+            there.keep(part)
+            if not pool.inline:
+                report(part.duration)
+            for name, seconds in part.stages.items():
+                stages[name] = stages.get(name, 0.0) + seconds
     return stages
+
+
+def _how_to_go_on(stop: BaseException, config: SweepConfig, runs: int, driven: int) -> str:
+    """What to say when the command is stopped: as it is said of `stop`, and what is kept."""
+    said = str(stop) or "interrupted"
+    if driven == 0:
+        return said
+    same = "the same command" if config.resume else "the same command without --no-resume"
+    return f"{said} with {driven} of {runs} runs driven; {same} goes on from there"
 
 
 def _all_failed(failures: Sequence[dict[str, Any]]) -> str:

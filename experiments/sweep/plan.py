@@ -97,11 +97,12 @@ def plan(config: SweepConfig) -> list[Run]:
         taken = dict(zip(axes, values, strict=True))
         own = _config(base, taken)
         specification = _specification(own, taken)
-        parameters = specification.parameters
-        require_radius(taken["radius"], RobotGeometry(parameters.half_gauge, parameters.sprocket_radius))
         unusual = [f"{name}={value}" for name, value in taken.items() if name not in _DRIVEN and usual(name) != value]
         name = " ".join([Cell.at(taken["radius"], taken["speed"]).name, *sorted(unusual)])
         runs.append(Run(name, taken, own, specification))
+    narrowest = min((run.specification.parameters for run in runs), key=lambda parameters: parameters.half_gauge)
+    for radius in axes["radius"]:  # one too tight for some of the robots is a run that fails
+        require_radius(radius, RobotGeometry(narrowest.half_gauge, narrowest.sprocket_radius))
     return runs
 
 

@@ -15,6 +15,7 @@ import pytest
 
 from experiments import provenance
 from experiments.cli import main, parse
+from experiments.executors import WorkersFailedError
 from experiments.grid import drive_cells
 from experiments.sweep.archive import PARTS
 from experiments.sweep.choose import chosen
@@ -127,6 +128,11 @@ def test_fleets_are_large_and_yet_every_worker_has_some(workers, count, largest)
     ("arguments", "message"),
     [
         (("--vary", "noise"), "vary = 'noise': must be NAME=VALUE,VALUE,..."),
+        (("--radii", "1", "--vary", "radius=2,3"), "radii = (1.0,): must be left out where radius is given as an axis"),
+        (
+            ("--radii", "0.5", "0.15", "--vary", "robot.half_gauge=0.2,0.3"),
+            "radii = 0.15: must be greater than the half gauge, 0.2 m",
+        ),
         (("--vary", "colour=red"), "axis = 'colour': must be one of radius, speed, friction_ratio"),
         (("--vary", "scanner.noise=0.1,loud"), "vary scanner.noise = 'loud': must be a number"),
         (("--vary", "scanner.noise=-1"), "scanner.noise = -1.0: must be"),
@@ -166,11 +172,15 @@ def test_mistakes_get_one_line(refused, arguments, message):
         ("colour = [1]", "axis = 'colour'"),
         ("random_phase = [[true]]", "random_phase = [True]: must be true or false"),
         ("radius = [1", "not TOML"),
+        (
+            '"scanner.noise" = [0.01]\nscanner = { noise = [0.02] }',
+            "'scanner.noise': must be an axis that isn't given twice",
+        ),
     ],
 )
 def test_mistakes_in_a_sweep_file(refused, tmp_path, text, message):
     (tmp_path / "sweep.toml").write_text(text)
-    assert message in refused("grid", *SHORT, "--sweep", str(tmp_path / "sweep.toml"))
+    assert message in refused("grid", "--duration", "4", "--sweep", str(tmp_path / "sweep.toml"))
 
 
 def test_what_is_stored_is_not_driven_again(trackslip, monkeypatch):
@@ -229,6 +239,13 @@ def test_failed_runs_are_rows_and_are_driven_again(trackslip, monkeypatch):
     again = trackslip(*arguments)
     assert again.summary["timing"]["taken"] == 2
     assert pq.read_table(result.folder / "table.parquet").to_pylist() == rows
+
+
+def test_a_radius_too_tight_for_some_robots_is_a_run_that_fails(trackslip):
+    result = trackslip("grid", *SHORT, "--radii", "0.25", "1", "--vary", "robot.half_gauge=0.168,0.3")
+    failures = [(failure["run"], failure["error"]) for failure in result.summary["failures"]]
+    why = "radii = 0.25: must be greater than the half gauge, 0.3 m: else the inner track must stand or reverse"
+    assert failures == [("radius=0.25 speed=0.2 robot.half_gauge=0.3", why)]
 
 
 def fragile(cells, *rest):
@@ -312,6 +329,29 @@ def test_an_interrupted_grid_goes_on(trackslip, tmp_path, monkeypatch, capsys):
     assert result.summary["timing"]["taken"] == 2
     for name in ("runs.parquet", "table.parquet"):
         assert (whole / name).read_bytes() == (result.folder / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("stop", "more", "said"),
+    [
+        (KeyboardInterrupt(), (), "interrupted with 2 of 2 runs driven; the same command goes on from there"),
+        (
+            WorkersFailedError("a worker died"),
+            ("--no-resume",),
+            "a worker died with 2 of 2 runs driven; the same command without --no-resume goes on from there",
+        ),
+    ],
+)
+def test_grids_that_are_stopped_late_say_how_to_go_on(trackslip, tmp_path, monkeypatch, capsys, stop, more, said):
+    def gather(*_):
+        raise stop
+
+    with monkeypatch.context() as patch:
+        patch.setattr("experiments.sweep.archive.Archive.gather", gather)
+        with pytest.raises(SystemExit):
+            main(["grid", *SHORT, *more, "--out", str(tmp_path / "grid")])
+    assert said in capsys.readouterr().err
+    assert trackslip("grid", *SHORT, "--out", str(tmp_path / "grid")).summary["timing"]["taken"] == 2
 
 
 def killed_and_resumed(arguments, out, kills, rng, environment=None):

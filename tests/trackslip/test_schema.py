@@ -15,7 +15,8 @@ import pytest
 
 import trackslip
 from trackslip.errors import LogError
-from trackslip.logfile import RUNS, join_parquet, write_csv, write_parquet
+from trackslip.logfile import RUNS, write_csv, write_parquet
+from trackslip.logjoin import join_parquet
 from trackslip.runlog import RunLog, Truth
 from trackslip.scan import Plate, extract_plate
 from trackslip.scanlog import ScanLog
