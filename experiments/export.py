@@ -36,7 +36,8 @@ def run(config: ExportConfig) -> None:
     _write(file, lambda path: write_csv(logs, path))
     print(f"{file}: {len(logs)} run(s), {sum(len(log.time) for log in logs)} rows; units in {about.name}")
     geometry = logs[0].metadata.get("geometry")
-    if isinstance(geometry, dict):
+    steady = any(log.twist_command is None for log in logs)  # what controllers drive isn't
+    if isinstance(geometry, dict) and steady:
         options = " ".join(f"--{name.replace('_', '-')} {value:g}" for name, value in geometry.items())
         print(f"trackslip identify {file} {options}")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pyarrow.parquet
@@ -14,7 +15,7 @@ from experiments import store
 from experiments.cli import main, parse
 from experiments.identify import read_source
 from trackslip.errors import LogError
-from trackslip.logfile import RUNS
+from trackslip.logfile import RUNS, write_parquet
 from trackslip.schema import COLUMNS
 
 
@@ -66,6 +67,13 @@ def test_identify_reads_it_with_the_options_that_are_printed(grid, tmp_path, cap
         for options in (command[1:], ["identify", str(grid), "--motion", "arc"])
     )
     np.testing.assert_allclose(from_csv.slip, from_parquet.slip, rtol=1e-12)
+
+
+def test_identify_is_not_named_for_what_controllers_drove(grid, tmp_path, capsys):
+    closed = [replace(log, twist_command=np.zeros((len(log.time), 2))) for log in package.load(grid)]
+    write_parquet(closed, tmp_path / RUNS)
+    main(["export", str(tmp_path / RUNS), "--csv"])
+    assert "trackslip identify" not in capsys.readouterr().out
 
 
 def test_chosen_runs_of_a_file_go_beside_it(grid, tmp_path):
