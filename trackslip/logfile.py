@@ -117,6 +117,10 @@ def read_table(path: Path) -> pa.Table:
             table = pa.parquet.read_table(path, page_checksum_verification=True)
         elif path.suffix.lower() == ".csv":
             table = pa.csv.read_csv(path, convert_options=_as_text(path))
+            if table.num_columns == 1 and any(mark in table.column_names[0] for mark in ";\t"):
+                raise LogError(
+                    f"{path}: its columns must be separated by commas (first line {table.column_names[0]!r})"
+                )
         if table is not None and table.column_names is not None:  # names may not be text
             return table
     except LogError:

@@ -22,6 +22,7 @@ _GAP = 5.0  # time between rows from which the clock has a gap [usual times betw
 _SHORTEST_GAP = 0.3  # [s]
 _JUMP = 0.3  # error of a pose that is still believed [m]
 _OVERDRIVE = 3.0  # way from pose to pose that is still believed, over the way of the faster sprocket [-]
+_STANDING = 1e-3  # sprocket speed up to which it stands: a turn in more than an hour and a half [rad/s]
 _MOSTLY = 0.5  # share of the steps that are too far when it is not the poses but the units that are wrong
 _LENGTHS = (("millimetres", 1000.0), ("centimetres", 100.0))
 _RESETTLED = 1.0  # time after which poses elsewhere are no glitch, but where the track goes on [s]
@@ -70,7 +71,7 @@ def steady_part(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) ->
             + f"steady from {log.time[begin]:g} s to {log.time[end]:g} s only, too short: "
             f"the first {max(settle, MARGIN):g} s and last {MARGIN:g} s of it are left out"
         )
-    if not np.abs(log.omega[rows]).max() > 0:
+    if not np.abs(log.omega[rows]).max() > _STANDING:
         raise LogError(f"run {log.run!r}: the sprockets stand still")
     if log.time[end] - log.time[begin] < 0.8 * (log.time[-1] - log.time[0]):
         notes.append(f"steady, and used, from {window[0]:g} s to {window[1]:g} s only")

@@ -87,6 +87,8 @@ def test_encoders_before_a_gear(trackslip, refused, tmp_path):
         ({"x": 1000.0, "y": 1000.0}, "millimetres"),
         ({"x": 100.0, "y": 100.0}, "centimetres"),
         ({"phi": 180 / np.pi}, "degrees"),
+        ({"t": 1e3}, "times in ms"),
+        ({"t": 1e9}, "times in ns"),
         ({"phi": -1.0, "y": -1.0}, "tracks swapped, or phi not counter-clockwise"),
     ],
 )

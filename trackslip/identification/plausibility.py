@@ -19,6 +19,9 @@ _FACTORS = (
     ("v", 1000.0, "millimetres"),
     ("v", 100.0, "centimetres"),
     ("w", np.degrees(1), "headings in degrees"),
+    ("t", 1e3, "times in ms"),
+    ("t", 1e6, "times in µs"),
+    ("t", 1e9, "times in ns"),
 )
 
 
@@ -64,7 +67,7 @@ def _guess(ideal: Array, twist: Array) -> str:
 
     for what, factor, name in _FACTORS:
         if (
-            (what == "omega" and near(1 / v, factor / _SLIPPING**0.5))
+            (what in ("omega", "t") and near(1 / v, factor / _SLIPPING**0.5))
             or (what == "v" and near(v, factor))
             or (what == "w" and near(v, 1.0) and near(w, factor * _SLIPPING))
         ):
