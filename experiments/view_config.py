@@ -18,7 +18,7 @@ class ViewConfig:
     path: tyro.conf.Positional[Path]
     """Folder of results, or a .parquet or .csv log, of a real robot too."""
     run: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="ID")] = ()
-    """Name of a run or, in a folder of grid's, its id or the beginning of that; give it several times to compare runs.
+    """Name of a run or, in a grid's folder, its id or the beginning of that; give it several times to compare runs.
     By default the first."""
     web: bool = False
     """Open it in the browser, until interrupted."""

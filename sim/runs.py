@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
+import traceback
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -206,12 +208,18 @@ def _steer(
     except TrackslipError:
         raise
     except Exception as error:  # whatever a user's controller does
-        name = record.name(robots[0])
+        name, what = record.name(robots[0]), f"{type(error).__name__}: {error}"
         raise TrackslipError(
-            f"run {name!r}: its controller fails at {record.time[k]:g} s ({type(error).__name__}: {error})"
+            f"run {name!r}: its controller fails at {record.time[k]:g} s ({what}){_line(error)}"
         ) from error
     record.steered(k, robots, twist, law)
     return law.sprocket_speeds(twist, geometry)
+
+
+def _line(error: Exception) -> str:
+    """Where in a controller's own code an error came up, or nothing if it never got there."""
+    frames = traceback.extract_tb(error.__traceback__)[1:]  # without the call itself
+    return f", {Path(frames[0].filename).name} line {frames[0].lineno}" if frames else ""
 
 
 class _Recorder:

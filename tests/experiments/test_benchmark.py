@@ -197,7 +197,9 @@ def test_a_run_that_fails_is_a_row(trackslip, short, tmp_path):
     assert rows["mine:Broken"]["success"] == 0
     failures = result.summary["failures"]
     assert len(failures) == 2
-    assert all("its controller fails at 0 s (RuntimeError: out of order)" in failure["error"] for failure in failures)
+    assert all(
+        "its controller fails at 0 s (RuntimeError: out of order), mine.py line 15" in f["error"] for f in failures
+    )
     assert "RuntimeError: out of order" in result.printed
     assert len(read_runs(result.folder / "runs.parquet")) == 4
 
