@@ -20,7 +20,7 @@ import pyarrow.parquet
 
 from trackslip.errors import LogError
 from trackslip.fileformat import FORMAT, require_known_format, require_known_manifest
-from trackslip.heading_unit import require_radians
+from trackslip.heading_check import require_headings
 from trackslip.kinematics import Array
 from trackslip.runlog import RunLog, Truth
 from trackslip.scan_columns import (
@@ -117,10 +117,6 @@ def read_table(path: Path) -> pa.Table:
             table = pa.parquet.read_table(path, page_checksum_verification=True)
         elif path.suffix.lower() == ".csv":
             table = pa.csv.read_csv(path, convert_options=_as_text(path))
-            if table.num_columns == 1 and any(mark in table.column_names[0] for mark in ";\t"):
-                raise LogError(
-                    f"{path}: its columns must be separated by commas (first line {table.column_names[0]!r})"
-                )
         if table is not None and table.column_names is not None:  # names may not be text
             return table
     except LogError:
@@ -208,7 +204,7 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
         true_parts = [_present(part, rows) for part in truth]
         measured = rows[ok[rows]]
         try:
-            require_radians(time[measured], pose[measured], key)
+            require_headings(time[measured], pose[measured], key)
             logs.append(
                 RunLog(
                     run=key,
@@ -316,9 +312,15 @@ class _Columns:
 
 
 def _as_text(path: Path) -> pa.csv.ConvertOptions:
-    """Options to read every column as text, so that a bad value can be named by its row and column."""
+    """Options to read every column as text, so that a bad value can be named by its row and column.
+
+    Raises:
+        LogError: for columns with semicolons or tabs between them.
+    """
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         names = next(csv.reader(file), [])
+    if len(names) == 1 and any(mark in names[0] for mark in ";\t"):
+        raise LogError(f"{path}: its columns must be separated by commas (first line {names[0]!r})")
     return pa.csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string()))
 
 

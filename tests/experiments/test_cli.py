@@ -200,6 +200,7 @@ TRACE = "run,t,omega_l,omega_r,x,y,phi\n" + "".join(f"a,{k / 20},2,3,{k / 100},0
         (TRACE.replace("omega_r", "omega_right"), GEOMETRY, "column omega_r is missing"),
         ("a,b\n1,2\n", GEOMETRY, "needs the columns"),
         (TRACE.replace(",", ";"), GEOMETRY, "must be separated by commas"),
+        (TRACE.replace(",", ";").replace(".", ","), GEOMETRY, "must be separated by commas"),
         ("omega_l,omega_r,v,w\n1,2,0.1,x\n", GEOMETRY, "row 1, column w: 'x' is not a number"),
         ("omega_l,omega_r,v,w\n0,2,0.1,0.2\n", GEOMETRY, "stands still"),
         ("omega_l,omega_r,v,w\n1,1,0.06,0\n", GEOMETRY, "determine"),

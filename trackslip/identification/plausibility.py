@@ -11,6 +11,8 @@ from trackslip.kinematics import Array, RobotGeometry, body_twist
 
 _NEARLY_STANDING = 0.02  # speed of the slower sprocket over that of the faster, below which its slip says nothing
 _WILD = 0.8  # slip of the faster track that no robot on wheels or tracks shows in steady motion
+_SWIFT = 0.4  # speed of a track over that of the faster, from which it can't move against its sprocket
+_TWICE = 3.0  # slip of a track that moves the other way, twice as fast as its sprocket says
 _NEAR = 1.4  # factor within which a ratio points to a unit
 _SLIPPING = 0.75  # usual real speed of a robot over the commanded one, when a gear is to be guessed
 _FACTORS = (
@@ -37,6 +39,18 @@ def require_plausible(omega: Array, twist: Array, slip: Array, geometry: RobotGe
         raise LogError(
             f"run {run[k]!r}: one sprocket nearly stands ({omega[k].min():.3g} and {omega[k].max():.3g} rad/s): "
             "its slip says nothing, leave the run out"
+        )
+    speed = geometry.sprocket_radius * omega * (1 - slip)  # (n, 2) of the tracks over the ground
+    swift = np.abs(speed) > _SWIFT * np.abs(speed).max(axis=1, keepdims=True)
+    against = (slip > 1) & (slip < _TWICE) & swift
+    one = against.sum(axis=1) == 1
+    if one.any():
+        k = int(np.argmax(one))
+        track = int(np.argmax(against[k]))
+        says = geometry.sprocket_radius * omega[k, track]
+        raise LogError(
+            f"run {run[k]!r}: its {('left', 'right')[track]} track moves at {speed[k, track]:+.3g} m/s where its "
+            f"sprocket says {says:+.3g} m/s: does its encoder count backwards?"
         )
     of_faster = np.take_along_axis(slip, size.argmax(axis=1)[:, None], axis=1)[:, 0]
     wild = np.abs(of_faster) > _WILD

@@ -1,4 +1,4 @@
-"""Whether headings are in radians: a robot moves along its heading, so its path tells."""
+"""Whether headings are radians, counter-clockwise: a robot moves along its heading, so its path tells."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ _FEWEST = 5  # of them
 _AGREES, _DISAGREES = 0.9, 0.5  # mean cosine of what is left when headings are right, and when they are not
 
 
-def require_radians(time: Array, pose: Array, run: str) -> None:
-    """Raise LogError where the headings of measured poses (T, 3) fit their path in degrees, and don't in radians.
+def require_headings(time: Array, pose: Array, run: str) -> None:
+    """Raise LogError where the headings of measured poses (T, 3) fit their path in degrees, or clockwise, only.
 
     The chord between two poses has the heading of the pose half-way in time. Runs that turn in place have no path that
     tells, and are believed.
@@ -32,5 +32,12 @@ def require_radians(time: Array, pose: Array, run: str) -> None:
     def agreement(values: Array) -> float:
         return float(np.abs(np.mean(np.exp(1j * (direction - values)))))
 
-    if agreement(heading) < _DISAGREES and agreement(np.radians(heading)) > _AGREES:
+    if agreement(heading) >= _DISAGREES:
+        return
+    if agreement(np.radians(heading)) > _AGREES:
         raise LogError(f"run {run!r}: column phi: headings fit the path in degrees, must be in radians")
+    if agreement(-heading) > _AGREES:
+        raise LogError(
+            f"run {run!r}: column phi: headings fit the path clockwise, must be counter-clockwise from x to y: "
+            "are they a compass's, or x and y swapped?"
+        )
