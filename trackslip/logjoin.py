@@ -25,7 +25,7 @@ def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
     Raises:
         LogError: when a file can't be read, or lacks the run.
     """
-    files = {file: _StoredRuns(file) for file in dict.fromkeys(file for file, *_ in runs)}
+    files = {file: StoredRuns(file) for file in dict.fromkeys(file for file, *_ in runs)}
     joined = pa.unify_schemas([stored.schema for stored in files.values()])
     about = {new: files[file].metadata(name) for file, name, new in runs}
     joined = joined.with_metadata(file_metadata(joined, about))
@@ -43,7 +43,7 @@ def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
             writer.write_table(table, row_group_size=len(table))
 
 
-class _StoredRuns:
+class StoredRuns:
     """A file of `write_parquet`'s, a run at a time."""
 
     def __init__(self, path: Path) -> None:

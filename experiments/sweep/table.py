@@ -61,6 +61,20 @@ def write_table(rows: Sequence[Mapping[str, Any]], axes: Sequence[str], path: Pa
     pa.parquet.write_table(pa.table(arrays, schema=pa.schema(fields)), path, write_page_checksum=True)
 
 
+def is_row(row: object) -> bool:
+    """Whether that is a row of a sweep: with numbers where numbers belong, and texts where texts do."""
+    if not isinstance(row, Mapping) or not all(isinstance(row.get(name), str) for name in ("run", "id", "made_by")):
+        return False
+    return "error" in row and all(
+        row.get(column.name) is None
+        or (
+            isinstance(row[column.name], str if column.unit == NO_UNIT else int | float)
+            and not isinstance(row[column.name], bool)
+        )
+        for column in _MEASURED
+    )
+
+
 def _column(values: list[Any], column: Column) -> pa.Array:
     """A column of the type that its values have; text where there are none, or of several kinds."""
     kinds = {type(value) for value in values if value is not None}
