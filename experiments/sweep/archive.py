@@ -89,9 +89,14 @@ class Archive:
         path = self._parts / f"{digest([row['id'] for row in rows])}.json"
         file = path.with_suffix(".parquet")
         if part.runs is not None:
-            self._parts.mkdir(parents=True, exist_ok=True)
-            _put(file, part.runs)
-            _put(path, json.dumps({"made_by": {part.made_by: now}, "runs": rows}).encode())
+            try:
+                self._parts.mkdir(parents=True, exist_ok=True)
+                _put(file, part.runs)
+                _put(path, json.dumps({"made_by": {part.made_by: now}, "runs": rows}).encode())
+            except OSError:
+                with contextlib.suppress(OSError):  # there are other parts
+                    self._parts.rmdir()
+                raise
         self._there |= {row["id"]: Stored(row, file, now) for row in rows}
 
     def rows(self, runs: Sequence[Run]) -> tuple[list[dict[str, Any]], dict[str, Any]]:

@@ -22,7 +22,7 @@ from experiments.sweep_config import SweepConfig
 from experiments.world import World
 from sim.stopwatch import Stopwatch
 from trackslip import logfile
-from trackslip.errors import TrackslipError
+from trackslip.errors import OutputError, TrackslipError
 
 
 def run(config: SweepConfig) -> None:
@@ -38,7 +38,7 @@ def run(config: SweepConfig) -> None:
             wall = found["timing"]["wall_s"] = time.perf_counter() - began
             store.write_json(folder / store.SUMMARY, found)
             store.write_json(folder / store.MANIFEST, world.manifest("grid", wall))
-    except (KeyboardInterrupt, WorkersFailedError) as stop:
+    except (KeyboardInterrupt, WorkersFailedError, OutputError) as stop:
         raise type(stop)(_how_to_go_on(stop, config, len(runs), len(runs) - len(there.missing(runs)))) from None
     summary.print_out(config, runs, found)
     print(stages_text(watch.stages))

@@ -1,5 +1,6 @@
 """The folder of a sweep: what is kept of one that was stopped, and what is told from damage."""
 
+import errno
 import json
 import shutil
 
@@ -112,3 +113,24 @@ def test_files_that_change_while_it_drives_are_recorded_as_driven(trackslip, tmp
 
     monkeypatch.setattr(command, "drive", drive)
     assert trackslip(*SHORT, "--ground", str(ground)).manifest["ground"]["along"] == 0.5
+
+
+@pytest.mark.parametrize(
+    ("step", "says"),
+    [("archive._put", ""), ("command.write_table", " with 2 of 2 runs driven; the same command goes on from there")],
+)
+def test_a_full_disk_leaves_whole_parts_or_nothing(capsys, tmp_path, monkeypatch, step, says):
+    """There is no space for the part; or there is, but not for the results made of it."""
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(f"experiments.sweep.{step}", full)
+    out = tmp_path / "out"
+    with pytest.raises(SystemExit) as stopped:
+        main([*SHORT, "--out", str(out)])
+    assert stopped.value.code == 2
+    line = f"trackslip: out = {str(out)!r}: can't be written (No space left on device){says}"
+    assert capsys.readouterr().err.splitlines() == [line]
+    assert out.exists() == bool(says)
+    assert {path.suffix for path in contents(out)} == ({".json", ".parquet"} if says else set())
