@@ -9,6 +9,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet
 
+from experiments.sweep.options import explained
 from trackslip.schema import NO_UNIT, PURE, Column, markdown
 
 _MEASURED = (
@@ -43,7 +44,7 @@ _AXES = (
     Column("seed", NO_UNIT, "root of all random numbers"),
 )
 AXES = {column.name: column for column in _AXES}
-"""Those that have a name of their own; others are options."""
+"""Those that have a name of their own; others are options, whose help is their description."""
 _LARGEST = 2**63 - 1
 """Integer of a column; larger ones, seeds, are text."""
 
@@ -51,7 +52,7 @@ _LARGEST = 2**63 - 1
 def write_table(rows: Sequence[Mapping[str, Any]], axes: Sequence[str], path: Path) -> None:
     """Write the rows of a sweep to a Parquet file; units and meanings are in the columns' metadata."""
     first, last = [*COLUMNS.values()][:2], [*COLUMNS.values()][2:]
-    about = [AXES.get(axis, Column(axis, NO_UNIT, f"the option {axis}")) for axis in axes]
+    about = [AXES.get(axis) or Column(axis, *explained(axis)) for axis in axes]
     columns = (*first, *about, *last)
     arrays = [_column([row.get(column.name) for row in rows], column) for column in columns]
     fields = [
