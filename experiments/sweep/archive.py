@@ -102,7 +102,7 @@ class Archive:
     def rows(self, runs: Sequence[Run]) -> tuple[list[dict[str, Any]], dict[str, Any]]:
         """The rows of all `runs`, in order, failed ones too, and by what they were made, by its digest."""
         there = [self._there[run.id] for run in runs]
-        rows = [one.row | {"run": run.name, **run.axes} for run, one in zip(runs, there, strict=True)]
+        rows = [_renamed(one.row, run.name) | run.axes for run, one in zip(runs, there, strict=True)]
         by = {one.row["made_by"]: one.made_by for one in there}
         return rows, {key: by[key] for key in sorted(by)}
 
@@ -155,6 +155,12 @@ def _record(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]] | None:
     if not (makers and isinstance(rows, list) and all(is_row(row) and row["made_by"] in by for row in rows)):
         raise LogError(f"{path}: its rows of runs are damaged; --no-resume drives all runs anew")
     return rows, by
+
+
+def _renamed(row: dict[str, Any], name: str) -> dict[str, Any]:
+    """The row of a run that has another name in this sweep; its note speaks of it."""
+    note = {"note": row["note"].replace(repr(row["run"]), repr(name))} if row.get("note") else {}
+    return row | {"run": name} | note
 
 
 def _whole(file: Path, names: Iterable[str]) -> bool:

@@ -101,6 +101,17 @@ def test_damaged_rows_of_results_are_refused(driven, refused, tmp_path, damage):
     assert contents(folder) == before
 
 
+def test_a_run_that_is_taken_under_another_name_is_noted_under_it(trackslip):
+    """A robot that stands still, nearly, gives no sample."""
+    slow = (*SHORT, "--speeds", "0.001")
+    first = trackslip(*slow, "--ground.slope", "0.05").summary
+    again = trackslip(*slow, "--slope", "0.05").summary
+    assert again["timing"]["taken"] == 1
+    assert first["runs"][0]["note"].startswith("run 'radius=1.5 speed=0.001' left out: ")
+    assert again["runs"][0]["note"].startswith("run 'radius=1.5 speed=0.001 slope=0.05' left out: ")
+    assert again["warnings"] == [again["runs"][0]["note"]]
+
+
 def test_files_that_change_while_it_drives_are_recorded_as_driven(trackslip, tmp_path, monkeypatch):
     from experiments.sweep import command
 
