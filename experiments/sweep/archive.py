@@ -102,7 +102,7 @@ class Archive:
     def rows(self, runs: Sequence[Run]) -> tuple[list[dict[str, Any]], dict[str, Any]]:
         """The rows of all `runs`, in order, failed ones too, and by what they were made, by its digest."""
         there = [self._there[run.id] for run in runs]
-        rows = [_renamed(one.row, run.name) | run.axes for run, one in zip(runs, there, strict=True)]
+        rows = [_renamed(one.row, run.name) | {**run.axes} for run, one in zip(runs, there, strict=True)]
         by = {one.row["made_by"]: one.made_by for one in there}
         return rows, {key: by[key] for key in sorted(by)}
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import dataclasses
+import functools
 import inspect
 import itertools
 import re
@@ -105,7 +106,8 @@ def _with(config: Any, path: list[str], value: object, name: str) -> Any:
     head, *rest = path
     if rest:
         return dataclasses.replace(config, **{head: _with(getattr(config, head), rest, value, name)})
-    return dataclasses.replace(config, **{head: converted(_hints(type(config))[head], value, name)})
+    cls: Any = type(config)
+    return dataclasses.replace(config, **{head: converted(_hints(cls)[head], value, name)})
 
 
 def _leaves(cls: Any) -> list[str]:
@@ -115,6 +117,7 @@ def _leaves(cls: Any) -> list[str]:
     return found
 
 
+@functools.cache
 def _hints(cls: Any) -> dict[str, Any]:
     hints = typing.get_type_hints(cls)
     return {field.name: hints[field.name] for field in dataclasses.fields(cls)}
