@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet
 
 from trackslip.errors import LogError
-from trackslip.logfile import METADATA_KEY, file_metadata, first_line, packing
+from trackslip.logfile import file_metadata, first_line, packing, stored_text
 
 _AHEAD = 8  # runs that are read while others are written
 
@@ -50,7 +50,7 @@ class StoredRuns:
         self._path = path
         try:
             self._file = pa.parquet.ParquetFile(path, page_checksum_verification=True)
-            self._metadata = json.loads(self._file.schema_arrow.metadata[METADATA_KEY])["runs"]
+            self._metadata = json.loads(stored_text(self._file.schema_arrow.metadata))["runs"]
         except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
             raise LogError(f"{path}: {first_line(error)}") from error
         if self._file.num_row_groups != len(self._metadata):
