@@ -127,9 +127,12 @@ def _require_sense(arguments: Sequence[str]) -> None:
     for before, argument in pairwise(("trackslip", *arguments)):
         if not argument:
             raise InvalidValueError(before, argument, "something")
-    for option in ("--vary", "--where"):
+    once = {"--vary": "NAME=VALUE", "--where": "NAME=VALUE"} | (
+        {"--run": "NAME"} if list(arguments[:1]) == ["export"] else {}
+    )
+    for option, value in once.items():
         if sum(argument.partition("=")[0] == option for argument in arguments) > 1:
-            raise InvalidValueError(option, "given twice", f"given once: {option} NAME=VALUE NAME=VALUE")
+            raise InvalidValueError(option, "given twice", f"given once: {option} {value} {value}")
     names = [typing.get_args(part)[1].name for part in typing.get_args(Command)]
     if arguments and not arguments[0].startswith("-") and arguments[0] not in names:
         raise InvalidValueError("COMMAND", arguments[0], f"one of {', '.join(names)}")

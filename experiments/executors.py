@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import (
@@ -140,7 +141,7 @@ def _dask(address: str) -> Iterator[tuple[Executor, int]]:
         )
     except (OSError, ValueError, TimeoutError) as error:
         raise TrackslipError(f"--executor dask://{address}: no scheduler answers there ({error})") from error
-    with client:
+    with _silence(), client:
         count = sum(worker["nthreads"] for worker in client.scheduler_info(n_workers=-1)["workers"].values())
         if count < 1:
             raise TrackslipError(f"--executor dask://{address}: the scheduler has no workers")
@@ -149,3 +150,13 @@ def _dask(address: str) -> Iterator[tuple[Executor, int]]:
             yield pool, count
         finally:
             pool.shutdown(wait=False)
+
+
+@contextlib.contextmanager
+def _silence() -> Iterator[None]:
+    """Nothing is logged: of a cluster that fails, distributed prints tracebacks of its own."""
+    logging.disable()
+    try:
+        yield
+    finally:
+        logging.disable(logging.NOTSET)

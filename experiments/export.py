@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,8 +32,7 @@ def run(config: ExportConfig) -> None:
         if name.exists() and not config.overwrite:
             raise OutputError(f"{name}: is there already; --overwrite replaces it")
     columns = to_table(logs).column_names
-    _write(about, lambda path: _write_columns(columns, path))
-    _write(file, lambda path: write_csv(logs, path))
+    _write({about: lambda path: _write_columns(columns, path), file: lambda path: write_csv(logs, path)})
     print(f"{file}: {len(logs)} run(s), {sum(len(log.time) for log in logs)} rows; units in {about.name}")
     geometry = logs[0].metadata.get("geometry")
     steady = any(log.twist_command is None for log in logs)  # what controllers drive isn't
@@ -63,15 +62,19 @@ def _write_columns(names: Sequence[str], path: Path) -> None:
         writer.writerows((COLUMNS[name].name, COLUMNS[name].unit, COLUMNS[name].description) for name in names)
 
 
-def _write(path: Path, writing: Callable[[Path], None]) -> None:
-    """Write a file whole or not at all."""
-    draft = path.with_name(f".partial-{os.getpid()}-{path.name}")
+def _write(files: Mapping[Path, Callable[[Path], None]]) -> None:
+    """Write files, each by its own function, all whole or none at all."""
+    drafts = {path: path.with_name(f".partial-{os.getpid()}-{path.name}") for path in files}
+    path = next(iter(files))
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        writing(draft)
-        os.replace(draft, path)
+        for path, writing in files.items():
+            path.parent.mkdir(parents=True, exist_ok=True)
+            writing(drafts[path])
+        for path, draft in drafts.items():
+            os.replace(draft, path)
     except OSError as error:
         raise OutputError(f"{path}: can't be written ({error.strerror or error})") from error
     finally:
-        with contextlib.suppress(OSError):
-            draft.unlink()
+        for draft in drafts.values():
+            with contextlib.suppress(OSError):
+                draft.unlink()

@@ -14,7 +14,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -49,8 +49,10 @@ _PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "lmfit", "pyarrow", "matpl
 
 
 @contextlib.contextmanager
-def results(out: Path) -> Iterator[Path]:
+def results(out: Path, then: Callable[[], None] = lambda: None) -> Iterator[Path]:
     """A folder to write into, whose files are moved to `out` when the block ends well, else deleted.
+
+    `then` is called once they are there, before another command can write to `out`.
 
     Until the block ends no other command can write to `out`; what killed ones left there is deleted.
 
@@ -74,6 +76,7 @@ def results(out: Path) -> Iterator[Path]:
                 yield staging
                 with interrupts_later():
                     _replace(staging, out)
+                    then()
             finally:
                 shutil.rmtree(staging, ignore_errors=True)
     except OutputError:

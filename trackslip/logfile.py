@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import json
+import zlib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -52,6 +53,8 @@ _LEAN = ("true_lean",)
 _CONTACT = "contact"
 METADATA_KEY = b"trackslip"
 """Under which a file remembers its runs and columns."""
+_CHECKSUM_KEY = b"trackslip_crc32"
+"""Under which it has their checksum: Parquet's own are those of the columns' pages only."""
 
 
 def to_table(logs: Sequence[RunLog]) -> pa.Table:
@@ -73,7 +76,21 @@ def to_table(logs: Sequence[RunLog]) -> pa.Table:
 def file_metadata(fields: Iterable[pa.Field], runs: Mapping[str, Any]) -> dict[bytes, str]:
     """What a file remembers: of its runs, and of its columns once more, for readers that pass over theirs (polars)."""
     columns = {field.name: COLUMNS[field.name].metadata for field in fields if field.name in COLUMNS}
-    return {METADATA_KEY: json.dumps({"format": FORMAT, "columns": columns, "runs": runs})}
+    text = json.dumps({"format": FORMAT, "columns": columns, "runs": runs})
+    return {METADATA_KEY: text, _CHECKSUM_KEY: _checksum(text.encode())}
+
+
+def stored_text(metadata: Mapping[bytes, bytes]) -> bytes:
+    """The JSON under METADATA_KEY, in UTF-8; raises KeyError without any, ValueError where its checksum is wrong."""
+    text = metadata[METADATA_KEY]
+    expected = metadata.get(_CHECKSUM_KEY)  # older files have none
+    if expected not in (None, _checksum(text).encode()):
+        raise ValueError("its checksum is wrong")
+    return text
+
+
+def _checksum(text: bytes) -> str:
+    return f"{zlib.crc32(text):08x}"
 
 
 def write_parquet(logs: Sequence[RunLog], file: Path | BinaryIO) -> None:
@@ -386,11 +403,11 @@ def _symmetric(upper: Array) -> Array:
 
 
 def _stored_metadata(table: pa.Table, source: str) -> dict[str, dict[str, Any]]:
-    stored = (table.schema.metadata or {}).get(METADATA_KEY)
-    if not stored:
+    about = table.schema.metadata or {}
+    if not about.get(METADATA_KEY):
         return {}
     try:
-        content = json.loads(stored)
+        content = json.loads(stored_text(about))
         require_known_format(content, source)
         runs: dict[str, dict[str, Any]] = content["runs"]
     except LogError:

@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet
 
 from trackslip.errors import LogError
-from trackslip.logfile import METADATA_KEY, file_metadata, first_line, packing
+from trackslip.logfile import file_metadata, first_line, packing, stored_text
 
 _AHEAD = 8  # runs that are read while others are written
 
@@ -25,7 +25,7 @@ def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
     Raises:
         LogError: when a file can't be read, or lacks the run.
     """
-    files = {file: _StoredRuns(file) for file in dict.fromkeys(file for file, *_ in runs)}
+    files = {file: StoredRuns(file) for file in dict.fromkeys(file for file, *_ in runs)}
     joined = pa.unify_schemas([stored.schema for stored in files.values()])
     about = {new: files[file].metadata(name) for file, name, new in runs}
     joined = joined.with_metadata(file_metadata(joined, about))
@@ -43,14 +43,14 @@ def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
             writer.write_table(table, row_group_size=len(table))
 
 
-class _StoredRuns:
+class StoredRuns:
     """A file of `write_parquet`'s, a run at a time."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         try:
             self._file = pa.parquet.ParquetFile(path, page_checksum_verification=True)
-            self._metadata = json.loads(self._file.schema_arrow.metadata[METADATA_KEY])["runs"]
+            self._metadata = json.loads(stored_text(self._file.schema_arrow.metadata))["runs"]
         except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
             raise LogError(f"{path}: {first_line(error)}") from error
         if self._file.num_row_groups != len(self._metadata):

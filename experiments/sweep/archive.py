@@ -17,9 +17,10 @@ from experiments import store
 from experiments.provenance import changes, digest, made_by
 from experiments.sweep.drive import Part
 from experiments.sweep.plan import Run
+from experiments.sweep.table import is_row
 from trackslip.errors import LogError, TrackslipError
 from trackslip.fileformat import require_known_manifest
-from trackslip.logjoin import join_parquet
+from trackslip.logjoin import StoredRuns, join_parquet
 
 PARTS = ".grid-parts"
 
@@ -58,7 +59,7 @@ class Archive:
         wanted = {run.id for run in runs}
         for file, rows, by in self._records():
             there = [row for row in rows if row["id"] in wanted and row["error"] is None]
-            if there and not _whole(file):
+            if there and not _whole(file, {row["run"] for row in there}):
                 if file.parent == self._parts:
                     continue
                 raise LogError(f"{file}: damaged; --no-resume drives all runs anew")  # the user's to judge
@@ -76,7 +77,7 @@ class Archive:
         return [run for run in runs if run.id not in self._there]
 
     def keep(self, part: Part) -> None:
-        """Store a part: its runs first, its rows last, each whole or not at all.
+        """Store a part: its runs first, its rows last, each whole or not at all. One of failed runs alone isn't stored.
 
         Raises:
             TrackslipError: when other code, models or libraries than ours drove it.
@@ -86,17 +87,22 @@ class Archive:
             raise TrackslipError("a worker has other code, models or libraries than this process")
         rows: list[dict[str, Any]] = store.plain([row | {"made_by": part.made_by} for row in part.rows])
         path = self._parts / f"{digest([row['id'] for row in rows])}.json"
-        self._parts.mkdir(parents=True, exist_ok=True)
         file = path.with_suffix(".parquet")
         if part.runs is not None:
-            _put(file, part.runs)
-        _put(path, json.dumps({"made_by": {part.made_by: now}, "runs": rows}).encode())
+            try:
+                self._parts.mkdir(parents=True, exist_ok=True)
+                _put(file, part.runs)
+                _put(path, json.dumps({"made_by": {part.made_by: now}, "runs": rows}).encode())
+            except OSError:
+                with contextlib.suppress(OSError):  # there are other parts
+                    self._parts.rmdir()
+                raise
         self._there |= {row["id"]: Stored(row, file, now) for row in rows}
 
     def rows(self, runs: Sequence[Run]) -> tuple[list[dict[str, Any]], dict[str, Any]]:
         """The rows of all `runs`, in order, failed ones too, and by what they were made, by its digest."""
         there = [self._there[run.id] for run in runs]
-        rows = [one.row | {"run": run.name, **run.axes} for run, one in zip(runs, there, strict=True)]
+        rows = [_renamed(one.row, run.name) | {**run.axes} for run, one in zip(runs, there, strict=True)]
         by = {one.row["made_by"]: one.made_by for one in there}
         return rows, {key: by[key] for key in sorted(by)}
 
@@ -121,7 +127,7 @@ class Archive:
                 json.loads(file.read_text(encoding="utf-8"))
         except LogError as error:
             raise LogError(f"{error}; --no-resume replaces it") from error
-        except ValueError as error:
+        except (ValueError, RecursionError) as error:
             raise LogError(f"{file}: not JSON ({error}); --no-resume drives all runs anew") from error
 
     def _records(self) -> Iterable[tuple[Path, list[dict[str, Any]], dict[str, Any]]]:
@@ -130,28 +136,43 @@ class Archive:
         if record is not None and all((self._out / name).exists() for name in (store.MANIFEST, store.RUNS)):
             yield self._out / store.RUNS, *record
         for path in sorted(self._parts.glob("*.json")):
-            record = _record(path)
-            if record is not None:
-                yield path.with_suffix(".parquet"), *record
+            with contextlib.suppress(LogError):
+                record = _record(path)
+                if record is not None:
+                    yield path.with_suffix(".parquet"), *record
 
 
 def _record(path: Path) -> tuple[list[dict[str, Any]], dict[str, Any]] | None:
-    """Rows and by what they were made, if a sweep has left them here."""
+    """Rows and by what they were made, if a sweep has left them here; raises LogError when they are damaged."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         rows, by = content["runs"], content["made_by"]
-        return (rows, by) if all({"id", "error"} <= set(row) and row["made_by"] in by for row in rows) else None
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, RecursionError, KeyError, TypeError):  # another command's, or none
         return None
+    makers = isinstance(by, dict) and all(
+        isinstance(one, dict) and isinstance(one.get("versions"), dict) for one in by.values()
+    )
+    if not (makers and isinstance(rows, list) and all(is_row(row) and row["made_by"] in by for row in rows)):
+        raise LogError(f"{path}: its rows of runs are damaged; --no-resume drives all runs anew")
+    return rows, by
 
 
-def _whole(file: Path) -> bool:
-    """Whether a file's runs can be read."""
+def _renamed(row: dict[str, Any], name: str) -> dict[str, Any]:
+    """The row of a run that has another name in this sweep; its note speaks of it."""
+    note = {"note": row["note"].replace(repr(row["run"]), repr(name))} if row.get("note") else {}
+    return row | {"run": name} | note
+
+
+def _whole(file: Path, names: Iterable[str]) -> bool:
+    """Whether all of a file can be read, and whether the runs of these names are in it."""
     try:
         with pyarrow.parquet.ParquetFile(file, page_checksum_verification=True) as runs:
             for group in range(runs.num_row_groups):
                 runs.read_row_group(group)
-    except (OSError, pyarrow.ArrowException):
+        stored = StoredRuns(file)
+        for name in names:
+            stored.metadata(name)
+    except (OSError, pyarrow.ArrowException, LogError):
         return False
     return True
 

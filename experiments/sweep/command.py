@@ -22,7 +22,7 @@ from experiments.sweep_config import SweepConfig
 from experiments.world import World
 from sim.stopwatch import Stopwatch
 from trackslip import logfile
-from trackslip.errors import TrackslipError
+from trackslip.errors import OutputError, TrackslipError
 
 
 def run(config: SweepConfig) -> None:
@@ -30,16 +30,16 @@ def run(config: SweepConfig) -> None:
     began = time.perf_counter()
     watch = Stopwatch()
     runs = plan(config)
+    world = World.of(config)  # before its files can change
     there = Archive(config.out)
     try:
-        with store.results(config.out) as folder:
+        with store.results(config.out, then=there.discard) as folder:
             found = _drive_and_gather(config, runs, there, folder, watch)
             wall = found["timing"]["wall_s"] = time.perf_counter() - began
             store.write_json(folder / store.SUMMARY, found)
-            store.write_json(folder / store.MANIFEST, World.of(config).manifest("grid", wall))
-    except (KeyboardInterrupt, WorkersFailedError) as stop:
+            store.write_json(folder / store.MANIFEST, world.manifest("grid", wall))
+    except (KeyboardInterrupt, WorkersFailedError, OutputError) as stop:
         raise type(stop)(_how_to_go_on(stop, config, len(runs), len(runs) - len(there.missing(runs)))) from None
-    there.discard()
     summary.print_out(config, runs, found)
     print(stages_text(watch.stages))
     taken = found["timing"]["taken"]
@@ -62,7 +62,6 @@ def _drive_and_gather(
     rows, made_by = there.rows(runs)
     failures = [row for row in rows if row["error"] is not None]
     if len(failures) == len(rows):
-        there.discard()
         raise TrackslipError(_all_failed(failures))
     with watch.stage("gathering"):
         there.gather(runs, folder / store.RUNS)

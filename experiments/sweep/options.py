@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import ast
 import dataclasses
+import functools
+import inspect
+import itertools
+import re
 import types
 import typing
 from pathlib import Path
 from typing import Any, TypeVar
 
 from experiments.config import GridConfig
+from sim.robot_parameters import RobotParameters
 from trackslip.errors import InvalidValueError
+from trackslip.schema import NO_UNIT, PURE
 
 T = TypeVar("T")
 
 ALIASES = {"ground": "ground.source", "slope": "ground.slope"}
 """Axes that are options under another name."""
 _NO_AXES = ("radii", "speeds", "threads", "rrd", "out")
+_UNIT = re.compile(r"\[([^]]+)\]")
 _FLAGS = {"true": True, "false": False}
 
 
@@ -50,6 +58,22 @@ def hint_of(name: str) -> Any:
     return cls
 
 
+def explained(name: str) -> tuple[str, str]:
+    """Unit of an axis, and what it is: the text below the option, or below the robot's parameter."""
+    cls: Any = GridConfig
+    if name.startswith("robot."):
+        cls, name = RobotParameters, name.removeprefix("robot.")
+    *path, last = name.split(".")
+    for part in path:
+        cls = _hints(cls)[part]
+    text = " ".join(_texts(cls)[last].split()).removesuffix(".")
+    unit = _UNIT.search(text)
+    if unit is None:
+        return (PURE if {int, float} & {_hints(cls)[last], *typing.get_args(_hints(cls)[last])} else NO_UNIT), text
+    about = " ".join(_UNIT.sub("", text).split())
+    return (PURE if unit[1] == "-" else unit[1]), about or last
+
+
 def converted(hint: Any, value: object, name: str) -> Any:
     """`value`, text or what TOML knows, as the type `hint`; raises InvalidValueError where it is none."""
     options = typing.get_args(hint) if typing.get_origin(hint) in (typing.Union, types.UnionType) else (hint,)
@@ -82,7 +106,8 @@ def _with(config: Any, path: list[str], value: object, name: str) -> Any:
     head, *rest = path
     if rest:
         return dataclasses.replace(config, **{head: _with(getattr(config, head), rest, value, name)})
-    return dataclasses.replace(config, **{head: converted(_hints(type(config))[head], value, name)})
+    cls: Any = type(config)
+    return dataclasses.replace(config, **{head: converted(_hints(cls)[head], value, name)})
 
 
 def _leaves(cls: Any) -> list[str]:
@@ -92,9 +117,22 @@ def _leaves(cls: Any) -> list[str]:
     return found
 
 
+@functools.cache
 def _hints(cls: Any) -> dict[str, Any]:
     hints = typing.get_type_hints(cls)
     return {field.name: hints[field.name] for field in dataclasses.fields(cls)}
+
+
+def _texts(cls: Any) -> dict[str, str]:
+    """The text below each field of a dataclass."""
+    found: dict[str, str] = {}
+    for own in reversed(cls.__mro__[:-1]):  # but for object
+        (definition,) = ast.parse(inspect.getsource(own)).body
+        assert isinstance(definition, ast.ClassDef)
+        for field, text in itertools.pairwise(definition.body):
+            if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant):
+                found[ast.unparse(field.target)] = str(text.value.value)
+    return found
 
 
 def _described(options: typing.Iterable[Any]) -> str:

@@ -9,6 +9,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet
 
+from experiments.sweep.options import explained
 from trackslip.schema import NO_UNIT, PURE, Column, markdown
 
 _MEASURED = (
@@ -43,7 +44,7 @@ _AXES = (
     Column("seed", NO_UNIT, "root of all random numbers"),
 )
 AXES = {column.name: column for column in _AXES}
-"""Those that have a name of their own; others are options."""
+"""Those that have a name of their own; others are options, whose help is their description."""
 _LARGEST = 2**63 - 1
 """Integer of a column; larger ones, seeds, are text."""
 
@@ -51,7 +52,7 @@ _LARGEST = 2**63 - 1
 def write_table(rows: Sequence[Mapping[str, Any]], axes: Sequence[str], path: Path) -> None:
     """Write the rows of a sweep to a Parquet file; units and meanings are in the columns' metadata."""
     first, last = [*COLUMNS.values()][:2], [*COLUMNS.values()][2:]
-    about = [AXES.get(axis, Column(axis, NO_UNIT, f"the option {axis}")) for axis in axes]
+    about = [AXES.get(axis) or Column(axis, *explained(axis)) for axis in axes]
     columns = (*first, *about, *last)
     arrays = [_column([row.get(column.name) for row in rows], column) for column in columns]
     fields = [
@@ -59,6 +60,20 @@ def write_table(rows: Sequence[Mapping[str, Any]], axes: Sequence[str], path: Pa
         for column, array in zip(columns, arrays, strict=True)
     ]
     pa.parquet.write_table(pa.table(arrays, schema=pa.schema(fields)), path, write_page_checksum=True)
+
+
+def is_row(row: object) -> bool:
+    """Whether that is a row of a sweep: with numbers where numbers belong, and texts where texts do."""
+    if not isinstance(row, Mapping) or not all(isinstance(row.get(name), str) for name in ("run", "id", "made_by")):
+        return False
+    return "error" in row and all(
+        row.get(column.name) is None
+        or (
+            isinstance(row[column.name], str if column.unit == NO_UNIT else int | float)
+            and not isinstance(row[column.name], bool)
+        )
+        for column in _MEASURED
+    )
 
 
 def _column(values: list[Any], column: Column) -> pa.Array:

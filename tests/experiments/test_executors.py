@@ -1,4 +1,7 @@
+import logging
 import os
+import sys
+import types
 from concurrent.futures import CancelledError
 
 import pytest
@@ -56,3 +59,32 @@ def test_inline_tasks_are_done_one_by_one():
     next(results)
     assert done == [0]
     assert len(list(results)) == 2
+
+
+class Cluster:
+    """A client of a cluster with a worker, which logs what it is asked to do."""
+
+    def __init__(self, *_arguments, **_options):
+        pass
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        pass
+
+    def scheduler_info(self, n_workers):
+        return {"workers": {n_workers: {"nthreads": 1}}}
+
+    def get_executor(self, pure):
+        return InlineExecutor()
+
+
+def test_what_a_cluster_logs_is_not_printed(monkeypatch, caplog):
+    monkeypatch.setitem(sys.modules, "distributed", types.SimpleNamespace(Client=Cluster))
+    log = logging.getLogger("distributed.client")
+    with workers("dask://there:1", 1) as pool:
+        assert list(pool.each(log.error, ["lost"])) == [None]
+    assert not caplog.messages
+    log.error("later")
+    assert caplog.messages == ["later"]

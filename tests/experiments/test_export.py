@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 from dataclasses import replace
 
 import numpy as np
@@ -102,6 +103,7 @@ def test_a_folders_file_is_named_for_it_and_not_replaced_unasked(grid, capsys):
         (["--run", "none"], "run = 'none': must be one of 'radius=0.5 speed=0.1',"),
         (["--csv", "--out", "x.txt"], "out = 'x.txt': must be a file that ends in .csv"),
         (["--run", "a", "a"], "all different"),
+        (["--run", "a", "--run", "b"], "--run = 'given twice': must be given once: --run NAME NAME"),
     ],
 )
 def test_mistakes_cost_a_line(grid, refused, arguments, message):
@@ -112,6 +114,24 @@ def test_the_file_that_is_read_is_never_replaced(grid, tmp_path, refused, capsys
     main(["export", str(grid), "--csv", "--out", str(tmp_path / "log.csv")])
     capsys.readouterr()
     assert "another file than the one that is read" in refused("export", "log.csv", "--csv", "--overwrite")
+
+
+def test_a_full_disk_leaves_the_file_and_its_columns_as_they_were(grid, tmp_path, monkeypatch, capsys):
+    command = ["export", str(grid), "--csv", "--out", str(tmp_path / "log.csv"), "--overwrite"]
+
+    def full(logs, path):
+        path.write_text("run,")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("experiments.export.write_csv", full)
+    for old in ({}, {"log.csv": "old", "log.columns.csv": "old"}):
+        for name, text in old.items():
+            (tmp_path / name).write_text(text)
+        with pytest.raises(SystemExit) as stop:
+            main(command)
+        assert stop.value.code == 2
+        assert "log.csv: can't be written (No space left on device)" in capsys.readouterr().err
+        assert {path.name: path.read_text() for path in tmp_path.iterdir()} == old
 
 
 @pytest.mark.parametrize("command", ["identify", "export"])

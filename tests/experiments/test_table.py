@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import pyarrow.parquet
 
+from experiments.sweep.options import explained, hint_of, names
 from experiments.sweep.table import AXES, COLUMNS, write_table
+from sim.robot_parameters import RobotParameters
 from trackslip.schema import markdown
 
 TABLE = markdown([*COLUMNS.values(), *AXES.values()])
@@ -25,3 +28,31 @@ def test_every_column_that_is_written_is_documented(tmp_path):
     for field in schema:
         unit, what = (field.metadata[key].decode() for key in (b"unit", b"description"))
         assert f"| `{field.name}` | {unit or '–'} | {what} |" in TABLE
+
+
+def test_options_that_vary_have_units_too(tmp_path):
+    units = {
+        "robot.half_gauge": "m",
+        "robot.mass": "kg",
+        "drive.torque_limit": "N m",
+        "drive.encoder_counts": "1",
+        "scanner.divergence": "rad",
+        "ground.along": "1",
+        "radius_error": "1",
+        "duration": "s",
+        "random_phase": "",
+        "motion": "",
+    }
+    write_table([{"run": "r"}], list(units), tmp_path / "table.parquet")
+    schema = pyarrow.parquet.read_schema(tmp_path / "table.parquet")
+    assert {name: schema.field(name).metadata[b"unit"].decode() for name in units} == units
+    assert schema.field("duration").metadata[b"description"] == b"Length of each run"
+
+
+def test_every_axis_has_a_unit_if_it_is_a_number():
+    for name in (*names(), *(f"robot.{f.name}" for f in dataclasses.fields(RobotParameters))):
+        unit, what = explained(name)
+        assert what
+        assert "[" not in what
+        if name.startswith("robot.") or hint_of(name) in (int, float, float | None):
+            assert unit

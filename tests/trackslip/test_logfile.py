@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from hypothesis.extra.numpy import arrays
 
 from trackslip.errors import LogError
 from trackslip.logfile import read_runs, read_samples, read_table, runs_from_table, to_table, write_csv, write_parquet
+from trackslip.logjoin import join_parquet
 from trackslip.runlog import RunLog, Truth
 
 HEADER = "run,t,omega_l,omega_r,x,y,phi\n"
@@ -195,3 +197,19 @@ def test_files_that_are_no_logs(tmp_path):
 
 def test_a_table_in_memory_is_read_as_well():
     assert_same(runs_from_table(to_table([make_log("a")]), "memory")[0], make_log("a"))
+
+
+def test_damage_to_what_is_remembered_of_runs_is_noticed(tmp_path):
+    """It stands in the footer, of which Parquet has no checksum."""
+    path = tmp_path / "runs.parquet"
+    write_parquet([replace(make_log("a"), metadata={"geometry": {"half_gauge": 0.168}})], path)
+    assert read_runs(path)[0].metadata["geometry"]["half_gauge"] == 0.168
+    footer = pa.parquet.read_metadata(path).metadata
+    assert footer[b"trackslip"].count(b"0.168") == 1
+    table = pa.parquet.read_table(path)
+    changed = {**table.schema.metadata, b"trackslip": footer[b"trackslip"].replace(b"0.168", b"0.178")}
+    pa.parquet.write_table(table.replace_schema_metadata(changed), path)
+    with pytest.raises(LogError, match=r"runs.parquet: its metadata is damaged \(its checksum is wrong\)"):
+        read_runs(path)
+    with pytest.raises(LogError, match="its checksum is wrong"):
+        join_parquet([(path, "a", "a")], tmp_path / "joined.parquet")
