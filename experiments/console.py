@@ -97,14 +97,14 @@ def _rate(rate: float, unit: str) -> str:
 
 
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table; every column but the first is right-aligned."""
+    """Print a table; every column but the first is right-aligned. Numbers that don't exist, NaN, are dashes."""
     table = Table(
         title=title, title_justify="left", title_style="bold", box=rich.box.SIMPLE_HEAD, padding=(0, 0), pad_edge=False
     )
     for k, name in enumerate(header):
         table.add_column(escape(name), justify="left" if k == 0 else "right", no_wrap=True)
     for row in rows:
-        table.add_row(*(escape(cell) for cell in row))
+        table.add_row(*("-" if cell in ("nan", "+nan") else escape(cell) for cell in row))
     console = Console(highlight=False)
     if not console.is_terminal:
         console.width = 160  # a file has no width: cut nothing

@@ -15,3 +15,8 @@ def test_a_log_gets_a_line_a_minute(monkeypatch, capsys):
 @pytest.mark.parametrize(("unit", "text"), [("s", "1,234 x real time"), ("steps", "1,234 steps/s")])
 def test_rates(unit, text):
     assert console._rate(1234.4, unit) == text
+
+
+def test_numbers_that_do_not_exist_are_dashes(capsys):
+    console.print_table("Slips", ("run", "outer", "inner"), [("nan [m]", f"{float('nan'):+.4f}", "-0.1000")])
+    assert capsys.readouterr().out.splitlines()[-1].split() == ["nan", "[m]", "-", "-0.1000"]
