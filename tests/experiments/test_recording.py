@@ -18,15 +18,17 @@ from experiments import recording
 from experiments.cli import main
 from experiments.recording.blueprint import blueprint
 from experiments.recording.geometry import belt, body, looks, parameters_of
-from experiments.recording.series import COMPARED, LEFT, PANELS, RIGHT, readable, series_of
+from experiments.recording.series import COMPARED, LEFT, PANELS, RIGHT, panels, readable, series_of
 from experiments.recording.stream import telling_names
 from experiments.recording.traces import traces_of
 from experiments.view import choose, free_port
 from sim.robot_parameters import RobotParameters
 from trackslip.errors import LogError
-from trackslip.kinematics import RobotGeometry, track_slip
+from trackslip.kinematics import RobotGeometry, limit_sprocket_speeds, track_slip
 from trackslip.logfile import read_runs, write_csv
 from trackslip.runlog import RunLog
+from trackslip.scan import Plate
+from trackslip.slip.exponential import ExponentialSpeed
 
 CIRCLE = (
     *("--reference", "circle", "--circle-duration", "14", "--circle-radius", "0.8"),
@@ -110,6 +112,72 @@ def test_slips_agree_in_steady_turns(driven):
     assert traces.law_name == "icr_radius"
     assert traces.moment > 11.9
     assert traces.distance[0] == pytest.approx(np.hypot(0.1, 0.1), abs=1e-6)  # the circle is the one that was asked for
+
+
+def lengths(file: Path, entity: str, name: str) -> np.ndarray:
+    """How many (T,) there are of a component in each row."""
+    batches = [chunk.to_record_batch() for chunk in RrdReader(file).stream().filter(content=entity)]
+    columns = [(b, c) for b in batches for c in b.schema.names if c.endswith(f":{name}") and "time" in b.schema.names]
+    rows = [
+        pair for b, c in columns for pair in zip(b.column("time").to_pylist(), b.column(c).to_pylist(), strict=True)
+    ]
+    return np.array([len(values or ()) for _, values in sorted(rows, key=lambda row: row[0])])
+
+
+def test_nothing_is_the_plates_where_it_was_not_found(driven, tmp_path):
+    log = driven[1][0]
+    missed = np.isin(np.arange(len(log.time)), (50, 51, 120))
+    log = replace(log, valid=log.is_valid & ~missed)
+    recording.record(tmp_path / "run.rrd", [log])
+    verify(tmp_path / "run.rrd")
+    for entity, name in (("estimate/plate", "half_sizes"), ("estimate/covariance", "half_sizes")):
+        np.testing.assert_array_equal(lengths(tmp_path / "run.rrd", f"/run/{entity}", name), log.is_valid)
+    for entity, name in (("scan/plate", "positions"), ("scan/rays", "strips")):
+        np.testing.assert_array_equal(lengths(tmp_path / "run.rrd", f"/run/{entity}", name) > 0, log.is_valid)
+    others = lengths(tmp_path / "run.rrd", "/run/scan/other", "positions")
+    assert (others[[50, 51, 120]] > others[[49, 52, 119]]).all()  # what else came back there
+
+
+def test_scan_points_lie_on_the_plate(driven):
+    """In the world, though the scanner stands elsewhere, looking another way."""
+    file = driven[0] / "none" / "recordings" / "linear_none.rrd"
+    log, plate = driven[1][0], Plate()
+    count = lengths(file, "/run/scan/plate", "positions")
+    points = np.concatenate([
+        np.asarray(chunk.to_record_batch().column("Points3D:positions").flatten().flatten()).reshape(-1, 3)
+        for chunk in RrdReader(file).stream().filter(content="/run/scan/plate")
+        if "time" in chunk.to_record_batch().schema.names
+    ])  # fmt: skip
+    off = plate.outside(np.repeat(log.truth.pose, count, axis=0), points[:, 0], points[:, 1])
+    assert len(off) > 1000
+    assert np.abs(np.minimum(off, 0.02)).mean() < 0.01  # the noise is 5 mm
+    assert (off < 0.05).mean() > 0.99
+
+
+def test_the_law_shown_is_the_one_that_compensated(driven):
+    """Also one from another file than the shipped, and one that knows of speed."""
+    log = driven[1][0]
+    geometry = RobotGeometry(**log.metadata["geometry"])
+    law = ExponentialSpeed(0.12, -0.9, -0.3, -1.1, gamma_outer=0.2, gamma_inner=-0.3)
+    limit = log.metadata["drive"]["top_speed"] / geometry.sprocket_radius
+    command = limit_sprocket_speeds(law.sprocket_speeds(log.twist_command, geometry), limit)
+    traces = traces_of(replace(log, command=command, metadata=log.metadata | {"compensation": "exponential"}))
+    slip = law.slip(log.twist_command)
+    shown = np.isfinite(traces.law)
+    assert shown.mean() > 0.8
+    np.testing.assert_allclose(traces.law[shown], slip[shown], atol=1e-9)
+    assert not shown[np.abs(command).max(axis=1) >= limit].any()  # scaled down: it can't be told there
+    assert traces.law_name == "exponential"
+
+
+def test_slips_are_on_their_axis(driven):
+    traces = traces_of(driven[1][1])
+    slip = {panel.title: panel.range for panel in panels([traces]) if "lip" in panel.title}
+    assert slip == {"Slip [-]": (-0.25, 0.20)}
+    more = replace(traces, slip=np.tile([-0.7, 0.3], (len(traces.time), 1)))
+    for runs in ([more], [traces, more]):
+        ranges = [panel.range for panel in panels(runs) if "lip" in panel.title]
+        assert all(low < -0.7 and high > 0.3 for low, high in ranges)
 
 
 def test_runs_side_by_side(driven, tmp_path):
