@@ -109,17 +109,30 @@ def series_of(traces: Traces) -> list[Series]:
 
 
 def panels(runs: Sequence[Traces]) -> list[Panel]:
-    """PANELS of a run, or COMPARED of several, with errors' ranges such that they can be read after the transients."""
+    """PANELS of a run, or COMPARED of several, with ranges that can be read, those of errors after the transients."""
+    chosen = PANELS if len(runs) == 1 else COMPARED
     late = [error for traces in runs if (error := traces.late_error) is not None]
     slip = _slip_range(runs)
-    ranges = {panel.title: slip for panel in (*PANELS, *COMPARED) if panel.range == _SLIP_RANGE}
+    ranges = {panel.title: slip if panel.range == _SLIP_RANGE else _range_of(panel, runs) for panel in chosen}
     if late:
         error = np.concatenate(late)
         ranges[_POSITION] = readable(1e3 * np.append(error[:, :2].ravel(), np.hypot(error[:, 0], error[:, 1])))
         ranges[_DISTANCE] = readable(1e3 * np.hypot(error[:, 0], error[:, 1]))
         ranges[_HEADING] = readable(np.degrees(error[:, 2]))
-    chosen = PANELS if len(runs) == 1 else COMPARED
-    return [replace(panel, range=ranges.get(panel.title, panel.range)) for panel in chosen]
+    return [replace(panel, range=ranges[panel.title]) for panel in chosen]
+
+
+def _range_of(panel: Panel, runs: Sequence[Traces]) -> tuple[float, float] | None:
+    """A range that holds all values of a panel; None without any."""
+    shown = [line.values for traces in runs for line in _lines(traces, len(runs)) if line.entity in panel.entities]
+    values = np.concatenate([value.ravel() for value in shown]) if shown else np.empty(0)
+    values = values[np.isfinite(values)]
+    return readable(values) if values.size else None
+
+
+def _lines(traces: Traces, runs: int) -> list[Series]:
+    """What is plotted of one of so many runs."""
+    return series_of(traces) if runs == 1 else compared_series(traces, "", LEFT, LEFT)
 
 
 def _slip_range(runs: Sequence[Traces]) -> tuple[float, float]:
