@@ -114,6 +114,13 @@ def test_slips_agree_in_steady_turns(driven):
     assert traces.distance[0] == pytest.approx(np.hypot(0.1, 0.1), abs=1e-6)  # the circle is the one that was asked for
 
 
+def has_labels(low: float, high: float) -> bool:
+    """Whether an axis of the viewer's has two labels or more, but not more than there is room for."""
+    powers = 10.0 ** np.arange(-5, 5)
+    count = np.floor(high / powers) - np.ceil(low / powers) + 1
+    return bool(((count >= 2) & (count <= 5)).any())
+
+
 def lengths(file: Path, entity: str, name: str) -> np.ndarray:
     """How many (T,) there are of a component in each row."""
     batches = [chunk.to_record_batch() for chunk in RrdReader(file).stream().filter(content=entity)]
@@ -180,6 +187,19 @@ def test_slips_are_on_their_axis(driven):
         assert all(low < -0.7 and high > 0.3 for low, high in ranges)
 
 
+def test_axes_hold_what_they_show_and_can_be_read(driven):
+    log = driven[1][1]
+    wild = replace(log, command=log.command + np.array([-6.0, 0.0]))
+    for runs in ([log], [wild], [log, wild]):
+        traces = [traces_of(run) for run in runs]
+        shown = {panel.title.split(" [")[0]: panel.range for panel in panels(traces)}
+        low, high = shown["Sprocket speed"]
+        for run in runs:
+            speeds = run.omega if len(runs) > 1 else np.append(run.omega, run.command)
+            assert low < speeds.min() <= speeds.max() < high
+        assert all(has_labels(*shown[name]) for name in shown if "lip" not in name)
+
+
 def test_runs_side_by_side(driven, tmp_path):
     logs = driven[1]
     file = tmp_path / "both.rrd"
@@ -241,10 +261,13 @@ def test_triangles_face_outwards():
 def test_view_of_a_real_robots_log(driven, tmp_path, capsys):
     bare = [replace(log, truth=None, metadata={}, covariance=None, command=None, scans=None) for log in driven[1]]
     write_csv(bare, tmp_path / "real.csv")
-    main(["view", str(tmp_path / "real.csv"), "--save", str(tmp_path / "real.rrd")])
-    assert "2 runs, shown is 'linear none'" in capsys.readouterr().out
-    verify(tmp_path / "real.rrd")
-    _, translation = component(tmp_path / "real.rrd", "/run/robot", "translation")
+    file = tmp_path / "a real.rrd"
+    main(["view", str(tmp_path / "real.csv"), "--save", str(file)])
+    said = capsys.readouterr().out
+    assert "2 runs, shown is 'linear none'" in said
+    assert f"; rerun '{file}'" in said  # as a shell takes it
+    verify(file)
+    _, translation = component(file, "/run/robot", "translation")
     np.testing.assert_allclose(translation[:, :2], bare[0].pose[:, :2], atol=1e-6)
     assert parameters_of(bare[0]) == RobotParameters()
 
@@ -310,9 +333,7 @@ def test_lines_lie_on_thicker_ones(driven):
 def test_errors_axes_have_two_labels_or_more(values):
     low, high = readable(np.array(values))
     assert low < min(values) <= max(values) < high
-    powers = 10.0 ** np.arange(-5, 5)
-    count = np.floor(high / powers) - np.ceil(low / powers) + 1
-    assert ((count >= 2) & (count <= 5)).any()
+    assert has_labels(low, high)
 
 
 def test_view_without_a_viewer(driven, refused, monkeypatch):
