@@ -14,7 +14,7 @@ import pytest
 import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
-from experiments import recording
+from experiments import recording, store
 from experiments.cli import main
 from experiments.recording.blueprint import blueprint
 from experiments.recording.geometry import belt, body, looks, parameters_of
@@ -22,6 +22,7 @@ from experiments.recording.series import COMPARED, LEFT, PANELS, RIGHT, panels, 
 from experiments.recording.stream import telling_names
 from experiments.recording.traces import traces_of
 from experiments.view import choose, free_port
+from sim.ground import Ground, Patch
 from sim.robot_parameters import RobotParameters
 from trackslip.errors import LogError
 from trackslip.kinematics import RobotGeometry, limit_sprocket_speeds, track_slip
@@ -159,6 +160,23 @@ def test_scan_points_lie_on_the_plate(driven):
     assert len(off) > 1000
     assert np.abs(np.minimum(off, 0.02)).mean() < 0.01  # the noise is 5 mm
     assert (off < 0.05).mean() > 0.99
+
+
+def test_patches_and_slope_are_shown(driven, tmp_path):
+    ground = Ground(slope=0.1, uphill=1.2, patches=(Patch((0.0, np.inf), (-1.0, 0.5), 0.1, 0.2),))
+    log = replace(driven[1][0], metadata=driven[1][0].metadata | {"ground": store.plain(ground)})
+    recording.record(tmp_path / "run.rrd", [log])
+    verify(tmp_path / "run.rrd")
+    found = {}
+    for chunk in RrdReader(tmp_path / "run.rrd").stream():
+        batch = chunk.to_record_batch()
+        found |= {f"{chunk.entity_path} {name}": batch.column(name).to_pylist()[0] for name in batch.schema.names}
+    centre, half = found["/field/patches Boxes3D:centers"][0], found["/field/patches Boxes3D:half_sizes"][0]
+    np.testing.assert_allclose([centre[0] - half[0], centre[1] - half[1], centre[1] + half[1]], [0, -1, 0.5], atol=1e-6)
+    assert 1 < half[0] < 10  # to where the ground ends
+    assert found["/field/patches Boxes3D:labels"] == ["friction 0.1 along, 0.2 across"]
+    np.testing.assert_allclose(found["/field/uphill Arrows3D:vectors"], [[np.cos(1.2), np.sin(1.2), 0]], atol=1e-6)
+    assert found["/field/uphill Arrows3D:labels"] == ["uphill, 0.1 rad"]
 
 
 def test_the_law_shown_is_the_one_that_compensated(driven):
