@@ -10,7 +10,11 @@ from identified import driven, grid, identified
 from spin import spun_before_the_scanner
 
 from experiments.figure_style import LABELS
+from experiments.figures import slip_against_speed_and_radius
+from experiments.law_figures import fitted_laws
 from experiments.report import ComparisonRow, Report, render
+from experiments.roles import RoleSamples
+from trackslip.slip import PUBLISHED
 
 OF_LAWS = (
     "fig05_slip_over_speed_and_radius",
@@ -135,3 +139,19 @@ def test_published_and_simulated_says_how_far_runs_are_apart(twists):
     assert "lie on top of each other" not in words
     assert '<th scope="row">  at other radii' in page
     assert re.search(r"\.indented tbody th { white-space: pre-wrap; }", page)
+
+
+def test_one_run_is_spoken_of_as_one():
+    found = identified(driven([(0.1, 0.08)]), ("icr",), best="icr", determined=False)
+    words = text_of(page_of(found))
+    assert "Its one run gives one mean slip per track, at observed radii of 1.25 m and speeds of 0.10 m/s" in words
+    assert "tracks of the one run at once" in words
+    assert "the radii are scattered" not in words
+    turns = RoleSamples.of(found.samples, found.geometry)
+    names = [text.get_text() for legend in slip_against_speed_and_radius(turns, found.comparison.laws["icr"]).legends
+             for text in legend.get_texts()]  # fmt: skip
+    assert "best law" in names
+    for axis, role in zip(fitted_laws(turns, found.comparison).axes, (1, 0), strict=False):
+        low, high = axis.get_ylim()
+        for law in (found.comparison.laws["icr"].law, PUBLISHED):
+            assert low < (turns.slip - turns.residual(law))[0, role] < high
