@@ -28,7 +28,7 @@ from experiments.figure_style import (
     styled,
     thin,
 )
-from experiments.grouping import alike, narrow, repeated, span
+from experiments.grouping import alike, narrow, span
 from experiments.published_runs import geometry_of, published_poses
 from experiments.radius_axis import curve_radii, show_radii
 from experiments.roles import ROLES, RoleSamples, slip_at
@@ -175,7 +175,8 @@ def slip_against_speed_and_radius(runs: RoleSamples, best: FittedLaw) -> Figure:
     fastest = 1.1 * float(runs.speed.max()) + 0.01
     axes[1, 0].set(xlabel="measured speed v [m/s]", xlim=(-0.03 * fastest, fastest))
     show_radii(axes[1, 1], runs)
-    best_line = [Line2D([], [], color="#777777", lw=1.0, label="best law")] if repeated(runs.radius) else []
+    lines = any(narrow(runs.radius[group]) for group in by_radius)
+    best_line = [Line2D([], [], color="#777777", lw=1.0, label="best law")] if lines else []
     dashed = Line2D([], [], color="#777777", ls="--", lw=0.9, label="Eq. 11 at the paper's radii")
     curve_line = Line2D([], [], color=BLACK, ls="--", lw=1.2, label="Eq. 11")
     _legend_below(figure, axes[0, 0], [*best_line, dashed], "Left: observed R", "left")

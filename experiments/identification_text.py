@@ -9,12 +9,13 @@ import numpy as np
 
 from experiments.error_bars import bar_factor
 from experiments.figure_style import LABELS
-from experiments.grouping import repeated
+from experiments.grouping import alike, narrow, repeated
 from experiments.law_figures import residual_band
 from experiments.law_tables import CriteriaRow, LawRow, criteria_rows, law_rows
 from experiments.roles import ROLES, RoleSamples
 from experiments.symbols import fixed
 from trackslip.identification import FittedLaw, Identification, Refused
+from trackslip.kinematics import Array
 
 BASELINES = ("none", "constant")
 """Laws that are there to be beaten."""
@@ -42,6 +43,8 @@ class IdentificationText:
     speeds: str | None
     spread: Mapping[str, str]
     """Role -> largest difference of slip between runs of one radius; empty where none are repeated."""
+    scattered: bool
+    """Whether runs of different radii have to share a colour."""
     errors: Mapping[str, str] | None
     """Typical standard errors of a run: slip, radius, and the factor they are drawn with; None if unknown."""
     band: tuple[str, str] | None
@@ -74,9 +77,10 @@ class IdentificationText:
         return cls(
             runs=len(found.samples),
             turns=len(turns),
-            radii=f"{turns.radius.min():.2f} to {turns.radius.max():.2f} m" if len(turns) else None,
-            speeds=f"{turns.speed.min():.2f} to {turns.speed.max():.2f} m/s" if len(turns) else None,
+            radii=f"{_from_to(turns.radius)} m" if len(turns) else None,
+            speeds=f"{_from_to(turns.speed)} m/s" if len(turns) else None,
             spread=_spread(turns),
+            scattered=not all(narrow(turns.radius[group]) for group in alike(turns.radius)),
             errors=_errors(turns),
             band=_band(turns, found),
             half_gauge=f"{found.geometry.half_gauge:g} m",
@@ -91,6 +95,11 @@ class IdentificationText:
             tests=frozenset(lack.test for lack in lacks.values()),
             outliers=found.outliers,
         )
+
+
+def _from_to(values: Array) -> str:
+    low, high = f"{values.min():.2f}", f"{values.max():.2f}"
+    return low if low == high else f"{low} to {high}"
 
 
 def _spread(turns: RoleSamples) -> dict[str, str]:

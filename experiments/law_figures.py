@@ -18,6 +18,7 @@ from trackslip.identification import Comparison
 from trackslip.kinematics import Array
 from trackslip.slip import PUBLISHED, SlipLaw
 
+_POLE = 0.5  # beyond it a law is near its pole [-]
 _STRONG = ("published", "exponential", "icr_radius")
 _COLUMNS = 3
 _RUN = "#444444"
@@ -44,7 +45,9 @@ def fitted_laws(runs: RoleSamples, comparison: Comparison) -> Figure:
     for axis, name in zip(axes, reversed(ROLES), strict=True):
         role = ROLES.index(name)
         slip = runs.slip[:, role]
-        limits = limits_around(with_bars(runs, role, factor))
+        near = [(runs.slip - runs.residual(law))[:, role] for key, law in laws.items() if key in strong]
+        known = [value[np.abs(value) < _POLE] for value in near]  # the laws at the runs' radii
+        limits = limits_around(np.concatenate([with_bars(runs, role, factor), *known]))
         for key, law in laws.items():
             for curve in runs.curves(law, radius):
                 _line(axis, radius, curve[:, role], limits, key, strong=key in strong)

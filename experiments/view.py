@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import re
+import shlex
 import shutil
 import socket
 import subprocess
@@ -38,7 +39,7 @@ def run(config: ViewConfig) -> None:
     laws = config.path if _has_laws(config.path) else None
     if config.save is not None:
         record(config.save, chosen, laws)
-        print(f"{config.save}: {title(chosen)}; rerun {config.save}")
+        print(f"{config.save}: {title(chosen)}; rerun {shlex.quote(str(config.save))}")
     else:
         with tempfile.TemporaryDirectory(prefix="trackslip-view-") as folder:
             file = Path(folder) / file_names([title(chosen)])[0]

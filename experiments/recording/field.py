@@ -21,6 +21,7 @@ _STONE = 0.5  # of the paving [m]
 _MARGIN = 3.0  # of ground around everything [m]
 _MOST_STONES = 100  # along a side
 _TONES = ((92, 90, 86, 255), (84, 82, 78, 255))
+_PATCH, _PATCH_COLOUR = 0.0005, "#4f6f78"  # half the thickness of a patch on the ground [m]
 _TALL = 1.0  # posts, walls and people [m]
 
 
@@ -34,6 +35,7 @@ def send_field(stream: rr.RecordingStream, traces: Traces, model: mujoco.MjModel
             quaternion=rr.Quaternion(xyzw=quaternion(mount[2:])[0]),
         )
         stream.log(f"{FIELD}/scanner", pose, mesh(geometry.body(model, geometry.SCANNER)), static=True)
+    _send_ground(stream, traces, within)
     _send_obstacles(stream, traces)
 
 
@@ -60,6 +62,46 @@ def _paving(within: Array) -> geometry.Triangles:
     flat = _STONE * (np.stack([i, j], axis=-1)[:, None] + corner).reshape(-1, 2)
     tone = np.repeat((i + j) % 2, len(corner))
     return geometry.Triangles(np.column_stack([flat, np.zeros(len(flat))]), np.array(_TONES, np.uint8)[tone])
+
+
+def _send_ground(stream: rr.RecordingStream, traces: Traces, within: Array) -> None:
+    """Where the log says that the friction is another, and which way is up."""
+    ground = traces.log.metadata.get("ground")
+    if not isinstance(ground, Mapping):
+        return
+    low, high = within.min(axis=0) - _MARGIN, within.max(axis=0) + _MARGIN
+    boxes, labels = [], []
+    for patch in ground.get("patches") or ():
+        ends = np.clip(np.array([_ends(patch[axis]) for axis in "xy"]).T, low, high)
+        if (ends[0] < ends[1]).all():
+            boxes.append(ends)
+            labels.append(f"friction {patch['along']:g} along, {patch['across']:g} across")
+    if boxes:
+        middle, half = np.mean(boxes, axis=1), np.ptp(boxes, axis=1) / 2
+        flat = rr.Boxes3D(
+            centers=np.column_stack([middle, np.full(len(boxes), _PATCH)]),
+            half_sizes=np.column_stack([half, np.full(len(boxes), _PATCH)]),
+            colors=[rgb(_PATCH_COLOUR)],
+            fill_mode="solid",
+            labels=labels,
+        )
+        stream.log(f"{FIELD}/patches", flat, static=True)
+    slope = float(ground.get("slope") or 0.0)
+    if slope:
+        heading = float(ground.get("uphill") or 0.0)
+        arrow = rr.Arrows3D(
+            vectors=[[np.cos(heading), np.sin(heading), 0.0]],
+            origins=[[*(within.min(axis=0) - 1.0), 0.02]],
+            colors=[rgb(_PATCH_COLOUR)],
+            radii=[0.02],
+            labels=[f"uphill, {slope:.3g} rad"],
+        )
+        stream.log(f"{FIELD}/uphill", arrow, static=True)
+
+
+def _ends(pair: Any) -> list[float]:
+    """From, to; JSON has no infinity."""
+    return [sign * np.inf if end is None else float(end) for sign, end in zip((-1, 1), pair, strict=True)]
 
 
 def _send_obstacles(stream: rr.RecordingStream, traces: Traces) -> None:

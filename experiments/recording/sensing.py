@@ -22,21 +22,22 @@ _EVERY_OTHER = 4  # return that isn't the plate's
 
 
 def send_estimate(stream: rr.RecordingStream, entity: str, traces: Traces, model: mujoco.MjModel) -> None:
-    """The plate where it was found, and the ellipse of its position's covariance, magnified."""
+    """The plate and the magnified ellipse of its position's covariance, in the rows in which it was found."""
     log = traces.log
-    rows = np.flatnonzero(np.isfinite(traces.estimate).all(axis=1))
-    if not rows.size:
+    known = np.isfinite(traces.estimate).all(axis=1)
+    if not known.any():
         return
     plate = model.geom("plate")
     height = float(plate.pos[2])
-    found, time = traces.estimate[rows], traces.time[rows]
-    box = rr.Boxes3D(half_sizes=[plate.size * [1, 1, 1.05]], colors=[rgb(ESTIMATE_COLOUR)], radii=[0.004])
+    found = traces.estimate[known]
     plate_found = f"{entity}/estimate/plate"
-    stream.log(plate_found, box, static=True)
-    send_poses(stream, plate_found, time, found, height)
-    if log.covariance is None or not np.isfinite(log.covariance[rows]).all():
+    stream.log(plate_found, rr.Boxes3D.from_fields(colors=[rgb(ESTIMATE_COLOUR)], radii=[0.004]), static=True)
+    send_poses(stream, plate_found, traces.time[known], found, height)
+    size = np.tile(plate.size * [1, 1, 1.05], (len(found), 1))
+    send(stream, plate_found, traces.time, rr.Boxes3D.columns(half_sizes=size).partition(known.astype(int)))
+    if log.covariance is None or not np.isfinite(log.covariance[known]).all():
         return
-    variance, axes = np.linalg.eigh(log.covariance[rows, :2, :2])
+    variance, axes = np.linalg.eigh(log.covariance[known, :2, :2])
     half = MAGNIFIED * _SIGMAS * np.sqrt(np.maximum(variance, 0))
     turned = np.arctan2(axes[:, 1, 0], axes[:, 0, 0])
     ellipse = f"{entity}/estimate/covariance"
@@ -47,22 +48,23 @@ def send_estimate(stream: rr.RecordingStream, entity: str, traces: Traces, model
         centers=at_height(found, height + _ON_TOP),
         quaternions=quaternion(turned),
     )
-    send(stream, ellipse, time, columns)
+    send(stream, ellipse, traces.time, columns.partition(known.astype(int)))
 
 
 def send_scans(stream: rr.RecordingStream, entity: str, traces: Traces, height: float) -> None:
-    """The scans' returns by cluster, the plate's or not, and rays to the plate."""
+    """The scans' returns by cluster, the plate's or not, and rays to the plate; none are its where it wasn't found."""
     scans = traces.log.scans
     if scans is None:
         return
     x, y, heading = scans.scan.mount
     origin = np.array([x, y, height])
     cluster = scans.cluster
-    plate = _points(origin, heading, cluster.bearing, np.where(cluster.hit, cluster.range, np.nan))
+    hit = cluster.hit & traces.log.is_valid[:, None]
+    plate = _points(origin, heading, cluster.bearing, np.where(hit, cluster.range, np.nan))
     _send_points(stream, f"{entity}/scan/plate", traces.time, plate, PLATE_COLOUR)
-    _send_points(stream, f"{entity}/scan/other", traces.time, _others(scans, origin, heading), OTHER_COLOUR)
+    _send_points(stream, f"{entity}/scan/other", traces.time, _others(scans, hit, origin, heading), OTHER_COLOUR)
     step = np.maximum(1, cluster.count // _MOST_RAYS)[:, None]
-    ray = cluster.hit & (np.cumsum(cluster.hit, axis=1) % step == 0)
+    ray = hit & (np.cumsum(hit, axis=1) % step == 0)
     ends = plate[ray]
     strips = np.stack([np.broadcast_to(origin, ends.shape), ends], axis=1)
     rays = f"{entity}/scan/rays"
@@ -79,12 +81,12 @@ def _points(origin: Array, heading: float, bearing: Array, distance: Array) -> A
     return np.stack([x, y, np.full_like(x, origin[2])], axis=-1)
 
 
-def _others(scans: ScanLog, origin: Array, heading: float) -> Array:
-    """Every few of the returns (T, B', 3) that aren't the plate's, NaN elsewhere."""
+def _others(scans: ScanLog, hit: np.ndarray, origin: Array, heading: float) -> Array:
+    """Every few of the returns (T, B', 3) that aren't the plate's, those `hit` (T, W) of the cluster; NaN elsewhere."""
     if scans.full is None:
         return np.empty((len(scans.cluster.count), 0, 3))
     rest = scans.full.copy()
-    rows, columns = np.nonzero(scans.cluster.hit)
+    rows, columns = np.nonzero(hit)
     rest[rows, scans.first_beam()[rows] + columns] = np.nan
     return _points(origin, heading, scans.scan.bearings, rest)[:, ::_EVERY_OTHER]
 

@@ -21,6 +21,7 @@ _DIM = {LEFT: "#2B5F7D", RIGHT: "#7A5400"}
 """Not see-through: the viewer draws a line in pieces that overlap."""
 _GREY = "#8a8a8a"
 _THICK, _LINE, _THIN = 4.5, 1.5, 0.8  # widths of lines
+_RARE = 5.0  # share of the time, at either end, in which slips may be off their axis [%]
 _MOST_LABELS = 4.5  # along an axis
 
 
@@ -108,16 +109,40 @@ def series_of(traces: Traces) -> list[Series]:
 
 
 def panels(runs: Sequence[Traces]) -> list[Panel]:
-    """PANELS of a run, or COMPARED of several, with errors' ranges such that they can be read after the transients."""
+    """PANELS of a run, or COMPARED of several, with ranges that can be read, those of errors after the transients."""
+    chosen = PANELS if len(runs) == 1 else COMPARED
     late = [error for traces in runs if (error := traces.late_error) is not None]
-    ranges: dict[str, tuple[float, float]] = {}
+    slip = _slip_range(runs)
+    ranges = {panel.title: slip if panel.range == _SLIP_RANGE else _range_of(panel, runs) for panel in chosen}
     if late:
         error = np.concatenate(late)
         ranges[_POSITION] = readable(1e3 * np.append(error[:, :2].ravel(), np.hypot(error[:, 0], error[:, 1])))
         ranges[_DISTANCE] = readable(1e3 * np.hypot(error[:, 0], error[:, 1]))
         ranges[_HEADING] = readable(np.degrees(error[:, 2]))
-    chosen = PANELS if len(runs) == 1 else COMPARED
-    return [replace(panel, range=ranges.get(panel.title, panel.range)) for panel in chosen]
+    return [replace(panel, range=ranges[panel.title]) for panel in chosen]
+
+
+def _range_of(panel: Panel, runs: Sequence[Traces]) -> tuple[float, float] | None:
+    """A range that holds all values of a panel; None without any."""
+    shown = [line.values for traces in runs for line in _lines(traces, len(runs)) if line.entity in panel.entities]
+    values = np.concatenate([value.ravel() for value in shown]) if shown else np.empty(0)
+    values = values[np.isfinite(values)]
+    return readable(values) if values.size else None
+
+
+def _lines(traces: Traces, runs: int) -> list[Series]:
+    """What is plotted of one of so many runs."""
+    return series_of(traces) if runs == 1 else compared_series(traces, "", LEFT, LEFT)
+
+
+def _slip_range(runs: Sequence[Traces]) -> tuple[float, float]:
+    """_SLIP_RANGE, and farther where robots slip more than that for more than moments."""
+    known = [slip for traces in runs if (slip := traces.identified if traces.slip is None else traces.slip) is not None]
+    columns = [column[np.isfinite(column)] for slip in known for column in slip.T]
+    shares = [np.percentile(column, (_RARE, 100 - _RARE)) for column in columns if column.size]
+    ends = np.array([_SLIP_RANGE, *shares])
+    widest = float(ends.min()), float(ends.max())
+    return _SLIP_RANGE if widest == _SLIP_RANGE else readable(np.array(widest))
 
 
 def readable(values: Array) -> tuple[float, float]:

@@ -23,6 +23,7 @@ from trackslip.trajectory import Reference, circle
 
 _SLOWEST = 0.3  # sprocket speed below which a slip is a quotient of noise [rad/s]
 _POLE = 0.5  # beyond it a law is near its pole [-]
+_BELOW_TOP = 1 - 1e-9  # of the top speed: what is below it wasn't scaled down to it
 _BY_DEFAULT = "icr_radius"  # the law shown of a run that was compensated by none
 
 
@@ -138,6 +139,8 @@ def _slip_by_law(
     law: SlipLaw | None = None
     if log.icr is not None and name != "none":
         law = ConstantIcr(log.icr[:, 0], geometry.half_gauge, log.icr[:, 1])  # type: ignore[arg-type]
+    elif name != "none" and (compensated := _compensated(log, geometry)) is not None:
+        return compensated, name
     else:
         laws: dict[str, Any] = dict(KNOWN_LAWS)
         with contextlib.suppress(TrackslipError):
@@ -148,6 +151,20 @@ def _slip_by_law(
         return None, ""
     slip = law(curvature(twist))
     return np.where((np.abs(slip) < _POLE) & (np.abs(log.omega) > _SLOWEST), slip, np.nan), name
+
+
+def _compensated(log: RunLog, geometry: RobotGeometry) -> Array | None:
+    """The slips (T, 2) between the twists asked for and the set points: what a law gave, wherever it came from.
+
+    NaN where the set points were scaled down to the top speed; None where that isn't known.
+    """
+    drive = log.metadata.get("drive")
+    fastest = drive.get("top_speed") if isinstance(drive, Mapping) else None
+    if log.command is None or log.twist_command is None or not isinstance(fastest, int | float):
+        return None
+    free = np.abs(log.command).max(axis=1, keepdims=True) < _BELOW_TOP * fastest / geometry.sprocket_radius
+    slip = track_slip(log.command, log.twist_command, geometry)
+    return np.where(free & (np.abs(slip) < _POLE) & (np.abs(log.omega) > _SLOWEST), slip, np.nan)
 
 
 def _held(pose: Array) -> Array:

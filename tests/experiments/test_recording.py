@@ -14,19 +14,22 @@ import pytest
 import rerun.blueprint as rrb
 from rerun.chunk import RrdReader
 
-from experiments import recording
+from experiments import recording, store
 from experiments.cli import main
 from experiments.recording.blueprint import blueprint
 from experiments.recording.geometry import belt, body, looks, parameters_of
-from experiments.recording.series import COMPARED, LEFT, PANELS, RIGHT, readable, series_of
+from experiments.recording.series import COMPARED, LEFT, PANELS, RIGHT, panels, readable, series_of
 from experiments.recording.stream import telling_names
 from experiments.recording.traces import traces_of
 from experiments.view import choose, free_port
+from sim.ground import Ground, Patch
 from sim.robot_parameters import RobotParameters
 from trackslip.errors import LogError
-from trackslip.kinematics import RobotGeometry, track_slip
+from trackslip.kinematics import RobotGeometry, limit_sprocket_speeds, track_slip
 from trackslip.logfile import read_runs, write_csv
 from trackslip.runlog import RunLog
+from trackslip.scan import Plate
+from trackslip.slip.exponential import ExponentialSpeed
 
 CIRCLE = (
     *("--reference", "circle", "--circle-duration", "14", "--circle-radius", "0.8"),
@@ -112,6 +115,109 @@ def test_slips_agree_in_steady_turns(driven):
     assert traces.distance[0] == pytest.approx(np.hypot(0.1, 0.1), abs=1e-6)  # the circle is the one that was asked for
 
 
+def has_labels(low: float, high: float) -> bool:
+    """Whether an axis of the viewer's has two labels or more, but not more than there is room for."""
+    powers = 10.0 ** np.arange(-5, 5)
+    count = np.floor(high / powers) - np.ceil(low / powers) + 1
+    return bool(((count >= 2) & (count <= 5)).any())
+
+
+def lengths(file: Path, entity: str, name: str) -> np.ndarray:
+    """How many (T,) there are of a component in each row."""
+    batches = [chunk.to_record_batch() for chunk in RrdReader(file).stream().filter(content=entity)]
+    columns = [(b, c) for b in batches for c in b.schema.names if c.endswith(f":{name}") and "time" in b.schema.names]
+    rows = [
+        pair for b, c in columns for pair in zip(b.column("time").to_pylist(), b.column(c).to_pylist(), strict=True)
+    ]
+    return np.array([len(values or ()) for _, values in sorted(rows, key=lambda row: row[0])])
+
+
+def test_nothing_is_the_plates_where_it_was_not_found(driven, tmp_path):
+    log = driven[1][0]
+    missed = np.isin(np.arange(len(log.time)), (50, 51, 120))
+    log = replace(log, valid=log.is_valid & ~missed)
+    recording.record(tmp_path / "run.rrd", [log])
+    verify(tmp_path / "run.rrd")
+    for entity, name in (("estimate/plate", "half_sizes"), ("estimate/covariance", "half_sizes")):
+        np.testing.assert_array_equal(lengths(tmp_path / "run.rrd", f"/run/{entity}", name), log.is_valid)
+    for entity, name in (("scan/plate", "positions"), ("scan/rays", "strips")):
+        np.testing.assert_array_equal(lengths(tmp_path / "run.rrd", f"/run/{entity}", name) > 0, log.is_valid)
+    others = lengths(tmp_path / "run.rrd", "/run/scan/other", "positions")
+    assert (others[[50, 51, 120]] > others[[49, 52, 119]]).all()  # what else came back there
+
+
+def test_scan_points_lie_on_the_plate(driven):
+    """In the world, though the scanner stands elsewhere, looking another way."""
+    file = driven[0] / "none" / "recordings" / "linear_none.rrd"
+    log, plate = driven[1][0], Plate()
+    count = lengths(file, "/run/scan/plate", "positions")
+    points = np.concatenate([
+        np.asarray(chunk.to_record_batch().column("Points3D:positions").flatten().flatten()).reshape(-1, 3)
+        for chunk in RrdReader(file).stream().filter(content="/run/scan/plate")
+        if "time" in chunk.to_record_batch().schema.names
+    ])  # fmt: skip
+    off = plate.outside(np.repeat(log.truth.pose, count, axis=0), points[:, 0], points[:, 1])
+    assert len(off) > 1000
+    assert np.abs(np.minimum(off, 0.02)).mean() < 0.01  # the noise is 5 mm
+    assert (off < 0.05).mean() > 0.99
+
+
+def test_patches_and_slope_are_shown(driven, tmp_path):
+    ground = Ground(slope=0.1, uphill=1.2, patches=(Patch((0.0, np.inf), (-1.0, 0.5), 0.1, 0.2),))
+    log = replace(driven[1][0], metadata=driven[1][0].metadata | {"ground": store.plain(ground)})
+    recording.record(tmp_path / "run.rrd", [log])
+    verify(tmp_path / "run.rrd")
+    found = {}
+    for chunk in RrdReader(tmp_path / "run.rrd").stream():
+        batch = chunk.to_record_batch()
+        found |= {f"{chunk.entity_path} {name}": batch.column(name).to_pylist()[0] for name in batch.schema.names}
+    centre, half = found["/field/patches Boxes3D:centers"][0], found["/field/patches Boxes3D:half_sizes"][0]
+    np.testing.assert_allclose([centre[0] - half[0], centre[1] - half[1], centre[1] + half[1]], [0, -1, 0.5], atol=1e-6)
+    assert 1 < half[0] < 10  # to where the ground ends
+    assert found["/field/patches Boxes3D:labels"] == ["friction 0.1 along, 0.2 across"]
+    np.testing.assert_allclose(found["/field/uphill Arrows3D:vectors"], [[np.cos(1.2), np.sin(1.2), 0]], atol=1e-6)
+    assert found["/field/uphill Arrows3D:labels"] == ["uphill, 0.1 rad"]
+
+
+def test_the_law_shown_is_the_one_that_compensated(driven):
+    """Also one from another file than the shipped, and one that knows of speed."""
+    log = driven[1][0]
+    geometry = RobotGeometry(**log.metadata["geometry"])
+    law = ExponentialSpeed(0.12, -0.9, -0.3, -1.1, gamma_outer=0.2, gamma_inner=-0.3)
+    limit = log.metadata["drive"]["top_speed"] / geometry.sprocket_radius
+    command = limit_sprocket_speeds(law.sprocket_speeds(log.twist_command, geometry), limit)
+    traces = traces_of(replace(log, command=command, metadata=log.metadata | {"compensation": "exponential"}))
+    slip = law.slip(log.twist_command)
+    shown = np.isfinite(traces.law)
+    assert shown.mean() > 0.8
+    np.testing.assert_allclose(traces.law[shown], slip[shown], atol=1e-9)
+    assert not shown[np.abs(command).max(axis=1) >= limit].any()  # scaled down: it can't be told there
+    assert traces.law_name == "exponential"
+
+
+def test_slips_are_on_their_axis(driven):
+    traces = traces_of(driven[1][1])
+    slip = {panel.title: panel.range for panel in panels([traces]) if "lip" in panel.title}
+    assert slip == {"Slip [-]": (-0.25, 0.20)}
+    more = replace(traces, slip=np.tile([-0.7, 0.3], (len(traces.time), 1)))
+    for runs in ([more], [traces, more]):
+        ranges = [panel.range for panel in panels(runs) if "lip" in panel.title]
+        assert all(low < -0.7 and high > 0.3 for low, high in ranges)
+
+
+def test_axes_hold_what_they_show_and_can_be_read(driven):
+    log = driven[1][1]
+    wild = replace(log, command=log.command + np.array([-6.0, 0.0]))
+    for runs in ([log], [wild], [log, wild]):
+        traces = [traces_of(run) for run in runs]
+        shown = {panel.title.split(" [")[0]: panel.range for panel in panels(traces)}
+        low, high = shown["Sprocket speed"]
+        for run in runs:
+            speeds = run.omega if len(runs) > 1 else np.append(run.omega, run.command)
+            assert low < speeds.min() <= speeds.max() < high
+        assert all(has_labels(*shown[name]) for name in shown if "lip" not in name)
+
+
 def test_runs_side_by_side(driven, tmp_path):
     logs = driven[1]
     file = tmp_path / "both.rrd"
@@ -173,10 +279,13 @@ def test_triangles_face_outwards():
 def test_view_of_a_real_robots_log(driven, tmp_path, capsys):
     bare = [replace(log, truth=None, metadata={}, covariance=None, command=None, scans=None) for log in driven[1]]
     write_csv(bare, tmp_path / "real.csv")
-    main(["view", str(tmp_path / "real.csv"), "--save", str(tmp_path / "real.rrd")])
-    assert "2 runs, shown is 'linear none'" in capsys.readouterr().out
-    verify(tmp_path / "real.rrd")
-    _, translation = component(tmp_path / "real.rrd", "/run/robot", "translation")
+    file = tmp_path / "a real.rrd"
+    main(["view", str(tmp_path / "real.csv"), "--save", str(file)])
+    said = capsys.readouterr().out
+    assert "2 runs, shown is 'linear none'" in said
+    assert f"; rerun '{file}'" in said  # as a shell takes it
+    verify(file)
+    _, translation = component(file, "/run/robot", "translation")
     np.testing.assert_allclose(translation[:, :2], bare[0].pose[:, :2], atol=1e-6)
     assert parameters_of(bare[0]) == RobotParameters()
 
@@ -242,9 +351,7 @@ def test_lines_lie_on_thicker_ones(driven):
 def test_errors_axes_have_two_labels_or_more(values):
     low, high = readable(np.array(values))
     assert low < min(values) <= max(values) < high
-    powers = 10.0 ** np.arange(-5, 5)
-    count = np.floor(high / powers) - np.ceil(low / powers) + 1
-    assert ((count >= 2) & (count <= 5)).any()
+    assert has_labels(low, high)
 
 
 def test_view_without_a_viewer(driven, refused, monkeypatch):

@@ -10,7 +10,11 @@ from identified import driven, grid, identified
 from spin import spun_before_the_scanner
 
 from experiments.figure_style import LABELS
-from experiments.report import Report, render
+from experiments.figures import slip_against_speed_and_radius
+from experiments.law_figures import fitted_laws
+from experiments.report import ComparisonRow, Report, render
+from experiments.roles import RoleSamples
+from trackslip.slip import PUBLISHED
 
 OF_LAWS = (
     "fig05_slip_over_speed_and_radius",
@@ -117,3 +121,37 @@ def test_straight_runs_alone_have_tables_but_no_axis_of_radii():
     page = page_of(identified(samples, ("none",), best="none"))
     assert figures_in(page)[0] == "comparison_of_laws"
     assert "3 of them were nearly straight" in text_of(page)
+
+
+@pytest.mark.parametrize("twists", [grid(), [(0.1, 0.1 / radius) for radius in (0.5, 1.0, 2.0, 3.0)]])
+def test_published_and_simulated_says_how_far_runs_are_apart(twists):
+    found = identified(driven(twists))
+    radius = {"commanded": [0.5, 1.0], "observed": [0.63, None], "published": [0.62, 1.34]}
+    rows = [ComparisonRow("slip minus Eq. 11, rms", "-", "0.01"), ComparisonRow("  at other radii", "-", "0.02")]
+    page = render(
+        Report(title="", command="", manifest={}, summary={"radius": radius}, comparison=rows, identification=found)
+    ).html
+    words = text_of(page)
+    apart = re.findall(r"at most (0\.\d+) \(inner track\) and (0\.\d+) \(outer track\) apart", words)
+    again = re.findall(r"differs between runs by at most (0\.\d+) \(inner\) and (0\.\d+) \(outer\)", words)
+    assert apart == again
+    assert len(apart) == (len(twists) > 4)  # only where runs share a radius
+    assert "lie on top of each other" not in words
+    assert '<th scope="row">  at other radii' in page
+    assert re.search(r"\.indented tbody th { white-space: pre-wrap; }", page)
+
+
+def test_one_run_is_spoken_of_as_one():
+    found = identified(driven([(0.1, 0.08)]), ("icr",), best="icr", determined=False)
+    words = text_of(page_of(found))
+    assert "Its one run gives one mean slip per track, at observed radii of 1.25 m and speeds of 0.10 m/s" in words
+    assert "tracks of the one run at once" in words
+    assert "the radii are scattered" not in words
+    turns = RoleSamples.of(found.samples, found.geometry)
+    names = [text.get_text() for legend in slip_against_speed_and_radius(turns, found.comparison.laws["icr"]).legends
+             for text in legend.get_texts()]  # fmt: skip
+    assert "best law" in names
+    for axis, role in zip(fitted_laws(turns, found.comparison).axes, (1, 0), strict=False):
+        low, high = axis.get_ylim()
+        for law in (found.comparison.laws["icr"].law, PUBLISHED):
+            assert low < (turns.slip - turns.residual(law))[0, role] < high
