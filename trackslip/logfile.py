@@ -195,7 +195,7 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
     metadata = _stored_metadata(table, source)
     if not isinstance(metadata, dict) or not all(isinstance(value, dict) for value in metadata.values()):
         raise LogError(f"{source}: its metadata is damaged")
-    valid = columns.boolean("valid")
+    valid = columns.boolean("valid", label)
     ok = np.ones(len(label), bool) if valid is None else valid
     time = columns.numbers(("t",))[:, 0]
     for number, key in enumerate(keys):
@@ -286,18 +286,20 @@ class _Columns:
             return None
         return np.stack([self._parse(name) for name in names], axis=-1)
 
-    def boolean(self, name: str) -> np.ndarray | None:
-        """(T,), or None if the column isn't there."""
+    def boolean(self, name: str, label: np.ndarray) -> np.ndarray | None:
+        """(T,), true in runs, numbered by `label` (T,), that don't have the column; None if it isn't there."""
         if name not in self._table.column_names:
             return None
         if pa.types.is_nested(self._table.column(name).type):
             raise LogError(f"{self._source}: column {name}: {self._table.column(name).type} is not true or false")
         text = self._table.column(name).cast(pa.string()).to_pylist()
         known = {"true": True, "1": True, "1.0": True, "false": False, "0": False, "0.0": False}
+        given = np.array([value not in (None, "") for value in text])
+        lacking = np.bincount(label, given) == 0  # runs
         for k, value in enumerate(text):
-            if str(value).lower() not in known:
+            if str(value).lower() not in known and not lacking[label[k]]:
                 raise LogError(f"{self._source}: row {k + 1}, column {name}: {value!r} is not true or false")
-        return np.array([known[value.lower()] for value in text])
+        return np.array([known.get(str(value).lower(), True) for value in text])
 
     def _number(self, name: str, where: np.ndarray | None) -> Array:
         values = self._parse(name)

@@ -19,4 +19,4 @@ def test_rates(unit, text):
 
 def test_numbers_that_do_not_exist_are_dashes(capsys):
     console.print_table("Slips", ("run", "outer", "inner"), [("nan [m]", f"{float('nan'):+.4f}", "-0.1000")])
-    assert capsys.readouterr().out.splitlines()[-1].split() == ["nan", "[m]", "-", "-0.1000"]
+    assert capsys.readouterr().out.split()[-4:] == ["nan", "[m]", "-", "-0.1000"]

@@ -55,6 +55,14 @@ def test_round_trip_is_exact(tmp_path, suffix, write):
     assert [log.metadata for log in back] == ([log.metadata for log in logs] if suffix == "parquet" else [{}] * 3)
 
 
+@pytest.mark.parametrize(("suffix", "write"), [("csv", write_csv), ("parquet", write_parquet)])
+def test_runs_with_and_without_validity_go_together(tmp_path, suffix, write):
+    logs = [make_log("a"), replace(make_log("b"), valid=None)]
+    write(logs, tmp_path / f"runs.{suffix}")
+    for before, after in zip(logs, read_runs(tmp_path / f"runs.{suffix}"), strict=True):
+        np.testing.assert_array_equal(after.is_valid, before.is_valid)
+
+
 @given(arrays(float, (2, 2), elements=st.floats(allow_nan=False, allow_infinity=False)), st.floats(-1, 1))
 def test_csv_keeps_every_bit(tmp_path_factory, position, heading):
     pose = np.column_stack([position, [heading, -heading]])
