@@ -11,9 +11,11 @@ import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import urllib.parse
 from collections.abc import Sequence
 from pathlib import Path
+from time import monotonic, sleep
 
 from experiments.recording import file_names, record, title
 from experiments.view_config import ViewConfig
@@ -28,6 +30,7 @@ _LOCAL = "127.0.0.1"
 _PAGE, _STREAM = 9090, 9876
 """Usual ports of the viewer's page and of what it is sent."""
 _LONGEST = 300  # characters of what the viewer said
+_PATIENCE, _BETWEEN = 30.0, 0.1  # with a viewer that starts, and between two looks at it [s]
 
 
 def run(config: ViewConfig) -> None:
@@ -43,8 +46,8 @@ def run(config: ViewConfig) -> None:
     else:
         with tempfile.TemporaryDirectory(prefix="trackslip-view-") as folder:
             file = Path(folder) / file_names([title(chosen)])[0]
-            record(file, chosen, laws)
-            _open(file, config.web)
+            begin = record(file, chosen, laws)
+            _open(file, config.web, begin)
 
 
 def choose(logs: Sequence[RunLog], wanted: Sequence[str], path: Path) -> list[RunLog]:
@@ -80,8 +83,10 @@ def _has_laws(path: Path) -> bool:
         return False
 
 
-def _open(file: Path, web: bool) -> None:
+def _open(file: Path, web: bool, begin: float) -> None:
     """Show a recording in a new viewer, native or in the browser, until that is closed or interrupted.
+
+    The native one is put to `begin` [s]; that in the browser plays from the start until it comes to its loop.
 
     Raises:
         TrackslipError: when there is no viewer, or it doesn't start.
@@ -90,15 +95,18 @@ def _open(file: Path, web: bool) -> None:
     viewer = str(beside) if beside.exists() else shutil.which("rerun")
     if viewer is None:
         raise TrackslipError("the rerun viewer isn't installed; --save FILE writes what it would show")
-    command = [viewer, "--new", str(file)]
+    port = free_port(_STREAM)
+    stream = f"rerun+http://{_LOCAL}:{port}/proxy"
+    command = [viewer, "--bind", _LOCAL, "--port", str(port), str(file)]
     if web:
-        page, stream = free_port(_PAGE), free_port(_STREAM)
-        ports = ["--port", str(stream), "--web-viewer-port", str(page)]
-        command = [viewer, "--web-viewer", "--bind", _LOCAL, *ports, str(file)]
-        source = urllib.parse.quote(f"rerun+http://{_LOCAL}:{stream}/proxy", safe="")
+        page = free_port(_PAGE)
+        command += ["--web-viewer", "--web-viewer-port", str(page)]
+        source = urllib.parse.quote(stream, safe="")
         print(f"in the browser, until interrupted: http://{_LOCAL}:{page}?url={source}", flush=True)
     quiet = {"RUST_LOG": "error", "RERUN_APP_ONLY": "true"}
     with subprocess.Popen(command, env={**quiet, **os.environ}, stderr=subprocess.PIPE, text=True) as process:
+        if not web:
+            threading.Thread(target=put_time, args=(stream, begin, process), daemon=True).start()
         try:
             _, said = process.communicate()
         except BaseException:
@@ -109,6 +117,20 @@ def _open(file: Path, web: bool) -> None:
         why = re.sub(r"\S*/\S+: ", "", why)  # where in the viewer's source
         other = "" if web else "--web, or "
         raise TrackslipError(f"the rerun viewer doesn't start; try {other}--save FILE ({why.strip()[:_LONGEST]})")
+
+
+def put_time(stream: str, time: float, viewer: subprocess.Popen[str]) -> None:
+    """Put the viewer that listens at `stream` to a time [s] once it has opened its recording, which can't say so."""
+    from rerun.experimental import ViewerClient
+
+    end = monotonic() + _PATIENCE
+    while monotonic() < end and viewer.poll() is None:
+        with contextlib.suppress(Exception):  # not there yet; or another version of what is experimental
+            client = ViewerClient.connect(stream)
+            if client.get_state().recordings:
+                client.set_time(duration=time)
+                return
+        sleep(_BETWEEN)
 
 
 def free_port(usual: int) -> int:

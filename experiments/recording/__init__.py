@@ -22,8 +22,10 @@ def record_all(folder: Path, logs: Sequence[RunLog], compared: Mapping[str, Sequ
         record(folder / store.RECORDINGS / name, group)
 
 
-def record(file: Path, logs: Sequence[RunLog], laws: Path | None = None) -> None:
+def record(file: Path, logs: Sequence[RunLog], laws: Path | None = None) -> float:
     """A run, or several to compare, as a .rrd file, complete or not at all.
+
+    Returns when it becomes interesting [s]; the viewer plays a loop from there on.
 
     Raises:
         OutputError: when the file can't be written.
@@ -36,10 +38,11 @@ def record(file: Path, logs: Sequence[RunLog], laws: Path | None = None) -> None
         draft.touch()
         with stream.new_stream(title(logs)) as recording:
             recording.save(draft)
-            stream.send(recording, logs, laws)
+            begin = stream.send(recording, logs, laws)
             recording.flush()
             recording.disconnect()
         draft.replace(file)
+        return begin
     except OSError as error:
         raise OutputError(f"{file}: can't be written ({error.strerror or error})") from error
     finally:

@@ -23,12 +23,17 @@ _LEGEND = 1.25  # of the plots' width to that of the data: legends stand beside 
 _BACKGROUND = (30, 32, 36)
 
 
+def begin_of_loop(moment: float, duration: float) -> float:
+    """Just before the interesting moment of runs of that duration [s]."""
+    return max(0.0, min(moment - _BEFORE, duration - _LOOP))
+
+
 def blueprint(
     roots: Sequence[str],
     panels: Sequence[Panel],
     sent: Sequence[str],
     within: Array,
-    moment: float,
+    begin: float,
     duration: float,
 ) -> rrb.Blueprint:
     """The layout.
@@ -38,7 +43,7 @@ def blueprint(
         panels: plots; those of which nothing is there are left out.
         sent: entities that there are.
         within: points (n, 2) that the plan shows [m].
-        moment: at which the viewer begins to play, in a loop [s].
+        begin: of the loop that the viewer plays [s].
         duration: of the runs [s].
     """
     plots = [
@@ -78,7 +83,6 @@ def blueprint(
             eye_up=[0, 1, 0],
         ),
     )
-    first = max(0.0, min(moment - _BEFORE, duration - _LOOP))
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(space, plan, row_shares=[1.2, 1]),
@@ -92,7 +96,7 @@ def blueprint(
             state="collapsed",
             play_state="playing",
             loop_mode="selection",
-            time_selection=rrb.components.AbsoluteTimeRange(min=_nanoseconds(first), max=_nanoseconds(first + _LOOP)),
+            time_selection=rrb.components.AbsoluteTimeRange(min=_nanoseconds(begin), max=_nanoseconds(begin + _LOOP)),
         ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),

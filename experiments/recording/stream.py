@@ -11,7 +11,7 @@ import rerun as rr
 
 from experiments.colours import BLUE, COLOURS
 from experiments.recording import columns, field, paths, robot, sensing
-from experiments.recording.blueprint import blueprint
+from experiments.recording.blueprint import begin_of_loop, blueprint
 from experiments.recording.geometry import looks, parameters_of
 from experiments.recording.series import compared_series, panels, series_of
 from experiments.recording.traces import Traces, traces_of
@@ -31,16 +31,16 @@ def new_stream(title: str) -> rr.RecordingStream:
     return stream
 
 
-def send(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Path | None = None) -> None:
-    """A run, or several to compare; `laws` is a file of identified laws, by default the shipped one."""
-    if len(logs) == 1:
-        send_run(stream, logs[0], laws)
-    else:
-        send_comparison(stream, logs, laws)
+def send(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Path | None = None) -> float:
+    """A run, or several to compare; `laws` is a file of identified laws, by default the shipped one.
+
+    Returns when it becomes interesting [s].
+    """
+    return send_run(stream, logs[0], laws) if len(logs) == 1 else send_comparison(stream, logs, laws)
 
 
-def send_run(stream: rr.RecordingStream, log: RunLog, laws: Path | None = None) -> None:
-    """Everything about a run."""
+def send_run(stream: rr.RecordingStream, log: RunLog, laws: Path | None = None) -> float:
+    """Everything about a run; returns when it becomes interesting [s]."""
     traces = traces_of(log, laws)
     model = looks(parameters_of(log))
     within = _within([traces])
@@ -56,11 +56,14 @@ def send_run(stream: rr.RecordingStream, log: RunLog, laws: Path | None = None) 
     columns.send_series(stream, RUN, traces.time, series)
     columns.send_properties(stream, RUN, {"name": log.run, **log.metadata})
     sent = [f"{RUN}/{line.entity}" for line in series]
-    stream.send_blueprint(blueprint([RUN], panels([traces]), sent, within, traces.moment, float(traces.time[-1])))
+    duration = float(traces.time[-1])
+    begin = begin_of_loop(traces.moment, duration)
+    stream.send_blueprint(blueprint([RUN], panels([traces]), sent, within, begin, duration))
+    return begin
 
 
-def send_comparison(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Path | None = None) -> None:
-    """Several runs on the same time line, each in a colour of its own."""
+def send_comparison(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Path | None = None) -> float:
+    """Several runs on the same time line, each in a colour of its own; returns when they become interesting [s]."""
     runs = [traces_of(log, laws) for log in logs]
     within = _within(runs)
     field.send_field(stream, runs[0], looks(parameters_of(logs[0])), within)
@@ -84,7 +87,9 @@ def send_comparison(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Pa
         sent += [f"{root}/{line.entity}" for line in series]
     worst = max(runs, key=lambda traces: 0.0 if traces.distance is None else float(np.max(traces.distance)))
     duration = max(float(traces.time[-1]) for traces in runs)
-    stream.send_blueprint(blueprint(roots, panels(runs), sent, within, worst.moment, duration))
+    begin = begin_of_loop(worst.moment, duration)
+    stream.send_blueprint(blueprint(roots, panels(runs), sent, within, begin, duration))
+    return begin
 
 
 def telling_names(names: Sequence[str]) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 import subprocess
 import sys
+import types
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +22,7 @@ from experiments.recording.geometry import belt, body, looks, parameters_of
 from experiments.recording.series import COMPARED, LEFT, PANELS, RIGHT, panels, readable, series_of
 from experiments.recording.stream import telling_names
 from experiments.recording.traces import traces_of
-from experiments.view import choose, free_port
+from experiments.view import choose, free_port, put_time
 from sim.ground import Ground, Patch
 from sim.robot_parameters import RobotParameters
 from trackslip.errors import LogError
@@ -389,3 +390,33 @@ def test_driving_without_a_recording_needs_no_rerun():
 def test_names_that_tell_runs_apart():
     assert telling_names(["linear none stone 0", "linear icr stone 0"]) == ["none", "icr"]
     assert telling_names(["a b", "a b c"]) == ["a b", "a b c"]
+
+
+def test_the_native_viewer_is_put_to_the_interesting_moment(driven, tmp_path, monkeypatch):
+    """As soon as it listens and has opened the recording; not if it has ended before."""
+    begin = recording.record(tmp_path / "run.rrd", driven[1][:1])
+    assert 0 < begin < 14
+    asked, put = [], []
+
+    class Viewer:
+        def poll(self):
+            return 1 if len(asked) > 5 else None
+
+        @staticmethod
+        def connect(_stream):
+            asked.append(1)
+            if len(asked) == 1:
+                raise ConnectionError
+            return Viewer()
+
+        def get_state(self):
+            return types.SimpleNamespace(recordings=["run"] if len(asked) == 3 else [])
+
+        def set_time(self, duration):
+            put.append(duration)
+
+    monkeypatch.setattr("rerun.experimental.ViewerClient", Viewer)
+    put_time("there", begin, Viewer())
+    assert (len(asked), put) == (3, [begin])
+    put_time("there", begin, Viewer())
+    assert (len(asked), put) == (6, [begin])
