@@ -24,7 +24,7 @@ import numpy as np
 from experiments.interrupts import interrupts_later
 from experiments.locking import locked
 from trackslip import fileformat
-from trackslip.errors import OutputError
+from trackslip.errors import OutputError, first_line
 
 if TYPE_CHECKING:
     from trackslip.identification import SlipSamples
@@ -192,7 +192,7 @@ def arrow_errors(file: Path) -> Iterator[None]:
     except OSError:
         raise
     except pa.ArrowException as error:
-        raise OutputError(f"{file.name}: can't be written ({str(error).splitlines()[0]})") from error
+        raise OutputError(f"{file.name}: can't be written ({first_line(error)})") from error
 
 
 def command_line(command: str) -> str:

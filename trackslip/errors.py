@@ -60,3 +60,8 @@ def require_finite(field: str, value: float) -> None:
     """Raise InvalidValueError unless `value` is finite."""
     if not -float("inf") < value < float("inf"):
         raise InvalidValueError(field, value, "a finite number")
+
+
+def first_line(error: Exception) -> str:
+    """What another library's error says, in a line."""
+    return str(error).splitlines()[0] if str(error) else type(error).__name__

@@ -19,7 +19,8 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
-from trackslip.errors import LogError
+from trackslip.checked_columns import Columns
+from trackslip.errors import LogError, first_line
 from trackslip.fileformat import FORMAT, require_known_format, require_known_manifest
 from trackslip.heading_check import require_headings
 from trackslip.kinematics import Array
@@ -178,7 +179,7 @@ def read_runs(path: Path) -> list[RunLog]:
 
 def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
     """The runs in a table read from `source` (named in errors)."""
-    columns = _Columns(table, source)
+    columns = Columns(table, source)
     columns.require(REQUIRED)
     if pa.types.is_nested(table.schema.field("run").type):
         raise LogError(f"{source}: column run: {table.schema.field('run').type} is not a name")
@@ -251,83 +252,12 @@ def read_samples(table: pa.Table, source: str) -> tuple[Array, Array]:
 
 def read_columns(table: pa.Table, names: Sequence[str], source: str) -> Array:
     """Columns of numbers (T, len(names)); raises LogError naming the row and column of what can't be read."""
-    columns = _Columns(table, source)
+    columns = Columns(table, source)
     columns.require(names)
     values = columns.numbers(names)
     if not len(values):
         raise LogError(f"{source}: no rows")
     return values
-
-
-class _Columns:
-    """Columns of a table as arrays, with errors that name the row and the column."""
-
-    def __init__(self, table: pa.Table, source: str) -> None:
-        self._table, self._source = table, source
-
-    def require(self, names: Sequence[str]) -> None:
-        found = self._table.column_names
-        twice = [name for name in found if found.count(name) > 1]
-        if twice:
-            raise LogError(f"{self._source}: column {twice[0]} is there {found.count(twice[0])} times")
-        missing = [name for name in names if name not in self._table.column_names]
-        if missing:
-            raise LogError(
-                f"{self._source}: column {missing[0]} is missing (found {', '.join(self._table.column_names)})"
-            )
-
-    def numbers(self, names: Sequence[str], where: np.ndarray | None = None) -> Array:
-        """(T, len(names)), every value finite, or at least those in the rows `where`."""
-        return np.stack([self._number(name, where) for name in names], axis=-1)
-
-    def optional(self, names: Sequence[str]) -> Array | None:
-        """(T, len(names)) with NaN for nulls, or None if the columns aren't there."""
-        if any(name not in self._table.column_names for name in names):
-            return None
-        return np.stack([self._parse(name) for name in names], axis=-1)
-
-    def boolean(self, name: str, label: np.ndarray) -> np.ndarray | None:
-        """(T,), true in runs, numbered by `label` (T,), that don't have the column; None if it isn't there."""
-        if name not in self._table.column_names:
-            return None
-        if pa.types.is_nested(self._table.column(name).type):
-            raise LogError(f"{self._source}: column {name}: {self._table.column(name).type} is not true or false")
-        text = self._table.column(name).cast(pa.string()).to_pylist()
-        known = {"true": True, "1": True, "1.0": True, "false": False, "0": False, "0.0": False}
-        given = np.array([value not in (None, "") for value in text])
-        lacking = np.bincount(label, given) == 0  # runs
-        for k, value in enumerate(text):
-            if str(value).lower() not in known and not lacking[label[k]]:
-                raise LogError(f"{self._source}: row {k + 1}, column {name}: {value!r} is not true or false")
-        return np.array([known.get(str(value).lower(), True) for value in text])
-
-    def _number(self, name: str, where: np.ndarray | None) -> Array:
-        values = self._parse(name)
-        bad = ~np.isfinite(values) if where is None else ~np.isfinite(values) & where
-        if bad.any():
-            k = int(np.argmax(bad))
-            given = self._table.column(name)[k].as_py()
-            raise LogError(f"{self._source}: row {k + 1}, column {name}: {given!r} is not a finite number")
-        return values
-
-    def _parse(self, name: str) -> Array:
-        column = self._table.column(name)
-        stated = (self._table.schema.field(name).metadata or {}).get(b"unit")
-        if stated is not None and name in COLUMNS and stated.decode(errors="replace") != COLUMNS[name].unit:
-            unit = stated.decode(errors="replace")
-            raise LogError(f"{self._source}: column {name}: in {unit!r}, must be in {COLUMNS[name].unit or 'no unit'}")
-        if not (pa.types.is_string(column.type) or pa.types.is_large_string(column.type)):
-            if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
-                raise LogError(f"{self._source}: column {name}: {column.type} is not a number")
-            return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False), float)
-        values = np.full(len(column), np.nan)
-        for k, text in enumerate(column.to_pylist()):
-            if text:
-                try:
-                    values[k] = float(text)
-                except ValueError:
-                    raise LogError(f"{self._source}: row {k + 1}, column {name}: {text!r} is not a number") from None
-        return values
 
 
 def _as_text(path: Path) -> pa.csv.ConvertOptions:
@@ -417,8 +347,3 @@ def _stored_metadata(table: pa.Table, source: str) -> dict[str, dict[str, Any]]:
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise LogError(f"{source}: its metadata is damaged ({first_line(error)})") from error
     return runs
-
-
-def first_line(error: Exception) -> str:
-    """What an error says, in a line."""
-    return str(error).splitlines()[0] if str(error) else type(error).__name__

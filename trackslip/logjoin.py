@@ -13,8 +13,8 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet
 
-from trackslip.errors import LogError
-from trackslip.logfile import file_metadata, first_line, packing, stored_text
+from trackslip.errors import LogError, first_line
+from trackslip.logfile import file_metadata, packing, stored_text
 
 _AHEAD = 8  # runs that are read while others are written
 

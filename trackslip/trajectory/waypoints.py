@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from trackslip.errors import InvalidValueError, ReferenceFileError
+from trackslip.errors import InvalidValueError, ReferenceFileError, first_line
 from trackslip.kinematics import Array
 from trackslip.trajectory.path import LONGEST, ParametricPath
 from trackslip.trajectory.profile import LIMITS, Limits, ProfiledReference
@@ -65,7 +65,7 @@ def read_points(path: Path) -> Array:
         with path.open(encoding="utf-8-sig", newline="") as file:
             return np.array(list(_parse(file, path)), float).reshape(-1, 2)
     except (OSError, csv.Error, UnicodeError) as error:
-        raise ReferenceFileError(f"{path}: {str(error).splitlines()[0]}") from error
+        raise ReferenceFileError(f"{path}: {first_line(error)}") from error
 
 
 def _parse(lines: Iterator[str], path: Path) -> Iterator[list[float]]:

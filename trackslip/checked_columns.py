@@ -1,0 +1,84 @@
+"""Columns of a table that anyone may have written, as arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pyarrow as pa
+
+from trackslip.errors import LogError
+from trackslip.kinematics import Array
+from trackslip.schema import COLUMNS
+
+
+class Columns:
+    """Columns of a table as arrays, with errors that name the row and the column."""
+
+    def __init__(self, table: pa.Table, source: str) -> None:
+        self._table, self._source = table, source
+
+    def require(self, names: Sequence[str]) -> None:
+        """Raise LogError where one of `names` is missing, or any column is there twice."""
+        found = self._table.column_names
+        twice = [name for name in found if found.count(name) > 1]
+        if twice:
+            raise LogError(f"{self._source}: column {twice[0]} is there {found.count(twice[0])} times")
+        missing = [name for name in names if name not in self._table.column_names]
+        if missing:
+            raise LogError(
+                f"{self._source}: column {missing[0]} is missing (found {', '.join(self._table.column_names)})"
+            )
+
+    def numbers(self, names: Sequence[str], where: np.ndarray | None = None) -> Array:
+        """(T, len(names)), every value finite, or at least those in the rows `where`."""
+        return np.stack([self._number(name, where) for name in names], axis=-1)
+
+    def optional(self, names: Sequence[str]) -> Array | None:
+        """(T, len(names)) with NaN for nulls, or None if the columns aren't there."""
+        if any(name not in self._table.column_names for name in names):
+            return None
+        return np.stack([self._parse(name) for name in names], axis=-1)
+
+    def boolean(self, name: str, label: np.ndarray) -> np.ndarray | None:
+        """(T,), true in runs, numbered by `label` (T,), that don't have the column; None if it isn't there."""
+        if name not in self._table.column_names:
+            return None
+        if pa.types.is_nested(self._table.column(name).type):
+            raise LogError(f"{self._source}: column {name}: {self._table.column(name).type} is not true or false")
+        text = self._table.column(name).cast(pa.string()).to_pylist()
+        known = {"true": True, "1": True, "1.0": True, "false": False, "0": False, "0.0": False}
+        given = np.array([value not in (None, "") for value in text])
+        lacking = np.bincount(label, given) == 0  # runs
+        for k, value in enumerate(text):
+            if str(value).lower() not in known and not lacking[label[k]]:
+                raise LogError(f"{self._source}: row {k + 1}, column {name}: {value!r} is not true or false")
+        return np.array([known.get(str(value).lower(), True) for value in text])
+
+    def _number(self, name: str, where: np.ndarray | None) -> Array:
+        values = self._parse(name)
+        bad = ~np.isfinite(values) if where is None else ~np.isfinite(values) & where
+        if bad.any():
+            k = int(np.argmax(bad))
+            given = self._table.column(name)[k].as_py()
+            raise LogError(f"{self._source}: row {k + 1}, column {name}: {given!r} is not a finite number")
+        return values
+
+    def _parse(self, name: str) -> Array:
+        column = self._table.column(name)
+        stated = (self._table.schema.field(name).metadata or {}).get(b"unit")
+        if stated is not None and name in COLUMNS and stated.decode(errors="replace") != COLUMNS[name].unit:
+            unit = stated.decode(errors="replace")
+            raise LogError(f"{self._source}: column {name}: in {unit!r}, must be in {COLUMNS[name].unit or 'no unit'}")
+        if not (pa.types.is_string(column.type) or pa.types.is_large_string(column.type)):
+            if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
+                raise LogError(f"{self._source}: column {name}: {column.type} is not a number")
+            return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False), float)
+        values = np.full(len(column), np.nan)
+        for k, text in enumerate(column.to_pylist()):
+            if text:
+                try:
+                    values[k] = float(text)
+                except ValueError:
+                    raise LogError(f"{self._source}: row {k + 1}, column {name}: {text!r} is not a number") from None
+        return values
