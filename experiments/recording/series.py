@@ -113,7 +113,8 @@ def panels(runs: Sequence[Traces]) -> list[Panel]:
     chosen = PANELS if len(runs) == 1 else COMPARED
     late = [error for traces in runs if (error := traces.late_error) is not None]
     slip = _slip_range(runs)
-    ranges = {panel.title: slip if panel.range == _SLIP_RANGE else _range_of(panel, runs) for panel in chosen}
+    lines = [line for traces in runs for line in _lines(traces, len(runs))]
+    ranges = {panel.title: slip if panel.range == _SLIP_RANGE else _range_of(panel, lines) for panel in chosen}
     if late:
         error = np.concatenate(late)
         ranges[_POSITION] = readable(1e3 * np.append(error[:, :2].ravel(), np.hypot(error[:, 0], error[:, 1])))
@@ -122,9 +123,9 @@ def panels(runs: Sequence[Traces]) -> list[Panel]:
     return [replace(panel, range=ranges[panel.title]) for panel in chosen]
 
 
-def _range_of(panel: Panel, runs: Sequence[Traces]) -> tuple[float, float] | None:
-    """A range that holds all values of a panel; None without any."""
-    shown = [line.values for traces in runs for line in _lines(traces, len(runs)) if line.entity in panel.entities]
+def _range_of(panel: Panel, lines: Sequence[Series]) -> tuple[float, float] | None:
+    """A range that holds all values of those of the lines that a panel shows; None without any."""
+    shown = [line.values for line in lines if line.entity in panel.entities]
     values = np.concatenate([value.ravel() for value in shown]) if shown else np.empty(0)
     values = values[np.isfinite(values)]
     return readable(values) if values.size else None
