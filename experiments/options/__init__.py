@@ -1,0 +1,1 @@
+"""What each command accepts. Importing this starts no simulator."""

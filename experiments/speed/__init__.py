@@ -1,0 +1,1 @@
+"""What `trackslip bench` measures."""

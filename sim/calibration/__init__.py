@@ -1,0 +1,1 @@
+"""The robot's parameters fitted to slips and radii."""

@@ -1,0 +1,1 @@
+"""The drives of the tracks: servo, motor and their limits."""

@@ -1,0 +1,1 @@
+"""The ground: friction, slope, patches, names and files."""

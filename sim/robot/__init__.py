@@ -1,0 +1,1 @@
+"""The robot: its model, its parameters and its file."""

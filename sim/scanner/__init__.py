@@ -1,0 +1,1 @@
+"""The laser range finder and what it sees."""
