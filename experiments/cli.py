@@ -15,20 +15,23 @@ from typing import Annotated, Any
 
 import tyro
 
-from experiments.bench_config import BenchConfig
-from experiments.benchmark_config import BenchmarkConfig
-from experiments.calibrate_config import CalibrateConfig
 from experiments.completion_config import CompletionConfig
-from experiments.config import IdentifyConfig, PredictConfig, ReproduceConfig, TrackConfig
-from experiments.coverage_config import CoverageConfig
 from experiments.examples import examples_text
-from experiments.export_config import ExportConfig
 from experiments.mistakes import sentence
-from experiments.sensitivity_config import SensitivityConfig
-from experiments.sweep_config import SweepConfig
-from experiments.train_config import TrainConfig
-from experiments.validate_config import ValidateConfig
-from experiments.view_config import ViewConfig
+from experiments.options.bench import BenchConfig
+from experiments.options.benchmark import BenchmarkConfig
+from experiments.options.calibrate import CalibrateConfig
+from experiments.options.coverage import CoverageConfig
+from experiments.options.export import ExportConfig
+from experiments.options.grid import SweepConfig
+from experiments.options.identify import IdentifyConfig
+from experiments.options.predict import PredictConfig
+from experiments.options.reproduce import ReproduceConfig
+from experiments.options.sensitivity import SensitivityConfig
+from experiments.options.track import TrackConfig
+from experiments.options.train import TrainConfig
+from experiments.options.validate import ValidateConfig
+from experiments.options.view import ViewConfig
 from trackslip.errors import InvalidValueError, TrackslipError
 
 Command = (
@@ -51,21 +54,21 @@ Command = (
 _DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate it.
 `trackslip COMMAND --help` lists a command's options, with examples."""
 _RUNNERS = {
-    SweepConfig: "experiments.sweep.command",
-    IdentifyConfig: "experiments.identify",
-    ExportConfig: "experiments.export",
-    TrackConfig: "experiments.track",
-    BenchmarkConfig: "experiments.benchmark",
-    TrainConfig: "experiments.train",
-    PredictConfig: "experiments.predict",
-    CalibrateConfig: "experiments.calibrate",
-    ValidateConfig: "experiments.validate",
-    CoverageConfig: "experiments.coverage",
-    SensitivityConfig: "experiments.sensitivity",
-    ReproduceConfig: "experiments.reproduce",
-    BenchConfig: "experiments.bench",
+    SweepConfig: "experiments.commands.grid",
+    IdentifyConfig: "experiments.commands.identify",
+    ExportConfig: "experiments.commands.export",
+    TrackConfig: "experiments.commands.track",
+    BenchmarkConfig: "experiments.commands.benchmark",
+    TrainConfig: "experiments.commands.train",
+    PredictConfig: "experiments.commands.predict",
+    CalibrateConfig: "experiments.commands.calibrate",
+    ValidateConfig: "experiments.commands.validate",
+    CoverageConfig: "experiments.commands.coverage",
+    SensitivityConfig: "experiments.commands.sensitivity",
+    ReproduceConfig: "experiments.commands.reproduce",
+    BenchConfig: "experiments.commands.bench",
     CompletionConfig: "experiments.completion",
-    ViewConfig: "experiments.view",
+    ViewConfig: "experiments.commands.view",
 }
 
 

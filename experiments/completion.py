@@ -11,10 +11,10 @@ from typing import Any, Literal
 
 import tyro
 
-from experiments.benchmark_config import CONTROLLER_NAMES, REFERENCE_NAMES
 from experiments.completion_config import CompletionConfig
-from sim.named_grounds import NAMED_GROUNDS
-from sim.named_obstacles import NAMED_OBSTACLES
+from experiments.options.benchmark import CONTROLLER_NAMES, REFERENCE_NAMES
+from sim.ground.named import NAMED_GROUNDS
+from sim.scanner.named_obstacles import NAMED_OBSTACLES
 
 Options = Mapping[str, tuple[str, ...]]
 """The values that can be listed, of each option of a command."""

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from trackslip.errors import TrackslipError
-from trackslip.trajectory import paper_reference
+from trackslip.trajectory.segmented import paper_reference
 
 if TYPE_CHECKING:
     import mujoco
@@ -63,7 +63,7 @@ def render(
     try:
         import mujoco  # late, because MUJOCO_GL counts at import
 
-        from sim.robot import FIELD
+        from sim.robot.robot import FIELD
     except (ImportError, AttributeError) as error:
         raise TrackslipError(f"MuJoCo's OpenGL does not load: {error}") from error
 

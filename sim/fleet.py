@@ -8,12 +8,12 @@ import numpy as np
 from mujoco import batch
 from numpy.typing import ArrayLike, NDArray
 
-from sim.drive import RADIUS_ERROR, Drive, DriveState
-from sim.ground import Ground
-from sim.pad_friction import PadFriction
-from sim.robot import Robot
-from sim.robot_parameters import SINK
-from sim.saturation import SpeedSearch
+from sim.drive.drive import RADIUS_ERROR, Drive, DriveState
+from sim.drive.saturation import SpeedSearch
+from sim.ground.ground import Ground
+from sim.ground.pad_friction import PadFriction
+from sim.robot.parameters import SINK
+from sim.robot.robot import Robot
 from sim.setting import Setting
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array

@@ -8,14 +8,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sim.path_tracking.config import EnvConfig
-from trackslip.controllers import (
-    Controller,
-    Feedforward,
-    Kanayama,
-    LinearTimeVarying,
-    OffsetPoint,
-    Samson,
-)
+from trackslip.controllers.base import Controller
+from trackslip.controllers.feedforward import Feedforward
+from trackslip.controllers.kanayama import Kanayama
+from trackslip.controllers.linear import LinearTimeVarying
+from trackslip.controllers.offset_point import OffsetPoint
+from trackslip.controllers.samson import Samson
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim.contact_sensors import POINTS, WIDTH
 from sim.fleet import Fleet
-from sim.robot import Robot
+from sim.robot.contact_sensors import POINTS, WIDTH
+from sim.robot.robot import Robot
 from trackslip.kinematics import Array
 
 

@@ -21,7 +21,7 @@ from sim.path_tracking.observation import Layout
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.metrics import body_errors
-from trackslip.trajectory import Reference
+from trackslip.trajectory.base import Reference
 
 _FORMAT = "trackslip policy 1"
 _DAMAGED = (

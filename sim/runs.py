@@ -13,18 +13,20 @@ import numpy as np
 
 from sim.fleet import Fleet
 from sim.instruments import pad_forces
-from sim.scanner import ScannerFeed
+from sim.scanner.scanner import ScannerFeed
 from sim.stopwatch import Stopwatch
-from trackslip.compensation import Compensation, FixedLaw
-from trackslip.controllers import Controller, SensesSprockets
+from trackslip.controllers.base import Controller, SensesSprockets
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import Array, RobotGeometry, advance, limit_sprocket_speeds
-from trackslip.localization import Locator, PoseEstimate, Tracker
-from trackslip.runlog import RunLog, Truth
-from trackslip.scan import Cluster, extract_plate
-from trackslip.scanlog import ScanLog
-from trackslip.slip import ConstantIcr, SlipLaw
-from trackslip.trajectory import Reference
+from trackslip.localization.base import Locator, PoseEstimate
+from trackslip.localization.scan import Cluster, extract_plate
+from trackslip.localization.tracker import Tracker
+from trackslip.logs.runlog import RunLog, Truth
+from trackslip.logs.scanlog import ScanLog
+from trackslip.slip.base import SlipLaw
+from trackslip.slip.compensation import Compensation, FixedLaw
+from trackslip.slip.icr import ConstantIcr
+from trackslip.trajectory.base import Reference
 
 Progress = Callable[[float], None]
 """Called with the seconds simulated since the last call."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from sim.drive import RADIUS_ERROR, Drive
-from sim.ground import Ground
+from sim.drive.drive import RADIUS_ERROR, Drive
+from sim.ground.ground import Ground
 
 
 @dataclass(frozen=True)

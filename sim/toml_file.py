@@ -13,7 +13,7 @@ from trackslip.errors import InvalidValueError, SettingsFileError
 
 T = TypeVar("T")
 
-_LONGEST = 80  # value in a message, in characters
+_MAX_VALUE_TEXT = 80  # value in a message, in characters
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -82,4 +82,4 @@ def _shown(value: object) -> str:
         text = repr(value)
     except ValueError:  # Python writes no integer of thousands of digits
         return "a huge number"
-    return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
+    return text if len(text) <= _MAX_VALUE_TEXT else text[: _MAX_VALUE_TEXT - 3] + "..."

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import settings
 
-from sim.robot import Robot, load_robot
+from sim.robot.robot import Robot, load_robot
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.scan import Plate, Scan
+from trackslip.localization.scan import Plate, Scan
 
 settings.register_profile("trackslip", deadline=None)  # a busy machine is no error
 settings.load_profile("trackslip")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from trackslip.errors import InvalidValueError, LogError, OutputError, TrackslipError
 
 if TYPE_CHECKING:
-    from trackslip.runlog import RunLog
+    from trackslip.logs.runlog import RunLog
 
 __all__ = ["InvalidValueError", "LogError", "OutputError", "TrackslipError", "load"]
 
@@ -19,6 +19,6 @@ def load(path: str | Path) -> list[RunLog]:
     Raises:
         LogError: in one line, for a folder without runs, or a file that is damaged or holds none.
     """
-    from trackslip import logfile  # only now, so that importing trackslip is quick
+    from trackslip.logs import logfile  # only now, so that importing trackslip is quick
 
     return logfile.load(path)

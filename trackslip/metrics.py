@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.kinematics import Array, wrap_angle
-from trackslip.runlog import RunLog
-from trackslip.trajectory import Reference
+from trackslip.logs.runlog import RunLog
+from trackslip.trajectory.base import Reference
 
 TRANSIENT = 12.0
 """When the paper's arc begins and an initial error has died out [s]."""

@@ -1,5 +1,1 @@
-"""`trackslip benchmark`: every controller with every compensation, on paths and grounds, in one table."""
-
-from experiments.benchmark.command import run
-
-__all__ = ["run"]
+"""`trackslip benchmark`: cases, groups of runs, rows."""

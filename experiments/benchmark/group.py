@@ -9,20 +9,20 @@ from typing import Any
 
 import numpy as np
 
-from experiments import store
 from experiments.benchmark.latency import step_times
 from experiments.benchmark.setup import Setup
-from experiments.benchmark_config import Case
-from experiments.names import reference
+from experiments.driving.lookup import reference
+from experiments.options.benchmark import Case
+from experiments.storage import results as store
 from trackslip.errors import TrackslipError
+from trackslip.logs.runlog import RunLog
 from trackslip.metrics import expense, tracking_errors
-from trackslip.runlog import RunLog
 
-ENOUGH = 32
+GROUP_SIZE = 32
 """Robots in a fleet, from which on it hardly gains by being larger, whereas more processes can share smaller ones."""
 
 
-TOO_MANY = 3 * ENOUGH
+TOO_MANY = 3 * GROUP_SIZE
 """Robots of one controller on one reference, beyond which they are more than one fleet."""
 
 
@@ -37,7 +37,7 @@ class Outcome:
 
 
 def groups(cases: Sequence[Case]) -> list[tuple[Case, ...]]:
-    """Cases by reference, in order, whole controllers at a time: as many as make a fleet of about ENOUGH."""
+    """Cases by reference, in order, whole controllers at a time: as many as make a fleet of about GROUP_SIZE."""
     paths: dict[str, dict[str, list[Case]]] = {}
     for case in cases:
         paths.setdefault(case.reference, {}).setdefault(case.controller, []).append(case)
@@ -45,13 +45,13 @@ def groups(cases: Sequence[Case]) -> list[tuple[Case, ...]]:
     for controllers in paths.values():
         group: list[Case] = []
         for same in controllers.values():
-            if group and len(group) + len(same) > ENOUGH:
+            if group and len(group) + len(same) > GROUP_SIZE:
                 found.append(tuple(group))
                 group = []
             group += same
             while len(group) > TOO_MANY:
-                found.append(tuple(group[:ENOUGH]))
-                group = group[ENOUGH:]
+                found.append(tuple(group[:GROUP_SIZE]))
+                group = group[GROUP_SIZE:]
         found.append(tuple(group))
     return found
 

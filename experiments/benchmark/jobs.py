@@ -7,11 +7,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from experiments.benchmark.group import drive, measure
-from experiments.benchmark.parts import Parts
 from experiments.benchmark.setup import Setup
-from experiments.benchmark_config import BenchmarkConfig, Case
-from experiments.executors import processors, workers
-from experiments.names import reference
+from experiments.driving.lookup import reference
+from experiments.options.benchmark import BenchmarkConfig, Case
+from experiments.parallel.executors import processors, workers
+from experiments.storage.benchmark_parts import Parts
 
 _SLOW = {"mpc": 4.0}  # how much longer a robot takes than under most controllers
 

@@ -7,12 +7,12 @@ import time
 import numpy as np
 
 from experiments.benchmark.setup import Setup
-from experiments.benchmark_config import Case
-from experiments.names import reference
-from trackslip.controllers import SensesSprockets
+from experiments.driving.lookup import reference
+from experiments.options.benchmark import Case
+from trackslip.controllers.base import SensesSprockets
 from trackslip.kinematics import Array, limit_sprocket_speeds
-from trackslip.localization import PoseEstimate
-from trackslip.runlog import RunLog
+from trackslip.localization.base import PoseEstimate
+from trackslip.logs.runlog import RunLog
 
 _STEPS = 200  # measured, from the start of the run
 

@@ -9,25 +9,25 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments import store
-from experiments.benchmark_config import BenchmarkConfig, Case
-from experiments.grid import make_locator
-from experiments.names import compensation, controller, reference
-from experiments.world import World
+from experiments.driving.grid_runs import make_locator
+from experiments.driving.lookup import compensation, controller, reference
+from experiments.driving.world import World
+from experiments.options.benchmark import BenchmarkConfig, Case
+from experiments.storage import results as store
 from sim.fleet import Fleet
-from sim.ground import Ground
-from sim.ground_file import load_ground
+from sim.ground.file import load_ground
+from sim.ground.ground import Ground
 from sim.runs import Description, Pilot, closed_loop
 from sim.seeds import generator
-from trackslip.compensation import Compensation
-from trackslip.controllers import Controller
+from trackslip.controllers.base import Controller
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array
-from trackslip.runlog import RunLog
-from trackslip.trajectory import Reference
+from trackslip.logs.runlog import RunLog
+from trackslip.slip.compensation import Compensation
+from trackslip.trajectory.base import Reference
 
 _PAPER_OFFSET = (-0.2, -0.3, -np.pi / 6)  # ahead, to the left, turned: Sec. IV-C, (0.3, -0.2, pi/3) from (0, 0, pi/2)
-_FARTHEST, _MOST_TURNED = 0.15, np.radians(20)  # of a random start [m, rad]
+_MAX_OFFSET, _MAX_TURNED = 0.15, np.radians(20)  # of a random start [m, rad]
 
 
 @dataclass(frozen=True)
@@ -115,8 +115,8 @@ def start(case: Case, path: Reference) -> Array:
         offset = np.array(_PAPER_OFFSET)
     elif case.start == "random":
         rng = generator(case.seed, f"start {_key(case.reference)}")
-        away, bearing = _FARTHEST * np.sqrt(rng.uniform()), rng.uniform(-np.pi, np.pi)
-        offset = np.array([away * np.cos(bearing), away * np.sin(bearing), rng.uniform(-_MOST_TURNED, _MOST_TURNED)])
+        away, bearing = _MAX_OFFSET * np.sqrt(rng.uniform()), rng.uniform(-np.pi, np.pi)
+        offset = np.array([away * np.cos(bearing), away * np.sin(bearing), rng.uniform(-_MAX_TURNED, _MAX_TURNED)])
     pose = path.pose(0.0)
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     return pose + np.array([cos * offset[0] - sin * offset[1], sin * offset[0] + cos * offset[1], offset[2]])

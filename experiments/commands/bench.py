@@ -25,21 +25,21 @@ from mujoco import batch
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from experiments import store
-from experiments.bench_config import BenchConfig
-from experiments.config import TrackConfig
-from experiments.console import print_table
-from experiments.grid import before_scanner, make_locator
+from experiments.driving.grid_runs import before_scanner, make_locator
+from experiments.options.bench import BenchConfig
+from experiments.options.track import TrackConfig
+from experiments.report.terminal import print_table
+from experiments.storage import results as store
 from sim.fleet import Fleet
-from sim.robot import Robot, load_robot
+from sim.robot.robot import Robot, load_robot
 from sim.runs import Description, Pilot, closed_loop
-from sim.scanner import LaserScanner, ScannerFeed
+from sim.scanner.scanner import LaserScanner, ScannerFeed
 from sim.seeds import generator
-from trackslip.compensation import FixedLaw
-from trackslip.controllers import LinearTimeVarying
+from trackslip.controllers.linear import LinearTimeVarying
 from trackslip.kinematics import Array
-from trackslip.lawfile import load_laws
-from trackslip.trajectory import circle
+from trackslip.slip.compensation import FixedLaw
+from trackslip.slip.law_file import load_laws
+from trackslip.trajectory.segmented import circle
 
 BARE, FLEET, SCANNER, CLOSED_LOOP = CASES = ("bare", "fleet", "scanner", "closed loop")
 Rates = Mapping[tuple[str, int, int], Array]
@@ -49,8 +49,8 @@ _RADIUS, _SPEED = TrackConfig.circle_radius, TrackConfig.circle_speed  # of the 
 _TURNS = 4  # in a round; the closed loop has one
 _STEADY = 2.0  # time after which the sprockets turn at their set points to the last bit [s]
 _CLOSED_LOOP_SHARE = 0.1  # of the simulated time: localisation takes so much longer
-_FEWEST_SCANS = 2
-_FEWEST_SCANS_CLOSED_LOOP = 6
+_MIN_SCANS = 2
+_MIN_SCANS_CLOSED_LOOP = 6
 
 
 def run(config: BenchConfig) -> None:
@@ -74,12 +74,12 @@ def run(config: BenchConfig) -> None:
 def _measured(config: BenchConfig, robot: Robot) -> dict[str, Any]:
     timestep = robot.model.opt.timestep
     if config.env:
-        from experiments.bench_env import env_rows, measure_env  # late: it needs gymnasium
+        from experiments.speed.environments import env_rows, measure_env  # late: it needs gymnasium
 
         with _progress(1 + config.repeats) as step:
             return {"rows": env_rows(config, measure_env(config, step), timestep)}
     if config.grid:
-        from experiments.bench_grid import measure_grid
+        from experiments.speed.grid import measure_grid
 
         with _progress(len(config.thread_counts)) as step:
             return {"rows": measure_grid(config, step)}
@@ -89,7 +89,7 @@ def _measured(config: BenchConfig, robot: Robot) -> dict[str, Any]:
 
 def _print_out(config: BenchConfig, summary: Mapping[str, Any]) -> None:
     if config.grid:
-        from experiments.bench_grid import print_grid_summary
+        from experiments.speed.grid import print_grid_summary
 
         print_grid_summary(summary)
     elif config.env:
@@ -133,7 +133,7 @@ class Rig:
 
     def periods(self, case: str, seconds: float) -> int:
         """Scan periods in which the robots together simulate `seconds` [s] or a little more."""
-        share, fewest = (_CLOSED_LOOP_SHARE, _FEWEST_SCANS_CLOSED_LOOP) if case == CLOSED_LOOP else (1.0, _FEWEST_SCANS)
+        share, fewest = (_CLOSED_LOOP_SHARE, _MIN_SCANS_CLOSED_LOOP) if case == CLOSED_LOOP else (1.0, _MIN_SCANS)
         return max(fewest, math.ceil(share * seconds / (self.size * self.feed.period) - 1e-9))
 
     def _step(self, periods: int) -> None:

@@ -8,10 +8,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from experiments import store
 from experiments.benchmark.group import groups
-from experiments.benchmark.parts import Parts, complete, names_of, rows_of, runs_of
-from experiments.benchmark.report import render
+from experiments.benchmark.jobs import work_off
 from experiments.benchmark.setup import Setup, without_missing
 from experiments.benchmark.table import (
     BOARD_HEADER,
@@ -24,17 +22,19 @@ from experiments.benchmark.table import (
     over_seeds,
     whole_text,
 )
-from experiments.benchmark.work import work_off
-from experiments.benchmark_config import BenchmarkConfig, Case
-from experiments.console import print_table, progress
-from experiments.executors import WorkersFailedError
-from experiments.grid import stages_text
-from experiments.names import reference
+from experiments.driving.grid_runs import stages_text
+from experiments.driving.lookup import reference
+from experiments.options.benchmark import BenchmarkConfig, Case
+from experiments.parallel.executors import WorkersFailedError
 from experiments.recording import record_all
+from experiments.report.benchmark import render
+from experiments.report.terminal import print_table, progress
+from experiments.storage import results as store
+from experiments.storage.benchmark_parts import Parts, complete, names_of, rows_of, runs_of
 from sim.stopwatch import Stopwatch
-from trackslip import logfile
-from trackslip.logjoin import join_parquet
-from trackslip.runlog import RunLog
+from trackslip.logs import logfile
+from trackslip.logs.logjoin import join_parquet
+from trackslip.logs.runlog import RunLog
 
 
 def run(config: BenchmarkConfig) -> None:

@@ -10,20 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from experiments import store
-from experiments.calibrate_config import CalibrateConfig
-from experiments.config import IdentifyConfig
-from experiments.console import print_table, progress
-from experiments.identify import read_source
-from experiments.turns import record_turns
-from sim.calibration import Candidate, Fit, calibrate, floor, simulated_twist, starts
-from sim.ground import Ground
-from sim.robot_file import load_robot_file, robot_file_text
+from experiments.commands.identify import read_source
+from experiments.driving.sample_runs import record_turns
+from experiments.options.calibrate import CalibrateConfig
+from experiments.options.identify import IdentifyConfig
+from experiments.report.terminal import print_table, progress
+from experiments.storage import results as store
+from sim.calibration.calibration import Candidate, Fit, calibrate, floor, simulated_twist, starts
+from sim.calibration.target import MeasuredTurns, Target, TurnTable
+from sim.ground.ground import Ground
+from sim.robot.file import load_robot_file, robot_file_text
 from sim.seeds import generator
-from sim.target import MeasuredTurns, Target, TurnTable
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.kinematics import RobotGeometry
-from trackslip.logfile import read_columns, read_table
+from trackslip.logs.logfile import read_columns, read_table
 
 ROBOT = "robot.toml"
 TABLE_COLUMNS = ("radius", "speed", "observed_radius", "slip_outer", "slip_inner")

@@ -11,29 +11,24 @@ from typing import Any
 
 import numpy as np
 
-from experiments import store
-from experiments.console import print_table, progress
-from experiments.coverage_config import CoverageConfig
-from experiments.grid import drive_grid
-from experiments.identify import SYMBOLS
+from experiments.commands.identify import SYMBOLS
+from experiments.driving.grid_runs import drive_grid
+from experiments.driving.world import World
+from experiments.options.coverage import CoverageConfig
+from experiments.parallel.workers import deaf_children, processes
 from experiments.recording import record_all
-from experiments.workers import deaf_children, processes
-from experiments.world import World
+from experiments.report.terminal import print_table, progress
+from experiments.storage import results as store
 from sim.seeds import generator
-from trackslip.identification import (
-    FAMILIES,
-    Comparison,
-    SlipSamples,
-    compare_laws,
-    coverage,
-    fit_law,
-    noise_coverage,
-    true_samples,
-)
+from trackslip.identification.comparison import Comparison, compare_laws
+from trackslip.identification.coverage import coverage, noise_coverage
+from trackslip.identification.fitted import fit_law
+from trackslip.identification.samples import SlipSamples, true_samples
 from trackslip.kinematics import RobotGeometry
-from trackslip.motion import MOTION_METHODS
-from trackslip.runlog import RunLog
-from trackslip.steady import steady_part
+from trackslip.logs.runlog import RunLog
+from trackslip.motion.methods import MOTION_METHODS
+from trackslip.motion.steady import steady_part
+from trackslip.slip.families import FAMILIES
 
 _MOTION = "bundle"
 """The method whose errors are drawn: the one that takes ranges, to which noise can be added again and again."""

@@ -9,12 +9,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from experiments.console import print_table
-from experiments.export_config import ExportConfig
+from experiments.options.export import ExportConfig
+from experiments.report.terminal import print_table
 from trackslip.errors import InvalidValueError, OutputError
-from trackslip.logfile import load, to_table, write_csv
-from trackslip.runlog import RunLog
-from trackslip.schema import COLUMNS
+from trackslip.logs.logfile import load, to_table, write_csv
+from trackslip.logs.runlog import RunLog
+from trackslip.logs.schema import COLUMNS
 
 _SHOWN = 10  # names in a message
 

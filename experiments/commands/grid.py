@@ -8,21 +8,21 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from experiments import store
-from experiments.console import progress
-from experiments.executors import WorkersFailedError, processors, workers
-from experiments.grid import stages_text
+from experiments.driving.grid_runs import stages_text
+from experiments.driving.world import World
+from experiments.options.grid import SweepConfig
+from experiments.parallel.executors import WorkersFailedError, processors, workers
 from experiments.recording import record_all
+from experiments.report.terminal import progress
+from experiments.storage import results as store
+from experiments.storage.sweep_parts import Archive
 from experiments.sweep import summary
-from experiments.sweep.archive import Archive
 from experiments.sweep.drive import drive
 from experiments.sweep.plan import Run, fleets, plan
 from experiments.sweep.table import write_table
-from experiments.sweep_config import SweepConfig
-from experiments.world import World
 from sim.stopwatch import Stopwatch
-from trackslip import logfile
 from trackslip.errors import OutputError, TrackslipError
+from trackslip.logs import logfile
 
 
 def run(config: SweepConfig) -> None:

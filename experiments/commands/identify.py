@@ -8,16 +8,19 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from experiments import store
-from experiments.config import IdentifyConfig
-from experiments.console import print_table
+from experiments.options.identify import IdentifyConfig
+from experiments.report.terminal import print_table
+from experiments.storage import results as store
 from experiments.sweep.choose import chosen, require_one_setting
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification import FAMILIES, Comparison, Sampling, identify, usable_rows, usable_samples
+from trackslip.identification.comparison import Comparison
+from trackslip.identification.identify import identify
+from trackslip.identification.samples import Sampling, usable_rows, usable_samples
 from trackslip.kinematics import RobotGeometry
-from trackslip.lawfile import identification_to_json
-from trackslip.logfile import REQUIRED, SAMPLE_COLUMNS, read_samples, read_table, runs_file, runs_from_table
-from trackslip.runlog import RunLog
+from trackslip.logs.logfile import REQUIRED, SAMPLE_COLUMNS, read_samples, read_table, runs_file, runs_from_table
+from trackslip.logs.runlog import RunLog
+from trackslip.slip.families import FAMILIES
+from trackslip.slip.law_file import identification_to_json
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,10 @@ class Source:
 
 def run(config: IdentifyConfig) -> None:
     """Fit the laws, store and print them."""
-    from experiments.report import Report, render  # late: others read logs with this module, and draw nothing
+    from experiments.report.reproduction import (  # late: others read logs with this module, and draw nothing
+        Report,
+        render,
+    )
 
     began = time.perf_counter()
     with store.results(config.out) as folder:

@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from experiments import store
-from experiments.config import PredictConfig
-from experiments.console import print_table
-from sim.robot_file import load_robot_file
-from sim.robot_parameters import RobotParameters
-from trackslip.fileformat import FORMAT
+from experiments.options.predict import PredictConfig
+from experiments.report.terminal import print_table
+from experiments.storage import results as store
+from sim.robot.file import load_robot_file
+from sim.robot.parameters import RobotParameters
+from trackslip.logs.file_format import FORMAT
 from trackslip.skid_theory import line_contact, steady_twist
-from trackslip.slip import ConstantIcr
+from trackslip.slip.icr import ConstantIcr
 
 
 def run(config: PredictConfig) -> None:

@@ -8,10 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from experiments import store
-from experiments.config import IDENTIFIED, LINEAR_START, ReproduceConfig
-from experiments.console import print_table, progress
-from experiments.grid import (
+from experiments.commands.track import (
+    TRACKING_HEADER,
+    tracking_rows,
+    tracking_summary,
+)
+from experiments.driving.grid_runs import (
     drive_grid,
     grid_summary,
     make_locator,
@@ -19,25 +21,26 @@ from experiments.grid import (
     simulated_seconds,
     stages_text,
 )
-from experiments.names import KNOWN_LAWS
+from experiments.driving.lookup import KNOWN_LAWS
+from experiments.driving.world import World
+from experiments.options.reproduce import ReproduceConfig
+from experiments.options.world import IDENTIFIED, LINEAR_START
 from experiments.recording import record_all
-from experiments.report import ComparisonRow, Report, render
-from experiments.track import (
-    TRACKING_HEADER,
-    tracking_rows,
-    tracking_summary,
-)
-from experiments.world import World
+from experiments.report.reproduction import ComparisonRow, Report, render
+from experiments.report.terminal import print_table, progress
+from experiments.storage import results as store
 from sim.runs import Description, Pilot, closed_loop
 from sim.seeds import generator
 from sim.stopwatch import Stopwatch
-from trackslip.compensation import FixedLaw
-from trackslip.controllers import CONTROLLERS
-from trackslip.identification import identify, usable_samples
-from trackslip.lawfile import identification_to_json
-from trackslip.runlog import RunLog
-from trackslip.slip import PUBLISHED, SlipLaw
-from trackslip.trajectory import paper_reference
+from trackslip.controllers.named import CONTROLLERS
+from trackslip.identification.identify import identify
+from trackslip.identification.samples import usable_samples
+from trackslip.logs.runlog import RunLog
+from trackslip.slip.base import SlipLaw
+from trackslip.slip.compensation import FixedLaw
+from trackslip.slip.exponential import PUBLISHED
+from trackslip.slip.law_file import identification_to_json
+from trackslip.trajectory.segmented import paper_reference
 
 
 def run(config: ReproduceConfig) -> None:

@@ -9,18 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from experiments import store
-from experiments.console import print_table
-from experiments.effects import EFFECTS, Effect
-from experiments.grid import drive_grid, localization_summary
+from experiments.driving.grid_runs import drive_grid, localization_summary
+from experiments.driving.world import World
+from experiments.measuring.disturbances import EFFECTS, Effect
+from experiments.options.sensitivity import SensitivityConfig
 from experiments.recording import record_all
-from experiments.sensitivity_config import SensitivityConfig
-from experiments.sensitivity_report import render
-from experiments.world import World
+from experiments.report.sensitivity import render
+from experiments.report.terminal import print_table
+from experiments.storage import results as store
 from trackslip.errors import LogError
-from trackslip.identification import true_samples, usable_samples
+from trackslip.identification.samples import true_samples, usable_samples
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.runlog import RunLog
+from trackslip.logs.runlog import RunLog
 
 _TRACKS = {"outer": 1, "inner": 0}  # the runs turn left
 _HEADER = (

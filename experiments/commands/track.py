@@ -8,26 +8,28 @@ from typing import Any
 
 import numpy as np
 
-from experiments import store
-from experiments.config import LINEAR_START, TrackConfig
-from experiments.console import print_table, progress
-from experiments.grid import (
+from experiments.driving.grid_runs import (
     before_scanner,
     localization_summary,
     make_locator,
     simulated_seconds,
 )
-from experiments.names import compensation, controller, reference
+from experiments.driving.lookup import compensation, controller, reference
+from experiments.driving.world import World
+from experiments.options.track import TrackConfig
+from experiments.options.world import LINEAR_START
 from experiments.recording import record_all
-from experiments.world import World
-from sim.robot import Robot
+from experiments.report.terminal import print_table, progress
+from experiments.storage import results as store
+from sim.robot.robot import Robot
 from sim.runs import Description, Pilot, closed_loop
 from sim.seeds import generator
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
+from trackslip.logs.runlog import RunLog
 from trackslip.metrics import tracking_errors
-from trackslip.runlog import RunLog
-from trackslip.trajectory import Reference, circle
+from trackslip.trajectory.base import Reference
+from trackslip.trajectory.segmented import circle
 
 
 def run(config: TrackConfig) -> None:

@@ -11,18 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from experiments import store
-from experiments.console import progress
+from experiments.options.train import TrainConfig
 from experiments.recording import record_all
-from experiments.train_config import TrainConfig
+from experiments.report.terminal import progress
+from experiments.storage import results as store
 from sim.path_tracking.config import Reward
 from sim.path_tracking.randomization import Randomization
 from sim.policy import Network, Policy
 from trackslip.errors import LogError, TrackslipError
-from trackslip.runlog import RunLog
+from trackslip.logs.runlog import RunLog
 
 POLICY, CHECKPOINT = "policy.npz", "checkpoint.zip"
-_LEAST_RATE = 0.05  # of the learning rate, at the end
+_MIN_RATE = 0.05  # of the learning rate, at the end
 _CHECKPOINT_EVERY = 20  # updates
 _RANDOMIZATION = Randomization(start_distance=(0.0, 0.2), start_heading=(-0.4, 0.4), friction_ratio=(0.9, 1.4))
 _REWARD = Reward(weight_position=0.8, weight_heading=0.2, weight_change=4.0, position_scale=0.02, heading_scale=0.2)
@@ -54,9 +54,10 @@ def run(config: TrainConfig) -> None:
 
 def _driven(config: TrainConfig, policy: Path, reference: str) -> RunLog:
     """A run of the policy on a path, from where that begins, on the first of the grounds."""
-    from experiments.config import GroundOptions, TrackConfig
-    from experiments.track import drive, make_reference
-    from experiments.world import World
+    from experiments.commands.track import drive, make_reference
+    from experiments.driving.world import World
+    from experiments.options.track import TrackConfig
+    from experiments.options.world import GroundOptions
 
     course = TrackConfig(
         controller=f"ppo:{policy}",
@@ -133,7 +134,7 @@ def _model(config: TrainConfig) -> Any:
 
 def _falling(rate: float) -> Callable[[float], float]:
     """A learning rate as a function of the share of training that is left."""
-    return lambda left: rate * (_LEAST_RATE + (1 - _LEAST_RATE) * left)
+    return lambda left: rate * (_MIN_RATE + (1 - _MIN_RATE) * left)
 
 
 def _learn(model: Any, config: TrainConfig, drafts: Path) -> list[dict[str, float]]:

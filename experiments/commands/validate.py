@@ -7,20 +7,20 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from experiments import store
-from experiments.console import print_table, progress
-from experiments.turns import record_turns
-from experiments.validate_config import ValidateConfig
+from experiments.driving.sample_runs import record_turns
+from experiments.options.validate import ValidateConfig
+from experiments.report.terminal import print_table, progress
+from experiments.report.validation import render
+from experiments.storage import results as store
 from experiments.validation.convergence import converge
 from experiments.validation.energy import account
 from experiments.validation.results import Validation, summarise
 from experiments.validation.standing import creep, loads, slide, straight_drift
 from experiments.validation.turning import turn
-from experiments.validation_report import render
-from sim.ground import Ground
-from sim.robot import load_robot
-from sim.robot_file import load_robot_file
-from sim.robot_parameters import RobotParameters
+from sim.ground.ground import Ground
+from sim.robot.file import load_robot_file
+from sim.robot.parameters import RobotParameters
+from sim.robot.robot import load_robot
 from sim.seeds import generator
 
 

@@ -17,19 +17,19 @@ from collections.abc import Sequence
 from pathlib import Path
 from time import monotonic, sleep
 
+from experiments.options.view import ViewConfig
 from experiments.recording import file_names, record, title
-from experiments.view_config import ViewConfig
 from trackslip.errors import LogError, TrackslipError
-from trackslip.lawfile import load_laws
-from trackslip.logfile import load
-from trackslip.runlog import RunLog
+from trackslip.logs.logfile import load
+from trackslip.logs.runlog import RunLog
+from trackslip.slip.law_file import load_laws
 
 _NAMED = 5  # runs that an error names
 _SHORT = 12  # characters of an id that are shown
 _LOCAL = "127.0.0.1"
 _PAGE, _STREAM = 9090, 9876
 """Usual ports of the viewer's page and of what it is sent."""
-_LONGEST = 300  # characters of what the viewer said
+_MAX_MESSAGE = 300  # characters of what the viewer said
 _PATIENCE, _BETWEEN = 30.0, 0.1  # with a viewer that starts, and between two looks at it [s]
 
 
@@ -116,7 +116,7 @@ def _open(file: Path, web: bool, begin: float) -> None:
         why = next((line for line in said.splitlines() if line.startswith("Error: ")), said).removeprefix("Error: ")
         why = re.sub(r"\S*/\S+: ", "", why)  # where in the viewer's source
         other = "" if web else "--web, or "
-        raise TrackslipError(f"the rerun viewer doesn't start; try {other}--save FILE ({why.strip()[:_LONGEST]})")
+        raise TrackslipError(f"the rerun viewer doesn't start; try {other}--save FILE ({why.strip()[:_MAX_MESSAGE]})")
 
 
 def put_time(stream: str, time: float, viewer: subprocess.Popen[str]) -> None:

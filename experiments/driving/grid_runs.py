@@ -10,29 +10,31 @@ from typing import Any, cast
 
 import numpy as np
 
-from experiments.config import GridConfig
-from experiments.console import progress
-from experiments.world import World
+from experiments.driving.world import World
+from experiments.options.grid import GridConfig
+from experiments.report.terminal import progress
 from sim.fleet import Fleet
-from sim.robot import Robot
+from sim.robot.robot import Robot
 from sim.runs import Description, open_loop
 from sim.runs import Progress as Report
 from sim.seeds import generator
 from sim.stopwatch import Stopwatch
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification import SlipSamples, slip_samples, true_samples
+from trackslip.identification.samples import SlipSamples, slip_samples, true_samples
 from trackslip.kinematics import Array, RobotGeometry, sprocket_speeds, wrap_angle
-from trackslip.localization import LineLocator, Locator, PlateLocator
+from trackslip.localization.base import Locator
 from trackslip.localization.bound import scan_ratio_to_bound
+from trackslip.localization.line import LineLocator
+from trackslip.localization.plate import PlateLocator
+from trackslip.logs.runlog import RunLog
 from trackslip.metrics import rms
-from trackslip.motion import MOTION_METHODS
-from trackslip.published import COMMANDED_RADII, OBSERVED_RADII
-from trackslip.runlog import RunLog
-from trackslip.slip import PUBLISHED
+from trackslip.motion.methods import MOTION_METHODS
+from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII
+from trackslip.slip.exponential import PUBLISHED
 
 CLEARANCE = 1.5
 """Distance from the scanner to the nearest point of each circle [m]."""
-_WIDER = 1.3  # radius driven over radius commanded, about
+_DRIVEN_OVER_COMMANDED = 1.3  # radius driven over radius commanded, about
 
 
 @dataclass(frozen=True)
@@ -115,7 +117,7 @@ def on_circle(robot: Robot, radius: float, phase: float) -> Array:
     The circle is as wide as slip makes it, so that it comes no nearer than CLEARANCE wherever on it the robot starts.
     """
     x, y, heading = robot.lrf_mount
-    driven = _WIDER * radius
+    driven = _DRIVEN_OVER_COMMANDED * radius
     away = CLEARANCE + driven
     centre = np.array([x + away * np.cos(heading), y + away * np.sin(heading)])
     along = heading - np.pi / 2 + phase
@@ -240,7 +242,7 @@ def localization_summary(logs: Sequence[RunLog]) -> dict[str, Any]:
 
 
 def bound_ratios(logs: Sequence[RunLog]) -> dict[str, float] | None:
-    """Errors of the measured poses over their bound, more than LEAST_ANGLE from edge-on; None for runs without scans.
+    """Errors of the measured poses over their bound, more than MIN_ANGLE from edge-on; None for runs without scans.
 
     What the scanner sees is the plate, so its own true place, where the leaning robot holds it, is what counts.
     """

@@ -9,13 +9,18 @@ import sys
 from pathlib import Path
 
 from sim.policy import Policy, PolicyController, policy_file
-from trackslip.compensation import Compensation, FixedLaw, OnlineIcr
-from trackslip.controllers import CONTROLLERS, Controller, ModelPredictive
+from trackslip.controllers.base import Controller
+from trackslip.controllers.mpc import ModelPredictive
+from trackslip.controllers.named import CONTROLLERS
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import RobotGeometry
-from trackslip.lawfile import SHIPPED, load_laws
-from trackslip.slip import PUBLISHED, ConstantIcr, NoSlip, SlipLaw
-from trackslip.trajectory import Reference
+from trackslip.slip.base import SlipLaw
+from trackslip.slip.compensation import Compensation, FixedLaw, OnlineIcr
+from trackslip.slip.constant import NoSlip
+from trackslip.slip.exponential import PUBLISHED
+from trackslip.slip.icr import ConstantIcr
+from trackslip.slip.law_file import SHIPPED, load_laws
+from trackslip.trajectory.base import Reference
 from trackslip.trajectory.named import load_reference
 
 KNOWN_LAWS: dict[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}

@@ -9,11 +9,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from trackslip.controllers import CONTROLLERS
+from trackslip.controllers.named import CONTROLLERS
 from trackslip.kinematics import Array, RobotGeometry, advance, limit_sprocket_speeds
-from trackslip.runlog import RunLog
-from trackslip.slip import PUBLISHED, NoSlip, SlipLaw
-from trackslip.trajectory import Reference, paper_reference
+from trackslip.logs.runlog import RunLog
+from trackslip.slip.base import SlipLaw
+from trackslip.slip.constant import NoSlip
+from trackslip.slip.exponential import PUBLISHED
+from trackslip.trajectory.base import Reference
+from trackslip.trajectory.segmented import paper_reference
 
 PERIOD = 0.05
 """Time between two commands [s]."""

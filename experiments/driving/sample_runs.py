@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from experiments.config import GridConfig, Repeatable
-from experiments.grid import drive_grid
+from experiments.driving.grid_runs import drive_grid
+from experiments.driving.world import World
+from experiments.options.grid import GridConfig
+from experiments.options.world import Repeatable
 from experiments.recording import record_all
-from experiments.world import World
-from trackslip.published import COMMANDED_RADII
+from trackslip.paper import COMMANDED_RADII
 
 _SPEED = 0.15  # [m/s]
 _DURATION = 20.0  # [s]

@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from experiments import store
-from experiments.config import Simulation
+from experiments.options.world import Simulation
+from experiments.storage import results as store
 from sim.fleet import Fleet
-from sim.ground import Ground
-from sim.ground_file import load_ground
-from sim.obstacle_file import load_obstacles
-from sim.obstacles import Obstacles
-from sim.robot import Robot, load_robot
-from sim.robot_file import load_robot_file
-from sim.robot_parameters import RobotParameters
-from sim.scanner import ScannerFeed
+from sim.ground.file import load_ground
+from sim.ground.ground import Ground
+from sim.robot.file import load_robot_file
+from sim.robot.parameters import RobotParameters
+from sim.robot.robot import Robot, load_robot
+from sim.scanner.obstacle_file import load_obstacles
+from sim.scanner.obstacles import Obstacles
+from sim.scanner.scanner import ScannerFeed
 from trackslip.kinematics import Array
 
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from experiments.config import GridConfig
-from trackslip.runlog import RunLog
+from experiments.options.grid import GridConfig
+from trackslip.logs.runlog import RunLog
 
 SWEEP = 1 / 75
 """Time of a sweep [s]: a turn of the mirror of a SICK LMS 200."""

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.identification import SlipSamples
+from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import SIDES, Array, RobotGeometry
-from trackslip.slip import SlipLaw
+from trackslip.slip.base import SlipLaw
 
 ROLES = ("inner", "outer")
 _STRAIGHT = 20.0  # radius from which a run counts as straight [m]

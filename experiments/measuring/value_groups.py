@@ -6,9 +6,9 @@ import numpy as np
 
 from trackslip.kinematics import Array
 
-_MOST_GROUPS = 8
+_MAX_GROUPS = 8
 _PARTS = 5  # of scattered values
-_FEWEST = 3  # scattered values that make a part
+_MIN_SCATTERED = 3  # scattered values that make a part
 _GAP = 0.08  # relative gap between neighbouring values that starts another group
 
 
@@ -24,9 +24,9 @@ def alike(values: Array) -> list[np.ndarray]:
     ranked = values[order]
     starts = np.flatnonzero(np.diff(ranked) > _GAP * ranked[1:]) + 1
     groups = np.split(order, starts)
-    if len(groups) <= _MOST_GROUPS and all(narrow(values[group]) for group in groups):
+    if len(groups) <= _MAX_GROUPS and all(narrow(values[group]) for group in groups):
         return groups
-    return np.array_split(order, max(1, min(_PARTS, order.size // _FEWEST)))
+    return np.array_split(order, max(1, min(_PARTS, order.size // _MIN_SCATTERED)))
 
 
 def narrow(values: Array) -> bool:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.config import LONGEST_RUN, MOST_THREADS, SHORTEST_RUN
+from experiments.options.world import MAX_DURATION, MAX_THREADS, MIN_DURATION
 from trackslip.errors import InvalidValueError, require_at_most, require_positive
 
-MOST_ROBOTS = 10_000
-MOST_REPEATS = 1000
+MAX_ROBOTS = 10_000
+MAX_REPEATS = 1000
 
 
 @dataclass(frozen=True)
@@ -44,8 +44,8 @@ class BenchConfig:
 
     def __post_init__(self) -> None:
         for name, values, most in (
-            ("sizes", self.sizes, MOST_ROBOTS),
-            ("thread_counts", self.thread_counts, MOST_THREADS),
+            ("sizes", self.sizes, MAX_ROBOTS),
+            ("thread_counts", self.thread_counts, MAX_THREADS),
         ):
             if not values:
                 raise InvalidValueError(name, values, "at least one number")
@@ -55,16 +55,16 @@ class BenchConfig:
                 if not 1 <= value <= most:
                     raise InvalidValueError(name, value, f"an integer from 1 to {most}")
         require_positive("seconds", self.seconds)
-        require_at_most("seconds", self.seconds, LONGEST_RUN, "s")
-        if not 1 <= self.repeats <= MOST_REPEATS:
-            raise InvalidValueError("repeats", self.repeats, f"an integer from 1 to {MOST_REPEATS}")
-        if not 1 <= self.env_size <= MOST_ROBOTS:
-            raise InvalidValueError("env_size", self.env_size, f"an integer from 1 to {MOST_ROBOTS}")
+        require_at_most("seconds", self.seconds, MAX_DURATION, "s")
+        if not 1 <= self.repeats <= MAX_REPEATS:
+            raise InvalidValueError("repeats", self.repeats, f"an integer from 1 to {MAX_REPEATS}")
+        if not 1 <= self.env_size <= MAX_ROBOTS:
+            raise InvalidValueError("env_size", self.env_size, f"an integer from 1 to {MAX_ROBOTS}")
         if self.env and self.grid:
             raise InvalidValueError("grid", self.grid, "without --env")
-        if not 25 <= self.grid_runs <= MOST_ROBOTS or self.grid_runs % 25:
-            raise InvalidValueError("grid_runs", self.grid_runs, f"a multiple of 25 from 25 to {MOST_ROBOTS}")
-        if not SHORTEST_RUN <= self.grid_duration <= LONGEST_RUN:
-            raise InvalidValueError("grid_duration", self.grid_duration, f"from {SHORTEST_RUN:g} to {LONGEST_RUN:g} s")
+        if not 25 <= self.grid_runs <= MAX_ROBOTS or self.grid_runs % 25:
+            raise InvalidValueError("grid_runs", self.grid_runs, f"a multiple of 25 from 25 to {MAX_ROBOTS}")
+        if not MIN_DURATION <= self.grid_duration <= MAX_DURATION:
+            raise InvalidValueError("grid_duration", self.grid_duration, f"from {MIN_DURATION:g} to {MAX_DURATION:g} s")
         if self.seed < 0:
             raise InvalidValueError("seed", self.seed, "an integer >= 0")

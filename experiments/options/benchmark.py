@@ -7,11 +7,11 @@ from itertools import product
 from pathlib import Path
 from typing import Literal
 
-from experiments.config import LONGEST_PREVIEW, Equipment, Simulation
+from experiments.options.world import MAX_PREVIEW, Equipment, Simulation
 from trackslip.errors import InvalidValueError
 
 Start = Literal["zero", "paper", "random"]
-MOST_JOBS = 1024
+MAX_JOBS = 1024
 CONTROLLER_NAMES = (
     *("feedforward", "linear", "samson", "kanayama", "dynamic_feedback", "offset_point"),
     *("pure_pursuit", "stanley", "lqr", "mpc"),
@@ -115,10 +115,10 @@ class BenchmarkConfig(Equipment):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not 0 <= self.jobs <= MOST_JOBS:
-            raise InvalidValueError("jobs", self.jobs, f"an integer from 0 to {MOST_JOBS}")
-        if not 0 <= self.preview <= LONGEST_PREVIEW:
-            raise InvalidValueError("preview", self.preview, f"from 0 to {LONGEST_PREVIEW:g} s")
+        if not 0 <= self.jobs <= MAX_JOBS:
+            raise InvalidValueError("jobs", self.jobs, f"an integer from 0 to {MAX_JOBS}")
+        if not 0 <= self.preview <= MAX_PREVIEW:
+            raise InvalidValueError("preview", self.preview, f"from 0 to {MAX_PREVIEW:g} s")
         for seed in self.seeds or ():
             if seed < 0:
                 raise InvalidValueError("seeds", seed, "integers >= 0")

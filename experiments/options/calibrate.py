@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from experiments.config import Repeatable
+from experiments.options.world import Repeatable
 from trackslip.errors import InvalidValueError
 
 Parameter = Literal["half_gauge", "contact_length", "friction_ratio", "radius_error", "com_x", "com_y"]
-MOST_STARTS = 100
+MAX_STARTS = 100
 
 
 @dataclass(frozen=True)
@@ -37,5 +37,5 @@ class CalibrateConfig(Repeatable):
             raise InvalidValueError("target", self.target, "published, or a file")
         if not self.free:
             raise InvalidValueError("free", self.free, "at least one parameter")
-        if not 0 <= self.starts <= MOST_STARTS:
-            raise InvalidValueError("starts", self.starts, f"an integer from 0 to {MOST_STARTS}")
+        if not 0 <= self.starts <= MAX_STARTS:
+            raise InvalidValueError("starts", self.starts, f"an integer from 0 to {MAX_STARTS}")

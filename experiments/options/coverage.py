@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
-from experiments.config import GridConfig
+from experiments.options.grid import GridConfig
 from trackslip.errors import InvalidValueError
 
-MOST_REPEATS = 100_000
+MAX_REPEATS = 100_000
 
 
 @dataclass(frozen=True)
@@ -28,10 +28,10 @@ class CoverageConfig(GridConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not 1 <= self.repeats <= MOST_REPEATS:
-            raise InvalidValueError("repeats", self.repeats, f"an integer from 1 to {MOST_REPEATS}")
-        if not 1 <= self.run_repeats <= MOST_REPEATS:
-            raise InvalidValueError("run_repeats", self.run_repeats, f"an integer from 1 to {MOST_REPEATS}")
+        if not 1 <= self.repeats <= MAX_REPEATS:
+            raise InvalidValueError("repeats", self.repeats, f"an integer from 1 to {MAX_REPEATS}")
+        if not 1 <= self.run_repeats <= MAX_REPEATS:
+            raise InvalidValueError("run_repeats", self.run_repeats, f"an integer from 1 to {MAX_REPEATS}")
         if not 1 <= self.drives <= self.run_repeats:
             raise InvalidValueError("drives", self.drives, f"an integer from 1 to run_repeats = {self.run_repeats}")
         if self.scanner.noise <= 0:

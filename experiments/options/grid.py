@@ -1,4 +1,4 @@
-"""Options of `trackslip grid`."""
+"""Options of `trackslip grid`, and of the commands that drive one."""
 
 from __future__ import annotations
 
@@ -6,11 +6,60 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.config import GridConfig
-from trackslip.errors import InvalidValueError
+from experiments.options.world import (
+    MAX_DURATION,
+    MAX_RADIUS,
+    MIN_DURATION,
+    MIN_SPEED,
+    Localization,
+    Motion,
+    Simulation,
+)
+from trackslip.errors import InvalidValueError, require_at_most, require_positive
+from trackslip.paper import COMMANDED_RADII, SPEEDS
 
-MOST_JOBS = 1024
+MAX_JOBS = 1024
 _EXECUTORS = "processes, inline, mpi or dask://HOST:PORT"
+
+
+@dataclass(frozen=True)
+class GridConfig(Simulation):
+    """Drive the grid of runs, radius x speed, in front of the scanner, and store scans' poses and truth."""
+
+    radii: tuple[float, ...] = COMMANDED_RADII
+    """Radii of the no-slip commands, to the left [m]."""
+    speeds: tuple[float, ...] = SPEEDS
+    """Speeds of the no-slip commands [m/s]."""
+    localization: Localization = "plate"
+    """How a scan becomes a pose: the known rectangle's maximum likelihood, or the paper's line."""
+    motion: Motion | None = None
+    """How a run becomes a twist, by default the most exact way that it allows: the paper's filter as printed, or run
+    both ways (butterworth); Savitzky and Golay's; a constant-twist smoother; the arc of constant twist through all
+    poses, or straight to all ranges (bundle)."""
+    duration: float = 30.0
+    """Length of each run [s]."""
+    random_phase: bool = False
+    """Start each run anywhere on its circle, instead of where that is nearest to the scanner."""
+    out: Path = Path("out/grid")
+    """Folder for the results."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for name, values in (("radii", self.radii), ("speeds", self.speeds)):
+            if not values:
+                raise InvalidValueError(name, values, "at least one number")
+            if len(set(values)) < len(values):
+                raise InvalidValueError(name, values, "all different")
+            for value in values:
+                require_positive(name, value)
+                require_at_most(name, value, MAX_RADIUS)
+        for speed in self.speeds:
+            if speed > self.drive.top_speed:
+                raise InvalidValueError("speeds", speed, f"at most drive.top_speed = {self.drive.top_speed} m/s")
+            if speed < MIN_SPEED:
+                raise InvalidValueError("speeds", speed, f"at least {MIN_SPEED:g} m/s")
+        if not MIN_DURATION <= self.duration <= MAX_DURATION:
+            raise InvalidValueError("duration", self.duration, f"from {MIN_DURATION:g} to {MAX_DURATION:g} s")
 
 
 @dataclass(frozen=True)
@@ -46,5 +95,5 @@ class SweepConfig(GridConfig):
         super().__post_init__()
         if self.executor not in ("processes", "inline", "mpi") and not re.fullmatch(r"dask://.+:\d+", self.executor):
             raise InvalidValueError("executor", self.executor, _EXECUTORS)
-        if not 0 <= self.jobs <= MOST_JOBS:
-            raise InvalidValueError("jobs", self.jobs, f"an integer from 0 to {MOST_JOBS}")
+        if not 0 <= self.jobs <= MAX_JOBS:
+            raise InvalidValueError("jobs", self.jobs, f"an integer from 0 to {MAX_JOBS}")

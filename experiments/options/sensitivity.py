@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.config import GridConfig
-from experiments.effects import SWEEP
+from experiments.measuring.disturbances import SWEEP
+from experiments.options.grid import GridConfig
 from trackslip.errors import InvalidValueError
 
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.config import MOST_THREADS
+from experiments.options.world import MAX_THREADS
 from trackslip.errors import InvalidValueError, require_at_most, require_positive
 
-MOST_ROBOTS = 4096
-LARGEST_LAYER = 4096
-MOST_AUTHORITY = 10.0
+MAX_ROBOTS = 4096
+MAX_LAYER = 4096
+MAX_AUTHORITY = 10.0
 """[m/s], [rad/s]"""
-LARGEST_SEED = 2**32 - 1
+MAX_SEED = 2**32 - 1
 """That PyTorch and NumPy's old generators take."""
 
 
@@ -62,23 +62,23 @@ class TrainConfig:
         for name in ("steps", "robots", "horizon", "batch", "epochs"):
             if getattr(self, name) < 1:
                 raise InvalidValueError(name, getattr(self, name), "an integer >= 1")
-        require_at_most("robots", self.robots, MOST_ROBOTS)
+        require_at_most("robots", self.robots, MAX_ROBOTS)
         if self.robots * self.horizon % self.batch:
             raise InvalidValueError("batch", self.batch, f"a factor of robots * horizon = {self.robots * self.horizon}")
         for name in ("references", "grounds", "network"):
             if not getattr(self, name):
                 raise InvalidValueError(name, getattr(self, name), "at least one")
         for size in self.network:
-            if not 1 <= size <= LARGEST_LAYER:
-                raise InvalidValueError("network", size, f"integers from 1 to {LARGEST_LAYER}")
+            if not 1 <= size <= MAX_LAYER:
+                raise InvalidValueError("network", size, f"integers from 1 to {MAX_LAYER}")
         for value in self.authority:
             require_positive("authority", value)
-            require_at_most("authority", value, MOST_AUTHORITY)
+            require_at_most("authority", value, MAX_AUTHORITY)
         require_positive("learning_rate", self.learning_rate)
         require_at_most("learning_rate", self.learning_rate, 1.0)
         if not 0 < self.discount < 1:
             raise InvalidValueError("discount", self.discount, "between 0 and 1")
-        if not 0 <= self.seed <= LARGEST_SEED:
-            raise InvalidValueError("seed", self.seed, f"an integer from 0 to {LARGEST_SEED}")
-        if not 0 <= self.threads <= MOST_THREADS:
-            raise InvalidValueError("threads", self.threads, f"an integer from 0 to {MOST_THREADS}")
+        if not 0 <= self.seed <= MAX_SEED:
+            raise InvalidValueError("seed", self.seed, f"an integer from 0 to {MAX_SEED}")
+        if not 0 <= self.threads <= MAX_THREADS:
+            raise InvalidValueError("threads", self.threads, f"an integer from 0 to {MAX_THREADS}")

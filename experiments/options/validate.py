@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.config import Repeatable
+from experiments.options.world import Repeatable
 
 
 @dataclass(frozen=True)

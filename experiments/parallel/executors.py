@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any, TypeVar
 
-from experiments.workers import deaf_children, processes
+from experiments.parallel.workers import deaf_children, processes
 from trackslip.errors import TrackslipError
 
 _AHEAD = 2  # tasks handed out per worker, so that none waits for its next

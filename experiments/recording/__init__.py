@@ -6,11 +6,11 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from experiments import store
+from experiments.storage import results as store
 from trackslip.errors import OutputError
-from trackslip.runlog import RunLog
+from trackslip.logs.runlog import RunLog
 
-_LONGEST = 120  # characters of a file's name
+_MAX_NAME = 120  # characters of a file's name
 
 
 def record_all(folder: Path, logs: Sequence[RunLog], compared: Mapping[str, Sequence[RunLog]] | None = None) -> None:
@@ -58,7 +58,7 @@ def file_names(names: Sequence[str]) -> list[str]:
     """Names of files (n,) for runs, all different whatever is in theirs."""
     found: list[str] = []
     for name in names:
-        plain = re.sub(r"[^\w.=+-]+", "_", name).strip("._")[:_LONGEST] or "run"
+        plain = re.sub(r"[^\w.=+-]+", "_", name).strip("._")[:_MAX_NAME] or "run"
         number, unique = 1, plain
         while f"{unique}.rrd".lower() in [other.lower() for other in found]:
             number += 1

@@ -13,13 +13,13 @@ from experiments.recording import geometry
 from experiments.recording.columns import mesh, quaternion, rgb, send
 from experiments.recording.sensing import OTHER_COLOUR
 from experiments.recording.traces import Traces
-from sim.obstacles import Walker
+from sim.scanner.obstacles import Walker
 from trackslip.kinematics import Array
 
 FIELD = "field"
 _STONE = 0.5  # of the paving [m]
 _MARGIN = 3.0  # of ground around everything [m]
-_MOST_STONES = 100  # along a side
+_MAX_STONES = 100  # along a side
 _TONES = ((92, 90, 86, 255), (84, 82, 78, 255))
 _PATCH, _PATCH_COLOUR = 0.0005, "#4f6f78"  # half the thickness of a patch on the ground [m]
 _TALL = 1.0  # posts, walls and people [m]
@@ -56,7 +56,7 @@ def scan_height(model: mujoco.MjModel) -> float:
 def _paving(within: Array) -> geometry.Triangles:
     low = np.floor((within.min(axis=0) - _MARGIN) / _STONE).astype(int)
     high = np.ceil((within.max(axis=0) + _MARGIN) / _STONE).astype(int)
-    high = np.minimum(high, low + _MOST_STONES)
+    high = np.minimum(high, low + _MAX_STONES)
     i, j = (grid.ravel() for grid in np.meshgrid(*(np.arange(a, b) for a, b in zip(low, high, strict=True))))
     corner = np.array([[0, 0], [1, 0], [1, 1], [0, 0], [1, 1], [0, 1]])
     flat = _STONE * (np.stack([i, j], axis=-1)[:, None] + corner).reshape(-1, 2)

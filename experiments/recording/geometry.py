@@ -10,12 +10,12 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from sim.robot import FIELD, VISUAL_GROUP
-from sim.robot_parameters import RobotParameters
-from sim.scanner import SCANNED_GROUP
+from sim.robot.parameters import RobotParameters
+from sim.robot.robot import FIELD, VISUAL_GROUP
+from sim.scanner.scanner import SCANNED_GROUP
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array
-from trackslip.runlog import RunLog
+from trackslip.logs.runlog import RunLog
 
 CHASSIS, SCANNER = "chassis", "lrf"
 BELTS = ("left_belt", "right_belt")

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import rerun as rr
 
-from experiments.colours import BLUE
 from experiments.recording.columns import at_height, rgb, send_poses
 from experiments.recording.sensing import ESTIMATE_COLOUR
 from experiments.recording.traces import Traces
+from experiments.report.colours import BLUE
 
 TRUE_COLOUR, REFERENCE_COLOUR = BLUE, "#b8b8b8"
 _ABOVE = 0.004  # height of lines on the ground, and between them [m]

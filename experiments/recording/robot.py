@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 import rerun as rr
 
-from experiments.colours import GREEN
 from experiments.recording import geometry
 from experiments.recording.columns import at_height, mesh, rgb, send, send_poses
 from experiments.recording.traces import Traces
+from experiments.report.colours import GREEN
 from trackslip.kinematics import Array
 
 ROBOT = "robot"

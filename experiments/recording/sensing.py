@@ -6,18 +6,18 @@ import mujoco
 import numpy as np
 import rerun as rr
 
-from experiments.colours import VERMILLION
 from experiments.recording.columns import at_height, quaternion, rgb, send, send_poses
 from experiments.recording.traces import Traces
+from experiments.report.colours import VERMILLION
 from trackslip.kinematics import Array
-from trackslip.scanlog import ScanLog
+from trackslip.logs.scanlog import ScanLog
 
 ESTIMATE_COLOUR, PLATE_COLOUR, OTHER_COLOUR = VERMILLION, "#ff3d7f", "#8d6bd1"
 MAGNIFIED = 30.0
 """Times that the 3-sigma ellipses of covariance are drawn too large: they are of millimetres."""
 _SIGMAS = 3.0
 _ON_TOP = 0.11  # of the plate, above its middle [m]
-_MOST_RAYS = 24  # to the plate, drawn of a scan
+_MAX_RAYS = 24  # to the plate, drawn of a scan
 _EVERY_OTHER = 4  # return that isn't the plate's
 
 
@@ -63,7 +63,7 @@ def send_scans(stream: rr.RecordingStream, entity: str, traces: Traces, height: 
     plate = _points(origin, heading, cluster.bearing, np.where(hit, cluster.range, np.nan))
     _send_points(stream, f"{entity}/scan/plate", traces.time, plate, PLATE_COLOUR)
     _send_points(stream, f"{entity}/scan/other", traces.time, _others(scans, hit, origin, heading), OTHER_COLOUR)
-    step = np.maximum(1, cluster.count // _MOST_RAYS)[:, None]
+    step = np.maximum(1, cluster.count // _MAX_RAYS)[:, None]
     ray = hit & (np.cumsum(hit, axis=1) % step == 0)
     ends = plate[ray]
     strips = np.stack([np.broadcast_to(origin, ends.shape), ends], axis=1)

@@ -22,7 +22,7 @@ _DIM = {LEFT: "#2B5F7D", RIGHT: "#7A5400"}
 _GREY = "#8a8a8a"
 _THICK, _LINE, _THIN = 4.5, 1.5, 0.8  # widths of lines
 _RARE = 5.0  # share of the time, at either end, in which slips may be off their axis [%]
-_MOST_LABELS = 4.5  # along an axis
+_MAX_LABELS = 4.5  # along an axis
 
 
 @dataclass(frozen=True)
@@ -154,7 +154,7 @@ def readable(values: Array) -> tuple[float, float]:
     low, high = min(float(values.min()), 0.0), max(float(values.max()), 0.0)
     margin = 0.08 * max(high - low, 1e-3)
     low, high = low - margin, high + margin
-    power = 10.0 ** np.ceil(np.log10((high - low) / _MOST_LABELS))
+    power = 10.0 ** np.ceil(np.log10((high - low) / _MAX_LABELS))
     if np.floor(high / power) - np.ceil(low / power) < 1:
         low, high = (low, 1.08 * power) if high > -low else (-1.08 * power, high)
     return float(low), float(high)

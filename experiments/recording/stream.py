@@ -9,14 +9,14 @@ from uuid import uuid4
 import numpy as np
 import rerun as rr
 
-from experiments.colours import BLUE, COLOURS
 from experiments.recording import columns, field, paths, robot, sensing
 from experiments.recording.blueprint import begin_of_loop, blueprint
 from experiments.recording.geometry import looks, parameters_of
 from experiments.recording.series import compared_series, panels, series_of
 from experiments.recording.traces import Traces, traces_of
+from experiments.report.colours import BLUE, COLOURS
 from trackslip.kinematics import Array
-from trackslip.runlog import RunLog
+from trackslip.logs.runlog import RunLog
 
 APPLICATION = "trackslip"
 RUN = "run"

@@ -10,18 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from experiments.names import KNOWN_LAWS
-from experiments.names import reference as load_reference
+from experiments.driving.lookup import KNOWN_LAWS
+from experiments.driving.lookup import reference as load_reference
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
-from trackslip.lawfile import SHIPPED, load_laws
+from trackslip.logs.runlog import RunLog
 from trackslip.metrics import TRANSIENT, body_errors
 from trackslip.motion.filtered import savgol_motion
-from trackslip.runlog import RunLog
-from trackslip.slip import ConstantIcr, SlipLaw
-from trackslip.trajectory import Reference, circle
+from trackslip.slip.base import SlipLaw
+from trackslip.slip.icr import ConstantIcr
+from trackslip.slip.law_file import SHIPPED, load_laws
+from trackslip.trajectory.base import Reference
+from trackslip.trajectory.segmented import circle
 
-_SLOWEST = 0.3  # sprocket speed below which a slip is a quotient of noise [rad/s]
+_MIN_SPROCKET_SPEED = 0.3  # sprocket speed below which a slip is a quotient of noise [rad/s]
 _POLE = 0.5  # beyond it a law is near its pole [-]
 _BELOW_TOP = 1 - 1e-9  # of the top speed: what is below it wasn't scaled down to it
 _BY_DEFAULT = "icr_radius"  # the law shown of a run that was compensated by none
@@ -113,7 +115,7 @@ def reference_of(log: RunLog) -> Reference | None:
 
 def _slip(omega: Array, twist: Array, geometry: RobotGeometry) -> Array:
     """Slips (T, 2), NaN where a sprocket hardly turns."""
-    return np.where(np.abs(omega) > _SLOWEST, track_slip(omega, twist, geometry), np.nan)
+    return np.where(np.abs(omega) > _MIN_SPROCKET_SPEED, track_slip(omega, twist, geometry), np.nan)
 
 
 def _identified_slip(log: RunLog, geometry: RobotGeometry) -> tuple[Array | None, Array | None]:
@@ -150,7 +152,7 @@ def _slip_by_law(
     if law is None:
         return None, ""
     slip = law(curvature(twist))
-    return np.where((np.abs(slip) < _POLE) & (np.abs(log.omega) > _SLOWEST), slip, np.nan), name
+    return np.where((np.abs(slip) < _POLE) & (np.abs(log.omega) > _MIN_SPROCKET_SPEED), slip, np.nan), name
 
 
 def _compensated(log: RunLog, geometry: RobotGeometry) -> Array | None:
@@ -164,7 +166,7 @@ def _compensated(log: RunLog, geometry: RobotGeometry) -> Array | None:
         return None
     free = np.abs(log.command).max(axis=1, keepdims=True) < _BELOW_TOP * fastest / geometry.sprocket_radius
     slip = track_slip(log.command, log.twist_command, geometry)
-    return np.where(free & (np.abs(slip) < _POLE) & (np.abs(log.omega) > _SLOWEST), slip, np.nan)
+    return np.where(free & (np.abs(slip) < _POLE) & (np.abs(log.omega) > _MIN_SPROCKET_SPEED), slip, np.nan)
 
 
 def _held(pose: Array) -> Array:

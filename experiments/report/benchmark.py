@@ -9,13 +9,13 @@ from typing import Any
 
 import pyarrow.parquet
 
-from experiments.benchmark import figures
 from experiments.benchmark.table import BOARD_HEADER, WHOLE_HEADER, Row, board_text, whole_text
-from experiments.benchmark_config import Case
-from experiments.figure_style import law_line
-from experiments.page import Drawing, Page, conditions, file_name, render_page
-from trackslip.logfile import runs_from_table
-from trackslip.runlog import RunLog
+from experiments.options.benchmark import Case
+from experiments.report.figures import leaderboard as figures
+from experiments.report.figures.style import law_line
+from experiments.report.page import Drawing, Page, conditions, file_name, render_page
+from trackslip.logs.logfile import runs_from_table
+from trackslip.logs.runlog import RunLog
 
 _FAVOURITES = (
     "icr_radius",

@@ -7,14 +7,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.error_bars import bar_factor
-from experiments.figure_style import LABELS
-from experiments.grouping import alike, narrow, repeated
-from experiments.law_figures import residual_band
-from experiments.law_tables import CriteriaRow, LawRow, criteria_rows, law_rows
-from experiments.roles import ROLES, RoleSamples
-from experiments.symbols import fixed
-from trackslip.identification import FittedLaw, Identification, Refused
+from experiments.measuring.inner_outer import ROLES, RoleSamples
+from experiments.measuring.value_groups import alike, narrow, repeated
+from experiments.report.figures.error_bars import bar_factor
+from experiments.report.figures.laws import residual_band
+from experiments.report.figures.style import LABELS
+from experiments.report.law_symbols import fixed
+from experiments.report.law_tables import CriteriaRow, LawRow, criteria_rows, law_rows
+from trackslip.identification.fitted import FittedLaw
+from trackslip.identification.identify import Identification
+from trackslip.identification.samples import Refused
 from trackslip.kinematics import Array
 
 BASELINES = ("none", "constant")

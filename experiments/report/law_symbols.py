@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from trackslip.identification import FAMILIES
+from trackslip.slip.families import FAMILIES
 
 SYMBOLS = {
     "alpha_outer": "α outer",
@@ -36,7 +36,7 @@ FORMULAS = {
     "icr_sides": ("as above, with D and ε", "of the left and the right track"),
 }
 """Law -> lines of its formula."""
-_MOST_DIGITS = 7
+_MAX_DIGITS = 7
 
 
 def unit_of(law: str, parameter: str) -> tuple[float, str]:
@@ -49,7 +49,7 @@ def unit_of(law: str, parameter: str) -> tuple[float, str]:
 
 def digits_for(error: float) -> int:
     """Decimals that show two digits of an error."""
-    return min(_MOST_DIGITS, max(0, 1 - math.floor(math.log10(error)))) if error > 0 else _MOST_DIGITS
+    return min(_MAX_DIGITS, max(0, 1 - math.floor(math.log10(error)))) if error > 0 else _MAX_DIGITS
 
 
 def fixed(value: float, digits: int) -> str:

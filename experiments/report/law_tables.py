@@ -6,11 +6,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from experiments.figure_style import LABELS
-from experiments.symbols import FORMULAS, SYMBOLS, digits_for, fixed, unit_of
-from trackslip.identification import Comparison, FittedLaw, Identification, LackOfFit
+from experiments.report.figures.style import LABELS
+from experiments.report.law_symbols import FORMULAS, SYMBOLS, digits_for, fixed, unit_of
+from trackslip.identification.comparison import Comparison
+from trackslip.identification.fitted import FittedLaw
+from trackslip.identification.identify import Identification
+from trackslip.identification.replicates import LackOfFit
 from trackslip.metrics import rms
-from trackslip.slip import PUBLISHED
+from trackslip.slip.exponential import PUBLISHED
 
 MISSING = "–"
 _CERTAIN = 0.001  # probability below which its size doesn't matter

@@ -15,7 +15,7 @@ import matplotlib
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from experiments import store
+from experiments.storage import results as store
 
 MISSING = "–"
 
@@ -75,7 +75,7 @@ def render_page(template: str, *, title: str, command: str, manifest: Mapping[st
         context: what the template itself wants.
     """
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("experiments", "templates"),
+        loader=jinja2.PackageLoader("experiments.report", "templates"),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

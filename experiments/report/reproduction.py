@@ -9,16 +9,21 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from experiments import comparison_figures, figure_style, figures, law_figures, tracking_figures
-from experiments.error_sketch import errors_defined
-from experiments.identification_text import IdentificationText
-from experiments.localization_figures import Sightings, error_against_viewing_angle, sightings
-from experiments.page import MISSING, Drawing, Page, conditions, render_page
-from experiments.published_figures import published_and_simulated
-from experiments.published_runs import geometry_of, published_runs
-from experiments.roles import RoleSamples
-from trackslip.identification import FittedLaw, Identification
-from trackslip.runlog import RunLog
+from experiments.driving.paper_model import geometry_of, published_runs
+from experiments.measuring.inner_outer import RoleSamples
+from experiments.report.figures import comparison as comparison_figures
+from experiments.report.figures import laws as law_figures
+from experiments.report.figures import steady_runs as figures
+from experiments.report.figures import style as figure_style
+from experiments.report.figures import tracking as tracking_figures
+from experiments.report.figures.error_sketch import errors_defined
+from experiments.report.figures.localization import Sightings, error_against_viewing_angle, sightings
+from experiments.report.figures.published import published_and_simulated
+from experiments.report.identification import IdentificationText
+from experiments.report.page import MISSING, Drawing, Page, conditions, render_page
+from trackslip.identification.fitted import FittedLaw
+from trackslip.identification.identify import Identification
+from trackslip.logs.runlog import RunLog
 
 _TRACKING_COLUMNS = (
     ("rms_position", 1e3),

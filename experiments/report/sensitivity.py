@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from experiments.figure_style import BLUE, ORANGE, styled
-from experiments.page import Drawing, Page, conditions, render_page
+from experiments.report.figures.style import BLUE, ORANGE, styled
+from experiments.report.page import Drawing, Page, conditions, render_page
 
 _LOOKS = {"outer": (BLUE, "o", -0.14), "inner": (ORANGE, "s", 0.14)}  # colour, marker, place beside the row's line
 

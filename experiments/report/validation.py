@@ -12,15 +12,17 @@ import numpy as np
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from experiments.page import MISSING, Drawing, Page, file_name, render_page
-from experiments.validation import convergence, energy, figures, turning_figures
+from experiments.report.figures import validation as figures
+from experiments.report.figures import validation_turning as turning_figures
+from experiments.report.figures.validation_turning import expected_twist, nearest_ratio, own
+from experiments.report.page import MISSING, Drawing, Page, file_name, render_page
+from experiments.validation import convergence, energy
 from experiments.validation.results import Validation
 from experiments.validation.standing import ANGLES, REFERENCE_ANGLE
 from experiments.validation.turning import WATCH, Turns
-from experiments.validation.turning_figures import expected_twist, nearest_ratio, own
-from sim.drive import Drive
-from sim.robot import load_robot
-from sim.robot_parameters import SINK
+from sim.drive.drive import Drive
+from sim.robot.parameters import SINK
+from sim.robot.robot import load_robot
 from trackslip.kinematics import Array
 
 

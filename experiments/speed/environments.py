@@ -16,7 +16,7 @@ import gymnasium
 import numpy as np
 from mujoco import batch
 
-from experiments.bench_config import BenchConfig
+from experiments.options.bench import BenchConfig
 from sim.path_tracking.config import PERIOD
 from sim.vector_env import PathTrackingVectorEnv
 from trackslip.kinematics import Array

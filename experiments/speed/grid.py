@@ -19,21 +19,21 @@ from typing import Any
 
 import numpy as np
 
-from experiments import store
-from experiments.bench import bare_batch
-from experiments.bench_config import BenchConfig
-from experiments.console import print_table
-from experiments.grid import before_scanner
-from experiments.sweep import command
+from experiments.commands import grid as command
+from experiments.commands.bench import bare_batch
+from experiments.driving.grid_runs import before_scanner
+from experiments.options.bench import BenchConfig
+from experiments.options.grid import SweepConfig
+from experiments.report.terminal import print_table
+from experiments.storage import results as store
 from experiments.sweep.plan import Run, plan
-from experiments.sweep_config import SweepConfig
 from sim.fleet import SETTLING, Fleet
 from trackslip.kinematics import sprocket_speeds
 
 APART = ("scans", "localization", "slips")
 """Stages that the bare engine has nothing to set against: scanning, and finding pose and slip in scans."""
 _PER_RATIO = 25
-_LARGEST = 256  # bare robots at once; of more, each is a share
+_MAX_BARE_ROBOTS = 256  # bare robots at once; of more, each is a share
 _START = 1.0  # after which the sprockets turn as they were told to [s]
 
 
@@ -55,7 +55,9 @@ def measure_grid(config: BenchConfig, step: Callable[[str], None]) -> list[dict[
 
 def bare_seconds(runs: list[Run], threads: int) -> float:
     """Time that the bare engine takes for all physics steps of the runs, on worker threads [s]."""
-    some = [runs[k] for k in np.unique(np.linspace(0, len(runs) - 1, min(len(runs), _LARGEST)).round().astype(int))]
+    some = [
+        runs[k] for k in np.unique(np.linspace(0, len(runs) - 1, min(len(runs), _MAX_BARE_ROBOTS)).round().astype(int))
+    ]
     world = some[0].world(threads)
     start = np.tile(before_scanner(world.robot), (len(some), 1))
     fleet = Fleet(world.robot, start, [run.specification.ground for run in some], world.radius_error, threads=threads)

@@ -17,15 +17,15 @@ from typing import Any
 import pyarrow
 import pyarrow.parquet
 
-from experiments import store
 from experiments.benchmark.setup import Setup
-from experiments.benchmark_config import BenchmarkConfig, Case
-from experiments.names import policy_path, user_modules
-from experiments.provenance import content, digest, made_by
-from trackslip import logfile
-from trackslip.controllers import CONTROLLERS
-from trackslip.lawfile import SHIPPED
-from trackslip.runlog import RunLog
+from experiments.driving.lookup import policy_path, user_modules
+from experiments.options.benchmark import BenchmarkConfig, Case
+from experiments.storage import results as store
+from experiments.storage.provenance import content, digest, made_by
+from trackslip.controllers.named import CONTROLLERS
+from trackslip.logs import logfile
+from trackslip.logs.runlog import RunLog
+from trackslip.slip.law_file import SHIPPED
 
 _FOLDER = ".benchmark-parts"
 _IRRELEVANT = (

@@ -12,7 +12,7 @@ import experiments
 import models
 import sim
 import trackslip
-from experiments import store
+from experiments.storage import results as store
 
 _CODE, _MODELS = (trackslip, sim, experiments), (models,)
 _SUFFIXES = (".py", ".xml", ".json", ".obj")

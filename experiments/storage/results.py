@@ -21,14 +21,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.interrupts import interrupts_later
-from experiments.locking import locked
-from trackslip import fileformat
+from experiments.parallel.interrupts import interrupts_later
+from experiments.storage.lock import locked
 from trackslip.errors import OutputError, first_line
+from trackslip.logs import file_format as fileformat
 
 if TYPE_CHECKING:
-    from trackslip.identification import SlipSamples
-    from trackslip.runlog import RunLog
+    from trackslip.identification.samples import SlipSamples
+    from trackslip.logs.runlog import RunLog
 
 SUMMARY = "summary.json"
 RUNS = "runs.parquet"
@@ -160,7 +160,7 @@ def write_results(folder: Path, logs: Sequence[RunLog], summary: Mapping[str, An
 
 def write_parquet(folder: Path, logs: Sequence[RunLog]) -> None:
     """Write runs as the folder's RUNS."""
-    from trackslip import logfile  # late: not every command has runs to write
+    from trackslip.logs import logfile  # late: not every command has runs to write
 
     with arrow_errors(folder / RUNS):
         logfile.write_parquet(logs, folder / RUNS)
@@ -171,8 +171,8 @@ def write_samples(folder: Path, samples: SlipSamples) -> None:
     import pyarrow as pa
     import pyarrow.parquet
 
-    from trackslip import logfile
-    from trackslip.schema import with_units
+    from trackslip.logs import logfile
+    from trackslip.logs.schema import with_units
 
     columns = np.concatenate([samples.omega, samples.twist, samples.slip], axis=1)
     names = (*logfile.SAMPLE_COLUMNS, "slip_l", "slip_r")
@@ -252,7 +252,7 @@ def _version(package: str) -> str | None:
 
 def _git_state() -> dict[str, Any] | None:
     """Commit of trackslip's own checkout and whether it was changed; None when installed from a wheel."""
-    root = Path(__file__).parent.parent
+    root = Path(__file__).parents[2]
     if not (root / ".git").exists():
         return None
     try:

@@ -13,14 +13,14 @@ from typing import Any
 import pyarrow
 import pyarrow.parquet
 
-from experiments import store
-from experiments.provenance import changes, digest, made_by
+from experiments.storage import results as store
+from experiments.storage.provenance import changes, digest, made_by
 from experiments.sweep.drive import Part
 from experiments.sweep.plan import Run
 from experiments.sweep.table import is_row
 from trackslip.errors import LogError, TrackslipError
-from trackslip.fileformat import require_known_manifest
-from trackslip.logjoin import StoredRuns, join_parquet
+from trackslip.logs.file_format import require_known_manifest
+from trackslip.logs.logjoin import StoredRuns, join_parquet
 
 PARTS = ".grid-parts"
 

@@ -7,16 +7,16 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from experiments.options.grid import SweepConfig
 from experiments.sweep.options import ALIASES, converted, hint_of, names
-from experiments.sweep_config import SweepConfig
-from sim.robot_parameters import RobotParameters
+from sim.robot.parameters import RobotParameters
 from sim.toml_file import read_toml
 from trackslip.errors import InvalidValueError, SettingsFileError, require_at_most, require_positive
 
-MOST_RUNS = 1_000_000
+MAX_RUNS = 1_000_000
 _PARAMETERS = tuple(f"robot.{f.name}" for f in dataclasses.fields(RobotParameters) if f.name != "radius_error")
 _OWN = ("radius", "speed", "friction_ratio", *ALIASES, *_PARAMETERS)
-_HIGHEST_RATIO = 100.0
+_MAX_RATIO = 100.0
 
 
 def axes_of(config: SweepConfig) -> dict[str, tuple[Any, ...]]:
@@ -60,8 +60,8 @@ def axes_of(config: SweepConfig) -> dict[str, tuple[Any, ...]]:
     drive = {"radius": given.pop("radius", config.radii), "speed": given.pop("speed", config.speeds)}
     axes = {**given, **drive}
     count = math.prod(len(values) for values in axes.values())
-    if count > MOST_RUNS:
-        raise InvalidValueError("runs", count, f"at most {MOST_RUNS:,}: the product of {', '.join(axes)}")
+    if count > MAX_RUNS:
+        raise InvalidValueError("runs", count, f"at most {MAX_RUNS:,}: the product of {', '.join(axes)}")
     return axes
 
 
@@ -80,7 +80,7 @@ def _checked(name: str, values: tuple[Any, ...], option: str) -> tuple[Any, ...]
             require_positive(option, value)
     if name == "friction_ratio":
         for value in taken:
-            require_at_most(option, value, _HIGHEST_RATIO)
+            require_at_most(option, value, _MAX_RATIO)
     return taken
 
 

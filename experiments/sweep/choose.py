@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from experiments import store
+from experiments.storage import results as store
 from experiments.sweep.table import COLUMNS
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.logfile import read_table
-from trackslip.runlog import RunLog
+from trackslip.logs.logfile import read_table
+from trackslip.logs.runlog import RunLog
 
 _MATTERS = ("ground", "radius_error", "geometry", "model_sha256")  # to slip
 _SHOWN = 10

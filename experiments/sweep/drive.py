@@ -7,15 +7,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from experiments.grid import drive_cells, localization_summary
-from experiments.provenance import digest, made_by
+from experiments.driving.grid_runs import drive_cells, localization_summary
+from experiments.storage.provenance import digest, made_by
 from experiments.sweep.plan import Run
 from sim.runs import Progress
 from sim.stopwatch import Stopwatch
-from trackslip import logfile
 from trackslip.errors import LogError, TrackslipError
-from trackslip.identification import true_samples, usable_samples
-from trackslip.runlog import RunLog
+from trackslip.identification.samples import true_samples, usable_samples
+from trackslip.logs import logfile
+from trackslip.logs.runlog import RunLog
 
 _MEASURED = ("omega_l", "omega_r", "v", "w", "observed_radius", "slip_l", "slip_r", "true_slip_l", "true_slip_r")
 

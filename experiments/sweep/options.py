@@ -13,10 +13,10 @@ import typing
 from pathlib import Path
 from typing import Any, TypeVar
 
-from experiments.config import GridConfig
-from sim.robot_parameters import RobotParameters
+from experiments.options.grid import GridConfig
+from sim.robot.parameters import RobotParameters
 from trackslip.errors import InvalidValueError
-from trackslip.schema import NO_UNIT, PURE
+from trackslip.logs.schema import NO_UNIT, PURE
 
 T = TypeVar("T")
 

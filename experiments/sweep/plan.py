@@ -9,17 +9,16 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from experiments.config import GridConfig
-from experiments.grid import Cell, require_radius
-from experiments.provenance import digest
+from experiments.driving.grid_runs import Cell, require_radius
+from experiments.driving.world import Specification, World
+from experiments.options.grid import GridConfig, SweepConfig
+from experiments.storage.provenance import digest
 from experiments.sweep.axes import axes_of
 from experiments.sweep.options import ALIASES, option, with_option
-from experiments.sweep_config import SweepConfig
-from experiments.world import Specification, World
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry
 
-_ENOUGH, _MOST = 64, 128
+_MIN_FLEET, _MAX_FLEET = 64, 128
 """Robots in a fleet: with fewer it is slow, with more it hardly gains and more is lost when a worker is stopped."""
 _EACH = 4
 """Fleets for a worker, or more, so that all end at about the same time; unless they'd be too small."""
@@ -108,7 +107,7 @@ def plan(config: SweepConfig) -> list[Run]:
 
 def fleets(runs: Sequence[Run], workers: int) -> list[tuple[Run, ...]]:
     """Runs that can be driven as one fleet, for so many workers, in order."""
-    size = min(max(_ENOUGH, -(-len(runs) // (_EACH * workers))), _MOST)
+    size = min(max(_MIN_FLEET, -(-len(runs) // (_EACH * workers))), _MAX_FLEET)
     alike: dict[str, list[Run]] = {}
     for run in runs:
         alike.setdefault(run.fleet, []).append(run)

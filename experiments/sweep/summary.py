@@ -8,20 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from experiments import store
-from experiments.console import print_table
-from experiments.grid import grid_summary, published_radii, radius_rows
+from experiments.driving.grid_runs import grid_summary, published_radii, radius_rows
+from experiments.options.grid import SweepConfig
+from experiments.report.terminal import print_table
+from experiments.storage import results as store
 from experiments.sweep.plan import Run
-from experiments.sweep_config import SweepConfig
 from sim.stopwatch import Stopwatch
-from trackslip.identification import SlipSamples
+from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import Array
+from trackslip.logs.runlog import RunLog
 from trackslip.metrics import rms
-from trackslip.runlog import RunLog
 
 IN_FULL = 100
 """Runs of the largest grid whose errors are compared for all motion methods."""
-_MOST_LINES = 40
+_MAX_LINES = 40
 _SATURATED = "run {run!r}: a motor is at its limit for {saturated:.1%} of the time"
 _OUTER, _INNER = "r", "l"  # the runs turn left
 Row = dict[str, Any]
@@ -116,17 +116,17 @@ def print_out(config: SweepConfig, runs: Sequence[Run], found: Mapping[str, Any]
             "inner slip",
             "slip error, rms",
         )
-        print_table(f"{len(runs)} runs in {len(grids)} grids", header, [_line(grid) for grid in grids[:_MOST_LINES]])
-        if len(grids) > _MOST_LINES:
-            print(f"and {len(grids) - _MOST_LINES} more grids; {store.TABLE} has a row for each run")
-    for warning in found["warnings"][:_MOST_LINES]:
+        print_table(f"{len(runs)} runs in {len(grids)} grids", header, [_line(grid) for grid in grids[:_MAX_LINES]])
+        if len(grids) > _MAX_LINES:
+            print(f"and {len(grids) - _MAX_LINES} more grids; {store.TABLE} has a row for each run")
+    for warning in found["warnings"][:_MAX_LINES]:
         print(f"warning: {warning}")
-    if len(found["warnings"]) > _MOST_LINES:
-        print(f"and {len(found['warnings']) - _MOST_LINES} more warnings in {store.SUMMARY}")
-    for failure in found["failures"][:_MOST_LINES]:
+    if len(found["warnings"]) > _MAX_LINES:
+        print(f"and {len(found['warnings']) - _MAX_LINES} more warnings in {store.SUMMARY}")
+    for failure in found["failures"][:_MAX_LINES]:
         print(f"failed: {failure['run']}: {failure['error']}")
-    if len(found["failures"]) > _MOST_LINES:
-        print(f"and {len(found['failures']) - _MOST_LINES} more failures in {store.TABLE}")
+    if len(found["failures"]) > _MAX_LINES:
+        print(f"and {len(found['failures']) - _MAX_LINES} more failures in {store.TABLE}")
 
 
 def _line(grid: Mapping[str, Any]) -> tuple[str, ...]:

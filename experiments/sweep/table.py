@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.parquet
 
 from experiments.sweep.options import explained
-from trackslip.schema import NO_UNIT, PURE, Column, markdown
+from trackslip.logs.schema import NO_UNIT, PURE, Column, markdown
 
 _MEASURED = (
     Column("run", NO_UNIT, "name of the run: its log in runs.parquet"),
@@ -45,7 +45,7 @@ _AXES = (
 )
 AXES = {column.name: column for column in _AXES}
 """Those that have a name of their own; others are options, whose help is their description."""
-_LARGEST = 2**63 - 1
+_MAX_INTEGER = 2**63 - 1
 """Integer of a column; larger ones, seeds, are text."""
 
 
@@ -79,7 +79,7 @@ def is_row(row: object) -> bool:
 def _column(values: list[Any], column: Column) -> pa.Array:
     """A column of the type that its values have; text where there are none, or of several kinds."""
     kinds = {type(value) for value in values if value is not None}
-    if kinds == {int} and max(value for value in values if value is not None) > _LARGEST:
+    if kinds == {int} and max(value for value in values if value is not None) > _MAX_INTEGER:
         kinds = {str}
     if kinds <= {int, float} and (kinds or column.unit != NO_UNIT):
         return pa.array(values, pa.int64() if kinds == {int} else pa.float64())

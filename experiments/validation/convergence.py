@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim.drive import Drive, tireless
+from sim.drive.drive import Drive, tireless
 from sim.fleet import Fleet
-from sim.ground import Ground
-from sim.robot import load_robot
-from sim.robot_parameters import RobotParameters
+from sim.ground.ground import Ground
+from sim.robot.parameters import RobotParameters
+from sim.robot.robot import load_robot
 from trackslip.kinematics import Array
 
 DURATION = 30.0

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from sim.drive import Drive
+from sim.drive.drive import Drive
 from sim.fleet import Fleet
-from sim.ground import Ground
+from sim.ground.ground import Ground
 from sim.instruments import read_contacts
-from sim.robot import load_robot
-from sim.robot_parameters import RobotParameters
+from sim.robot.parameters import RobotParameters
+from sim.robot.robot import load_robot
 from trackslip.kinematics import Array
 
 DURATION = 10.0

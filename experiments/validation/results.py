@@ -11,8 +11,8 @@ from experiments.validation.convergence import Convergence
 from experiments.validation.energy import Energy
 from experiments.validation.standing import ANGLES, REFERENCE_ANGLE, Creep, Loads, Slide
 from experiments.validation.turning import Turns
-from sim.ground import Ground
-from sim.robot_parameters import RobotParameters
+from sim.ground.ground import Ground
+from sim.robot.parameters import RobotParameters
 from trackslip.kinematics import Array
 
 

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.drive import tireless
+from sim.drive.drive import tireless
 from sim.fleet import Fleet
-from sim.ground import Ground, friction_angle
+from sim.ground.ground import Ground, friction_angle
 from sim.instruments import read_contacts, use_default_contact
-from sim.robot import load_robot
-from sim.robot_parameters import RobotParameters
+from sim.robot.parameters import RobotParameters
+from sim.robot.robot import load_robot
 from trackslip.kinematics import Array, limit_sprocket_speeds, sprocket_speeds
-from trackslip.published import COMMANDED_RADII, SPEEDS
+from trackslip.paper import COMMANDED_RADII, SPEEDS
 from trackslip.skid_theory import Contact
 
 _SETTLE, _WATCH = 1.0, 5.0  # on a slope: time that the lean takes to settle, and in which creep is measured, then [s]

@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sim.drive import Drive, tireless
+from sim.drive.drive import Drive, tireless
 from sim.fleet import Fleet
-from sim.ground import Ground
+from sim.ground.ground import Ground
 from sim.instruments import use_default_contact
-from sim.robot import load_robot
-from sim.robot_parameters import RobotParameters
+from sim.robot.parameters import RobotParameters
+from sim.robot.robot import load_robot
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array, limit_sprocket_speeds, sprocket_speeds, track_slip
-from trackslip.published import COMMANDED_RADII, SPEEDS
+from trackslip.paper import COMMANDED_RADII, SPEEDS
 from trackslip.skid_theory import line_contact, steady_twist
 
 RATIOS = (0.7, 0.9, 1.4)

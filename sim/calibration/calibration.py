@@ -9,13 +9,13 @@ from functools import lru_cache
 import lmfit
 import numpy as np
 
-from sim.drive import Drive, tireless
+from sim.calibration.target import SLIP_SCALE, Target, TurnTable
+from sim.drive.drive import Drive, tireless
 from sim.fleet import Fleet
-from sim.ground import Ground
-from sim.robot import Robot, load_robot
-from sim.robot_parameters import RobotParameters
+from sim.ground.ground import Ground
+from sim.robot.parameters import RobotParameters
+from sim.robot.robot import Robot, load_robot
 from sim.runs import Progress
-from sim.target import SLIP_SCALE, Target, TurnTable
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.skid_theory import line_contact, steady_twist

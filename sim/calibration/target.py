@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.identification import SlipSamples
+from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import Array, RobotGeometry, limit_sprocket_speeds, sprocket_speeds, track_slip, track_speeds
 from trackslip.metrics import rms
-from trackslip.published import COMMANDED_RADII, OBSERVED_RADII, SPEEDS
-from trackslip.slip import PUBLISHED
+from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII, SPEEDS
+from trackslip.slip.exponential import PUBLISHED
 
 SLIP_SCALE = 0.007
 """Misfit of slips [-] that counts as one: about what the best fit to the published ones leaves over."""

@@ -8,13 +8,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from sim.motor import Motor
+from sim.drive.motor import Motor
 from trackslip.errors import InvalidValueError, require_at_most, require_positive
 from trackslip.kinematics import Array
 
 RADIUS_ERROR = 0.0066
 """Default relative error of the effective sprocket radius, real / nominal - 1 [-]: tuned to the paper's slips."""
-LARGEST_RADIUS_ERROR = 0.5
+MAX_RADIUS_ERROR = 0.5
 
 
 @dataclass(frozen=True)

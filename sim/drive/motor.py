@@ -9,7 +9,7 @@ import numpy as np
 from trackslip.errors import InvalidValueError, require_at_most, require_non_negative, require_positive
 from trackslip.kinematics import Array
 
-_SMALLEST, _LARGEST = 1e-12, 1e6  # of any number of a motor, so that none of what follows from them overflows
+_MIN_NUMBER, _MAX_NUMBER = 1e-12, 1e6  # of any number of a motor, so that none of what follows from them overflows
 _CREEP = 0.02  # sprocket speed over which the gear's friction turns round [rad/s]
 
 
@@ -33,9 +33,9 @@ class Motor:
     def __post_init__(self) -> None:
         for name in ("gear", "voltage", "no_load_speed", "stall_torque", "rotor_inertia"):
             require_positive(name, getattr(self, name))
-            require_at_most(name, getattr(self, name), _LARGEST)
-            if getattr(self, name) < _SMALLEST:
-                raise InvalidValueError(name, getattr(self, name), f"at least {_SMALLEST:g}")
+            require_at_most(name, getattr(self, name), _MAX_NUMBER)
+            if getattr(self, name) < _MIN_NUMBER:
+                raise InvalidValueError(name, getattr(self, name), f"at least {_MIN_NUMBER:g}")
         require_non_negative("friction", self.friction)
         if self.friction >= self.gear * self.stall_torque:
             raise InvalidValueError(

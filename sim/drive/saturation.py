@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim.drive import DriveState, Forecast
+from sim.drive.drive import DriveState, Forecast
 from trackslip.kinematics import Array
 
 _ATTEMPTS = 40

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os.path
 from pathlib import Path
 
-from sim.ground import Ground
-from sim.named_grounds import NAMED_GROUNDS
+from sim.ground.ground import Ground
+from sim.ground.named import NAMED_GROUNDS
 from sim.toml_file import build, read_toml
 from trackslip.errors import InvalidValueError, SettingsFileError
 

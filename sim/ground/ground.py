@@ -11,7 +11,7 @@ import numpy as np
 from trackslip.errors import InvalidValueError, require_at_most, require_finite, require_non_negative, require_positive
 from trackslip.kinematics import Array
 
-LARGEST_FRICTION = 10.0
+MAX_FRICTION = 10.0
 STEEPEST = 1.5
 """Largest slope [rad]."""
 
@@ -113,4 +113,4 @@ def friction_angle(friction: Sequence[float] | Array, uphill: float) -> float:
 def _require_friction(along: float, across: float) -> None:
     for name, value in (("along", along), ("across", across)):
         require_positive(name, value)
-        require_at_most(name, value, LARGEST_FRICTION)
+        require_at_most(name, value, MAX_FRICTION)

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from sim.ground import Change, Ground
+from sim.ground.ground import Change, Ground
 
 _HARD = 0.778 / 0.70
 _NOON = "R. K. Noon, Engineering Analysis of Vehicular Accidents (1994), of tyres"

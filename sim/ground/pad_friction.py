@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sim.ground import Ground
+from sim.ground.ground import Ground
 from trackslip.kinematics import Array
 
 

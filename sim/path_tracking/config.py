@@ -6,19 +6,19 @@ import math
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from sim.drive import Drive
-from sim.ground_file import load_ground
+from sim.drive.drive import Drive
+from sim.ground.file import load_ground
 from sim.path_tracking.randomization import Randomization
-from sim.robot_parameters import RobotParameters
+from sim.robot.parameters import RobotParameters
 from trackslip.errors import InvalidValueError, require_at_most, require_non_negative, require_positive
-from trackslip.slip import SlipLaw
+from trackslip.slip.base import SlipLaw
 
 PERIOD = 0.05
 """Between actions, and between scans [s]."""
 ACTIONS = ("sprockets", "twist")
 POSE_SOURCES = ("truth", "noisy", "scanner")
-MOST_PREVIEWS = 100
-LONGEST_PREVIEW = 20.0
+MAX_PREVIEWS = 100
+MAX_PREVIEW = 20.0
 """How far a preview may look ahead [s]."""
 
 
@@ -110,12 +110,12 @@ class EnvConfig:
             raise InvalidValueError("twist_scale", self.twist_scale, "two numbers")
         for scale in self.twist_scale:
             require_positive("twist_scale", scale)
-        if not 0 <= self.previews <= MOST_PREVIEWS or int(self.previews) != self.previews:
-            raise InvalidValueError("previews", self.previews, f"an integer from 0 to {MOST_PREVIEWS}")
+        if not 0 <= self.previews <= MAX_PREVIEWS or int(self.previews) != self.previews:
+            raise InvalidValueError("previews", self.previews, f"an integer from 0 to {MAX_PREVIEWS}")
         require_positive("preview_spacing", self.preview_spacing)
         if abs(self.stride * PERIOD - self.preview_spacing) > 1e-9:
             raise InvalidValueError("preview_spacing", self.preview_spacing, f"a multiple of {PERIOD} s")
-        require_at_most("previews * preview_spacing", self.previews * self.preview_spacing, LONGEST_PREVIEW, "s")
+        require_at_most("previews * preview_spacing", self.previews * self.preview_spacing, MAX_PREVIEW, "s")
         for name in ("position_noise", "heading_noise"):
             require_non_negative(name, getattr(self, name))
             require_at_most(name, getattr(self, name), 1.0)

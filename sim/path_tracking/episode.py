@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from sim.ground import Ground, Patch
-from sim.ground_file import load_ground
+from sim.ground.file import load_ground
+from sim.ground.ground import Ground, Patch
 from sim.path_tracking.config import EnvConfig
-from sim.path_tracking.randomization import MOST_LATENCY, Randomization, Range
+from sim.path_tracking.randomization import MAX_LATENCY, Randomization, Range
 from sim.path_tracking.reference_table import ReferenceTable
 from sim.setting import Setting
 from trackslip.errors import InvalidValueError, require_finite, require_positive
@@ -71,8 +71,8 @@ def draw(
     turned = _uniform(generator, drawn.start_heading, 0.0)
     error = options.get("start_error", (distance * math.cos(bearing), distance * math.sin(bearing), turned))
     latency = options.get("latency", latency)
-    if latency not in range(MOST_LATENCY + 1):
-        raise InvalidValueError("latency", latency, f"an integer from 0 to {MOST_LATENCY}")
+    if latency not in range(MAX_LATENCY + 1):
+        raise InvalidValueError("latency", latency, f"an integer from 0 to {MAX_LATENCY}")
     setting = Setting(
         start=_start(table.path(reference)[0], _finite("start_error", error, 3)),
         ground=ground,

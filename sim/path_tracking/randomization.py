@@ -6,28 +6,28 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
-from sim.drive import LARGEST_RADIUS_ERROR, Drive
-from sim.ground import LARGEST_FRICTION, STEEPEST
-from sim.robot_parameters import RobotParameters
+from sim.drive.drive import MAX_RADIUS_ERROR, Drive
+from sim.ground.ground import MAX_FRICTION, STEEPEST
+from sim.robot.parameters import RobotParameters
 from trackslip.errors import InvalidValueError
 
 Range = tuple[float, float]
 """From, to: drawn uniformly."""
 
-MOST_LATENCY = 2
+MAX_LATENCY = 2
 """Of commands [control periods]."""
-MOST_PATCHES = 10
+MAX_PATCHES = 10
 _LIMITS: dict[str, Range] = {
     "friction_ratio": (0.1, 10.0),
-    "radius_error": (-LARGEST_RADIUS_ERROR, LARGEST_RADIUS_ERROR),
+    "radius_error": (-MAX_RADIUS_ERROR, MAX_RADIUS_ERROR),
     "com_x": (-1.0, 1.0),
     "com_y": (-1.0, 1.0),
     "slope": (0.0, STEEPEST),
-    "patches": (0, MOST_PATCHES),
+    "patches": (0, MAX_PATCHES),
     "patch_size": (0.01, 100.0),
-    "patch_friction": (0.01, LARGEST_FRICTION / 10),
+    "patch_friction": (0.01, MAX_FRICTION / 10),
     "lag": (0.001, 1.0),
-    "latency": (0, MOST_LATENCY),
+    "latency": (0, MAX_LATENCY),
     "start_distance": (0.0, 10.0),
     "start_heading": (-math.pi, math.pi),
 }
@@ -81,7 +81,7 @@ class Randomization:
             slope=(0.0, 0.1),
             patches=(0, 3),
             lag=(0.6 * Drive.lag, 2.0 * Drive.lag),
-            latency=(0, MOST_LATENCY),
+            latency=(0, MAX_LATENCY),
             start_distance=(0.0, 0.2),
             start_heading=(-0.3, 0.3),
         )

@@ -13,14 +13,16 @@ from sim.path_tracking.config import PERIOD, EnvConfig, Reward
 from sim.path_tracking.episode import Episode, draw
 from sim.path_tracking.observation import Layout
 from sim.path_tracking.pose_source import pose_source
-from sim.path_tracking.randomization import MOST_LATENCY
+from sim.path_tracking.randomization import MAX_LATENCY
 from sim.path_tracking.reference_table import Index, ReferenceTable
-from sim.robot import load_robot
+from sim.robot.robot import load_robot
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array, limit_sprocket_speeds, track_slip
-from trackslip.lawfile import load_laws
 from trackslip.metrics import LOST, body_errors
-from trackslip.slip import PUBLISHED, NoSlip, SlipLaw
+from trackslip.slip.base import SlipLaw
+from trackslip.slip.constant import NoSlip
+from trackslip.slip.exponential import PUBLISHED
+from trackslip.slip.law_file import load_laws
 
 _TIPPED = np.cos(0.5)  # of the lean from which a robot has tipped over
 _STANDING = 0.05  # sprocket speed below which a track has no slip to speak of [rad/s]
@@ -45,7 +47,7 @@ class PathTracking:
         self._reference: Index = np.zeros(size, int)
         self._k: Index = np.zeros(size, int)  # control periods since the episode's start
         self._latency: Index = np.zeros(size, int)
-        self._line = np.zeros((size, MOST_LATENCY + 1, 2))  # set points, the newest first [rad/s]
+        self._line = np.zeros((size, MAX_LATENCY + 1, 2))  # set points, the newest first [rad/s]
         self._action: Array = np.zeros((size, 2))
         self._angle: Array = np.zeros((size, 2))  # of the encoders, at the last control
         self._omega: Array = np.zeros((size, 2))

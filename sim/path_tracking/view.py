@@ -12,7 +12,7 @@ import mujoco
 import numpy as np
 
 from sim.path_tracking.tracking import PathTracking
-from sim.robot import FIELD
+from sim.robot.robot import FIELD
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array
 

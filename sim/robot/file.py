@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
-from sim.ground import Ground
-from sim.robot_parameters import RobotParameters
+from sim.ground.ground import Ground
+from sim.robot.parameters import RobotParameters
 from sim.toml_file import build, read_toml
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim.drive import LARGEST_RADIUS_ERROR, RADIUS_ERROR
+from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR
 from trackslip.errors import InvalidValueError, require_at_most, require_positive
 
 if TYPE_CHECKING:
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 SINK = 0.002
 """How far the weight presses the tracks into level ground [m]: the contact recipe's, whatever the robot."""
-_SMALLEST = 1e-3  # length [m] and mass [kg]
+_MIN_SIZE = 1e-3  # length [m] and mass [kg]
 _FIRM = 0.25  # share of the moment with which the ground rights a leaning robot that its weight may take away
 
 
@@ -45,11 +45,11 @@ class RobotParameters:
             value, unit = getattr(self, name), "kg" if name == "mass" else "m"
             require_positive(name, value)
             require_at_most(name, value, 1000.0 if name == "mass" else 10.0, unit)
-            if value < _SMALLEST:
-                raise InvalidValueError(name, value, f"at least {_SMALLEST:g} {unit}")
-        if not -LARGEST_RADIUS_ERROR <= self.radius_error <= LARGEST_RADIUS_ERROR:
+            if value < _MIN_SIZE:
+                raise InvalidValueError(name, value, f"at least {_MIN_SIZE:g} {unit}")
+        if not -MAX_RADIUS_ERROR <= self.radius_error <= MAX_RADIUS_ERROR:
             raise InvalidValueError(
-                "radius_error", self.radius_error, f"from {-LARGEST_RADIUS_ERROR:g} to {LARGEST_RADIUS_ERROR:g}"
+                "radius_error", self.radius_error, f"from {-MAX_RADIUS_ERROR:g} to {MAX_RADIUS_ERROR:g}"
             )
         self._require_standing()
 

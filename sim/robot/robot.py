@@ -10,12 +10,12 @@ import mujoco
 import numpy as np
 
 import models
-from sim.contact_sensors import add_contact_sensors
-from sim.robot_parameters import RobotParameters
-from sim.scanner import SCANNED_GROUP
+from sim.robot.contact_sensors import add_contact_sensors
+from sim.robot.parameters import RobotParameters
+from sim.scanner.scanner import SCANNED_GROUP
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.scan import Plate
+from trackslip.localization.scan import Plate
 
 FIELD = Path(models.__file__).parent / "field.xml"
 """The robot on the paper's field, with the laser range finder beside it."""

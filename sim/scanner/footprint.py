@@ -18,11 +18,11 @@ from trackslip.kinematics import Array
 
 PULSE = 0.5
 """Ranges nearer to each other than this run into one echo [m]: pulses of 3.3 ns, assumed."""
-LEAST_SHARE = 0.25
+MIN_SHARE = 0.25
 """Of a footprint, which an echo must fill to be noticed [-], assumed."""
 SUBRAYS = 9
 """Rays that stand for a footprint."""
-_NEAREST = 1e-3  # so that the light from something at the scanner itself is finite [m]
+_MIN_RANGE = 1e-3  # so that the light from something at the scanner itself is finite [m]
 
 
 def footprint(divergence: float) -> Array:
@@ -38,10 +38,10 @@ def echo(ranges: Array) -> Array:
         return ranges[..., 0]
     first = np.fmin.reduce(ranges, axis=-1)
     together = ranges <= first[..., None] + PULSE
-    light = np.where(together, 1 / np.maximum(ranges, _NEAREST) ** 2, 0.0)
+    light = np.where(together, 1 / np.maximum(ranges, _MIN_RANGE) ** 2, 0.0)
     with np.errstate(invalid="ignore"):
         mixed = np.asarray(np.sum(light * np.where(together, ranges, 0.0), axis=-1) / np.sum(light, axis=-1))
-    weak = np.isfinite(first) & (together.mean(axis=-1) < LEAST_SHARE)
+    weak = np.isfinite(first) & (together.mean(axis=-1) < MIN_SHARE)
     if weak.any():
         mixed[weak] = echo(np.where(together, np.nan, ranges)[weak])
     return mixed

@@ -6,7 +6,7 @@ the widest from x = -4.7 to 1.7 and up to y = 6.3. No obstacle stands where a ro
 
 from __future__ import annotations
 
-from sim.obstacles import Obstacles, Post, Walker, Wall
+from sim.scanner.obstacles import Obstacles, Post, Walker, Wall
 
 NAMED_OBSTACLES: dict[str, Obstacles] = {
     # beside and behind the circles, two of them nearer to the widest than a plate is long

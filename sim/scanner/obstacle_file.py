@@ -5,8 +5,8 @@ from __future__ import annotations
 import os.path
 from pathlib import Path
 
-from sim.named_obstacles import NAMED_OBSTACLES
-from sim.obstacles import Obstacles
+from sim.scanner.named_obstacles import NAMED_OBSTACLES
+from sim.scanner.obstacles import Obstacles
 from sim.toml_file import build, read_toml
 from trackslip.errors import InvalidValueError
 

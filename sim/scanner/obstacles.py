@@ -13,11 +13,11 @@ import numpy as np
 from trackslip.errors import InvalidValueError, require_at_most, require_finite, require_positive
 from trackslip.kinematics import Array
 
-FARTHEST = 1000.0
+MAX_COORDINATE = 1000.0
 """Largest coordinate [m]."""
-LARGEST_RADIUS = 10.0
+MAX_RADIUS = 10.0
 """Of a post or a person [m]."""
-FASTEST = 20.0
+MAX_SPEED = 20.0
 """Speed of a person along either axis [m/s]."""
 PERSON = 0.25
 """Radius of a person [m]."""
@@ -94,8 +94,8 @@ class Walker:
         _require_coordinates(self, "x", "y")
         _require_radius(self.radius)
         for name in ("vx", "vy"):
-            if not abs(getattr(self, name)) <= FASTEST:
-                raise InvalidValueError(name, getattr(self, name), f"from {-FASTEST:g} to {FASTEST:g} m/s")
+            if not abs(getattr(self, name)) <= MAX_SPEED:
+                raise InvalidValueError(name, getattr(self, name), f"from {-MAX_SPEED:g} to {MAX_SPEED:g} m/s")
         if not self.turns_after > 0:
             raise InvalidValueError("turns_after", self.turns_after, "a number > 0, or inf for straight on")
 
@@ -157,10 +157,10 @@ def _require_coordinates(obstacle: Post | Wall | Walker, *names: str) -> None:
     for name in names:
         value = getattr(obstacle, name)
         require_finite(name, value)
-        if abs(value) > FARTHEST:
-            raise InvalidValueError(name, value, f"from {-FARTHEST:g} to {FARTHEST:g} m")
+        if abs(value) > MAX_COORDINATE:
+            raise InvalidValueError(name, value, f"from {-MAX_COORDINATE:g} to {MAX_COORDINATE:g} m")
 
 
 def _require_radius(radius: float) -> None:
     require_positive("radius", radius)
-    require_at_most("radius", radius, LARGEST_RADIUS, "m")
+    require_at_most("radius", radius, MAX_RADIUS, "m")

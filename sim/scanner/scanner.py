@@ -9,28 +9,28 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sim.footprint import echo, footprint
-from sim.obstacles import Obstacles
-from sim.scanner_aim import Aim
-from sim.sweep import moved_back
+from sim.scanner.aim import Aim
+from sim.scanner.footprint import echo, footprint
+from sim.scanner.obstacles import Obstacles
+from sim.scanner.scan_motion import moved_back
 from trackslip.errors import InvalidValueError, require_at_most, require_non_negative, require_positive
 from trackslip.kinematics import Array
-from trackslip.scan import Scan
+from trackslip.localization.scan import Scan
 
 if TYPE_CHECKING:
     from sim.fleet import Fleet
 
-MOST_BEAMS = 20_000
+MAX_BEAMS = 20_000
 """Beams in a scan, at most."""
 SCANNED_GROUP = 0
 """Geoms that the laser range finder sees."""
-LOWEST_RATE = 5.0
+MIN_RATE = 5.0
 """Scans per second, at least [Hz]."""
-LARGEST_ERROR = 0.5
+MAX_ERROR = 0.5
 """Of a range, from any one cause [m]."""
-FINEST_STEP = 1e-6
+MIN_STEP = 1e-6
 """Quantisation of ranges, at least [m]."""
-WIDEST_BEAM = 0.1
+MAX_BEAM = 0.1
 """Divergence, at most [rad]."""
 
 
@@ -65,18 +65,18 @@ class LaserScanner:
         for name in ("noise", "quantisation", "divergence", "sweep_time"):
             require_non_negative(name, getattr(self, name))
         for name in ("noise", "quantisation"):
-            require_at_most(name, getattr(self, name), LARGEST_ERROR, "m")
-        if 0 < self.quantisation < FINEST_STEP:
-            raise InvalidValueError("quantisation", self.quantisation, f"0, or at least {FINEST_STEP:g} m")
-        require_at_most("divergence", self.divergence, WIDEST_BEAM, "rad")
-        if not abs(self.range_bias) <= LARGEST_ERROR:
-            raise InvalidValueError("range_bias", self.range_bias, f"from {-LARGEST_ERROR:g} to {LARGEST_ERROR:g} m")
+            require_at_most(name, getattr(self, name), MAX_ERROR, "m")
+        if 0 < self.quantisation < MIN_STEP:
+            raise InvalidValueError("quantisation", self.quantisation, f"0, or at least {MIN_STEP:g} m")
+        require_at_most("divergence", self.divergence, MAX_BEAM, "rad")
+        if not abs(self.range_bias) <= MAX_ERROR:
+            raise InvalidValueError("range_bias", self.range_bias, f"from {-MAX_ERROR:g} to {MAX_ERROR:g} m")
         require_at_most("max_range", self.max_range, 1000.0, "m")
-        if self.rate < LOWEST_RATE:
-            raise InvalidValueError("rate", self.rate, f"at least {LOWEST_RATE:g} Hz")
-        if self.field_of_view / self.resolution > MOST_BEAMS:
+        if self.rate < MIN_RATE:
+            raise InvalidValueError("rate", self.rate, f"at least {MIN_RATE:g} Hz")
+        if self.field_of_view / self.resolution > MAX_BEAMS:
             raise InvalidValueError(
-                "resolution", self.resolution, f"at least field_of_view / {MOST_BEAMS}: that many beams at most"
+                "resolution", self.resolution, f"at least field_of_view / {MAX_BEAMS}: that many beams at most"
             )
         if self.field_of_view > 2 * np.pi or self.resolution >= self.field_of_view:
             raise InvalidValueError("field_of_view", self.field_of_view, "greater than the resolution, at most 2 pi")

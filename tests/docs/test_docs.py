@@ -34,7 +34,7 @@ def workplace(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.setenv("COLUMNS", "200")
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", undrawn)
-    for module in ("experiments.sweep.command", "experiments.benchmark.work"):  # others would take longer to start
+    for module in ("experiments.commands.grid", "experiments.benchmark.jobs"):  # others would take longer to start
         monkeypatch.setattr(f"{module}.processors", lambda: 1)
     importlib.invalidate_caches()
     yield tmp_path

@@ -9,10 +9,10 @@ import typing
 import numpy as np
 import pytest
 
-from experiments import config
 from experiments.cli import main
-from trackslip.logfile import read_runs, write_csv
-from trackslip.motion import MOTION_METHODS
+from experiments.options import world as config
+from trackslip.logs.logfile import read_runs, write_csv
+from trackslip.motion.methods import MOTION_METHODS
 
 SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8")
 GEOMETRY = ("--half-gauge", "0.168", "--sprocket-radius", "0.06")
@@ -226,7 +226,7 @@ def test_a_folder_that_cannot_be_made(refused, monkeypatch):
     def deny(*_args, **_options):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("experiments.store.tempfile.mkdtemp", deny)
+    monkeypatch.setattr("experiments.storage.results.tempfile.mkdtemp", deny)
     assert "out = 'new/below': can't be written (Permission denied)" in refused("grid", *SMALL, "--out", "new/below")
 
 
@@ -241,7 +241,7 @@ def test_an_interrupted_command_leaves_nothing(tmp_path, monkeypatch, capsys):
     def interrupt(*_args, **_options):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("experiments.grid.open_loop", interrupt)
+    monkeypatch.setattr("experiments.driving.grid_runs.open_loop", interrupt)
     with pytest.raises(SystemExit) as stop:
         main(["grid", *SMALL, "--out", str(tmp_path / "a" / "b")])
     assert stop.value.code == 130

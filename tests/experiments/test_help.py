@@ -118,9 +118,11 @@ def test_no_command_imports_what_it_does_not_need(tmp_path):
         assert modules <= NEEDED[arguments], arguments
 
 
-@pytest.mark.parametrize("first", ["gymnasium", "sim.ground"])
+@pytest.mark.parametrize("first", ["gymnasium", "sim.seeds"])
 def test_environments_are_registered_whichever_is_imported_first(first):
-    code = f"import {first}\nimport gymnasium, sim.ground\nprint('trackslip/PathTracking-v0' in gymnasium.registry)"
+    code = (
+        f"import {first}\nimport gymnasium, sim.ground.ground\nprint('trackslip/PathTracking-v0' in gymnasium.registry)"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "True\n"
 

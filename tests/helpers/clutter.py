@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.scan import Scan
+from trackslip.localization.scan import Scan
 
 
 def cylinders(scan: Scan, centre: Array, radius: float) -> Array:

@@ -6,17 +6,12 @@ import itertools
 
 import numpy as np
 
-from trackslip.identification import (
-    Comparison,
-    CrossValidation,
-    Identification,
-    Refused,
-    SlipSamples,
-    cross_validate,
-    fit_law,
-)
+from trackslip.identification.comparison import Comparison, CrossValidation, cross_validate
+from trackslip.identification.fitted import fit_law
+from trackslip.identification.identify import Identification
+from trackslip.identification.samples import Refused, SlipSamples
 from trackslip.kinematics import RobotGeometry
-from trackslip.slip import ConstantIcr
+from trackslip.slip.icr import ConstantIcr
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 LAWS = ("none", "constant", "exponential", "icr", "icr_radius")

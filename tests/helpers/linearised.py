@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackslip.controllers import Controller
+from trackslip.controllers.base import Controller
 from trackslip.kinematics import Array
-from trackslip.trajectory import Reference
+from trackslip.trajectory.base import Reference
 
 
 def pose_with_error(desired: Array, error: Array) -> Array:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.trajectory import ProfiledReference, SegmentedReference
+from trackslip.trajectory.profile import ProfiledReference
+from trackslip.trajectory.segmented import SegmentedReference
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 

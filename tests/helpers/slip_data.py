@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from trackslip.identification import SlipSamples
+from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import RobotGeometry
 
 GEOMETRY = RobotGeometry(0.168, 0.06)

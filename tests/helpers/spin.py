@@ -6,10 +6,10 @@ from dataclasses import asdict
 
 import numpy as np
 
-from sim.scanner import LaserScanner
+from sim.scanner.scanner import LaserScanner
 from trackslip.localization.bound import pose_bound
-from trackslip.runlog import RunLog, Truth
-from trackslip.scan import Plate
+from trackslip.localization.scan import Plate
+from trackslip.logs.runlog import RunLog, Truth
 
 MOUNT = np.array([1.0, -2.0, 0.7])
 METADATA = {"plate": asdict(Plate()), "scanner": asdict(LaserScanner()), "lrf": {"mount": MOUNT.tolist()}}

@@ -11,20 +11,20 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 
 from sim.env import PathTrackingEnv
 from sim.fleet import Fleet
-from sim.ground import Ground
+from sim.ground.ground import Ground
 from sim.path_tracking.config import EnvConfig, Reward
 from sim.path_tracking.randomization import Randomization
 from sim.path_tracking.tracking import TERMS
-from sim.robot_parameters import RobotParameters
+from sim.robot.parameters import RobotParameters
 from sim.runs import Description, Pilot, closed_loop
-from sim.scanner import LaserScanner, ScannerFeed
-from trackslip.compensation import FixedLaw
-from trackslip.controllers import LinearTimeVarying
+from sim.scanner.scanner import LaserScanner, ScannerFeed
+from trackslip.controllers.linear import LinearTimeVarying
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import wrap_angle
-from trackslip.lawfile import load_laws
 from trackslip.metrics import tracking_errors
-from trackslip.slip import PUBLISHED
+from trackslip.slip.compensation import FixedLaw
+from trackslip.slip.exponential import PUBLISHED
+from trackslip.slip.law_file import load_laws
 from trackslip.trajectory.named import named_reference
 
 ID = "sim:trackslip/PathTracking-v0"

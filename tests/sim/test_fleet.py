@@ -3,12 +3,12 @@ import itertools
 import numpy as np
 import pytest
 
-from sim.drive import Drive
+from sim.drive.drive import Drive
 from sim.fleet import Fleet
-from sim.ground import Ground
+from sim.ground.ground import Ground
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import sprocket_speeds, track_speeds
-from trackslip.published import COMMANDED_RADII, SPEEDS
+from trackslip.paper import COMMANDED_RADII, SPEEDS
 from trackslip.skid_theory import line_contact, steady_twist
 
 FAST = Drive(top_speed=0.4)  # the tightest, fastest run of the grid asks 0.334 m/s of the outer track

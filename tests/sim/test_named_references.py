@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from sim.drive import Drive
-from sim.scanner import LaserScanner
-from trackslip.trajectory import LIMITS, REFERENCES
+from sim.drive.drive import Drive
+from sim.scanner.scanner import LaserScanner
+from trackslip.trajectory.named import REFERENCES
+from trackslip.trajectory.profile import LIMITS
 
 TRACKING_ERROR = 0.4  # m, to any side
 

@@ -8,9 +8,11 @@ from sim.env import PathTrackingEnv
 from sim.imitation import IMITABLE, ControllerPolicy
 from sim.path_tracking.config import EnvConfig
 from sim.policy import Network, Policy, PolicyController
-from trackslip.controllers import CONTROLLERS, Lqr, SensesSprockets
+from trackslip.controllers.base import SensesSprockets
+from trackslip.controllers.lqr import Lqr
+from trackslip.controllers.named import CONTROLLERS
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.trajectory import paper_reference
+from trackslip.trajectory.segmented import paper_reference
 
 OPTIONS = {"action": "twist", "compensation": "icr_radius", "reference": "paper"}
 AUTHORITY = (0.1, 0.5)

@@ -6,11 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 
-from sim.drive import Drive, tireless
+from sim.drive.drive import Drive, tireless
 from sim.fleet import Fleet
-from sim.ground import Change, Ground, Patch
-from sim.robot import load_robot
-from sim.robot_parameters import RobotParameters
+from sim.ground.ground import Change, Ground, Patch
+from sim.robot.parameters import RobotParameters
+from sim.robot.robot import load_robot
 from trackslip.kinematics import track_slip
 
 FAST = tireless(0.6)

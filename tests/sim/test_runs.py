@@ -3,16 +3,17 @@ import pytest
 
 from sim.fleet import Fleet
 from sim.runs import Description, Pilot, closed_loop, open_loop
-from sim.scanner import LaserScanner, ScannerFeed
+from sim.scanner.scanner import LaserScanner, ScannerFeed
 from sim.seeds import generator
-from trackslip.compensation import FixedLaw
-from trackslip.controllers import Feedforward, LinearTimeVarying
+from trackslip.controllers.feedforward import Feedforward
+from trackslip.controllers.linear import LinearTimeVarying
 from trackslip.errors import InvalidValueError
-from trackslip.localization import PlateLocator
+from trackslip.localization.plate import PlateLocator
 from trackslip.metrics import tracking_errors
 from trackslip.skid_theory import line_contact, steady_twist
-from trackslip.slip import ConstantIcr
-from trackslip.trajectory import Segment, SegmentedReference
+from trackslip.slip.compensation import FixedLaw
+from trackslip.slip.icr import ConstantIcr
+from trackslip.trajectory.segmented import Segment, SegmentedReference
 
 START = np.array([[-1.5, 0.0, 0.0]] * 2)
 OMEGA = np.array([[2.0, 3.0], [3.0, 4.0]])

@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from sim.drive import Drive
+from sim.drive.drive import Drive
+from sim.drive.motor import Motor
 from sim.fleet import Fleet
-from sim.ground import Ground, Patch
-from sim.motor import Motor
-from sim.robot import load_robot
-from sim.robot_parameters import SINK, RobotParameters
+from sim.ground.ground import Ground, Patch
+from sim.robot.parameters import SINK, RobotParameters
+from sim.robot.robot import load_robot
 from sim.runs import Description, open_loop
-from sim.scanner import LaserScanner, ScannerFeed
+from sim.scanner.scanner import LaserScanner, ScannerFeed
 from sim.seeds import generator
 from trackslip.errors import InvalidValueError, TrackslipError
-from trackslip.localization import PlateLocator
+from trackslip.localization.plate import PlateLocator
 from trackslip.skid_theory import line_contact, steady_twist
 
 STRONG = Drive(top_speed=1.0, torque_limit=1e5, motor=Motor(stall_torque=1e4, no_load_speed=1e5))

@@ -2,9 +2,9 @@
 
 import pytest
 
-from sim.ground_file import load_ground
-from sim.named_grounds import NAMED_GROUNDS
-from sim.robot_file import load_robot_file
+from sim.ground.file import load_ground
+from sim.ground.named import NAMED_GROUNDS
+from sim.robot.file import load_robot_file
 from trackslip.errors import InvalidValueError, SettingsFileError
 
 PATCH = "[[patches]]\ny = [0, 1]\nalong = 1\nacross = 1\n"

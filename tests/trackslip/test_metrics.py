@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from trackslip.logs.runlog import RunLog, Truth
 from trackslip.metrics import expense, tracking_errors
-from trackslip.runlog import RunLog, Truth
-from trackslip.trajectory import Segment, SegmentedReference, circle
+from trackslip.trajectory.segmented import Segment, SegmentedReference, circle
 
 TIME = np.arange(0, 20.0 + 1e-9, 0.05)
 

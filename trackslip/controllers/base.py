@@ -7,7 +7,7 @@ from typing import Protocol, runtime_checkable
 from numpy.typing import ArrayLike
 
 from trackslip.kinematics import Array
-from trackslip.trajectory import Reference
+from trackslip.trajectory.base import Reference
 
 
 class Controller(Protocol):

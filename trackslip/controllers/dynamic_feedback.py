@@ -15,7 +15,7 @@ from trackslip.controllers.samson import Samson
 from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array
 from trackslip.metrics import body_errors
-from trackslip.trajectory import Reference
+from trackslip.trajectory.base import Reference
 
 ACCELERATION_STEP = 0.01
 """Half the time over which the reference's acceleration is taken [s]."""

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.kinematics import Array
-from trackslip.trajectory import Reference
+from trackslip.trajectory.base import Reference
 
 
 @dataclass(frozen=True)

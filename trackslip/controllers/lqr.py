@@ -15,7 +15,7 @@ from trackslip.controllers.memo import OncePerReference
 from trackslip.errors import require_positive
 from trackslip.kinematics import Array
 from trackslip.metrics import body_errors
-from trackslip.trajectory import Reference
+from trackslip.trajectory.base import Reference
 
 STANDING = 5.0
 """How long the robot is thought to stand at the end of the reference, so that gains don't fade before it [s]."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
-from trackslip.trajectory import Reference
+from trackslip.trajectory.base import Reference
 
 T = TypeVar("T")
 

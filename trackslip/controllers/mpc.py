@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from trackslip.errors import InvalidValueError, TrackslipError, require_positive
 from trackslip.kinematics import Array, advance, track_speeds, twist_of_tracks
-from trackslip.trajectory import Reference
+from trackslip.trajectory.base import Reference
 
 
 @dataclass

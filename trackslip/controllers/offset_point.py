@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from trackslip.errors import require_positive
 from trackslip.kinematics import Array
 from trackslip.metrics import body_errors
-from trackslip.trajectory import Reference
+from trackslip.trajectory.base import Reference
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trackslip.kinematics import Array, advance
-from trackslip.trajectory import Reference
+from trackslip.trajectory.base import Reference
 
 STEP = 0.01
 """About the time between the samples of a reference's speed [s]."""

@@ -16,7 +16,7 @@ from trackslip.controllers.speed_law import natural_frequency, speed_to_keep_up
 from trackslip.errors import require_positive
 from trackslip.kinematics import Array
 from trackslip.metrics import body_errors
-from trackslip.trajectory import Reference
+from trackslip.trajectory.base import Reference
 
 
 @dataclass(frozen=True)

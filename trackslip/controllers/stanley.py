@@ -15,7 +15,7 @@ from trackslip.controllers.speed_law import natural_frequency, speed_to_keep_up
 from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.metrics import body_errors
-from trackslip.trajectory import Reference
+from trackslip.trajectory.base import Reference
 
 
 @dataclass(frozen=True)

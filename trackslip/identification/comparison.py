@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackslip.errors import LogError
-from trackslip.identification.families import FAMILIES, TWO_SIDED
 from trackslip.identification.fit import fit
 from trackslip.identification.fitted import FittedLaw, fit_law
 from trackslip.identification.replicates import by_command, folds
@@ -16,6 +15,7 @@ from trackslip.identification.samples import SlipSamples
 from trackslip.identification.weighting import WeightedRuns
 from trackslip.kinematics import RobotGeometry, body_twist
 from trackslip.metrics import rms
+from trackslip.slip.families import FAMILIES, TWO_SIDED
 
 _INDISTINCT = 2.0  # difference of the criterion within which the simpler law is the best
 _BASELINES = ("none", "constant")

@@ -7,13 +7,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import scipy
 
-from trackslip.identification.families import FAMILIES
 from trackslip.identification.fit import fit
 from trackslip.identification.intervals import CONFIDENCE, heights, profile_intervals
 from trackslip.identification.replicates import lack_of_fit
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.weighting import WeightedRuns
 from trackslip.kinematics import Array, RobotGeometry
+from trackslip.slip.families import FAMILIES
 
 _AT_ONCE = 100  # repeats fitted together, so that they stay in the cache
 

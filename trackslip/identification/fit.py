@@ -7,11 +7,11 @@ from functools import cached_property
 
 import numpy as np
 
-from trackslip.identification.families import LawFamily
 from trackslip.identification.solver import Minimum, least_squares
 from trackslip.identification.weighting import WeightedRuns
 from trackslip.kinematics import Array
-from trackslip.slip import SlipLaw
+from trackslip.slip.base import SlipLaw
+from trackslip.slip.families import LawFamily
 
 _FIRST_SCATTER = 0.003  # of slip, before anything is known
 _DIFFERENCE = 1e-5  # for derivatives, relative to the parameters' scales

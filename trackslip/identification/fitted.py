@@ -8,7 +8,6 @@ import numpy as np
 import scipy
 
 from trackslip.errors import LogError
-from trackslip.identification.families import family
 from trackslip.identification.fit import Fits, fit
 from trackslip.identification.intervals import (
     BOOTSTRAPS,
@@ -19,12 +18,13 @@ from trackslip.identification.intervals import (
 )
 from trackslip.identification.replicates import LackOfFit, lack_of_fit
 from trackslip.identification.samples import SlipSamples
-from trackslip.identification.weighting import LEAST_SCATTER, WeightedRuns
+from trackslip.identification.weighting import MIN_SCATTER, WeightedRuns
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.metrics import rms
-from trackslip.slip import SlipLaw
+from trackslip.slip.base import SlipLaw
+from trackslip.slip.families import family
 
-_FEWEST_DRAWN = 4  # runs that can be resampled
+_MIN_DRAWN = 4  # runs that can be resampled
 _VAGUE = 5.0  # standard error of a parameter that the samples say nothing about [of its scale]
 _AT_LIMIT = 1e-3  # distance from a limit, relative to a range no longer than 1
 _COARSE = 60  # scatters tried, before the best is refined
@@ -104,7 +104,7 @@ def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, bootstraps
     _require_determined(name, fits, error)
     interval = profile_intervals(fits, heights(fits, tests, measured))[0]
     drawn = None
-    if bootstraps and count > max(free, _FEWEST_DRAWN):
+    if bootstraps and count > max(free, _MIN_DRAWN):
         drawn = bootstrap_intervals(fits, bootstraps, np.random.default_rng(count))
     law = model.build({key: float(value) for key, value in zip(model.names, fits.values[0], strict=True)}, geometry)
     return FittedLaw(
@@ -142,7 +142,7 @@ def _likelihood(fits: Fits, deviation: Array) -> float:
         variance = eigenvalues + np.exp(2 * log_scatter)
         return float(np.sum(deviation[0] ** 2 / variance + np.log(variance)))
 
-    coarse = np.linspace(np.log(LEAST_SCATTER), 1.0, _COARSE)
+    coarse = np.linspace(np.log(MIN_SCATTER), 1.0, _COARSE)
     best = coarse[np.argmin([minus(value) for value in coarse])]
     step = coarse[1] - coarse[0]
     fine = scipy.optimize.minimize_scalar(

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackslip.identification.families import FAMILIES
 from trackslip.identification.fit import fit
 from trackslip.identification.replicates import by_command
 from trackslip.identification.samples import Refused, SlipSamples
 from trackslip.identification.weighting import WeightedRuns
 from trackslip.kinematics import Array, RobotGeometry
+from trackslip.slip.families import FAMILIES
 
-_FEWEST = 6  # samples that make a majority
-_MOST = 0.25  # share of outliers that is still a few
+_MIN_SAMPLES = 6  # samples that make a majority
+_MAX_OUTLIER_SHARE = 0.25  # share of outliers that is still a few
 _FAR = 6.0  # robust standard deviations that no good run is off
 _WORTH_MENTIONING = 0.005  # slip by which an outlier is off at least [-]
 _REPEATED = 3  # runs of one radius that have a median
@@ -26,11 +26,11 @@ def split_outliers(samples: SlipSamples, geometry: RobotGeometry) -> tuple[SlipS
 
     Every law is fitted robustly, with Tukey's biweight of a run's larger deviation; the law with the smallest median
     deviation is the judge. Runs that repeat each other are held against their median, for what they share is the law's
-    fault, not theirs. Fewer than _FEWEST samples have no outliers, and where more than a quarter seem to be, no law
-    fits and none is left out.
+    fault, not theirs. Fewer than _MIN_SAMPLES samples have no outliers, and where more than a quarter seem to be, no
+    law fits and none is left out.
     """
     count = len(samples)
-    if count < _FEWEST:
+    if count < _MIN_SAMPLES:
         return samples, []
     runs = WeightedRuns.of(samples, geometry)
     judged = [_robust_deviation(name, runs) for name in _LAWS if count > len(FAMILIES[name].names)]
@@ -43,7 +43,7 @@ def split_outliers(samples: SlipSamples, geometry: RobotGeometry) -> tuple[SlipS
     spread = _spread(deviation)
     worst = np.abs(deviation).max(axis=1)  # (n,)
     far = worst > max(_FAR * spread, _WORTH_MENTIONING)
-    if not far.any() or far.sum() > _MOST * count:
+    if not far.any() or far.sum() > _MAX_OUTLIER_SHARE * count:
         return samples, []
     outliers = [
         Refused(

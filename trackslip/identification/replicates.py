@@ -11,7 +11,7 @@ from trackslip.identification.fit import Fits
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 
 _ALIKE = 0.02  # relative difference of the commanded curvatures (or speeds) of runs that repeat each other
-_MOST_FOLDS = 10
+_MAX_FOLDS = 10
 _FOLDS = 5  # of values that don't come in groups
 SIGNIFICANT = 0.01
 """Probability below which lack of fit isn't put down to chance."""
@@ -57,7 +57,7 @@ def by_command(omega: Array, geometry: RobotGeometry) -> np.ndarray:
 def folds(values: Array) -> np.ndarray:
     """Labels (n,) of groups to leave out one at a time: those that are alike, else neighbours in equal numbers."""
     labels = alike(values)
-    if labels.max(initial=0) < _MOST_FOLDS:
+    if labels.max(initial=0) < _MAX_FOLDS:
         return labels
     rank = np.argsort(np.argsort(values, kind="stable"), kind="stable")
     return rank * _FOLDS // len(values)

@@ -10,9 +10,10 @@ import numpy as np
 from trackslip.errors import InvalidValueError, LogError, require_non_negative
 from trackslip.identification.plausibility import require_plausible
 from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
-from trackslip.motion import MOTION_METHODS, best_method, require_steady_motion
-from trackslip.runlog import RunLog
-from trackslip.steady import SETTLE, steady_part
+from trackslip.logs.runlog import RunLog
+from trackslip.motion.methods import MOTION_METHODS, best_method
+from trackslip.motion.stationarity import require_steady_motion
+from trackslip.motion.steady import SETTLE, steady_part
 
 
 @dataclass(frozen=True)

@@ -18,9 +18,9 @@ Residual = Callable[[Array, np.ndarray], Array]
 
 _ITERATIONS = 40
 _CONVERGED = 1e-9  # fall of the cost, relative to it
-_SMALLEST_STEP = 1e-10  # relative to the parameters' scales
+_MIN_STEP = 1e-10  # relative to the parameters' scales
 _DIFFERENCE = 1e-6  # for derivatives, relative to the parameters' scales
-_MOST_DAMPING = 1e12
+_MAX_DAMPING = 1e12
 
 
 @dataclass(frozen=True)
@@ -75,8 +75,8 @@ def least_squares(
         tried_cost = np.sum(tried**2, axis=1)
         better = tried_cost <= cost[rows]
         moved = np.abs((trial - values[rows]) / scale).max(axis=1)
-        settled = (better & (cost[rows] - tried_cost <= _CONVERGED * cost[rows])) | (moved < _SMALLEST_STEP)
-        done = settled | (damping[rows] > _MOST_DAMPING)
+        settled = (better & (cost[rows] - tried_cost <= _CONVERGED * cost[rows])) | (moved < _MIN_STEP)
+        done = settled | (damping[rows] > _MAX_DAMPING)
         taken = rows[better]
         values[taken], current[taken], cost[taken] = trial[better], tried[better], tried_cost[better]
         damping[rows] = np.where(better, np.maximum(damping[rows] / 10, 1e-12), damping[rows] * 10)

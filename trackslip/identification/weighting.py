@@ -21,12 +21,12 @@ import scipy
 
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import SIDES, Array, RobotGeometry, track_speeds
-from trackslip.slip import SlipLaw
+from trackslip.slip.base import SlipLaw
 
-_SLOWEST = 0.1  # sprocket speed whose slip still counts, relative to the faster one
-LEAST_SCATTER = 1e-9
+_MIN_RELATIVE_SPEED = 0.1  # sprocket speed whose slip still counts, relative to the faster one
+MIN_SCATTER = 1e-9
 """tau of samples that lie on a law to within rounding [-]."""
-_MOST_SCATTER = 10.0
+_MAX_SCATTER = 10.0
 _HALVINGS = 60
 _EXPLAINED = 0.99  # probability of a smaller chi-square, up to which it is put down to chance
 
@@ -46,7 +46,7 @@ class WeightedRuns:
     def of(cls, samples: SlipSamples, geometry: RobotGeometry) -> WeightedRuns:
         """One set. Without covariances of the twists, all scatter is tau."""
         size = np.abs(samples.omega)
-        scale = geometry.sprocket_radius * np.maximum(size, _SLOWEST * size.max(axis=1, keepdims=True))
+        scale = geometry.sprocket_radius * np.maximum(size, _MIN_RELATIVE_SPEED * size.max(axis=1, keepdims=True))
         to_tracks = np.column_stack([np.ones(2), SIDES * geometry.half_gauge])
         if samples.covariance is None:
             noise: Array = np.zeros((len(size), 2, 2))
@@ -89,14 +89,14 @@ class WeightedRuns:
         large would widen intervals for nothing. Without such errors at least what rounding leaves.
         """
         known = self.eigenvalues.min(initial=np.inf) > 0
-        low = np.full(len(deviation), np.log(LEAST_SCATTER))
-        high = np.full(len(deviation), np.log(_MOST_SCATTER))
+        low = np.full(len(deviation), np.log(MIN_SCATTER))
+        high = np.full(len(deviation), np.log(_MAX_SCATTER))
         for _ in range(_HALVINGS):
             middle = (low + high) / 2
             above = np.sum(self.whiten(deviation, np.exp(middle)) ** 2, axis=1) > freedom
             low, high = np.where(above, middle, low), np.where(above, high, middle)
-        least = low == np.log(LEAST_SCATTER)
+        least = low == np.log(MIN_SCATTER)
         if known:
             unscattered = np.sum(self.whiten(deviation, np.zeros(len(deviation))) ** 2, axis=1)
             least |= unscattered < scipy.stats.chi2.ppf(_EXPLAINED, freedom)
-        return np.where(least, 0.0 if known else LEAST_SCATTER, np.exp((low + high) / 2))
+        return np.where(least, 0.0 if known else MIN_SCATTER, np.exp((low + high) / 2))

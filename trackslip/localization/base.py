@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.scan import Scan
+from trackslip.localization.scan import Scan
 
 
 @dataclass(frozen=True)

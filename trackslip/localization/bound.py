@@ -31,9 +31,9 @@ from __future__ import annotations
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.scan import Plate, Scan
+from trackslip.localization.scan import Plate, Scan
 
-LEAST_ANGLE = np.radians(3.0)
+MIN_ANGLE = np.radians(3.0)
 """Nearer to edge-on than this the bound means little [rad]."""
 _AT_ONCE = 1000  # poses, to bound the memory
 
@@ -76,7 +76,7 @@ def ratio_to_bound(error: Array, bound: Array) -> Array:
 
 
 def scan_ratio_to_bound(pose: Array, true_pose: Array, plate: Plate, scan: Scan) -> Array:
-    """Ratios (3,) to the bound of x, y and heading in the world, over scans seen LEAST_ANGLE or more from edge-on.
+    """Ratios (3,) to the bound of x, y and heading in the world, over scans seen MIN_ANGLE or more from edge-on.
 
     Args:
         pose: estimated poses (S, 3) in the world, for example those that are valid.
@@ -85,7 +85,7 @@ def scan_ratio_to_bound(pose: Array, true_pose: Array, plate: Plate, scan: Scan)
         scan: its bearings, noise and mount are used, not its ranges.
     """
     local = scan.from_world(true_pose)
-    rows = viewing_angle(local) > LEAST_ANGLE
+    rows = viewing_angle(local) > MIN_ANGLE
     error = (pose - true_pose)[rows]
     error[:, 2] = (error[:, 2] + np.pi / 2) % np.pi - np.pi / 2
     bound = scan.covariance_to_world(pose_bound(local[rows], plate, scan.bearings, scan.noise))

@@ -15,9 +15,9 @@ from trackslip.localization.climb import climb
 from trackslip.localization.likelihood import Fit, PlateLikelihood, View, inverses
 from trackslip.localization.line import fit_line
 from trackslip.localization.quadrature import spans, weights
+from trackslip.localization.scan import Cluster, Scan
 from trackslip.localization.solution import UNKNOWN
 from trackslip.localization.starts import place
-from trackslip.scan import Cluster, Scan
 
 EDGE_ON = np.radians(3.0)
 """Nearer to the line of sight than this, the heading is integrated [rad]."""

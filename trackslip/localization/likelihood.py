@@ -25,7 +25,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.scan import LEAST_NOISE, Cluster, Plate, Scan
+from trackslip.localization.scan import MIN_NOISE, Cluster, Plate, Scan
 
 _ALONG, _ACROSS = np.array([1.0, 1.0, -1.0, -1.0]), np.array([1.0, -1.0, 1.0, -1.0])  # of the plate's corners
 _MARGIN = 0.1  # returns this near to the scanner's reach may be cut off by it [m]
@@ -174,7 +174,7 @@ class View:
         tolerance = step / 4
         inside = np.stack([low > scan.bearings[0] + tolerance, high < scan.bearings[-1] - tolerance], axis=1)
         weight = np.where(inside & within[:, None] & np.isfinite(cluster.hidden), 1 / spread[:, None], 0.0)
-        noise = max(scan.noise, LEAST_NOISE)
+        noise = max(scan.noise, MIN_NOISE)
         u_x, u_y = np.cos(cluster.bearing), np.sin(cluster.bearing)
         edges = reach * np.array([-1.0, 1.0])
         ahead = np.stack([np.cos(middle), np.sin(middle)], axis=1)

@@ -8,7 +8,7 @@ import numpy as np
 
 from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate
-from trackslip.scan import Cluster, Plate, Scan, extract_plate
+from trackslip.localization.scan import Cluster, Plate, Scan, extract_plate
 
 
 @dataclass(frozen=True)

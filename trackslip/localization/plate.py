@@ -18,17 +18,26 @@ from trackslip.localization.climb import climb
 from trackslip.localization.corner import FROM_SIDE, along_plate
 from trackslip.localization.edge_on import EDGE_ON, EDGE_ON_BY_FEW, FEW, GRID, integrate
 from trackslip.localization.likelihood import Fit, PlateLikelihood, View, inverses
+from trackslip.localization.pieces import best_of_each
+from trackslip.localization.scan import (
+    FINER_GAPS,
+    MAX_GAP,
+    Cluster,
+    Plate,
+    Scan,
+    extract_plate,
+    plate_candidates,
+    returns_at,
+)
 from trackslip.localization.solution import UNKNOWN, Solution
-from trackslip.localization.starts import MOST_STARTS, chunks, starts
-from trackslip.pieces import best_of_each
-from trackslip.scan import FINER_GAPS, MAX_GAP, Cluster, Plate, Scan, extract_plate, plate_candidates, returns_at
+from trackslip.localization.starts import MAX_STARTS, chunks, starts
 
 _STRAINED = 4.0  # standard deviations of the misfit beyond which something else is among the returns
 _EXPLAINED = 7.0  # log likelihood that a return gains by being the plate's, not any thing's within some metres
-_FEWEST = 8  # returns, fewer of which may look like a plate by chance
+_MIN_PLATE_RETURNS = 8  # returns, fewer of which may look like a plate by chance
 _ROUNDS = 2  # of choosing the returns by the pose
 _SCREENED = 24  # beams of a cluster that the starts are screened on
-_LEAST_DROPOUT = 0.02  # probability that a beam isn't stopped by a plate that is in its way
+_MIN_DROPOUT = 0.02  # probability that a beam isn't stopped by a plate that is in its way
 
 
 @dataclass(frozen=True)
@@ -107,7 +116,7 @@ class PlateLocator:
     def _solve(self, scan: Scan, cluster: Cluster, near: Array | None) -> Solution:
         """The pose that explains each cluster best."""
         found = Solution.none(len(cluster.count))
-        for rows in chunks(cluster, MOST_STARTS):
+        for rows in chunks(cluster, MAX_STARTS):
             view = View.of(scan, part := cluster.take(rows))
             fit = self._fit(view, part, scan.beam_step, None if near is None else near[rows])
             inverse, regular = inverses(fit.hessian)
@@ -117,10 +126,10 @@ class PlateLocator:
             cut = (part.hidden > 0).any(axis=1)
             covariance *= np.where(strained, misfit**2, 1.0)[:, None, None]
             score = _EXPLAINED * part.count - fit.cost
-            score += np.log(max(scan.dropout, _LEAST_DROPOUT)) * part.lost
+            score += np.log(max(scan.dropout, _MIN_DROPOUT)) * part.lost
             found.put(rows, Solution(fit.pose, covariance, misfit, score, strained | cut))
         self._mend(scan, cluster, found)
-        found.covariance[(cluster.hidden > 0).any(axis=1) & (cluster.count < _FEWEST)] = UNKNOWN
+        found.covariance[(cluster.hidden > 0).any(axis=1) & (cluster.count < _MIN_PLATE_RETURNS)] = UNKNOWN
         return found
 
     def _mend(self, scan: Scan, cluster: Cluster, found: Solution) -> None:
@@ -142,7 +151,9 @@ class PlateLocator:
         if near is None:
             return self._screened(view, starts(cluster, self.plate, beam_step, None))
         fit = climb(self._likelihood, view, near, self.iterations)
-        explained = ~_strained(np.sqrt(2 * fit.cost / cluster.count), cluster.count) & (cluster.count >= _FEWEST)
+        explained = ~_strained(np.sqrt(2 * fit.cost / cluster.count), cluster.count) & (
+            cluster.count >= _MIN_PLATE_RETURNS
+        )
         rest = np.flatnonzero(~explained)
         if rest.size:
             first = starts(cluster.take(rest), self.plate, beam_step, near[rest])

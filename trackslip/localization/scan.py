@@ -9,16 +9,16 @@ import numpy as np
 
 from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array
-from trackslip.pieces import Returns, best_of_each
+from trackslip.localization.pieces import Returns, best_of_each
 
 MAX_GAP = 0.7
 """Neighbouring returns farther apart than this belong to different things [m]: longer than the plate, which seen
 nearly edge-on returns points as far apart as its whole length."""
 FINER_GAPS = (0.25, 0.1)
 """Where MAX_GAP doesn't part the plate from something else near it, these may [m]."""
-LEAST_RETURNS = 3
+MIN_RETURNS = 3
 """Fewer returns than this don't make a pose."""
-LEAST_NOISE = 0.5e-3
+MIN_NOISE = 0.5e-3
 """What a perfect scanner is taken to have, for the plate is never a perfect rectangle [m]."""
 _ABOUT = 0.15  # how far from where the plate is expected its returns may lie: more than a tracker is wrong by [m]
 _ON_PLATE = 0.03  # a return at the plate lies no farther from it than this, or five standard deviations [m]
@@ -187,7 +187,7 @@ def plate_candidates(scan: Scan, plate: Plate, gap: float) -> tuple[Cluster, np.
     """
     returns = _returns(scan)
     pieces = returns.split(gap)
-    possible = (pieces.count >= LEAST_RETURNS) & (pieces.extent < plate.length + plate.thickness + 6 * scan.noise)
+    possible = (pieces.count >= MIN_RETURNS) & (pieces.extent < plate.length + plate.thickness + 6 * scan.noise)
     order = np.flatnonzero(possible)
     order = order[np.lexsort((-pieces.count[order], pieces.row[order]))]
     row = pieces.row[order]
@@ -233,7 +233,7 @@ def _returns(scan: Scan) -> Returns:
     """What came back, but for the background."""
     back = scan.ranges > _HOUSING  # false for NaN
     if scan.background is not None:
-        back &= ~(np.abs(scan.ranges - scan.background) < _STATIC * max(scan.noise, LEAST_NOISE))
+        back &= ~(np.abs(scan.ranges - scan.background) < _STATIC * max(scan.noise, MIN_NOISE))
     return Returns.of(scan.ranges, scan.bearings, back)
 
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from trackslip.kinematics import Array
 from trackslip.localization.line import fit_line
-from trackslip.scan import LEAST_RETURNS, Cluster, Plate
+from trackslip.localization.scan import MIN_RETURNS, Cluster, Plate
 
-MOST_STARTS = 6
+MAX_STARTS = 6
 """Starts of a cluster, at most: with an expected pose."""
 _BESIDE = np.radians(2.0)  # the two starts beside the line of sight
 _FROM_SIDE = np.sin(np.radians(30.0))  # of the angle between line and sight
@@ -61,12 +61,12 @@ def place(cluster: Cluster, heading: Array, middle: Array, plate: Plate) -> Arra
 
 
 def chunks(cluster: Cluster, starts_each: int, among: np.ndarray | None = None) -> Iterator[np.ndarray]:
-    """Rows of clusters with LEAST_RETURNS or more, some at a time: all of a chunk padded to the same width.
+    """Rows of clusters with MIN_RETURNS or more, some at a time: all of a chunk padded to the same width.
 
     The width is a matter of the cluster alone, not of its neighbours, so that sums over beams round alike in any
     company.
     """
-    wanted = cluster.count >= LEAST_RETURNS if among is None else among & (cluster.count >= LEAST_RETURNS)
+    wanted = cluster.count >= MIN_RETURNS if among is None else among & (cluster.count >= MIN_RETURNS)
     padded = cluster.padded_width
     for width in sorted(set(padded[wanted].tolist())):
         rows = np.flatnonzero(wanted & (padded == width))

@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
-from trackslip.schema import COLUMNS
+from trackslip.logs.schema import COLUMNS
 
 
 class Columns:

@@ -8,8 +8,8 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array
 
 _STRIDE = 0.5  # over which a direction is taken [s]
-_LEAST_WAY = 0.01  # that has a direction, noise notwithstanding [m]
-_FEWEST = 5  # of them
+_MIN_WAY = 0.01  # that has a direction, noise notwithstanding [m]
+_MIN_STEPS = 5  # of them
 _AGREES, _DISAGREES = 0.9, 0.5  # mean cosine of what is left when headings are right, and when they are not
 
 
@@ -24,8 +24,8 @@ def require_headings(time: Array, pose: Array, run: str) -> None:
     half = max(1, round(_STRIDE / 2 / float(np.median(np.diff(time)))))
     half = min(half, (len(time) - 1) // 2)
     way = pose[2 * half :, :2] - pose[: -2 * half, :2]
-    moved = np.hypot(*way.T) > _LEAST_WAY
-    if moved.sum() < _FEWEST:
+    moved = np.hypot(*way.T) > _MIN_WAY
+    if moved.sum() < _MIN_STEPS:
         return
     direction, heading = np.arctan2(way[moved, 1], way[moved, 0]), pose[half:-half, 2][moved]
 

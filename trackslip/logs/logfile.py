@@ -19,13 +19,13 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
-from trackslip.checked_columns import Columns
 from trackslip.errors import LogError, first_line
-from trackslip.fileformat import FORMAT, require_known_format, require_known_manifest
-from trackslip.heading_check import require_headings
 from trackslip.kinematics import Array
-from trackslip.runlog import RunLog, Truth
-from trackslip.scan_columns import (
+from trackslip.logs.columns import Columns
+from trackslip.logs.file_format import FORMAT, require_known_format, require_known_manifest
+from trackslip.logs.heading_check import require_headings
+from trackslip.logs.runlog import RunLog, Truth
+from trackslip.logs.scan_columns import (
     SCANNED,
     from_list_column,
     list_column,
@@ -33,7 +33,7 @@ from trackslip.scan_columns import (
     scan_columns,
     scans_from_table,
 )
-from trackslip.schema import COLUMNS, with_units
+from trackslip.logs.schema import COLUMNS, with_units
 
 RUNS = "runs.parquet"
 """The file with the runs in a folder of results."""

@@ -14,7 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet
 
 from trackslip.errors import LogError, first_line
-from trackslip.logfile import file_metadata, packing, stored_text
+from trackslip.logs.logfile import file_metadata, packing, stored_text
 
 _AHEAD = 8  # runs that are read while others are written
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
-from trackslip.scanlog import ScanLog
+from trackslip.logs.scanlog import ScanLog
 
 
 @dataclass(frozen=True)

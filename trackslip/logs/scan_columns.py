@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
-from trackslip.scanlog import ScanLog
+from trackslip.logs.scanlog import ScanLog
 
 SCANNED = "scanned"
 """Key in a run's metadata of what its ranges were measured with."""

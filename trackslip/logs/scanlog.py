@@ -10,7 +10,7 @@ import numpy as np
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
-from trackslip.scan import Cluster, Plate, Scan
+from trackslip.localization.scan import Cluster, Plate, Scan
 
 
 @dataclass(frozen=True)

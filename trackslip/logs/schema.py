@@ -1,6 +1,6 @@
 """The columns of a table of runs: name, unit, what it is. Every file's columns carry these as metadata.
 
-`python -m trackslip.schema` prints them as the table in docs/data.md.
+`python -m trackslip.logs.schema` prints them as the table in docs/data.md.
 """
 
 from __future__ import annotations

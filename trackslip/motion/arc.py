@@ -6,10 +6,10 @@ import numpy as np
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
+from trackslip.logs.runlog import RunLog
 from trackslip.motion.base import SteadyTwist, long_run_covariance
-from trackslip.runlog import RunLog
 
-FEWEST = 12
+MIN_ARC_POSES = 12
 """Valid poses that an arc takes."""
 CHOSEN = np.array([3, 5])
 """v and w among the parameters x, y, phi, v, u, w."""
@@ -26,10 +26,10 @@ def arc(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     the fit worse. Outliers are tamed by Huber's loss. The error is that of M-estimation with scores correlated in time.
 
     Raises:
-        LogError: for fewer than FEWEST valid poses.
+        LogError: for fewer than MIN_ARC_POSES valid poses.
     """
     rows = (log.time > window[0]) & (log.time < window[1]) & log.is_valid
-    if rows.sum() < FEWEST:
+    if rows.sum() < MIN_ARC_POSES:
         raise LogError(
             f"run {log.run!r}: hardly any valid pose between {window[0]:g} s and {window[1]:g} s, where it is steady"
         )

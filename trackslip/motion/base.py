@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.runlog import RunLog
+from trackslip.logs.runlog import RunLog
 
 
 @dataclass(frozen=True)

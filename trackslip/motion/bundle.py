@@ -13,9 +13,9 @@ import numpy as np
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.localization.likelihood import Fit, PlateLikelihood, View
-from trackslip.motion.arc import CHOSEN, FEWEST, fit_arc, poses_on_arc
+from trackslip.logs.runlog import RunLog
+from trackslip.motion.arc import CHOSEN, MIN_ARC_POSES, fit_arc, poses_on_arc
 from trackslip.motion.base import SteadyTwist, long_run_covariance
-from trackslip.runlog import RunLog
 
 _HUBER = 3.0  # residual of a range beyond which it counts linearly only [standard deviations]
 _MISFIT = 3.0  # rms residual, on the arc through the poses, of returns that are no plate's [standard deviations]
@@ -33,13 +33,13 @@ def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     noisier than stated, and the silhouette's edges are off by part of a beam for several scans.
 
     Raises:
-        LogError: for a run without ranges, or with fewer than FEWEST valid poses.
+        LogError: for a run without ranges, or with fewer than MIN_ARC_POSES valid poses.
     """
     if log.scans is None:
         raise LogError(f"run {log.run!r}: has no ranges, which bundle fits; arc takes poses")
     rows = (log.time > window[0]) & (log.time < window[1])
     valid = rows & log.is_valid
-    if valid.sum() < FEWEST:
+    if valid.sum() < MIN_ARC_POSES:
         raise LogError(
             f"run {log.run!r}: hardly any valid pose between {window[0]:g} s and {window[1]:g} s, where it is steady"
         )
@@ -53,7 +53,7 @@ def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     fit = likelihood.evaluate(view, poses_on_arc(parameters, time)[0], turn=True)
     explained = (fit.misfit < _MISFIT) & (fit.cost < _COSTLY * (view.hit.sum(axis=1) + 2))
     kept = np.flatnonzero(explained)
-    if kept.size < FEWEST:
+    if kept.size < MIN_ARC_POSES:
         raise LogError(f"run {log.run!r}: its ranges don't fit its poses")
     time, view = time[kept], view.take(kept)
 

@@ -7,23 +7,23 @@ import scipy
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array, advance
+from trackslip.logs.runlog import RunLog
 from trackslip.motion.base import Motion, SteadyTwist, long_run_covariance
 from trackslip.motion.savgol import savgol
-from trackslip.runlog import RunLog
 
 CUTOFF = 0.5
 """Normalised cutoff of the paper's Butterworth filter: half of half the sampling rate."""
-LONGEST_WINDOW = 3.0
+MAX_WINDOW = 3.0
 """Of Savitzky and Golay's filter [s]."""
-LONGEST_TURN = 0.5
+MAX_TURN = 0.5
 """In its window [rad]."""
-FEWEST = 20
+MIN_POSES = 20
 """Steps that a mean twist takes."""
 _LAGS = 0.5  # width of the lag window of a mean twist's error, relative to the rows
 _DEGREE = 4  # of its polynomials
-_SHORTEST = 16  # rows a filter without transients needs
-_FASTEST_TURN = 0.15  # from row to row: the filter then shortens a circle by 8e-5 [rad]
-_WIDEST_TURN = 2.5  # of a gap that an arc bridges [rad]
+_MIN_FILTERED_ROWS = 16  # rows a filter without transients needs
+_MAX_TURN_PER_ROW = 0.15  # from row to row: the filter then shortens a circle by 8e-5 [rad]
+_MAX_GAP_TURN = 2.5  # of a gap that an arc bridges [rad]
 
 
 def butterworth_motion(log: RunLog) -> Motion:
@@ -61,13 +61,13 @@ def paper_motion(log: RunLog) -> Motion:
 def savgol_motion(log: RunLog) -> Motion:
     """Savitzky and Golay's filter: local polynomials of fourth degree, over a window in which the robot turns little.
 
-    The window is as long as LONGEST_TURN allows, so that the polynomials bend with the circle, and no longer than
-    LONGEST_WINDOW. Raises LogError as `butterworth_motion` does.
+    The window is as long as MAX_TURN allows, so that the polynomials bend with the circle, and no longer than
+    MAX_WINDOW. Raises LogError as `butterworth_motion` does.
     """
     even, pose = _even_poses(log)
     step = float(even[1] - even[0])
     rate = abs(pose[-1, 2] - pose[0, 2]) / (even[-1] - even[0])
-    rows = int(min(LONGEST_WINDOW, LONGEST_TURN / max(rate, 1e-9)) / step)
+    rows = int(min(MAX_WINDOW, MAX_TURN / max(rate, 1e-9)) / step)
     window = int(np.clip(rows, _DEGREE + 3, len(even) - 1)) // 2 * 2 - 1
     smooth, slope = savgol(pose, window, _DEGREE, step)
     dx, dy, turning = slope.T
@@ -84,7 +84,7 @@ def mean_twist(motion: Motion, log: RunLog, window: tuple[float, float]) -> Stea
         LogError: for too few of them.
     """
     rows = (motion.time > window[0]) & (motion.time < window[1])
-    if rows.sum() < FEWEST:
+    if rows.sum() < MIN_POSES:
         raise LogError(
             f"run {log.run!r}: hardly any valid pose between {window[0]:g} s and {window[1]:g} s, where it is steady"
         )
@@ -96,27 +96,27 @@ def mean_twist(motion: Motion, log: RunLog, window: tuple[float, float]) -> Stea
 def _even_poses(log: RunLog) -> tuple[Array, Array]:
     """Even times (M,) [s] and poses (M, 3) at them."""
     valid = log.is_valid
-    if valid.sum() < _SHORTEST:
-        raise LogError(f"run {log.run!r}: {int(valid.sum())} valid poses, needs at least {_SHORTEST}")
+    if valid.sum() < _MIN_FILTERED_ROWS:
+        raise LogError(f"run {log.run!r}: {int(valid.sum())} valid poses, needs at least {_MIN_FILTERED_ROWS}")
     time = log.time[valid]
     step = float(np.median(np.diff(log.time)))
     even = time[0] + step * np.arange(int((time[-1] - time[0]) / step + 1e-6) + 1)
     pose = log.pose[valid]
     turn = np.abs(np.diff(pose[:, 2]))
-    if turn.max() > _WIDEST_TURN:
+    if turn.max() > _MAX_GAP_TURN:
         k = int(np.argmax(turn))
         raise LogError(
             f"run {log.run!r}: turns by {turn[k]:.1f} rad between the valid poses at t = {time[k]:g} s and "
-            f"{time[k + 1]:g} s: at most {_WIDEST_TURN:.1f} rad can be bridged"
+            f"{time[k + 1]:g} s: at most {_MAX_GAP_TURN:.1f} rad can be bridged"
         )
     per_step = float(np.median(turn))
-    if per_step > _FASTEST_TURN:
+    if per_step > _MAX_TURN_PER_ROW:
         raise LogError(
             f"run {log.run!r}: turns by {per_step:.2f} rad from row to row, which the filter would flatten: "
-            f"at most {_FASTEST_TURN:g} rad, log it more often"
+            f"at most {_MAX_TURN_PER_ROW:g} rad, log it more often"
         )
-    if len(even) < _SHORTEST:
-        raise LogError(f"run {log.run!r}: {len(even)} even time steps, needs at least {_SHORTEST}")
+    if len(even) < _MIN_FILTERED_ROWS:
+        raise LogError(f"run {log.run!r}: {len(even)} even time steps, needs at least {_MIN_FILTERED_ROWS}")
     return even, _along_arcs(time, pose, even)
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from trackslip.logs.runlog import RunLog
 from trackslip.motion.arc import arc
 from trackslip.motion.base import Motion, MotionMethod, SteadyTwist
 from trackslip.motion.bundle import bundle
 from trackslip.motion.filtered import butterworth_motion, mean_twist, paper_motion, savgol_motion
 from trackslip.motion.smoother import rts
-from trackslip.runlog import RunLog
 
 
 def _mean_of(motion: Callable[[RunLog], Motion]) -> MotionMethod:

@@ -12,15 +12,15 @@ import scipy
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
-from trackslip.motion.arc import FEWEST
+from trackslip.logs.runlog import RunLog
+from trackslip.motion.arc import MIN_ARC_POSES
 from trackslip.motion.base import SteadyTwist, long_run_covariance
-from trackslip.runlog import RunLog
 
 _STATE = 6  # x, y, phi, v, u, w
 _UNKNOWN = np.diag([0.003, 0.003, np.radians(0.4)]) ** 2  # covariance of poses that come without [m, m, rad]
 _POSE_NOISE = (2e-5, 2e-5, 2e-5)  # by which a pose leaves the arc in a second [m, m, rad]
 _TWIST_NOISE = (2e-4, 2e-4, 5e-4)  # by which a twist changes in a second [m/s, m/s, rad/s]
-_LEAST_DEVIATION = np.array([5e-4, 5e-4, 5e-4])  # of a pose, whatever its covariance says
+_MIN_DEVIATION = np.array([5e-4, 5e-4, 5e-4])  # of a pose, whatever its covariance says
 _HUBER = 3.0  # distance from which a pose counts linearly only [standard deviations]
 _ITERATIONS = 30
 _CONVERGED = 1e-9
@@ -37,7 +37,7 @@ def rts(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     """
     rows = (log.time > window[0]) & (log.time < window[1])
     valid = log.is_valid[rows]
-    if valid.sum() < FEWEST:
+    if valid.sum() < MIN_ARC_POSES:
         raise LogError(
             f"run {log.run!r}: hardly any valid pose between {window[0]:g} s and {window[1]:g} s, where it is steady"
         )
@@ -47,7 +47,7 @@ def rts(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     covariance = np.broadcast_to(_UNKNOWN, (len(time), 3, 3))
     if log.covariance is not None:
         covariance = log.covariance[rows][kept]
-    floor = np.diag(_LEAST_DEVIATION**2)
+    floor = np.diag(_MIN_DEVIATION**2)
     information = np.zeros((len(time), 3, 3))
     information[valid] = np.linalg.inv(covariance[valid] + floor)
     measured = np.where(valid[:, None], pose, 0.0)

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from trackslip.errors import LogError
-from trackslip.motion.arc import FEWEST, arc
-from trackslip.steady import SteadyPart
+from trackslip.motion.arc import MIN_ARC_POSES, arc
+from trackslip.motion.steady import SteadyPart
 
-_FEWEST = 2 * FEWEST  # valid poses in a half that say something
+_MIN_HALF = 2 * MIN_ARC_POSES  # valid poses in a half that say something
 _SIGNIFICANT = 6.0  # difference between the halves [standard errors]
 _CHANGE = 0.05  # of the twist that matters, relative to it
 _TURNING = 0.2  # curvature [1/m], and radius [m], of turns too wide or too tight to be told from none
@@ -24,7 +24,7 @@ def require_steady_motion(part: SteadyPart) -> None:
     begin, end = part.window
     middle = (begin + end) / 2
     halves = (part.rows & part.log.is_valid & (late == (part.log.time > middle)) for late in (False, True))
-    if min(half.sum() for half in halves) < _FEWEST:
+    if min(half.sum() for half in halves) < _MIN_HALF:
         return  # too few to tell
     first, second = arc(part.log, (begin, middle)), arc(part.log, (middle, end))
     change = second.twist - first.twist

@@ -10,7 +10,7 @@ import numpy as np
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.runlog import RunLog
+from trackslip.logs.runlog import RunLog
 
 SETTLE = 1.5
 """Default time after the sprockets have become steady before the robot is taken to be so [s]."""
@@ -19,7 +19,7 @@ MARGIN = 0.5
 _BLOCK = 0.5  # over which sprocket speeds are averaged before they are compared [s]
 _DRIFT = 0.05  # change of a sprocket's mean speed that is still steady, relative to the faster sprocket
 _GAP = 5.0  # time between rows from which the clock has a gap [usual times between rows]
-_SHORTEST_GAP = 0.3  # [s]
+_MIN_GAP = 0.3  # [s]
 _JUMP = 0.3  # error of a pose that is still believed [m]
 _OVERDRIVE = 3.0  # way from pose to pose that is still believed, over the way of the faster sprocket [-]
 _STANDING = 1e-3  # sprocket speed up to which it stands: a turn in more than an hour and a half [rad/s]
@@ -59,7 +59,7 @@ def steady_part(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) ->
     log, breaks, notes = _without_jumps(log, geometry)
     step = np.diff(log.time)
     usual = float(np.median(step))
-    gaps = np.flatnonzero(step > max(_GAP * usual, _SHORTEST_GAP))
+    gaps = np.flatnonzero(step > max(_GAP * usual, _MIN_GAP))
     notes += [f"its clock has a gap from t = {log.time[k]:g} s to {log.time[k + 1]:g} s" for k in gaps]
     begin, end = _longest_constant(log, np.union1d(breaks, gaps), usual)
     window = (float(log.time[begin]) + max(settle, MARGIN), float(log.time[end]) - MARGIN)

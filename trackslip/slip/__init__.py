@@ -5,23 +5,3 @@ Curvature is signed, kappa = w / v (positive: counter-clockwise when driving for
 kappa = 0 and nothing special. Right turns mirror left turns, but for `IcrSides`: the inner law goes to the inner track.
 A law's parameters may be arrays, any shape that broadcasts against the curvatures: many laws at once.
 """
-
-from trackslip.slip.base import SlipLaw
-from trackslip.slip.constant import Constant, NoSlip
-from trackslip.slip.exponential import PUBLISHED, Exponential, ExponentialSpeed
-from trackslip.slip.hyperbola import Hyperbola
-from trackslip.slip.icr import ConstantIcr, IcrSides
-from trackslip.slip.power import Power
-
-__all__ = [
-    "PUBLISHED",
-    "Constant",
-    "ConstantIcr",
-    "Exponential",
-    "ExponentialSpeed",
-    "Hyperbola",
-    "IcrSides",
-    "NoSlip",
-    "Power",
-    "SlipLaw",
-]

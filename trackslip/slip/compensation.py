@@ -6,10 +6,12 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from trackslip.errors import TrackslipError
-from trackslip.estimation import FilterTuning, IcrFilter
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.localization import PoseEstimate
-from trackslip.slip import ConstantIcr, NoSlip, SlipLaw
+from trackslip.localization.base import PoseEstimate
+from trackslip.slip.base import SlipLaw
+from trackslip.slip.constant import NoSlip
+from trackslip.slip.icr import ConstantIcr
+from trackslip.slip.online import FilterTuning, IcrFilter
 
 
 class Compensation(Protocol):

@@ -13,17 +13,12 @@ import numpy as np
 
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.slip import (
-    Constant,
-    ConstantIcr,
-    Exponential,
-    ExponentialSpeed,
-    Hyperbola,
-    IcrSides,
-    NoSlip,
-    Power,
-    SlipLaw,
-)
+from trackslip.slip.base import SlipLaw
+from trackslip.slip.constant import Constant, NoSlip
+from trackslip.slip.exponential import Exponential, ExponentialSpeed
+from trackslip.slip.hyperbola import Hyperbola
+from trackslip.slip.icr import ConstantIcr, IcrSides
+from trackslip.slip.power import Power
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,13 @@ from typing import Any
 import numpy as np
 
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.fileformat import FORMAT, require_known_format, require_known_manifest
-from trackslip.identification import FAMILIES, Comparison, FittedLaw, Identification, law_from_values
+from trackslip.identification.comparison import Comparison
+from trackslip.identification.fitted import FittedLaw
+from trackslip.identification.identify import Identification
 from trackslip.kinematics import RobotGeometry
-from trackslip.slip import SlipLaw
+from trackslip.logs.file_format import FORMAT, require_known_format, require_known_manifest
+from trackslip.slip.base import SlipLaw
+from trackslip.slip.families import FAMILIES, law_from_values
 
 SHIPPED = Path(__file__).parent / "laws.json"
 """Laws of the default robot on the default ground, made by `trackslip reproduce`."""

@@ -27,12 +27,12 @@ from numpy.typing import ArrayLike
 
 from trackslip.errors import InvalidValueError, require_non_negative, require_positive
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
-from trackslip.localization import PoseEstimate
-from trackslip.slip import ConstantIcr
+from trackslip.localization.base import PoseEstimate
+from trackslip.slip.icr import ConstantIcr
 
 _GAINS = (0.05, 10.0)  # yaw gains that are believed
-_LARGEST_ERROR = 0.5  # of the sprocket radius, relative
-_FARTHEST_CENTRE = 1.0  # [m]
+_MAX_ERROR = 0.5  # of the sprocket radius, relative
+_MAX_CENTRE = 1.0  # [m]
 
 
 @dataclass(frozen=True)
@@ -196,8 +196,8 @@ class IcrFilter:
         covariance += np.einsum("nik,njk->nij", taken, taken)
         self.covariance[rows] = (covariance + covariance.swapaxes(1, 2)) / 2
         self.state[rows, 3] = np.clip(self.state[rows, 3], *_GAINS)
-        self.state[rows, 4] = np.clip(self.state[rows, 4], -_LARGEST_ERROR, _LARGEST_ERROR)
-        self.state[rows, 5] = np.clip(self.state[rows, 5], -_FARTHEST_CENTRE, _FARTHEST_CENTRE)
+        self.state[rows, 4] = np.clip(self.state[rows, 4], -_MAX_ERROR, _MAX_ERROR)
+        self.state[rows, 5] = np.clip(self.state[rows, 5], -_MAX_CENTRE, _MAX_CENTRE)
         fade = 1 - 1 / self._tuning.memory
         self._lean[rows] = fade * self._lean[rows] + white
         self._weight[rows] = fade**2 * self._weight[rows] + 1

@@ -38,7 +38,7 @@ class ClothoidPath:
     """Pieces one after the other. The heading is quadratic in the length, the position its Gauss-Legendre integral."""
 
     def __init__(self, start: ArrayLike, pieces: Sequence[Piece]) -> None:
-        """`start` is the first pose (3,); raises InvalidValueError without pieces, or for more than LONGEST."""
+        """`start` is the first pose (3,); raises InvalidValueError without pieces, or for more than MAX_LENGTH."""
         if not pieces:
             raise InvalidValueError("pieces", pieces, "at least one piece")
         require_length(sum(piece.length for piece in pieces))

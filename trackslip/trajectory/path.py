@@ -12,12 +12,12 @@ from trackslip.kinematics import Array
 
 Complex = NDArray[np.complexfloating[Any, Any]]
 
-LONGEST = 1000.0
+MAX_LENGTH = 1000.0
 """Length of a path, at most [m]."""
 STEP = 0.005
 """Between the knots of a path, at most [m]."""
-_SHORTEST = 1e-6  # between knots: a curve that needs them closer has a cusp [m]
-_MOST_TURN = 0.1  # between knots [rad]
+_MIN_KNOT_SPACING = 1e-6  # between knots: a curve that needs them closer has a cusp [m]
+_MAX_TURN = 0.1  # between knots [rad]
 _CLOSE = 1e-12  # error of the arc length between knots [m]
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
@@ -66,7 +66,7 @@ class ParametricPath:
             start: pose (3,) to which the curve is moved; by default it stays where it is.
 
         Raises:
-            InvalidValueError: for cusps, and paths longer than LONGEST.
+            InvalidValueError: for cusps, and paths longer than MAX_LENGTH.
         """
         self._curve = curve
         self._u, lengths = _cells(curve, np.asarray(breaks, float))
@@ -124,8 +124,8 @@ def cell(knots: Array, at: Array) -> NDArray[np.intp]:
 
 
 def require_length(length: float) -> None:
-    """Raise InvalidValueError for a path longer than LONGEST."""
-    require_at_most("length of the path", round(length, 3), LONGEST, "m")
+    """Raise InvalidValueError for a path longer than MAX_LENGTH."""
+    require_at_most("length of the path", round(length, 3), MAX_LENGTH, "m")
 
 
 def _curvature(curve: Curve, u: Array) -> Array:
@@ -152,11 +152,11 @@ def _cells(curve: Curve, breaks: Array) -> tuple[Array, Array]:
             middle = (u[:-1] + u[1:]) / 2 + lengths * (slope[:-1] - slope[1:]) / 8  # of the inverse's polynomial
             miss = np.abs(_arc_length(curve, u[:-1], middle) - lengths / 2)
             turn = np.abs(np.angle(velocity[1:] / velocity[:-1]))
-        coarse = (lengths > STEP) | ~(miss < _CLOSE) | ~(turn < _MOST_TURN) | (len(lengths) < 2)
+        coarse = (lengths > STEP) | ~(miss < _CLOSE) | ~(turn < _MAX_TURN) | (len(lengths) < 2)
         if not coarse.any():
             return u, lengths
         shortest = np.argmin(np.where(coarse, lengths, np.inf))
-        if lengths[shortest] < _SHORTEST:
+        if lengths[shortest] < _MIN_KNOT_SPACING:
             point = curve(u[shortest], 0)
             where = f"turns back sharply at ({point.real:.3f}, {point.imag:.3f})"
             raise InvalidValueError("path", where, "smooth, to be driven without stopping")

@@ -11,7 +11,7 @@ from trackslip.errors import InvalidValueError, require_non_negative, require_po
 from trackslip.kinematics import Array
 from trackslip.trajectory.path import PlanarPath, cell
 
-SLOWEST = 1e-3
+MIN_SPEED = 1e-3
 """Speed that a path's tightest bend must allow, at least [m/s]."""
 _GENTLEST = 1e-4  # acceleration, at least [m/s^2]
 _WITHIN = np.array([1e-6, 0.25, 0.5, 0.75, 1 - 1e-6])  # of a cell; not its ends, where the curvature may jump
@@ -35,10 +35,10 @@ class Limits:
     def __post_init__(self) -> None:
         require_non_negative("half_gauge", self.half_gauge)
         for name, least, unit in (
-            ("speed", SLOWEST, "m/s"),
+            ("speed", MIN_SPEED, "m/s"),
             ("acceleration", _GENTLEST, "m/s^2"),
             ("yaw_rate", 0.0, "rad/s"),
-            ("track_speed", SLOWEST, "m/s"),
+            ("track_speed", MIN_SPEED, "m/s"),
         ):
             value = getattr(self, name)
             require_positive(name, value)
@@ -61,7 +61,7 @@ class ProfiledReference:
     """A path driven as fast as limits allow, from rest to rest, at constant acceleration between the path's knots."""
 
     def __init__(self, path: PlanarPath, limits: Limits = LIMITS) -> None:
-        """Raises InvalidValueError for a path so tight that it couldn't be driven at SLOWEST."""
+        """Raises InvalidValueError for a path so tight that it couldn't be driven at MIN_SPEED."""
         self._path = path
         self._speeds = _speeds(path, limits)  # (K,)
         steps = np.diff(path.knots)
@@ -110,13 +110,13 @@ def _speeds(path: PlanarPath, limits: Limits) -> Array:
     within = s[:-1, None] + np.diff(s)[:, None] * _WITHIN
     curvature = path.curvature(within)
     allowed = limits.speed_at(curvature).min(axis=1)  # (K - 1,)
-    if allowed.min() < SLOWEST:
+    if allowed.min() < MIN_SPEED:
         row, column = np.unravel_index(np.argmax(np.abs(curvature)), curvature.shape)
         x, y, _ = path.pose(within[row, column])
         raise InvalidValueError(
             f"radius of curvature at ({x:.3f}, {y:.3f})",
             float(f"{1 / abs(curvature[row, column]):.3g}"),
-            f"large enough to drive at {SLOWEST:g} m/s within the limits of yaw rate and track speed",
+            f"large enough to drive at {MIN_SPEED:g} m/s within the limits of yaw rate and track speed",
         )
     square = np.minimum(np.append(allowed, 0.0), np.insert(allowed, 0, 0.0)) ** 2
     # v^2 may grow by 2 a per metre, forwards, then backwards from the end

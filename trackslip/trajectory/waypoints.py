@@ -12,13 +12,13 @@ from numpy.typing import ArrayLike
 
 from trackslip.errors import InvalidValueError, ReferenceFileError, first_line
 from trackslip.kinematics import Array
-from trackslip.trajectory.path import LONGEST, ParametricPath
+from trackslip.trajectory.path import MAX_LENGTH, ParametricPath
 from trackslip.trajectory.profile import LIMITS, Limits, ProfiledReference
 
 COLUMNS = ("x", "y")
-FEWEST, MOST = 3, 10_000
+MIN_POINTS, MAX_POINTS = 3, 10_000
 """How many way points there may be."""
-FARTHEST = 100.0
+MAX_COORDINATE = 100.0
 """Coordinates of a way point are at most that large [m]."""
 CLOSEST = 1e-3
 """Between neighbouring way points, at least [m]."""
@@ -75,8 +75,8 @@ def _parse(lines: Iterator[str], path: Path) -> Iterator[list[float]]:
         if number == 0 and tuple(text.lower() for text in row) == COLUMNS:
             continue
         number += 1
-        if number > MOST:
-            raise ReferenceFileError(f"{path}: more than {MOST} rows")
+        if number > MAX_POINTS:
+            raise ReferenceFileError(f"{path}: more than {MAX_POINTS} rows")
         if len(row) != len(COLUMNS):
             raise ReferenceFileError(f"{path}: row {number}: has {len(row)} columns, must have x and y")
         yield [_number(text, f"{path}: row {number}, column {name}") for name, text in zip(COLUMNS, row, strict=True)]
@@ -94,12 +94,12 @@ def _number(text: str, place: str) -> float:
 
 def _through(points: Array, label: str, limits: Limits) -> ProfiledReference:
     """The reference; errors call the points `label`."""
-    if not FEWEST <= len(points) <= MOST:
-        raise InvalidValueError("number of way points", len(points), f"from {FEWEST} to {MOST}")
-    far = np.argwhere(~(np.abs(points) <= FARTHEST))  # NaN is too
+    if not MIN_POINTS <= len(points) <= MAX_POINTS:
+        raise InvalidValueError("number of way points", len(points), f"from {MIN_POINTS} to {MAX_POINTS}")
+    far = np.argwhere(~(np.abs(points) <= MAX_COORDINATE))  # NaN is too
     if far.size:
         row, column = far[0]
-        allowed = f"from {-FARTHEST:g} to {FARTHEST:g} m"
+        allowed = f"from {-MAX_COORDINATE:g} to {MAX_COORDINATE:g} m"
         raise InvalidValueError(f"{label} {row + 1}, column {COLUMNS[column]}", float(points[row, column]), allowed)
     chords = np.hypot(*np.diff(points, axis=0).T)
     if chords.min() < CLOSEST:
@@ -107,8 +107,8 @@ def _through(points: Array, label: str, limits: Limits) -> ProfiledReference:
         raise InvalidValueError(
             f"{label} {k + 2}", tuple(points[k + 1].tolist()), f"at least {CLOSEST:g} m from {label} {k + 1}"
         )
-    if chords.sum() > LONGEST:
-        raise InvalidValueError("way through all points", float(chords.sum().round(3)), f"at most {LONGEST:g} m")
+    if chords.sum() > MAX_LENGTH:
+        raise InvalidValueError("way through all points", float(chords.sum().round(3)), f"at most {MAX_LENGTH:g} m")
     parameter = np.concatenate([[0.0], np.cumsum(chords)])
     spline = scipy.interpolate.CubicSpline(parameter, points[:, 0] + 1j * points[:, 1], bc_type="natural")
     return ProfiledReference(ParametricPath(spline, parameter), limits)

@@ -9,9 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.figure_style import BAND, COLOURS, GREEN, LABELS, styled
-from experiments.symbols import SYMBOLS
-from trackslip.identification import Comparison, FittedLaw
+from experiments.report.figures.style import BAND, COLOURS, GREEN, LABELS, styled
+from experiments.report.law_symbols import SYMBOLS
+from trackslip.identification.comparison import Comparison
+from trackslip.identification.fitted import FittedLaw
 
 _INDISTINCT = 2.0  # difference of AICc that decides nothing
 _DARK = 0.6  # correlation whose cell is too dark for black text

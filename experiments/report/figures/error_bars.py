@@ -6,11 +6,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from experiments.roles import RoleSamples
+from experiments.measuring.inner_outer import RoleSamples
 from trackslip.kinematics import Array
 
 _COLOUR = "#777777"
-_LEAST_SEEN = 0.03  # of the range of slips: shorter error bars are enlarged
+_MIN_SEEN = 0.03  # of the range of slips: shorter error bars are enlarged
 
 
 def bar_factor(runs: RoleSamples) -> int:
@@ -18,7 +18,7 @@ def bar_factor(runs: RoleSamples) -> int:
     if runs.errors is None:
         return 0
     typical = float(np.median(runs.errors.slip))
-    needed = _LEAST_SEEN * float(np.ptp(runs.slip, axis=0).max()) / max(typical, 1e-300)
+    needed = _MIN_SEEN * float(np.ptp(runs.slip, axis=0).max()) / max(typical, 1e-300)
     factors = [step * 10**power for power in range(6) for step in (1, 2, 5)]
     return next((factor for factor in factors if factor >= needed), factors[-1])
 

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Arc
 
-from experiments.figure_style import BLACK, BLUE, GREEN, GREY, ORANGE, styled
+from experiments.report.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, styled
 from trackslip.kinematics import Array
 from trackslip.metrics import body_errors
 

@@ -9,14 +9,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.error_bars import bar_factor, bar_key, draw_bars, with_bars
-from experiments.figure_style import BAND, INNER, LABELS, OUTER, law_line, limits_around, styled
-from experiments.grouping import repeated
-from experiments.radius_axis import curve_radii, show_radii
-from experiments.roles import ROLES, RoleSamples
-from trackslip.identification import Comparison
+from experiments.measuring.inner_outer import ROLES, RoleSamples
+from experiments.measuring.value_groups import repeated
+from experiments.report.figures.axes import curve_radii, show_radii
+from experiments.report.figures.error_bars import bar_factor, bar_key, draw_bars, with_bars
+from experiments.report.figures.style import BAND, INNER, LABELS, OUTER, law_line, limits_around, styled
+from trackslip.identification.comparison import Comparison
 from trackslip.kinematics import Array
-from trackslip.slip import PUBLISHED, SlipLaw
+from trackslip.slip.base import SlipLaw
+from trackslip.slip.exponential import PUBLISHED
 
 _POLE = 0.5  # beyond it a law is near its pole [-]
 _STRONG = ("published", "exponential", "icr_radius")

@@ -9,11 +9,23 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.figure_style import BLACK, BLUE, DESIRED, GREEN, GREY, LABELS, ORANGE, RED, law_line, styled, thin
-from experiments.names import reference
-from experiments.tracking_figures import driven
+from experiments.driving.lookup import reference
+from experiments.report.figures.style import (
+    BLACK,
+    BLUE,
+    DESIRED,
+    GREEN,
+    GREY,
+    LABELS,
+    ORANGE,
+    RED,
+    law_line,
+    styled,
+    thin,
+)
+from experiments.report.figures.tracking import driven
+from trackslip.logs.runlog import RunLog
 from trackslip.metrics import LOST, body_errors
-from trackslip.runlog import RunLog
 
 _PALETTE = (BLUE, RED, GREEN, "#CC79A7", BLACK, ORANGE, "#3A93C9", "#6A3D9A", "#8C510A", GREY)
 _DASHES: tuple[Any, ...] = ("-", "--", "-.", (0, (2, 1)), (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)), (0, (3, 1, 1, 1)))

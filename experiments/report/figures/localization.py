@@ -10,17 +10,17 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from experiments.figure_style import BLUE, GREEN, ORANGE, mark_span, styled
-from sim.scanner import LaserScanner
+from experiments.report.figures.style import BLUE, GREEN, ORANGE, mark_span, styled
+from sim.scanner.scanner import LaserScanner
 from trackslip.kinematics import Array, wrap_angle
-from trackslip.localization.bound import LEAST_ANGLE, pose_bound, viewing_angle
+from trackslip.localization.bound import MIN_ANGLE, pose_bound, viewing_angle
+from trackslip.localization.scan import Plate, Scan
+from trackslip.logs.runlog import RunLog
 from trackslip.metrics import rms
-from trackslip.runlog import RunLog
-from trackslip.scan import Plate, Scan
 
-_MOST = 5000  # poses that are looked at
+_MAX_POSES = 5000  # poses that are looked at
 _EDGES = np.radians([0, 1, 2, 3, 5, 8, 12, 18, 26, 34, 42, 50, 58, 66, 74, 82, 90])
-_FEWEST = 10  # poses in a bin that make a mean
+_MIN_POSES = 10  # poses in a bin that make a mean
 _COMPONENTS = (
     ("along the line of sight", BLUE, "o"),
     ("across the line of sight", ORANGE, "s"),
@@ -44,23 +44,23 @@ class Sightings:
     def facts(self) -> dict[str, str]:
         """For the caption: poses looked at and missed, their errors over the bound, and where that means little."""
         missed = self.angle[~self.measured]
-        clear = self.measured & np.isfinite(self.bound).all(axis=1) & (self.angle > LEAST_ANGLE)
+        clear = self.measured & np.isfinite(self.bound).all(axis=1) & (self.angle > MIN_ANGLE)
         ratio = [rms(self.error[clear, k]) / rms(self.bound[clear, k]) for k in range(3)] if clear.any() else []
         return {
             "looked": str(self.angle.size),
             "missed": str(missed.size),
             "missed_below": f"half of them below {np.degrees(np.median(missed)):.2g}°" if missed.size else "",
             "ratio": " | ".join(f"{value:.2f}" for value in ratio),
-            "least_angle": f"{np.degrees(LEAST_ANGLE):g}°",
+            "least_angle": f"{np.degrees(MIN_ANGLE):g}°",
         }
 
 
 def sightings(logs: Sequence[RunLog]) -> Sightings | None:
-    """Of about _MOST poses of those runs whose truth, plate, scanner and its mount are known; None without any."""
+    """Of about _MAX_POSES poses of those runs whose truth, plate, scanner and its mount are known; None without any."""
     known = [log for log in logs if log.truth is not None and _seen_by(log.metadata) is not None]
     if not known:
         return None
-    step = max(1, sum(len(log.time) for log in known) // _MOST)
+    step = max(1, sum(len(log.time) for log in known) // _MAX_POSES)
     parts = [part for log in known if (part := _of(log, step)) is not None]
     return Sightings(*(np.concatenate([getattr(part, key) for part in parts]) for key in ("angle", "error", "bound")))
 
@@ -105,9 +105,9 @@ def error_against_viewing_angle(seen: Sightings) -> Figure:
     position, heading = figure.subplots(1, 2)
     which = np.clip(np.digitize(seen.angle, _EDGES) - 1, 0, _EDGES.size - 2)
     held = seen.measured & np.isfinite(seen.bound).all(axis=1)
-    bins = [rows for k in range(_EDGES.size - 1) if (rows := np.flatnonzero((which == k) & held)).size >= _FEWEST]
+    bins = [rows for k in range(_EDGES.size - 1) if (rows := np.flatnonzero((which == k) & held)).size >= _MIN_POSES]
     angle = np.degrees([seen.angle[rows].mean() for rows in bins])
-    bounded = angle > np.degrees(LEAST_ANGLE)
+    bounded = angle > np.degrees(MIN_ANGLE)
     for column, (name, colour, marker) in enumerate(_COMPONENTS):
         axis, factor = (heading, np.degrees(1)) if name == "heading" else (position, 1e3)
         error = factor * np.array([rms(seen.error[rows, column]) for rows in bins])
@@ -124,7 +124,7 @@ def error_against_viewing_angle(seen: Sightings) -> Figure:
         axis.yaxis.set_minor_formatter(NullFormatter())
         axis.set(xlabel="angle between plate and line of sight [°]", ylabel=label, title=title, xlim=(0, 90))
         axis.set_xticks(range(0, 91, 15))
-        mark_span(axis, 0, float(np.degrees(LEAST_ANGLE)))
+        mark_span(axis, 0, float(np.degrees(MIN_ANGLE)))
     handles = [*position.get_legend_handles_labels()[0], *heading.get_legend_handles_labels()[0]]
     figure.legend(handles=handles, ncols=3, loc="outside lower center")
     return figure

@@ -7,7 +7,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.figure_style import BLACK, BLUE, RED
+from experiments.report.figures.style import BLACK, BLUE, RED
 
 RECIPE: dict[str, Any] = {"color": BLUE, "marker": "o"}
 """The contacts of the model, in every figure."""

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from experiments.figure_style import BLACK, GREY, INNER, OUTER, limits_around, styled
-from experiments.radius_axis import curve_radii, show_radii
-from experiments.roles import ROLES, RoleSamples, slip_at
-from trackslip.published import COMMANDED_RADII, OBSERVED_RADII
-from trackslip.slip import PUBLISHED
+from experiments.measuring.inner_outer import ROLES, RoleSamples, slip_at
+from experiments.report.figures.axes import curve_radii, show_radii
+from experiments.report.figures.style import BLACK, GREY, INNER, OUTER, limits_around, styled
+from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII
+from trackslip.slip.exponential import PUBLISHED
 
 _PAPER: dict[str, Any] = {"color": BLACK, "marker": "x", "ms": 7, "mew": 1.6}
 

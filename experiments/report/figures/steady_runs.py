@@ -13,8 +13,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.error_bars import bar_factor, bar_key, draw_bars, with_bars
-from experiments.figure_style import (
+from experiments.driving.paper_model import geometry_of, published_poses
+from experiments.measuring.inner_outer import ROLES, RoleSamples, slip_at
+from experiments.measuring.value_groups import alike, narrow, span
+from experiments.report.figures.axes import curve_radii, show_radii
+from experiments.report.figures.error_bars import bar_factor, bar_key, draw_bars, with_bars
+from experiments.report.figures.style import (
     BLACK,
     BLUE,
     GREEN,
@@ -28,16 +32,12 @@ from experiments.figure_style import (
     styled,
     thin,
 )
-from experiments.grouping import alike, narrow, span
-from experiments.published_runs import geometry_of, published_poses
-from experiments.radius_axis import curve_radii, show_radii
-from experiments.roles import ROLES, RoleSamples, slip_at
-from trackslip.identification import FittedLaw
+from trackslip.identification.fitted import FittedLaw
 from trackslip.kinematics import Array
-from trackslip.motion import butterworth_motion
-from trackslip.published import OBSERVED_RADII
-from trackslip.runlog import RunLog
-from trackslip.slip import PUBLISHED
+from trackslip.logs.runlog import RunLog
+from trackslip.motion.filtered import butterworth_motion
+from trackslip.paper import OBSERVED_RADII
+from trackslip.slip.exponential import PUBLISHED
 
 _MARKERS = "osD^vP*X"
 _BY_PAPER: dict[str, Any] = {"color": RED, "lw": 1.4, "ls": "--"}  # what the paper's law says

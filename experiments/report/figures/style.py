@@ -8,15 +8,15 @@ import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 
-from experiments.colours import BLACK as BLACK
-from experiments.colours import BLUE as BLUE
-from experiments.colours import COLOURS as COLOURS
-from experiments.colours import GREEN as GREEN
-from experiments.colours import GREY as GREY
-from experiments.colours import LABELS as LABELS
-from experiments.colours import ORANGE as ORANGE
-from experiments.colours import RED as RED
-from experiments.colours import SHADE as SHADE
+from experiments.report.colours import BLACK as BLACK
+from experiments.report.colours import BLUE as BLUE
+from experiments.report.colours import COLOURS as COLOURS
+from experiments.report.colours import GREEN as GREEN
+from experiments.report.colours import GREY as GREY
+from experiments.report.colours import LABELS as LABELS
+from experiments.report.colours import ORANGE as ORANGE
+from experiments.report.colours import RED as RED
+from experiments.report.colours import SHADE as SHADE
 from trackslip.kinematics import Array
 
 DASHES = {

@@ -14,7 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.figure_style import (
+from experiments.driving.paper_model import geometry_of
+from experiments.report.figures.style import (
     BLACK,
     BLUE,
     COLOURS,
@@ -27,15 +28,16 @@ from experiments.figure_style import (
     styled,
     thin,
 )
-from experiments.published_runs import geometry_of
-from trackslip.identification import FittedLaw
+from trackslip.identification.fitted import FittedLaw
 from trackslip.kinematics import Array, curvature, track_slip
+from trackslip.logs.runlog import RunLog
 from trackslip.metrics import TRANSIENT, body_errors
-from trackslip.runlog import RunLog
-from trackslip.slip import PUBLISHED, SlipLaw
-from trackslip.trajectory import Reference, paper_reference
+from trackslip.slip.base import SlipLaw
+from trackslip.slip.exponential import PUBLISHED
+from trackslip.trajectory.base import Reference
+from trackslip.trajectory.segmented import paper_reference
 
-_SLOWEST = 0.3  # sprocket speed below which a measured slip is a quotient of noise [rad/s]
+_MIN_SPROCKET_SPEED = 0.3  # sprocket speed below which a measured slip is a quotient of noise [rad/s]
 _SMOOTH = 0.5  # length of the moving average over the true slip [s]
 _CLOSEST = 3e-4  # distance below which an error is a zero crossing, not news [m]
 _POLE = 0.5  # beyond it a law is near its pole, and a line across it would be no datum [-]
@@ -253,4 +255,4 @@ def _true_slip(log: RunLog) -> Array | None:
     smooth = [np.convolve(column, window, mode="same") for column in (*log.omega.T, *twist.T)]
     omega = np.column_stack(smooth[:2])
     slip = track_slip(omega, np.column_stack(smooth[2:]), robot)
-    return np.where(np.abs(omega) > _SLOWEST, slip, np.nan)
+    return np.where(np.abs(omega) > _MIN_SPROCKET_SPEED, slip, np.nan)

@@ -8,14 +8,14 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator
 
-from experiments.figure_style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, styled, thin
+from experiments.report.figures.panels import DEFAULT, RECIPE, THEORY, Panels, panel
+from experiments.report.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, styled, thin
 from experiments.validation import convergence
 from experiments.validation.convergence import Convergence
 from experiments.validation.energy import Energy
-from experiments.validation.panels import DEFAULT, RECIPE, THEORY, Panels, panel
 from experiments.validation.standing import HEADINGS, REFERENCE_ANGLE, SLIDING_HEADINGS, Creep, Loads, Slide
-from sim.contact_sensors import POINTS
-from sim.ground import Ground, friction_angle
+from sim.ground.ground import Ground, friction_angle
+from sim.robot.contact_sensors import POINTS
 from trackslip.kinematics import Array
 
 _LOOKS = ((BLUE, "o", "-"), (ORANGE, "s", "--"), (GREEN, "^", "-."))

@@ -11,12 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy.interpolate import CubicSpline
 
-from experiments.figure_style import BLUE, GREEN, ORANGE, RED, SPEED_SHADES, shade, styled
-from experiments.validation.panels import DEFAULT, RECIPE, THEORY, Panels, panel
+from experiments.report.figures.panels import DEFAULT, RECIPE, THEORY, Panels, panel
+from experiments.report.figures.style import BLUE, GREEN, ORANGE, RED, SPEED_SHADES, shade, styled
 from experiments.validation.turning import Turns
-from sim.drive import Drive
-from sim.ground import Ground
-from sim.robot_parameters import RobotParameters
+from sim.drive.drive import Drive
+from sim.ground.ground import Ground
+from sim.robot.parameters import RobotParameters
 from trackslip.kinematics import Array, RobotGeometry, limit_sprocket_speeds, sprocket_speeds
 
 _DASHES: tuple[Any, ...] = ("-", "--", "-.", (0, (1, 1)))

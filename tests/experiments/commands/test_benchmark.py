@@ -1,0 +1,416 @@
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+from browser import assert_fits
+
+from experiments.benchmark.group import groups
+from experiments.benchmark.jobs import make
+from experiments.benchmark.setup import Setup, start
+from experiments.benchmark.table import NAMES, board, bootstrap95, losses, over_seeds
+from experiments.cli import main
+from experiments.options.benchmark import CONTROLLER_NAMES, REFERENCE_NAMES, BenchmarkConfig, Case
+from experiments.storage.benchmark_parts import Parts, complete, runs_of
+from trackslip.controllers.named import CONTROLLERS
+from trackslip.logs.logfile import read_runs
+from trackslip.metrics import tracking_errors
+from trackslip.trajectory.named import REFERENCES, load_reference
+from trackslip.trajectory.segmented import paper_reference
+
+MODULE = '''
+import numpy as np
+from trackslip.controllers.linear import LinearTimeVarying
+
+class Late(LinearTimeVarying):
+    """Falls silent after 2 s, for the robot that is farthest to the right."""
+    def twist(self, time, pose, reference):
+        twist = super().twist(time, pose, reference)
+        if time > 2.0 and len(pose) == {robots}:
+            twist[{robot}] = np.nan
+        return twist
+
+class Broken(LinearTimeVarying):
+    def twist(self, time, pose, reference):
+        raise RuntimeError("out of order")
+
+class NoController:
+    pass
+
+class Quits(LinearTimeVarying):
+    def twist(self, time, pose, reference):
+        raise SystemExit("enough")
+
+class Flat(LinearTimeVarying):
+    def twist(self, time, pose, reference):
+        return super().twist(time, pose, reference).T
+
+class Silent(LinearTimeVarying):
+    def twist(self, time, pose, reference):
+        pass
+
+class Company(LinearTimeVarying):
+    """Won't drive alone, as when its steps are timed."""
+    def twist(self, time, pose, reference):
+        assert len(pose) > 1
+        return super().twist(time, pose, reference)
+
+class Careless(LinearTimeVarying):
+    def twist(self, time, pose, reference):
+        twist = super().twist(time, pose, reference)
+        pose += 1.0
+        return twist
+'''
+
+
+@pytest.fixture
+def short(tmp_path, monkeypatch):
+    """Options of a benchmark that lasts seconds, in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "bend.csv").write_text("x,y\n0,0\n0.3,0.05\n0.6,0.2\n")
+    return ("--references", "bend.csv", "--starts", "zero", "--localization", "truth", "--jobs", "1")
+
+
+SMALL = ("--controllers", "feedforward", "linear", "--compensations", "none", "online", "--grounds", "stone", "gravel")
+
+
+def without_times(summary):
+    return [{key: value for key, value in row.items() if "compute" not in key} for row in summary["rows"]]
+
+
+def test_rows_are_what_the_stored_runs_say(trackslip, short):
+    result = trackslip("benchmark", *short, *SMALL, "--seeds", "0", "3")
+    rows, logs = result.summary["rows"], {log.run: log for log in read_runs(result.folder / "runs.parquet")}
+    assert len(rows) == 2 * 2 * 2
+    assert len(logs) == result.summary["runs"] == 16
+    assert result.summary["failures"] == []
+    reference = load_reference("bend.csv")
+    for row in rows:
+        case = [row[name] for name in NAMES]
+        errors = []
+        for seed in (0, 3):
+            log = logs[" ".join([*case, str(seed)])]
+            assert log.metadata["seed"] == seed
+            assert log.metadata["ground"]["across"] == {"stone": 0.778, "gravel": 0.455}[row["ground"]]
+            assert (log.icr is not None) == (row["compensation"] == "online")
+            errors.append(tracking_errors(log.time, log.truth.pose, reference))
+        for key in ("rms_position", "rms_position_arc", "rms_heading", "cross_track", "along_track", "iae", "itae"):
+            assert row[key] == pytest.approx(np.mean([getattr(e, key) for e in errors]))
+        assert row["rms_position_after_12s"] is None
+        assert row["rms_position_after_12s_ci95"] is None
+        low, high = row["rms_position_ci95"]
+        assert low <= row["rms_position"] <= high
+        assert (row["seeds"], row["failed"], row["success"]) == (2, 0, 1.0)
+        assert row["valid_fraction"] == 1.0
+        assert 0 < row["compute_ms_p50"] <= row["compute_ms_p99"] < 1e3
+    text = (result.folder / "leaderboard.md").read_text()
+    assert text.count("\n| feedforward") == 2 + 4
+    assert "feedforward" in result.printed
+    page = (result.folder / "report.html").read_text(encoding="utf-8")
+    names = {path.stem for path in (result.folder / "figures").glob("*.svg")}
+    assert "leaderboard" in names
+    assert names == set(re.findall(r'<figure id="(\w+)"', page))
+    assert not (result.folder / ".benchmark-parts").exists()
+    assert_fits(page)  # last: it skips the test where there is no browser
+
+
+def test_as_many_processes_as_one_likes_give_the_same_bits(trackslip, short, tmp_path):
+    one = trackslip("benchmark", *short, *SMALL, "--seeds", "0")
+    runs, rows = pyarrow.parquet.read_table(one.folder / "runs.parquet"), without_times(one.summary)
+    two = trackslip("benchmark", *short[:-1], "2", *SMALL, "--seeds", "0")
+    assert pyarrow.parquet.read_table(two.folder / "runs.parquet").equals(runs)
+    assert without_times(two.summary) == rows
+
+
+def test_a_killed_benchmark_goes_on_where_it_was(short, tmp_path):
+    command = [sys.executable, "-m", "experiments.cli", "benchmark", *short, *SMALL, "--seeds", "0", "--out"]
+    root = str(Path(__file__).parents[3])
+    environment = os.environ | {"PYTHONPATH": root}
+    (tmp_path / "turn.csv").write_text("x,y\n0,0\n0.4,-0.1\n0.8,-0.3\n1.0,-0.6\n")
+    command[command.index("--starts") : command.index("--starts")] = ["turn.csv"]
+    process = subprocess.Popen([*command, "killed"], env=environment, stdout=subprocess.DEVNULL)
+    parts = tmp_path / "killed" / ".benchmark-parts"
+    until = time.monotonic() + 60
+    while not list(parts.glob("*.json")):
+        assert process.poll() is None
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    (kept,) = parts.glob("*.json")
+    stamp = kept.stat().st_mtime_ns
+    assert not (tmp_path / "killed" / "summary.json").exists()
+    process = subprocess.Popen([*command, "killed"], env=environment, stdout=subprocess.DEVNULL)
+    while len(list(parts.glob("*.json"))) < 2 and process.poll() is None:
+        assert not kept.exists() or kept.stat().st_mtime_ns == stamp
+    assert process.wait() == 0
+    subprocess.run([*command, "undisturbed"], env=environment, stdout=subprocess.DEVNULL, check=True)
+    tables = [pyarrow.parquet.read_table(tmp_path / name / "runs.parquet") for name in ("killed", "undisturbed")]
+    assert tables[0].equals(tables[1], check_metadata=True)
+    summaries = [json.loads((tmp_path / name / "summary.json").read_text()) for name in ("killed", "undisturbed")]
+    assert without_times(summaries[0]) == without_times(summaries[1])
+
+
+def test_an_interrupted_benchmark_says_how_to_go_on(short, tmp_path, monkeypatch, capsys):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("experiments.benchmark.jobs.measure", interrupted)
+    with pytest.raises(SystemExit) as stop:
+        main(["benchmark", *short, *SMALL, "--seeds", "0", "--out", "out"])
+    assert stop.value.code == 130
+    message = "trackslip: interrupted with 0 of 1 fleets driven; the same command goes on from there"
+    assert capsys.readouterr().err.strip() == message
+    assert not (tmp_path / "out").exists()
+
+
+def test_parts_of_another_benchmark_are_left_but_not_those_of_other_code(trackslip, short, tmp_path):
+    folder = tmp_path / "benchmark" / ".benchmark-parts"
+    folder.mkdir(parents=True)
+    version = Parts.of(Setup.of(BenchmarkConfig())).version
+    others = {f"{version}-0123.json", f"{version}-0123.parquet"}
+    useless = {"01234567-0123.json", f"{version}-4567.runs-99", f"{version}-4567.rows-99", "0123.json"}
+    for name in others | useless:
+        (folder / name).write_text("{}")
+    trackslip("benchmark", *short, *SMALL[:2], "--compensations", "none", "--grounds", "stone", "--seeds", "0")
+    assert {file.name for file in folder.iterdir()} == others
+
+
+def test_a_run_that_fails_is_a_row(trackslip, short, tmp_path):
+    """The others of its fleet are as they would be without it."""
+    (tmp_path / "mine.py").write_text(MODULE.format(robots=0, robot=0))
+    options = (*short, "--compensations", "none", "--grounds", "stone", "--seeds", "0", "1")
+    result = trackslip("benchmark", *options, "--controllers", "linear", "mine:Late", "mine:Broken")
+    rows = {row["controller"]: row for row in result.summary["rows"]}
+    assert rows["linear"]["failed"] == rows["mine:Late"]["failed"] == 0
+    assert rows["mine:Late"]["rms_position"] == rows["linear"]["rms_position"]
+    assert rows["mine:Broken"]["failed"] == 2
+    assert rows["mine:Broken"]["rms_position"] is None
+    assert rows["mine:Broken"]["success"] == 0
+    failures = result.summary["failures"]
+    assert len(failures) == 2
+    assert all(
+        "its controller fails at 0 s (RuntimeError: out of order), mine.py line 15" in f["error"] for f in failures
+    )
+    assert "RuntimeError: out of order" in result.printed
+    assert len(read_runs(result.folder / "runs.parquet")) == 4
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("Quits", "SystemExit: enough"),
+        ("Flat", "its controller's twists have the shape (2, 1): must be (1, 2)"),
+        ("Silent", "its controller's twists have the shape (): must be (1, 2)"),
+    ],
+)
+def test_controllers_that_misbehave_are_told_apart(trackslip, short, tmp_path, name, message):
+    (tmp_path / "odd.py").write_text(MODULE.format(robots=0, robot=0))
+    options = (*short, "--compensations", "none", "--grounds", "stone", "--seeds", "0")
+    result = trackslip("benchmark", *options, "--controllers", "linear", f"odd:{name}")
+    rows = {row["controller"]: row for row in result.summary["rows"]}
+    assert rows["linear"]["failed"] == 0
+    (failure,) = result.summary["failures"]
+    assert message in failure["error"]
+
+
+def test_what_a_controller_does_to_its_poses_or_when_timed_is_its_own_affair(trackslip, short, tmp_path):
+    (tmp_path / "odd.py").write_text(MODULE.format(robots=0, robot=0))
+    options = (*short, "--compensations", "none", "--grounds", "stone", "--seeds", "0", "1")
+    result = trackslip("benchmark", *options, "--controllers", "linear", "odd:Careless", "odd:Company")
+    rows = {row["controller"]: row for row in result.summary["rows"]}
+    for name in ("odd:Careless", "odd:Company"):
+        assert rows[name]["failed"] == 0
+        assert rows[name]["rms_position"] == rows["linear"]["rms_position"]
+    assert rows["odd:Company"]["compute_ms_p50"] is None
+    logs = {log.run: log for log in read_runs(result.folder / "runs.parquet")}
+    one, other = (logs[f"{name} none bend.csv stone zero 0"] for name in ("linear", "odd:Careless"))
+    np.testing.assert_array_equal(one.pose, other.pose)
+
+
+def test_damaged_parts_are_driven_again(tmp_path, short):
+    setup = Setup.of(BenchmarkConfig(references=("bend.csv",), localization="truth", out=tmp_path / "out"))
+    cases = (Case("linear", "none", "bend.csv", "stone", "zero", 0),)
+    path = Parts.of(setup).path(cases)
+    assert not complete(path)
+    make(setup.config, (path, cases))
+    assert complete(path)
+    runs, rows = runs_of(path).read_bytes(), path.read_bytes()
+    runs_of(path).write_bytes(runs[:1000])
+    assert not complete(path)
+    runs_of(path).write_bytes(runs[:1000] + bytes([runs[1000] ^ 1]) + runs[1001:])
+    assert not complete(path)
+    runs_of(path).unlink()
+    assert not complete(path)
+    runs_of(path).write_bytes(runs)
+    for damage in (b"", b"{}", rows[:50]):
+        path.write_bytes(damage)
+        assert not complete(path)
+    path.write_bytes(rows)
+    assert complete(path)
+
+
+def test_parts_depend_on_what_a_users_modules_say(tmp_path, short, monkeypatch):
+    (tmp_path / "gains_of_mine.py").write_text("K = 1.0")
+    source = "import gains_of_mine\nfrom trackslip.controllers.linear import LinearTimeVarying as Mine"
+    (tmp_path / "imports_gains.py").write_text(source)
+    setup = Setup.of(BenchmarkConfig(localization="truth"))
+    cases = (Case("imports_gains:Mine", "none", "bend.csv", "stone", "zero", 0),)
+    setup.check(cases)
+    before = Parts.of(setup).path(cases)
+    (tmp_path / "gains_of_mine.py").write_text("K = 2.0")
+    assert Parts.of(setup).path(cases) != before
+
+
+def test_when_every_run_fails_there_is_still_a_table(trackslip, short, tmp_path):
+    (tmp_path / "mine3.py").write_text(MODULE.format(robots=1, robot=0))
+    result = trackslip("benchmark", *short, "--suite", "quick", "--controllers", "mine3:Broken", "--seeds", "0")
+    assert [row["failed"] for row in result.summary["rows"]] == [1, 1]
+    assert not (result.folder / "runs.parquet").exists()
+
+
+def test_a_twist_that_is_no_number_fails_its_run_alone(trackslip, short, tmp_path):
+    (tmp_path / "mine2.py").write_text(MODULE.format(robots="len(pose)", robot="(pose[:, 1] > 0.0) & (time < 2.1)"))
+    options = (*short, "--compensations", "none", "--grounds", "stone", "--starts", "random", "--seeds")
+    result = trackslip("benchmark", *options, "0", "1", "2", "3", "--controllers", "mine2:Late")
+    (row,) = result.summary["rows"]
+    assert row["seeds"] == 4
+    assert 0 < row["failed"] < 4
+    assert len(read_runs(result.folder / "runs.parquet")) == 4 - row["failed"]
+    assert len(result.summary["failures"]) == row["failed"]
+    assert "asks for the twist (nan, nan) at 2.05 s" in result.summary["failures"][0]["error"]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--controllers", "pd"), "controllers = 'pd': must be one of feedforward, linear"),
+        (("--controllers", "no_such_module:Mine"), "controllers = 'no_such_module:Mine': must be MODULE:CLASS that"),
+        (("--controllers", "mine:NoController"), "controllers = 'mine:NoController': must be a class with a method"),
+        (("--compensations", "magic"), "compensations = 'magic': must be one of none, published, "),
+        (("--references", "square"), "references = 'square': must be one of paper, circle"),
+        (("--references", "none.csv"), "none.csv: "),
+        (("--grounds", "lava"), "grounds = 'lava': must be one of stone, concrete"),
+        (("--controllers", "linear", "linear"), "controllers = ('linear', 'linear'): must be all different"),
+        (("--seeds",), "seeds = (): must be at least one"),
+        (("--seeds", "-1"), "seeds = -1: must be integers >= 0"),
+        (("--jobs", "-1"), "jobs = -1: must be an integer from 0"),
+        (("--preview", "3"), "preview = 3.0: must be from 0 to 1 s"),
+        (("--laws", "nowhere.json"), "nowhere.json: "),
+    ],
+)
+def test_what_makes_no_sense_is_refused_in_a_line(refused, tmp_path, monkeypatch, options, message):
+    (tmp_path / "mine.py").write_text(MODULE.format(robots=1, robot=0))
+    monkeypatch.syspath_prepend(tmp_path)
+    assert refused("benchmark", "--suite", "paper", *options).startswith(message)
+
+
+def test_suites_know_all_names():
+    assert tuple(CONTROLLERS) == CONTROLLER_NAMES
+    assert tuple(REFERENCES) == REFERENCE_NAMES
+
+
+@pytest.mark.parametrize("suite", ["paper", "quick", "full"])
+def test_runs_that_share_controller_and_reference_are_one_fleet(suite):
+    cases = BenchmarkConfig(suite=suite).cases()
+    fleets = groups(cases)
+    assert sorted(map(repr, sum(fleets, ()))) == sorted(map(repr, set(cases)))
+    for fleet in fleets:
+        assert len({case.reference for case in fleet}) == 1
+    for key in {(case.controller, case.reference) for case in cases}:
+        assert sum(any((c.controller, c.reference) == key for c in fleet) for fleet in fleets) == 1
+
+
+def test_a_run_is_the_same_in_any_company(tmp_path):
+    """Bit for bit, whichever controllers, compensations and grounds share its fleet."""
+    path = tmp_path / "bow.csv"
+    path.write_text("x,y\n-2,1\n-1.6,1.1\n-1.2,1.4\n")
+    setup = Setup.of(BenchmarkConfig())
+    cases = [
+        Case(controller, compensation, str(path), ground, "random", seed)
+        for controller in ("linear", "feedforward")
+        for compensation in ("online", "icr_radius")
+        for ground, seed in (("stone", 0), ("ice", 1))
+    ]
+    logs = {log.run: log for log in setup.drive(cases)}
+    for case in (cases[0], cases[5]):
+        (alone,) = setup.drive([case])
+        np.testing.assert_array_equal(alone.truth.pose, logs[case.run].truth.pose)
+        np.testing.assert_array_equal(alone.pose, logs[case.run].pose)
+        np.testing.assert_array_equal(alone.command, logs[case.run].command)
+
+
+def test_the_papers_start_is_the_papers():
+    case = Case("linear", "none", "paper", "stone", "paper", 0)
+    np.testing.assert_allclose(start(case, paper_reference()), [0.3, -0.2, np.pi / 3], atol=1e-12)
+
+
+def test_random_starts_are_the_same_for_all_controllers():
+    path = paper_reference()
+    starts = [
+        start(Case(c, "none", "paper", "stone", "random", seed), path) for c in ("linear", "lqr") for seed in (0, 1)
+    ]
+    np.testing.assert_array_equal(starts[:2], starts[2:])
+    assert np.hypot(*(starts[0] - starts[1])[:2]) > 0.01
+
+
+def test_noise_is_the_same_for_all_controllers(tmp_path):
+    path = tmp_path / "bow.csv"
+    path.write_text("x,y\n-2,1\n-1.6,1.1\n-1.2,1.4\n")
+    setup = Setup.of(BenchmarkConfig())
+    cases = [Case("feedforward", c, str(path), "stone", "zero", 0) for c in ("none", "icr_radius")]
+    logs = setup.drive(cases)
+    np.testing.assert_array_equal(logs[0].pose[0], logs[1].pose[0])
+    assert np.any(logs[0].pose[0] != logs[0].truth.pose[0])
+
+
+def run(controller, rms, success=True, error=None, seed=0, compensation="none"):
+    names = {"controller": controller, "compensation": compensation, "reference": "paper", "ground": "stone"}
+    values = {} if error else {"rms_position": rms, "rms_position_after_12s": rms, "success": success}
+    return names | {"start": "zero", "seed": seed, "error": error, "compute_ms": []} | values
+
+
+def test_means_and_intervals_are_over_the_seeds_that_ran():
+    (row,) = over_seeds([run("a", 1.0), run("a", 3.0, seed=1), run("a", 0.0, error="no", seed=2)])
+    assert row["rms_position"] == 2.0
+    assert row["rms_position_ci95"] == [1.0, 3.0]
+    assert (row["seeds"], row["failed"]) == (3, 1)
+    assert row["success"] == pytest.approx(2 / 3)
+    assert row["final_position"] is None
+
+
+def test_bootstrap_of_the_mean_covers_as_it_should():
+    rng = np.random.default_rng(0)
+    intervals = [bootstrap95(rng.normal(size=40).tolist()) for _ in range(400)]
+    covered = np.mean([low < 0 < high for low, high in intervals])
+    assert 0.90 < covered < 0.98
+
+
+def test_who_keeps_the_path_stands_above_who_is_near_it():
+    runs = [run("near", 0.001, success=False), run("kept", 0.1), run("better", 0.05), run("failed", 0, error="no")]
+    rows = over_seeds(runs)
+    assert [entry["controller"] for entry in board(rows)] == ["better", "kept", "near", "failed"]
+    lines = losses(rows)
+    assert lines[0] == "near with none on stone loses the path in 1 of 1 runs: paper"
+    assert lines[1] == "failed with none on stone loses the path in 1 of 1 runs, 1 of them failed: paper"
+    assert lines[2:] == ["all others keep the path in every run"]
+
+
+def test_the_documented_controller_compares(trackslip, short, tmp_path):
+    page = (Path(__file__).parents[3] / "docs" / "controller.md").read_text()
+    (text,) = re.findall(r"```python\n(# my_controller.py.*?)```", page, re.DOTALL)
+    (tmp_path / "my_controller.py").write_text(text)
+    options = (*short[:2], *short[4:], "--starts", "random", "--compensations", "icr_radius", "--seeds", "0", "1")
+    result = trackslip("benchmark", *options, "--controllers", "feedforward", "my_controller:MyController")
+    rows = {row["controller"]: row for row in result.summary["rows"]}
+    mine = rows["my_controller:MyController"]
+    assert mine["failed"] == 0
+    assert mine["final_position"] < 0.3 * rows["feedforward"]["final_position"]

@@ -1,0 +1,113 @@
+import csv
+import itertools
+
+import numpy as np
+import pytest
+
+from sim.robot.file import load_robot_file
+from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII, SPEEDS
+from trackslip.slip.exponential import PUBLISHED
+
+ROBOT = "half_gauge = 0.19\ncontact_length = 0.36\nradius_error = 0.02\n[ground]\nalong = 0.5\nacross = {across}\n"
+
+
+def table_of_the_paper(path):
+    with path.open("w", newline="") as file:
+        rows = csv.writer(file)
+        rows.writerow(["radius", "speed", "observed_radius", "slip_outer", "slip_inner"])
+        for (commanded, observed), speed in itertools.product(
+            zip(COMMANDED_RADII, OBSERVED_RADII, strict=True), SPEEDS
+        ):
+            inner, outer = PUBLISHED(1 / observed)
+            rows.writerow([commanded, speed, observed, outer, inner])
+    return str(path)
+
+
+def test_published_numbers(trackslip):
+    result = trackslip("calibrate", "--starts", "1")
+    found = result.summary
+    assert set(found["parameters"]) == {"friction_ratio", "radius_error", "com_y"}
+    assert all(p["identifiable"] and p["stderr"] > 0 for p in found["parameters"].values())
+    assert found["slip_rms"] <= 0.0066
+    assert found["radius_rms"] <= 0.046
+    assert found["floor"]["slip_rms"] <= found["slip_rms"]
+    assert found["slip_rms"] < found["centred"]["slip_rms"] <= 0.0072
+    assert len(found["starts"]) == 2
+    assert "com_y = 0" in result.printed
+    parameters, ground = load_robot_file(result.folder / "robot.toml")
+    assert parameters.half_gauge == 0.168
+    assert parameters.com_y == found["parameters"]["com_y"]["value"]
+    assert ground.across / ground.along == pytest.approx(found["parameters"]["friction_ratio"]["value"])
+
+    # the other commands take it
+    grid = trackslip("grid", "--robot", str(result.folder / "robot.toml"), "--radii", "1.0", "--speeds", "0.1",
+                     "--duration", "6")  # fmt: skip
+    assert grid.manifest["robot"]["com_y"] == parameters.com_y
+    assert grid.manifest["ground"]["across"] == ground.across
+
+
+def test_the_papers_numbers_as_a_table_are_the_published_target(trackslip, tmp_path):
+    options = ("--starts", "0", "--free", "friction_ratio", "radius_error")
+    published = trackslip("calibrate", *options).summary
+    table = trackslip("calibrate", "--target", table_of_the_paper(tmp_path / "paper.csv"), *options).summary
+    for name, parameter in published["parameters"].items():
+        assert table["parameters"][name]["value"] == pytest.approx(parameter["value"], rel=1e-3, abs=1e-5)
+
+
+def test_a_robot_is_found_from_its_scans(trackslip, tmp_path):
+    (tmp_path / "true.toml").write_text(ROBOT.format(across=0.6))
+    (tmp_path / "start.toml").write_text(ROBOT.format(across=0.5).replace("0.02", "0.0"))
+    grid = trackslip("grid", "--robot", str(tmp_path / "true.toml"), "--radii", "0.6", "1.0", "2.0",
+                     "--speeds", "0.1", "0.2", "--duration", "15")  # fmt: skip
+    found = trackslip(
+        "calibrate", "--target", str(grid.folder), "--robot", str(tmp_path / "start.toml"), "--starts", "0"
+    )
+    truth = {"friction_ratio": 1.2, "radius_error": 0.02, "com_y": 0.0}
+    for name, parameter in found.summary["parameters"].items():
+        assert parameter["value"] == pytest.approx(truth[name], abs=3 * parameter["stderr"])
+    assert found.summary["parameters"]["friction_ratio"]["stderr"] < 0.03
+
+
+def test_what_is_tied_together_is_told(trackslip):
+    result = trackslip("calibrate", "--starts", "0", "--free", "friction_ratio", "contact_length", "radius_error")
+    assert "not identifiable one by one: friction_ratio, contact_length" in result.printed
+    tied = result.summary["parameters"]["contact_length"]
+    assert tied["identifiable"] is False
+    assert tied["stderr"] is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--target", "nowhere.csv"), "nowhere.csv: no such file"),
+        (("--target", ""), "--target = '': must be something"),
+        (("--free", "mass"), "invalid choice 'mass'"),
+        (("--free", "com_y", "com_y"), "free = 'com_y': must be named once"),
+        (("--starts", "-1"), "starts = -1"),
+        (("--robot", "nowhere.toml"), "nowhere.toml: No such file"),
+    ],
+)
+def test_mistakes_get_one_line(refused, arguments, message):
+    assert message in refused("calibrate", *arguments)
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("0,0.1,0.6,0.05,-0.1", "row 1, column radius: 0 must be > 0"),
+        ("0.5,0.1,-1,0.05,-0.1", "row 1, column observed_radius: -1 must be > 0"),
+        ("0.5,0.1,0.6,1.5,-0.1", "row 1, column slip_outer: 1.5 must be < 1"),
+        ("0.5,0.1,0.6,x,-0.1", "row 1, column slip_outer: 'x' is not a number"),
+    ],
+)
+def test_bad_tables_get_one_line(refused, tmp_path, row, message):
+    path = tmp_path / "table.csv"
+    path.write_text("radius,speed,observed_radius,slip_outer,slip_inner\n" + row)
+    assert message in refused("calibrate", "--target", str(path))
+
+
+def test_results_do_not_depend_on_threads(trackslip):
+    options = ("--starts", "0", "--free", "friction_ratio")
+    one, two = (trackslip("calibrate", *options, "--threads", n).summary["parameters"] for n in ("1", "2"))
+    assert one == two
+    assert np.isfinite(one["friction_ratio"]["value"])

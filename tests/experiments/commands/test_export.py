@@ -1,0 +1,146 @@
+"""`trackslip export`: runs as CSV, and what it refuses."""
+
+from __future__ import annotations
+
+import csv
+import errno
+from dataclasses import replace
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+from identified import driven
+
+import trackslip as package
+from experiments.cli import main, parse
+from experiments.commands.identify import read_source
+from experiments.storage import results as store
+from trackslip.errors import LogError
+from trackslip.logs.logfile import RUNS, write_parquet
+from trackslip.logs.schema import COLUMNS
+
+
+def test_steady_samples_have_units_too(tmp_path):
+    store.write_samples(tmp_path, driven([(0.1, 0.1), (0.2, 0.1)]))
+    for field in pyarrow.parquet.read_schema(tmp_path / RUNS):
+        assert field.metadata[b"unit"].decode() == COLUMNS[field.name].unit
+    with pytest.raises(LogError, match="column t is missing"):
+        package.load(tmp_path)
+
+
+@pytest.fixture(scope="module")
+def grid(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("results") / "grid"
+    main(["grid", "--radii", "0.5", "1", "--speeds", "0.1", "0.2", "--duration", "8", "--out", str(folder)])
+    return folder
+
+
+def test_the_runs_are_listed(grid, capsys):
+    main(["export", str(grid)])
+    printed = capsys.readouterr().out
+    assert all(log.run in printed for log in package.load(grid))
+    assert not grid.with_suffix(".csv").exists()
+
+
+def test_csv_holds_every_digit_and_the_units_are_beside_it(grid, tmp_path, capsys):
+    file = tmp_path / "new" / "all.csv"
+    main(["export", str(grid), "--csv", "--out", str(file)])
+    for before, after in zip(package.load(grid), package.load(file), strict=True):
+        assert after.run == before.run
+        np.testing.assert_array_equal(after.pose, before.pose)
+        np.testing.assert_array_equal(after.truth.twist, before.truth.twist)
+    with file.open(newline="") as text:
+        header = next(csv.reader(text))
+    with file.with_suffix(".columns.csv").open(newline="") as text:
+        about = list(csv.DictReader(text))
+    assert [row["column"] for row in about] == header
+    assert all(row["unit"] == COLUMNS[row["column"]].unit and row["description"] for row in about)
+    assert sorted(path.name for path in file.parent.iterdir()) == ["all.columns.csv", "all.csv"]
+    assert "4 run(s)" in capsys.readouterr().out
+
+
+def test_identify_reads_it_with_the_options_that_are_printed(grid, tmp_path, capsys):
+    main(["export", str(grid), "--csv", "--out", str(tmp_path / "all.csv")])
+    command = capsys.readouterr().out.splitlines()[-1].split()
+    assert command[:2] == ["trackslip", "identify"]
+    from_csv, from_parquet = (
+        read_source(parse(options)).sampling.samples
+        for options in (command[1:], ["identify", str(grid), "--motion", "arc"])
+    )
+    np.testing.assert_allclose(from_csv.slip, from_parquet.slip, rtol=1e-12)
+
+
+def test_identify_is_not_named_for_what_controllers_drove(grid, tmp_path, capsys):
+    closed = [replace(log, twist_command=np.zeros((len(log.time), 2))) for log in package.load(grid)]
+    write_parquet(closed, tmp_path / RUNS)
+    main(["export", str(tmp_path / RUNS), "--csv"])
+    assert "trackslip identify" not in capsys.readouterr().out
+
+
+def test_chosen_runs_of_a_file_go_beside_it(grid, tmp_path):
+    (tmp_path / RUNS).write_bytes((grid / RUNS).read_bytes())
+    name = package.load(grid)[1].run
+    main(["export", str(tmp_path / RUNS), "--csv", "--run", name])
+    assert [log.run for log in package.load(tmp_path / "runs.csv")] == [name]
+
+
+def test_a_folders_file_is_named_for_it_and_not_replaced_unasked(grid, capsys):
+    main(["export", str(grid), "--csv"])
+    file = grid.parent / "grid.csv"
+    file.write_text("mine")
+    with pytest.raises(SystemExit) as stop:
+        main(["export", str(grid), "--csv"])
+    assert stop.value.code == 2
+    assert "grid.csv: is there already; --overwrite replaces it" in capsys.readouterr().err
+    assert file.read_text() == "mine"
+    main(["export", str(grid), "--csv", "--overwrite"])
+    assert len(package.load(file)) == 4
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--run", "none"], "run = 'none': must be one of 'radius=0.5 speed=0.1',"),
+        (["--csv", "--out", "x.txt"], "out = 'x.txt': must be a file that ends in .csv"),
+        (["--run", "a", "a"], "all different"),
+        (["--run", "a", "--run", "b"], "--run = 'given twice': must be given once: --run NAME NAME"),
+    ],
+)
+def test_mistakes_cost_a_line(grid, refused, arguments, message):
+    assert message in refused("export", str(grid), *arguments)
+
+
+def test_the_file_that_is_read_is_never_replaced(grid, tmp_path, refused, capsys):
+    main(["export", str(grid), "--csv", "--out", str(tmp_path / "log.csv")])
+    capsys.readouterr()
+    assert "another file than the one that is read" in refused("export", "log.csv", "--csv", "--overwrite")
+
+
+def test_a_full_disk_leaves_the_file_and_its_columns_as_they_were(grid, tmp_path, monkeypatch, capsys):
+    command = ["export", str(grid), "--csv", "--out", str(tmp_path / "log.csv"), "--overwrite"]
+
+    def full(logs, path):
+        path.write_text("run,")
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("experiments.commands.export.write_csv", full)
+    for old in ({}, {"log.csv": "old", "log.columns.csv": "old"}):
+        for name, text in old.items():
+            (tmp_path / name).write_text(text)
+        with pytest.raises(SystemExit) as stop:
+            main(command)
+        assert stop.value.code == 2
+        assert "log.csv: can't be written (No space left on device)" in capsys.readouterr().err
+        assert {path.name: path.read_text() for path in tmp_path.iterdir()} == old
+
+
+@pytest.mark.parametrize("command", ["identify", "export"])
+def test_a_damaged_file_costs_a_line_and_older_results_stay(command, tmp_path, grid, refused):
+    stored = (grid / RUNS).read_bytes()
+    (tmp_path / "cut.parquet").write_bytes(stored[: len(stored) // 2])
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "report.html").write_text("older")
+    more = ["--out", "out"] if command == "identify" else ["--csv"]
+    assert "cut.parquet: damaged, cut short or no Parquet file" in refused(command, "cut.parquet", *more)
+    assert (tmp_path / "out" / "report.html").read_text() == "older"
+    assert "no runs.parquet in this folder" in refused(command, "out", *more)

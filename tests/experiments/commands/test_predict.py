@@ -1,0 +1,37 @@
+import pytest
+
+from experiments.commands.predict import predict, predicted_robot
+from experiments.options.predict import PredictConfig
+from sim.ground.ground import Ground
+from trackslip.slip.law_file import load_laws
+
+
+def test_the_default_is_the_simulated_robot(robot, trackslip):
+    """Same geometry and friction as the model's, and the offset that the simulator shows and scans identify."""
+    (parameters, ratio), ground = predicted_robot(PredictConfig()), Ground()
+    assert parameters.half_gauge == robot.geometry.half_gauge
+    assert parameters.contact_length == 2 * robot.contact_half_length
+    assert parameters.sprocket_radius == robot.geometry.sprocket_radius
+    assert ratio == pytest.approx(ground.across / ground.along)
+    assert load_laws()["icr_radius"].offset == pytest.approx(predict(PredictConfig()).offset, rel=0.02)
+    result = trackslip("predict")
+    assert result.summary["slip_laws"]["icr_radius"]["values"]["offset"] == pytest.approx(0.0445, abs=0.0005)
+    assert load_laws(result.folder, robot.geometry)["icr_radius"] == predict(PredictConfig())
+
+
+def test_slip_depends_on_the_shape_only():
+    small, large = PredictConfig(), PredictConfig(half_gauge=0.336, contact_length=0.68)
+    assert predict(large).offset == pytest.approx(2 * predict(small).offset)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--friction-ratio", "-1"), "friction_ratio = -1.0"),
+        (("--contact-length", "0"), "contact_length = 0.0"),
+        (("--com-x", "0.2"), "com_x = 0.2: must be between"),
+        (("--radii", "-1"), "radii = -1.0"),
+    ],
+)
+def test_mistakes_get_one_line(refused, arguments, message):
+    assert message in refused("predict", *arguments)

@@ -1,0 +1,156 @@
+"""`trackslip reproduce`, whole, against the numbers it must reach."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments.cli import main
+from trackslip.logs.logfile import read_runs
+from trackslip.slip.law_file import SHIPPED, load_laws
+from trackslip.trajectory.segmented import paper_reference
+
+README = Path(__file__).parents[3] / "README.md"
+
+
+@pytest.fixture(scope="module")
+def reproduced(tmp_path_factory):
+    """The folder of a whole reproduction, and what it printed."""
+    out = tmp_path_factory.mktemp("reproduce") / "out"
+    printed = io.StringIO()
+    with contextlib.redirect_stdout(printed):
+        main(["reproduce", "--out", str(out)])
+    return out, printed.getvalue()
+
+
+@pytest.fixture(scope="module")
+def folder(reproduced):
+    return reproduced[0]
+
+
+@pytest.fixture(scope="module")
+def summary(folder):
+    return json.loads((folder / "summary.json").read_text())
+
+
+def test_slips_and_radii_stand_beside_the_published(summary):
+    assert summary["slip_rms_vs_published"] < 0.008
+    assert summary["radius"]["rms_vs_published"] < 0.06
+    np.testing.assert_allclose(summary["radius"]["published"], [0.62, 1.34, 2.05, 2.68, 3.12])
+    np.testing.assert_allclose(summary["radius"]["observed"], summary["radius"]["published"], rtol=0.09)
+    assert max(summary["speed_spread"].values()) < 0.003
+
+
+def test_localisation_and_slip_errors(summary):
+    found = summary["localization"]
+    assert max(found["rmse_x"], found["rmse_y"]) < 0.004
+    assert np.degrees(found["rmse_heading"]) < 0.4
+    assert found["valid_fraction"] > 0.96  # the rest are edge-on views, which tell no heading
+    assert found["rate_hz"] >= 10
+    assert max(found["ratio_to_bound"].values()) < 1.1
+    assert found["scans_per_s"] > 0
+    for track in ("outer", "inner"):
+        for key, most in (("bundle", 0.0003), ("arc", 0.0004), ("rts", 0.0012)):
+            error = summary["slip_error"][key][track]
+            assert error["std"] < most
+            assert abs(error["bias"]) < 0.0002
+        assert summary["slip_error"][track] == summary["slip_error"]["bundle"][track]
+
+
+def test_whole_circles_with_edge_on_views(folder):
+    """Runs that went all the way round, edge-on views and bridged gaps included."""
+    runs = [log for log in read_runs(folder / "runs.parquet") if "radius" in log.metadata]
+    whole = [log for log in runs if np.ptp(log.truth.pose[:, 2]) > 2 * np.pi]
+    assert len(whole) >= 3
+    for log in whole:
+        error = log.pose - log.truth.pose
+        assert np.sqrt(np.mean(error[:, :2] ** 2, axis=0)).max() < 0.004
+        assert np.degrees(np.sqrt(np.mean(error[:, 2] ** 2))) < 0.4
+
+
+def test_compensation_pays(summary):
+    rows = {(row["controller"], row["compensation"]): row for row in summary["tracking"]}
+    assert len(rows) == 10
+    final = [rows["feedforward", law]["final_position"] for law in ("none", "exponential", "icr_radius")]
+    assert final[0] > final[1] > final[2]
+    assert np.all(np.array(final) < [1.6, 0.35, 0.06])
+    late = {law: rows["linear", law]["rms_position_after_12s"] for law in ("none", "exponential", "icr_radius")}
+    assert late["none"] > 2.5 * late["exponential"]
+    assert late["none"] > 2.5 * late["icr_radius"]
+
+
+def test_the_law_that_fits_best_is_the_physics(summary):
+    laws = summary["slip_laws"]
+    assert laws["icr_radius"]["rms"] < laws["icr"]["rms"]
+    assert laws["icr_radius"]["rms"] < laws["exponential"]["rms"]
+    assert laws["icr_radius"]["values"]["radius_error"] == pytest.approx(0.0067, abs=0.0006)
+
+
+def test_the_shipped_laws_are_these(summary):
+    stored = json.loads(SHIPPED.read_text())
+    for name in load_laws(SHIPPED):
+        fresh = summary["slip_laws"][name]
+        for key, value in stored["slip_laws"][name]["values"].items():
+            assert value == pytest.approx(fresh["values"][key], abs=0.2 * fresh["stderr"][key])
+
+
+def test_what_is_left_behind(folder, summary):
+    names = {"manifest.json", "summary.json", "runs.parquet", "report.html", "figures"}
+    assert {path.name for path in folder.iterdir()} == names
+    stages = {"physics", "scans", "localization", "slips", "laws", "errors of all methods", "closed loops", "report"}
+    assert set(summary["timing"]["stages"]) == stages
+    assert summary["timing"]["simulated_s"] == pytest.approx(25 * 30 + 10 * paper_reference().duration, abs=1)
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["config"]["duration"] == 30
+    assert manifest["config"]["scanner"]["noise"] == 0.005
+    assert manifest["versions"]["mujoco"] >= "4.0"
+    assert len(manifest["model_sha256"]) == 64
+
+
+def test_the_readme_shows_what_is_printed(reproduced):
+    """Every line, with its numbers to within what another processor or library may change."""
+    shown = README.read_text().split("`trackslip reproduce` prints:")[1].split("\nThe paper's")[0]
+    lines = [line.strip() for line in shown.splitlines() if line.strip()]
+    printed = [line.strip() for line in reproduced[1].splitlines() if line.strip()]
+    assert len(lines) > 40
+    number = re.compile(r"[-+]?\d+\.?\d*")
+    for expected, line in zip(lines, printed, strict=False):
+        assert number.sub("#", expected).split() == number.sub("#", line).split()
+        values, reference = ([float(text) for text in number.findall(row)] for row in (line, expected))
+        np.testing.assert_allclose(values, reference, rtol=0.02, atol=2e-4, err_msg=line)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("options", [(), ("--random-phase",), ("--random-phase", "--scanner.noise", "0.01")])
+def test_slip_error_over_seeds(tmp_path, options):
+    """125 runs, from where they are nearest to the scanner and from anywhere."""
+    bounds = {"bundle": 0.0003, "arc": 0.0004, "rts": 0.0012}
+    if "0.01" in options:
+        bounds = {"bundle": 0.0005}
+    summaries = []
+    for seed in range(5):
+        main(["grid", "--seed", str(seed), *options, "--out", str(tmp_path / str(seed))])
+        summaries.append(json.loads((tmp_path / str(seed) / "summary.json").read_text()))
+    for method, most in bounds.items():
+        for track in ("outer", "inner"):
+            errors = [summary["slip_error"][method][track] for summary in summaries]
+            assert max(error["std"] for error in errors) < most
+            assert max(abs(error["bias"]) for error in errors) < 0.0002
+    for ratio in ("x", "y", "heading"):
+        assert max(summary["localization"]["ratio_to_bound"][ratio] for summary in summaries) < 1.1
+
+
+def test_the_report_is_one_file_that_needs_no_network(folder):
+    page = (folder / "report.html").read_text()
+    assert {path.stem for path in (folder / "figures").iterdir()} == set(re.findall(r'<figure id="(\w+)"', page))
+    for figure in (4, 5, 6, 7, 8, 9, 10, 11, 12):
+        assert f"Fig. {figure}" in page or f"Figure {figure}" in page
+    assert page.count("<svg") >= 8
+    for needle in ('src="http', 'href="http', "<script src", "@import", "url(http"):
+        assert needle not in page

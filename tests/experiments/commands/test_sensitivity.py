@@ -1,0 +1,85 @@
+"""`trackslip sensitivity`: its rows, and a field in which nothing can be seen."""
+
+import re
+
+import pytest
+from browser import assert_fits
+
+from experiments.commands import sensitivity
+from experiments.measuring.disturbances import EFFECTS, Effect
+
+SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "8")
+
+
+def test_a_row_for_each_effect(trackslip):
+    found = trackslip("sensitivity", *SMALL, "--seed", "2")
+    assert {path.name for path in found.folder.iterdir()} == {"manifest.json", "summary.json", "report.html", "figures"}
+    assert found.manifest["command"] == "sensitivity"
+    assert found.manifest["seed"] == 2
+    rows = {row["effect"]: row for row in found.summary["rows"]}
+    assert list(rows) == [effect.name for effect in EFFECTS]
+    for name, row in rows.items():
+        assert name in found.printed
+        assert row["runs"]["all"] == 2
+    nominal, noisy = rows["nominal"], rows["noise 10 mm"]
+    assert nominal["settings"] == {}
+    assert nominal["localization"]["valid_fraction"] > 0.95
+    for track in ("outer", "inner"):
+        assert nominal["slip_error"][track]["largest"] < 0.002
+        # a clock that is 0.1 % wrong makes slip wrong by as much; it also shifts the steady window by a scan
+        bias = rows["clock 0.1 % fast"]["slip_error"][track]["bias"] - nominal["slip_error"][track]["bias"]
+        assert bias == pytest.approx(0.001, abs=0.0003)
+    assert noisy["settings"] == {"noise": 0.01}
+    for error in ("rmse_x", "rmse_y", "rmse_heading"):
+        assert noisy["localization"][error] > nominal["localization"][error]
+    biased = rows["range bias 10 mm"]["localization"]["rmse_y"]  # the scanner looks along y
+    assert biased == pytest.approx(0.01, abs=0.004)
+
+
+def test_same_seed_same_rows_at_any_number_of_threads(trackslip, monkeypatch):
+    monkeypatch.setattr(sensitivity, "EFFECTS", tuple(e for e in EFFECTS if e.scanner or e.obstacles == "walker"))
+    one, two = (trackslip("sensitivity", *SMALL, "--threads", threads).summary["rows"] for threads in ("1", "2"))
+    assert one == two
+
+
+def test_where_nothing_can_be_seen_the_row_says_so(trackslip, monkeypatch, tmp_path):
+    path = tmp_path / "blind.toml"
+    path.write_text("[[posts]]\nx = -1.5\ny = -1.5\nradius = 0.3\n")
+    monkeypatch.setattr(sensitivity, "EFFECTS", (EFFECTS[0], Effect("blind", obstacles=str(path))))
+    found = trackslip("sensitivity", *SMALL)
+    nominal, blind = found.summary["rows"]
+    assert nominal["runs"] == {"used": 2, "all": 2}
+    assert blind["slip_error"] is None
+    assert blind["runs"] == {"used": 0, "all": 2}
+    assert blind["localization"]["valid_fraction"] == 0.0
+    assert "warning: blind: none of the 2 runs can be used" in found.printed
+    page = (found.folder / "report.html").read_text(encoding="utf-8")
+    assert "<li>blind: none of the 2 runs can be used" in page
+
+
+def test_the_page_needs_no_other_file_and_shows_the_table(trackslip, monkeypatch):
+    monkeypatch.setattr(sensitivity, "EFFECTS", EFFECTS[:2])
+    found = trackslip("sensitivity", *SMALL)
+    page = (found.folder / "report.html").read_text(encoding="utf-8")
+    assert page.count("<svg ") == 1
+    assert (found.folder / "figures" / "slip_errors.svg").is_file()
+    for reference in re.findall(r'(?:src|href)="([^"]*)"', page):
+        assert reference.startswith("#")
+    for needle in ("<script", "<link", "@import", "url(http"):
+        assert needle not in page
+    for row in found.summary["rows"]:
+        assert f'<th scope="row">{row["effect"]}</th>' in page
+        assert f'<td class="n">{row["slip_error"]["outer"]["bias"]:+.5f}</td>' in page
+    assert_fits(page)  # last: it skips the test where there is no browser
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--scanner.rate", "100"), "scanner.rate = 100.0: must be at most 75 Hz"),
+        (("--obstacles", "forest"), "obstacles = 'forest': must be one of posts, room, walker, occluded, or a .toml"),
+        (("--duration", "1"), "duration = 1.0: must be from 4"),
+    ],
+)
+def test_mistakes_get_one_line(refused, arguments, message):
+    assert message in refused("sensitivity", *arguments)

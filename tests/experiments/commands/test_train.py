@@ -1,0 +1,72 @@
+import json
+
+import pytest
+
+from experiments.cli import main
+from sim.policy import Policy
+
+TINY = (
+    "--robots",
+    "4",
+    "--horizon",
+    "32",
+    "--batch",
+    "64",
+    "--epochs",
+    "1",
+    "--network",
+    "8",
+    "--references",
+    "slalom",
+)
+
+
+def test_a_policy_is_trained_resumed_and_takes_part_in_the_benchmark(trackslip):
+    pytest.importorskip("stable_baselines3")
+    first = trackslip("train", *TINY, "--steps", "256")
+    assert first.summary["steps"] == 256
+    assert [point["steps"] for point in first.summary["curve"]] == [128, 256]
+    assert 0 < first.summary["curve"][0]["reward"] < 1
+    more = trackslip("train", *TINY, "--steps", "512", "--resume")
+    assert more.summary["steps"] == 512
+    assert [point["steps"] for point in more.summary["curve"]] == [384, 512]
+    assert Policy.load(more.folder).authority == (0.12, 0.6)
+
+    options = ("--references", "slalom", "--starts", "zero", "--seeds", "0", "--localization", "truth", "--jobs", "1")
+    controllers = ("--controllers", "feedforward", f"ppo:{more.folder}")
+    table = trackslip("benchmark", *options, *controllers, "--compensations", "icr_radius")
+    assert json.dumps(table.summary["failures"]) == "[]"
+    assert [row["controller"] for row in table.summary["rows"]] == ["feedforward", f"ppo:{more.folder}"]
+
+
+def test_an_interrupted_training_says_how_to_go_on_and_leaves_its_checkpoint(trackslip, monkeypatch, capsys):
+    pytest.importorskip("stable_baselines3")
+    folder = trackslip("train", *TINY, "--steps", "128").folder
+    before = {file.name: file.read_bytes() for file in folder.iterdir()}
+
+    def interrupt(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("experiments.commands.train._save", interrupt)
+    with pytest.raises(SystemExit) as stop:
+        main(["train", *TINY, "--steps", "256", "--resume", "--out", str(folder)])
+    assert stop.value.code == 130
+    assert capsys.readouterr().err == "trackslip: interrupted; with --resume it goes on from the last checkpoint\n"
+    assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--steps", "0"), "steps = 0: must be an integer >= 1"),
+        (("--batch", "1000"), "batch = 1000: must be a factor of robots * horizon = 8192"),
+        (("--authority", "0", "0.5"), "authority = 0.0: must be"),
+        (("--discount", "1"), "discount = 1.0: must be between 0 and 1"),
+        (("--references", "square"), "reference = 'square'"),
+        (("--resume",), "checkpoint.zip: no such file"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(refused, options, message):
+    if options[0] in ("--references", "--resume"):
+        pytest.importorskip("stable_baselines3")
+    assert message in refused("train", *options)

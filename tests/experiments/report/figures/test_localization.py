@@ -1,0 +1,32 @@
+"""The error of localisation against the viewing angle."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from spin import METADATA, spun_before_the_scanner
+
+from experiments.report.figures.localization import error_against_viewing_angle, sightings
+
+
+@pytest.mark.parametrize("factor", [1.0, 2.0])
+def test_errors_are_those_of_the_poses_and_stand_beside_the_bound(factor):
+    seen = sightings([spun_before_the_scanner(factor=factor)])
+    assert seen is not None
+    assert 0 <= seen.angle.min() < seen.angle.max() <= np.pi / 2
+    clear = seen.measured & (seen.angle > np.radians(5))
+    ratio = np.sqrt(np.mean((seen.error / seen.bound)[clear] ** 2, axis=0))
+    np.testing.assert_allclose(ratio, factor, rtol=0.08)
+    assert seen.facts()["looked"] == "2000"
+    assert seen.facts()["missed"] == "200"
+    figure = error_against_viewing_angle(seen)
+    assert [axis.get_ylabel() for axis in figure.axes] == ["error of position, rms [mm]", "error of heading, rms [°]"]
+    assert all(axis.get_xlabel() == "angle between plate and line of sight [°]" for axis in figure.axes)
+    assert [len(axis.lines) for axis in figure.axes] == [4, 2]
+
+
+@pytest.mark.parametrize("key", ["plate", "scanner", "lrf"])
+def test_nothing_is_drawn_unless_plate_scanner_and_mount_are_known(key):
+    metadata = {name: value for name, value in METADATA.items() if name != key}
+    assert sightings([spun_before_the_scanner(20, metadata)]) is None
+    assert sightings([]) is None

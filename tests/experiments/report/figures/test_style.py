@@ -1,0 +1,83 @@
+"""Whether figures can be seen: contrast on the light page and the dark one, and without colour."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+
+import experiments
+from experiments.report.figures import style as figure_style
+from experiments.report.figures.leaderboard import controller_line
+from experiments.report.figures.style import COLOURS, DASHES, LABELS, RADII_SHADES, SPEED_SHADES, shade
+
+MIN_CONTRAST = 3.0  # WCAG 2.1, success criterion 1.4.11: graphical objects
+TEMPLATE = (Path(experiments.__file__).parent / "report" / "templates" / "base.html.j2").read_text(encoding="utf-8")
+# the filter hue-rotate(180deg) of CSS, as the Filter Effects specification gives it
+HUE_ROTATE = np.array([[0.213, 0.715, 0.072]] * 3) - (np.eye(3) - np.array([[0.213, 0.715, 0.072]] * 3))
+
+
+def in_the_dark(colour):
+    """What the style sheet makes of a figure's colour on the dark page."""
+    amount = float(re.search(r"filter: invert\(([\d.]+)\) hue-rotate\(180deg\)", TEMPLATE)[1])
+    inverted = amount - (2 * amount - 1) * np.array(to_rgb(colour))
+    return np.clip(HUE_ROTATE @ inverted, 0, 1)
+
+
+def luminance(colour):
+    rgb = np.array(to_rgb(colour))
+    return np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4) @ [0.2126, 0.7152, 0.0722]
+
+
+def contrast(a, b):
+    dark, light = sorted([luminance(a), luminance(b)])
+    return (light + 0.05) / (dark + 0.05)
+
+
+def test_the_measure_of_contrast():
+    assert contrast("white", "black") == pytest.approx(21)
+    assert contrast("#767676", "white") == pytest.approx(4.54, abs=0.01)  # the greyest text that WCAG allows
+
+
+def test_a_figures_white_becomes_the_dark_cards_colour():
+    card = re.search(r"dark\) \{\s*\.card \{ background: (#\w+)", TEMPLATE)[1]
+    np.testing.assert_allclose(in_the_dark("white"), to_rgb(card), atol=0.005)
+
+
+@pytest.mark.parametrize(
+    "colour",
+    [
+        *(value for name in ("BLUE", "ORANGE", "GREEN", "RED", "BLACK", "GREY") if (value := vars(figure_style)[name])),
+        *COLOURS.values(),
+        *(controller_line(k)["color"] for k in range(10)),
+        *(shade(shades, share) for shades in (RADII_SHADES, SPEED_SHADES) for share in np.linspace(0, 1, 9)),
+    ],
+    ids=str,
+)
+def test_lines_and_symbols_stand_out_from_the_page(colour):
+    assert contrast(colour, "white") >= MIN_CONTRAST - 0.005
+    assert contrast(in_the_dark(colour), in_the_dark("white")) >= MIN_CONTRAST
+
+
+def test_laws_differ_without_colour():
+    assert set(COLOURS) == set(DASHES) == set(LABELS)
+    assert len({str(dash) for dash in DASHES.values()}) == len(DASHES)
+    looks = [controller_line(k) for k in range(70)]
+    assert len({(look["color"], str(look["linestyle"])) for look in looks}) == 70
+    assert len({str(look["linestyle"]) for look in looks[:7]}) == 7
+
+
+def test_no_figure_has_a_colour_of_its_own_too_pale_to_see():
+    pale = re.compile(r'color="(#[0-9A-Fa-f]{6})"')
+    for file in Path(experiments.__file__).parent.rglob("*.py"):
+        for colour in pale.findall(file.read_text(encoding="utf-8")):
+            assert contrast(colour, "white") >= MIN_CONTRAST, f"{file.name}: {colour}"
+
+
+def test_shades_end_where_they_still_can_be_seen():
+    name, top = RADII_SHADES
+    assert shade(RADII_SHADES, 1.0) == matplotlib.colormaps[name](top)

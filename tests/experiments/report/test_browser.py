@@ -1,0 +1,74 @@
+"""The report in headless Chromium: a quiet console, nothing that overflows, light and dark."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from browser import assert_fits, look_at
+from identified import GEOMETRY, driven, grid, identified
+from spin import spun_before_the_scanner
+
+from experiments.driving.paper_model import published_runs
+from experiments.report.reproduction import ComparisonRow, Report, render
+from trackslip.trajectory.segmented import paper_reference
+
+STONE = {"along": 0.7, "across": 0.778}
+RADII = {"commanded": [0.5, 1.0, None], "observed": [0.6, 1.2, None]}
+
+
+def tracked():
+    """A robot by the paper's equations, as if it had been simulated."""
+    start = {"feedforward": paper_reference().pose(0.0), "linear": np.array([0.3, -0.2, np.pi / 3])}
+    geometry = {"half_gauge": GEOMETRY.half_gauge, "sprocket_radius": GEOMETRY.sprocket_radius}
+    return [
+        replace(log, metadata={"controller": controller, "compensation": compensation, "geometry": geometry})
+        for controller, pose in start.items()
+        for compensation, log in published_runs(controller, pose, GEOMETRY).items()
+    ]
+
+
+@pytest.fixture(scope="module")
+def page():
+    row = {"controller": "linear", "compensation": "none", "localization": "plate", "rms_position": 0.01}
+    report = Report(
+        title="A whole report",
+        command="trackslip reproduce --out " + "a_long_name_without_a_space" * 5,
+        manifest={"seed": 3, "ground": STONE, "versions": {"a" * 60: "b" * 200}},
+        summary={"radius": RADII, "tracking": [row]},
+        comparison=[ComparisonRow("slip law, outer track", "0.07 exp(-0.68 R)", "0.08 exp(-0.9 R)")] * 5,
+        grid_logs=[spun_before_the_scanner(400)],
+        identification=identified(driven(grid()), ("exponential", "icr_radius")),
+        tracking_logs=tracked(),
+    )
+    return render(report)
+
+
+def test_a_whole_report_fits_phone_and_desk(page):
+    seen = assert_fits(page.html)
+    assert len(page.drawings) == 14
+    assert [frame["figures"] for frame in seen.frames] == [14, 14]
+
+
+def test_every_caption_states_seed_ground_and_command(page):
+    captions = page.html.count("<figcaption>")
+    assert captions == page.html.count("<small>seed 3 · ground: friction 0.7 along, 0.778 across · trackslip reproduce")
+
+
+def test_dark_and_light(page):
+    light, dark = (look_at(page.html, (1400,), dark=dark).frames[0] for dark in (False, True))
+    assert light["background"] == "rgb(251, 251, 250)"
+    assert dark["background"] == "rgb(23, 24, 26)"
+    assert light["card"] == "rgb(255, 255, 255)"
+    assert dark["card"] == "rgb(26, 26, 26)"
+
+
+def test_the_browser_would_notice():
+    seen = look_at("<script>nowhere()</script><p style='width: 600px'>wide</p><img src='http://localhost:1/a.png'>")
+    assert any("nowhere is not defined" in line for line in seen.console)
+    phone, desk = seen.frames
+    assert phone["scroll_width"] > phone["width"] == 400
+    assert len(phone["beyond"]) == 1
+    assert desk["beyond"] == []
+    assert phone["loaded"] == ["http://localhost:1/a.png"]

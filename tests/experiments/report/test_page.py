@@ -1,0 +1,95 @@
+"""A page's figures as files, and what its captions say of how it was made."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+
+import pytest
+from matplotlib.figure import Figure
+
+from experiments.report.page import Drawing, Page, conditions, file_name
+from experiments.storage import results as store
+from trackslip.errors import OutputError
+
+
+def drawn() -> Figure:
+    figure = Figure(figsize=(2, 1))
+    figure.subplots().plot([0, 1], [1, 0])
+    return figure
+
+
+def write(out, *names, pdf=False):
+    with store.results(out) as folder:
+        Page("<p>a page</p>", [Drawing(name, drawn()) for name in names]).write(folder, pdf)
+        store.write_json(folder / store.MANIFEST, {})
+
+
+def names_in(out):
+    return sorted(file.name for file in (out / store.FIGURES).iterdir())
+
+
+def test_figures_are_files_of_their_own_and_the_same_each_time(tmp_path):
+    write(tmp_path / "a", "slip", "paths")
+    write(tmp_path / "b", "slip", "paths")
+    assert names_in(tmp_path / "a") == ["paths.svg", "slip.svg"]
+    for name in names_in(tmp_path / "a"):
+        text = (tmp_path / "a" / store.FIGURES / name).read_text(encoding="utf-8")
+        assert ET.fromstring(text).tag.endswith("svg")
+        assert text == (tmp_path / "b" / store.FIGURES / name).read_text(encoding="utf-8")
+    assert (tmp_path / "a" / store.REPORT).read_text(encoding="utf-8") == "<p>a page</p>"
+
+
+def test_pdf_is_written_when_asked_for(tmp_path):
+    write(tmp_path, "slip", pdf=True)
+    assert names_in(tmp_path) == ["slip.pdf", "slip.svg"]
+    assert (tmp_path / store.FIGURES / "slip.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_figures_of_earlier_results_are_gone(tmp_path):
+    write(tmp_path, "old", pdf=True)
+    write(tmp_path, "new")
+    assert names_in(tmp_path) == ["new.svg"]
+    with store.results(tmp_path) as folder:
+        store.write_json(folder / store.MANIFEST, {})
+    assert not (tmp_path / store.FIGURES).exists()
+
+
+def test_a_command_that_fails_leaves_the_figures(tmp_path):
+    write(tmp_path, "kept")
+    with pytest.raises(OSError, match="name"):
+        write(tmp_path, "lost", "too long a name" * 100)
+    assert names_in(tmp_path) == ["kept.svg"]
+
+
+@pytest.mark.parametrize("with_manifest", [True, False])
+def test_figures_that_are_not_ours_are_never_deleted(tmp_path, with_manifest):
+    mine = tmp_path / store.FIGURES / ("mine.svg" if not with_manifest else "thesis.tex")
+    mine.parent.mkdir()
+    mine.write_text("mine")
+    if with_manifest:
+        store.write_json(tmp_path / store.MANIFEST, {})
+    with pytest.raises(OutputError, match="figures there holds files that aren't of these results"):
+        write(tmp_path, "slip")
+    assert mine.read_text() == "mine"
+
+
+def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path):
+    (tmp_path / store.FIGURES).write_text("a file")
+    with pytest.raises(OutputError, match="figures is a file there"):
+        write(tmp_path, "slip")
+
+
+def test_captions_state_seed_ground_and_command():
+    stone = {"along": 0.7, "across": 0.778, "slope": 0.0, "patches": [], "changes": []}
+    assert conditions({"seed": 3, "ground": stone}, "trackslip grid --seed 3") == (
+        "seed 3 · ground: friction 0.7 along, 0.778 across · trackslip grid --seed 3"
+    )
+    tilted = stone | {"slope": 0.1, "uphill": 1.57, "patches": [{}, {}]}
+    line = conditions({"seed": [0, 1], "ground": {"stone": stone, "hill": tilted}}, "trackslip benchmark")
+    assert line.startswith("seeds 0, 1 · stone ground: friction 0.7 along, 0.778 across; hill ground: friction 0.7")
+    assert "slope 0.1 rad, uphill 1.57 rad, 2 patches" in line
+    assert conditions({}, "") == "seed unknown · ground unknown"
+
+
+def test_names_of_files():
+    assert file_name("Error of the ICRs' half width") == "error_of_the_icrs_half_width"

@@ -1,0 +1,232 @@
+"""Folders of results under bad circumstances: full disks, two commands at once, killed ones, newer versions."""
+
+import errno
+import json
+import os
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow
+import pyarrow.parquet
+import pytest
+
+from experiments.cli import main
+from experiments.parallel.interrupts import interrupts_later
+from experiments.storage import results as store
+from experiments.storage.lock import locked
+from trackslip.errors import LogError, OutputError
+from trackslip.logs.file_format import FORMAT, require_known_format
+from trackslip.logs.logfile import read_runs
+from trackslip.slip.law_file import SHIPPED, load_laws
+
+ROOT = Path(__file__).parents[3]
+TRACK = ("track", "--reference", "circle", "--circle-duration", "5", "--localization", "truth")
+
+
+def command(*arguments, **options):
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    whole = [sys.executable, "-m", "experiments.cli", *arguments]
+    return subprocess.Popen(whole, env=environment, text=True, stderr=subprocess.PIPE, **options)
+
+
+def contents(folder):
+    return {file.name: file.read_bytes() for file in folder.iterdir()}
+
+
+@pytest.fixture
+def old(trackslip):
+    """A folder with results."""
+    return trackslip(*TRACK).folder
+
+
+@pytest.fixture
+def fails(capsys):
+    """Runs a command that can't write; returns the line."""
+
+    def run(*arguments):
+        with pytest.raises(SystemExit) as stop:
+            main(list(arguments))
+        assert stop.value.code == 2
+        (line,) = capsys.readouterr().err.splitlines()
+        return line.removeprefix("trackslip: ")
+
+    return run
+
+
+@pytest.mark.parametrize("size", [500, 20_000])  # too little for the summary; for the runs
+def test_a_full_disk_costs_a_line_and_nothing_old(old, fails, size):
+    """Files may not grow: another of the system's errors, but in the midst of writing, as with a disk that is full."""
+    before, limits = contents(old), resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+    try:
+        line = fails(*TRACK, "--seed", "1", "--out", str(old))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert line == f"out = {str(old)!r}: can't be written (File too large)"
+    assert contents(old) == before
+
+
+@pytest.mark.parametrize(
+    ("function", "calls"),
+    [("lock.os.open", 1), ("results.tempfile.mkdtemp", 1), *(("results.os.replace", n) for n in (1, 3, 4, 6))],
+)
+def test_no_space_at_any_step(old, fails, function, calls, monkeypatch):
+    before, done = contents(old), []
+    genuine = {"open": os.open, "replace": os.replace, "mkdtemp": tempfile.mkdtemp}[function.rsplit(".", 1)[1]]
+
+    def full(*arguments, **options):
+        done.append(True)
+        if len(done) == calls:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return genuine(*arguments, **options)
+
+    monkeypatch.setattr(f"experiments.storage.{function}", full)
+    line = fails(*TRACK, "--seed", "1", "--out", str(old))
+    monkeypatch.undo()
+    assert line == f"out = {str(old)!r}: can't be written (No space left on device)"
+    assert contents(old) == before
+
+
+def test_pyarrow_may_fail_in_its_own_way(refused, monkeypatch):
+    def fail(*_args, **_options):
+        raise pyarrow.ArrowInvalid("no such thing\nin detail")
+
+    monkeypatch.setattr(pyarrow.parquet.ParquetWriter, "write_table", fail)
+    assert refused(*TRACK) == "runs.parquet: can't be written (no such thing)"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
+@pytest.mark.parametrize("arguments", [("--help",), ("predict",), ("completion", "bash")])
+def test_output_that_nobody_takes(tmp_path, arguments):
+    with open("/dev/full", "w") as full:
+        process = command(*arguments, stdout=full, cwd=tmp_path)
+    _, message = process.communicate()
+    assert process.returncode == 2
+    assert message == "trackslip: can't write (No space left on device)\n"
+
+
+@pytest.mark.parametrize("arguments", [TRACK, ("train",), ("benchmark",)])
+def test_two_commands_do_not_share_a_folder(old, fails, arguments):
+    before = contents(old)
+    with locked(old):
+        assert fails(*arguments, "--out", str(old)) == f"out = {str(old)!r}: another command is writing there"
+    assert contents(old) == before
+
+
+def test_a_lock_of_one_command_is_none_of_another_folder(tmp_path):
+    (tmp_path / "inner").mkdir()
+    with locked(tmp_path), locked(tmp_path / "inner"):
+        pass
+    assert [path.name for path in tmp_path.rglob("*")] == ["inner"]
+
+
+def test_a_killed_command_locks_nothing_and_its_leftovers_go(old):
+    before = contents(old)
+    process = command("grid", "--out", str(old))
+    wait_for(lambda: list(old.glob(".partial-*")))
+    with pytest.raises(OutputError, match="another command is writing there"), locked(old):
+        pass
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    assert {*before, ".lock"} < {file.name for file in old.iterdir()}
+    with store.results(old) as folder:
+        assert [file.name for file in old.iterdir() if file.name.startswith(".partial")] == [folder.name]
+        for name in before:
+            (folder / name).write_bytes(before[name])
+    assert contents(old) == before
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_command_leaves_what_was_there(old, number):
+    before = contents(old)
+    process = command("grid", "--out", str(old))
+    wait_for(lambda: list(old.glob(".partial-*")))
+    time.sleep(0.1)
+    process.send_signal(number)
+    _, message = process.communicate()
+    assert process.returncode == 130
+    assert message == "trackslip: interrupted\n"
+    assert contents(old) == before
+
+
+def test_interrupts_wait():
+    done = []
+
+    def work():
+        with interrupts_later():
+            os.kill(os.getpid(), signal.SIGINT)
+            done.append(True)
+
+    with pytest.raises(KeyboardInterrupt):
+        work()
+    assert done
+
+
+def wait_for(what):
+    until = time.monotonic() + 60
+    while not what():
+        assert time.monotonic() < until
+        time.sleep(0.005)
+
+
+def test_a_newer_version_is_told_from_this_one(trackslip, refused, old, tmp_path):
+    assert json.loads((old / "manifest.json").read_text())["format"] == FORMAT
+    newer = tmp_path / "newer"
+    shutil.copytree(old, newer)
+    (newer / "summary.json").write_text(SHIPPED.read_text())
+    load_laws(newer)
+    about = {"format": 2, "versions": {"trackslip": "9.8"}}
+    (newer / "manifest.json").write_text(json.dumps(about))
+    line = f"{newer / 'manifest.json'}: written by trackslip 9.8 in format 2; "
+    for arguments in (
+        ("identify", str(newer)),
+        ("calibrate", "--target", str(newer)),
+        (*TRACK, "--laws", str(newer)),
+        ("benchmark", "--laws", str(newer)),
+    ):
+        message = refused(*arguments)
+        assert message.startswith(line)
+        assert message.endswith(" reads formats up to 1")
+    (newer / "manifest.json").write_text("{")
+    assert "manifest.json: not JSON" in refused("identify", str(newer))
+
+
+def test_newer_laws_and_runs_without_their_manifest(refused, old, tmp_path):
+    (tmp_path / "laws.json").write_text(json.dumps(json.loads(SHIPPED.read_text()) | {"format": 3}))
+    assert "laws.json: written by a newer trackslip in format 3; " in refused(*TRACK, "--laws", "laws.json")
+    table = pyarrow.parquet.read_table(old / "runs.parquet")
+    stored = json.loads(table.schema.metadata[b"trackslip"])
+    table = table.replace_schema_metadata({b"trackslip": json.dumps(stored | {"format": 2})})
+    pyarrow.parquet.write_table(table, tmp_path / "runs.parquet")
+    assert "runs.parquet: written by a newer trackslip in format 2; " in refused("identify", "runs.parquet")
+
+
+@pytest.mark.parametrize("value", ["2", None, 0, True, 1.5])
+def test_a_format_that_is_none(value):
+    with pytest.raises(LogError, match="must be an integer >= 1"):
+        require_known_format({"format": value}, "x")
+
+
+def test_a_damaged_file_of_runs_costs_a_line(old, tmp_path):
+    """Whatever bytes are wrong. What isn't covered by a checksum is hardly anything."""
+    rng = np.random.default_rng(0)
+    whole = (old / "runs.parquet").read_bytes()
+    file, failures = tmp_path / "damaged.parquet", []
+    for _ in range(100):
+        damaged = bytearray(whole)
+        for place in rng.integers(len(whole), size=rng.integers(1, 30)):
+            damaged[place] = rng.integers(256)
+        file.write_bytes(damaged[: rng.integers(len(whole))] if rng.random() < 0.2 else damaged)
+        try:
+            read_runs(file)
+        except LogError as error:
+            failures.append(str(error))
+    assert len(failures) > 90
+    assert all("\n" not in failure for failure in failures)

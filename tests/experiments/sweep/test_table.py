@@ -1,0 +1,58 @@
+"""The table of a grid's runs, as documented."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import pyarrow.parquet
+
+from experiments.sweep.options import explained, hint_of, names
+from experiments.sweep.table import AXES, COLUMNS, write_table
+from sim.robot.parameters import RobotParameters
+from trackslip.logs.schema import markdown
+
+TABLE = markdown([*COLUMNS.values(), *AXES.values()])
+DOCS = Path(__file__).parents[3] / "docs" / "data.md"
+
+
+def test_the_documented_table_is_the_codes():
+    assert DOCS.read_text(encoding="utf-8").count(f"\n{TABLE}\n") == 1
+
+
+def test_every_column_that_is_written_is_documented(tmp_path):
+    row = {"run": "r", "id": "0", "error": None, "radius": 0.5, "speed": 0.1, "ground": "ice", "v": 0.1}
+    write_table([row], ["ground", "radius", "speed"], tmp_path / "table.parquet")
+    schema = pyarrow.parquet.read_schema(tmp_path / "table.parquet")
+    assert schema.names == ["run", "id", "ground", "radius", "speed", *list(COLUMNS)[2:]]
+    for field in schema:
+        unit, what = (field.metadata[key].decode() for key in (b"unit", b"description"))
+        assert f"| `{field.name}` | {unit or '–'} | {what} |" in TABLE
+
+
+def test_options_that_vary_have_units_too(tmp_path):
+    units = {
+        "robot.half_gauge": "m",
+        "robot.mass": "kg",
+        "drive.torque_limit": "N m",
+        "drive.encoder_counts": "1",
+        "scanner.divergence": "rad",
+        "ground.along": "1",
+        "radius_error": "1",
+        "duration": "s",
+        "random_phase": "",
+        "motion": "",
+    }
+    write_table([{"run": "r"}], list(units), tmp_path / "table.parquet")
+    schema = pyarrow.parquet.read_schema(tmp_path / "table.parquet")
+    assert {name: schema.field(name).metadata[b"unit"].decode() for name in units} == units
+    assert schema.field("duration").metadata[b"description"] == b"Length of each run"
+
+
+def test_every_axis_has_a_unit_if_it_is_a_number():
+    for name in (*names(), *(f"robot.{f.name}" for f in dataclasses.fields(RobotParameters))):
+        unit, what = explained(name)
+        assert what
+        assert "[" not in what
+        if name.startswith("robot.") or hint_of(name) in (int, float, float | None):
+            assert unit

@@ -1,0 +1,121 @@
+"""Grounds: patches and changes under each pad, names, files, and what is refused."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim.ground.file import load_ground
+from sim.ground.ground import Change, Ground, Patch
+from sim.ground.named import NAMED_GROUNDS
+from sim.ground.pad_friction import PadFriction
+from trackslip.errors import InvalidValueError, SettingsFileError
+
+README = Path(__file__).parents[3] / "README.md"
+PADS = np.array([[0.1, 0.2], [0.1, -0.2]])
+
+
+def test_patches_act_under_the_pads_that_are_on_them():
+    patch = Patch((0.0, 1.0), (0.0, 1.0), 0.2, 0.3)
+    upper = Patch((0.5, 1.0), (0.0, 1.0), 0.9, 0.8)
+    friction = PadFriction([Ground(0.5, 0.6), Ground(0.5, 0.6, patches=(patch, upper))], PADS)
+    assert friction.varies
+    at = np.array([[0.2, 0.1], [0.2, 0.1]])
+    first, second = friction.at(0.0, at, np.zeros(2))
+    np.testing.assert_allclose(first, [[0.5, 0.6], [0.5, 0.6]])
+    np.testing.assert_allclose(second, [[0.2, 0.3], [0.5, 0.6]])  # the right pad is at y = -0.1
+    turned = friction.at(0.0, at, np.full(2, np.pi))[1]  # now the left pad is at y = -0.1, the right at (0.1, 0.3)
+    np.testing.assert_allclose(turned, [[0.5, 0.6], [0.2, 0.3]])
+    on_both = friction.at(0.0, np.add(at, [0.4, 0.0]), np.zeros(2))[1]
+    np.testing.assert_allclose(on_both[0], [0.9, 0.8])  # the last counts
+
+
+def test_changes_take_effect_at_their_times_outside_patches():
+    patch = Patch((-np.inf, np.inf), (0.0, np.inf), 0.2, 0.3)
+    ground = Ground(0.5, 0.6, patches=(patch,), changes=(Change(1.0, 0.7, 0.8), Change(2.0, 0.1, 0.1)))
+    friction = PadFriction([ground, Ground()], PADS)
+    for time, right in ((0.0, (0.5, 0.6)), (0.99, (0.5, 0.6)), (1.0, (0.7, 0.8)), (2.5, (0.1, 0.1))):
+        found = friction.at(time, np.zeros((2, 2)), np.zeros(2))
+        np.testing.assert_allclose(found[0], [(0.2, 0.3), right])
+        np.testing.assert_allclose(found[1], [(0.7, 0.778)] * 2)
+
+
+def test_even_ground_never_varies():
+    assert not PadFriction([Ground(), Ground(slope=0.1)], PADS).varies
+
+
+def test_gravity_points_downhill():
+    np.testing.assert_allclose(
+        Ground(slope=0.3, uphill=0.0).gravity(9.81), 9.81 * np.array([-np.sin(0.3), 0, -np.cos(0.3)])
+    )
+    np.testing.assert_allclose(
+        Ground(slope=0.3, uphill=np.pi / 2).gravity(9.81)[:2], [0, -9.81 * np.sin(0.3)], atol=1e-12
+    )
+
+
+def test_readme_lists_the_named_grounds():
+    rows = re.findall(r"^\| `(\w+)` \| ([\d.]+) \| ([\d.]+) \| (.+) \|$", README.read_text(), re.MULTILINE)
+    listed = {name: (float(along), float(across), source) for name, along, across, source in rows}
+    assert listed == {name: (n.ground.along, n.ground.across, n.source) for name, n in NAMED_GROUNDS.items()}
+    assert set(NAMED_GROUNDS) == {"stone", "concrete", "rubber", "packed_soil", "gravel", "wet", "sticky", "ice"}
+    for named in NAMED_GROUNDS.values():
+        assert "assumed" in named.source or "Noon" in named.source
+
+
+def test_readme_example_is_a_ground(tmp_path):
+    (text,) = re.findall(r"```toml\n(base = .*?)```", README.read_text(), re.DOTALL)
+    (tmp_path / "ground.toml").write_text(text)
+    ground = load_ground(str(tmp_path / "ground.toml"))
+    assert ground.along == NAMED_GROUNDS["gravel"].ground.along
+    assert ground.slope == 0.1
+    assert ground.patches == (Patch((0.0, 2.0), (-1.0, 1.0), 0.12, 0.12),)
+    assert ground.changes == (Change(20.0, 0.5, 0.7),)
+
+
+def test_names():
+    assert load_ground("ice") is NAMED_GROUNDS["ice"].ground
+    with pytest.raises(InvalidValueError, match="ground = 'mud': must be one of stone, concrete"):
+        load_ground("mud")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("along = -1.0", "along = -1.0: must be a finite number > 0"),
+        ("along = 'much'", "along = 'much': must be a number"),
+        ("along = true", "along = True: must be a number"),
+        ("along = nan", "along = nan"),
+        ("across = 99", "across = 99.0: must be at most 10"),
+        ("slope = 2.0", "slope = 2.0: must be at most 1.5 rad"),
+        ("grip = 1.0", "grip is unknown; known are along, across"),
+        ("base = 'mud'", "base = 'mud': must be one of"),
+        ("along = ", "not TOML"),
+        ("patches = 3", "patches = 3: must be a list"),
+        ("[[patches]]\nx = [0, 1]\ny = [0, 1]\nalong = 0.5", "patches[0]: across is missing"),
+        (
+            "[[patches]]\nx = [0, 1, 2]\ny = [0, 1]\nalong = 0.5\nacross = 0.5",
+            "x = (0.0, 1.0, 2.0): must be two ascending",
+        ),
+        ("[[patches]]\nx = [1, 0]\ny = [0, 1]\nalong = 0.5\nacross = 0.5", "x = (1.0, 0.0): must be two ascending"),
+        ("[[changes]]\ntime = -1\nalong = 0.5\nacross = 0.5", "time = -1.0: must be a finite number >= 0"),
+        ("changes = [{time = 2, along = 1, across = 1}, {time = 1, along = 1, across = 1}]", "in order of time"),
+        ("patches = [3]", "patches[0]: 3 is not a table"),
+    ],
+)
+def test_bad_files_are_refused_by_field(tmp_path, text, message):
+    path = tmp_path / "ground.toml"
+    path.write_text(text)
+    with pytest.raises(SettingsFileError) as error:
+        load_ground(str(path))
+    assert message in str(error.value)
+    assert "ground.toml" in str(error.value)
+    assert "\n" not in str(error.value).strip()
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    (tmp_path / "folder.toml").mkdir()
+    for name, message in (("none.toml", "No such file"), ("binary.toml", "not text"), ("folder.toml", "directory")):
+        with pytest.raises(SettingsFileError, match=message):
+            load_ground(str(tmp_path / name))

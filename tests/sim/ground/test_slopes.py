@@ -1,0 +1,161 @@
+"""Slopes, motors and what they leave in a log."""
+
+import numpy as np
+import pytest
+
+from sim.drive.drive import Drive
+from sim.drive.motor import Motor
+from sim.fleet import Fleet
+from sim.ground.ground import Ground, friction_angle
+from sim.robot.parameters import RobotParameters
+from sim.robot.robot import load_robot
+from sim.runs import Description, open_loop
+from sim.scanner.scanner import LaserScanner, ScannerFeed
+from sim.seeds import generator
+from trackslip.errors import InvalidValueError
+from trackslip.localization.plate import PlateLocator
+from trackslip.skid_theory import line_contact, steady_twist
+
+TEN_DEGREES = float(np.radians(10.0))
+
+
+def test_a_parked_robot_hardly_creeps(robot):
+    headings = np.linspace(0, np.pi, 7)
+    fleet = Fleet(robot, [(0.0, 0.0, h) for h in headings], Ground(slope=TEN_DEGREES))
+    fleet.advance(1.0)
+    before = fleet.pose()
+    fleet.advance(10.0)
+    assert np.hypot(*(fleet.pose() - before)[:, :2].T).max() / 10.0 < 0.05e-3
+
+
+@pytest.mark.parametrize("heading", [0.0, np.pi / 2])
+def test_beyond_the_friction_angle_it_slides_as_coulomb_says(robot, heading):
+    """On slippery ground, whose friction angle is so small that no pad lifts."""
+    ground = Ground(0.2, 0.25)
+    mu = ground.along if heading == 0 else ground.across
+    fleet = Fleet(robot, [(0.0, 0.0, heading)], ground)
+    for slope in np.arctan(mu) * np.array([0.95, 1.3]):
+        fleet.set_ground(Ground(ground.along, ground.across, slope=float(slope)))
+        fleet.advance(0.5)
+    before = fleet.batch.qvel[0, 0]
+    fleet.advance(0.5)
+    acceleration = (fleet.batch.qvel[0, 0] - before) / 0.5
+    assert acceleration == pytest.approx(-9.81 * (np.sin(slope) - mu * np.cos(slope)), rel=0.02)
+
+
+def test_the_friction_angle_is_that_of_the_ellipse():
+    assert friction_angle((0.7, 0.9), 0.0) == pytest.approx(np.arctan(0.7))
+    assert friction_angle((0.7, 0.9), -np.pi / 2) == pytest.approx(np.arctan(0.9))
+    c = np.sqrt(0.5)
+    assert np.tan(friction_angle((0.7, 0.9), 3 * np.pi / 4)) == pytest.approx(1 / np.hypot(c / 0.7, c / 0.9))
+
+
+@pytest.mark.parametrize(("heading", "slope"), [(0.0, 0.62), (np.pi / 2, 0.67), (np.pi / 4, 0.65)])
+def test_nobody_parks_beyond_the_friction_angle(robot, heading, slope):
+    with pytest.raises(InvalidValueError, match=r"slope = 0\.6.: must be less"):
+        Fleet(robot, [(0.0, 0.0, heading)], Ground(slope=slope))
+
+
+def test_driving_uphill_takes_the_weight_and_the_motors_pay(robot):
+    slope = 0.15
+    fleet = Fleet(robot, np.zeros((1, 3)), Ground(slope=slope), radius_error=0.01)
+    fleet.command([3.0, 3.0])
+    fleet.advance(3.0)
+    weight = robot.mass * 9.81 * np.sin(slope)
+    assert fleet.traction().sum() == pytest.approx(weight, rel=0.01)
+    torque = fleet.drive.torque
+    motor = Motor()
+    # at its sprocket: the pull at the real radius, and what the gear loses
+    np.testing.assert_allclose(torque, weight / 2 * 0.06 * 1.01 + motor.friction, rtol=0.01)
+    before = fleet.drive.energy.copy()
+    fleet.advance(2.0)
+    lifted = weight * fleet.twist()[0, 0]  # power against gravity
+    lost = (motor.friction * 3.0 + motor.resistance * (torque / motor.gear / motor.torque_constant) ** 2).sum()
+    assert (fleet.drive.energy - before).sum() / 2.0 == pytest.approx(lifted + lost, rel=0.01)
+
+
+def test_a_motor_too_weak_for_the_slope_rolls_back(robot):
+    weak = Drive(torque_limit=0.6)  # the slope takes 1.1 N m, less what the gear holds
+    fleet = Fleet(robot, np.zeros((1, 3)), Ground(slope=0.15), drive=weak)
+    fleet.command([3.0, 3.0])
+    fleet.advance(2.0)
+    assert fleet.twist()[0, 0] < 0
+    np.testing.assert_allclose(fleet.drive.saturated_time, 2.0, atol=0.1)
+    np.testing.assert_allclose(np.abs(fleet.drive.torque), 0.6, rtol=0.02)
+
+
+def test_a_stalled_turn_is_calm(robot):
+    fleet = Fleet(robot, np.zeros((1, 3)), drive=Drive(torque_limit=1.5))
+    fleet.command([-3.0, 3.0])
+    fleet.advance(1.0)
+    speeds = []
+    for _ in range(100):
+        fleet.advance(fleet.period)
+        speeds.append(fleet.drive.omega[0].copy())
+    assert np.abs(speeds).max() < 0.01
+    assert np.std(speeds, axis=0).max() < 1e-3
+    assert np.abs(fleet.drive.torque).max() <= 1.5
+
+
+def test_the_torque_speed_line_bounds_the_speed(robot):
+    """A motor that would need its whole voltage at 2 rad/s of the sprocket never gets there under load."""
+    slow = Drive(motor=Motor(no_load_speed=100.0, stall_torque=0.3, friction=0.0))
+    fleet = Fleet(robot, np.zeros((1, 3)), Ground(slope=0.1), drive=slow)
+    fleet.command([4.0, 4.0])
+    fleet.advance(3.0)
+    load = robot.mass * 9.81 * np.sin(0.1) / 2 * 0.06 * 1.0066
+    stall = 0.3 * 50
+    np.testing.assert_allclose(fleet.drive.omega, 2.0 * (1 - load / stall), rtol=0.01)
+
+
+def log_of(robot, fleet, omega, seconds=3.0):
+    feed = ScannerFeed(LaserScanner(), fleet, [generator(0, f"{k}") for k in range(fleet.size)])
+    names = [Description(f"{k}") for k in range(fleet.size)]
+    return open_loop(fleet, np.asarray(omega), seconds, feed, PlateLocator(robot.plate), names)
+
+
+def test_logs_tell_power_and_saturation(robot):
+    start = [(-1.5, 0.0, 0.0)]
+    strong, weak = (
+        log_of(robot, Fleet(robot, start, drive=Drive(torque_limit=limit)), [[-2.0, 2.0]])[0] for limit in (8.0, 1.5)
+    )
+    assert strong.truth.saturated.max() == 0
+    np.testing.assert_allclose(weak.truth.saturated[5:], 1.0)
+    assert np.all(weak.truth.power[0] == 0)
+    motor = Motor()
+    stalled = motor.resistance * (1.5 / motor.gear / motor.torque_constant) ** 2
+    np.testing.assert_allclose(weak.truth.power[-1], stalled, rtol=0.02)
+    # a turn in place is all friction: the motors pay for what the ground and they themselves lose
+    torque, omega = strong.truth.torque[-1], strong.omega[-1]
+    np.testing.assert_allclose(strong.truth.power[-1], motor.power(torque, omega), rtol=0.02)
+
+
+def test_the_plate_leans_with_the_robot_and_the_scanner_sees_it(robot):
+    """A weight to the left presses the left track deeper; the plate, half a metre up, goes with it."""
+    leaning = load_robot(parameters=RobotParameters(com_y=0.04))
+    start = np.array([[-1.5, 0.5, 0.0]])
+    seen = []
+    for model in (robot, leaning):
+        fleet = Fleet(model, start)
+        fleet.advance(0.5)
+        feed = ScannerFeed(LaserScanner(noise=0.0, resolution=float(np.radians(0.05))), fleet, [generator(0, "a")])
+        seen.append(PlateLocator(model.plate).locate(feed.scan(feed.true_ranges())).pose[0] - fleet.pose()[0])
+    roll = fleet.attitude()[0, 1]
+    # by theory: the springs of the ground give way by 2 mm under the weight
+    assert roll == pytest.approx(-0.04 * 0.002 / (0.168**2 - 0.12 * 0.002), rel=0.05)
+    assert seen[1][1] - seen[0][1] == pytest.approx(-0.5 * np.sin(roll), rel=0.1)
+
+
+def test_lateral_speed_is_in_the_truth_and_as_theory_says():
+    parameters = RobotParameters(com_x=0.02)
+    robot = load_robot(parameters=parameters)
+    fleet = Fleet(robot, [(-1.5, 0.0, 0.0)], radius_error=0.0)
+    log = log_of(robot, fleet, [[2.0, 4.0]])[0]
+    ground = Ground()
+    forwards = 0.02 + 0.12 * fleet.attitude()[0, 2]  # it leans forwards, and so does its weight
+    contact = line_contact(0.168, 0.17, ground.along, ground.across, (forwards, 0.0, 0.12))
+    expected = steady_twist(np.array([2.0, 4.0]) * 0.06, contact, 9.81)
+    assert abs(expected[1]) > 5e-3
+    # the grip's lag of 10 ms moves the centre of rotation forwards by 10 ms of way; see models/README.md
+    expected[1] -= 0.01 * expected[0] * expected[2]
+    np.testing.assert_allclose(log.truth.twist[-20:].mean(axis=0), expected, rtol=0.02)

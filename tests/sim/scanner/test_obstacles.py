@@ -1,0 +1,150 @@
+"""Obstacles against MuJoCo's own rays, and where a person walks."""
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sim.fleet import Fleet
+from sim.scanner.named_obstacles import NAMED_OBSTACLES
+from sim.scanner.obstacles import Obstacles, Post, Walker, Wall
+from sim.scanner.scanner import LaserScanner, ScannerFeed
+from sim.seeds import generator
+from trackslip.errors import InvalidValueError
+
+NOW = np.zeros(1)
+
+
+def fan(beams=720):
+    angle = np.arange(beams) / beams * 2 * np.pi + 1e-3
+    return np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+
+
+def engine_ranges(obstacles, origin, directions, time):
+    """The same obstacles as geoms: cylinders, and boxes 2 um thick."""
+    spec = mujoco.MjSpec()
+    places = [(post.x, post.y, post.radius) for post in obstacles.posts]
+    places += [(*walker.place(np.array(time)), walker.radius) for walker in obstacles.walkers]
+    for x, y, radius in places:
+        spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[radius, 1.0, 0], pos=[x, y, 0])
+    for w in obstacles.walls:
+        length, turn = np.hypot(w.x1 - w.x0, w.y1 - w.y0), np.arctan2(w.y1 - w.y0, w.x1 - w.x0)
+        spec.worldbody.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[length / 2, 1e-6, 1.0],
+            pos=[(w.x0 + w.x1) / 2, (w.y0 + w.y1) / 2, 0],
+            quat=[np.cos(turn / 2), 0, 0, np.sin(turn / 2)],
+        )
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    hit = np.zeros(1, np.int32)
+    start = np.array([*origin, 0.0])
+    distance = [mujoco.mj_ray(model, data, start, np.array([*d, 0.0]), None, 1, -1, hit) for d in directions]
+    return np.where(np.array(distance) < 0, np.nan, distance)
+
+
+@settings(max_examples=25, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_ranges_are_those_of_the_engine(seed):
+    rng = np.random.default_rng(seed)
+    posts = tuple(Post(*rng.uniform(1.0, 5.0, 2), rng.uniform(0.05, 0.5)) for _ in range(3))
+    walls = tuple(Wall(*rng.uniform(-5.0, -1.0, 4)) for _ in range(3))
+    walkers = tuple(Walker(*rng.uniform([1, -5], [5, -1]), *rng.uniform(-0.5, 0.5, 2)) for _ in range(2))
+    obstacles, time = Obstacles(posts, walls, walkers), float(rng.uniform(0.0, 1.0))
+    origin, directions = rng.uniform(-0.2, 0.2, 2), fan()
+    ranges, expected = obstacles.ranges(origin, directions, time), engine_ranges(obstacles, origin, directions, time)
+    differ = np.isnan(ranges) != np.isnan(expected)
+    assert differ.sum() <= 2  # a beam along the very edge
+    np.testing.assert_allclose(ranges[~differ], expected[~differ], atol=1e-3)
+
+
+def test_a_wall_straight_ahead_and_the_beams_that_miss_it():
+    wall = Obstacles(walls=(Wall(2.0, -1.0, 2.0, 1.0),))
+    angle = np.radians([-30.0, -26.0, 0.0, 20.0, 180.0, 90.0])
+    ranges = wall.ranges(np.zeros(2), np.stack([np.cos(angle), np.sin(angle)], axis=-1), NOW)
+    np.testing.assert_allclose(ranges, [np.nan, *(2 / np.cos(angle[1:4])), np.nan, np.nan], rtol=1e-12)
+
+
+def test_a_beam_along_a_wall_passes_it():
+    wall = Obstacles(walls=(Wall(1.0, 0.0, 2.0, 0.0),))
+    assert np.isnan(wall.ranges(np.zeros(2), np.array([[1.0, 0.0]]), NOW)).all()
+
+
+def test_within_a_person_nothing_else_is_seen():
+    crowd = Obstacles(walkers=(Walker(0.1, 0.0, 0.0, 0.0),), posts=(Post(2.0, 0.0),))
+    np.testing.assert_array_equal(crowd.ranges(np.zeros(2), fan(), NOW), 0.0)
+
+
+def test_the_nearest_counts_and_none_is_nothing():
+    near, far = Post(1.0, 0.0, 0.2), Post(3.0, 0.0, 0.9)
+    ahead = np.array([[1.0, 0.0]])
+    assert Obstacles(posts=(far, near)).ranges(np.zeros(2), ahead, NOW) == pytest.approx(0.8)
+    assert np.isnan(Obstacles().ranges(np.zeros(2), ahead, NOW))
+    assert not Obstacles()
+    assert Obstacles(posts=(near,))
+
+
+def test_a_person_walks_straight_on_or_to_and_fro():
+    time = np.array([-0.5, 0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
+    straight, turning = Walker(1.0, 2.0, 0.5, -1.0), Walker(1.0, 2.0, 0.5, -1.0, turns_after=2.0)
+    np.testing.assert_allclose(straight.place(time), np.array([1.0, 2.0]) + time[:, None] * [0.5, -1.0])
+    away = np.array([0.5, 0.0, 1.0, 2.0, 1.0, 0.0, 1.0])
+    np.testing.assert_allclose(turning.place(time), np.array([1.0, 2.0]) + away[:, None] * [0.5, -1.0])
+
+
+@pytest.mark.parametrize(
+    ("build", "message"),
+    [
+        (lambda: Post(np.nan, 0.0), "x = nan: must be a finite number"),
+        (lambda: Post(0.0, 1e9), "y = 1000000000.0: must be from -1000 to 1000 m"),
+        (lambda: Post(0.0, 0.0, -1.0), "radius = -1.0: must be a finite number > 0"),
+        (lambda: Wall(0.0, 1.0, 0.0, 1.0), "must be another place than x0, y0"),
+        (lambda: Walker(0.0, 0.0, np.inf, 0.0), "vx = inf: must be from -20 to 20 m/s"),
+        (lambda: Walker(0.0, 0.0, 0.0, 0.0, radius=11.0), "radius = 11.0: must be at most 10 m"),
+        (lambda: Walker(0.0, 0.0, 0.0, 0.0, turns_after=0.0), "turns_after = 0.0: must be a number > 0"),
+    ],
+)
+def test_impossible_obstacles_are_refused(build, message):
+    with pytest.raises(InvalidValueError, match=message):
+        build()
+
+
+def feed(fleet, obstacles, scanner=None):
+    return ScannerFeed(scanner or LaserScanner(), fleet, [generator(0, f"{k}") for k in range(fleet.size)], obstacles)
+
+
+def test_a_post_hides_a_part_of_the_plate_and_nothing_else(robot):
+    fleet = Fleet(robot, [[-1.5, 0.5, 0.3], [3.0, 0.5, 0.0]])
+    open_field, hidden = (
+        feed(fleet, None).true_ranges(),
+        feed(fleet, Obstacles(posts=(Post(-1.5, -0.5),))).true_ranges(),
+    )
+    shadow = np.abs(LaserScanner().bearings) <= np.arcsin(0.05)
+    np.testing.assert_array_equal(hidden[:, ~shadow], open_field[:, ~shadow])
+    bearing = LaserScanner().bearings[shadow]
+    near = np.cos(bearing) - np.sqrt(0.05**2 - np.sin(bearing) ** 2)
+    np.testing.assert_allclose(hidden[:, shadow], np.tile(near, (2, 1)), atol=1e-12)
+    assert np.isfinite(open_field[0, shadow]).all()
+    behind = feed(fleet, Obstacles(posts=(Post(-1.5, 2.0, 0.1),))).true_ranges()
+    np.testing.assert_array_equal(behind[0], open_field[0])  # the plate hides it wholly
+
+
+def test_walls_beyond_reach_are_not_seen(robot):
+    fleet = Fleet(robot, [[-1.5, 0.5, 0.3]])
+    room = feed(fleet, NAMED_OBSTACLES["room"], LaserScanner(max_range=6.0)).true_ranges()
+    assert np.nanmax(room) <= 6.0
+    assert np.isnan(room).any()
+    assert np.isfinite(feed(fleet, NAMED_OBSTACLES["room"]).true_ranges()).all()
+
+
+def test_the_person_walks_in_the_fleets_time(robot):
+    fleet = Fleet(robot, [[3.0, 3.0, 0.0]])
+    person = feed(fleet, Obstacles(walkers=(Walker(-2.5, 0.5, 1.0, 0.0),)))
+    for middle in (-2.5, -1.5, -0.5):
+        ranges = person.true_ranges()[0]
+        seen = LaserScanner().bearings[np.isfinite(ranges) & (ranges < 3.0)]
+        expected = np.arctan2(-(middle + 1.5), 2.0)  # counter-clockwise from the scanner's heading, +y
+        assert seen.mean() == pytest.approx(expected, abs=np.radians(0.3))
+        fleet.advance(1.0)

@@ -1,0 +1,91 @@
+import numpy as np
+import pytest
+
+from sim.fleet import Fleet
+from sim.scanner.scanner import LaserScanner, ScannerFeed
+from sim.seeds import generator
+from trackslip.errors import InvalidValueError
+from trackslip.localization.plate import PlateLocator
+
+POSES = np.array([[-1.5, 0.5, 0.3], [0.0, 1.0, 2.0], [-3.0, 3.0, -1.0], [-1.5, 1.0, np.pi / 2]])
+
+
+def feed(robot, scanner=None, seed=0, poses=POSES):
+    fleet = Fleet(robot, poses)
+    return ScannerFeed(scanner or LaserScanner(), fleet, [generator(seed, f"{k}") for k in range(len(poses))])
+
+
+def test_rays_are_those_of_a_rectangle(robot, scan_rectangle):
+    expected = scan_rectangle(POSES, np.random.default_rng(0), noise=0.0, mount=tuple(robot.lrf_mount))
+    ranges = feed(robot).true_ranges()
+    assert ranges.shape == expected.ranges.shape == (4, 721)
+    np.testing.assert_array_equal(np.isnan(ranges), np.isnan(expected.ranges))
+    np.testing.assert_allclose(ranges, expected.ranges, atol=2e-5)  # the plate leans by microradians
+
+
+def test_poses_from_simulated_scans(robot):
+    scans = feed(robot).measure(np.repeat(feed(robot).true_ranges()[:, None], 50, axis=1))
+    for k in range(3):  # the last is edge-on
+        estimate = PlateLocator(robot.plate).locate(feed(robot).scan(scans.ranges[k]))
+        assert estimate.valid.all()
+        error = estimate.pose - POSES[k]
+        error[:, 2] = (error[:, 2] + np.pi / 2) % np.pi - np.pi / 2
+        assert np.sqrt(np.mean(error[:, :2] ** 2)) < 0.004
+        assert np.degrees(np.sqrt(np.mean(error[:, 2] ** 2))) < 0.5
+
+
+def test_noise_has_the_stated_size_and_no_bias(robot):
+    f = feed(robot)
+    true = np.repeat(f.true_ranges()[:, None], 200, axis=1)
+    noise = (f.measure(true).ranges - true)[np.isfinite(true)]
+    assert noise.std() == pytest.approx(0.005, rel=0.02)
+    assert abs(noise.mean()) < 4 * 0.005 / np.sqrt(noise.size)
+
+
+def test_a_stream_of_scans_is_the_same_in_one_piece_or_many(robot):
+    scanner = LaserScanner(dropout=0.1)
+    whole, pieces = feed(robot, scanner), feed(robot, scanner)
+    true = np.repeat(whole.true_ranges()[:, None], 6, axis=1)
+    parts = [pieces.measure(true[:, k : k + 2]).ranges for k in (0, 2, 4)]
+    np.testing.assert_array_equal(whole.measure(true).ranges, np.concatenate(parts, axis=1))
+
+
+def test_dropouts_and_range_limit(robot):
+    f = feed(robot, LaserScanner(dropout=0.25))
+    true = np.repeat(f.true_ranges()[:, None], 100, axis=1)
+    lost = np.isnan(f.measure(true).ranges)[np.isfinite(true)]
+    assert lost.mean() == pytest.approx(0.25, abs=0.02)
+    near = feed(robot, LaserScanner(max_range=2.5)).true_ranges()
+    assert np.isfinite(near[0]).any()
+    assert np.isnan(near[2]).all()
+
+
+def test_field_of_view_and_resolution(robot):
+    bearings = LaserScanner(field_of_view=np.radians(100), resolution=np.radians(0.5)).bearings
+    assert len(bearings) == 201
+    np.testing.assert_allclose(np.degrees(bearings[[0, -1]]), [-50, 50])
+    wide = LaserScanner(field_of_view=np.radians(270))
+    assert feed(robot, wide).true_ranges().shape == (4, 1081)
+
+
+def test_random_numbers_depend_on_what_the_run_is():
+    first = generator(0, "run a").random(3)
+    np.testing.assert_array_equal(first, generator(0, "run a").random(3))
+    assert not np.array_equal(first, generator(0, "run b").random(3))
+    assert not np.array_equal(first, generator(1, "run a").random(3))
+
+
+@pytest.mark.parametrize(
+    ("options", "field"),
+    [
+        ({"noise": -0.1}, "noise"),
+        ({"rate": 0.0}, "rate"),
+        ({"dropout": 1.0}, "dropout"),
+        ({"resolution": 4.0}, "field_of_view"),
+        ({"field_of_view": 7.0}, "field_of_view"),
+        ({"max_range": np.inf}, "max_range"),
+    ],
+)
+def test_impossible_scanners_are_refused(options, field):
+    with pytest.raises(InvalidValueError, match=field):
+        LaserScanner(**options)

@@ -1,0 +1,175 @@
+"""What every controller must do, whatever its law."""
+
+import dataclasses
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from linearised import pose_with_error
+
+from trackslip.controllers.feedforward import Feedforward
+from trackslip.controllers.named import CONTROLLERS
+from trackslip.errors import InvalidValueError
+from trackslip.kinematics import advance
+from trackslip.metrics import body_errors
+from trackslip.trajectory.segmented import Segment, SegmentedReference, circle, paper_reference
+
+
+def need(name):
+    if name == "mpc":
+        pytest.importorskip("casadi")
+
+
+@pytest.fixture(params=CONTROLLERS)
+def make(request):
+    need(request.param)
+    return CONTROLLERS[request.param]
+
+
+@pytest.fixture(params=[name for name in CONTROLLERS if name != "feedforward"])
+def feedback(request):
+    need(request.param)
+    return CONTROLLERS[request.param]()
+
+
+def stop_and_reverse():
+    """Forwards, a stop of a second, backwards along an arc."""
+    forwards = [Segment(2.0, 0.0, 0.15), Segment(2.0, 0.15, 0.15, 0.8), Segment(2.0, 0.15, 0.0)]
+    backwards = [Segment(2.0, 0.0, -0.15, -0.8), Segment(2.0, -0.15, -0.15, -0.8), Segment(1.0, -0.15, 0.0)]
+    return SegmentedReference((1.0, -2.0, 3.0), [*forwards, Segment(1.0, 0.0, 0.0), *backwards])
+
+
+def start_errors(count, rng):
+    """Errors (count, 3) within 0.36 m and 30 deg."""
+    distance, bearing = 0.36 * np.sqrt(rng.random(count)), rng.uniform(-np.pi, np.pi, count)
+    heading = np.radians(rng.uniform(-30, 30, count))
+    return np.stack([distance * np.cos(bearing), distance * np.sin(bearing), heading], axis=-1)
+
+
+def test_feedforward_ignores_the_pose():
+    reference = paper_reference()
+    twist = Feedforward().twist(20.0, np.random.default_rng(0).normal(size=(4, 3)), reference)
+    np.testing.assert_allclose(twist, np.tile([0.15, 0.12], (4, 1)))
+
+
+@pytest.mark.parametrize("radius", [1.0, -0.7, 1e6])
+@pytest.mark.parametrize("speed", [0.15, -0.15, 0.05])
+def test_without_errors_the_references_twist_is_driven(make, radius, speed):
+    reference = circle(radius, speed, 40.0, start=(1.0, 2.0, 3.0))
+    controller = make()
+    for time in (5.0, 5.05, 5.1):
+        pose = reference.pose(time) + np.array([[0, 0, 2 * np.pi], [0, 0, 0]])
+        twist = controller.twist(time, pose, reference)
+        np.testing.assert_allclose(twist, np.tile(reference.twist(time), (2, 1)), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "reference",
+    [
+        circle(1e6, 0.15, 45.0),
+        circle(1e6, -0.15, 45.0),
+        circle(0.8, 0.15, 45.0, start=(1.0, 2.0, 3.0)),
+        circle(-0.8, -0.15, 45.0),
+        circle(-1.2, 0.2, 45.0),
+        paper_reference(),
+    ],
+    ids=["straight", "reverse", "left", "reverse arc", "right", "paper"],
+)
+def test_start_errors_die_out_on_an_ideal_robot(feedback, reference):
+    pose = pose_with_error(reference.pose(0.0), start_errors(4, np.random.default_rng(1)))
+    step, steps = 0.1, 400
+    distance = np.zeros((steps, len(pose)))
+    for k in range(steps):
+        pose = advance(pose, feedback.twist(k * step, pose, reference), step)
+        error = body_errors(pose, reference.pose((k + 1) * step))
+        distance[k] = np.hypot(error[:, 0], error[:, 1])
+    assert distance.max() < 0.5
+    assert distance[-1].max() < 5e-3
+    assert np.abs(error[:, 2]).max() < 5e-3
+
+
+def test_a_stop_and_a_cusp_are_passed(feedback):
+    reference = stop_and_reverse()
+    pose = pose_with_error(reference.pose(0.0), np.array([[0.0, 0.0, 0.0], [0.02, 0.02, 0.05], [-0.02, -0.02, -0.05]]))
+    step = 0.05
+    for k in range(round(reference.duration / step) + 20):
+        twist = feedback.twist(k * step, pose, reference)
+        assert (np.abs(twist) < [0.3, 0.6]).all()
+        pose = advance(pose, twist, step)
+        error = body_errors(pose, reference.pose((k + 1) * step))
+        assert np.hypot(error[:, 0], error[:, 1]).max() < 0.05
+
+
+@pytest.mark.parametrize("time", [-5.0, 0.0, 6.5, 12.0, 50.0])
+def test_standstill(make, time):
+    """Before the start, in a stop, at the end and after it: finite whatever the error, and no motion without one."""
+    reference = stop_and_reverse()
+    controller = make()
+    errors = np.concatenate([np.zeros((1, 3)), start_errors(20, np.random.default_rng(2))])
+    pose = pose_with_error(reference.pose(time), errors)
+    for later in (0.0, 0.05, 0.1):
+        twist = controller.twist(time + later, pose, reference)
+        assert np.isfinite(twist).all()
+        assert np.abs(twist).max() < 3.0
+    if time in (-5.0, 50.0):
+        np.testing.assert_allclose(twist[0], 0.0, atol=1e-9)
+
+
+def test_each_robot_is_controlled_as_if_it_were_alone(make):
+    """To the last bit, for one of 7 as for one in any other shape, along a run with state."""
+    reference = stop_and_reverse()
+    rng = np.random.default_rng(3)
+    times = [1.0, 1.05, 1.1, 3.0, 5.9, 6.5, 7.1, 9.0, 9.05, 13.0]
+    poses = [pose_with_error(reference.pose(time), start_errors(7, rng)) for time in times]
+
+    def run(shape, rows=slice(None)):
+        controller = make()
+        controller.reset()
+        twists = [controller.twist(t, p[rows].reshape(*shape, 3), reference) for t, p in zip(times, poses, strict=True)]
+        return np.reshape(twists, (len(times), -1, 2))
+
+    together = run((7,))
+    np.testing.assert_array_equal(run((7, 1)), together)
+    for k in range(7):
+        np.testing.assert_array_equal(run((), slice(k, k + 1))[:, 0], together[:, k])
+
+
+def test_a_run_after_reset_is_the_first_one_again(make):
+    reference = circle(1.0, 0.15, 20.0)
+    controller = make()
+    pose = pose_with_error(reference.pose(1.0), start_errors(5, np.random.default_rng(4)))
+    runs = []
+    for count in (5, 3, 5):
+        controller.reset()
+        runs.append([controller.twist(1.0 + 0.05 * k, pose[:count], reference) for k in range(3)])
+    np.testing.assert_array_equal(runs[2], runs[0])
+    np.testing.assert_array_equal(runs[1], np.array(runs[0])[:, :3])
+
+
+@pytest.mark.parametrize(
+    ("make", "field"),
+    [
+        pytest.param(make, field.name, id=f"{name}-{field.name}")
+        for name, make in CONTROLLERS.items()
+        for field in dataclasses.fields(make)
+        if isinstance(field.default, int | float)
+    ],
+)
+@pytest.mark.parametrize("value", [0, -1.0, float("nan")])
+def test_refused_gains(make, field, value):
+    with pytest.raises(InvalidValueError, match=field):
+        make(**{field: value})
+
+
+def test_controllers_are_known_by_their_gains_alone(make):
+    assert make() == make()
+    assert hash(make()) == hash(make())
+    assert "(_" not in repr(make())
+    assert ", _" not in repr(make())
+
+
+def test_casadi_is_imported_only_when_used():
+    use = "[make() for make in c.CONTROLLERS.values()]"
+    code = f"import sys, trackslip.controllers.named as c; {use}; sys.exit('casadi' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -1,0 +1,83 @@
+import sys
+
+import numpy as np
+import pytest
+from linearised import error_gains, pose_with_error
+from scipy.linalg import solve_discrete_are
+
+from trackslip.controllers.lqr import error_dynamics
+from trackslip.controllers.mpc import ModelPredictive
+from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.kinematics import track_speeds
+from trackslip.trajectory.segmented import circle, paper_reference
+
+
+def test_without_casadi_one_line_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "casadi", None)
+    with pytest.raises(TrackslipError, match=r'pip install "trackslip\[mpc\]"'):
+        ModelPredictive().twist(0.0, np.zeros(3), paper_reference())
+
+
+class TestWithCasadi:
+    @pytest.fixture(autouse=True)
+    def _casadi(self):
+        pytest.importorskip("casadi")
+
+    @pytest.mark.parametrize("speed", [0.15, -0.15])
+    def test_near_the_reference_a_long_horizon_is_the_linear_quadratic_regulator(self, speed):
+        """The same errors and inputs weighed over the same intervals, where no limit is near."""
+        controller = ModelPredictive(intervals=60, interval=0.25, final_weight=1.0, iterations=2)
+        reference = circle(1.0, speed, 60.0)
+        a, b = error_dynamics(reference.twist(5.0), controller.interval)
+        scales = np.array([controller.position_scale, controller.position_scale, controller.heading_scale])
+        tracks = track_speeds(np.eye(2), controller.half_gauge).T / controller.speed_scale
+        q, r = np.diag(scales**-2), tracks.T @ tracks
+        cost = solve_discrete_are(a, b, q, r)
+        wanted = np.linalg.solve(r + b.T @ cost @ b, b.T @ cost @ a)
+        np.testing.assert_allclose(error_gains(controller, 5.0, reference, h=1e-4), -wanted, rtol=2e-3, atol=2e-3)
+
+    def test_no_track_exceeds_its_limit(self):
+        controller = ModelPredictive()
+        reference = circle(0.7, 0.2, 40.0)
+        rng = np.random.default_rng(0)
+        largest = 0.0
+        for time in np.arange(5.0, 6.0, 0.05):
+            pose = pose_with_error(reference.pose(time), rng.uniform(-1, 1, (5, 3)))
+            tracks = np.abs(track_speeds(controller.twist(time, pose, reference), controller.half_gauge))
+            assert (tracks <= controller.track_speed + 1e-12).all()
+            largest = max(largest, tracks.max())
+        assert largest == pytest.approx(controller.track_speed)
+
+    def test_a_robot_whose_problem_fails_goes_on_with_its_plan(self):
+        controller = ModelPredictive()
+        reference = circle(1.0, 0.15, 40.0)
+        pose = pose_with_error(reference.pose(5.0), np.array([[0.2, 0.1, 0.3], [0.1, 0.1, -0.3]]))
+        controller.twist(5.0, pose, reference)
+        plan = controller._memory.plans[0]
+        pose[0, 1] = np.nan
+        later = controller.twist(5.0 + controller.interval, pose, reference)
+        assert np.isfinite(later).all()
+        np.testing.assert_allclose(track_speeds(later[0], controller.half_gauge), plan[1], atol=1e-12)
+
+    def test_a_solver_that_fails_at_once_leaves_the_references_twist(self, monkeypatch):
+        controller = ModelPredictive()
+        reference = circle(1.0, 0.15, 40.0)
+        controller.twist(5.0, np.zeros(3), reference)
+        monkeypatch.setattr(controller._memory.program, "step", lambda *_: None)
+        controller.reset()
+        np.testing.assert_allclose(controller.twist(5.0, np.zeros(3), reference), [0.15, 0.15], atol=1e-12)
+
+    def test_it_says_nothing(self, capfd):
+        controller = ModelPredictive()
+        reference = paper_reference()
+        rng = np.random.default_rng(1)
+        for time in (0.0, 10.0, 60.0):
+            controller.twist(time, rng.uniform(-100, 100, (20, 3)), reference)
+        assert capfd.readouterr() == ("", "")
+
+    def test_another_number_of_robots_needs_a_reset(self):
+        controller = ModelPredictive(intervals=3)
+        reference = circle(1.0, 0.15, 20.0)
+        controller.twist(0.0, np.zeros((3, 3)), reference)
+        with pytest.raises(InvalidValueError, match="until reset"):
+            controller.twist(0.05, np.zeros((2, 3)), reference)

@@ -1,0 +1,81 @@
+import lmfit
+import numpy as np
+import pytest
+from scipy.optimize import curve_fit
+from slip_data import GEOMETRY, grid
+
+from trackslip.identification.fit import fit
+from trackslip.identification.intervals import profile_intervals
+from trackslip.identification.solver import least_squares
+from trackslip.identification.weighting import WeightedRuns
+from trackslip.slip.exponential import PUBLISHED
+from trackslip.slip.families import FAMILIES
+
+X = np.linspace(0, 3, 20)
+
+
+def decays(sets, seed=0):
+    rng = np.random.default_rng(seed)
+    truth = np.column_stack([rng.uniform(0.5, 2, sets), rng.uniform(-2, -0.3, sets)])
+    return truth, truth[:, :1] * np.exp(truth[:, 1:] * X) + rng.normal(0, 0.02, (sets, X.size))
+
+
+def solved(y, start=(1.0, -1.0), low=(-np.inf, -10.0), high=(np.inf, 0.0), held=None):
+    def residual(values, rows):
+        return values[:, :1] * np.exp(values[:, 1:] * X) - y[rows]
+
+    begin = np.tile(start, (len(y), 1))
+    return least_squares(residual, begin, np.array(low), np.array(high), np.ones(2), held)
+
+
+def test_many_problems_are_each_solved_as_scipy_solves_one():
+    _, y = decays(30)
+    found = solved(y)
+    for k in range(30):
+        values, covariance = curve_fit(lambda x, a, b: a * np.exp(b * x), X, y[k], (1.0, -1.0), sigma=np.ones(20))
+        np.testing.assert_allclose(found.values[k], values, atol=1e-6)
+        variance = found.cost[k] / 18
+        np.testing.assert_allclose(variance * np.linalg.inv(found.hessian[k]), covariance, rtol=1e-3)
+
+
+def test_a_problem_does_not_depend_on_its_neighbours():
+    _, y = decays(8)
+    together = solved(y)
+    for k in range(8):
+        np.testing.assert_allclose(solved(y[k : k + 1]).values[0], together.values[k], rtol=1e-12)
+
+
+def test_limits_and_held_parameters():
+    truth, y = decays(5)
+    at_limit = solved(y, low=(-np.inf, -0.2), start=(1.0, -0.1))
+    np.testing.assert_array_equal(at_limit.values[truth[:, 1] < -0.3, 1], -0.2)
+    best = np.exp(-0.2 * X) @ y.T / np.sum(np.exp(-0.4 * X))
+    np.testing.assert_allclose(at_limit.values[:, 0], best, rtol=1e-6)
+    held = solved(y, start=(1.0, -0.2), held=np.tile([False, True], (5, 1)))
+    np.testing.assert_allclose(held.values[:, 0], best, rtol=1e-6)
+    np.testing.assert_array_equal(held.values[:, 1], -0.2)
+
+
+def test_at_the_ends_of_profile_intervals_lmfit_finds_the_rise_that_they_promise():
+    samples = grid(PUBLISHED, errors=np.diag([2e-3, 4e-3]) ** 2)
+    family = FAMILIES["exponential"]
+    runs = WeightedRuns.of(samples, GEOMETRY)
+    fits = fit(family, runs, scatter=np.zeros(1))
+    ends = profile_intervals(fits, np.full((1, 4), 1.96**2))[0]
+
+    def residual(parameters):
+        law = family.build(parameters.valuesdict(), GEOMETRY)
+        return runs.whiten(runs.deviation(law), np.zeros(1)).ravel()
+
+    parameters = lmfit.Parameters()
+    for name, value in zip(family.names, fits.values[0], strict=True):
+        parameters.add(name, value=value)
+    result = lmfit.minimize(residual, parameters)
+
+    np.testing.assert_allclose([result.params[name].value for name in family.names], fits.values[0], rtol=1e-4)
+    for k, name in enumerate(family.names):
+        for end in ends[k]:
+            fixed = parameters.copy()
+            fixed[name].set(value=end, vary=False)
+            at_end = lmfit.minimize(residual, fixed)
+            assert at_end.chisqr - result.chisqr == pytest.approx(1.96**2, rel=0.01)

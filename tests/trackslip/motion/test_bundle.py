@@ -1,0 +1,105 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from trackslip.errors import LogError
+from trackslip.kinematics import advance
+from trackslip.localization.bound import pose_bound
+from trackslip.localization.plate import PlateLocator
+from trackslip.localization.scan import Plate, extract_plate
+from trackslip.logs.logfile import read_runs, write_parquet
+from trackslip.logs.runlog import RunLog
+from trackslip.logs.scanlog import ScanLog
+from trackslip.motion.arc import arc, poses_on_arc
+from trackslip.motion.bundle import bundle
+from trackslip.motion.methods import best_method
+
+TWIST = np.array([0.2, 0.25])
+WINDOW = (1.0, 29.0)
+PLATE = Plate()
+
+
+@pytest.fixture(scope="module")
+def logs(scan_rectangle):
+    """The same run scanned thirty times with other noise, on circles shifted a little; and its true poses."""
+    time = np.arange(0, 30, 0.1)
+    found = []
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        pose = advance([2.0, -0.5 + rng.uniform(-0.05, 0.05), 0.3 + rng.uniform(-0.1, 0.1)], TWIST, time)
+        scan = scan_rectangle(pose, rng)
+        estimate = PlateLocator().locate(scan)
+        heading = estimate.pose[:, 2] - np.pi * np.round((estimate.pose[:, 2] - pose[:, 2]) / np.pi)
+        cluster = extract_plate(scan, PLATE, scan.from_world(pose))
+        scans = ScanLog(replace(scan, ranges=np.empty((0, len(scan.bearings)))), PLATE, cluster)
+        located = np.column_stack([estimate.pose[:, :2], heading])
+        log = RunLog("circle", time, np.ones((300, 2)), located, valid=estimate.valid, scans=scans)
+        found.append((log, pose))
+    return found
+
+
+def test_bundle_is_at_the_bound_and_its_errors_are_its_scatter(logs):
+    found = [bundle(log, WINDOW) for log, _ in logs]
+    error = np.array([steady.twist for steady in found]) - TWIST
+    rms = np.sqrt(np.mean(error**2, axis=0))
+    # the bound of a pose and a twist with lateral speed, from the bounds of the single scans that have one
+    log, pose = logs[0]
+    rows = (log.time > WINDOW[0]) & (log.time < WINDOW[1])
+    covariance = pose_bound(pose[rows], PLATE, log.scans.scan.bearings, log.scans.scan.noise)
+    held = np.isfinite(covariance).all(axis=(1, 2))
+    _, jacobian = poses_on_arc(np.array([*pose[150], TWIST[0], 0.0, TWIST[1]]), log.time[rows] - log.time[150])
+    information = np.einsum("tki,tkl,tlj->ij", jacobian[held], np.linalg.inv(covariance[held]), jacobian[held])
+    bound = np.sqrt(np.diag(np.linalg.inv(information)))[[3, 5]]
+    assert np.all(rms < 1.1 * bound * (1 + 3 / np.sqrt(2 * len(logs))))
+    stated = np.sqrt(np.mean([np.diag(steady.covariance) for steady in found], axis=0))
+    assert np.all(np.abs(rms / stated - 1) < 3 / np.sqrt(2 * len(logs)))
+    assert np.all(np.abs(error.mean(axis=0)) < 3.5 * rms / np.sqrt(len(logs)))
+
+
+def test_bundle_is_better_than_the_arc(logs):
+    errors = {method: np.array([method(log, WINDOW).twist for log, _ in logs]) - TWIST for method in (arc, bundle)}
+    assert np.all(errors[bundle].std(axis=0) < errors[arc].std(axis=0))
+
+
+def test_where_it_starts_does_not_matter(logs):
+    log, pose = logs[0]
+    from_truth = bundle(replace(log, pose=pose, valid=None), WINDOW)
+    np.testing.assert_allclose(from_truth.twist, bundle(log, WINDOW).twist, rtol=2e-6)
+
+
+def test_scans_of_something_else_are_left_out(logs):
+    log, _ = logs[0]
+    cluster = log.scans.cluster
+    nearer = cluster.range.copy()
+    nearer[100:130] -= 0.4
+    spoilt = replace(log, scans=replace(log.scans, cluster=replace(cluster, range=nearer)))
+    change = bundle(spoilt, WINDOW).twist - bundle(log, WINDOW).twist
+    assert np.all(np.abs(change) < np.sqrt(np.diag(bundle(log, WINDOW).covariance)))
+
+
+def test_logs_without_ranges_are_refused_and_take_the_arc(logs):
+    log = replace(logs[0][0], scans=None)
+    with pytest.raises(LogError, match="has no ranges, which bundle fits"):
+        bundle(log, WINDOW)
+    assert best_method(log) == "arc"
+    assert best_method(logs[0][0]) == "bundle"
+
+
+def test_ranges_survive_their_file(logs, tmp_path):
+    log = logs[0][0]
+    hidden = log.scans.cluster.hidden.copy()
+    hidden[3, 1] = np.inf
+    log = replace(log, scans=replace(log.scans, cluster=replace(log.scans.cluster, hidden=hidden)))
+    write_parquet([log, replace(log, run="without", scans=None)], tmp_path / "runs.parquet")
+    back, without = read_runs(tmp_path / "runs.parquet")
+    assert without.scans is None
+    ours, theirs = log.scans, back.scans
+    assert theirs.plate == ours.plate
+    np.testing.assert_allclose(theirs.scan.bearings, ours.scan.bearings)
+    np.testing.assert_array_equal(theirs.cluster.count, ours.cluster.count)
+    np.testing.assert_array_equal(theirs.cluster.lost, ours.cluster.lost)
+    np.testing.assert_array_equal(theirs.cluster.hidden, hidden)
+    for theirs_, ours_ in zip(theirs.ranges(), ours.ranges(), strict=True):
+        np.testing.assert_allclose(theirs_, ours_, rtol=1e-7)
+    np.testing.assert_allclose(bundle(back, WINDOW).twist, bundle(log, WINDOW).twist, rtol=1e-6)

@@ -1,0 +1,150 @@
+import numpy as np
+import pytest
+
+from trackslip.errors import LogError
+from trackslip.kinematics import advance
+from trackslip.logs.runlog import RunLog
+from trackslip.motion.arc import arc
+from trackslip.motion.filtered import butterworth_motion, difference, mean_twist, paper_motion, savgol_motion
+from trackslip.motion.smoother import rts
+
+
+def circle_log(twist, rows=600, step=0.05, noise=(0.0, 0.0, 0.0), seed=0, valid=None):
+    time = np.arange(rows) * step
+    pose = advance([1.0, 2.0, 0.5], np.asarray(twist), time)
+    pose = pose + np.random.default_rng(seed).normal(size=pose.shape) * noise
+    return RunLog("circle", time, np.ones((rows, 2)), pose, valid=valid)
+
+
+@pytest.mark.parametrize("twist", [(0.25, 0.4), (0.05, 0.02), (-0.2, 0.3), (0.2, 0.0), (0.0, 0.5)])
+def test_differences_of_an_arc_are_its_twist(twist):
+    motion = difference(circle_log(twist).time, circle_log(twist).pose)
+    np.testing.assert_allclose(motion.twist, np.tile(twist, (599, 1)), atol=1e-12)
+
+
+@pytest.mark.parametrize("twist", [(0.25, 0.4), (0.05, 0.02)])
+def test_the_filter_bends_no_arc_away_from_the_ends(twist):
+    motion = butterworth_motion(circle_log(twist))
+    np.testing.assert_allclose(motion.twist[20:-20], np.tile(twist, (559, 1)), atol=1e-6)
+
+
+def test_noise_makes_the_mean_speed_no_larger():
+    """The length of a noisy displacement is longer than the displacement; its projection isn't."""
+    noise = (0.003, 0.003, 0.004)
+    errors = np.array(
+        [
+            butterworth_motion(circle_log((0.05, 0.04), noise=noise, seed=k)).twist[20:-20].mean(axis=0) - [0.05, 0.04]
+            for k in range(200)
+        ]
+    )
+    standard_error = errors.std(axis=0) / np.sqrt(len(errors))
+    assert np.all(np.abs(errors.mean(axis=0)) < 4 * standard_error)
+    assert np.all(standard_error < 2e-5)
+
+
+def test_gaps_and_uneven_steps_are_bridged():
+    rng = np.random.default_rng(3)
+    time = np.cumsum(rng.uniform(0.04, 0.06, 600))
+    pose = advance([0.0, 0.0, 0.0], [0.1, 0.1], time)
+    valid = np.ones(600, bool)
+    valid[200:230] = False
+    pose[~valid] = np.nan
+    motion = butterworth_motion(RunLog("uneven", time, np.ones((600, 2)), pose, valid=valid))
+    np.testing.assert_allclose(motion.twist[20:-20].mean(axis=0), [0.1, 0.1], rtol=2e-3)
+    assert np.diff(motion.time).std() < 1e-9
+
+
+@pytest.mark.parametrize(("radius", "seconds"), [(0.6, 1.0), (0.6, 5.0), (3.0, 15.0)])
+def test_gaps_are_bridged_along_the_arc(radius, seconds):
+    """A chord would be too short, by 1 - sinc(turn / 2) of the gap."""
+    twist = (0.15, 0.15 / radius)
+    time = np.arange(600) * 0.05
+    valid = (time < 10) | (time > 10 + seconds)
+    log = circle_log(twist, valid=valid)
+    log.pose[~valid] = np.nan
+    np.testing.assert_allclose(butterworth_motion(log).twist[20:-20], np.tile(twist, (559, 1)), atol=1e-6)
+
+
+def test_a_gap_too_wide_to_bridge_is_refused():
+    time = np.arange(600) * 0.05
+    with pytest.raises(LogError, match="can be bridged"):
+        butterworth_motion(circle_log((0.2, 0.4), valid=(time < 5) | (time > 15)))
+
+
+def test_turns_too_fast_for_the_rate_are_refused():
+    with pytest.raises(LogError, match="log it more often"):
+        butterworth_motion(circle_log((0.2, 0.4), step=0.5))
+
+
+def test_too_little_to_filter():
+    with pytest.raises(LogError, match="needs at least"):
+        butterworth_motion(circle_log((0.1, 0.1), rows=10))
+
+
+METHODS = {
+    "arc": arc,
+    "rts": rts,
+    "butterworth": lambda log, window: mean_twist(butterworth_motion(log), log, window),
+    "savgol": lambda log, window: mean_twist(savgol_motion(log), log, window),
+    "paper": lambda log, window: mean_twist(paper_motion(log), log, window),
+}
+WINDOW = (1.5, 29.0)
+
+
+@pytest.mark.parametrize("method", ["arc", "rts", "butterworth", "savgol"])
+@pytest.mark.parametrize("twist", [(0.25, 0.4), (0.05, 0.02), (-0.2, 0.3), (0.2, 0.0), (0.0, 0.5)])
+def test_every_method_finds_the_twist_of_an_arc(method, twist):
+    found = METHODS[method](circle_log(twist), WINDOW)
+    np.testing.assert_allclose(found.twist, twist, atol=2e-6)
+
+
+@pytest.mark.parametrize(("method", "most"), [("arc", 1.6), ("rts", 1.6), ("butterworth", 1.2), ("savgol", 1.2)])
+def test_standard_errors_are_those_of_repeats(method, most):
+    """Of noise without memory, and with one of half a second."""
+    for memory in (0.0, 0.9):
+        found = []
+        for seed in range(60):
+            log = circle_log((0.1, 0.08))
+            rng = np.random.default_rng(seed)
+            noise = rng.normal(size=log.pose.shape) * [0.002, 0.002, 0.004]
+            for k in range(1, len(noise)):
+                noise[k] = memory * noise[k - 1] + np.sqrt(1 - memory**2) * noise[k]
+            found.append(METHODS[method](RunLog("noisy", log.time, log.omega, log.pose + noise), WINDOW))
+        error = np.array([f.twist - [0.1, 0.08] for f in found])
+        stated = np.array([np.diag(f.covariance) for f in found])
+        ratio = np.sqrt(np.mean(error**2, axis=0) / stated.mean(axis=0))
+        assert np.all(ratio < most), ratio
+        assert np.all(np.abs(error.mean(axis=0)) < 4 * error.std(axis=0) / np.sqrt(len(error)))
+
+
+def test_a_lateral_speed_does_not_bend_the_arc():
+    """A centre of rotation ahead of the middle: the robot goes sideways, steadily."""
+    time = np.arange(600) * 0.05
+    v, u, w = 0.2, -0.02, 0.3
+    phi = 0.4 + w * time
+    x = (v * np.sin(phi) + u * np.cos(phi)) / w
+    y = (-v * np.cos(phi) + u * np.sin(phi)) / w
+    log = RunLog("sideways", time, np.ones((600, 2)), np.column_stack([x, y, phi]))
+    for method in ("arc", "rts"):
+        np.testing.assert_allclose(METHODS[method](log, WINDOW).twist, [v, w], atol=2e-6)
+
+
+def test_outliers_do_not_bend_the_arc():
+    log = circle_log((0.15, 0.1), noise=(0.002, 0.002, 0.004), seed=1)
+    clean = arc(log, WINDOW)
+    log.pose[100:600:50, 0] += 0.3
+    log.pose[120:600:70, 2] += 0.5
+    spoilt = arc(log, WINDOW)
+    assert np.all(np.abs(spoilt.twist - clean.twist) < 2 * np.sqrt(np.diag(clean.covariance)))
+
+
+def test_noise_makes_the_papers_speed_larger():
+    """Why it isn't the default: the length of a noisy displacement is longer than the displacement."""
+    log = circle_log((0.05, 0.04), noise=(0.003, 0.003, 0.004), seed=1)
+    assert METHODS["paper"](log, WINDOW).twist[0] > 1.1 * 0.05
+
+
+@pytest.mark.parametrize("method", ["arc", "rts", "butterworth"])
+def test_a_window_without_poses_is_refused(method):
+    with pytest.raises(LogError, match="hardly any valid pose"):
+        METHODS[method](circle_log((0.1, 0.1)), (29.9, 30.0))

@@ -1,0 +1,100 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from trackslip.errors import LogError
+from trackslip.identification.samples import slip_samples, usable_samples
+from trackslip.kinematics import RobotGeometry, advance
+from trackslip.logs.runlog import RunLog
+from trackslip.motion.steady import MARGIN, SETTLE, steady_part
+from trackslip.slip.icr import ConstantIcr
+
+GEOMETRY = RobotGeometry(0.168, 0.06)
+LAW = ConstantIcr(0.045, 0.168, 0.01)
+TWIST = np.array([0.15, 0.075])
+
+
+def driven(changes=((0.0, 1.0),), duration=20.0, step=0.05, name="run"):
+    """A run whose sprockets and twist are multiplied by a factor from each time on."""
+    time = np.arange(0, duration, step)
+    factor = np.ones(time.size)
+    for start, value in changes:
+        factor[time >= start] = value
+    omega = factor[:, None] * LAW.sprocket_speeds(TWIST, GEOMETRY)
+    pose = [np.zeros(3)]
+    for k in range(1, time.size):
+        pose.append(advance(pose[-1], factor[k] * TWIST, step))
+    return RunLog(name, time, omega, np.array(pose))
+
+
+def test_a_run_steady_throughout():
+    part = steady_part(driven(), GEOMETRY)
+    assert part.window == pytest.approx((SETTLE, 19.95 - MARGIN))
+    assert part.notes == ()
+
+
+def test_the_longest_steady_stretch_is_found():
+    log = driven(((0.0, 0.5), (6.0, 1.0), (18.0, 0.3)))
+    part = steady_part(log, GEOMETRY)
+    assert part.window[0] == pytest.approx(6.0 + SETTLE, abs=0.5)
+    assert part.window[1] == pytest.approx(18.0 - MARGIN, abs=0.5)
+    assert "used, from" in part.notes[0]
+    np.testing.assert_allclose(slip_samples([log], GEOMETRY).slip[0], LAW(0.5), atol=1e-6)
+
+
+def test_a_glitch_is_left_out_and_listed():
+    log = driven()
+    log.pose[200:203, 0] += 5.0
+    part = steady_part(log, GEOMETRY)
+    assert np.flatnonzero(~part.log.is_valid).tolist() == [200, 201, 202]
+    assert part.window == pytest.approx((SETTLE, 19.95 - MARGIN))
+    assert "run 'run': its pose jumps by 5.01 m at t = 10 s" in part.notes[0]
+    np.testing.assert_allclose(slip_samples([log], GEOMETRY).slip[0], LAW(0.5), atol=1e-6)
+
+
+def test_after_a_lasting_jump_the_longer_part_is_used():
+    log = driven()
+    log.pose[120:, 1] -= 3.0
+    part = steady_part(log, GEOMETRY)
+    assert part.window == pytest.approx((6.0 + SETTLE, 19.95 - MARGIN))
+    assert part.log.is_valid.all()
+    np.testing.assert_allclose(slip_samples([log], GEOMETRY).slip[0], LAW(0.5), atol=1e-6)
+
+
+def test_a_gap_in_the_clock_parts_a_run():
+    log = driven()
+    late = np.where(log.time >= 5.0, log.time + 7.0, log.time)  # the clock jumps, the robot doesn't
+    part = steady_part(replace(log, time=late), GEOMETRY)
+    assert "its clock has a gap from t = 4.95 s to 12 s" in part.notes[0]
+    assert part.window == pytest.approx((12.0 + SETTLE, 26.95 - MARGIN))
+    np.testing.assert_allclose(slip_samples([replace(log, time=late)], GEOMETRY).slip[0], LAW(0.5), atol=1e-6)
+
+
+def test_motion_that_changes_though_the_sprockets_do_not_is_refused():
+    log = driven()
+    slower = driven(((10.0, 0.8),))
+    with pytest.raises(LogError, match="its motion isn't: v changes by -0"):
+        slip_samples([replace(slower, omega=log.omega)], GEOMETRY)
+
+
+def test_runs_without_a_steady_stretch():
+    time = np.arange(0, 20, 0.05)
+    swinging = driven()
+    swinging.omega[:] *= (1 + 0.5 * np.sin(time))[:, None]
+    with pytest.raises(LogError, match="too short"):
+        steady_part(swinging, GEOMETRY)
+    standing = driven()
+    standing.omega[:] = 1e-5
+    with pytest.raises(LogError, match="stand still"):
+        steady_part(standing, GEOMETRY)
+
+
+def test_bad_runs_are_listed_and_the_others_used():
+    still = driven(name="still")
+    still.omega[:] = 0
+    found = usable_samples([driven(name="good"), still], GEOMETRY)
+    assert found.samples.run == ("good",)
+    assert [str(refused) for refused in found.refused] == ["run 'still' left out: the sprockets stand still"]
+    with pytest.raises(LogError, match="run 'still': the sprockets stand still"):
+        usable_samples([still], GEOMETRY)

@@ -1,0 +1,201 @@
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.kinematics import Array, RobotGeometry, advance
+from trackslip.localization.base import PoseEstimate
+from trackslip.slip.compensation import OnlineIcr
+from trackslip.slip.icr import ConstantIcr
+from trackslip.slip.online import FilterTuning, IcrFilter, drive_arc, icr_motion
+
+GEOMETRY = RobotGeometry(0.168, 0.06)
+TRUE = ConstantIcr(0.045, GEOMETRY.half_gauge, 0.0067)
+GAIN = GEOMETRY.half_gauge / (GEOMETRY.half_gauge + TRUE.offset)
+NOISE = np.diag([0.002, 0.002, np.radians(0.25)]) ** 2
+PERIOD = 0.05
+EXACT = FilterTuning(gain_walk=0.0, radius_error_walk=0.0, position_walk=0.0, heading_walk=0.0, centre_walk=0.0)
+
+
+@dataclass
+class Drive:
+    """N robots on constant ICRs, whose poses are measured with noise."""
+
+    found: IcrFilter
+    pose: Array  # (N, 3) true
+    rng: np.random.Generator
+
+    @classmethod
+    def begin(
+        cls, n: int, law: ConstantIcr | None = None, tuning: FilterTuning | None = None, seed: int = 0
+    ) -> "Drive":
+        pose = np.zeros((n, 3))
+        return cls(IcrFilter(pose, GEOMETRY, law, tuning), pose, np.random.default_rng(seed))
+
+    def run(self, seconds: float, omega: tuple[float, float] = (2.0, 2.9), law: ConstantIcr = TRUE) -> None:
+        speeds = np.tile(omega, (len(self.pose), 1))
+        for _ in range(round(seconds / PERIOD)):
+            self.pose = advance(self.pose, law.twist(speeds, GEOMETRY), PERIOD)
+            self.found.update(speeds, PERIOD, self.measured())
+
+    def measured(self) -> PoseEstimate:
+        n = len(self.pose)
+        noise = self.rng.normal(size=(n, 3)) * np.sqrt(np.diag(NOISE))
+        return PoseEstimate(self.pose + noise, np.tile(NOISE, (n, 1, 1)), np.ones(n, bool))
+
+
+@pytest.mark.parametrize("turn", [0.0, 1e-5, 0.03, -0.8])
+def test_derivatives_by_finite_differences(turn):
+    pose, motion, h = np.array([[0.3, -0.2, 0.7]]), np.array([[0.02, -0.003, turn]]), 1e-6
+    after, by_pose, by_motion = drive_arc(pose, motion)
+    fine = pose
+    for _ in range(2000):
+        fine = drive_arc(fine, motion / 2000)[0]
+    np.testing.assert_allclose(after, fine, atol=1e-12)
+    straight = motion * [1, 0, 1]
+    np.testing.assert_allclose(drive_arc(pose, straight)[0], advance(pose, straight[:, [0, 2]], 1.0), atol=1e-15)
+    for k, step in enumerate(h * np.eye(3)):
+        difference = (drive_arc(pose + step, motion)[0] - drive_arc(pose - step, motion)[0]) / (2 * h)
+        np.testing.assert_allclose(by_pose[0, :, k], difference[0], atol=1e-8)
+        difference = (drive_arc(pose, motion + step)[0] - drive_arc(pose, motion - step)[0]) / (2 * h)
+        np.testing.assert_allclose(by_motion[0, :, k], difference[0], atol=1e-8)
+
+    law, omega = np.array([[GAIN, TRUE.radius_error, 0.02]]), np.array([[1.0, 1.0 + turn]])
+    velocity, by_law = icr_motion(law, omega, GEOMETRY)
+    np.testing.assert_allclose(velocity[:, [0, 2]], TRUE.twist(omega, GEOMETRY), atol=1e-15)
+    np.testing.assert_allclose(velocity[:, 1], -0.02 * velocity[:, 2], atol=1e-15)
+    for k, step in enumerate(h * np.eye(3)):
+        ends = [icr_motion(law + sign * step, omega, GEOMETRY)[0][0] for sign in (1, -1)]
+        np.testing.assert_allclose(by_law[0, :, k], (ends[0] - ends[1]) / (2 * h), atol=1e-8)
+
+
+def test_finds_the_law_and_knows_how_well():
+    """Where truth is drawn from what the filter expects, squared errors in its covariance are chi-square."""
+    rng = np.random.default_rng(1)
+    tuning = replace(EXACT, gain_spread=0.1, radius_error_spread=0.005)
+    gain, radius_error = 1 + rng.normal(0, 0.1, 400), rng.normal(0, 0.005, 400)
+    truth = ConstantIcr(GEOMETRY.half_gauge * (1 / gain - 1), GEOMETRY.half_gauge, radius_error)
+    drive = Drive.begin(400, None, tuning)
+    for seconds in (2.0, 18.0):
+        drive.run(seconds, law=truth)
+        error = drive.found.state[:, 3:5] - np.stack([gain, radius_error], axis=1)
+        square = np.einsum("ni,nij,nj->n", error, np.linalg.inv(drive.found.covariance[:, 3:5, 3:5]), error)
+        low, high = chi2.ppf([0.001, 0.999], 2 * len(square))
+        assert low < square.sum() < high
+    assert drive.found.restarts.sum() <= 1
+
+
+def test_finds_the_law_from_nothing():
+    drive = Drive.begin(400)
+    drive.run(4.0)
+    assert np.abs(drive.found.offset / TRUE.offset - 1).max() < 0.05
+    assert not drive.found.restarts.any()
+
+
+def test_finds_changed_ground_within_seconds():
+    drive = Drive.begin(50, TRUE)
+    drive.run(15.0)
+    assert not drive.found.restarts.any()
+    sticky = ConstantIcr(0.1, GEOMETRY.half_gauge, 0.0067)
+    drive.run(5.0, law=sticky)
+    assert (drive.found.restarts == 1).all()
+    np.testing.assert_allclose(drive.found.offset, 0.1, rtol=0.1)
+    drive.run(10.0, law=sticky)
+    np.testing.assert_allclose(drive.found.offset, 0.1, rtol=0.03)
+
+
+def test_a_turn_about_a_centre_that_is_not_abreast_is_no_changed_ground():
+    """As with a weight ahead of the middle: D is found all the same."""
+    speeds, centre = np.array([[2.0, 2.9]]), 0.03
+    drive = Drive.begin(20, TRUE)
+    for _ in range(400):
+        v, w = TRUE.twist(speeds, GEOMETRY)[0]
+        drive.pose = drive_arc(drive.pose, np.tile([v, -centre * w, w], (20, 1)) * PERIOD)[0]
+        drive.found.update(np.repeat(speeds, 20, axis=0), PERIOD, drive.measured())
+    assert not drive.found.restarts.any()
+    np.testing.assert_allclose(drive.found.offset, TRUE.offset, rtol=0.05)
+    np.testing.assert_allclose(drive.found.state[:, 5], centre, atol=0.01)
+
+
+def test_takes_steady_ground_for_steady():
+    """Chance alone looks like a change less than once in an hour of driving."""
+    drive = Drive.begin(60, TRUE)
+    drive.run(60.0)
+    assert drive.found.restarts.sum() <= 1
+
+
+def test_stays_put_when_nothing_is_to_be_learnt():
+    """A stand only tells more of the pose, and through it, once, a little of the turn before."""
+    drive = Drive.begin(3, TRUE)
+    drive.run(10.0)
+    known, spread = drive.found.state[:, 3:].copy(), drive.found.covariance[:, 3:, 3:].copy()
+    drive.run(120.0, omega=(0.0, 0.0))
+    assert (np.abs(drive.found.state[:, 3:] - known) < np.sqrt(np.einsum("nii->ni", spread))).all()
+    assert (np.einsum("nii->ni", drive.found.covariance[:, 3:, 3:] - spread) <= 1e-12).all()
+    known, spread = drive.found.offset, drive.found.offset_stderr
+    drive.run(60.0, omega=(2.5, 2.5))
+    drive.run(60.0, omega=(-2.5, -2.5))
+    assert (np.abs(drive.found.offset - known) < spread).all()
+    assert not drive.found.restarts.any()
+
+
+def test_a_wrong_pose_is_left_out_and_a_robot_carried_away_is_found_again():
+    drive = Drive.begin(2, TRUE)
+    drive.run(10.0)
+    before = drive.found.state.copy()
+    estimate = drive.measured()
+    estimate.pose[0] += [0.3, 0.0, 0.0]
+    estimate.pose[1] += [0.0, 0.0, 0.5]
+    drive.found.update(np.zeros((2, 2)), PERIOD, estimate)
+    np.testing.assert_array_equal(drive.found.state, before)
+    drive.pose = drive.pose + np.array([1.0, -1.0, 0.5])
+    drive.run(10.0)
+    np.testing.assert_allclose(drive.found.state[:, :3], drive.pose, atol=0.01)
+    np.testing.assert_allclose(drive.found.offset, TRUE.offset, rtol=0.1)
+
+
+def test_invalid_poses_are_not_used():
+    drive = Drive.begin(2)
+    drive.run(5.0)
+    before = drive.found.state.copy()
+    unseen = PoseEstimate(before[:, :3] + 0.01, np.zeros((2, 3, 3)), np.zeros(2, bool))
+    drive.found.update(np.zeros((2, 2)), PERIOD, unseen)
+    np.testing.assert_array_equal(drive.found.state, before)
+
+
+def test_exact_poses_are_no_trouble():
+    drive = Drive.begin(1)
+    speeds = np.array([[2.0, 2.9]])
+    for _ in range(100):
+        drive.pose = advance(drive.pose, TRUE.twist(speeds, GEOMETRY), PERIOD)
+        drive.found.update(speeds, PERIOD, PoseEstimate(drive.pose, np.zeros((1, 3, 3)), np.ones(1, bool)))
+    error = drive.found.state[0, 3:5] - [GAIN, TRUE.radius_error]
+    assert (np.abs(error) < np.sqrt(np.diag(drive.found.covariance[0, 3:5, 3:5]))).all()
+    assert np.abs(error).max() < 2e-4
+
+
+def test_each_robots_bits_are_its_own():
+    together = Drive.begin(3)
+    together.run(5.0)
+    rows = np.random.default_rng(0).normal(size=(100, 3, 3)) * np.sqrt(np.diag(NOISE))
+    alone = IcrFilter(np.zeros((1, 3)), GEOMETRY)
+    pose, speeds = np.zeros((1, 3)), np.array([[2.0, 2.9]])
+    for noise in rows:
+        pose = advance(pose, TRUE.twist(speeds, GEOMETRY), PERIOD)
+        alone.update(speeds, PERIOD, PoseEstimate(pose + noise[1:2], NOISE[None], np.ones(1, bool)))
+    np.testing.assert_array_equal(alone.state[0], together.found.state[1])
+
+
+@pytest.mark.parametrize(
+    ("field", "value"), [("gain_spread", 0.0), ("gain_walk", -1.0), ("patience", 0), ("memory", 0.5)]
+)
+def test_tuning_that_makes_no_sense_is_refused(field, value):
+    with pytest.raises(InvalidValueError, match=field):
+        FilterTuning(**{field: value})
+
+
+def test_compensation_must_be_reset_first():
+    with pytest.raises(TrackslipError, match="reset"):
+        OnlineIcr(GEOMETRY).law()

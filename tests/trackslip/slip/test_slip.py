@@ -1,0 +1,130 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from trackslip.errors import InvalidValueError
+from trackslip.kinematics import RobotGeometry, body_twist
+from trackslip.slip.constant import Constant, NoSlip
+from trackslip.slip.exponential import PUBLISHED, Exponential, ExponentialSpeed
+from trackslip.slip.hyperbola import Hyperbola
+from trackslip.slip.icr import ConstantIcr, IcrSides
+from trackslip.slip.power import Power
+
+GEOMETRY = RobotGeometry(0.168, 0.06)
+LAWS = [
+    NoSlip(),
+    PUBLISHED,
+    ConstantIcr(0.045, 0.168),
+    ConstantIcr(0.045, 0.168, 0.0067),
+    Hyperbola(0.043, 0.2),
+    Power(0.33, -1.25, -0.85, -1.28, 0.168),
+]
+SPEED = ExponentialSpeed(0.07, -0.68, -0.15, -0.63, 0.1, -0.2)
+SIDES = IcrSides(0.04, 0.05, 0.005, 0.012, 0.168)
+curvatures = st.floats(-4, 4)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@given(kappa=curvatures)
+def test_right_turns_mirror_left_turns(law, kappa):
+    np.testing.assert_allclose(law(-kappa), law(kappa)[::-1], atol=1e-12)
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_smooth_through_the_straight_line(law):
+    kappa = np.linspace(-0.2, 0.2, 2001)
+    slope = np.gradient(law(kappa), kappa, axis=0)
+    assert np.abs(np.diff(slope, axis=0)).max() < 0.01  # no kink in the slope
+
+
+def test_published_law_is_eq_11():
+    radius = np.array([0.62, 1.34, 2.05, 2.68, 3.12])
+    inner, outer = PUBLISHED(1 / radius).T
+    np.testing.assert_allclose(outer, 0.07 * np.exp(-0.68 * radius))
+    np.testing.assert_allclose(inner, -0.15 * np.exp(-0.63 * radius))
+    np.testing.assert_array_equal(PUBLISHED(0.0), [0.0, 0.0])
+    np.testing.assert_allclose(PUBLISHED(np.inf), [-0.15, 0.07])
+
+
+def test_constant_icr_is_the_hyperbola():
+    b, d, radius = 0.168, 0.045, np.array([0.6, 1.3, 3.0, 100.0])
+    left, right = ConstantIcr(d, b)(1 / radius).T
+    np.testing.assert_allclose(right, d / (radius + b + d), rtol=1e-9)
+    np.testing.assert_allclose(left, -d / (radius - b - d), rtol=1e-9)
+    np.testing.assert_allclose(ConstantIcr(d, b, 0.01)(0.0), [-0.01, -0.01])
+
+
+@pytest.mark.parametrize("law", LAWS)
+@given(v=st.floats(-0.3, 0.3), kappa=curvatures)
+def test_sprocket_speeds_undo_the_slip(law, v, kappa):
+    twist = np.array([v, v * kappa])
+    omega = law.sprocket_speeds(twist, GEOMETRY)
+    np.testing.assert_allclose(body_twist(omega, law(kappa), GEOMETRY), twist, atol=1e-9)
+
+
+def test_icr_sprocket_speeds_are_regular_where_the_slip_has_a_pole():
+    law = ConstantIcr(0.045, 0.168, 0.0067)
+    radius = 0.168 + 0.045
+    np.testing.assert_allclose(law.sprocket_speeds([radius * 0.5, 0.5], GEOMETRY)[0], 0.0, atol=1e-12)
+    in_place = law.sprocket_speeds([0.0, 0.5], GEOMETRY)
+    np.testing.assert_allclose(in_place, np.array([-1, 1]) * 0.213 * 0.5 / (0.06 * 1.0067))
+
+
+@pytest.mark.parametrize("law", [*LAWS, SPEED, SIDES, Constant(0.03, -0.05)])
+@given(v=st.floats(0.05, 0.3), radius=st.floats(0.5, 1000.0), left=st.booleans(), backwards=st.booleans())
+def test_a_twist_is_found_from_its_sprocket_speeds(law, v, radius, left, backwards):
+    kappa = (1 if left else -1) / radius
+    twist = (-1 if backwards else 1) * np.array([v, v * kappa])
+    back = law.twist(law.sprocket_speeds(twist, GEOMETRY), GEOMETRY)
+    np.testing.assert_allclose(back, twist, atol=1e-9)
+
+
+@pytest.mark.parametrize("law", [NoSlip(), ConstantIcr(0.045, 0.168, 0.0067), SIDES])
+def test_turning_in_place_and_standing_are_twists_too(law):
+    for twist in ([0.0, 0.5], [0.0, -0.5], [0.0, 0.0]):
+        np.testing.assert_allclose(law.twist(law.sprocket_speeds(twist, GEOMETRY), GEOMETRY), twist, atol=1e-12)
+
+
+def test_many_laws_at_once():
+    offsets = np.array([[0.02], [0.045], [0.1]])
+    twist = np.column_stack([np.full(4, 0.2), [0.1, 0.2, -0.1, 0.0]])
+    together = ConstantIcr(offsets, 0.168).sprocket_speeds(twist, GEOMETRY)
+    decays = Exponential(0.07, -10 * offsets, -0.15, -0.63)
+    for k, offset in enumerate(offsets[:, 0]):
+        np.testing.assert_array_equal(together[k], ConstantIcr(offset, 0.168).sprocket_speeds(twist, GEOMETRY))
+        alone = Exponential(0.07, -10 * offset, -0.15, -0.63).twist(together[k], GEOMETRY)
+        np.testing.assert_allclose(decays.twist(together, GEOMETRY)[k], alone, atol=1e-12)
+
+
+def test_special_cases_agree():
+    kappa = np.linspace(-2, 2, 41)
+    np.testing.assert_allclose(Hyperbola(0.045, 0.168 + 0.045)(kappa), ConstantIcr(0.045, 0.168)(kappa), atol=1e-12)
+    same = IcrSides(0.045, 0.045, 0.01, 0.01, 0.168)
+    np.testing.assert_allclose(same(kappa), ConstantIcr(0.045, 0.168, 0.01)(kappa), atol=1e-12)
+    slow, fast = SPEED.slip([[0.1, 0.1], [0.3, 0.3]])
+    np.testing.assert_allclose(fast - slow, np.array([-0.2 * np.exp(-0.63), 0.1 * np.exp(-0.68)]) * 0.2)
+    np.testing.assert_allclose(SPEED(1.0), PUBLISHED(1.0))
+    np.testing.assert_allclose(Constant(0.03, -0.05)([1.0, -1.0, 0.0]), [[-0.05, 0.03], [0.03, -0.05], [-0.01, -0.01]])
+
+
+@pytest.mark.parametrize(
+    ("make", "field"),
+    [
+        (lambda: Exponential(0.07, 0.1, -0.15, -0.6), "beta_outer"),
+        (lambda: Exponential(1.0, -0.1, -0.15, -0.6), "alpha_outer"),
+        (lambda: Exponential(0.1, -0.1, np.nan, -0.6), "alpha_inner"),
+        (lambda: ConstantIcr(-0.2, 0.168), "offset"),
+        (lambda: ConstantIcr(0.04, 0.0), "half_gauge"),
+        (lambda: ConstantIcr(0.04, 0.168, -1.0), "radius_error"),
+        (lambda: IcrSides(0.04, -0.2, 0.0, 0.0, 0.168), "offset_right"),
+        (lambda: Hyperbola(0.04, -0.1), "pole"),
+        (lambda: Power(0.3, 0.2, -0.8, -1.0, 0.168), "beta_outer"),
+        (lambda: Constant(0.0, 1.0), "slip_inner"),
+        (lambda: ExponentialSpeed(0.07, -0.68, -0.15, -0.63, np.nan, 0.0), "gamma_outer"),
+        (lambda: Exponential(np.array([0.07, 1.5]), -0.1, -0.15, -0.6), "alpha_outer"),
+    ],
+)
+def test_impossible_laws_are_refused(make, field):
+    with pytest.raises(InvalidValueError, match=field):
+        make()

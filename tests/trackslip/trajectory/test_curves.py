@@ -1,0 +1,139 @@
+"""Shapes of the references, against their closed forms."""
+
+import re
+
+import numpy as np
+import pytest
+from scipy.special import ellipk, fresnel
+
+from trackslip.errors import InvalidValueError
+from trackslip.trajectory.clothoid import ClothoidPath, Piece, clothoid, rounded_square
+from trackslip.trajectory.curves import figure_eight, slalom, spiral
+from trackslip.trajectory.path import ParametricPath
+from trackslip.trajectory.profile import Limits
+from trackslip.trajectory.stop_and_go import stop_and_go
+
+ORIGIN = (0.0, 0.0, 0.0)
+
+
+def driven(reference, n=2001):
+    time = np.linspace(0, reference.duration, n)
+    return reference.pose(time), reference.twist(time)
+
+
+def test_figure_eight_is_bernoullis_lemniscate():
+    a = 1.3
+    pose, twist = driven(figure_eight((0, 0, -np.pi / 4), a))
+    x, y, phi = pose.T
+    np.testing.assert_allclose((x**2 + y**2) ** 2, a**2 * (x**2 - y**2), atol=1e-11)
+    np.testing.assert_allclose([x[-1], y[-1], phi[-1]], [0, 0, -np.pi / 4], atol=1e-11)
+    assert np.ptp(x) == pytest.approx(2 * a, abs=1e-4)
+    moving = twist[:, 0] > 1e-3
+    np.testing.assert_allclose(
+        np.abs(twist[moving, 1] / twist[moving, 0]), 3 * np.hypot(x, y)[moving] / a**2, atol=1e-9
+    )
+    assert x[np.argmax(phi)] == pytest.approx(0, abs=2e-2)  # left round one lobe, right round the other
+
+
+def test_arc_length_of_the_lemniscate():
+    """Its length is an elliptic integral: 4 a K(-1)."""
+
+    def lemniscate(u, nu):
+        s, c = np.sin(u), np.cos(u)
+        return (c / (1 - 1j * s), 1j * (1 + 1j * s) / (1 - 1j * s) ** 2, -c * (3 + 1j * s) / (1 - 1j * s) ** 3)[nu]
+
+    assert ParametricPath(lemniscate, [0, np.pi, 2 * np.pi]).knots[-1] == pytest.approx(4 * ellipk(-1.0), abs=1e-12)
+
+
+def test_slalom_is_a_sine():
+    x, y, phi = driven(slalom(ORIGIN, 0.2, 1.6, 3))[0].T
+    np.testing.assert_allclose(y, 0.2 * (1 - np.cos(2 * np.pi / 1.6 * x)), atol=1e-11)
+    np.testing.assert_allclose(np.tan(phi), 0.2 * 2 * np.pi / 1.6 * np.sin(2 * np.pi / 1.6 * x), atol=1e-10)
+    assert x[-1] == pytest.approx(4.8, abs=1e-11)
+
+
+def test_spiral_is_archimedes():
+    """The distance to the centre falls evenly with the angle about it."""
+    outer, inner, turns = 1.2, 0.4, 1.5
+    shrinkage = (outer - inner) / (2 * np.pi * turns)
+    heading = np.pi / 2 + np.arctan(shrinkage / outer)
+    x, y, phi = driven(spiral((outer, 0, heading), outer, inner, turns))[0].T
+    angle = np.unwrap(np.arctan2(y, x))
+    np.testing.assert_allclose(np.hypot(x, y), outer - shrinkage * angle, atol=1e-11)
+    assert angle[-1] == pytest.approx(2 * np.pi * turns, abs=1e-10)
+    assert np.all(np.diff(phi) >= 0)
+
+
+@pytest.mark.parametrize("sharpness", [1.5, -0.4])
+def test_clothoid_is_fresnels(sharpness):
+    path = ClothoidPath(ORIGIN, [Piece(2.3, 0.0, 2.3 * sharpness)])
+    s = np.linspace(0, 2.3, 301)
+    scale = np.sqrt(np.pi / abs(sharpness))
+    sine, cosine = fresnel(s / scale)
+    expected = np.column_stack([scale * cosine, np.sign(sharpness) * scale * sine, sharpness * s**2 / 2])
+    np.testing.assert_allclose(path.pose(s), expected, atol=1e-13)
+    np.testing.assert_allclose(path.curvature(s), sharpness * s, atol=1e-13)
+
+
+def test_the_s_of_clothoids_has_no_jump_of_curvature_and_ends_as_it_began():
+    reference = clothoid((1.0, 2.0, 0.3), radius=0.6, arc=0.4, transition=0.8)
+    pose, _ = driven(reference)
+    turn = (0.4 + 0.8) / 0.6
+    assert pose[:, 2].max() == pytest.approx(0.3 + turn, abs=1e-4)
+    assert pose[-1, 2] == pytest.approx(0.3, abs=1e-12)
+    inner = reference.knots[1:-1]
+    before, after = reference.twist(np.nextafter(inner, 0)), reference.twist(inner)
+    np.testing.assert_allclose(before, after, atol=1e-12)
+    # half a turn about its middle maps the S onto itself
+    middle = (pose[0, :2] + pose[-1, :2]) / 2
+    np.testing.assert_allclose(pose[::-1, :2] - middle, middle - pose[:, :2], atol=1e-10)
+
+
+def test_rounded_square_closes_and_keeps_to_its_sides():
+    pose, _ = driven(rounded_square(ORIGIN, side=1.8, radius=0.4))
+    np.testing.assert_allclose(pose[-1], [0, 0, 2 * np.pi], atol=1e-12)
+    offset = np.abs(pose[:, :2] - [0, 0.9])
+    assert offset.max() == pytest.approx(0.9, abs=1e-12)
+    in_corner = (offset > 0.5).all(axis=1)
+    np.testing.assert_allclose(np.hypot(*(offset[in_corner] - 0.5).T), 0.4, atol=1e-12)
+
+
+def test_stop_and_go_reverses_and_stops():
+    reference = stop_and_go(ORIGIN, straight=1.0, radius=0.5, arc=0.5 * np.pi / 2, dwell=3.0)
+    pose, twist = driven(reference, 20_001)
+    # a quarter turn backwards about (1, 0.5), to the right then
+    np.testing.assert_allclose(pose[-1], [0.5, -0.5, -np.pi / 2], atol=1e-12)
+    standing = (twist[:, 0] == 0).mean() * reference.duration
+    assert standing == pytest.approx(6.0, abs=0.02)
+    assert twist[:, 0].min() < -0.1
+
+
+def test_short_legs_never_reach_the_speed_limit():
+    reference = stop_and_go(ORIGIN, straight=0.2, arc=0.2, limits=Limits(acceleration=0.05))
+    assert np.abs(driven(reference)[1][:, 0]).max() == pytest.approx(np.sqrt(0.05 * 0.2), rel=1e-3)
+
+
+def test_refused_shapes_name_the_field_the_value_and_what_is_allowed():
+    for make, field, value, allowed in (
+        (lambda: figure_eight(ORIGIN, -1.0), "half_width", "-1.0", "> 0"),
+        (lambda: figure_eight(ORIGIN, 0.005), "radius of curvature", "0.00167", "0.001 m/s"),
+        (lambda: figure_eight(ORIGIN, 300.0), "length of the path", "1573", "at most 1000 m"),
+        (lambda: slalom(ORIGIN, amplitude=float("nan")), "amplitude", "nan", "> 0"),
+        (lambda: slalom(ORIGIN, wavelength=0.0), "wavelength", "0.0", "> 0"),
+        (lambda: slalom(ORIGIN, periods=0), "periods", "0", "at least 1"),
+        (lambda: slalom(ORIGIN, periods=10**9), "length of the path", "2000000000", "at most 1000 m"),
+        (lambda: spiral(ORIGIN, 0.4, 0.5), "outer_radius", "0.4", "inner_radius = 0.5 m"),
+        (lambda: spiral(ORIGIN, turns=51.0), "turns", "51.0", "at most 50"),
+        (lambda: rounded_square(ORIGIN, 1.0, 0.5), "radius", "0.5", "side = 1 m"),
+        (lambda: clothoid(ORIGIN, radius=0.0), "radius", "0.0", "> 0"),
+        (lambda: clothoid(ORIGIN, straight=-1.0), "length", "-1.0", "> 0"),
+        (lambda: ClothoidPath(ORIGIN, []), "pieces", "[]", "at least one"),
+        (lambda: stop_and_go(ORIGIN, dwell=0.0), "dwell", "0.0", "> 0"),
+        (lambda: Limits(speed=0.0), "speed", "0.0", "> 0"),
+        (lambda: Limits(track_speed=1e-4), "track_speed", "0.0001", "at least 0.001 m/s"),
+        (lambda: Limits(acceleration=1e-9), "acceleration", "1e-09", "at least 0.0001 m/s^2"),
+        (lambda: Limits(half_gauge=-0.1), "half_gauge", "-0.1", ">= 0"),
+    ):
+        with pytest.raises(InvalidValueError, match=f"^{field}.* = {re.escape(value)}.*{re.escape(allowed)}") as caught:
+            make()
+        assert "\n" not in str(caught.value)

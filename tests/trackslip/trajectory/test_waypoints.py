@@ -1,0 +1,160 @@
+import numpy as np
+import pytest
+from hypothesis import event, given, settings
+from hypothesis import strategies as st
+from quadrature import integral_miss, times
+
+from trackslip.errors import InvalidValueError, ReferenceFileError
+from trackslip.trajectory.named import load_reference, named_reference
+from trackslip.trajectory.profile import LIMITS
+from trackslip.trajectory.waypoints import read_waypoints, waypoints
+
+POINTS = np.array([(0, 0), (1, 0.2), (1.2, 1), (0.1, 1.5), (-1, 0.3)])
+
+coordinate = st.floats(-4, 4, allow_nan=False)
+
+
+def cell(point):
+    """Of a grid of 0.5 m."""
+    return tuple(np.floor(np.array(point) / 0.5))
+
+
+@pytest.fixture
+def csv(tmp_path):
+    def write(content):
+        path = tmp_path / "points.csv"
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    return write
+
+
+def nearest(reference, points):
+    """Distance (N,) of each point to the path; its own error is a quarter of the way between two times, squared."""
+    time = np.linspace(0, reference.duration, 40_001)
+    xy = reference.pose(time)[:, :2]
+    return np.array([np.hypot(*(xy - point).T).min() for point in points])
+
+
+def test_it_passes_through_all_points_in_order():
+    reference = waypoints(POINTS)
+    assert nearest(reference, POINTS).max() < 1e-4
+    pose = reference.pose([0.0, reference.duration])
+    np.testing.assert_allclose(pose[:, :2], POINTS[[0, -1]], atol=1e-12)
+
+
+def test_curvature_is_continuous_and_zero_at_both_ends():
+    reference = waypoints(POINTS)
+    knots = reference.knots[1:-1]
+    np.testing.assert_allclose(reference.twist(np.nextafter(knots, 0)), reference.twist(knots), atol=1e-10)
+    v, w = reference.twist([1e-3, reference.duration - 1e-3]).T
+    np.testing.assert_allclose(w / v, 0, atol=1e-3)
+
+
+def test_points_on_a_line_make_it_straight_and_may_return():
+    straight = waypoints([(0, 0), (1, 1), (3, 3)])
+    np.testing.assert_allclose(straight.pose(np.linspace(0, 30, 20))[:, 2], np.pi / 4, atol=1e-12)
+    ring = waypoints([(0, 0), (1, 0), (1, 1), (0, 1), (0, 0)])
+    np.testing.assert_allclose(ring.pose([0.0, ring.duration])[:, :2], 0, atol=1e-12)
+
+
+def test_moving_all_points_moves_the_path():
+    turn = np.exp(0.7j)
+    moved = (POINTS[:, 0] + 1j * POINTS[:, 1]) * turn + (2 - 3j)
+    a, b = waypoints(POINTS), waypoints(np.column_stack([moved.real, moved.imag]))
+    assert a.duration == pytest.approx(b.duration, rel=1e-9)
+    time = np.linspace(0, a.duration, 100)
+    np.testing.assert_allclose(a.twist(time), b.twist(time), atol=1e-8)
+
+
+@settings(max_examples=30)
+@given(st.lists(st.tuples(coordinate, coordinate), min_size=3, max_size=8, unique_by=cell))
+def test_any_points_give_a_drivable_reference_or_are_refused(points):
+    try:
+        reference = waypoints(points)
+    except InvalidValueError:
+        event("refused")
+        return
+    assert integral_miss(reference) < 1e-9
+    v, w = reference.twist(times(reference)).T
+    assert v.max() <= LIMITS.speed + 1e-9
+    assert np.abs(w).max() <= LIMITS.yaw_rate * (1 + 1e-3)
+    assert (v + LIMITS.half_gauge * np.abs(w)).max() <= LIMITS.track_speed * (1 + 1e-3)
+    time, xy = times(reference), np.array(points)
+    ways = reference.pose(time)[:, :2]
+    assert max(np.hypot(*(ways - point).T).min() for point in xy) < 0.01
+
+
+@pytest.mark.parametrize(
+    ("points", "message"),
+    [
+        ([(0, 0), (1, 1)], "number of way points = 2: must be from 3 to 10000"),
+        (np.zeros((4, 3)), r"shape of the way points = \(4, 3\): must be \(N, 2\)"),
+        ([(0, 0), (np.nan, 0), (1, 1)], "point 2, column x = nan: must be from -100 to 100 m"),
+        ([(0, 0), (1, 0), (1, 101)], "point 3, column y = 101.0: must be from -100 to 100 m"),
+        ([(0, 0), (1, 0), (1, 0)], r"point 3 = \(1.0, 0.0\): must be at least 0.001 m from point 2"),
+        ([(0, 0), (1, 0), (0.5, 0)], "path = 'turns back sharply at .*: must be smooth"),
+        ([(0, 0), (1, 0.05), (0.5, 0)], "radius of curvature at .*: must be large enough to drive at 0.001 m/s"),
+        ([(100 * (-1) ** k, 0.1 * k) for k in range(10)], "way through all points = .*: must be at most 1000 m"),
+    ],
+)
+def test_impossible_points_are_refused(points, message):
+    with pytest.raises(InvalidValueError, match=message):
+        waypoints(points)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "0,0\n1,0.5\n2,0\n",
+        "x,y\n0,0\n1,0.5\n2,0\n",
+        "X, Y\r\n0, 0\r\n\r\n1,0.5\r\n2,0",
+        "\ufeffx,y\n0,0\n1,0.5\n2,0\n",
+    ],
+)
+def test_csv_with_and_without_header(csv, content):
+    reference, expected = read_waypoints(csv(content)), waypoints([(0, 0), (1, 0.5), (2, 0)])
+    np.testing.assert_array_equal(reference.pose([0.0, 5.0, 9.0]), expected.pose([0.0, 5.0, 9.0]))
+    assert load_reference(csv(content)).duration == load_reference(str(csv(content))).duration == expected.duration
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "number of way points = 0"),
+        ("x,y\n", "number of way points = 0"),
+        ("x,y\n0,0\n1,zero\n2,0", "row 2, column y: 'zero' is not a number"),
+        ("lat,lon\n0,0\n", "row 1, column x: 'lat' is not a number"),
+        ("0,0\n1,nan\n2,0", "row 2, column y: 'nan' is not a finite number"),
+        ("0,0\n1e999,0\n2,0", "row 2, column x: '1e999' is not a finite number"),
+        ("0,0\n1,\n2,0", "row 2, column y: '' is not a number"),
+        ("0;0\n1;0\n2;0", "row 1: has 1 columns, must have x and y"),
+        ("0,0,0\n", "row 1: has 3 columns, must have x and y"),
+        ("0,0\n1,0\n", "number of way points = 2: must be from 3"),
+        ("x,y\n0,0\n1,0\n1,0\n", r"row 3 = \(1.0, 0.0\): must be at least 0.001 m from row 2"),
+        ("0,0\n1,0\n1,-200\n", "row 3, column y = -200.0: must be from -100 to 100 m"),
+        ("0,0\n1,0\n0.5,0\n", "turns back sharply at"),
+        ("0,0\n" * 10_001, "more than 10000 rows"),
+        (b"\xff\xfe\x00\x81", "codec can't decode"),
+        ("0," + "1" * 200_000, "field larger than field limit"),
+    ],
+)
+def test_unusable_files_are_refused_in_a_line(csv, content, message):
+    path = csv(content)
+    with pytest.raises(ReferenceFileError, match=message) as caught:
+        load_reference(path)
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_files_and_unknown_names_are_refused(tmp_path):
+    with pytest.raises(ReferenceFileError, match=r"absent\.csv: no such file"):
+        load_reference(tmp_path / "absent.csv")
+    (tmp_path / "folder.csv").mkdir()
+    with pytest.raises(ReferenceFileError, match="no such file"):
+        load_reference(tmp_path / "folder.csv")
+    with pytest.raises(InvalidValueError, match=r"'figure_8': must be one of paper, circle, .*stop_and_go, or a \.csv"):
+        load_reference("figure_8")
+    with pytest.raises(InvalidValueError, match="'figure_8': must be one of paper, circle"):
+        named_reference("figure_8")
+    np.testing.assert_array_equal(named_reference("slalom", (1, 2, 0.5)).pose(0.0), [1, 2, 0.5])
