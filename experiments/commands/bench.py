@@ -32,8 +32,10 @@ from experiments.report.terminal import print_table
 from experiments.storage import results as store
 from sim.fleet import Fleet
 from sim.robot.robot import Robot, load_robot
-from sim.runs import Description, Pilot, closed_loop
-from sim.scanner.scanner import LaserScanner, ScannerFeed
+from sim.run_recorder import Description
+from sim.runs import Pilot, closed_loop
+from sim.scanner.feed import ScannerFeed
+from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 from trackslip.controllers.linear import LinearTimeVarying
 from trackslip.kinematics import Array

@@ -29,7 +29,8 @@ from experiments.recording import record_all
 from experiments.report.reproduction import ComparisonRow, Report, render
 from experiments.report.terminal import print_table, progress
 from experiments.storage import results as store
-from sim.runs import Description, Pilot, closed_loop
+from sim.run_recorder import Description
+from sim.runs import Pilot, closed_loop
 from sim.seeds import generator
 from sim.stopwatch import Stopwatch
 from trackslip.controllers.named import CONTROLLERS

@@ -22,7 +22,8 @@ from experiments.recording import record_all
 from experiments.report.terminal import print_table, progress
 from experiments.storage import results as store
 from sim.robot.robot import Robot
-from sim.runs import Description, Pilot, closed_loop
+from sim.run_recorder import Description
+from sim.runs import Pilot, closed_loop
 from sim.seeds import generator
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
