@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import os
 import sys
+import threading
+import warnings
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any
@@ -32,7 +35,7 @@ class View:
         self._model: Any = None
         self._data: Any = None
         self._renderer: Any = None
-        self._window: Any = None
+        self._window: _Window | None = None
         self._trails: list[list[Array]] = [[] for _ in range(tracking.size)]
 
     def begin(self, rows: Sequence[int]) -> None:
@@ -58,12 +61,13 @@ class View:
     def show(self) -> None:
         """Robot 0 in a window; raises TrackslipError where there is no display."""
         if self._window is None:
-            self._window = _window(self._load(), self._posed(0))
-        with self._window.lock():
+            self._window = _Window(self._load(), self._posed(0))
+        viewer = self._window.viewer
+        with viewer.lock():
             self._posed(0)
-            self._window.user_scn.ngeom = 0
-            self._draw(self._window.user_scn, 0)
-        self._window.sync()
+            viewer.user_scn.ngeom = 0
+            self._draw(viewer.user_scn, 0)
+        viewer.sync()
 
     def close(self) -> None:
         """Close what is open."""
@@ -139,13 +143,29 @@ def _renderer(model: Any) -> Any:
     raise TrackslipError(f"rendering: no OpenGL works here ({'; '.join(problems)}); MUJOCO_GL chooses egl or osmesa")
 
 
-def _window(model: Any, data: Any) -> Any:
-    """MuJoCo's viewer, passive."""
-    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise TrackslipError('rendering: "human" needs a display, and there is none; "rgb_array" does without')
-    try:
-        from mujoco import viewer
+class _Window:
+    """MuJoCo's viewer, which renders in threads of its own."""
 
-        return viewer.launch_passive(model, data)
-    except Exception as error:  # whatever a display that doesn't work comes up with
-        raise TrackslipError(f"rendering: no window opens here: {' '.join(str(error).split())}") from error
+    def __init__(self, model: Any, data: Any) -> None:
+        if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+            raise TrackslipError('rendering: "human" needs a display, and there is none; "rgb_array" does without')
+        try:
+            import glfw
+            from mujoco import viewer
+
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                glfw.init()  # here it raises; in the viewer's thread a failure would end the process
+            others = threading.enumerate()
+            self.viewer = viewer.launch_passive(model, data)
+        except Exception as error:  # whatever a display that doesn't work comes up with
+            raise TrackslipError(f"rendering: no window opens here: {' '.join(str(error).split())}") from error
+        self._threads = [thread for thread in threading.enumerate() if thread not in others]
+        atexit.register(self.close)
+
+    def close(self) -> None:
+        """Close the window and wait until it is gone: a thread that still renders crashes the interpreter's exit."""
+        atexit.unregister(self.close)
+        self.viewer.close()
+        for thread in self._threads:
+            thread.join(timeout=5.0)
