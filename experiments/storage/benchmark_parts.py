@@ -21,7 +21,7 @@ from experiments.benchmark.setup import Setup
 from experiments.driving.lookup import policy_path, user_modules
 from experiments.options.benchmark import BenchmarkConfig, Case
 from experiments.storage import results as store
-from experiments.storage.provenance import content, digest, made_by
+from experiments.storage.manifest import content, digest, made_by
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.logs import logfile
 from trackslip.logs.runlog import RunLog

@@ -14,7 +14,7 @@ import pyarrow
 import pyarrow.parquet
 
 from experiments.storage import results as store
-from experiments.storage.provenance import changes, digest, made_by
+from experiments.storage.manifest import changes, digest, made_by
 from experiments.sweep.drive import Part
 from experiments.sweep.plan import Run
 from experiments.sweep.table import is_row

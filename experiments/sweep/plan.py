@@ -12,7 +12,7 @@ from typing import Any
 from experiments.driving.grid_runs import Cell, require_radius
 from experiments.driving.world import Specification, World
 from experiments.options.grid import GridConfig, SweepConfig
-from experiments.storage.provenance import digest
+from experiments.storage.manifest import digest
 from experiments.sweep.axes import axes_of
 from experiments.sweep.options import ALIASES, option, with_option
 from trackslip.errors import InvalidValueError

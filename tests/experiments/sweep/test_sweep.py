@@ -9,7 +9,7 @@ import pytest
 from experiments.cli import main, parse
 from experiments.driving.grid_runs import drive_cells
 from experiments.parallel.executors import WorkersFailedError
-from experiments.storage import provenance
+from experiments.storage import manifest
 from experiments.storage.sweep_parts import PARTS
 from experiments.sweep.choose import chosen
 from experiments.sweep.plan import fleets, plan
