@@ -19,8 +19,8 @@ import pytest
 
 from experiments.cli import main
 from experiments.parallel.interrupts import interrupts_later
-from experiments.storage import results as store
 from experiments.storage.lock import locked
+from experiments.storage.results import results_folder
 from trackslip.errors import LogError, OutputError
 from trackslip.logs.file_format import FORMAT, require_known_format
 from trackslip.logs.logfile import read_runs
@@ -136,7 +136,7 @@ def test_a_killed_command_locks_nothing_and_its_leftovers_go(old):
     process.send_signal(signal.SIGKILL)
     process.communicate()
     assert {*before, ".lock"} < {file.name for file in old.iterdir()}
-    with store.results(old) as folder:
+    with results_folder(old) as folder:
         assert [file.name for file in old.iterdir() if file.name.startswith(".partial")] == [folder.name]
         for name in before:
             (folder / name).write_bytes(before[name])

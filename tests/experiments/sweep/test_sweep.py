@@ -9,7 +9,7 @@ import pytest
 from experiments.cli import main, parse
 from experiments.driving.grid_runs import drive_cells
 from experiments.parallel.executors import WorkersFailedError
-from experiments.storage import manifest
+from experiments.storage.manifest import made_by
 from experiments.storage.sweep_parts import PARTS
 from experiments.sweep.choose import chosen
 from experiments.sweep.plan import fleets, plan
@@ -197,7 +197,7 @@ def test_what_is_stored_is_not_driven_again(trackslip, monkeypatch):
 def test_runs_of_other_code_are_refused_but_by_force(trackslip, refused, tmp_path, monkeypatch):
     out = ("--out", str(tmp_path / "out"))
     folder = trackslip("grid", *SHORT, *out).folder
-    now = provenance.made_by()
+    now = made_by()
     for change, named in (({"code": "0"}, "trackslip's code"), ({"versions": {"mujoco": "9.9"}}, "mujoco (")):
         with monkeypatch.context() as patch:
             changed = now | change | {"versions": now["versions"] | change.get("versions", {})}
