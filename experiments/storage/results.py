@@ -45,7 +45,7 @@ FOLDERS = {FIGURES: (".svg", ".pdf"), RECORDINGS: (".rrd",)}
 """Folders among the results, and how the names of what is in them end; the rest are files."""
 
 _PARTIAL, _OLD = ".partial-", ".old"
-_PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "lmfit", "pyarrow", "matplotlib", "casadi")
+_PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "pyarrow", "matplotlib", "casadi")
 
 
 @contextlib.contextmanager
