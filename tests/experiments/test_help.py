@@ -9,18 +9,17 @@ import sys
 import typing
 
 import pytest
+from experiments.examples import EXAMPLES, examples_text
 
 from experiments.cli import Command, main, parse
-from experiments.examples import EXAMPLES, examples_text
 
 COMMANDS = [typing.get_args(part)[1].name for part in typing.get_args(Command)]
 HEAVY = (
     *("mujoco", "torch", "stable_baselines3", "casadi", "rerun", "pyarrow", "matplotlib", "jinja2"),
-    *("lmfit", "scipy.stats", "scipy.signal", "scipy.optimize", "scipy.interpolate"),
+    *("scipy.stats", "scipy.signal", "scipy.optimize", "scipy.interpolate"),
 )
 DRAWN = {"matplotlib", "jinja2"}
-LMFIT = {"lmfit", "matplotlib", "scipy.stats", "scipy.signal", "scipy.optimize", "scipy.interpolate"}
-"""lmfit and what it imports."""
+SCIPY = {"scipy.optimize", "scipy.interpolate"}
 PATH = ("--reference", "circle", "--circle-duration", "5", "--localization", "truth")
 NEEDED = {
     ("grid",): {"mujoco", "pyarrow"},
@@ -29,7 +28,7 @@ NEEDED = {
     ("identify",): {"pyarrow"},
     ("benchmark",): {"mujoco", "pyarrow", *DRAWN},
     ("train",): set(),
-    ("calibrate",): {"mujoco", "pyarrow", *LMFIT},
+    ("calibrate",): {"mujoco", "pyarrow", *SCIPY},
     ("validate",): {"mujoco", "scipy.optimize", "scipy.interpolate", *DRAWN},
     ("coverage",): {"mujoco", "pyarrow"},
     ("sensitivity",): {"mujoco", *DRAWN},
