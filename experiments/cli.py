@@ -166,7 +166,10 @@ COMMANDS = {
 EXAMPLES = (
     ("the whole paper, with a report in out/reproduce/report.html", "trackslip reproduce"),
     ("a command's options and examples", "trackslip grid --help"),
-    ("complete commands and options with Tab in bash (or zsh, fish)", 'eval "$(trackslip --tyro-print-completion bash)"'),
+    (
+        "complete commands and options with Tab in bash (or zsh, fish)",
+        'eval "$(trackslip --tyro-print-completion bash)"',
+    ),
 )
 """Of trackslip itself."""
 _DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate for it.
