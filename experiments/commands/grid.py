@@ -96,7 +96,9 @@ def _drive(config: SweepConfig, there: Archive, runs: Sequence[Run], missing: Se
         progress(f"{len(runs)} runs, scans and poses", total, done=total - left) as report,
         workers(config.executor, jobs) as pool,
     ):
-        task = functools.partial(drive, threads=config.threads, report=report) if pool.inline else drive
+        task = functools.partial(drive, threads=config.threads or 1)
+        if pool.inline:
+            task = functools.partial(drive, threads=config.threads, report=report)
         for part in pool.each(task, fleets(missing, pool.count)):
             there.keep(part)
             if not pool.inline:
