@@ -36,7 +36,8 @@ def same_bytes(one, other):
 
 def test_two_processes_killed_and_resumed(trackslip, tmp_path):
     arguments = ("grid", *SHORT[:-1], "processes", "--jobs", "2", "--vary", "scanner.noise=0.001,0.002,0.003,0.004")
-    whole = trackslip(*arguments[:-4], "--executor", "inline", *arguments[-2:], "--out", str(tmp_path / "whole")).folder
+    inline = ("grid", *SHORT, *arguments[-2:])
+    whole = trackslip(*inline, "--out", str(tmp_path / "whole")).folder
     killed_and_resumed(arguments, tmp_path / "killed", 1, random.Random(0))
     same_bytes(whole, tmp_path / "killed")
 
