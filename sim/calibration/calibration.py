@@ -236,6 +236,7 @@ class _Problem:
 
     def minimum(self, start: Array, held: np.ndarray) -> tuple[Array, float]:
         """The least squares nearest `start` (k,): parameters (k,) and the sum."""
+
         def inserted(varied: Array) -> Array:
             full = start.copy()
             full[~held] = varied
