@@ -7,7 +7,16 @@ from functools import partial
 
 from experiments.options.identify import IdentifyConfig
 from experiments.report.terminal import print_table
-from experiments.storage import results as store
+from experiments.storage.manifest import command_line, make_manifest
+from experiments.storage.plain_json import plain, write_json
+from experiments.storage.results import (
+    MANIFEST_FILE,
+    REPORT_FILE,
+    SUMMARY_FILE,
+    results_folder,
+    write_runs,
+    write_samples,
+)
 from experiments.sweep.choose import chosen
 from trackslip.identification.comparison import Comparison
 from trackslip.identification.identify import identified
@@ -24,24 +33,24 @@ def run(config: IdentifyConfig) -> None:
     )
 
     began = time.perf_counter()
-    with store.results(config.out) as folder:
+    with results_folder(config.out) as folder:
         source = source_of(config)
         found = identified(source)
         summary = identification_to_json(found)
         wall = time.perf_counter() - began
         summary["timing"] = {"wall_s": wall, "stages": {"identify": wall}}
-        about = store.manifest("identify", config, wall, **origin(source.logs))
+        about = make_manifest("identify", config, wall, **origin(source.logs))
         if source.logs:
-            store.write_parquet(folder, source.logs)
+            write_runs(folder, source.logs)
         else:
-            store.write_samples(folder, source.sampling.samples)
-        store.write_json(folder / store.SUMMARY, summary)
-        store.write_json(folder / store.MANIFEST, about)
+            write_samples(folder, source.sampling.samples)
+        write_json(folder / SUMMARY_FILE, summary)
+        write_json(folder / MANIFEST_FILE, about)
         page = Report(
             title=f"Slip laws identified from {config.path.name}",
-            command=store.command_line("identify"),
+            command=command_line("identify"),
             manifest=about,
-            summary=store.plain(summary),
+            summary=plain(summary),
             comparison=(),
             grid_logs=source.logs,
             identification=found,
@@ -53,7 +62,7 @@ def run(config: IdentifyConfig) -> None:
     for warning in found.warnings:
         print(f"warning: {warning}")
     print(f"best: {found.comparison.best}, {FAMILIES[found.comparison.best].title}")
-    print(f"{config.out / store.REPORT}: {time.perf_counter() - began:.1f} s")
+    print(f"{config.out / REPORT_FILE}: {time.perf_counter() - began:.1f} s")
 
 
 def source_of(config: IdentifyConfig) -> Source:

@@ -174,7 +174,7 @@ b = 2
 trackslip grid --radii 1 \\
     --speeds 0.1
 eval "$(trackslip completion bash)"
-mpiexec -n 3 python -m mpi4py.futures -m experiments.cli grid --executor mpi
+mpiexec -n 3 python -m mpi4py.futures -m experiments grid --executor mpi
 ```
 
 ```text

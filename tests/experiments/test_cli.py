@@ -263,7 +263,7 @@ def test_one_line_on_a_terminal_too(tmp_path):
     parent, child = pty.openpty()
     environment = os.environ | {"TERM": "xterm-256color"}
     for option, value, message in (("--radii", "-1", "radii = -1.0"), ("--ground.across", "0", "ground.across = 0.0")):
-        command = [sys.executable, "-m", "experiments.cli", "grid", option, value]
+        command = [sys.executable, "-m", "experiments", "grid", option, value]
         done = subprocess.run(command, stdout=child, stderr=subprocess.PIPE, text=True, env=environment, check=False)
         assert done.returncode == 2
         assert done.stderr.startswith(f"trackslip: {message}: must be")
