@@ -13,7 +13,7 @@ from experiments.benchmark.latency import step_times
 from experiments.benchmark.setup import Setup
 from experiments.driving.lookup import reference
 from experiments.options.benchmark import Case
-from experiments.storage import results as store
+from experiments.storage.plain_json import plain
 from trackslip.errors import TrackslipError
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import expense, tracking_errors
@@ -82,7 +82,7 @@ def measure(setup: Setup, outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
         row: dict[str, Any] = vars(case) | {"error": outcome.error, "compute_ms": []}
         if log is not None and log.truth is not None:
             path = reference(case.reference)
-            row |= store.plain(tracking_errors(log.time, log.truth.pose, path)) | store.plain(expense(log, top_speed))
+            row |= plain(tracking_errors(log.time, log.truth.pose, path)) | plain(expense(log, top_speed))
             row["valid_fraction"] = float(log.is_valid.mean())
             if log.icr is not None:
                 row |= {"icr_offset": log.icr[-1, 0], "icr_radius_error": log.icr[-1, 1]}

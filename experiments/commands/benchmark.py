@@ -29,8 +29,17 @@ from experiments.parallel.executors import WorkersFailedError
 from experiments.recording import record_all
 from experiments.report.benchmark import render
 from experiments.report.terminal import print_table, progress
-from experiments.storage import results as store
 from experiments.storage.benchmark_parts import Parts, complete, names_of, rows_of, runs_of
+from experiments.storage.manifest import command_line
+from experiments.storage.plain_json import plain, write_json
+from experiments.storage.results import (
+    LEADERBOARD_FILE,
+    MANIFEST_FILE,
+    REPORT_FILE,
+    RUNS_FILE,
+    SUMMARY_FILE,
+    results_folder,
+)
 from sim.stopwatch import Stopwatch
 from trackslip.logs import logfile
 from trackslip.logs.logjoin import join_parquet
@@ -41,7 +50,7 @@ def run(config: BenchmarkConfig) -> None:
     """Drive, gather, store and print."""
     began = time.perf_counter()
     watch = Stopwatch()
-    with store.results(config.out) as folder:
+    with results_folder(config.out) as folder:
         setup = Setup.of(config)
         cases, notes = without_missing(config)
         setup.check(cases)
@@ -62,18 +71,18 @@ def run(config: BenchmarkConfig) -> None:
             runs = [row for path in paths for row in rows_of(path)]
             rows = over_seeds(runs)
             entries, lost = board(rows), [*losses(rows), *notes]
-            _gather(paths, folder / store.RUNS)
+            _gather(paths, folder / RUNS_FILE)
         if config.rrd:
             with watch.stage("recordings"):
                 _record(folder, cases)
         about = setup.world.manifest("benchmark", time.perf_counter() - began) | {
-            "config": store.plain(config),
-            "ground": {name: store.plain(setup.ground(name)) for name in dict.fromkeys(row["ground"] for row in rows)},
+            "config": plain(config),
+            "ground": {name: plain(setup.ground(name)) for name in dict.fromkeys(row["ground"] for row in rows)},
             "seed": sorted({run["seed"] for run in runs}),
         }
         with watch.stage("report"):
-            (folder / store.LEADERBOARD).write_text(_markdown(entries, lost, rows), encoding="utf-8")
-            page = render(folder / store.RUNS, entries, lost, rows, runs, about, store.command_line("benchmark"))
+            (folder / LEADERBOARD_FILE).write_text(_markdown(entries, lost, rows), encoding="utf-8")
+            page = render(folder / RUNS_FILE, entries, lost, rows, runs, about, command_line("benchmark"))
             page.write(folder, config.pdf)
         wall = time.perf_counter() - began
         timing = {"wall_s": wall, "stages": watch.stages}
@@ -86,8 +95,8 @@ def run(config: BenchmarkConfig) -> None:
             "wall_s": wall,
             "timing": timing,
         }
-        store.write_json(folder / store.SUMMARY, summary)
-        store.write_json(folder / store.MANIFEST, about)
+        write_json(folder / SUMMARY_FILE, summary)
+        write_json(folder / MANIFEST_FILE, about)
     parts.discard(paths)
     print_table("Position errors, means over references, grounds and seeds", BOARD_HEADER, board_text(entries))
     for line in lost:
@@ -95,7 +104,7 @@ def run(config: BenchmarkConfig) -> None:
     for failure in _failures(runs):
         print(f"failed: {failure['run']}: {failure['error']}")
     print(stages_text(watch.stages))
-    print(f"{config.out / store.REPORT}: {len(runs)} runs in {wall:.1f} s; all {len(rows)} rows in {store.LEADERBOARD}")
+    print(f"{config.out / REPORT_FILE}: {len(runs)} runs in {wall:.1f} s; all {len(rows)} rows in {LEADERBOARD_FILE}")
 
 
 def _drive(setup: Setup, wanted: dict[Path, tuple[Case, ...]]) -> None:
@@ -116,9 +125,9 @@ def _gather(paths: Sequence[Path], file: Path) -> None:
 
 def _record(folder: Path, cases: Sequence[Case]) -> None:
     """A comparison a reference, ground and start: all controllers and compensations with the first seed."""
-    if not (folder / store.RUNS).exists():
+    if not (folder / RUNS_FILE).exists():
         return
-    logs = {log.run: log for log in logfile.read_runs(folder / store.RUNS)}
+    logs = {log.run: log for log in logfile.read_runs(folder / RUNS_FILE)}
     compared: dict[str, list[RunLog]] = {}
     for case in cases:
         if case.seed == cases[0].seed and case.run in logs:

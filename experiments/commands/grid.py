@@ -14,7 +14,8 @@ from experiments.options.grid import SweepConfig
 from experiments.parallel.executors import WorkersFailedError, processors, workers
 from experiments.recording import record_all
 from experiments.report.terminal import progress
-from experiments.storage import results as store
+from experiments.storage.plain_json import write_json
+from experiments.storage.results import MANIFEST_FILE, RUNS_FILE, SUMMARY_FILE, TABLE_FILE, arrow_errors, results_folder
 from experiments.storage.sweep_parts import Archive
 from experiments.sweep import summary
 from experiments.sweep.drive import drive
@@ -33,18 +34,18 @@ def run(config: SweepConfig) -> None:
     world = World.of(config)  # before its files can change
     there = Archive(config.out)
     try:
-        with store.results(config.out, then=there.discard) as folder:
+        with results_folder(config.out, then=there.discard) as folder:
             found = _drive_and_gather(config, runs, there, folder, watch)
             wall = found["timing"]["wall_s"] = time.perf_counter() - began
-            store.write_json(folder / store.SUMMARY, found)
-            store.write_json(folder / store.MANIFEST, world.manifest("grid", wall))
+            write_json(folder / SUMMARY_FILE, found)
+            write_json(folder / MANIFEST_FILE, world.manifest("grid", wall))
     except (KeyboardInterrupt, WorkersFailedError, OutputError) as stop:
         raise type(stop)(_how_to_go_on(stop, config, len(runs), len(runs) - len(there.missing(runs)))) from None
     summary.print_out(config, runs, found)
     print(stages_text(watch.stages))
     taken = found["timing"]["taken"]
     already = f", {taken} of them taken from before" if taken else ""
-    print(f"{config.out / store.RUNS}: {len(runs) - len(found['failures'])} runs in {wall:.1f} s{already}")
+    print(f"{config.out / RUNS_FILE}: {len(runs) - len(found['failures'])} runs in {wall:.1f} s{already}")
 
 
 def _drive_and_gather(
@@ -64,12 +65,12 @@ def _drive_and_gather(
     if len(failures) == len(rows):
         raise TrackslipError(_all_failed(failures))
     with watch.stage("gathering"):
-        there.gather(runs, folder / store.RUNS)
+        there.gather(runs, folder / RUNS_FILE)
         if config.rrd:
-            record_all(folder, logfile.read_runs(folder / store.RUNS))
-        with store.arrow_errors(folder / store.TABLE):
-            write_table(rows, list(runs[0].axes), folder / store.TABLE)
-    return summary.of(config, runs, rows, lambda: logfile.read_runs(folder / store.RUNS), watch) | {
+            record_all(folder, logfile.read_runs(folder / RUNS_FILE))
+        with arrow_errors(folder / TABLE_FILE):
+            write_table(rows, list(runs[0].axes), folder / TABLE_FILE)
+    return summary.of(config, runs, rows, lambda: logfile.read_runs(folder / RUNS_FILE), watch) | {
         "runs": rows,
         "made_by": made_by,
         "failures": [{"run": row["run"], "error": row["error"]} for row in failures],

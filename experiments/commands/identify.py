@@ -10,7 +10,16 @@ from typing import Any
 
 from experiments.options.identify import IdentifyConfig
 from experiments.report.terminal import print_table
-from experiments.storage import results as store
+from experiments.storage.manifest import command_line, make_manifest
+from experiments.storage.plain_json import plain, write_json
+from experiments.storage.results import (
+    MANIFEST_FILE,
+    REPORT_FILE,
+    SUMMARY_FILE,
+    results_folder,
+    write_runs,
+    write_samples,
+)
 from experiments.sweep.choose import chosen, require_one_setting
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.comparison import Comparison
@@ -50,24 +59,24 @@ def run(config: IdentifyConfig) -> None:
     )
 
     began = time.perf_counter()
-    with store.results(config.out) as folder:
+    with results_folder(config.out) as folder:
         source = read_source(config)
         found = identify(source.sampling, source.geometry)
         summary = identification_to_json(found, source.geometry)
         wall = time.perf_counter() - began
         summary["timing"] = {"wall_s": wall, "stages": {"identify": wall}}
-        about = store.manifest("identify", config, wall, **source.origin)
+        about = make_manifest("identify", config, wall, **source.origin)
         if source.logs:
-            store.write_parquet(folder, source.logs)
+            write_runs(folder, source.logs)
         else:
-            store.write_samples(folder, source.sampling.samples)
-        store.write_json(folder / store.SUMMARY, summary)
-        store.write_json(folder / store.MANIFEST, about)
+            write_samples(folder, source.sampling.samples)
+        write_json(folder / SUMMARY_FILE, summary)
+        write_json(folder / MANIFEST_FILE, about)
         page = Report(
             title=f"Slip laws identified from {config.path.name}",
-            command=store.command_line("identify"),
+            command=command_line("identify"),
             manifest=about,
-            summary=store.plain(summary),
+            summary=plain(summary),
             comparison=(),
             grid_logs=source.logs,
             identification=found,
@@ -79,7 +88,7 @@ def run(config: IdentifyConfig) -> None:
     for warning in found.warnings:
         print(f"warning: {warning}")
     print(f"best: {found.comparison.best}, {FAMILIES[found.comparison.best].title}")
-    print(f"{config.out / store.REPORT}: {time.perf_counter() - began:.1f} s")
+    print(f"{config.out / REPORT_FILE}: {time.perf_counter() - began:.1f} s")
 
 
 def read_source(config: IdentifyConfig) -> Source:
@@ -114,7 +123,7 @@ def _read(config: IdentifyConfig, file: Path) -> Source:
         raise LogError(f"{file}: its {len(runs)} run(s) are closed loops; slip is identified from steady runs")
     require_one_setting(logs, file)
     geometry = choose_geometry(config, logs[0].metadata.get("geometry"), file)
-    known = {"geometry": store.plain(geometry)}
+    known = {"geometry": plain(geometry)}
     logs = [replace(log, omega=log.omega / config.gear, metadata=log.metadata | known) for log in logs]
     return Source(geometry, usable_samples(logs, geometry, config.settle, config.motion), logs)
 

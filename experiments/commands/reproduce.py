@@ -28,8 +28,11 @@ from experiments.options.world import IDENTIFIED, LINEAR_START
 from experiments.recording import record_all
 from experiments.report.reproduction import ComparisonRow, Report, render
 from experiments.report.terminal import print_table, progress
-from experiments.storage import results as store
-from sim.runs import Description, Pilot, closed_loop
+from experiments.storage.manifest import command_line
+from experiments.storage.plain_json import plain
+from experiments.storage.results import REPORT_FILE, results_folder, write_results
+from sim.run_recorder import Description
+from sim.runs import Pilot, closed_loop
 from sim.seeds import generator
 from sim.stopwatch import Stopwatch
 from trackslip.controllers.named import CONTROLLERS
@@ -47,7 +50,7 @@ def run(config: ReproduceConfig) -> None:
     """Grid, identification, verification, report, in this order."""
     began = time.perf_counter()
     watch = Stopwatch()
-    with store.results(config.out) as folder:
+    with results_folder(config.out) as folder:
         world = World.of(config)
         robot = world.robot
         grid_logs = drive_grid(config, world, watch)
@@ -67,13 +70,13 @@ def run(config: ReproduceConfig) -> None:
         with watch.stage("closed loops"):
             tracking_logs = drive_paths(config, world, {name: laws[name].law for name in IDENTIFIED if name in laws})
             summary["tracking"] = tracking_summary(tracking_logs, paper_reference())
-        summary = store.plain(summary)
+        summary = plain(summary)
         rows = comparison(summary)
         with watch.stage("report"):
             about = world.manifest("reproduce", time.perf_counter() - began)
             page = Report(
                 title="Slip of a tracked robot: the paper and its simulation",
-                command=store.command_line("reproduce"),
+                command=command_line("reproduce"),
                 manifest=about,
                 summary=summary,
                 comparison=rows,
@@ -88,7 +91,7 @@ def run(config: ReproduceConfig) -> None:
             "simulated_s": simulated_seconds([*grid_logs, *tracking_logs]),
             "stages": watch.stages,
         }
-        store.write_results(folder, [*grid_logs, *tracking_logs], summary, about)
+        write_results(folder, [*grid_logs, *tracking_logs], summary, about)
         if config.rrd:
             record_all(folder, [*grid_logs, *tracking_logs], _by_controller(tracking_logs))
     print_table(
@@ -101,7 +104,7 @@ def run(config: ReproduceConfig) -> None:
         print(f"warning: {warning}")
     print(stages_text(watch.stages))
     simulated = summary["timing"]["simulated_s"]
-    print(f"{config.out / store.REPORT}: {wall:.1f} s for {simulated:.0f} s of simulated driving")
+    print(f"{config.out / REPORT_FILE}: {wall:.1f} s for {simulated:.0f} s of simulated driving")
 
 
 def drive_paths(config: ReproduceConfig, world: World, identified: Mapping[str, SlipLaw]) -> list[RunLog]:

@@ -33,9 +33,9 @@ class GridConfig(Simulation):
     localization: Localization = "plate"
     """How a scan becomes a pose: the known rectangle's maximum likelihood, or the paper's line."""
     motion: Motion | None = None
-    """How a run becomes a twist, by default the most exact way that it allows: the paper's filter as printed, or run
-    both ways (butterworth); Savitzky and Golay's; a constant-twist smoother; the arc of constant twist through all
-    poses, or straight to all ranges (bundle)."""
+    """How a run becomes a twist: the paper's filter as printed (paper) or run both ways (butterworth), or an arc of
+    constant twist fitted to all poses (arc) or directly to all ranges (bundle); by default the most accurate method
+    that the run allows."""
     duration: float = 30.0
     """Length of each run [s]."""
     random_phase: bool = False

@@ -30,8 +30,8 @@ class IdentifyConfig:
     gear: float = 1.0
     """Turns of the encoder, whose speed omega then is, for one of the sprocket."""
     motion: Motion | None = None
-    """How a run becomes a twist: paper, butterworth, savgol, rts, arc, or, with ranges, bundle; by default the most
-    exact that the run allows."""
+    """How a run becomes a twist: paper, butterworth, arc or, if the log has ranges, bundle; by default the most accurate
+    method that the run allows."""
     settle: float = SETTLE
     """Time after the sprockets have become steady that is left out of each run [s]."""
     out: Path = Path("out/identify")

@@ -15,7 +15,7 @@ from sim.scanner.scanner import LaserScanner
 from trackslip.errors import InvalidValueError
 
 Localization = Literal["plate", "line"]
-Motion = Literal["paper", "butterworth", "savgol", "rts", "arc", "bundle"]
+Motion = Literal["paper", "butterworth", "arc", "bundle"]
 IDENTIFIED = ("exponential", "icr", "icr_radius")
 """The identified laws that the paper's controllers are compared with."""
 

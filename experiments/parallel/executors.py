@@ -119,7 +119,7 @@ def _mpi() -> Iterator[Any]:
     except (ImportError, RuntimeError) as error:
         raise TrackslipError(f'--executor mpi: {error}; pip install "trackslip[mpi]"') from error
     if MPI.COMM_WORLD.Get_size() < 2:  # asked for workers, some MPIs would wait for them for ever
-        how = "mpiexec -n N python -m mpi4py.futures -m experiments.cli grid ..."
+        how = "mpiexec -n N python -m mpi4py.futures -m experiments grid ..."
         raise TrackslipError(f"--executor mpi: there are no workers; start it with {how}")
     with MPIPoolExecutor() as pool:
         try:

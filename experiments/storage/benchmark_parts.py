@@ -20,8 +20,9 @@ import pyarrow.parquet
 from experiments.benchmark.setup import Setup
 from experiments.driving.lookup import policy_path, user_modules
 from experiments.options.benchmark import BenchmarkConfig, Case
-from experiments.storage import results as store
-from experiments.storage.provenance import content, digest, made_by
+from experiments.storage.manifest import content, digest, made_by
+from experiments.storage.plain_json import plain, write_json
+from experiments.storage.results import SUMMARY_FILE
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.logs import logfile
 from trackslip.logs.runlog import RunLog
@@ -77,7 +78,7 @@ class Parts:
             runs["bytes"] = draft.stat().st_size
             os.replace(draft, runs_of(path))
         draft = path.with_suffix(f".rows-{os.getpid()}")
-        store.write_json(draft, {"rows": rows, "runs": runs})
+        write_json(draft, {"rows": rows, "runs": runs})
         os.replace(draft, path)
 
     def discard_useless(self) -> None:
@@ -128,10 +129,10 @@ def runs_of(path: Path) -> Path:
 
 def _common(setup: Setup) -> dict[str, Any]:
     config: BenchmarkConfig = setup.config
-    options = {name: value for name, value in store.plain(config).items() if name not in _IRRELEVANT}
+    options = {name: value for name, value in plain(config).items() if name not in _IRRELEVANT}
     laws = config.laws or SHIPPED
     return options | {
         "model": setup.world.robot.digest,
-        "world": store.plain([setup.world.parameters, setup.world.obstacles, setup.world.radius_error]),
-        "laws": content(laws / store.SUMMARY if laws.is_dir() else laws),
+        "world": plain([setup.world.parameters, setup.world.obstacles, setup.world.radius_error]),
+        "laws": content(laws / SUMMARY_FILE if laws.is_dir() else laws),
     }

@@ -13,8 +13,9 @@ from typing import Any
 import pyarrow
 import pyarrow.parquet
 
-from experiments.storage import results as store
-from experiments.storage.provenance import changes, digest, made_by
+from experiments.storage.manifest import changes, digest, made_by
+from experiments.storage.plain_json import plain
+from experiments.storage.results import MANIFEST_FILE, RUNS_FILE, SUMMARY_FILE
 from experiments.sweep.drive import Part
 from experiments.sweep.plan import Run
 from experiments.sweep.table import is_row
@@ -85,7 +86,7 @@ class Archive:
         now = made_by()
         if part.made_by != digest(now):
             raise TrackslipError("a worker has other code, models or libraries than this process")
-        rows: list[dict[str, Any]] = store.plain([row | {"made_by": part.made_by} for row in part.rows])
+        rows: list[dict[str, Any]] = plain([row | {"made_by": part.made_by} for row in part.rows])
         path = self._parts / f"{digest([row['id'] for row in rows])}.json"
         file = path.with_suffix(".parquet")
         if part.runs is not None:
@@ -120,10 +121,10 @@ class Archive:
 
     def _require_readable(self) -> None:
         """Raise LogError for results of a newer version, or whose manifest or summary is damaged."""
-        file = self._out / store.SUMMARY
+        file = self._out / SUMMARY_FILE
         try:
             require_known_manifest(self._out)
-            if (self._out / store.MANIFEST).exists() and file.exists():
+            if (self._out / MANIFEST_FILE).exists() and file.exists():
                 json.loads(file.read_text(encoding="utf-8"))
         except LogError as error:
             raise LogError(f"{error}; --no-resume replaces it") from error
@@ -132,9 +133,9 @@ class Archive:
 
     def _records(self) -> Iterable[tuple[Path, list[dict[str, Any]], dict[str, Any]]]:
         """File of runs, rows and by what they were made, of the results and of every whole part."""
-        record = _record(self._out / store.SUMMARY)
-        if record is not None and all((self._out / name).exists() for name in (store.MANIFEST, store.RUNS)):
-            yield self._out / store.RUNS, *record
+        record = _record(self._out / SUMMARY_FILE)
+        if record is not None and all((self._out / name).exists() for name in (MANIFEST_FILE, RUNS_FILE)):
+            yield self._out / RUNS_FILE, *record
         for path in sorted(self._parts.glob("*.json")):
             with contextlib.suppress(LogError):
                 record = _record(path)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from experiments.storage import results as store
+from experiments.storage.results import TABLE_FILE
 from experiments.sweep.table import COLUMNS
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.logs.logfile import read_table
@@ -24,7 +24,7 @@ def chosen(folder: Path, where: Sequence[str]) -> set[str]:
         InvalidValueError: for an axis or a value that the sweep doesn't have.
         LogError: for a folder without a table of its runs.
     """
-    rows: list[dict[str, Any]] = read_table(folder / store.TABLE).to_pylist()
+    rows: list[dict[str, Any]] = read_table(folder / TABLE_FILE).to_pylist()
     axes = [name for name in rows[0] if name not in COLUMNS] if rows else []
     for text in where:
         name, _, value = text.partition("=")

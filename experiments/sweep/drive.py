@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from experiments.driving.grid_runs import drive_cells, localization_summary
-from experiments.storage.provenance import digest, made_by
+from experiments.storage.manifest import digest, made_by
 from experiments.sweep.plan import Run
 from sim.runs import Progress
 from sim.stopwatch import Stopwatch

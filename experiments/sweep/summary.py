@@ -11,7 +11,7 @@ import numpy as np
 from experiments.driving.grid_runs import grid_summary, published_radii, radius_rows
 from experiments.options.grid import SweepConfig
 from experiments.report.terminal import print_table
-from experiments.storage import results as store
+from experiments.storage.results import SUMMARY_FILE, TABLE_FILE
 from experiments.sweep.plan import Run
 from sim.stopwatch import Stopwatch
 from trackslip.identification.samples import SlipSamples
@@ -118,15 +118,15 @@ def print_out(config: SweepConfig, runs: Sequence[Run], found: Mapping[str, Any]
         )
         print_table(f"{len(runs)} runs in {len(grids)} grids", header, [_line(grid) for grid in grids[:_MAX_LINES]])
         if len(grids) > _MAX_LINES:
-            print(f"and {len(grids) - _MAX_LINES} more grids; {store.TABLE} has a row for each run")
+            print(f"and {len(grids) - _MAX_LINES} more grids; {TABLE_FILE} has a row for each run")
     for warning in found["warnings"][:_MAX_LINES]:
         print(f"warning: {warning}")
     if len(found["warnings"]) > _MAX_LINES:
-        print(f"and {len(found['warnings']) - _MAX_LINES} more warnings in {store.SUMMARY}")
+        print(f"and {len(found['warnings']) - _MAX_LINES} more warnings in {SUMMARY_FILE}")
     for failure in found["failures"][:_MAX_LINES]:
         print(f"failed: {failure['run']}: {failure['error']}")
     if len(found["failures"]) > _MAX_LINES:
-        print(f"and {len(found['failures']) - _MAX_LINES} more failures in {store.TABLE}")
+        print(f"and {len(found['failures']) - _MAX_LINES} more failures in {TABLE_FILE}")
 
 
 def _line(grid: Mapping[str, Any]) -> tuple[str, ...]:

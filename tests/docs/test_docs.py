@@ -127,7 +127,7 @@ b = 2
 # a comment
 trackslip grid --radii 1 \\
     --speeds 0.1
-mpiexec -n 3 python -m mpi4py.futures -m experiments.cli grid --executor mpi
+mpiexec -n 3 python -m mpi4py.futures -m experiments grid --executor mpi
 ```
 
 ```text

@@ -26,7 +26,7 @@ DIRECTIVES = ("slow", "needs", "parsed only", "not run", "refused", "file")
 
 _FENCE = re.compile(r"^(```+|~~~+)\s*(\S*)\s*$")
 _COMMENT = re.compile(r"^<!-- ([a-z ]+?)(?:: (.+))? -->$")
-_MPI = re.compile(r"mpiexec -n \d+ python -m mpi4py\.futures -m experiments\.cli (.*)")
+_MPI = re.compile(r"mpiexec -n \d+ python -m mpi4py\.futures -m experiments (.*)")
 
 
 @dataclass(frozen=True)

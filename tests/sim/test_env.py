@@ -16,8 +16,10 @@ from sim.path_tracking.config import EnvConfig, Reward
 from sim.path_tracking.randomization import Randomization
 from sim.path_tracking.tracking import TERMS
 from sim.robot.parameters import RobotParameters
-from sim.runs import Description, Pilot, closed_loop
-from sim.scanner.scanner import LaserScanner, ScannerFeed
+from sim.run_recorder import Description
+from sim.runs import Pilot, closed_loop
+from sim.scanner.feed import ScannerFeed
+from sim.scanner.scanner import LaserScanner
 from trackslip.controllers.linear import LinearTimeVarying
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import wrap_angle

@@ -14,14 +14,14 @@ from identified import driven
 import trackslip as package
 from experiments.cli import main, parse
 from experiments.commands.identify import read_source
-from experiments.storage import results as store
+from experiments.storage.results import write_samples
 from trackslip.errors import LogError
 from trackslip.logs.logfile import RUNS, write_parquet
 from trackslip.logs.schema import COLUMNS
 
 
 def test_steady_samples_have_units_too(tmp_path):
-    store.write_samples(tmp_path, driven([(0.1, 0.1), (0.2, 0.1)]))
+    write_samples(tmp_path, driven([(0.1, 0.1), (0.2, 0.1)]))
     for field in pyarrow.parquet.read_schema(tmp_path / RUNS):
         assert field.metadata[b"unit"].decode() == COLUMNS[field.name].unit
     with pytest.raises(LogError, match="column t is missing"):

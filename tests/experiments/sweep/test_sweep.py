@@ -7,9 +7,11 @@ import pyarrow.parquet as pq
 import pytest
 
 from experiments.cli import main, parse
-from experiments.driving.grid_runs import drive_cells
+from experiments.driving.grid_runs import drive_cells, drive_grid
+from experiments.driving.world import World
+from experiments.options.reproduce import ReproduceConfig
 from experiments.parallel.executors import WorkersFailedError
-from experiments.storage import provenance
+from experiments.storage.manifest import made_by
 from experiments.storage.sweep_parts import PARTS
 from experiments.sweep.choose import chosen
 from experiments.sweep.plan import fleets, plan
@@ -84,11 +86,31 @@ def test_a_run_is_the_same_however_it_is_asked_for():
     assert len(ids) == 9
 
 
-def test_the_papers_grid_has_the_noise_that_it_always_had():
-    assert [run.cell.key for run in planned("--radii", "0.5", "--speeds", "0.05", "0.1")] == [
-        "radius=0.5 speed=0.05",
-        "radius=0.5 speed=0.1",
-    ]
+ONE = ("--radii", "0.6", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
+
+
+@pytest.mark.parametrize("world", [(), ("--ground", "ice", "--scanner.noise", "0.01")])
+def test_methods_are_compared_on_the_same_scans(trackslip, tmp_path, world):
+    """Whatever evaluates them, the ranges are the same to the bit; another world has noise of its own."""
+    found = []
+    for k, options in enumerate(((), ("--motion", "arc"), ("--localization", "line"), ("--seed", "1"))):
+        folder = trackslip("grid", *ONE, *world, *options, "--out", str(tmp_path / str(k))).folder
+        found += read_runs(folder / "runs.parquet")
+    usual, *same, other = (log.scans.cluster.range for log in found)
+    for ranges in same:
+        np.testing.assert_array_equal(ranges, usual)
+    assert not np.array_equal(other, usual, equal_nan=True)
+    assert len({log.metadata["id"] for log in found}) == 4
+
+
+def test_a_grid_in_the_shipped_world_meets_the_scans_of_reproduce(trackslip):
+    options = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "4", "--executor", "inline")
+    stored = logs(trackslip("grid", *options, "--motion", "arc").folder)
+    config = ReproduceConfig(radii=(0.6, 1.5), speeds=(0.1, 0.2), duration=4.0)
+    for log, own in zip(stored.values(), drive_grid(config, World.of(config)), strict=True):
+        ours, theirs = log.scans.cluster, own.scans.cluster  # padded to different widths
+        stored_as = ours.range.astype(np.float32)
+        np.testing.assert_array_equal(ours.range[ours.hit], theirs.range.astype(np.float32)[theirs.hit])  # as stored
 
 
 def test_any_option_varies_and_only_equal_models_share_a_fleet(tmp_path):
@@ -197,7 +219,7 @@ def test_what_is_stored_is_not_driven_again(trackslip, monkeypatch):
 def test_runs_of_other_code_are_refused_but_by_force(trackslip, refused, tmp_path, monkeypatch):
     out = ("--out", str(tmp_path / "out"))
     folder = trackslip("grid", *SHORT, *out).folder
-    now = provenance.made_by()
+    now = made_by()
     for change, named in (({"code": "0"}, "trackslip's code"), ({"versions": {"mujoco": "9.9"}}, "mujoco (")):
         with monkeypatch.context() as patch:
             changed = now | change | {"versions": now["versions"] | change.get("versions", {})}

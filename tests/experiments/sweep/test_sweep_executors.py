@@ -17,7 +17,7 @@ SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--execu
 
 def killed_and_resumed(arguments, out, kills, rng, environment=None):
     """Run a command in a process of its own, kill it at random moments, then let it end."""
-    command = [sys.executable, "-m", "experiments.cli", *arguments, "--out", str(out)]
+    command = [sys.executable, "-m", "experiments", *arguments, "--out", str(out)]
     for _ in range(kills):
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         time.sleep(rng.uniform(0.5, 6.0))
