@@ -13,7 +13,7 @@ import os
 import re
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -93,7 +93,7 @@ def refreshed(page: str, runner: PageRunner) -> str:
     lines = page.splitlines()
     for block in blocks(page):
         if block.language == "text" and runner.printed is not None:
-            there = iter(list(map(str.rstrip, runner.printed.splitlines())))
+            there = iter(runner.printed.splitlines())
             for k in range(block.line, block.line + len(block.text.splitlines())):
                 lines[k] = _as_printed(lines[k], there)
         else:
@@ -101,16 +101,15 @@ def refreshed(page: str, runner: PageRunner) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _as_printed(line: str, there: Any) -> str:
-    words = _NUMBER.sub("#", line.removesuffix("…")).split()
-    if not words:
-        return line
-    for found in there:
-        cut = line.endswith("…")
-        if (_NUMBER.sub("#", found).split()[: len(words)] if cut else _NUMBER.sub("#", found).split()) == words:
-            if not cut:
-                return line if line.split() == found.split() else found.removeprefix(" " * (len(found) - len(found.lstrip())))
-            return " ".join(found.split()[: len(words)]) + " …" if line.split()[:-1] != found.split()[: len(words)] else line
+def _as_printed(line: str, there: Iterator[str]) -> str:
+    """The next printed line whose words are the shown line's, or the shown line where there is none."""
+    words = line.removesuffix("…").split()
+    for found in there if words else ():
+        now = found.split()[: len(words)] if line.endswith("…") else found.split()
+        if now == words:
+            return line
+        if [_NUMBER.sub("#", word) for word in now] == [_NUMBER.sub("#", word) for word in words]:
+            return found.rstrip() if not line.endswith("…") else " ".join(now) + " …"
     return line
 
 
