@@ -89,10 +89,21 @@ def test_links_lead_somewhere(page):
         assert (page.parent / link).exists(), link
 
 
+@pytest.mark.parametrize("page", PAGES, ids=ids)
+def test_files_and_folders_that_are_named_are_there(page):
+    named = re.findall(
+        r"`((?:trackslip|sim|experiments|models|tests|examples)/[^` ]*)`", page.read_text(encoding="utf-8")
+    )
+    for path in named:
+        assert (ROOT / path).exists(), path
+
+
 def test_the_index_lists_every_page_once():
     listed = links((ROOT / "docs" / "README.md").read_text(encoding="utf-8"))
     pages = {page.name for page in PAGES if page.parent.name == "docs"} - {"README.md"}
     assert sorted(name for name in listed if name.endswith(".md") and "/" not in name) == sorted(pages)
+    site = re.findall(r"^ +- (.+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE)
+    assert sorted(name for name in site if "/" not in name) == sorted([*pages, "README.md"])
 
 
 def test_most_commands_are_run():
