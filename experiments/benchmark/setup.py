@@ -13,7 +13,7 @@ from experiments.driving.grid_runs import make_locator
 from experiments.driving.lookup import compensation, controller, reference
 from experiments.driving.world import World
 from experiments.options.benchmark import BenchmarkConfig, Case
-from experiments.storage import results as store
+from experiments.storage.plain_json import plain
 from sim.fleet import Fleet
 from sim.ground.file import load_ground
 from sim.ground.ground import Ground
@@ -98,7 +98,7 @@ class Setup:
         locator = None if self.config.localization == "truth" else make_locator(self.config.localization, world.robot)
         common = world.metadata(self.config.localization)
         descriptions = [
-            Description(case.run, common | vars(case) | {"ground": store.plain(on), "ground_name": case.ground})
+            Description(case.run, common | vars(case) | {"ground": plain(on), "ground_name": case.ground})
             for case, on in zip(cases, grounds, strict=True)
         ]
         return closed_loop(fleet, pilots, path, feed, locator, descriptions)

@@ -29,7 +29,9 @@ from experiments.driving.grid_runs import before_scanner, make_locator
 from experiments.options.bench import BenchConfig
 from experiments.options.track import TrackConfig
 from experiments.report.terminal import print_table
-from experiments.storage import results as store
+from experiments.storage.manifest import make_manifest
+from experiments.storage.plain_json import write_json
+from experiments.storage.results import MANIFEST_FILE, SUMMARY_FILE, results_folder
 from sim.fleet import Fleet
 from sim.robot.robot import Robot, load_robot
 from sim.run_recorder import Description
@@ -58,19 +60,19 @@ _MIN_SCANS_CLOSED_LOOP = 6
 def run(config: BenchConfig) -> None:
     """Measure, store and print."""
     began = perf_counter()
-    with store.results(config.out) as folder:
+    with results_folder(config.out) as folder:
         robot = load_robot()
         summary = _measured(config, robot)
         summary["peak_memory_mb"] = peak_memory()
         wall = perf_counter() - began
         summary["timing"] = {"wall_s": wall}
-        about = store.manifest(
+        about = make_manifest(
             "bench", config, wall, seed=config.seed, model_sha256=robot.digest, processors=os.cpu_count()
         )
-        store.write_json(folder / store.SUMMARY, summary)
-        store.write_json(folder / store.MANIFEST, about)
+        write_json(folder / SUMMARY_FILE, summary)
+        write_json(folder / MANIFEST_FILE, about)
     _print_out(config, summary)
-    print(f"{config.out / store.SUMMARY}: {wall:.1f} s")
+    print(f"{config.out / SUMMARY_FILE}: {wall:.1f} s")
 
 
 def _measured(config: BenchConfig, robot: Robot) -> dict[str, Any]:

@@ -10,20 +10,22 @@ from typing import Any
 
 import numpy as np
 
-from experiments.commands.identify import read_source
 from experiments.driving.sample_runs import record_turns
 from experiments.options.calibrate import CalibrateConfig
-from experiments.options.identify import IdentifyConfig
 from experiments.report.terminal import print_table, progress
-from experiments.storage import results as store
+from experiments.storage.manifest import command_line, make_manifest
+from experiments.storage.plain_json import write_json
+from experiments.storage.results import MANIFEST_FILE, SUMMARY_FILE, results_folder
 from sim.calibration.calibration import Candidate, Fit, calibrate, floor, simulated_twist, starts
 from sim.calibration.target import MeasuredTurns, Target, TurnTable
 from sim.ground.ground import Ground
 from sim.robot.file import load_robot_file, robot_file_text
 from sim.seeds import generator
 from trackslip.errors import InvalidValueError, LogError
+from trackslip.identification.source import Reading, read_source
 from trackslip.kinematics import RobotGeometry
-from trackslip.logs.logfile import read_columns, read_table
+from trackslip.logs.logfile import read_table
+from trackslip.logs.table import read_columns
 
 ROBOT = "robot.toml"
 TABLE_COLUMNS = ("radius", "speed", "observed_radius", "slip_outer", "slip_inner")
@@ -32,7 +34,7 @@ TABLE_COLUMNS = ("radius", "speed", "observed_radius", "slip_outer", "slip_inner
 def run(config: CalibrateConfig) -> None:
     """Fit, store and print."""
     began = time.perf_counter()
-    with store.results(config.out) as folder:
+    with results_folder(config.out) as folder:
         robot, ground = load_robot_file(config.robot)
         base = Candidate(robot, ground.across / ground.along)
         target = read_target(config.target, base.geometry)
@@ -51,10 +53,10 @@ def run(config: CalibrateConfig) -> None:
             "timing": {"wall_s": wall},
         }
         made = Ground(ground.along, ground.along * best.candidate.friction_ratio)
-        comment = f"made by: {store.command_line('calibrate')}"
+        comment = f"made by: {command_line('calibrate')}"
         (folder / ROBOT).write_text(robot_file_text(best.candidate.robot, made, comment), encoding="utf-8")
-        store.write_json(folder / store.SUMMARY, summary)
-        store.write_json(folder / store.MANIFEST, store.manifest("calibrate", config, wall, seed=config.seed))
+        write_json(folder / SUMMARY_FILE, summary)
+        write_json(folder / MANIFEST_FILE, make_manifest("calibrate", config, wall, seed=config.seed))
         if config.rrd:
             record_turns(folder, folder / ROBOT, config)
     _print(config, best, centred, lowest, wall)
@@ -74,11 +76,9 @@ def read_target(name: str, geometry: RobotGeometry) -> Target:
         if set(TABLE_COLUMNS) & set(table.column_names):
             return _turn_table(read_columns(table, TABLE_COLUMNS, name), name)
     try:
-        source = read_source(IdentifyConfig(path))
-    except InvalidValueError:  # it doesn't say its geometry
-        source = read_source(
-            IdentifyConfig(path, half_gauge=geometry.half_gauge, sprocket_radius=geometry.sprocket_radius)
-        )
+        source = read_source(path)
+    except InvalidValueError:  # it does not state its geometry
+        source = read_source(path, Reading(geometry.half_gauge, geometry.sprocket_radius))
     simulated = all("plate" in log.metadata for log in source.logs) and len(source.logs) > 0
     return MeasuredTurns(source.sampling.samples, source.geometry, of_plate=simulated)
 

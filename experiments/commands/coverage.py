@@ -18,7 +18,8 @@ from experiments.options.coverage import CoverageConfig
 from experiments.parallel.workers import deaf_children, processes
 from experiments.recording import record_all
 from experiments.report.terminal import print_table, progress
-from experiments.storage import results as store
+from experiments.storage.plain_json import plain, write_json
+from experiments.storage.results import MANIFEST_FILE, SUMMARY_FILE, results_folder
 from sim.seeds import generator
 from trackslip.identification.comparison import Comparison, compare_laws
 from trackslip.identification.coverage import coverage, noise_coverage
@@ -39,7 +40,7 @@ _RUN_LAW = "icr_radius"
 def run(config: CoverageConfig) -> None:
     """Drive grids without noise, then repeat what is random."""
     began = time.perf_counter()
-    with store.results(config.out) as folder:
+    with results_folder(config.out) as folder:
         world = World.of(config.grid(0))
         geometry = world.robot.geometry
         repeats: list[tuple[SlipSamples, SlipSamples]] = []
@@ -64,8 +65,8 @@ def run(config: CoverageConfig) -> None:
         }
         wall = time.perf_counter() - began
         summary["timing"] = {"wall_s": wall, "stages": {"coverage": wall}}
-        store.write_json(folder / store.SUMMARY, summary)
-        store.write_json(folder / store.MANIFEST, world.manifest("coverage", wall) | {"config": store.plain(config)})
+        write_json(folder / SUMMARY_FILE, summary)
+        write_json(folder / MANIFEST_FILE, world.manifest("coverage", wall) | {"config": plain(config)})
     print_table(
         f"Share of {config.repeats} repeats whose 95 % interval holds the parameter",
         ("law", "parameter", "drawn from", "errors given", "errors unknown"),
@@ -80,7 +81,7 @@ def run(config: CoverageConfig) -> None:
         "The true motion here is the plate's, which leans outwards with the robot; it changes "
         + " and ".join(f"{SYMBOLS[key]} by {value:+.6f}" for key, value in lean.items())
     )
-    print(f"{config.out / store.SUMMARY}: {wall:.1f} s")
+    print(f"{config.out / SUMMARY_FILE}: {wall:.1f} s")
 
 
 def drawn_coverage(

@@ -9,7 +9,9 @@ import numpy as np
 
 from experiments.options.predict import PredictConfig
 from experiments.report.terminal import print_table
-from experiments.storage import results as store
+from experiments.storage.manifest import make_manifest
+from experiments.storage.plain_json import write_json
+from experiments.storage.results import MANIFEST_FILE, SUMMARY_FILE, results_folder
 from sim.robot.file import load_robot_file
 from sim.robot.parameters import RobotParameters
 from trackslip.logs.file_format import FORMAT
@@ -23,7 +25,7 @@ def run(config: PredictConfig) -> None:
     robot, _ = predicted_robot(config)
     law = predict(config)
     slip = law(1 / np.array(config.radii))
-    with store.results(config.out) as folder:
+    with results_folder(config.out) as folder:
         wall = time.perf_counter() - began
         summary = {
             "format": FORMAT,
@@ -33,8 +35,8 @@ def run(config: PredictConfig) -> None:
             "slip": {"outer": slip[:, 1], "inner": slip[:, 0]},
             "timing": {"wall_s": wall, "stages": {"predict": wall}},
         }
-        store.write_json(folder / store.SUMMARY, summary)
-        store.write_json(folder / store.MANIFEST, store.manifest("predict", config, wall))
+        write_json(folder / SUMMARY_FILE, summary)
+        write_json(folder / MANIFEST_FILE, make_manifest("predict", config, wall))
     rows = [(f"{r:g}", f"{s[1]:+.4f}", f"{s[0]:+.4f}") for r, s in zip(config.radii, slip, strict=True)]
     print_table("Slip by quasi-static Coulomb theory", ("radius driven [m]", "outer slip", "inner slip"), rows)
     print(f"D = {1e3 * law.offset:.2f} mm; use it with --laws {config.out}")

@@ -28,19 +28,21 @@ from experiments.options.world import IDENTIFIED, LINEAR_START
 from experiments.recording import record_all
 from experiments.report.reproduction import ComparisonRow, Report, render
 from experiments.report.terminal import print_table, progress
-from experiments.storage import results as store
+from experiments.storage.manifest import command_line
+from experiments.storage.plain_json import plain
+from experiments.storage.results import REPORT_FILE, results_folder, write_results
 from sim.run_recorder import Description
 from sim.runs import Pilot, closed_loop
 from sim.seeds import generator
 from sim.stopwatch import Stopwatch
 from trackslip.controllers.named import CONTROLLERS
-from trackslip.identification.identify import identify
+from trackslip.identification.identify import identify_samples
 from trackslip.identification.samples import usable_samples
+from trackslip.identification.summary import identification_to_json
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.compensation import FixedLaw
 from trackslip.slip.exponential import PUBLISHED
-from trackslip.slip.law_file import identification_to_json
 from trackslip.trajectory.segmented import paper_reference
 
 
@@ -48,18 +50,18 @@ def run(config: ReproduceConfig) -> None:
     """Grid, identification, verification, report, in this order."""
     began = time.perf_counter()
     watch = Stopwatch()
-    with store.results(config.out) as folder:
+    with results_folder(config.out) as folder:
         world = World.of(config)
         robot = world.robot
         grid_logs = drive_grid(config, world, watch)
         with watch.stage("slips"):
             sampling = usable_samples(grid_logs, robot.geometry, method=config.motion)
         with watch.stage("laws"):
-            found = identify(sampling, robot.geometry)
+            found = identify_samples(sampling, robot.geometry)
         with watch.stage("errors of all methods"):
             warnings = [*saturation_warnings(grid_logs), *found.warnings]
             laws = found.comparison.laws
-            summary = identification_to_json(found, robot.geometry) | {
+            summary = identification_to_json(found) | {
                 "published": published_summary(),
                 "warnings": warnings,
             }
@@ -68,13 +70,13 @@ def run(config: ReproduceConfig) -> None:
         with watch.stage("closed loops"):
             tracking_logs = drive_paths(config, world, {name: laws[name].law for name in IDENTIFIED if name in laws})
             summary["tracking"] = tracking_summary(tracking_logs, paper_reference())
-        summary = store.plain(summary)
+        summary = plain(summary)
         rows = comparison(summary)
         with watch.stage("report"):
             about = world.manifest("reproduce", time.perf_counter() - began)
             page = Report(
                 title="Slip of a tracked robot: the paper and its simulation",
-                command=store.command_line("reproduce"),
+                command=command_line("reproduce"),
                 manifest=about,
                 summary=summary,
                 comparison=rows,
@@ -89,7 +91,7 @@ def run(config: ReproduceConfig) -> None:
             "simulated_s": simulated_seconds([*grid_logs, *tracking_logs]),
             "stages": watch.stages,
         }
-        store.write_results(folder, [*grid_logs, *tracking_logs], summary, about)
+        write_results(folder, [*grid_logs, *tracking_logs], summary, about)
         if config.rrd:
             record_all(folder, [*grid_logs, *tracking_logs], _by_controller(tracking_logs))
     print_table(
@@ -102,7 +104,7 @@ def run(config: ReproduceConfig) -> None:
         print(f"warning: {warning}")
     print(stages_text(watch.stages))
     simulated = summary["timing"]["simulated_s"]
-    print(f"{config.out / store.REPORT}: {wall:.1f} s for {simulated:.0f} s of simulated driving")
+    print(f"{config.out / REPORT_FILE}: {wall:.1f} s for {simulated:.0f} s of simulated driving")
 
 
 def drive_paths(config: ReproduceConfig, world: World, identified: Mapping[str, SlipLaw]) -> list[RunLog]:

@@ -16,7 +16,9 @@ from experiments.options.sensitivity import SensitivityConfig
 from experiments.recording import record_all
 from experiments.report.sensitivity import render
 from experiments.report.terminal import print_table
-from experiments.storage import results as store
+from experiments.storage.manifest import command_line
+from experiments.storage.plain_json import write_json
+from experiments.storage.results import MANIFEST_FILE, REPORT_FILE, SUMMARY_FILE, results_folder
 from trackslip.errors import LogError
 from trackslip.identification.samples import true_samples, usable_samples
 from trackslip.kinematics import Array, RobotGeometry
@@ -33,23 +35,23 @@ _HEADER = (
 def run(config: SensitivityConfig) -> None:
     """Drive, evaluate, store and print."""
     began = time.perf_counter()
-    with store.results(config.out) as folder:
+    with results_folder(config.out) as folder:
         world = World.of(config)
         shown: list[RunLog] | None = [] if config.rrd else None
         rows = measure(config, world, shown)
         wall = time.perf_counter() - began
         table = [as_text(row) for row in rows]
         about = world.manifest("sensitivity", wall)
-        page = render(rows, _HEADER, table, about, store.command_line("sensitivity"))
+        page = render(rows, _HEADER, table, about, command_line("sensitivity"))
         page.write(folder, config.pdf)
-        store.write_json(folder / store.SUMMARY, {"rows": rows, "timing": {"wall_s": wall}})
-        store.write_json(folder / store.MANIFEST, about)
+        write_json(folder / SUMMARY_FILE, {"rows": rows, "timing": {"wall_s": wall}})
+        write_json(folder / MANIFEST_FILE, about)
         record_all(folder, shown or [])
     print_table("Errors of slip over the runs, and of the poses (rms)", _HEADER, table)
     for row in rows:
         if row["slip_error"] is None:
             print(f"warning: {row['effect']}: {row['warnings'][-1]}")
-    print(f"{config.out / store.REPORT}: {len(rows)} grids in {wall:.1f} s")
+    print(f"{config.out / REPORT_FILE}: {len(rows)} grids in {wall:.1f} s")
 
 
 def measure(config: SensitivityConfig, world: World, shown: list[RunLog] | None = None) -> list[dict[str, Any]]:

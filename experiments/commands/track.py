@@ -20,7 +20,8 @@ from experiments.options.track import TrackConfig
 from experiments.options.world import LINEAR_START
 from experiments.recording import record_all
 from experiments.report.terminal import print_table, progress
-from experiments.storage import results as store
+from experiments.storage.plain_json import plain
+from experiments.storage.results import RUNS_FILE, results_folder, write_results
 from sim.robot.robot import Robot
 from sim.run_recorder import Description
 from sim.runs import Pilot, closed_loop
@@ -36,7 +37,7 @@ from trackslip.trajectory.segmented import circle
 def run(config: TrackConfig) -> None:
     """Drive once, store the run and print its errors."""
     began = time.perf_counter()
-    with store.results(config.out) as folder:
+    with results_folder(config.out) as folder:
         world = World.of(config)
         path = make_reference(config, world.robot)
         logs = drive(config, world, path)
@@ -49,12 +50,12 @@ def run(config: TrackConfig) -> None:
             "timing": {"wall_s": wall, "simulated_s": simulated_seconds(logs), "stages": {"track": wall}},
         }
         about = world.manifest("track", wall)
-        store.write_results(folder, logs, summary, about)
+        write_results(folder, logs, summary, about)
         if config.rrd:
             record_all(folder, logs)
     print_table("Tracking errors of the true pose", TRACKING_HEADER, tracking_rows(rows))
     print(f"{found['valid_fraction']:.1%} of the scans gave a valid pose; the rest was dead reckoning")
-    print(f"{config.out / store.RUNS}: {wall:.1f} s")
+    print(f"{config.out / RUNS_FILE}: {wall:.1f} s")
 
 
 def drive(config: TrackConfig, world: World, path: Reference) -> list[RunLog]:
@@ -78,7 +79,7 @@ def drive(config: TrackConfig, world: World, path: Reference) -> list[RunLog]:
         "start": start.tolist(),
     }
     if config.reference == "circle":
-        metadata["circle"] = store.plain(circle_options(config, robot))
+        metadata["circle"] = plain(circle_options(config, robot))
     with progress(name, path.duration) as report:
         return closed_loop(fleet, [pilot], path, feed, locator, [Description(name, metadata)], report)
 
@@ -116,7 +117,7 @@ def tracking_summary(logs: Sequence[RunLog], reference: Reference) -> list[dict[
         if log.truth is None:
             raise LogError(f"run {log.run!r}: has no truth")
         named = {key: log.metadata[key] for key in ("controller", "compensation", "localization")}
-        rows.append(named | store.plain(tracking_errors(log.time, log.truth.pose, reference)))
+        rows.append(named | plain(tracking_errors(log.time, log.truth.pose, reference)))
     return rows
 
 

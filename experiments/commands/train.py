@@ -14,7 +14,9 @@ import numpy as np
 from experiments.options.train import TrainConfig
 from experiments.recording import record_all
 from experiments.report.terminal import progress
-from experiments.storage import results as store
+from experiments.storage.manifest import make_manifest
+from experiments.storage.plain_json import write_json
+from experiments.storage.results import MANIFEST_FILE, SUMMARY_FILE, results_folder
 from sim.path_tracking.config import Reward
 from sim.path_tracking.randomization import Randomization
 from sim.policy import Network, Policy
@@ -31,7 +33,7 @@ _REWARD = Reward(weight_position=0.8, weight_heading=0.2, weight_change=4.0, pos
 def run(config: TrainConfig) -> None:
     """Train, store the policy, and print what became of the reward."""
     began = time.perf_counter()
-    with store.results(config.out) as folder:
+    with results_folder(config.out) as folder:
         model = _model(config)
         before = model.num_timesteps
         try:
@@ -43,8 +45,8 @@ def run(config: TrainConfig) -> None:
         policy_of(model, config).save(folder / POLICY)
         wall = time.perf_counter() - began
         timing = {"wall_s": wall, "steps_per_s": (model.num_timesteps - before) / wall}
-        store.write_json(folder / store.SUMMARY, {"steps": model.num_timesteps, "curve": curve, "timing": timing})
-        store.write_json(folder / store.MANIFEST, store.manifest("train", config, wall, seed=config.seed))
+        write_json(folder / SUMMARY_FILE, {"steps": model.num_timesteps, "curve": curve, "timing": timing})
+        write_json(folder / MANIFEST_FILE, make_manifest("train", config, wall, seed=config.seed))
         if config.rrd:
             record_all(folder, [_driven(config, folder / POLICY, name) for name in config.references])
     for point in (curve[0], curve[-1]) if curve else ():

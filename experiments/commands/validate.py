@@ -11,7 +11,9 @@ from experiments.driving.sample_runs import record_turns
 from experiments.options.validate import ValidateConfig
 from experiments.report.terminal import print_table, progress
 from experiments.report.validation import render
-from experiments.storage import results as store
+from experiments.storage.manifest import command_line, make_manifest
+from experiments.storage.plain_json import plain, write_json
+from experiments.storage.results import MANIFEST_FILE, REPORT_FILE, SUMMARY_FILE, results_folder
 from experiments.validation.convergence import converge
 from experiments.validation.energy import account
 from experiments.validation.results import Validation, summarise
@@ -29,12 +31,12 @@ def run(config: ValidateConfig) -> None:
     began = time.perf_counter()
     parameters, ground = load_robot_file(config.robot)
     ground = Ground(ground.along, ground.across)  # even, level, lasting
-    with store.results(config.out) as folder:
+    with results_folder(config.out) as folder:
         stages: dict[str, float] = {}
         found = validate(parameters, ground, config, stages)
         wall = time.perf_counter() - began
-        summary = store.plain(summarise(found) | {"timing": {"wall_s": wall, "stages": stages}})
-        about = store.manifest(
+        summary = plain(summarise(found) | {"timing": {"wall_s": wall, "stages": stages}})
+        about = make_manifest(
             "validate",
             config,
             wall,
@@ -43,14 +45,14 @@ def run(config: ValidateConfig) -> None:
             robot=parameters,
             ground=ground,
         )
-        page = render(found, summary, about, store.command_line("validate"))
+        page = render(found, summary, about, command_line("validate"))
         page.write(folder, config.pdf)
-        store.write_json(folder / store.SUMMARY, summary)
-        store.write_json(folder / store.MANIFEST, about)
+        write_json(folder / SUMMARY_FILE, summary)
+        write_json(folder / MANIFEST_FILE, about)
         if config.rrd:
             record_turns(folder, config.robot, config)
     print_table("The simulator against theory", ("quantity", "measured"), rows(summary))
-    print(f"{config.out / store.REPORT}: {time.perf_counter() - began:.1f} s")
+    print(f"{config.out / REPORT_FILE}: {time.perf_counter() - began:.1f} s")
 
 
 def validate(

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from experiments.options.world import Simulation
-from experiments.storage import results as store
+from experiments.storage.manifest import make_manifest
+from experiments.storage.plain_json import plain
 from sim.fleet import Fleet
 from sim.ground.file import load_ground
 from sim.ground.ground import Ground
@@ -71,7 +72,7 @@ class World:
 
     def metadata(self, localization: str) -> dict[str, Any]:
         """What every simulated run remembers."""
-        metadata: dict[str, Any] = store.plain(
+        metadata: dict[str, Any] = plain(
             {
                 "geometry": self.robot.geometry,
                 "robot": self.parameters,
@@ -91,7 +92,7 @@ class World:
 
     def manifest(self, command: str, wall_s: float) -> dict[str, Any]:
         """The manifest of a command that drove in this world."""
-        return store.manifest(
+        return make_manifest(
             command,
             self.config,
             wall_s,

@@ -6,7 +6,7 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from experiments.storage import results as store
+from experiments.storage.results import RECORDINGS_FOLDER
 from trackslip.errors import OutputError
 from trackslip.logs.runlog import RunLog
 
@@ -14,12 +14,12 @@ _MAX_NAME = 120  # characters of a file's name
 
 
 def record_all(folder: Path, logs: Sequence[RunLog], compared: Mapping[str, Sequence[RunLog]] | None = None) -> None:
-    """A recording of each run, and of each of the groups `compared`, into store.RECORDINGS in `folder`."""
+    """A recording of each run, and of each of the groups `compared`, into RECORDINGS_FOLDER in `folder`."""
     for name, log in zip(file_names([log.run for log in logs]), logs, strict=True):
-        record(folder / store.RECORDINGS / name, [log])
+        record(folder / RECORDINGS_FOLDER / name, [log])
     groups = compared or {}
     for name, group in zip(file_names(list(groups)), groups.values(), strict=True):
-        record(folder / store.RECORDINGS / name, group)
+        record(folder / RECORDINGS_FOLDER / name, group)
 
 
 def record(file: Path, logs: Sequence[RunLog], laws: Path | None = None) -> float:

@@ -15,7 +15,7 @@ import matplotlib
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from experiments.storage import results as store
+from experiments.storage.results import FIGURES_FOLDER, REPORT_FILE
 
 MISSING = "–"
 
@@ -54,10 +54,10 @@ class Page:
 
     def write(self, folder: Path, pdf: bool = False) -> None:
         """Write REPORT and each figure as FIGURES/NAME.svg, with `pdf` as NAME.pdf too."""
-        (folder / store.REPORT).write_text(self.html, encoding="utf-8")
-        (folder / store.FIGURES).mkdir()
+        (folder / REPORT_FILE).write_text(self.html, encoding="utf-8")
+        (folder / FIGURES_FOLDER).mkdir()
         for drawing in self.drawings:
-            file = folder / store.FIGURES / drawing.name
+            file = folder / FIGURES_FOLDER / drawing.name
             file.with_suffix(".svg").write_text(drawing.svg, encoding="utf-8")
             if pdf:
                 with matplotlib.rc_context({"pdf.fonttype": 42}):

@@ -25,7 +25,7 @@ from experiments.driving.grid_runs import before_scanner
 from experiments.options.bench import BenchConfig
 from experiments.options.grid import SweepConfig
 from experiments.report.terminal import print_table
-from experiments.storage import results as store
+from experiments.storage.results import SUMMARY_FILE
 from experiments.sweep.plan import Run, plan
 from sim.fleet import SETTLING, Fleet
 from trackslip.kinematics import sprocket_speeds
@@ -90,7 +90,7 @@ def _grid(sweep: SweepConfig, step: Callable[[str], None]) -> dict[str, Any]:
         with contextlib.redirect_stdout(io.StringIO()):
             command.run(replace(sweep, out=out))
         step(f"{sweep.jobs} processes")
-        timing: dict[str, Any] = json.loads((out / store.SUMMARY).read_text(encoding="utf-8"))["timing"]
+        timing: dict[str, Any] = json.loads((out / SUMMARY_FILE).read_text(encoding="utf-8"))["timing"]
         return timing
 
 

@@ -23,7 +23,7 @@ from experiments.recording.geometry import belt, body, looks, parameters_of
 from experiments.recording.series import COMPARED, LEFT, PANELS, RIGHT, panels, readable, series_of
 from experiments.recording.stream import telling_names
 from experiments.recording.traces import traces_of
-from experiments.storage import results as store
+from experiments.storage.plain_json import plain
 from sim.ground.ground import Ground, Patch
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import LogError
@@ -166,7 +166,7 @@ def test_scan_points_lie_on_the_plate(driven):
 
 def test_patches_and_slope_are_shown(driven, tmp_path):
     ground = Ground(slope=0.1, uphill=1.2, patches=(Patch((0.0, np.inf), (-1.0, 0.5), 0.1, 0.2),))
-    log = replace(driven[1][0], metadata=driven[1][0].metadata | {"ground": store.plain(ground)})
+    log = replace(driven[1][0], metadata=driven[1][0].metadata | {"ground": plain(ground)})
     recording.record(tmp_path / "run.rrd", [log])
     verify(tmp_path / "run.rrd")
     found = {}

@@ -8,7 +8,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from experiments.report.page import Drawing, Page, conditions, file_name
-from experiments.storage import results as store
+from experiments.storage.plain_json import write_json
+from experiments.storage.results import FIGURES_FOLDER, MANIFEST_FILE, REPORT_FILE, results_folder
 from trackslip.errors import OutputError
 
 
@@ -19,13 +20,13 @@ def drawn() -> Figure:
 
 
 def write(out, *names, pdf=False):
-    with store.results(out) as folder:
+    with results_folder(out) as folder:
         Page("<p>a page</p>", [Drawing(name, drawn()) for name in names]).write(folder, pdf)
-        store.write_json(folder / store.MANIFEST, {})
+        write_json(folder / MANIFEST_FILE, {})
 
 
 def names_in(out):
-    return sorted(file.name for file in (out / store.FIGURES).iterdir())
+    return sorted(file.name for file in (out / FIGURES_FOLDER).iterdir())
 
 
 def test_figures_are_files_of_their_own_and_the_same_each_time(tmp_path):
@@ -33,25 +34,25 @@ def test_figures_are_files_of_their_own_and_the_same_each_time(tmp_path):
     write(tmp_path / "b", "slip", "paths")
     assert names_in(tmp_path / "a") == ["paths.svg", "slip.svg"]
     for name in names_in(tmp_path / "a"):
-        text = (tmp_path / "a" / store.FIGURES / name).read_text(encoding="utf-8")
+        text = (tmp_path / "a" / FIGURES_FOLDER / name).read_text(encoding="utf-8")
         assert ET.fromstring(text).tag.endswith("svg")
-        assert text == (tmp_path / "b" / store.FIGURES / name).read_text(encoding="utf-8")
-    assert (tmp_path / "a" / store.REPORT).read_text(encoding="utf-8") == "<p>a page</p>"
+        assert text == (tmp_path / "b" / FIGURES_FOLDER / name).read_text(encoding="utf-8")
+    assert (tmp_path / "a" / REPORT_FILE).read_text(encoding="utf-8") == "<p>a page</p>"
 
 
 def test_pdf_is_written_when_asked_for(tmp_path):
     write(tmp_path, "slip", pdf=True)
     assert names_in(tmp_path) == ["slip.pdf", "slip.svg"]
-    assert (tmp_path / store.FIGURES / "slip.pdf").read_bytes().startswith(b"%PDF")
+    assert (tmp_path / FIGURES_FOLDER / "slip.pdf").read_bytes().startswith(b"%PDF")
 
 
 def test_figures_of_earlier_results_are_gone(tmp_path):
     write(tmp_path, "old", pdf=True)
     write(tmp_path, "new")
     assert names_in(tmp_path) == ["new.svg"]
-    with store.results(tmp_path) as folder:
-        store.write_json(folder / store.MANIFEST, {})
-    assert not (tmp_path / store.FIGURES).exists()
+    with results_folder(tmp_path) as folder:
+        write_json(folder / MANIFEST_FILE, {})
+    assert not (tmp_path / FIGURES_FOLDER).exists()
 
 
 def test_a_command_that_fails_leaves_the_figures(tmp_path):
@@ -63,18 +64,18 @@ def test_a_command_that_fails_leaves_the_figures(tmp_path):
 
 @pytest.mark.parametrize("with_manifest", [True, False])
 def test_figures_that_are_not_ours_are_never_deleted(tmp_path, with_manifest):
-    mine = tmp_path / store.FIGURES / ("mine.svg" if not with_manifest else "thesis.tex")
+    mine = tmp_path / FIGURES_FOLDER / ("mine.svg" if not with_manifest else "thesis.tex")
     mine.parent.mkdir()
     mine.write_text("mine")
     if with_manifest:
-        store.write_json(tmp_path / store.MANIFEST, {})
+        write_json(tmp_path / MANIFEST_FILE, {})
     with pytest.raises(OutputError, match="figures there holds files that aren't of these results"):
         write(tmp_path, "slip")
     assert mine.read_text() == "mine"
 
 
 def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path):
-    (tmp_path / store.FIGURES).write_text("a file")
+    (tmp_path / FIGURES_FOLDER).write_text("a file")
     with pytest.raises(OutputError, match="figures is a file there"):
         write(tmp_path, "slip")
 

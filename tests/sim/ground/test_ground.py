@@ -1,10 +1,10 @@
 """Grounds: patches and changes under each pad, names, files, and what is refused."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
+from pages import ROOT, file
 
 from sim.ground.file import load_ground
 from sim.ground.ground import Change, Ground, Patch
@@ -12,7 +12,7 @@ from sim.ground.named import NAMED_GROUNDS
 from sim.ground.pad_friction import PadFriction
 from trackslip.errors import InvalidValueError, SettingsFileError
 
-README = Path(__file__).parents[3] / "README.md"
+PAGE = ROOT / "docs" / "grounds_and_robots.md"
 PADS = np.array([[0.1, 0.2], [0.1, -0.2]])
 
 
@@ -88,8 +88,8 @@ def test_gravity_points_downhill():
     )
 
 
-def test_readme_lists_the_named_grounds():
-    rows = re.findall(r"^\| `(\w+)` \| ([\d.]+) \| ([\d.]+) \| (.+) \|$", README.read_text(), re.MULTILINE)
+def test_the_page_lists_the_named_grounds():
+    rows = re.findall(r"^\| `(\w+)` \| ([\d.]+) \| ([\d.]+) \| (.+) \|$", PAGE.read_text(), re.MULTILINE)
     listed = {name: (float(along), float(across), source) for name, along, across, source in rows}
     assert listed == {name: (n.ground.along, n.ground.across, n.source) for name, n in NAMED_GROUNDS.items()}
     assert set(NAMED_GROUNDS) == {"stone", "concrete", "rubber", "packed_soil", "gravel", "wet", "sticky", "ice"}
@@ -97,9 +97,8 @@ def test_readme_lists_the_named_grounds():
         assert "assumed" in named.source or "Noon" in named.source
 
 
-def test_readme_example_is_a_ground(tmp_path):
-    (text,) = re.findall(r"```toml\n(base = .*?)```", README.read_text(), re.DOTALL)
-    (tmp_path / "ground.toml").write_text(text)
+def test_the_example_on_the_page_is_a_ground(tmp_path):
+    (tmp_path / "ground.toml").write_text(file(PAGE, "ground.toml"))
     ground = load_ground(str(tmp_path / "ground.toml"))
     assert ground.along == NAMED_GROUNDS["gravel"].ground.along
     assert ground.slope == 0.1

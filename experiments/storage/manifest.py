@@ -1,0 +1,110 @@
+"""What is needed to make a result again: options, code, models, versions of the libraries, git state."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import importlib.metadata
+import json
+import platform
+import shlex
+import subprocess
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import experiments
+import models
+import sim
+import trackslip
+from experiments.storage.plain_json import plain
+from trackslip.logs.file_format import FORMAT
+
+_CODE, _MODELS = (trackslip, sim, experiments), (models,)
+_SUFFIXES = (".py", ".xml", ".json", ".obj")
+_PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "pyarrow", "matplotlib", "casadi")
+
+
+def make_manifest(command: str, config: Any, wall_s: float, **more: Any) -> dict[str, Any]:
+    """What is needed to make a result again: resolved options, versions, git state, and what is in `more`."""
+    return {
+        "format": FORMAT,
+        "command": command,
+        "arguments": sys.argv[1:],
+        "config": plain(config),
+        "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "wall_s": round(wall_s, 3),
+        "versions": versions(),
+        "platform": platform.platform(),
+        "git": _git_state(),
+        **plain(more),
+    }
+
+
+def versions() -> dict[str, str | None]:
+    """Of Python and of the packages that results depend on."""
+    return {"python": platform.python_version()} | {p: _version(p) for p in _PACKAGES}
+
+
+def command_line(command: str) -> str:
+    """The command as it was given."""
+    return shlex.join(["trackslip", *(sys.argv[1:] or [command])])
+
+
+@functools.cache
+def made_by() -> dict[str, Any]:
+    """Digests of the code and of the models, and versions of the libraries."""
+    return {"code": _digest_of(_CODE), "models": _digest_of(_MODELS), "versions": versions()}
+
+
+def digest(value: Any) -> str:
+    """A short name for `value`, which JSON must know, by its content."""
+    return hashlib.sha256(json.dumps(plain(value), sort_keys=True).encode()).hexdigest()[:32]
+
+
+def content(path: Path) -> str | None:
+    """A file's digest; None where there is no file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else None
+
+
+def changes(before: dict[str, Any], now: dict[str, Any]) -> list[str]:
+    """What differs between two of `made_by`, in words."""
+    found = [f"trackslip's {name}" for name in ("code", "models") if before.get(name) != now[name]]
+    old = before.get("versions", {})
+    return found + [f"{name} ({old.get(name)}, now {v})" for name, v in now["versions"].items() if old.get(name) != v]
+
+
+def _digest_of(packages: Any) -> str:
+    files = [
+        (package.__name__, str(file.relative_to(root)), content(file))
+        for package in packages
+        for root in (Path(str(package.__path__[0])),)
+        for file in sorted(root.rglob("*"))
+        if file.suffix in _SUFFIXES
+    ]
+    return digest(files)
+
+
+def _version(package: str) -> str | None:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def _git_state() -> dict[str, Any] | None:
+    """Commit of trackslip's own checkout and whether it was changed; None when installed from a wheel."""
+    root = Path(__file__).parents[2]
+    if not (root / ".git").exists():
+        return None
+    try:
+        commit = _git(root, "rev-parse", "HEAD")
+        return {"commit": commit, "dirty": bool(_git(root, "status", "--porcelain"))}
+    except (OSError, subprocess.CalledProcessError):
+        return None
+
+
+def _git(root: Path, *arguments: str) -> str:
+    done = subprocess.run(["git", "-C", str(root), *arguments], capture_output=True, text=True, check=True)
+    return done.stdout.strip()
