@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sim.path_tracking.config import PERIOD, EnvConfig
 from sim.path_tracking.tracking import PathTracking
-from sim.path_tracking.view import View
+from sim.path_tracking.renderer import Renderer
 from trackslip.errors import InvalidValueError
 
 Observation = NDArray[np.float32]
@@ -43,7 +43,7 @@ class PathTrackingEnv(gymnasium.Env[Observation, Action]):
         self.tracking = PathTracking(EnvConfig.of(options), 1, threads=1)
         observations, actions = spaces(self.tracking)
         self.observation_space, self.action_space = observations, actions
-        self._view = View(self.tracking) if render_mode is not None else None
+        self._renderer = Renderer(self.tracking) if render_mode is not None else None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -57,8 +57,8 @@ class PathTrackingEnv(gymnasium.Env[Observation, Action]):
         """
         super().reset(seed=seed)
         self.tracking.begin([0], [self.tracking.draw(self.np_random, options or {})])
-        if self._view is not None:
-            self._view.begin([0])
+        if self._renderer is not None:
+            self._renderer.begin([0])
             self._show()
         return self.tracking.observation()[0], row_of(self.tracking.info())
 
@@ -66,8 +66,8 @@ class PathTrackingEnv(gymnasium.Env[Observation, Action]):
         """Let a control period pass; raises InvalidValueError for an action that isn't finite."""
         tracking = self.tracking
         tracking.step(np.asarray(action, float)[None])
-        if self._view is not None:
-            self._view.follow()
+        if self._renderer is not None:
+            self._renderer.follow()
             self._show()
         ends = bool(tracking.terminated[0]), bool(tracking.truncated[0])
         return tracking.observation()[0], float(tracking.reward[0]), *ends, row_of(tracking.info())
@@ -78,18 +78,18 @@ class PathTrackingEnv(gymnasium.Env[Observation, Action]):
         Raises:
             TrackslipError: where nothing can be drawn.
         """
-        if self._view is None:
+        if self._renderer is None:
             raise InvalidValueError("render_mode", None, "given to gymnasium.make, to render")
-        return self._view.picture(0) if self.render_mode == "rgb_array" else self._show()
+        return self._renderer.picture(0) if self.render_mode == "rgb_array" else self._show()
 
     def _show(self) -> None:
-        if self._view is not None and self.render_mode == "human":
-            self._view.show()
+        if self._renderer is not None and self.render_mode == "human":
+            self._renderer.show()
 
     def close(self) -> None:
         """Close windows."""
-        if self._view is not None:
-            self._view.close()
+        if self._renderer is not None:
+            self._renderer.close()
 
 
 def require_render_mode(mode: str | None) -> None:

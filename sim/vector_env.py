@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sim.env import METADATA, require_render_mode, spaces
 from sim.path_tracking.config import EnvConfig
 from sim.path_tracking.tracking import PathTracking
-from sim.path_tracking.view import View
+from sim.path_tracking.renderer import Renderer
 from trackslip.errors import InvalidValueError, TrackslipError
 
 Observations = NDArray[np.float32]
@@ -64,7 +64,7 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         self._generators: list[np.random.Generator | None] = [None] * num_envs
         self._ended = np.ones(num_envs, bool)  # who waits for a new episode
         self._begun = False
-        self._view = View(self.tracking) if render_mode is not None else None
+        self._renderer = Renderer(self.tracking) if render_mode is not None else None
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -112,8 +112,8 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         if self.autoreset_mode is AutoresetMode.NEXT_STEP:
             # those who had ended began anew in the meantime
             self._begin(np.flatnonzero(self._ended), {})
-        if self._view is not None:
-            self._view.follow()
+        if self._renderer is not None:
+            self._renderer.follow()
         reward, terminated, truncated = tracking.reward.copy(), tracking.terminated.copy(), tracking.truncated.copy()
         self._ended = terminated | truncated
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._ended.any():
@@ -131,14 +131,14 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         Raises:
             TrackslipError: where nothing can be drawn.
         """
-        if self._view is None:
+        if self._renderer is None:
             raise InvalidValueError("render_mode", None, "given to gymnasium.make_vec, to render")
-        return tuple(self._view.picture(row) for row in range(self.num_envs))
+        return tuple(self._renderer.picture(row) for row in range(self.num_envs))
 
     def close_extras(self, **kwargs: Any) -> None:
         """Close what draws."""
-        if self._view is not None:
-            self._view.close()
+        if self._renderer is not None:
+            self._renderer.close()
 
     def _masked(self, mask: Any) -> Rows:
         """Rows (R,) of a mask (N,)."""
@@ -161,8 +161,8 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
             episodes.append(self.tracking.draw(generator, own))
         self.tracking.begin(rows.tolist(), episodes)
         self._ended[rows] = False
-        if self._view is not None:
-            self._view.begin(rows.tolist())
+        if self._renderer is not None:
+            self._renderer.begin(rows.tolist())
 
     def _final(self, ended: NDArray[np.bool_]) -> dict[str, Any]:
         """`final_obs` and `final_info` of who has ended (N,)."""

@@ -27,7 +27,7 @@ _PATH_WIDTH, _TRAIL_WIDTH = 0.012, 0.008  # [m]
 _DISTANCE, _AZIMUTH, _ELEVATION = 2.6, 140.0, -35.0  # of the camera that follows a robot [m, deg, deg]
 
 
-class View:
+class Renderer:
     """Draws a robot with its looks, its reference's path (blue) and where it has been (orange)."""
 
     def __init__(self, tracking: PathTracking) -> None:
