@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.path_tracking.config import PERIOD, EnvConfig
-from sim.path_tracking.tracking import PathTracking
 from sim.path_tracking.renderer import Renderer
+from sim.path_tracking.tracking import PathTracking
 from trackslip.errors import InvalidValueError
 
 Observation = NDArray[np.float32]

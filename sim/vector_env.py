@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from sim.env import METADATA, require_render_mode, spaces
 from sim.path_tracking.config import EnvConfig
-from sim.path_tracking.tracking import PathTracking
 from sim.path_tracking.renderer import Renderer
+from sim.path_tracking.tracking import PathTracking
 from trackslip.errors import InvalidValueError, TrackslipError
 
 Observations = NDArray[np.float32]
