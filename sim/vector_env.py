@@ -1,4 +1,4 @@
-"""Path tracking of N robots, natively in one batch: the vector environment trackslip/PathTracking."""
+"""The vector environment trackslip/PathTracking-v0: path tracking of N robots in one batch."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ Rows = NDArray[np.int_]
 
 
 class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
-    """N robots, each on its own ground and reference.
+    """N robots, each with its own ground and reference.
 
-    Row i is, bit for bit, the environment `sim.env.PathTrackingEnv` with the seed of row i, as it would be in
-    gymnasium's SyncVectorEnv: same spaces, autoreset modes, infos.
+    Row i is bitwise identical to the environment `sim.env.PathTrackingEnv` with the seed of row i in gymnasium's
+    SyncVectorEnv, with the same spaces, autoreset modes and infos.
     """
 
     def __init__(
@@ -39,9 +39,9 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         """Build the simulator.
 
         Args:
-            num_envs: N, robots.
+            num_envs: number N of robots.
             render_mode: None or "rgb_array".
-            autoreset_mode: of gymnasium.
+            autoreset_mode: gymnasium's.
             threads: worker threads, 0 for one per processor.
             options: the fields of `EnvConfig`.
 
@@ -62,7 +62,7 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._generators: list[np.random.Generator | None] = [None] * num_envs
-        self._ended = np.ones(num_envs, bool)  # who waits for a new episode
+        self._ended = np.ones(num_envs, bool)  # whether each robot needs a new episode
         self._begun = False
         self._renderer = Renderer(self.tracking) if render_mode is not None else None
 
@@ -72,13 +72,13 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         """Begin episodes.
 
         Args:
-            seed: s gives row i the generator that the single environment has after reset(seed=s + i); a sequence, one
-                each, None for who keeps theirs.
-            options: `reset_mask`, (N,) bool, for some robots only; the others as for the single environment, of all
-                robots, or a list of one each.
+            seed: an integer s seeds row i as reset(seed=s + i) seeds the single environment; or a sequence with one
+                seed per robot, None to keep a robot's generator.
+            options: `reset_mask`, (N,) bool, resets some robots only; the others are those of the single environment,
+                each a value for all robots or a list with one per robot.
 
         Raises:
-            InvalidValueError: for unknown options, and values out of range.
+            InvalidValueError: for unknown options and values out of range.
         """
         options = dict(options or {})
         rows = self._masked(options.pop("reset_mask", None))
@@ -96,11 +96,11 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         return self.tracking.observation(), self._infos(self.tracking.info(), self._mask(rows))
 
     def step(self, actions: Observations) -> tuple[Observations, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """Let a control period pass with actions (N, 2).
+        """Simulate one control period with actions (N, 2).
 
         Raises:
             InvalidValueError: for actions that aren't finite.
-            TrackslipError: without autoreset, while someone waits for a new episode.
+            TrackslipError: before the first reset; without autoreset, while a robot needs a new episode.
         """
         if not self._begun:
             raise TrackslipError("step: reset() comes first")
@@ -110,7 +110,7 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         tracking = self.tracking
         tracking.step(actions)
         if self.autoreset_mode is AutoresetMode.NEXT_STEP:
-            # those who had ended began anew in the meantime
+            # robots that ended in the previous step are reset instead of stepped
             self._begin(np.flatnonzero(self._ended), {})
         if self._renderer is not None:
             self._renderer.follow()
@@ -126,17 +126,17 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         return tracking.observation(), reward, terminated, truncated, infos
 
     def render(self) -> tuple[Any, ...]:
-        """A picture (480, 640, 3) of each robot.
+        """Images (480, 640, 3), one per robot.
 
         Raises:
-            TrackslipError: where nothing can be drawn.
+            TrackslipError: if nothing can be drawn.
         """
         if self._renderer is None:
             raise InvalidValueError("render_mode", None, "given to gymnasium.make_vec, to render")
         return tuple(self._renderer.picture(row) for row in range(self.num_envs))
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Close what draws."""
+        """Free the image buffers."""
         if self._renderer is not None:
             self._renderer.close()
 
@@ -149,7 +149,7 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         return np.flatnonzero(mask)
 
     def _begin(self, rows: Rows, options: Mapping[str, Any]) -> None:
-        """Begin episodes of the robots `rows` (R,), which no longer wait."""
+        """Begin episodes of the robots `rows` (R,)."""
         for name, value in options.items():
             if isinstance(value, list) and len(value) != self.num_envs:
                 raise InvalidValueError(f"options[{name!r}]", value, f"a value, or a list of {self.num_envs}")
@@ -165,7 +165,7 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
             self._renderer.begin(rows.tolist())
 
     def _final(self, ended: NDArray[np.bool_]) -> dict[str, Any]:
-        """`final_obs` and `final_info` of who has ended (N,)."""
+        """`final_obs` and `final_info` of the robots whose episodes have ended (N,)."""
         observation = np.full(self.num_envs, None, dtype=object)
         for row, values in zip(np.flatnonzero(ended), self.tracking.observation()[ended], strict=True):
             observation[row] = values
@@ -173,7 +173,7 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         return {"final_obs": observation, "_final_obs": ended.copy(), "final_info": infos, "_final_info": ended.copy()}
 
     def _infos(self, info: Mapping[str, np.ndarray], whose: NDArray[np.bool_]) -> dict[str, Any]:
-        """Infos with masks, zero for all but those (N,) whose they are."""
+        """Infos with masks `whose` (N,); zero for the other robots."""
         infos: dict[str, Any] = {}
         for name, values in info.items():
             if not whose.all():
