@@ -106,7 +106,7 @@ def complete(path: Path) -> bool:
             return True
         stored = logfile.read_table(runs_of(path)).column("run").unique().to_pylist()  # all of it, to check it
         return bool(runs_of(path).stat().st_size == runs["bytes"] and sorted(stored) == sorted(runs["names"]))
-    except (OSError, ValueError, KeyError, TypeError, pyarrow.ArrowException):
+    except (OSError, ValueError, RecursionError, KeyError, TypeError, pyarrow.ArrowException):
         return False
 
 

@@ -103,7 +103,7 @@ def load_laws(path: Path = SHIPPED, robot: RobotGeometry | None = None) -> dict[
         return {name: law_from_values(name, stored[name]["values"], half_gauge) for name in FAMILIES if name in stored}
     except OSError as error:
         raise LogError(f"{file}: {error.strerror}") from error
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:  # or nested too deeply
         raise LogError(f"{file}: not JSON ({error})") from error
     except InvalidValueError as error:
         raise LogError(f"{file}: {error}") from error

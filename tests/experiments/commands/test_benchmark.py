@@ -17,7 +17,8 @@ from experiments.benchmark.jobs import make
 from experiments.benchmark.setup import Setup, start
 from experiments.benchmark.table import NAMES, board, bootstrap95, losses, over_seeds
 from experiments.cli import main
-from experiments.options.benchmark import CONTROLLER_NAMES, REFERENCE_NAMES, BenchmarkConfig, Case
+from experiments.options.benchmark import BenchmarkConfig, Case
+from experiments.options.choices import CONTROLLER_NAMES, REFERENCE_NAMES
 from experiments.storage.benchmark_parts import Parts, complete, runs_of
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.logs.logfile import read_runs

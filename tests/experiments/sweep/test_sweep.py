@@ -110,7 +110,6 @@ def test_a_grid_in_the_shipped_world_meets_the_scans_of_reproduce(trackslip):
     config = ReproduceConfig(radii=(0.6, 1.5), speeds=(0.1, 0.2), duration=4.0)
     for log, own in zip(stored.values(), drive_grid(config, World.of(config)), strict=True):
         ours, theirs = log.scans.cluster, own.scans.cluster  # padded to different widths
-        stored_as = ours.range.astype(np.float32)
         np.testing.assert_array_equal(ours.range[ours.hit], theirs.range.astype(np.float32)[theirs.hit])  # as stored
 
 
@@ -166,7 +165,10 @@ def test_fleets_are_large_and_yet_every_worker_has_some(workers, count, largest)
         (("--seeds", "-1"), "seed = -1: must be an integer >= 0"),
         (("--executor", "cloud"), "executor = 'cloud': must be processes, inline, mpi or dask://HOST:PORT"),
         (("--executor", "dask://:"), "executor = 'dask://:': must be processes"),
-        (("--vary", "motion=arc", "--vary", "duration=4,6"), "--vary is given twice; give it once, with all its values"),
+        (
+            ("--vary", "motion=arc", "--vary", "duration=4,6"),
+            "--vary is given twice; give it once, with all its values",
+        ),
         (("--vary", "rrd=true,false"), "axis = 'rrd': must be one of"),
         (("--friction-ratio", "1.2", "--ground.across", "0.5"), "friction_ratio = (1.2,): must be left out where"),
         (("--friction-ratio", "1.2", "--vary", "ground.across=0.5"), "friction_ratio = (1.2,): must be left out where"),
