@@ -124,7 +124,7 @@ def test_help_lists_every_option_with_its_default(capsys, monkeypatch):
         if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             continue  # a positional argument
         flag = "--" + option.removesuffix(".source").replace("_", "-")
-        about = shown[command].split(f" {flag} " if f" {flag} " in shown[command] else f" {flag},", 1)
+        about = re.split(rf"│ +{re.escape(flag)}[ ,]", shown[command], maxsplit=1)
         assert len(about) == 2, (command, flag)
         assert text_of(owner, field.name) in about[1], (command, flag)
         default = re.search(r"\(default: ([^)]+)", about[1].split(text_of(owner, field.name), 1)[1])
