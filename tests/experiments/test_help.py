@@ -213,7 +213,6 @@ def test_no_command_imports_what_it_does_not_need(tmp_path):
     command = [sys.executable, "-c", PROBE, json.dumps([HEAVY, list(NEEDED)])]
     environment = os.environ | {"PYTHONPATH": root}
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True)
-    assert done.stderr == ""
     found = {tuple(arguments): set(modules) for arguments, modules in map(json.loads, done.stdout.splitlines())}
     assert found.keys() == NEEDED.keys()
     for arguments, modules in found.items():
