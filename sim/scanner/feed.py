@@ -32,7 +32,7 @@ class ScannerFeed:
         """`generators`: one for each robot, so that its noise doesn't depend on what else is simulated."""
         if len(generators) != fleet.size:
             raise InvalidValueError("generators", len(generators), f"{fleet.size}, one for each robot")
-        self._scanner, self._fleet, self._obstacles = scanner, fleet, obstacles or Obstacles()
+        self._scanner, self._fleet = scanner, fleet
         self._noise, self._dropout = (list(g) for g in zip(*(g.spawn(2) for g in generators), strict=True))
         robot = fleet.robot
         x, y, heading = robot.lrf_mount
@@ -42,6 +42,11 @@ class ScannerFeed:
         direction = heading + bearings[:, None] + footprint(scanner.divergence)
         self._rays = np.stack([np.cos(direction), np.sin(direction), np.zeros_like(direction)], axis=-1)  # (B, K, 3)
         self._lag = scanner.lag
+        obstacles = obstacles or Obstacles()
+        obstacles.require_clear(self._origin[:2])
+        self._walking = obstacles.walking
+        # (B, K) [m]: what stands is met once, for good
+        self._standing = self._to_obstacles(obstacles.standing, 0.0) if obstacles else None
         # a plate moves for half the sweep after the scan's time and before it: as much again to spare
         top_speed = fleet.drive.limit * robot.geometry.sprocket_radius
         self._reach = robot.plate_radius + top_speed * scanner.sweep_time
@@ -77,11 +82,10 @@ class ScannerFeed:
         """Ranges (N, B) of the echoes, without errors of measurement, NaN where nothing is within range [m]."""
         aim = self._aimed()
         plate = self._to_plates(aim)
-        if not self._obstacles:
+        if self._standing is None:
             ranges = np.full((self._fleet.size, len(self._rays)), np.nan)
         else:
-            time = self._fleet.time + self._lag[:, None]
-            around = self._within_reach(self._obstacles.ranges(self._origin[:2], self._rays[..., :2], time))  # (B, K)
+            around = np.fmin(self._standing, self._to_obstacles(self._walking, self._fleet.time))
             plate = np.fmin(plate, around[aim.beams])
             ranges = np.tile(echo(around), (self._fleet.size, 1))
         ranges.ravel()[aim.place] = echo(plate)
@@ -113,6 +117,10 @@ class ScannerFeed:
         )
         distance[distance < 0] = np.nan
         return self._within_reach(distance.reshape(rays.shape[:-1]))
+
+    def _to_obstacles(self, obstacles: Obstacles, time: float) -> Array:
+        """Distances (B, K) along the rays of all beams, NaN for a miss, in the scan at a time [s] of the fleet [m]."""
+        return self._within_reach(obstacles.ranges(self._origin[:2], self._rays[..., :2], time + self._lag[:, None]))
 
     def _within_reach(self, distance: Array) -> Array:
         """Distances with NaN for those beyond the scanner's reach, in place."""

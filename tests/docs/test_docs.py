@@ -94,7 +94,6 @@ def test_files_and_folders_that_are_named_are_there(page):
     named = re.findall(
         r"`((?:trackslip|sim|experiments|models|tests|examples)/[^` ]*)`", page.read_text(encoding="utf-8")
     )
-    for path in named:
         assert (ROOT / path).exists(), path
 
 
