@@ -50,7 +50,7 @@ EFFECTS = (
     Effect("quantised to 1 cm", {"quantisation": 0.01}),
     Effect("range bias 10 mm", {"range_bias": 0.01}),
     Effect("mixed pixels, 4.4 mrad", {"divergence": 0.0044}),
-    Effect(f"sweep of {SWEEP * 1e3:.1f} ms", {"sweep_time": SWEEP}),
+    Effect(f"sweep of {SWEEP * 1e3:.1f} ms", {"scan_duration": SWEEP}),
     Effect("dropouts 20 %", {"dropout": 0.2}),
     Effect("posts around", obstacles="posts"),
     Effect("post in front", obstacles="occluded"),
