@@ -12,9 +12,10 @@ from pathlib import Path
 from experiments.options.export import ExportConfig
 from experiments.report.terminal import print_table
 from trackslip.errors import InvalidValueError, OutputError
-from trackslip.logs.logfile import load, to_table, write_csv
+from trackslip.logs.logfile import load, write_csv
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.schema import COLUMNS
+from trackslip.logs.table import to_table
 
 _SHOWN = 10  # names in a message
 

@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from experiments.storage.sweep_parts import PARTS
+from experiments.commands.grid import PARTS
 
 SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
 
@@ -56,7 +56,7 @@ def test_a_dask_cluster_gives_the_same(trackslip, tmp_path):
     arguments = ("grid", *SHORT[:-2], "--vary", "scanner.noise=0.001,0.002")
     whole = trackslip(*arguments, "--executor", "inline", "--out", str(tmp_path / "whole")).folder
     with distributed.LocalCluster(
-        1, processes=False, threads_per_worker=1, dashboard_address=None, protocol="tcp"
+        1, processes=False, threads_per_worker=1, dashboard_address="127.0.0.1:0", protocol="tcp"
     ) as cluster:
         address = cluster.scheduler_address
         result = trackslip(
