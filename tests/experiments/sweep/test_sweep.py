@@ -190,7 +190,7 @@ def test_mistakes_get_one_line(refused, arguments, message):
         ("colour = [1]", "axis = 'colour'"),
         ("random_phase = [[true]]", "random_phase = [True]: must be true or false"),
         ("radius = [1", "not TOML"),
-        ("", "sweep.toml: it has no axis"),
+        ("", "sweep.toml: defines no axis"),
         ("\ufeffradius = [-1.0]", "radius = -1.0: must be"),
         (
             '"scanner.noise" = [0.01]\nscanner = { noise = [0.02] }',
