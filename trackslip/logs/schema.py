@@ -1,4 +1,4 @@
-"""The columns of a table of runs: name, unit, what it is. Every file's columns carry these as metadata.
+"""The columns of a table of runs: name, unit, description, which files contain as metadata.
 
 `python -m trackslip.logs.schema` prints them as the table in docs/data.md.
 """
@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import pyarrow as pa
 
 PURE = "1"
-"""The unit of a pure number."""
+"""Unit of a pure number."""
 NO_UNIT = ""
-"""That of what isn't a number."""
+"""Unit of a column that is not a number."""
 
 
 @dataclass(frozen=True)
@@ -26,12 +26,12 @@ class Column:
 
     @property
     def metadata(self) -> dict[str, str]:
-        """As it is stored with the column."""
+        """The metadata stored with the column."""
         return {"unit": self.unit, "description": self.description}
 
 
 def _tracks(name: str, unit: str, description: str) -> tuple[Column, Column]:
-    """The column of the left track and that of the right."""
+    """The columns of the left and the right track."""
     return Column(f"{name}_l", unit, f"{description}, left"), Column(f"{name}_r", unit, f"{description}, right")
 
 
@@ -87,16 +87,16 @@ COLUMNS: dict[str, Column] = {
         *_tracks("slip", PURE, "slip i = 1 - V / (r omega) of a steady sample"),
     )
 }
-"""By name."""
+"""Columns by name."""
 
 
 def with_units(fields: Sequence[pa.Field]) -> list[pa.Field]:
-    """Fields of a schema with what is known of them as metadata."""
+    """Fields of a schema with unit and description as metadata."""
     return [f.with_metadata(COLUMNS[f.name].metadata) if f.name in COLUMNS else f for f in fields]
 
 
 def markdown(columns: Iterable[Column]) -> str:
-    """Columns as a table, for docs/data.md."""
+    """The Markdown table of columns in docs/data.md."""
     lines = [f"| `{column.name}` | {column.unit or '–'} | {column.description} |" for column in columns]
     return "\n".join(["| column | unit | what |", "|---|---|---|", *lines, ""])
 
