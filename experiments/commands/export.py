@@ -22,7 +22,7 @@ _SHOWN = 10  # names in a message
 
 def run(config: ExportConfig) -> None:
     """List the runs, or write them."""
-    logs = [replace(log, scans=None) for log in chosen(load(config.path), config.run)]
+    logs = [replace(log, scans=None) for log in chosen(load(config.path), config.run or ())]
     if not config.csv:
         print_table(f"Runs in {config.path}", ("run", "rows", "duration [s]", "truth"), [_row(log) for log in logs])
         return

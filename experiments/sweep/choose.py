@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments.storage.results import TABLE_FILE
-from experiments.sweep.table import COLUMNS
+from experiments.sweep.rows import COLUMNS
 from trackslip.errors import InvalidValueError
 from trackslip.logs.logfile import read_table
 

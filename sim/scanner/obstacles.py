@@ -1,12 +1,12 @@
-"""What stands and walks in the field besides the robot, in the plane of the scan.
+"""Obstacles in the plane of the scan: posts, walls and people.
 
-The scanner alone meets it: it hides the plate and returns beams of its own. Robots drive through it.
+Only the scanner sees them: they reflect beams and hide the plate. Robots drive through them.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -16,11 +16,17 @@ from trackslip.kinematics import Array
 MAX_COORDINATE = 1000.0
 """Largest coordinate [m]."""
 MAX_RADIUS = 10.0
-"""Of a post or a person [m]."""
+"""Largest radius of a post or a person [m]."""
 MAX_SPEED = 20.0
-"""Speed of a person along either axis [m/s]."""
+"""Largest speed of a person along either axis [m/s]."""
 PERSON = 0.25
 """Radius of a person [m]."""
+MAX_STANDING = 10_000
+"""Largest number of posts, and of walls."""
+MAX_WALKERS = 100
+"""Largest number of walkers, whose ranges must be computed for every scan."""
+MIN_DISTANCE = 0.01
+"""Smallest distance of an obstacle from the scanner [m]."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +34,9 @@ class Post:
     """An upright cylinder."""
 
     x: float
-    """Of its middle, in the world [m]."""
+    """Centre, in the world [m]."""
     y: float
-    """Of its middle, in the world [m]."""
+    """Centre, in the world [m]."""
     radius: float = 0.05
     """[m]"""
 
@@ -42,19 +48,23 @@ class Post:
         """See `Obstacles.ranges`."""
         return _to_circle(np.array([self.x, self.y]) - origin, self.radius, direction)
 
+    def distance(self, point: Array) -> float:
+        """Distance of a point (2,) from the surface, negative inside [m]."""
+        return math.hypot(self.x - point[0], self.y - point[1]) - self.radius
+
 
 @dataclass(frozen=True)
 class Wall:
     """A thin straight wall."""
 
     x0: float
-    """Of one end, in the world [m]."""
+    """One end, in the world [m]."""
     y0: float
-    """Of one end, in the world [m]."""
+    """One end, in the world [m]."""
     x1: float
-    """Of the other end [m]."""
+    """Other end, in the world [m]."""
     y1: float
-    """Of the other end [m]."""
+    """Other end, in the world [m]."""
 
     def __post_init__(self) -> None:
         _require_coordinates(self, "x0", "y0", "x1", "y1")
@@ -62,7 +72,7 @@ class Wall:
             raise InvalidValueError("x1, y1", (self.x1, self.y1), "another place than x0, y0")
 
     def ranges(self, origin: Array, direction: Array, time: Array) -> Array:
-        """See `Obstacles.ranges`; a beam along the wall doesn't meet it."""
+        """See `Obstacles.ranges`; a beam parallel to the wall misses it."""
         start = np.array([self.x0, self.y0]) - origin
         side = np.array([self.x1 - self.x0, self.y1 - self.y0])
         # range * direction = start + share * side
@@ -72,23 +82,29 @@ class Wall:
             share = _cross(start, direction) / determinant
         return np.where((distance >= 0) & (share >= 0) & (share <= 1), distance, np.nan)
 
+    def distance(self, point: Array) -> float:
+        """Distance of a point (2,) from the wall [m]."""
+        start, side = np.array([self.x0, self.y0]), np.array([self.x1 - self.x0, self.y1 - self.y0])
+        share = np.clip((point - start) @ side / (side @ side), 0.0, 1.0)
+        return float(np.linalg.norm(start + share * side - point))
+
 
 @dataclass(frozen=True)
 class Walker:
-    """A person, as an upright cylinder that walks straight on, or to and fro."""
+    """A person: an upright cylinder that walks in a straight line, or to and fro."""
 
     x: float
-    """At the start, in the world [m]."""
+    """Start of the centre, in the world [m]."""
     y: float
-    """At the start, in the world [m]."""
+    """Start of the centre, in the world [m]."""
     vx: float
-    """Along the world's x [m/s]."""
+    """Velocity along the world's x axis [m/s]."""
     vy: float
-    """Along the world's y [m/s]."""
+    """Velocity along the world's y axis [m/s]."""
     radius: float = PERSON
     """[m]"""
     turns_after: float = math.inf
-    """Time after which the person turns back, again and again [s]."""
+    """Time after which the person turns round, again and again [s]."""
 
     def __post_init__(self) -> None:
         _require_coordinates(self, "x", "y")
@@ -97,10 +113,10 @@ class Walker:
             if not abs(getattr(self, name)) <= MAX_SPEED:
                 raise InvalidValueError(name, getattr(self, name), f"from {-MAX_SPEED:g} to {MAX_SPEED:g} m/s")
         if not self.turns_after > 0:
-            raise InvalidValueError("turns_after", self.turns_after, "a number > 0, or inf for straight on")
+            raise InvalidValueError("turns_after", self.turns_after, "a number > 0, or inf to walk straight on")
 
     def place(self, time: Array) -> Array:
-        """Middle (..., 2) at times (...) [s] since the start of the run [m]."""
+        """Centre (..., 2) at times (...) since the start of the run [s] [m]."""
         time = np.asarray(time, float)
         if math.isfinite(self.turns_after):
             there_and_back = 2 * self.turns_after
@@ -111,27 +127,45 @@ class Walker:
         """See `Obstacles.ranges`."""
         return _to_circle(self.place(time) - origin, self.radius, direction)
 
+    def distance(self, point: Array) -> float:
+        """Distance of a point (2,) from the surface at the start of the run, negative inside [m]."""
+        return Post(self.x, self.y, self.radius).distance(point)
+
 
 @dataclass(frozen=True)
 class Obstacles:
-    """Everything in the field that beams may meet besides the plate."""
+    """Everything in the field besides the plate that beams may hit."""
 
     posts: tuple[Post, ...] = ()
     walls: tuple[Wall, ...] = ()
     walkers: tuple[Walker, ...] = ()
 
+    def __post_init__(self) -> None:
+        for name, limit in (("posts", MAX_STANDING), ("walls", MAX_STANDING), ("walkers", MAX_WALKERS)):
+            require_at_most(f"number of {name}", len(getattr(self, name)), limit)
+
     def __bool__(self) -> bool:
         return any(getattr(self, f.name) for f in fields(self))
 
-    def ranges(self, origin: Array, direction: Array, time: Array) -> Array:
-        """Distances (...) to the nearest of them, NaN where there is none [m].
+    @property
+    def standing(self) -> Obstacles:
+        """The posts and walls."""
+        return replace(self, walkers=())
 
-        From within a post or a person it is 0: a scanner there sees nothing else.
+    @property
+    def walking(self) -> Obstacles:
+        """The walkers."""
+        return Obstacles(walkers=self.walkers)
+
+    def ranges(self, origin: Array, direction: Array, time: Array) -> Array:
+        """Distances (...) to the nearest obstacle, NaN where there is none [m].
+
+        The distance is 0 inside a post or a person: a scanner there sees nothing else.
 
         Args:
             origin: (2,) where the beams start [m].
             direction: (..., 2) unit vectors.
-            time: when each beam is measured, since the start of the run; broadcasts against (...) [s].
+            time: of each beam, since the start of the run; broadcasts against (...) [s].
         """
         nearest = np.full(direction.shape[:-1], np.nan)
         everything: tuple[Post | Wall | Walker, ...] = (*self.posts, *self.walls, *self.walkers)
@@ -139,9 +173,19 @@ class Obstacles:
             nearest = np.fmin(nearest, obstacle.ranges(origin, direction, time))
         return nearest
 
+    def require_clear(self, scanner: Array) -> None:
+        """Raise InvalidValueError if an obstacle stands on the scanner (2,) [m]; a walker, at the start of the run."""
+        for f in fields(self):
+            for k, obstacle in enumerate(getattr(self, f.name)):
+                distance = obstacle.distance(scanner)
+                if distance < MIN_DISTANCE:
+                    x, y = np.round(scanner, 3) + 0.0
+                    allowed = f"at least {MIN_DISTANCE:g} m away from the scanner, which is at ({x:g}, {y:g})"
+                    raise InvalidValueError(f"{f.name}[{k}]", obstacle, allowed)
+
 
 def _to_circle(centre: Array, radius: float, direction: Array) -> Array:
-    """Distances (...) along unit vectors (..., 2) to circles about `centre` (..., 2), seen from the origin."""
+    """Distances (...) along unit vectors (..., 2) from the origin to circles around `centre` (..., 2), or NaN."""
     along = np.sum(centre * direction, axis=-1)
     across = _cross(direction, centre)
     half_chord = np.sqrt(np.maximum(radius**2 - across**2, 0.0))
