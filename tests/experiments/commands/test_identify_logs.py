@@ -68,7 +68,7 @@ def test_sides_that_differ(trackslip, tmp_path):
     sides = IcrSides(0.07, 0.11, 0.0, 0.02, 0.3)
     result = trackslip("identify", written(traces(sides), tmp_path / "log.csv"), *OPTIONS)
     assert result.summary["best"] == "icr_sides"
-    assert "left and to the right differ" in result.printed
+    assert "left and right turns differ" in result.printed
     assert found_law(result, "icr_sides")["offset_right"] == pytest.approx(0.11, abs=0.004)
 
 
