@@ -31,14 +31,24 @@ PARTS = ".grid-parts"
 
 def run(config: SweepConfig) -> None:
     """Drive, gather, store and print."""
+    summary = drive_and_store(config)
+    timing = summary.timing
+    print_out(config, summary)
+    print(stages_text(timing.stages))
+    already = f", {timing.taken} of them taken from before" if timing.taken else ""
+    driven = len(summary.runs) - len(summary.failures)
+    print(f"{config.out / RUNS_FILE}: {driven} runs in {timing.wall_s:.1f} s{already}")
+
+
+def drive_and_store(config: SweepConfig) -> SweepSummary:
+    """Drive what isn't driven yet, and store everything."""
     began = time.perf_counter()
-    watch = Stopwatch()
     runs = plan(config)
     world = World.of(config)  # before its files can change
     parts = Parts(config.out, PARTS, is_row)
     try:
         with results_folder(config.out, then=parts.discard) as folder:
-            summary = _drive_and_gather(config, runs, parts, folder, watch)
+            summary = _drive_and_gather(config, runs, parts, folder)
             wall = time.perf_counter() - began
             summary = replace(summary, timing=replace(summary.timing, wall_s=wall))
             write_json(folder / SUMMARY_FILE, summary.to_json())
@@ -46,16 +56,12 @@ def run(config: SweepConfig) -> None:
     except (KeyboardInterrupt, WorkersFailedError, OutputError) as stop:
         same = "the same command" if config.resume else "the same command without --no-resume"
         raise resumable(stop, sum(run.id in parts for run in runs), len(runs), same) from None
-    print_out(runs, summary)
-    print(stages_text(watch.stages))
-    already = f", {summary.timing.taken} of them taken from before" if summary.timing.taken else ""
-    print(f"{config.out / RUNS_FILE}: {len(runs) - len(summary.failures)} runs in {wall:.1f} s{already}")
+    return summary
 
 
-def _drive_and_gather(
-    config: SweepConfig, runs: Sequence[Run], parts: Parts, folder: Path, watch: Stopwatch
-) -> SweepSummary:
+def _drive_and_gather(config: SweepConfig, runs: Sequence[Run], parts: Parts, folder: Path) -> SweepSummary:
     """Logs and rows of all runs in `folder`, and their summary."""
+    watch = Stopwatch()
     if config.resume:
         parts.take({run.id for run in runs}, config.force)
     else:

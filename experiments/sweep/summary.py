@@ -217,11 +217,11 @@ def _grid(axes: Mapping[str, Any], rows: Sequence[RunRow]) -> Grid:
     )
 
 
-def print_out(runs: Sequence[Run], summary: SweepSummary) -> None:
+def print_out(config: SweepConfig, summary: SweepSummary) -> None:
     """Print a single grid radius by radius, or one line for each of several."""
     if len(summary.grids) == 1:
         print_table(
-            f"{len(runs)} runs of {runs[0].config.duration:g} s",
+            f"{len(summary.runs)} runs of {summary.runs[0].axes.get('duration', config.duration):g} s",
             ("commanded radius [m]", "observed [m]", "outer slip", "inner slip"),
             _radius_lines(summary.grids[0]),
         )
@@ -231,7 +231,7 @@ def print_out(runs: Sequence[Run], summary: SweepSummary) -> None:
             *("runs", "failed", "tightest [m]", "observed [m]", "outer slip", "inner slip", "slip error, rms"),
         )
         lines = [_line(grid) for grid in summary.grids[:_MAX_LINES]]
-        print_table(f"{len(runs)} runs in {len(summary.grids)} grids", header, lines)
+        print_table(f"{len(summary.runs)} runs in {len(summary.grids)} grids", header, lines)
         if len(summary.grids) > _MAX_LINES:
             print(f"and {len(summary.grids) - _MAX_LINES} more grids; {TABLE_FILE} has a row for each run")
     _print_some([f"warning: {warning}" for warning in summary.warnings], f"warnings in {SUMMARY_FILE}")
