@@ -17,7 +17,8 @@ from experiments.storage.plain_json import plain
 from sim.fleet import Fleet
 from sim.ground.file import load_ground
 from sim.ground.ground import Ground
-from sim.runs import Description, Pilot, closed_loop
+from sim.run_recorder import Description
+from sim.runs import Pilot, closed_loop
 from sim.seeds import generator
 from trackslip.controllers.base import Controller
 from trackslip.errors import InvalidValueError

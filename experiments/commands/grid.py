@@ -112,7 +112,9 @@ def _drive(config: SweepConfig, parts: Parts, runs: Sequence[Run], missing: Sequ
         progress(f"{len(runs)} runs, scans and poses", total, done=total - left) as report,
         workers(config.executor, jobs) as pool,
     ):
-        task = functools.partial(drive, threads=config.threads, report=report) if pool.inline else drive
+        task = functools.partial(drive, threads=config.threads or 1)
+        if pool.inline:
+            task = functools.partial(drive, threads=config.threads, report=report)
         for fleet in pool.each(task, fleets(missing, pool.count)):
             parts.keep(fleet.part)
             if not pool.inline:

@@ -31,17 +31,18 @@ from experiments.report.terminal import print_table, progress
 from experiments.storage.manifest import command_line
 from experiments.storage.plain_json import plain
 from experiments.storage.results import REPORT_FILE, results_folder, write_results
-from sim.runs import Description, Pilot, closed_loop
+from sim.run_recorder import Description
+from sim.runs import Pilot, closed_loop
 from sim.seeds import generator
 from sim.stopwatch import Stopwatch
 from trackslip.controllers.named import CONTROLLERS
-from trackslip.identification.identify import identify
+from trackslip.identification.identify import identify_samples
 from trackslip.identification.samples import usable_samples
+from trackslip.identification.summary import identification_to_json
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.compensation import FixedLaw
 from trackslip.slip.exponential import PUBLISHED
-from trackslip.slip.law_file import identification_to_json
 from trackslip.trajectory.segmented import paper_reference
 
 
@@ -56,11 +57,11 @@ def run(config: ReproduceConfig) -> None:
         with watch.stage("slips"):
             sampling = usable_samples(grid_logs, robot.geometry, method=config.motion)
         with watch.stage("laws"):
-            found = identify(sampling, robot.geometry)
+            found = identify_samples(sampling, robot.geometry)
         with watch.stage("errors of all methods"):
             warnings = [*saturation_warnings(grid_logs), *found.warnings]
             laws = found.comparison.laws
-            summary = identification_to_json(found, robot.geometry) | {
+            summary = identification_to_json(found) | {
                 "published": published_summary(),
                 "warnings": warnings,
             }

@@ -23,7 +23,8 @@ from experiments.report.terminal import print_table, progress
 from experiments.storage.plain_json import plain
 from experiments.storage.results import RUNS_FILE, results_folder, write_results
 from sim.robot.robot import Robot
-from sim.runs import Description, Pilot, closed_loop
+from sim.run_recorder import Description
+from sim.runs import Pilot, closed_loop
 from sim.seeds import generator
 from trackslip.errors import LogError
 from trackslip.kinematics import Array

@@ -15,8 +15,9 @@ from experiments.options.grid import GridConfig
 from experiments.report.terminal import progress
 from sim.fleet import Fleet
 from sim.robot.robot import Robot
-from sim.runs import Description, open_loop
+from sim.run_recorder import Description
 from sim.runs import Progress as Report
+from sim.runs import open_loop
 from sim.seeds import generator
 from sim.stopwatch import Stopwatch
 from trackslip.errors import InvalidValueError, LogError

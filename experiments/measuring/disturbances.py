@@ -9,9 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from experiments.options.grid import GridConfig
+from experiments.options.sensitivity import MIRROR_PERIOD
 from trackslip.logs.runlog import RunLog
 
-SWEEP = 1 / 75
+SWEEP = MIRROR_PERIOD
 """Time of a sweep [s]: a turn of the mirror of a SICK LMS 200."""
 
 

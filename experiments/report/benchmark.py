@@ -15,8 +15,8 @@ from experiments.options.benchmark import Case
 from experiments.report.figures import leaderboard as figures
 from experiments.report.figures.style import law_line
 from experiments.report.page import Drawing, Page, conditions, file_name, render_page
-from trackslip.logs.logfile import runs_from_table
 from trackslip.logs.runlog import RunLog
+from trackslip.logs.table import runs_from_table
 
 _FAVOURITES = (
     "icr_radius",

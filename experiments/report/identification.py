@@ -15,7 +15,7 @@ from experiments.report.figures.style import LABELS
 from experiments.report.law_symbols import fixed
 from experiments.report.law_tables import CriteriaRow, LawRow, criteria_rows, law_rows
 from trackslip.identification.fitted import FittedLaw
-from trackslip.identification.identify import Identification
+from trackslip.identification.result import Identification
 from trackslip.identification.samples import Refused
 from trackslip.kinematics import Array
 

@@ -10,8 +10,8 @@ from experiments.report.figures.style import LABELS
 from experiments.report.law_symbols import FORMULAS, SYMBOLS, digits_for, fixed, unit_of
 from trackslip.identification.comparison import Comparison
 from trackslip.identification.fitted import FittedLaw
-from trackslip.identification.identify import Identification
 from trackslip.identification.replicates import LackOfFit
+from trackslip.identification.result import Identification
 from trackslip.metrics import rms
 from trackslip.slip.exponential import PUBLISHED
 

@@ -22,7 +22,7 @@ from experiments.report.figures.published import published_and_simulated
 from experiments.report.identification import IdentificationText
 from experiments.report.page import MISSING, Drawing, Page, conditions, render_page
 from trackslip.identification.fitted import FittedLaw
-from trackslip.identification.identify import Identification
+from trackslip.identification.result import Identification
 from trackslip.logs.runlog import RunLog
 
 _TRACKING_COLUMNS = (

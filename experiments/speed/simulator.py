@@ -25,8 +25,10 @@ from experiments.options.track import TrackConfig
 from experiments.speed.bare import bare_batch
 from sim.fleet import Fleet
 from sim.robot.robot import Robot
-from sim.runs import Description, Pilot, closed_loop
-from sim.scanner.scanner import LaserScanner, ScannerFeed
+from sim.run_recorder import Description
+from sim.runs import Pilot, closed_loop
+from sim.scanner.feed import ScannerFeed
+from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 from trackslip.controllers.linear import LinearTimeVarying
 from trackslip.kinematics import Array

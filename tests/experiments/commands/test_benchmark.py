@@ -133,7 +133,7 @@ def test_as_many_processes_as_one_likes_give_the_same_bits(trackslip, short, tmp
 
 
 def test_a_killed_benchmark_goes_on_where_it_was(short, tmp_path):
-    command = [sys.executable, "-m", "experiments.cli", "benchmark", *short, *SMALL, "--seeds", "0", "--out"]
+    command = [sys.executable, "-m", "experiments", "benchmark", *short, *SMALL, "--seeds", "0", "--out"]
     root = str(Path(__file__).parents[3])
     environment = os.environ | {"PYTHONPATH": root}
     (tmp_path / "turn.csv").write_text("x,y\n0,0\n0.4,-0.1\n0.8,-0.3\n1.0,-0.6\n")

@@ -1,10 +1,10 @@
 """Effects of evaluation against closed forms, on runs that keep exactly to a circle."""
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
+from pages import ROOT, shown
 
 from experiments.commands.sensitivity import slip_errors, statistics
 from experiments.measuring.disturbances import EFFECTS, Effect
@@ -69,11 +69,11 @@ def test_an_effect_changes_what_it_says_and_nothing_else():
         assert restored == config
 
 
-def test_every_row_has_a_name_of_its_own_and_stands_in_the_readme():
+def test_every_row_has_a_name_of_its_own_and_stands_on_the_page():
     assert len({effect.name for effect in EFFECTS}) == len(EFFECTS)
-    readme = (Path(__file__).parents[3] / "README.md").read_text()
+    rows = shown(ROOT / "docs" / "sensitivity.md", "nominal").splitlines()
     for effect in EFFECTS:
-        assert f"     {effect.name}  " in readme
+        assert sum(row.startswith(f" {effect.name}  ") for row in rows) == 1
 
 
 def test_obstacles_of_the_user_stay_where_the_effect_has_none():

@@ -33,7 +33,7 @@ TRACK = ("track", "--reference", "circle", "--circle-duration", "5", "--localiza
 
 def command(*arguments, **options):
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    whole = [sys.executable, "-m", "experiments.cli", *arguments]
+    whole = [sys.executable, "-m", "experiments", *arguments]
     return subprocess.Popen(whole, env=environment, text=True, stderr=subprocess.PIPE, **options)
 
 

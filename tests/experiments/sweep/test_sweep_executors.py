@@ -17,7 +17,7 @@ SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--execu
 
 def killed_and_resumed(arguments, out, kills, rng, environment=None):
     """Run a command in a process of its own, kill it at random moments, then let it end."""
-    command = [sys.executable, "-m", "experiments.cli", *arguments, "--out", str(out)]
+    command = [sys.executable, "-m", "experiments", *arguments, "--out", str(out)]
     for _ in range(kills):
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         time.sleep(rng.uniform(0.5, 6.0))
@@ -36,7 +36,8 @@ def same_bytes(one, other):
 
 def test_two_processes_killed_and_resumed(trackslip, tmp_path):
     arguments = ("grid", *SHORT[:-1], "processes", "--jobs", "2", "--vary", "scanner.noise=0.001,0.002,0.003,0.004")
-    whole = trackslip(*arguments[:-4], "--executor", "inline", *arguments[-2:], "--out", str(tmp_path / "whole")).folder
+    inline = ("grid", *SHORT, *arguments[-2:])
+    whole = trackslip(*inline, "--out", str(tmp_path / "whole")).folder
     killed_and_resumed(arguments, tmp_path / "killed", 1, random.Random(0))
     same_bytes(whole, tmp_path / "killed")
 
