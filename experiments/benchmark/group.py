@@ -1,4 +1,4 @@
-"""Runs that share a reference, driven as one fleet, and what is measured of them."""
+"""Runs that share a reference, driven as one fleet, and their measurements."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from trackslip.logs.runlog import RunLog
 from trackslip.metrics import expense, tracking_errors
 
 GROUP_SIZE = 32
-"""Robots in a fleet, from which on it hardly gains by being larger, whereas more processes can share smaller ones."""
+"""Robots in a fleet: larger fleets hardly gain speed, and smaller ones are shared better between processes."""
 
 
 TOO_MANY = 3 * GROUP_SIZE
-"""Robots of one controller on one reference, beyond which they are more than one fleet."""
+"""Robots of one controller on one reference that are still driven as one fleet."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a case."""
+    """Result of a case."""
 
     case: Case
     log: RunLog | None = None
@@ -37,7 +37,7 @@ class Outcome:
 
 
 def groups(cases: Sequence[Case]) -> list[tuple[Case, ...]]:
-    """Cases by reference, in order, whole controllers at a time: as many as make a fleet of about GROUP_SIZE."""
+    """Cases by reference, in order: whole controllers, up to about GROUP_SIZE robots per group."""
     paths: dict[str, dict[str, list[Case]]] = {}
     for case in cases:
         paths.setdefault(case.reference, {}).setdefault(case.controller, []).append(case)
@@ -57,11 +57,11 @@ def groups(cases: Sequence[Case]) -> list[tuple[Case, ...]]:
 
 
 def drive(setup: Setup, cases: Sequence[Case]) -> list[Outcome]:
-    """Drive the cases of a group; where a fleet fails, its halves are driven, until the runs that fail stand alone."""
+    """Drive the cases of a group; where a fleet fails, drive its halves, until the runs that fail are isolated."""
     try:
         logs = setup.drive(cases)
         return [Outcome(case, log) for case, log in zip(cases, logs, strict=True)]
-    except (Exception, SystemExit) as error:  # a controller's, too: one failed run is a row
+    except (Exception, SystemExit) as error:  # a user's controller may raise anything; a failed run becomes a row
         if len(cases) == 1:
             said = str(error) if isinstance(error, TrackslipError) else f"{type(error).__name__}: {error}"
             return [Outcome(cases[0], error=" ".join(said.split()))]
@@ -70,9 +70,9 @@ def drive(setup: Setup, cases: Sequence[Case]) -> list[Outcome]:
 
 
 def measure(setup: Setup, outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
-    """What is known of each case: its names, its errors and expense, or why it failed; and its time per step [ms].
+    """One row per case: its names, its errors and expense, or why it failed; and its time per step [ms].
 
-    Time per step is measured on the first seed of cases that differ in nothing else.
+    Time per step is measured for the first of the cases that differ in nothing but their seed.
     """
     top_speed = setup.config.drive.top_speed / setup.world.robot.geometry.sprocket_radius
     timed: set[Case] = set()
@@ -88,7 +88,7 @@ def measure(setup: Setup, outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
                 row |= {"icr_offset": log.icr[-1, 0], "icr_radius_error": log.icr[-1, 1]}
             if replace(case, seed=0) not in timed:
                 timed.add(replace(case, seed=0))
-                with contextlib.suppress(Exception, SystemExit):  # a controller may not like to be alone
+                with contextlib.suppress(Exception, SystemExit):  # a user's controller may fail on a single robot
                     row["compute_ms"] = np.round(1e3 * step_times(setup, case, log), 4).tolist()
         rows.append(row)
     return rows

@@ -22,12 +22,12 @@ from experiments.benchmark.table import (
     over_seeds,
     whole_text,
 )
-from experiments.driving.grid_runs import stages_text
 from experiments.driving.lookup import reference
 from experiments.options.benchmark import BenchmarkConfig, Case
 from experiments.parallel.executors import WorkersFailedError
 from experiments.recording import record_all
 from experiments.report.benchmark import render
+from experiments.report.formats import stages_text
 from experiments.report.terminal import print_table, progress
 from experiments.storage.benchmark_parts import Parts, complete, names_of, rows_of, runs_of
 from experiments.storage.manifest import command_line

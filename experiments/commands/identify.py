@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from experiments.options.identify import IdentifyConfig
-from experiments.report.terminal import print_table
+from experiments.report.formats import for_terminal
+from experiments.report.terminal import print_table, progress
 from experiments.storage.manifest import command_line, make_manifest
 from experiments.storage.plain_json import plain, write_json
 from experiments.storage.results import (
@@ -22,7 +23,6 @@ from experiments.storage.results import (
 )
 from experiments.sweep.choose import chosen, require_one_setting
 from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification.comparison import Comparison
 from trackslip.identification.identify import identify
 from trackslip.identification.samples import Sampling, usable_rows, usable_samples
 from trackslip.kinematics import RobotGeometry
@@ -34,7 +34,7 @@ from trackslip.slip.law_file import identification_to_json
 
 @dataclass(frozen=True)
 class Source:
-    """What was read: samples, and the runs they come from, if there are any."""
+    """Samples, and the runs they come from, if there are any."""
 
     geometry: RobotGeometry
     sampling: Sampling
@@ -42,7 +42,7 @@ class Source:
 
     @property
     def origin(self) -> dict[str, Any]:
-        """Seed, model and ground that all runs agree on; empty for a real robot's."""
+        """Seed, model and ground that all runs share; empty for a real robot's log."""
         metadata = [log.metadata for log in self.logs]
         return {
             key: metadata[0][key]
@@ -53,46 +53,53 @@ class Source:
 
 def run(config: IdentifyConfig) -> None:
     """Fit the laws, store and print them."""
-    from experiments.report.reproduction import (  # late: others read logs with this module, and draw nothing
-        Report,
-        render,
+    # late: calibrate reads logs with this module and draws nothing
+    from experiments.report.identification import (
+        CRITERIA_HEADER,
+        LAW_HEADER,
+        criteria_rows,
+        criteria_table,
+        law_rows,
+        law_table,
     )
+    from experiments.report.reproduction import Report, render
 
     began = time.perf_counter()
-    with results_folder(config.out) as folder:
+    with results_folder(config.out) as folder, progress("identification", 3, "steps") as report:
         source = read_source(config)
+        report(1)
         found = identify(source.sampling, source.geometry)
-        summary = identification_to_json(found, source.geometry)
+        report(1)
         wall = time.perf_counter() - began
-        summary["timing"] = {"wall_s": wall, "stages": {"identify": wall}}
-        about = make_manifest("identify", config, wall, **source.origin)
+        timing = {"wall_s": wall, "stages": {"identify": wall}}
+        manifest = make_manifest("identify", config, wall, **source.origin)
         if source.logs:
             write_runs(folder, source.logs)
         else:
             write_samples(folder, source.sampling.samples)
-        write_json(folder / SUMMARY_FILE, summary)
-        write_json(folder / MANIFEST_FILE, about)
+        write_json(folder / SUMMARY_FILE, identification_to_json(found, source.geometry) | {"timing": timing})
+        write_json(folder / MANIFEST_FILE, manifest)
         page = Report(
             title=f"Slip laws identified from {config.path.name}",
             command=command_line("identify"),
-            manifest=about,
-            summary=plain(summary),
-            comparison=(),
+            manifest=manifest,
             grid_logs=source.logs,
             identification=found,
         )
         render(page).write(folder, config.pdf)
-    runs = len(found.samples)
-    print_table(f"Slip laws from {runs} runs", LAW_HEADER, law_rows(found.comparison))
-    print_table("Laws compared, the best first", COMPARISON_HEADER, comparison_rows(found.comparison))
+        report(1)
+    best = found.comparison.best
+    laws, criteria = law_table(law_rows(found.comparison)), criteria_table(criteria_rows(found))
+    print_table(f"Slip laws from {len(found.samples)} runs", LAW_HEADER, for_terminal(laws))
+    print_table("Laws compared, the best first", CRITERIA_HEADER, for_terminal(criteria))
     for warning in found.warnings:
         print(f"warning: {warning}")
-    print(f"best: {found.comparison.best}, {FAMILIES[found.comparison.best].title}")
+    print(f"best: {best}, {FAMILIES[best].title}")
     print(f"{config.out / REPORT_FILE}: {time.perf_counter() - began:.1f} s")
 
 
 def read_source(config: IdentifyConfig) -> Source:
-    """Samples from a stored folder or a log; raises LogError or InvalidValueError for what can't be used."""
+    """Read samples from a folder of results or a log; raises LogError or InvalidValueError if they cannot be used."""
     file = runs_file(config.path)
     try:
         return _read(config, file)
@@ -105,7 +112,9 @@ def _read(config: IdentifyConfig, file: Path) -> Source:
     columns = table.column_names
     if "x" not in columns and set(SAMPLE_COLUMNS) <= set(columns):
         if config.where:
-            raise InvalidValueError("where", " ".join(config.where), "left out: steady samples aren't a sweep's runs")
+            raise InvalidValueError(
+                "where", " ".join(config.where), "left out: steady samples are not the runs of a sweep"
+            )
         geometry = choose_geometry(config, None, file)
         omega, twist = read_samples(table, str(file))
         return Source(geometry, usable_rows(omega / config.gear, twist, geometry), ())
@@ -118,9 +127,9 @@ def _read(config: IdentifyConfig, file: Path) -> Source:
         names = chosen(file.parent, config.where)
         logs = [log for log in logs if log.run in names]
         if not logs:
-            raise LogError(f"{file}: none of the {len(names)} run(s) chosen with --where is there: they failed")
+            raise LogError(f"{file}: none of the {len(names)} run(s) chosen with --where is stored: they failed")
     if not logs:
-        raise LogError(f"{file}: its {len(runs)} run(s) are closed loops; slip is identified from steady runs")
+        raise LogError(f"{file}: its {len(runs)} run(s) are closed loops, and slip is identified from steady runs")
     require_one_setting(logs, file)
     geometry = choose_geometry(config, logs[0].metadata.get("geometry"), file)
     known = {"geometry": plain(geometry)}
@@ -129,73 +138,14 @@ def _read(config: IdentifyConfig, file: Path) -> Source:
 
 
 def choose_geometry(config: IdentifyConfig, stored: Any, file: Path) -> RobotGeometry:
-    """The geometry on the command line, else the log's."""
+    """The geometry from the command line, else from the log."""
     values = {}
     for name in ("half_gauge", "sprocket_radius"):
         given = getattr(config, name)
         value = stored.get(name) if given is None and isinstance(stored, dict) else given
         if not isinstance(value, int | float):
-            raise InvalidValueError(name, value, f"given with --{name.replace('_', '-')}: {file} doesn't say it")
+            raise InvalidValueError(
+                name, value, f"given with --{name.replace('_', '-')}, because {file} does not contain it"
+            )
         values[name] = float(value)
     return RobotGeometry(**values)
-
-
-LAW_HEADER = ("law", "parameter", "value", "std. error", "95 % interval", "by bootstrap")
-COMPARISON_HEADER = ("law", "free", "rms", "AICc", "weight", "cv radius", "cv speed", "cv yaw rate", "lack of fit")
-SYMBOLS = {
-    "alpha_outer": "alpha outer",
-    "beta_outer": "beta outer",
-    "alpha_inner": "alpha inner",
-    "beta_inner": "beta inner",
-    "gamma_outer": "gamma outer",
-    "gamma_inner": "gamma inner",
-    "slip_outer": "slip outer",
-    "slip_inner": "slip inner",
-    "size": "a",
-    "pole": "p",
-    "offset": "D",
-    "radius_error": "epsilon",
-    "offset_left": "D left",
-    "offset_right": "D right",
-    "radius_error_left": "epsilon left",
-    "radius_error_right": "epsilon right",
-}
-
-
-def law_rows(comparison: Comparison) -> list[tuple[str, ...]]:
-    """A row a parameter."""
-    rows: list[tuple[str, ...]] = []
-    for name, fit in comparison.laws.items():
-        for k, (parameter, value) in enumerate(fit.values.items()):
-            ends = [fit.interval95[parameter], fit.bootstrap95.get(parameter)]
-            symbol = f"{SYMBOLS[parameter]} [{FAMILIES[name].parameters[parameter].unit or '-'}]"
-            intervals = ["-" if pair is None else f"{pair[0]:+.5f} .. {pair[1]:+.5f}" for pair in ends]
-            rows.append((name if k == 0 else "", symbol, f"{value:+.5f}", f"{fit.stderr[parameter]:.5f}", *intervals))
-    return rows
-
-
-def comparison_rows(comparison: Comparison) -> list[tuple[str, ...]]:
-    """A row a law, by AICc."""
-    rows: list[tuple[str, ...]] = []
-    least = min((value for value in comparison.aicc.values() if value is not None), default=0.0)
-    for name in comparison.ranking:
-        fit, aicc, validation = comparison.laws[name], comparison.aicc[name], comparison.validation[name]
-        lack = fit.lack_of_fit
-        rows.append(
-            (
-                name,
-                str(len(fit.values)),
-                f"{fit.rms:.5f}",
-                "-" if aicc is None else f"+{aicc - least:.1f}",
-                _or_dash(comparison.weight[name], ".2f"),
-                _or_dash(validation.radius, ".5f"),
-                _or_dash(validation.speed, ".5f"),
-                _or_dash(validation.yaw_rate, ".5f"),
-                "-" if lack is None else f"p = {lack.probability:.2g}" + ("" if lack.significant else ", none"),
-            )
-        )
-    return rows
-
-
-def _or_dash(value: float | None, form: str) -> str:
-    return "-" if value is None else format(value, form)

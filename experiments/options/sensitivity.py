@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.measuring.disturbances import SWEEP
 from experiments.options.grid import GridConfig
 from trackslip.errors import InvalidValueError
+
+MIRROR_PERIOD = 1 / 75
+"""One revolution of the mirror of a SICK LMS 200, the longest sweep that is tried [s]."""
 
 
 @dataclass(frozen=True)
@@ -21,9 +23,9 @@ class SensitivityConfig(GridConfig):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.scanner.period < SWEEP:
+        if self.scanner.period < MIRROR_PERIOD:
             raise InvalidValueError(
                 "scanner.rate",
                 self.scanner.rate,
-                f"at most {1 / SWEEP:g} Hz, to leave time for the sweep that is tried",
+                f"at most {1 / MIRROR_PERIOD:g} Hz, to leave time for the sweep that is tried",
             )

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from experiments.driving.grid_runs import drive_cells, localization_summary
+from experiments.driving.grid_runs import drive_cells
+from experiments.measuring.grid import LocalizationErrors
 from experiments.storage.manifest import digest, made_by
 from experiments.sweep.plan import Run
 from sim.runs import Progress
@@ -84,6 +85,6 @@ def _measured(log: RunLog, run: Run) -> dict[str, Any]:
         row |= dict(zip(_MEASURED, map(float, values), strict=True)) | {"note": "; ".join(sampling.notes) or None}
     except LogError as error:
         row["note"] = f"run {log.run!r} left out: {str(error).removeprefix(f'run {log.run!r}: ')}"
-    row |= {name: value for name, value in localization_summary([log]).items() if name != "rate_hz"}
+    row |= {name: value for name, value in vars(LocalizationErrors.of([log])).items() if name != "rate_hz"}
     saturated = None if log.truth is None else log.truth.saturated
     return row | {"saturated": 0.0 if saturated is None else float(saturated.mean(axis=0).max())}

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.driving.grid_runs import grid_summary, published_radii, radius_rows
+from experiments.measuring.grid import grid_summary, published_radii
 from experiments.options.grid import SweepConfig
 from experiments.report.terminal import print_table
 from experiments.storage.results import SUMMARY_FILE, TABLE_FILE
@@ -62,7 +62,9 @@ def _in_full(
     with watch.stage("errors of all methods"):
         names = [run.name for run in runs]
         geometry = runs[0].world(1).robot.geometry
-        return grid_summary(replace(config, radii=radii, speeds=speeds), names, logs, samples, geometry, watch)
+        return grid_summary(
+            replace(config, radii=radii, speeds=speeds), names, logs, samples, geometry, watch
+        ).to_json()
 
 
 def _grid(axes: Mapping[str, Any], rows: Sequence[Row]) -> dict[str, Any]:
@@ -102,7 +104,7 @@ def print_out(config: SweepConfig, runs: Sequence[Run], found: Mapping[str, Any]
         print_table(
             f"{len(runs)} runs of {runs[0].config.duration:g} s",
             ("commanded radius [m]", "observed [m]", "outer slip", "inner slip"),
-            radius_rows(taken, only),
+            _radius_rows(taken, only),
         )
     else:
         axes = list(grids[0]["axes"])
@@ -127,6 +129,15 @@ def print_out(config: SweepConfig, runs: Sequence[Run], found: Mapping[str, Any]
         print(f"failed: {failure['run']}: {failure['error']}")
     if len(found["failures"]) > _MAX_LINES:
         print(f"and {len(found['failures']) - _MAX_LINES} more failures in {TABLE_FILE}")
+
+
+def _radius_rows(config: SweepConfig, summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
+    """Means over the speeds, a row a radius."""
+    columns = (summary["radius"]["observed"], summary["slip_by_radius"]["outer"], summary["slip_by_radius"]["inner"])
+    return [
+        (f"{commanded:g}", f"{radius:.3f}", f"{outer:+.4f}", f"{inner:+.4f}")
+        for commanded, radius, outer, inner in zip(config.radii, *columns, strict=True)
+    ]
 
 
 def _line(grid: Mapping[str, Any]) -> tuple[str, ...]:

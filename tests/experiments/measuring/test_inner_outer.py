@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from experiments.report.figures.error_bars import bar_factor, bar_key
 from identified import GEOMETRY, driven, grid
 
 from experiments.measuring.inner_outer import RoleSamples, slip_at
 from experiments.measuring.value_groups import alike, repeated, span
-from experiments.report.figures.error_bars import bar_factor, bar_key
 from trackslip.slip.exponential import PUBLISHED
 from trackslip.slip.icr import IcrSides
 
