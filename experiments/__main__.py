@@ -1,18 +1,24 @@
-"""Where `trackslip` starts: an interrupt costs one line from the first import on."""
+"""Where `trackslip` starts: an interrupt prints one line, even while modules are being imported."""
 
 from __future__ import annotations
 
-import sys
+import os
+import signal
 
 
 def main() -> None:
     """Load the command line and run it."""
-    try:
-        from experiments.cli import main as run
-    except KeyboardInterrupt:
-        print("trackslip: interrupted", file=sys.stderr)
-        sys.exit(130)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _quit)  # cli restores it when the command's modules are there
+    from experiments.cli import main as run
+
     run()
+
+
+def _quit(*_: object) -> None:
+    """Leave at once: KeyboardInterrupt in a half-imported module could surface as any other error."""
+    os.write(2, b"trackslip: interrupted\n")
+    os._exit(130)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""`trackslip <command>`: options in, results out, one line and exit code 2 for a user's mistake."""
+"""The `trackslip` command line: options in, results out; a refused value prints a one-line error and exits with 2."""
 
 from __future__ import annotations
 
@@ -8,16 +8,12 @@ import io
 import os
 import signal
 import sys
-import typing
 from collections.abc import Sequence
-from itertools import pairwise
-from typing import Annotated, Any
+from dataclasses import dataclass
+from typing import Any
 
 import tyro
 
-from experiments.completion_config import CompletionConfig
-from experiments.examples import examples_text
-from experiments.mistakes import sentence
 from experiments.options.bench import BenchConfig
 from experiments.options.benchmark import BenchmarkConfig
 from experiments.options.calibrate import CalibrateConfig
@@ -34,52 +30,166 @@ from experiments.options.validate import ValidateConfig
 from experiments.options.view import ViewConfig
 from trackslip.errors import InvalidValueError, TrackslipError
 
-Command = (
-    Annotated[SweepConfig, tyro.conf.subcommand("grid")]
-    | Annotated[IdentifyConfig, tyro.conf.subcommand("identify")]
-    | Annotated[ExportConfig, tyro.conf.subcommand("export")]
-    | Annotated[TrackConfig, tyro.conf.subcommand("track")]
-    | Annotated[BenchmarkConfig, tyro.conf.subcommand("benchmark")]
-    | Annotated[TrainConfig, tyro.conf.subcommand("train")]
-    | Annotated[PredictConfig, tyro.conf.subcommand("predict")]
-    | Annotated[CalibrateConfig, tyro.conf.subcommand("calibrate")]
-    | Annotated[ValidateConfig, tyro.conf.subcommand("validate")]
-    | Annotated[CoverageConfig, tyro.conf.subcommand("coverage")]
-    | Annotated[SensitivityConfig, tyro.conf.subcommand("sensitivity")]
-    | Annotated[ReproduceConfig, tyro.conf.subcommand("reproduce")]
-    | Annotated[BenchConfig, tyro.conf.subcommand("bench")]
-    | Annotated[CompletionConfig, tyro.conf.subcommand("completion")]
-    | Annotated[ViewConfig, tyro.conf.subcommand("view")]
-)
-_DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate it.
-`trackslip COMMAND --help` lists a command's options, with examples."""
-_RUNNERS = {
-    SweepConfig: "experiments.commands.grid",
-    IdentifyConfig: "experiments.commands.identify",
-    ExportConfig: "experiments.commands.export",
-    TrackConfig: "experiments.commands.track",
-    BenchmarkConfig: "experiments.commands.benchmark",
-    TrainConfig: "experiments.commands.train",
-    PredictConfig: "experiments.commands.predict",
-    CalibrateConfig: "experiments.commands.calibrate",
-    ValidateConfig: "experiments.commands.validate",
-    CoverageConfig: "experiments.commands.coverage",
-    SensitivityConfig: "experiments.commands.sensitivity",
-    ReproduceConfig: "experiments.commands.reproduce",
-    BenchConfig: "experiments.commands.bench",
-    CompletionConfig: "experiments.completion",
-    ViewConfig: "experiments.commands.view",
+
+@dataclass(frozen=True)
+class Command:
+    """A command; the module experiments.commands.NAME runs it."""
+
+    options: type
+    examples: tuple[tuple[str, str], ...]
+    """What a command line does, and the line, as `--help` prints them."""
+
+
+COMMANDS = {
+    "reproduce": Command(
+        ReproduceConfig,
+        (
+            ("the whole paper", "trackslip reproduce"),
+            ("with other random numbers", "trackslip reproduce --seed 1 --out out/reproduce-1"),
+            ("on another ground", "trackslip reproduce --ground.across 0.9 --scanner.noise 0.01"),
+        ),
+    ),
+    "grid": Command(
+        SweepConfig,
+        (
+            ("the paper's 25 runs", "trackslip grid"),
+            ("six runs of 20 s", "trackslip grid --radii 0.5 1 2 --speeds 0.1 0.2 --duration 20"),
+            ("on a gravel slope", "trackslip grid --ground gravel --ground.slope 0.1 --ground.uphill 1.57"),
+            ("with a noisier scanner", "trackslip grid --scanner.noise 0.01 --obstacles posts --out out/noisy"),
+            ("a thousand runs", "trackslip grid --grounds stone ice --slope 0 0.05 --seeds 0 1 2 3 4 5 6 7 8 9"),
+            ("over any option", "trackslip grid --vary scanner.noise=0.005,0.02 robot.half_gauge=0.15,0.2"),
+            ("on a Dask cluster", "trackslip grid --sweep sweep.toml --executor dask://host:8786"),
+        ),
+    ),
+    "identify": Command(
+        IdentifyConfig,
+        (
+            ("from a stored grid", "trackslip identify out/grid"),
+            ("from a real robot's log", "trackslip identify log.csv --half-gauge 0.168 --sprocket-radius 0.06"),
+            ("from some runs of a sweep", "trackslip identify out/grid --where ground=ice seed=0"),
+            ("as in the paper", "trackslip identify out/grid --motion paper --out out/identify-paper"),
+        ),
+    ),
+    "track": Command(
+        TrackConfig,
+        (
+            ("the paper's path and controller", "trackslip track"),
+            ("without slip compensation", "trackslip track --compensation none --out out/track-none"),
+            ("with online identification", "trackslip track --controller lqr --compensation online --reference slalom"),
+            ("with your own laws", "trackslip track --laws out/identify --compensation exponential"),
+        ),
+    ),
+    "benchmark": Command(
+        BenchmarkConfig,
+        (
+            ("every controller on the paper's path", "trackslip benchmark"),
+            ("Sec. IV of the paper", "trackslip benchmark --suite paper"),
+            ("two controllers on ice", "trackslip benchmark --controllers linear lqr --grounds ice --seeds 0 1"),
+            ("your own controller", "trackslip benchmark --controllers linear my_controller:MyController"),
+        ),
+    ),
+    "train": Command(
+        TrainConfig,
+        (
+            ("two million steps", "trackslip train"),
+            ("resume from the last checkpoint", "trackslip train --steps 4000000 --resume"),
+            ("a quick try", "trackslip train --steps 100000 --robots 16 --batch 512 --out out/try"),
+        ),
+    ),
+    "predict": Command(
+        PredictConfig,
+        (
+            ("the shipped robot", "trackslip predict"),
+            (
+                "a robot of another size",
+                "trackslip predict --half-gauge 0.25 --contact-length 0.6 --friction-ratio 1.2",
+            ),
+        ),
+    ),
+    "calibrate": Command(
+        CalibrateConfig,
+        (
+            ("to the paper's slips and radii", "trackslip calibrate"),
+            (
+                "to a log, with other parameters",
+                "trackslip calibrate --target log.csv --free friction_ratio radius_error",
+            ),
+        ),
+    ),
+    "validate": Command(
+        ValidateConfig,
+        (
+            ("the shipped robot", "trackslip validate"),
+            ("a calibrated robot", "trackslip validate --robot out/calibrate/robot.toml"),
+        ),
+    ),
+    "coverage": Command(
+        CoverageConfig,
+        (
+            ("a thousand repeats", "trackslip coverage"),
+            ("fewer", "trackslip coverage --repeats 100 --run-repeats 40 --drives 4"),
+        ),
+    ),
+    "sensitivity": Command(
+        SensitivityConfig,
+        (
+            ("the paper's grid", "trackslip sensitivity"),
+            ("a smaller one", "trackslip sensitivity --radii 0.5 1.5 --speeds 0.1 0.2 --duration 20"),
+        ),
+    ),
+    "bench": Command(
+        BenchConfig,
+        (
+            ("the simulator", "trackslip bench"),
+            ("a quick look", "trackslip bench --sizes 1 64 --thread-counts 1 --seconds 5 --repeats 3"),
+            ("the learning environments", "trackslip bench --env"),
+            ("a thousand runs, on one process and on two", "trackslip bench --grid"),
+        ),
+    ),
+    "export": Command(
+        ExportConfig,
+        (
+            ("list the runs", "trackslip export out/grid"),
+            ("write all runs as CSV", "trackslip export out/grid --csv"),
+            ("write one run", 'trackslip export out/grid --csv --run "radius=0.5 speed=0.1" --out run.csv'),
+        ),
+    ),
+    "view": Command(
+        ViewConfig,
+        (
+            ("the first run", "trackslip view out/track"),
+            ("compare two runs", 'trackslip view out/reproduce --run "linear none" --run "linear icr"'),
+            ("a file for the viewer", "trackslip view log.csv --save log.rrd"),
+        ),
+    ),
 }
+EXAMPLES = (
+    ("the whole paper, with a report in out/reproduce/report.html", "trackslip reproduce"),
+    ("a command's options and examples", "trackslip grid --help"),
+    (
+        "complete commands and options with Tab in bash (or zsh, fish)",
+        'eval "$(trackslip --tyro-print-completion bash)"',
+    ),
+)
+"""Of trackslip itself."""
+_DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate for it.
+`trackslip COMMAND --help` lists a command's options and examples."""
+_REPEATABLE = ("view", "--run")
+_COMPLETION = ("--tyro-print-completion", "--tyro-write-completion")
+_SHELLS = ("bash", "zsh", "fish", "tcsh")
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command; exits with 2 for a mistake in it, 130 when interrupted."""
     arguments = sys.argv[1:] if arguments is None else list(arguments)
-    with contextlib.suppress(ValueError):  # only the main thread may
-        signal.signal(signal.SIGTERM, _terminate)
     try:
-        command = parse(arguments)
-        importlib.import_module(_RUNNERS[type(command)]).run(command)
+        options = parse(arguments)
+        runner = importlib.import_module(f"experiments.commands.{arguments[0]}")
+        with contextlib.suppress(ValueError):  # only the main thread can set handlers
+            signal.signal(signal.SIGTERM, _interrupt)
+            if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+                signal.signal(signal.SIGINT, signal.default_int_handler)
+        runner.run(options)
         sys.stdout.flush()
     except TrackslipError as error:
         _fail(str(error), 2)
@@ -87,7 +197,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _fail(str(interrupt) or "interrupted", 130)
     except MemoryError:
         _fail("out of memory", 2)
-    except BrokenPipeError:  # whoever reads has seen enough
+    except BrokenPipeError:  # the reader has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(1)
     except OSError as error:
@@ -96,52 +206,71 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def parse(arguments: Sequence[str]) -> Any:
-    """The command's configuration; raises TrackslipError in one line for options that are wrong."""
-    _require_sense(arguments)
+    """The command's options.
+
+    Raises:
+        TrackslipError: for a value that the options refuse.
+        SystemExit: after help, and for arguments that tyro rejects, once it has explained them.
+    """
+    _check(arguments)
+    explanation = io.StringIO()
     try:
-        with contextlib.redirect_stderr(io.StringIO()):
-            return _parse(arguments)
+        with contextlib.redirect_stderr(explanation):
+            return tyro.extras.subcommand_cli_from_dict(
+                {name: command.options for name, command in COMMANDS.items()},
+                prog="trackslip",
+                args=arguments,
+                description=_DESCRIPTION,
+                config=(tyro.conf.DisallowNone,),
+            )
     except SystemExit as stop:
-        if stop.code != 2:
-            if {"-h", "--help"} & set(arguments):
-                print(examples_text("" if arguments[0].startswith("-") else arguments[0]))
-            sys.stdout.flush()
-            raise
-    # tyro explains in a box as wide as the terminal: ask again for one wide enough to hold each sentence on a line
-    box = io.StringIO()
-    width = os.environ.get("COLUMNS")
-    os.environ["COLUMNS"] = "2000"
-    try:
-        with contextlib.redirect_stderr(box), contextlib.suppress(SystemExit):
-            _parse(arguments)
-    finally:
-        os.environ.pop("COLUMNS")
-        if width is not None:
-            os.environ["COLUMNS"] = width
-    raise TrackslipError(sentence(box.getvalue(), arguments[0] if arguments else ""))
+        if stop.code and (refused := _refused_value(stop)):
+            raise refused from None
+        sys.stderr.write(explanation.getvalue())
+        if not stop.code and {"-h", "--help"} & set(arguments):
+            print(examples_text("" if arguments[0].startswith("-") else arguments[0]))
+        sys.stdout.flush()
+        raise
 
 
-def _parse(arguments: Sequence[str]) -> Any:
-    return tyro.cli(Command, prog="trackslip", args=arguments, description=_DESCRIPTION)
+def examples_text(command: str) -> str:
+    """The end of a command's help; that of trackslip itself for an empty name."""
+    examples = COMMANDS[command].examples if command else EXAMPLES
+    return "\n".join(["examples:", *(f"  {line}\n      {what}" for what, line in examples)])
 
 
-def _require_sense(arguments: Sequence[str]) -> None:
-    """Raise TrackslipError for what tyro would not tell well."""
-    for before, argument in pairwise(("trackslip", *arguments)):
-        if not argument:
-            raise InvalidValueError(before, argument, "something")
-    once = {"--vary": "NAME=VALUE", "--where": "NAME=VALUE"} | (
-        {"--run": "NAME"} if list(arguments[:1]) == ["export"] else {}
-    )
-    for option, value in once.items():
-        if sum(argument.partition("=")[0] == option for argument in arguments) > 1:
-            raise InvalidValueError(option, "given twice", f"given once: {option} {value} {value}")
-    names = [typing.get_args(part)[1].name for part in typing.get_args(Command)]
-    if arguments and not arguments[0].startswith("-") and arguments[0] not in names:
-        raise InvalidValueError("COMMAND", arguments[0], f"one of {', '.join(names)}")
+def _refused_value(stop: SystemExit) -> InvalidValueError | None:
+    """The options' own error if it is why tyro stops; its field is named as the option is, ground.across."""
+    cause = stop.__context__
+    if cause is None or not isinstance(cause.__context__, InvalidValueError):
+        return None
+    refused = cause.__context__
+    group = str(getattr(cause, "arg", "")).partition(".")[2]
+    return InvalidValueError(f"{group}.{refused.field}", refused.value, refused.allowed) if group else refused
 
 
-def _terminate(*_: object) -> None:
+def _check(arguments: Sequence[str]) -> None:
+    """Raise TrackslipError for arguments that tyro would accept silently, or reject with a traceback."""
+    if arguments[:1] and not arguments[0].startswith("-") and arguments[0] not in COMMANDS:
+        raise InvalidValueError("COMMAND", arguments[0], f"one of {', '.join(COMMANDS)}")
+    if arguments[:1] and arguments[0] in _COMPLETION and arguments[1:2] and arguments[1] not in _SHELLS:
+        raise InvalidValueError(arguments[0], arguments[1], f"one of {', '.join(_SHELLS)}")
+    given: set[str] = set()
+    option = "trackslip"
+    for argument in arguments:
+        if not argument or (argument.startswith("--") and argument.endswith("=")):
+            raise InvalidValueError(argument.removesuffix("=") or option, "", "non-empty")
+        if any("\ud800" <= character <= "\udfff" for character in argument):
+            raise InvalidValueError(option, argument, "valid UTF-8")
+        if argument.startswith("--"):
+            option = argument.partition("=")[0].replace("_", "-")
+            switch = option.replace("--no-", "--", 1)
+            if switch in given and (arguments[0], option) != _REPEATABLE:
+                raise TrackslipError(f"{option} is given twice; give it once, with all its values")
+            given.add(switch)
+
+
+def _interrupt(*_: object) -> None:
     raise KeyboardInterrupt
 
 
@@ -152,4 +281,4 @@ def _fail(message: str, code: int) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    _fail("start it as `trackslip` or `python -m experiments`", 2)

@@ -1,8 +1,82 @@
-"""The simulated world: robots on MuJoCo grounds, their drives, and the laser range finder that watches them.
+"""The simulated world: tracked robots on MuJoCo grounds, and the laser range finder that watches them.
 
-The gymnasium environments are registered as soon as gymnasium is there too, whichever is imported first.
+    import numpy as np
+    import sim
+
+    fleet = sim.Fleet(sim.load_robot(), np.zeros((2, 3)))
+    logs = sim.open_loop(fleet, np.array([[2.0, 3.0], [3.0, 4.0]]), duration=10.0)
+
+The names below are imported when first used. Importing this package registers the environment
+trackslip/PathTracking-v0: `gymnasium.make("sim:trackslip/PathTracking-v0")`.
 """
 
-from sim.registration import register_with_gymnasium
+from __future__ import annotations
 
-register_with_gymnasium()
+import importlib
+from typing import TYPE_CHECKING, Any
+
+import gymnasium
+
+if TYPE_CHECKING:
+    from sim.drive.drive import Drive
+    from sim.fleet import Fleet
+    from sim.ground.file import load_ground
+    from sim.ground.ground import Ground
+    from sim.robot.parameters import RobotParameters
+    from sim.robot.robot import load_robot
+    from sim.run_recorder import Description, RunFailedError
+    from sim.runs import Pilot, closed_loop, open_loop
+    from sim.scanner.feed import ScannerFeed
+    from sim.scanner.obstacle_file import load_obstacles
+    from sim.scanner.scanner import LaserScanner
+
+__all__ = [
+    "Description",
+    "Drive",
+    "Fleet",
+    "Ground",
+    "LaserScanner",
+    "Pilot",
+    "RobotParameters",
+    "RunFailedError",
+    "ScannerFeed",
+    "closed_loop",
+    "load_ground",
+    "load_obstacles",
+    "load_robot",
+    "open_loop",
+]
+
+_MODULE_OF = {
+    "Description": "sim.run_recorder",
+    "Drive": "sim.drive.drive",
+    "Fleet": "sim.fleet",
+    "Ground": "sim.ground.ground",
+    "LaserScanner": "sim.scanner.scanner",
+    "Pilot": "sim.runs",
+    "RobotParameters": "sim.robot.parameters",
+    "RunFailedError": "sim.run_recorder",
+    "ScannerFeed": "sim.scanner.feed",
+    "closed_loop": "sim.runs",
+    "load_ground": "sim.ground.file",
+    "load_obstacles": "sim.scanner.obstacle_file",
+    "load_robot": "sim.robot.robot",
+    "open_loop": "sim.runs",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _MODULE_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(_MODULE_OF[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted([*globals(), *__all__])
+
+
+gymnasium.register(
+    id="trackslip/PathTracking-v0",
+    entry_point="sim.env:PathTrackingEnv",
+    vector_entry_point="sim.vector_env:PathTrackingVectorEnv",
+)

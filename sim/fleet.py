@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from mujoco import batch
 from numpy.typing import ArrayLike, NDArray
 
+from sim.bodies import Bodies, Rows, along_robot
 from sim.drive.drive import RADIUS_ERROR, Drive, DriveState
 from sim.drive.saturation import SpeedSearch
 from sim.ground.ground import Ground
@@ -22,13 +22,12 @@ SETTLING = 1.0
 """Time for a robot set down on the ground to come to rest [s]: physics before a fleet's first period."""
 _RESETTLING = 0.4  # the same where it begins nearly as low as it will stand
 _AT_REST = 0.005  # below this speed [m/s] it has; creep is a hundred times slower
-Rows = np.ndarray | slice
 _EVERYONE = slice(None)
 _FORCES, _FORCES_AND_AXES = ("sensordata",), ("sensordata", "xmat")
 _UPRIGHT = 0.1  # below this roll and pitch it stands on its tracks [rad]
 
 
-class Fleet:
+class Fleet(Bodies):
     """N robots on their grounds. Same arguments, same bits, at any number of threads."""
 
     ground: tuple[Ground, ...]
@@ -63,8 +62,7 @@ class Fleet:
             raise InvalidValueError("start", start.tolist(), "N finite poses (x, y, phi)")
         if threads < 0:
             raise InvalidValueError("threads", threads, "0 (one per processor) or more")
-        self.robot = robot
-        self.size = len(start)
+        super().__init__(robot, len(start), threads)
         self._radius = robot.geometry.sprocket_radius * (1 + np.broadcast_to(radius_error, (self.size,)))[:, None]
         drive = drive or Drive()
         self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius, self._radius)
@@ -74,22 +72,12 @@ class Fleet:
         if self._substeps < 1 or abs(self._substeps * step - drive.period) > 1e-9:
             raise InvalidValueError("drive.period", drive.period, f"a multiple of the physics step, {step} s")
 
-        self.batch = batch.Batch(robot.model, self.size, nthread=threads)
         surface = self.batch.expand("geom_surfacevel")  # (N, ngeom, 6)
         self.belts = surface[:, robot.pads, 2]
         """Speed of each pad's surface, along its own axis (N, P) [m/s], live."""
         self._pad_friction = self.batch.expand("pair_friction")[:, robot.pad_pairs, :2]  # (N, P, 2), live
-        self._sensors = self.batch.bind("sensordata")[:, :6]  # (N, 6), live: force on the left and on the right track
-        self._quaternion = tuple(self.batch.qpos[:, 3:7].T)  # four live views (N,)
-        # (N, 2), live: the chassis' x axis on the ground
-        self._chassis = robot.model.body("chassis").id
-        self._forward = self.batch.bind("xmat")[:, self._chassis, 0:4:3]
-        self.plate = self.batch.bind("geom_xpos")[:, robot.model.geom("plate").id]
-        """Middles (N, 3) of the robots' plates one physics step ago [m], live."""
-        self._fresh = self.batch.state[0].copy()  # of a robot that has done nothing yet
         self._gravity: Array | None = None  # (N, 3), live, once some ground slopes
         self._centre: Array | None = None  # (N, 3), live, once some centre of mass is moved
-        self._heading: Array = np.zeros(self.size)  # unwrapped
         self._periods = 0  # since the start
         self._began: NDArray[np.int_] = np.zeros(self.size, int)  # when each robot's run began, in periods
         fastest = drive.top_speed / robot.geometry.half_gauge * drive.period  # turn in a period [rad]
@@ -202,7 +190,7 @@ class Fleet:
                 self._follow_heading()
         self._follow_heading()
         # grip follows the belts within a period: only the mean of the forces is their impulse
-        return _along(forces / self._substeps, forward)
+        return along_robot(forces / self._substeps, forward)
 
     def _step(self, rows: Rows, forces: Array, forward: Array) -> None:
         """Let the engine step the robots `rows` (R,) for P periods.
@@ -233,54 +221,9 @@ class Fleet:
             self._restore(rows, before)
             self._periods -= 1
 
-    def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
-        return self.batch.state[rows].copy(), self._heading[rows].copy()
-
-    def _restore(self, rows: np.ndarray, snapshot: tuple[Array, ...]) -> None:
-        self.batch.state[rows], self._heading[rows] = snapshot
-
-    def pose(self) -> Array:
-        """True poses (N, 3) of the chassis [m, m, rad]; phi unwrapped."""
-        qpos = self.batch.qpos
-        return np.column_stack([qpos[:, 0], qpos[:, 1], self._heading])
-
-    def twist(self) -> Array:
-        """True twists (N, 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]."""
-        velocity = self.batch.qvel
-        cos, sin = np.cos(self._heading), np.sin(self._heading)
-        x, y = velocity[:, 0], velocity[:, 1]
-        return np.column_stack([cos * x + sin * y, -sin * x + cos * y, velocity[:, 5]])
-
-    def traction(self) -> Array:
-        """Forces of the ground on the (left, right) tracks, along the robot, (N, 2) [N], in the last physics step."""
-        return _along(self._sensors, self._forward)
-
-    def load(self) -> Array:
-        """Forces of the ground that hold up the (left, right) tracks, (N, 2) [N]."""
-        return self._sensors[:, 2::3].copy()
-
-    def attitude(self) -> Array:
-        """Sink (positive downwards) [m], roll and pitch [rad] of the chassis, (N, 3)."""
-        w, x, y, z = self._quaternion
-        roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-        pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
-        return np.column_stack([-self.batch.qpos[:, 2], roll, pitch])
-
-    def upright(self) -> Array:
-        """Cosines (N,) of the angles by which the chassis lean."""
-        _, x, y, _ = self._quaternion
-        return 1 - 2 * (x * x + y * y)
-
     def friction(self) -> Array:
         """Friction coefficients (N, 2) along and across the tracks, mean over the pads [-]."""
         return self._pad_friction.mean(axis=1)
-
-    def lean(self) -> Array:
-        """How far the plates stand to the left of the chassis, at the height at which they are scanned (N,) [m]."""
-        w, x, y, z = self._quaternion
-        up = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])  # of the chassis
-        along = (self.robot.lrf_height - self.batch.qpos[:, 2]) / up[2]
-        return along * (np.cos(self._heading) * up[1] - np.sin(self._heading) * up[0])
 
     def _lay_friction(self, rows: Rows) -> None:
         """Give every pad of the robots `rows` (R,) the friction of the place and the time."""
@@ -294,13 +237,6 @@ class Fleet:
         if self._gravity is not None:
             size = -float(self.robot.model.opt.gravity[2])
             self._gravity[rows] = [self.ground[k].gravity(size) for k in rows]
-
-    def _place_at(self, rows: np.ndarray, start: Array, height: float = 0.0) -> None:
-        """Put the robots `rows` (R,) at poses (R, 3), upright, with nothing left of what they did before."""
-        self.batch.state[rows] = self._fresh
-        qpos = self.batch.qpos
-        qpos[rows, :3] = np.column_stack([start[:, :2], np.full(len(rows), height)])
-        qpos[rows, 3:7] = _yaw_quaternion(start[:, 2])
 
     def _settle(self, rows: np.ndarray, start: Array, duration: float) -> None:
         """Let the robots `rows` (R,) come to rest on the ground in `duration` [s], at the poses `start` (R, 3)."""
@@ -334,23 +270,3 @@ class Fleet:
                 self.ground[rows[k]].slope,
                 f"less, to park with heading {round(float(start[k, 2]), 3) + 0:g} rad: the robot {what}",
             )
-
-    def _wrapped_heading(self) -> Array:
-        w, x, y, z = self._quaternion
-        return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-
-    def _follow_heading(self) -> None:
-        """Unwrap the heading, often enough: a robot may have turned by a radian since the last time."""
-        wrapped = self._wrapped_heading()  # plus whole turns: the same bits however often it is followed
-        self._heading = wrapped + 2 * np.pi * np.round((self._heading - wrapped) / (2 * np.pi))
-
-
-def _along(forces: Array, forward: Array) -> Array:
-    """Parts (..., 2) along the directions `forward` (..., 2) of forces (..., 6) on the left and on the right track."""
-    x, y = forces[..., 0::3], forces[..., 1::3]
-    return x * forward[..., :1] + y * forward[..., 1:]
-
-
-def _yaw_quaternion(heading: Array) -> Array:
-    zero = np.zeros_like(heading)
-    return np.column_stack([np.cos(heading / 2), zero, zero, np.sin(heading / 2)])

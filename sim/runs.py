@@ -1,19 +1,19 @@
-"""Open- and closed-loop runs of a fleet in front of the scanner -> RunLogs."""
+"""Open- and closed-loop runs of a fleet -> RunLogs."""
 
 from __future__ import annotations
 
 import math
 import traceback
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from sim.fleet import Fleet
-from sim.instruments import pad_forces
-from sim.scanner.scanner import ScannerFeed
+from sim.run_recorder import Description, RunFailedError, RunRecorder
+from sim.scanner.feed import ScannerFeed
+from sim.scanner.scanner import LaserScanner
 from sim.stopwatch import Stopwatch
 from trackslip.controllers.base import Controller, SensesSprockets
 from trackslip.errors import InvalidValueError, TrackslipError
@@ -21,41 +21,31 @@ from trackslip.kinematics import Array, RobotGeometry, advance, limit_sprocket_s
 from trackslip.localization.base import Locator, PoseEstimate
 from trackslip.localization.scan import Cluster, extract_plate
 from trackslip.localization.tracker import Tracker
-from trackslip.logs.runlog import RunLog, Truth
-from trackslip.logs.scanlog import ScanLog
-from trackslip.slip.base import SlipLaw
+from trackslip.logs.runlog import RunLog
 from trackslip.slip.compensation import Compensation, FixedLaw
-from trackslip.slip.icr import ConstantIcr
 from trackslip.trajectory.base import Reference
 
 Progress = Callable[[float], None]
 """Called with the seconds simulated since the last call."""
 
-_SCANS_AT_ONCE = 2000  # scans that are localised together, offline
-_TIPPED = 0.5  # roll or pitch from which a robot lies on its side [rad]
-
-
-@dataclass(frozen=True)
-class Description:
-    """What a run is called and what is to be remembered of it."""
-
-    run: str
-    metadata: Mapping[str, Any] = field(default_factory=dict)
+PERIOD = LaserScanner().period
+"""Time between the rows of a run without a scanner [s]."""
+_SCANS_AT_ONCE = 2000  # scans localised together, offline
 
 
 @dataclass(frozen=True)
 class Pilot:
-    """Who drives some robots of a fleet: a controller, and what turns its twist into sprocket speeds."""
+    """The controller of some robots of a fleet, and what converts its twists into sprocket speeds."""
 
     controller: Controller
     robots: Sequence[int]
     compensation: Compensation = field(default_factory=FixedLaw)
     preview: float = 0.0
-    """How far ahead of now the controller is asked what to drive: as long as sprockets lag behind commands [s]."""
+    """How far ahead the controller looks: set it to the delay between command and motion [s]."""
 
 
 def scan_count(duration: float, period: float) -> int:
-    """Scans in a run, the first at its start; raises InvalidValueError for a run without two."""
+    """Number of scans in a run, the first at its start; raises InvalidValueError if there are fewer than two."""
     count = int(duration / period + 1e-9) + 1
     if not count >= 2:
         raise InvalidValueError("duration", duration, f"at least the time between two scans, {period:g} s")
@@ -66,134 +56,201 @@ def open_loop(
     fleet: Fleet,
     omega: Array,
     duration: float,
-    feed: ScannerFeed,
-    locator: Locator,
-    descriptions: Sequence[Description],
+    feed: ScannerFeed | None = None,
+    locator: Locator | None = None,
+    descriptions: Sequence[Description] | None = None,
     progress: Progress = lambda seconds: None,
     watch: Stopwatch | None = None,
 ) -> list[RunLog]:
-    """Drive constant sprocket speeds (N, 2) [rad/s] for `duration` [s]; the poses come from the scans, afterwards.
+    """Drive every robot at constant sprocket speeds.
 
-    Speeds beyond the top speed are scaled for both tracks alike, so that the curvature is kept. `watch` is told how
-    much of the time is localization.
+    Speeds above the top speed are scaled down, both tracks by the same factor, which preserves the curvature.
+
+    Args:
+        fleet: N robots.
+        omega: sprocket speeds (N, 2) or (2,) [rad/s].
+        duration: of each run [s].
+        feed: the scanner in front of the fleet; by default there is none, and a row is recorded every PERIOD.
+        locator: finds the poses in the scans, after the run; by default the log contains the true poses.
+        descriptions: name and metadata of each run.
+        progress: see Progress.
+        watch: measures the time spent in the stages "physics", "scans" and "localization".
 
     Raises:
-        TrackslipError: when a robot tips over.
+        RunFailedError: when a robot tips over; its `logs` contain what was recorded until then.
+        InvalidValueError: for arguments out of range.
     """
     watch = watch or Stopwatch()
-    record = _Recorder(fleet, scan_count(duration, feed.period), feed.period, descriptions)
-    tracker = Tracker(fleet.pose(), fleet.robot.geometry)
-    block = max(1, _SCANS_AT_ONCE // fleet.size)
-    waiting: list[Array] = []
-    clusters: list[Cluster] = []
-    for k in range(record.rows):
-        with watch.stage("physics"):
-            if k > 0:
-                fleet.advance(feed.period)
-                progress(feed.period)
-            record.measure(k)
-        with watch.stage("scans"):
-            waiting.append(feed.true_ranges())
-        if len(waiting) == block or k == record.rows - 1:
-            with watch.stage("scans"):
-                ranges = feed.measure(np.stack(waiting, axis=1)).ranges  # (N, block, B)
-                record.scanned(ranges)
-            with watch.stage("localization"):
-                first = k + 1 - len(waiting)
-                _localise(record, tracker, feed, locator, ranges, first)
-                scan, pose = feed.scan(_flat(ranges)), _flat(record.pose[first : k + 1].swapaxes(0, 1))
-                clusters.append(extract_plate(scan, fleet.robot.plate, scan.from_world(pose)))
-            waiting.clear()
-        fleet.command(limit_sprocket_speeds(omega, fleet.drive.limit))
-        record.command[k] = fleet.drive.set_point
-    with watch.stage("localization"):
-        return record.with_scans(feed, _by_robot(clusters, fleet.size))
+    period = PERIOD if feed is None else feed.period
+    omega = limit_sprocket_speeds(np.broadcast_to(np.asarray(omega, float), (fleet.size, 2)), fleet.drive.limit)
+    record = RunRecorder(fleet, scan_count(duration, period), period, descriptions)
+    scans = None if feed is None or locator is None else _Scans(fleet, record, feed, locator, watch)
+
+    def logs(failure: str | None = None) -> list[RunLog]:
+        return record.logs(failure=failure) if scans is None else scans.logs(failure)
+
+    try:
+        for k in range(record.rows):
+            with watch.stage("physics"):
+                if k > 0:
+                    fleet.advance(period)
+                    progress(period)
+                record.measure(k)
+            if scans is None:
+                record.estimate_exactly(k)
+            else:
+                scans.take()
+            fleet.command(omega)
+            record.command(k)
+    except RunFailedError as error:
+        error.logs = logs(str(error))
+        raise
+    return logs()
 
 
-def _localise(
-    record: _Recorder, tracker: Tracker, feed: ScannerFeed, locator: Locator, ranges: Array, first: int
-) -> None:
-    """Poses of the rows from `first` on, from their ranges (N, block, B): all at once, then put in track.
+class _Scans:
+    """The scans of an open-loop run, localised in blocks: nobody needs the poses before the run is over."""
 
-    Where the tracker doesn't believe what was found, something else was taken for the plate, and it is looked for where
-    the robot is expected.
-    """
-    robots, rows, _ = ranges.shape
-    single = locator.locate(feed.scan(_flat(ranges)))
-    pose, covariance, valid = (
-        part.reshape(robots, rows, *part.shape[1:]) for part in (single.pose, single.covariance, single.valid)
-    )
-    for k in range(rows):
-        row = first + k
-        predicted = tracker.predict(record.omega[row], feed.period if row > 0 else 0.0)
-        estimate = PoseEstimate(pose[:, k], covariance[:, k], valid[:, k])
-        doubted = np.flatnonzero(~tracker.believes(estimate))
-        if doubted.size:
-            again = locator.locate(feed.scan(ranges[doubted, k]), predicted[doubted])
-            estimate.pose[doubted], estimate.covariance[doubted] = again.pose, again.covariance
-            estimate.valid[doubted] = again.valid
-        record.estimate(row, tracker.update(estimate))
+    def __init__(
+        self, fleet: Fleet, record: RunRecorder, feed: ScannerFeed, locator: Locator, watch: Stopwatch
+    ) -> None:
+        self._fleet, self._record, self._feed, self._locator, self._watch = fleet, record, feed, locator, watch
+        self._tracker = Tracker(fleet.pose(), fleet.robot.geometry)
+        self._block = max(1, _SCANS_AT_ONCE // fleet.size)
+        self._waiting: list[Array] = []  # true ranges (N, B) each
+        self._located = 0  # rows
+        self._clusters: list[Cluster] = []
+
+    def take(self) -> None:
+        """Scan the robots where they are."""
+        if len(self._waiting) == self._block:
+            self._locate()
+        with self._watch.stage("scans"):
+            self._waiting.append(self._feed.true_ranges())
+
+    def logs(self, failure: str | None) -> list[RunLog]:
+        """See `RunRecorder.logs`."""
+        if self._waiting:
+            self._locate()
+        with self._watch.stage("localization"):
+            plates = _by_robot(self._clusters, self._fleet.size) if self._clusters else None
+            return self._record.logs(self._feed, plates, failure)
+
+    def _locate(self) -> None:
+        """Measure and localise the scans that are waiting."""
+        feed, record, first = self._feed, self._record, self._located
+        with self._watch.stage("scans"):
+            ranges = feed.measure(np.stack(self._waiting, axis=1)).ranges  # (N, block, B)
+            record.scanned(ranges)
+        self._waiting.clear()
+        self._located += ranges.shape[1]
+        with self._watch.stage("localization"):
+            self._track(ranges, first)
+            scan, pose = feed.scan(_flat(ranges)), _flat(record.pose[first : self._located].swapaxes(0, 1))
+            self._clusters.append(extract_plate(scan, self._fleet.robot.plate, scan.from_world(pose)))
+
+    def _track(self, ranges: Array, first: int) -> None:
+        """Record the poses of the rows from `first` on, found in ranges (N, block, B).
+
+        All scans are localised at once. Where the tracker rejects a pose, something else was taken for the plate, and
+        the plate is searched for again, near the predicted pose.
+        """
+        robots, rows, _ = ranges.shape
+        record, feed = self._record, self._feed
+        single = self._locator.locate(feed.scan(_flat(ranges)))
+        pose, covariance, valid = (
+            part.reshape(robots, rows, *part.shape[1:]) for part in (single.pose, single.covariance, single.valid)
+        )
+        for k in range(rows):
+            row = first + k
+            predicted = self._tracker.predict(record.omega[row], feed.period if row > 0 else 0.0)
+            estimate = PoseEstimate(pose[:, k], covariance[:, k], valid[:, k])
+            doubted = np.flatnonzero(~self._tracker.believes(estimate))
+            if doubted.size:
+                again = self._locator.locate(feed.scan(ranges[doubted, k]), predicted[doubted])
+                estimate.pose[doubted], estimate.covariance[doubted] = again.pose, again.covariance
+                estimate.valid[doubted] = again.valid
+            record.estimate(row, self._tracker.update(estimate))
 
 
 def closed_loop(
     fleet: Fleet,
-    pilots: Sequence[Pilot],
+    pilots: Controller | Sequence[Pilot],
     reference: Reference,
-    feed: ScannerFeed,
-    locator: Locator | None,
-    descriptions: Sequence[Description],
+    feed: ScannerFeed | None = None,
+    locator: Locator | None = None,
+    descriptions: Sequence[Description] | None = None,
     progress: Progress = lambda seconds: None,
 ) -> list[RunLog]:
-    """Let controllers follow `reference` to its end, a command per scan, from the pose that the scan gave.
+    """Let controllers follow `reference` to its end, with one command per scan.
 
-    Without a `locator` the controllers are told the true pose. Commands beyond the top speed are scaled for both tracks
-    alike, so that the curvature is kept.
+    Commands above the top speed are scaled down, both tracks by the same factor, which preserves the curvature.
+
+    Args:
+        fleet: N robots.
+        pilots: together they control every robot; or one controller of all robots, without slip compensation.
+        reference: the trajectory to follow.
+        feed: the scanner in front of the fleet; by default there is none, and a command is given every PERIOD.
+        locator: finds the poses in the scans; by default the controllers are given the true poses.
+        descriptions: name and metadata of each run.
+        progress: see Progress.
 
     Raises:
-        InvalidValueError: unless each robot has exactly one pilot.
-        TrackslipError: when a robot tips over.
+        InvalidValueError: unless every robot has exactly one pilot.
+        RunFailedError: when a robot tips over or a controller fails; its `logs` contain what was recorded until then.
     """
+    if not isinstance(pilots, Sequence):
+        pilots = [Pilot(pilots, range(fleet.size))]
     if sorted(i for pilot in pilots for i in pilot.robots) != list(range(fleet.size)):
         raise InvalidValueError("pilots", [list(p.robots) for p in pilots], f"each robot 0..{fleet.size - 1} once")
     geometry = fleet.robot.geometry
-    rows = math.ceil(reference.duration / feed.period - 1e-9) + 1  # the last at the reference's end or just after
-    record = _Recorder(fleet, rows, feed.period, descriptions)
+    period = PERIOD if feed is None else feed.period
+    rows = math.ceil(reference.duration / period - 1e-9) + 1  # the last at the reference's end or just after
+    record = RunRecorder(fleet, rows, period, descriptions)
     tracker = Tracker(fleet.pose(), geometry)
     for pilot in pilots:
         pilot.controller.reset()
         pilot.compensation.reset(fleet.pose()[pilot.robots])
+
+    def logs(failure: str | None = None) -> list[RunLog]:
+        if feed is None or locator is None or not fleet.robot.contact_sensors or not record.complete:
+            return record.logs(failure=failure)
+        return record.logs(feed, [_plate_of(record, feed, fleet, i) for i in range(fleet.size)], failure)
+
     omega = np.zeros((fleet.size, 2))
-    for k in range(record.rows):
-        if k > 0:
-            fleet.advance(feed.period)
-            progress(feed.period)
-        record.measure(k)
-        if locator is None:
-            record.estimate(k, _exactly(fleet.pose()))
-        else:
-            predicted = tracker.predict(record.omega[k], feed.period if k > 0 else 0.0)
-            scan = feed.measure(feed.true_ranges()[:, None, :])
-            record.scanned(scan.ranges)
-            record.estimate(k, tracker.update(locator.locate(feed.scan(scan.ranges[:, 0]), predicted)))
-        for pilot in pilots:
-            omega[pilot.robots] = _steer(pilot, record, k, reference, geometry, feed.period)
-        fleet.command(limit_sprocket_speeds(omega, fleet.drive.limit))
-        record.command[k] = fleet.drive.set_point
-    if locator is None or not fleet.robot.contact_sensors:
-        return record.logs()
-    return record.with_scans(feed, [_plate_of(record, feed, fleet, i) for i in range(fleet.size)])
+    try:
+        for k in range(record.rows):
+            if k > 0:
+                fleet.advance(period)
+                progress(period)
+            record.measure(k)
+            if feed is None or locator is None:
+                record.estimate_exactly(k)
+            else:
+                predicted = tracker.predict(record.omega[k], period if k > 0 else 0.0)
+                scan = feed.measure(feed.true_ranges()[:, None, :])
+                record.scanned(scan.ranges)
+                record.estimate(k, tracker.update(locator.locate(feed.scan(scan.ranges[:, 0]), predicted)))
+            for pilot in pilots:
+                omega[pilot.robots] = _steer(pilot, record, k, reference, geometry, period)
+            fleet.command(limit_sprocket_speeds(omega, fleet.drive.limit))
+            record.command(k)
+    except RunFailedError as error:
+        error.logs = logs(str(error))
+        raise
+    return logs()
 
 
-def _plate_of(record: _Recorder, feed: ScannerFeed, fleet: Fleet, robot: int) -> Cluster:
-    """What of a robot's scans belongs to its plate, where it was found to be."""
+def _plate_of(record: RunRecorder, feed: ScannerFeed, fleet: Fleet, robot: int) -> Cluster:
+    """The part of a robot's scans that belongs to its plate, at the estimated poses."""
     scan = feed.scan(record.full_ranges(robot).astype(float))
-    return extract_plate(scan, fleet.robot.plate, scan.from_world(record.pose[:, robot]))
+    return extract_plate(scan, fleet.robot.plate, scan.from_world(record.pose[: record.complete, robot]))
 
 
 def _steer(
-    pilot: Pilot, record: _Recorder, k: int, reference: Reference, geometry: RobotGeometry, period: float
+    pilot: Pilot, record: RunRecorder, k: int, reference: Reference, geometry: RobotGeometry, period: float
 ) -> Array:
-    """Sprocket speeds (R, 2) [rad/s] that a pilot asks of its R robots at row k."""
+    """Sprocket speeds (R, 2) [rad/s] that a pilot commands to its R robots in row k."""
     robots = pilot.robots
     pose: Array = record.pose[k, robots]
     omega = record.omega[k, robots]
@@ -207,11 +264,11 @@ def _steer(
             pilot.controller.sense(omega)
         wanted = pilot.controller.twist(float(record.time[k]) + pilot.preview, pose.copy(), reference)
         twist = np.asarray(wanted, dtype=float)
-    except TrackslipError:
-        raise
+    except TrackslipError as error:
+        raise RunFailedError(str(error)) from error
     except Exception as error:  # whatever a user's controller does
         name, what = record.name(robots[0]), f"{type(error).__name__}: {error}"
-        raise TrackslipError(
+        raise RunFailedError(
             f"run {name!r}: its controller fails at {record.time[k]:g} s ({what}){_line(error)}"
         ) from error
     record.steered(k, robots, twist, law)
@@ -219,144 +276,18 @@ def _steer(
 
 
 def _line(error: Exception) -> str:
-    """Where in a controller's own code an error came up, or nothing if it never got there."""
+    """File and line of a controller's code that raised an error; empty if none of its code ran."""
     frames = traceback.extract_tb(error.__traceback__)[1:]  # without the call itself
     return f", {Path(frames[0].filename).name} line {frames[0].lineno}" if frames else ""
 
 
-class _Recorder:
-    """The rows of N runs as they are driven."""
-
-    def __init__(self, fleet: Fleet, rows: int, period: float, descriptions: Sequence[Description]) -> None:
-        n = fleet.size
-        self._fleet, self._period, self._descriptions = fleet, period, descriptions
-        self._angle = fleet.drive.encoder_angle()
-        self.rows = rows
-        self.time = np.arange(rows) * period
-        self.command = np.zeros((rows, n, 2))
-        self._twist_command = np.full((rows, n, 2), np.nan)
-        self._icr = np.full((rows, n, 2), np.nan)
-        self.omega = np.zeros((rows, n, 2))
-        self.pose = np.zeros((rows, n, 3))
-        self._covariance = np.zeros((rows, n, 3, 3))
-        self._valid = np.zeros((rows, n), bool)
-        self._true_pose = np.zeros((rows, n, 3))
-        self._true_twist = np.zeros((rows, n, 3))
-        self._lean = np.zeros((rows, n))
-        self._traction = np.zeros((rows, n, 2))
-        self._torque = np.zeros((rows, n, 2))
-        self._energy = np.zeros((rows, n, 2))
-        self._saturated_time = np.zeros((rows, n, 2))
-        self._in_detail = fleet.robot.contact_sensors
-        self._contact = np.zeros((rows if self._in_detail else 0, n, len(fleet.robot.pad_side), 3), np.float32)
-        self._ranges: list[np.ndarray] = []  # (N, rows, B) each
-
-    def measure(self, k: int) -> None:
-        """Encoders and truth."""
-        fleet = self._fleet
-        angle = fleet.drive.encoder_angle()
-        self.omega[k] = (angle - self._angle) / self._period
-        self._angle = angle
-        self._true_pose[k], self._true_twist[k] = fleet.pose(), fleet.twist()
-        self._lean[k] = fleet.lean()
-        self._traction[k], self._torque[k] = fleet.traction(), fleet.drive.torque
-        self._energy[k], self._saturated_time[k] = fleet.drive.energy, fleet.drive.saturated_time
-        if self._in_detail:
-            self._contact[k] = pad_forces(fleet)
-        for i in np.flatnonzero(~(np.abs(fleet.attitude()[:, 1:]) < _TIPPED).all(axis=1)):
-            name = self._descriptions[int(i)].run
-            raise TrackslipError(f"run {name!r}: the robot tips over after {self.time[k]:g} s")
-
-    def estimate(self, k: int, estimate: PoseEstimate) -> None:
-        self.pose[k], self._covariance[k], self._valid[k] = estimate.pose, estimate.covariance, estimate.valid
-
-    def scanned(self, ranges: Array) -> None:
-        """Keep the next whole scans (N, rows, B), where all is recorded."""
-        if self._in_detail:
-            self._ranges.append(ranges.astype(np.float32))
-
-    def full_ranges(self, robot: int) -> Array:
-        """The whole scans (T, B) of a robot."""
-        return np.concatenate([block[robot] for block in self._ranges])
-
-    def name(self, robot: int) -> str:
-        """What a robot's run is called."""
-        return self._descriptions[robot].run
-
-    def estimated(self, k: int, robots: Sequence[int]) -> PoseEstimate:
-        """What was estimated of some robots."""
-        return PoseEstimate(self.pose[k, robots], self._covariance[k, robots], self._valid[k, robots])
-
-    def steered(self, k: int, robots: Sequence[int], twist: Array, law: SlipLaw) -> None:
-        """A controller's twists (R, 2) for R robots, and the law they are turned into sprocket speeds with.
-
-        Raises:
-            TrackslipError: for twists of another shape, and for one that isn't finite.
-        """
-        if twist.shape != (len(robots), 2):
-            raise TrackslipError(
-                f"run {self.name(robots[0])!r}: its controller's twists have the shape {twist.shape}: must be "
-                f"{(len(robots), 2)}, for as many poses"
-            )
-        for i in np.flatnonzero(~np.isfinite(twist).all(axis=1)):
-            name = self.name(robots[int(i)])
-            raise TrackslipError(
-                f"run {name!r}: its controller asks for the twist {tuple(twist[i].tolist())} at {self.time[k]:g} s"
-            )
-        self._twist_command[k, robots] = twist
-        if isinstance(law, ConstantIcr):
-            self._icr[k, robots] = np.stack(np.broadcast_arrays(law.offset, law.radius_error), axis=-1)
-
-    def with_scans(self, feed: ScannerFeed, plates: Sequence[Cluster]) -> list[RunLog]:
-        """The logs, with what of each robot's scans was taken for its plate."""
-        empty, plate = feed.scan(np.empty((0, len(feed.bearings)))), self._fleet.robot.plate
-        full = [self.full_ranges(i) if self._in_detail else None for i in range(len(plates))]
-        seen = [ScanLog(empty, plate, cluster, ranges) for cluster, ranges in zip(plates, full, strict=True)]
-        return [replace(log, scans=scans) for log, scans in zip(self.logs(), seen, strict=True)]
-
-    def logs(self) -> list[RunLog]:
-        return [
-            RunLog(
-                run=d.run,
-                time=self.time,
-                omega=self.omega[:, i],
-                pose=self.pose[:, i],
-                command=self.command[:, i],
-                twist_command=None if np.isnan(self._twist_command[:, i]).any() else self._twist_command[:, i],
-                icr=None if np.isnan(self._icr[:, i]).any() else self._icr[:, i],
-                covariance=self._covariance[:, i],
-                valid=self._valid[:, i],
-                truth=Truth(
-                    self._true_pose[:, i],
-                    self._true_twist[:, i],
-                    self._traction[:, i],
-                    self._torque[:, i],
-                    self._rate(self._energy[:, i]),
-                    self._rate(self._saturated_time[:, i]),
-                    self._lean[:, i],
-                    self._contact[:, i] if self._in_detail else None,
-                ),
-                metadata=dict(d.metadata),
-            )
-            for i, d in enumerate(self._descriptions)
-        ]
-
-    def _rate(self, total: Array) -> Array:
-        """Mean rates (T, 2) since the row before, of what has added up to (T, 2)."""
-        return np.diff(total, axis=0, prepend=total[:1]) / self._period
-
-
-def _exactly(pose: Array) -> PoseEstimate:
-    return PoseEstimate(pose, np.zeros((len(pose), 3, 3)), np.ones(len(pose), bool))
-
-
 def _flat(array: np.ndarray) -> np.ndarray:
-    """Robots x rows x ... as one axis of both."""
+    """Merge the axes of robots and rows, (N, T, ...), into one."""
     return array.reshape(-1, *array.shape[2:])
 
 
 def _by_robot(clusters: Sequence[Cluster], robots: int) -> list[Cluster]:
-    """Clusters of blocks of scans (robots x scans), one after another for each robot."""
+    """The clusters of each robot in order of time, from blocks of scans (N, T) that follow one another."""
     whole = Cluster.joined(clusters)
     owner = np.concatenate([np.repeat(np.arange(robots), len(block.count) // robots) for block in clusters])
     return [whole.take(np.flatnonzero(owner == k)) for k in range(robots)]

@@ -1,8 +1,9 @@
-"""Frozen dataclasses from TOML files, with errors that name the file and the field."""
+"""Frozen dataclasses from TOML files, with one-line errors that give the file, the field and what is allowed."""
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 import tomllib
 import typing
 from collections.abc import Mapping
@@ -13,33 +14,45 @@ from trackslip.errors import InvalidValueError, SettingsFileError
 
 T = TypeVar("T")
 
-_MAX_VALUE_TEXT = 80  # value in a message, in characters
+_MAX_VALUE_TEXT = 80  # characters of a value in a message
+_MAX_DEPTH = 20  # levels of tables and lists in a file
+
+_type_hints = functools.cache(typing.get_type_hints)
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The content of a TOML file; raises SettingsFileError where there is none."""
+    """The content of a TOML file; raises SettingsFileError for a file that can't be read."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except OSError as error:
         raise SettingsFileError(f"{path}: {error.strerror}") from error
     except UnicodeDecodeError as error:
         raise SettingsFileError(f"{path}: not text ({error.reason})") from error
-    except (ValueError, RecursionError) as error:  # integers too long and nesting too deep have no error of TOML's
+    except (ValueError, RecursionError) as error:  # tomllib has no error of its own for long integers and deep nesting
         raise SettingsFileError(f"{path}: not TOML ({error})") from error
+    level: list[Any] = [table]
+    for _ in range(_MAX_DEPTH):
+        level = [inner for value in level for inner in _inner(value)]
+    if level:  # dotted keys nest without limit
+        raise SettingsFileError(f"{path}: nested too deeply, at most {_MAX_DEPTH} levels are allowed")
+    return table
 
 
 def build(cls: type[T], table: object, where: str, base: T | None = None) -> T:
-    """An instance of a frozen dataclass whose fields are numbers, pairs of numbers and tuples of such dataclasses.
+    """Build a frozen dataclass whose fields are numbers, pairs of numbers and tuples of such dataclasses.
 
     Args:
         cls: the dataclass.
-        table: field -> value; fields that aren't there are those of `base`, or the defaults.
-        where: file, and place in it, for the message of the SettingsFileError that is raised for anything else.
-        base: what is changed.
+        table: field -> value; missing fields are taken from `base`, or are the defaults.
+        where: file, and place in it, for error messages.
+        base: the instance to change.
+
+    Raises:
+        SettingsFileError: for unknown or missing fields and values that aren't allowed.
     """
     if not isinstance(table, Mapping):
         raise SettingsFileError(f"{where}: {_shown(table)} is not a table")
-    hints = typing.get_type_hints(cls)
+    hints = _type_hints(cls)  # type: ignore[arg-type]
     known = {f.name: f for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
     for name in table:
         if name not in known:
@@ -76,10 +89,15 @@ def _number(value: object, where: str, name: str) -> float:
         raise SettingsFileError(f"{where}: {name} = {_shown(value)}: must be a number of moderate size") from error
 
 
+def _inner(value: object) -> typing.Iterable[Any]:
+    """What a value contains."""
+    return value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+
+
 def _shown(value: object) -> str:
-    """A value in a message, cut to a length that fits there."""
+    """A value in a message, shortened."""
     try:
         text = repr(value)
-    except ValueError:  # Python writes no integer of thousands of digits
+    except ValueError:  # Python refuses to print integers with thousands of digits
         return "a huge number"
     return text if len(text) <= _MAX_VALUE_TEXT else text[: _MAX_VALUE_TEXT - 3] + "..."

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from experiments.benchmark.latency import step_times
+from experiments.benchmark.rows import CaseRow, Measures
 from experiments.benchmark.setup import Setup
 from experiments.driving.lookup import reference
 from experiments.options.benchmark import Case
@@ -20,9 +21,7 @@ from trackslip.metrics import expense, tracking_errors
 
 GROUP_SIZE = 32
 """Robots in a fleet: larger fleets hardly gain speed, and smaller ones are shared better between processes."""
-
-
-TOO_MANY = 3 * GROUP_SIZE
+MAX_GROUP = 3 * GROUP_SIZE
 """Robots of one controller on one reference that are still driven as one fleet."""
 
 
@@ -49,7 +48,7 @@ def groups(cases: Sequence[Case]) -> list[tuple[Case, ...]]:
                 found.append(tuple(group))
                 group = []
             group += same
-            while len(group) > TOO_MANY:
+            while len(group) > MAX_GROUP:
                 found.append(tuple(group[:GROUP_SIZE]))
                 group = group[GROUP_SIZE:]
         found.append(tuple(group))
@@ -69,26 +68,38 @@ def drive(setup: Setup, cases: Sequence[Case]) -> list[Outcome]:
     return drive(setup, cases[:middle]) + drive(setup, cases[middle:])
 
 
-def measure(setup: Setup, outcomes: Sequence[Outcome]) -> list[dict[str, Any]]:
-    """One row per case: its names, its errors and expense, or why it failed; and its time per step [ms].
+def measure(setup: Setup, outcomes: Sequence[Outcome]) -> list[CaseRow]:
+    """One row per case: its errors and expense, or why it failed; and its times per step.
 
-    Time per step is measured for the first of the cases that differ in nothing but their seed.
+    Times per step are measured for the first of the cases that differ only in their seeds.
     """
-    top_speed = setup.config.drive.top_speed / setup.world.robot.geometry.sprocket_radius
     timed: set[Case] = set()
     rows = []
     for outcome in outcomes:
         case, log = outcome.case, outcome.log
-        row: dict[str, Any] = vars(case) | {"error": outcome.error, "compute_ms": []}
+        row = CaseRow(case, outcome.error)
         if log is not None and log.truth is not None:
-            path = reference(case.reference)
-            row |= plain(tracking_errors(log.time, log.truth.pose, path)) | plain(expense(log, top_speed))
-            row["valid_fraction"] = float(log.is_valid.mean())
-            if log.icr is not None:
-                row |= {"icr_offset": log.icr[-1, 0], "icr_radius_error": log.icr[-1, 1]}
+            row = _measured(setup, case, log)
             if replace(case, seed=0) not in timed:
                 timed.add(replace(case, seed=0))
                 with contextlib.suppress(Exception, SystemExit):  # a user's controller may fail on a single robot
-                    row["compute_ms"] = np.round(1e3 * step_times(setup, case, log), 4).tolist()
+                    times = np.round(1e3 * step_times(setup, case, log), 4)
+                    row = replace(row, compute_ms=tuple(times.tolist()))
         rows.append(row)
     return rows
+
+
+def _measured(setup: Setup, case: Case, log: RunLog) -> CaseRow:
+    assert log.truth is not None
+    top_speed = setup.config.drive.top_speed / setup.world.robot.geometry.sprocket_radius
+    errors: dict[str, Any] = plain(tracking_errors(log.time, log.truth.pose, reference(case.reference)))
+    success = errors.pop("success")
+    offset, radius_error = (None, None) if log.icr is None else map(float, log.icr[-1])
+    measures = Measures(
+        **errors,
+        **plain(expense(log, top_speed)),
+        valid_fraction=float(log.is_valid.mean()),
+        icr_offset=offset,
+        icr_radius_error=radius_error,
+    )
+    return CaseRow(case, measures=measures, success=success)

@@ -3,34 +3,68 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-from experiments.benchmark.group import drive, measure
+from experiments.benchmark.group import drive, groups, measure
 from experiments.benchmark.setup import Setup
-from experiments.driving.lookup import reference
+from experiments.driving.lookup import policy_path, reference, user_modules
 from experiments.options.benchmark import BenchmarkConfig, Case
 from experiments.parallel.executors import processors, workers
-from experiments.storage.benchmark_parts import Parts
+from experiments.storage.manifest import content, digest
+from experiments.storage.parts import Part
+from experiments.storage.results import SUMMARY_FILE
+from trackslip.controllers.named import CONTROLLERS
+from trackslip.slip.law_file import SHIPPED
 
 _SLOW = {"mpc": 4.0}  # how much longer a robot takes than under most controllers
+_COMMON = ("robot", "radius_error", "drive", "scanner", "obstacles", "localization", "preview", "laws")
 
 
-def work_off(config: BenchmarkConfig, wanted: Mapping[Path, tuple[Case, ...]]) -> Iterator[Path]:
-    """Make parts, in `config.jobs` processes; yields each when it is there. The longest are begun first."""
-    order = sorted(wanted, key=lambda path: -_work(wanted[path]))
+def ids(setup: Setup, cases: Sequence[Case]) -> dict[Case, str]:
+    """For each case, a hash of everything its numbers depend on, the contents of files included."""
+    config, world = setup.config, setup.world
+    laws = config.laws or SHIPPED
+    common = digest(
+        {name: getattr(config, name) for name in _COMMON}
+        | {
+            "model": world.robot.digest,
+            "world": [world.parameters, world.obstacles, world.radius_error],
+            "laws": content(laws / SUMMARY_FILE if laws.is_dir() else laws),
+        }
+    )
+    contents = functools.cache(lambda name: content(Path(name)))
+    modules = user_modules()
+
+    def files(case: Case) -> dict[str, str]:
+        names = {case.reference, case.ground, str(policy_path(case.controller) or "")}
+        names |= set(() if case.controller in CONTROLLERS else modules)
+        return {name: digest for name in sorted(names) if (digest := contents(name)) is not None}
+
+    return {case: digest([common, vars(case), files(case)]) for case in cases}
+
+
+def drive_groups(config: BenchmarkConfig, missing: Mapping[Case, str]) -> Iterator[tuple[tuple[Case, ...], Part]]:
+    """Drive the cases, by their ids, in `config.jobs` processes, the longest groups first; each group when ready."""
+    order = sorted(groups(list(missing)), key=_work, reverse=True)
     jobs = min(config.jobs or processors(), len(order))
     with workers("processes", jobs) as pool:
-        yield from pool.each(functools.partial(make, config), [(path, wanted[path]) for path in order])
+        tasks = [{case: missing[case] for case in group} for group in order]
+        yield from pool.each(functools.partial(drive_group, config), tasks)
 
 
-def make(config: BenchmarkConfig, task: tuple[Path, tuple[Case, ...]]) -> Path:
-    """Drive a group, store it as a part, and return its path."""
-    path, cases = task
+def drive_group(config: BenchmarkConfig, wanted: Mapping[Case, str]) -> tuple[tuple[Case, ...], Part]:
+    """Drive and measure a group."""
     setup = _setup(config)
-    outcomes = drive(setup, cases)
-    Parts.write(path, measure(setup, outcomes), [outcome.log for outcome in outcomes if outcome.log is not None])
-    return path
+    outcomes = drive(setup, list(wanted))
+    rows: list[dict[str, Any]] = [row.to_part(wanted[row.case]) for row in measure(setup, outcomes)]
+    return tuple(wanted), Part.of(rows, [outcome.log for outcome in outcomes if outcome.log is not None])
+
+
+def seconds(cases: Sequence[Case]) -> float:
+    """Simulated time of the cases together [s]."""
+    return sum(reference(case.reference).duration for case in cases)
 
 
 @functools.lru_cache(maxsize=1)

@@ -35,8 +35,10 @@ from experiments.storage.plain_json import write_json
 from experiments.storage.results import MANIFEST_FILE, SUMMARY_FILE, results_folder
 from sim.fleet import Fleet
 from sim.robot.robot import Robot, load_robot
-from sim.runs import Description, Pilot, closed_loop
-from sim.scanner.scanner import LaserScanner, ScannerFeed
+from sim.run_recorder import Description
+from sim.runs import Pilot, closed_loop
+from sim.scanner.feed import ScannerFeed
+from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 from trackslip.controllers.linear import LinearTimeVarying
 from trackslip.kinematics import Array

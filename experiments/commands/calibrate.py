@@ -11,10 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.commands.identify import read_source
 from experiments.driving.grid_runs import sample_runs
 from experiments.options.calibrate import CalibrateConfig
-from experiments.options.identify import IdentifyConfig
 from experiments.recording import record_all
 from experiments.report.terminal import print_table, progress
 from experiments.storage.manifest import command_line, make_manifest
@@ -26,8 +24,10 @@ from sim.ground.ground import Ground
 from sim.robot.file import load_robot_file, robot_file_text
 from sim.seeds import generator
 from trackslip.errors import InvalidValueError, LogError
+from trackslip.identification.source import Reading, read_source
 from trackslip.kinematics import RobotGeometry
-from trackslip.logs.logfile import read_columns, read_table
+from trackslip.logs.logfile import read_table
+from trackslip.logs.table import read_columns
 
 ROBOT = "robot.toml"
 TABLE_COLUMNS = ("radius", "speed", "observed_radius", "slip_outer", "slip_inner")
@@ -80,11 +80,9 @@ def read_target(name: str, geometry: RobotGeometry) -> Target:
         if set(TABLE_COLUMNS) & set(table.column_names):
             return _turn_table(read_columns(table, TABLE_COLUMNS, name), name)
     try:
-        source = read_source(IdentifyConfig(path))
+        source = read_source(path)
     except InvalidValueError:  # the log contains no geometry
-        source = read_source(
-            IdentifyConfig(path, half_gauge=geometry.half_gauge, sprocket_radius=geometry.sprocket_radius)
-        )
+        source = read_source(path, Reading(geometry.half_gauge, geometry.sprocket_radius))
     simulated = all("plate" in log.metadata for log in source.logs) and len(source.logs) > 0
     return MeasuredTurns(source.sampling.samples, source.geometry, of_plate=simulated)
 

@@ -24,13 +24,13 @@ from experiments.storage.manifest import command_line
 from experiments.storage.plain_json import plain
 from experiments.storage.results import REPORT_FILE, results_folder, write_results
 from sim.stopwatch import Stopwatch
-from trackslip.identification.identify import identify
+from trackslip.identification.identify import identify_samples
 from trackslip.identification.samples import usable_samples
+from trackslip.identification.summary import identification_to_json
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.compensation import FixedLaw
 from trackslip.slip.exponential import PUBLISHED
-from trackslip.slip.law_file import identification_to_json
 from trackslip.trajectory.segmented import paper_reference
 
 
@@ -49,7 +49,7 @@ def run(config: ReproduceConfig) -> None:
                 sampling = usable_samples(grid_logs, geometry, method=config.motion)
                 report(1)
             with watch.stage("laws"):
-                found = identify(sampling, geometry)
+                found = identify_samples(sampling, geometry)
                 report(1)
             with watch.stage("errors of all methods"):
                 names = [cell.name for cell in cells]
@@ -80,7 +80,7 @@ def run(config: ReproduceConfig) -> None:
         logs = [*grid_logs, *tracking_logs]
         wall, simulated = time.perf_counter() - began, simulated_seconds(logs)
         summary: dict[str, Any] = {
-            **identification_to_json(found, geometry),
+            **identification_to_json(found),
             "published": published_summary(),
             "warnings": [*warnings, *found.warnings],
             **grid.to_json(),

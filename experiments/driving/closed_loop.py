@@ -13,7 +13,8 @@ from experiments.driving.world import World
 from experiments.options.world import LINEAR_START
 from experiments.storage.plain_json import plain
 from sim.ground.ground import Ground
-from sim.runs import Description, Pilot, Progress, closed_loop
+from sim.run_recorder import Description
+from sim.runs import Pilot, Progress, closed_loop
 from sim.seeds import generator
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog

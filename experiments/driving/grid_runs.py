@@ -12,11 +12,12 @@ import numpy as np
 
 from experiments.driving.lookup import locator
 from experiments.driving.world import World
-from experiments.options.grid import GridConfig
+from experiments.options.grid import GridConfig, RunsConfig
 from experiments.options.world import Repeatable
 from sim.fleet import Fleet
 from sim.robot.robot import Robot
-from sim.runs import Description, Progress, open_loop
+from sim.run_recorder import Description
+from sim.runs import Progress, open_loop
 from sim.seeds import generator
 from sim.stopwatch import Stopwatch
 from trackslip.errors import InvalidValueError
@@ -51,7 +52,7 @@ class Cell:
         return cls(name, name, radius, speed)
 
 
-def cells_of(config: GridConfig) -> list[Cell]:
+def cells_of(config: RunsConfig) -> list[Cell]:
     """One cell per radius and speed, radius by radius."""
     return [Cell.at(radius, speed) for radius, speed in itertools.product(config.radii, config.speeds)]
 

@@ -18,9 +18,9 @@ from sim.ground.ground import Ground
 from sim.robot.file import load_robot_file
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import Robot, load_robot
+from sim.scanner.feed import ScannerFeed
 from sim.scanner.obstacle_file import load_obstacles
 from sim.scanner.obstacles import Obstacles
-from sim.scanner.scanner import ScannerFeed
 from trackslip.kinematics import Array
 
 

@@ -1,1 +1,1 @@
-"""What each command accepts. Importing this starts no simulator."""
+"""What each command accepts, as frozen dataclasses. Importing them loads no simulator."""

@@ -1,10 +1,11 @@
-"""Options of `trackslip bench`. Importing this starts no simulator."""
+"""Options of `trackslip bench`."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
 
+from experiments.options.checks import refuse_unused, require_between, require_distinct, require_integer
 from experiments.options.world import MAX_DURATION, MAX_THREADS, MIN_DURATION
 from trackslip.errors import InvalidValueError, require_at_most, require_positive
 
@@ -14,57 +15,55 @@ MAX_REPEATS = 1000
 
 @dataclass(frozen=True)
 class BenchConfig:
-    """Measure how fast it simulates: bare physics, a fleet, the scanner before it, and the closed loop.
+    """Measure the speed of the simulation: bare physics, a fleet, a fleet with scanners, and the closed loop.
 
-    With `env`, the learning environments instead; with `grid`, a grid of a thousand runs.
+    With --env, measure the learning environments instead; with --grid, a grid of a thousand runs.
     """
 
     sizes: tuple[int, ...] = (1, 25, 256)
-    """Numbers of robots, each measured at each number of threads."""
+    """Numbers of robots; each is measured with each number of threads."""
     thread_counts: tuple[int, ...] = (1, 2)
-    """Numbers of worker threads."""
+    """Numbers of worker threads, or of processes with --grid."""
     seconds: float = 20.0
-    """Simulated time in each measurement, of all robots together [s]; the closed loop gets a tenth."""
+    """Simulated time of each measurement, summed over all robots; the closed loop simulates a tenth of it [s]."""
     repeats: int = 5
-    """Rounds, in each of which every case is measured in short turns; the results are medians."""
+    """Number of rounds; every case is measured in short turns in each round, and the results are medians."""
     env: bool = False
-    """Measure the gymnasium environments, natively vectorised and one by one, against the bare engine."""
+    """Measure the gymnasium environments, vectorised natively and one by one, relative to the bare engine."""
     env_size: int = 64
-    """Number of robots in them."""
+    """Number of robots in the environments; needs --env."""
     grid: bool = False
-    """Measure a large grid of runs, once on each number of processes in --thread-counts, against the bare engine."""
+    """Measure a large grid of runs, once for each number of processes, relative to the bare engine."""
     grid_runs: int = 1000
-    """Number of runs in it, a multiple of 25."""
+    """Number of runs in the grid, a multiple of 25; needs --grid."""
     grid_duration: float = 30.0
-    """Length of each [s]."""
+    """Length of each run of the grid; needs --grid [s]."""
     seed: int = 0
-    """Root of all random numbers."""
+    """Seed of all random numbers."""
     out: Path = Path("out/bench")
     """Folder for the results."""
 
     def __post_init__(self) -> None:
-        for name, values, most in (
-            ("sizes", self.sizes, MAX_ROBOTS),
-            ("thread_counts", self.thread_counts, MAX_THREADS),
-        ):
-            if not values:
-                raise InvalidValueError(name, values, "at least one number")
-            if len(set(values)) < len(values):
-                raise InvalidValueError(name, values, "all different")
+        for name, most in (("sizes", MAX_ROBOTS), ("thread_counts", MAX_THREADS)):
+            values = getattr(self, name)
+            require_distinct(name, values, "number")
             for value in values:
-                if not 1 <= value <= most:
-                    raise InvalidValueError(name, value, f"an integer from 1 to {most}")
+                require_integer(name, value, 1, most)
         require_positive("seconds", self.seconds)
         require_at_most("seconds", self.seconds, MAX_DURATION, "s")
-        if not 1 <= self.repeats <= MAX_REPEATS:
-            raise InvalidValueError("repeats", self.repeats, f"an integer from 1 to {MAX_REPEATS}")
-        if not 1 <= self.env_size <= MAX_ROBOTS:
-            raise InvalidValueError("env_size", self.env_size, f"an integer from 1 to {MAX_ROBOTS}")
+        require_integer("repeats", self.repeats, 1, MAX_REPEATS)
+        require_integer("env_size", self.env_size, 1, MAX_ROBOTS)
         if self.env and self.grid:
-            raise InvalidValueError("grid", self.grid, "without --env")
+            raise InvalidValueError("grid", self.grid, "left out with --env")
         if not 25 <= self.grid_runs <= MAX_ROBOTS or self.grid_runs % 25:
             raise InvalidValueError("grid_runs", self.grid_runs, f"a multiple of 25 from 25 to {MAX_ROBOTS}")
-        if not MIN_DURATION <= self.grid_duration <= MAX_DURATION:
-            raise InvalidValueError("grid_duration", self.grid_duration, f"from {MIN_DURATION:g} to {MAX_DURATION:g} s")
-        if self.seed < 0:
-            raise InvalidValueError("seed", self.seed, "an integer >= 0")
+        require_between("grid_duration", self.grid_duration, MIN_DURATION, MAX_DURATION, "s")
+        require_integer("seed", self.seed)
+        if not self.env:
+            refuse_unused(self, ("env_size",), "without --env")
+        if not self.grid:
+            refuse_unused(self, ("grid_runs", "grid_duration"), "without --grid")
+        if self.env or self.grid:
+            refuse_unused(self, ("sizes",), "with --env and --grid")
+        if self.grid:
+            refuse_unused(self, ("seconds", "repeats"), "with --grid")

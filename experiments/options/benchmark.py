@@ -1,29 +1,30 @@
-"""Options of `trackslip benchmark`, and the suites."""
+"""Options of `trackslip benchmark`, and its suites of runs."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
-from experiments.options.world import MAX_PREVIEW, Equipment, Simulation
+from experiments.options.checks import default_is, refuse_unused, require_between, require_distinct, require_integer
+from experiments.options.track import WITHOUT_LAWS
+from experiments.options.world import MAX_JOBS, MAX_PREVIEW, Equipment, Simulation
 from trackslip.errors import InvalidValueError
 
 Start = Literal["zero", "paper", "random"]
-MAX_JOBS = 1024
 CONTROLLER_NAMES = (
     *("feedforward", "linear", "samson", "kanayama", "dynamic_feedback", "offset_point"),
     *("pure_pursuit", "stanley", "lqr", "mpc"),
 )
-"""Those of trackslip.controllers, which this doesn't import, so that asking for help is quick."""
+"""The controllers of trackslip.controllers, listed here so that `--help` need not import them."""
 REFERENCE_NAMES = ("paper", "circle", "figure_eight", "slalom", "rounded_square", "clothoid", "spiral", "stop_and_go")
-"""Those of trackslip.trajectory, likewise."""
+"""The references of trackslip.trajectory, likewise."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """One run of a benchmark, by the names of what is in it."""
+    """One run of a benchmark: the names of its controller, compensation, reference, ground and start, and its seed."""
 
     controller: str
     compensation: str
@@ -40,7 +41,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Factors:
-    """A full factorial: every controller with every compensation, and so on."""
+    """A full factorial design: every controller with every compensation, and so on."""
 
     controllers: tuple[str, ...]
     compensations: tuple[str, ...]
@@ -73,61 +74,58 @@ SUITES: dict[str, tuple[Factors, ...]] = {
         ),
     ),
 }
-"""Suites by name: the union of factorials."""
+"""Suites by name, each the union of its factorials."""
 
 
 @dataclass(frozen=True)
 class BenchmarkConfig(Equipment):
-    """Compare controllers, with and without compensation of slip, on paths and grounds, and print a leaderboard."""
+    """Compare controllers, with and without slip compensation, on paths and grounds, and print a leaderboard."""
 
     suite: Literal["paper", "quick", "full"] = "quick"
-    """Which runs: Sec. IV of the paper with five seeds, every controller on one path, or on everything. What is given
-    below takes the place of the suite's."""
-    controllers: tuple[str, ...] | None = None
-    """feedforward, linear, samson, kanayama, dynamic_feedback, offset_point, pure_pursuit, stanley, lqr, mpc, or your
-    own as MODULE:CLASS."""
-    compensations: tuple[str, ...] | None = None
-    """none, published, a law in --laws (exponential, icr, icr_radius, ...), or found while driving: online, that begins
-    with the law icr_radius, or online_cold, that begins with none."""
-    references: tuple[str, ...] | None = None
-    """paper, circle, figure_eight, slalom, rounded_square, clothoid, spiral, stop_and_go, or .csv files of way points
-    with the columns x, y."""
-    grounds: tuple[str, ...] | None = None
-    """stone, concrete, rubber, packed_soil, gravel, wet, ice, sticky (stone that grows stickier after 20 s), .toml
-    files, or robot, that of the --robot file."""
-    starts: tuple[Start, ...] | None = None
-    """Where robots are set down: where the reference begins; beside it as the paper's was (0.36 m, 30 deg); or at
-    random up to 0.15 m and 20 deg off."""
-    seeds: tuple[int, ...] | None = None
+    """Which runs: Sec. IV of the paper with five seeds (paper), every controller on one path (quick), or every
+    controller on every path and ground (full). The options below replace parts of the suite."""
+    controllers: Annotated[tuple[str, ...] | None, default_is("the suite's", "NAME ...")] = None
+    """Controllers: feedforward, linear, samson, kanayama, dynamic_feedback, offset_point, pure_pursuit, stanley, lqr,
+    mpc, ppo:FOLDER of a trained policy, or your own as MODULE:CLASS."""
+    compensations: Annotated[tuple[str, ...] | None, default_is("the suite's", "NAME ...")] = None
+    """Slip compensations: none, published, a law in --laws (exponential, icr, icr_radius, ...), or a law identified
+    while driving: online starts from the law icr_radius, online_cold from no law."""
+    references: Annotated[tuple[str, ...] | None, default_is("the suite's", "NAME|FILE ...")] = None
+    """Paths: paper, circle, figure_eight, slalom, rounded_square, clothoid, spiral, stop_and_go, or .csv files of way
+    points with the columns x, y."""
+    grounds: Annotated[tuple[str, ...] | None, default_is("the suite's", "NAME|FILE ...")] = None
+    """Grounds: stone, concrete, rubber, packed_soil, gravel, wet, ice, sticky (stone whose friction rises
+    after 20 s), .toml files, or robot, the ground of the --robot file."""
+    starts: Annotated[tuple[Start, ...] | None, default_is("the suite's", "{zero,paper,random} ...")] = None
+    """Where the robots start: at the start of the reference (zero), beside it as in the paper (0.36 m, 30 deg), or at
+    random, up to 0.15 m and 20 deg off."""
+    seeds: Annotated[tuple[int, ...] | None, default_is("the suite's", "INT ...")] = None
     """Seeds of the scanner's noise and of random starts, the same for all controllers and compensations."""
     localization: Literal["plate", "line", "truth"] = "plate"
-    """How the controllers learn their pose."""
+    """How the controllers learn their pose: from scans by the plate or the line method, or the true pose."""
     preview: float = 0.0
-    """How far ahead controllers are asked what to drive: 0.075 s makes up for the lag of servo and sampling [s]."""
-    laws: Path | None = None
-    """Where identified laws come from: a summary.json or a folder with one; by default those in the package."""
+    """How far ahead of now the controllers track the reference; 0.075 s compensates for the lag of servo and
+    sampling [s]."""
+    laws: Annotated[Path | None, default_is("the laws shipped with trackslip", "PATH")] = None
+    """Identified laws: a summary.json, or a folder that contains one."""
     jobs: int = 0
-    """Processes, 0 for one per processor; the results are the same."""
+    """Number of processes, 0 for one per processor; the results don't depend on it."""
     out: Path = Path("out/benchmark")
-    """Folder for the results. If the command is stopped, the next one with the same options goes on from there."""
+    """Folder for the results; an interrupted benchmark resumes when it is run again with the same options."""
     pdf: bool = False
-    """Write the figures as PDF, too."""
+    """Also write the figures as PDF."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not 0 <= self.jobs <= MAX_JOBS:
-            raise InvalidValueError("jobs", self.jobs, f"an integer from 0 to {MAX_JOBS}")
-        if not 0 <= self.preview <= MAX_PREVIEW:
-            raise InvalidValueError("preview", self.preview, f"from 0 to {MAX_PREVIEW:g} s")
+        require_integer("jobs", self.jobs, 0, MAX_JOBS)
+        require_between("preview", self.preview, 0, MAX_PREVIEW, "s")
         for seed in self.seeds or ():
             if seed < 0:
                 raise InvalidValueError("seeds", seed, "integers >= 0")
         for name in ("controllers", "compensations", "references", "grounds", "starts", "seeds"):
-            values = getattr(self, name)
-            if values == ():
-                raise InvalidValueError(name, values, "at least one")
-            if values is not None and len(set(values)) < len(values):
-                raise InvalidValueError(name, values, "all different")
+            require_distinct(name, getattr(self, name))
+        if all(name in WITHOUT_LAWS for name in self.compensations or ("icr_radius",)):
+            refuse_unused(self, ("laws",), f"with --compensations {' '.join(self.compensations or ())}")
 
     def cases(self) -> list[Case]:
         """Every run, once."""

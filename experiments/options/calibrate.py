@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
+from experiments.options.checks import default_is, require_distinct, require_integer
 from experiments.options.world import Repeatable
 from trackslip.errors import InvalidValueError
 
@@ -15,27 +16,25 @@ MAX_STARTS = 100
 
 @dataclass(frozen=True)
 class CalibrateConfig(Repeatable):
-    """Tune the simulated robot to slips and radii: the paper's, or those of a log."""
+    """Fit the simulated robot's parameters to slips and radii: the paper's, or those of a log."""
 
-    target: str = "published"
-    """published (Eq. 11 and the radii of Fig. 5), or a file: a log or folder that identify takes, or a table .csv with
-    radius, speed (commanded, to the left), observed_radius, slip_outer, slip_inner."""
+    target: Annotated[str, default_is("published", "published|FILE")] = "published"
+    """What to fit: published (Eq. 11 and the radii of Fig. 5), a log or folder that identify accepts, or a .csv table
+    with the columns radius, speed (commanded, to the left), observed_radius, slip_outer, slip_inner."""
     free: tuple[Parameter, ...] = ("friction_ratio", "radius_error", "com_y")
-    """What may change; friction_ratio is across / along."""
-    robot: Path | None = None
-    """A robot file with the values to start from and those that are not free; by default the shipped robot."""
+    """Parameters to fit; friction_ratio is across / along."""
+    robot: Annotated[Path | None, default_is("the shipped robot", "FILE")] = None
+    """Robot file with the initial values, and with the values of the parameters that are not fitted."""
     starts: int = 5
-    """Random starts besides the robot's own values."""
+    """Number of random starts in addition to the robot's own values."""
     rrd: bool = False
-    """Also let the calibrated robot turn with the paper's radii, recorded for the rerun viewer in OUT/recordings."""
+    """Also record the calibrated robot turning at the paper's radii, for the rerun viewer, in OUT/recordings."""
     out: Path = Path("out/calibrate")
-    """Folder for the results, robot.toml among them."""
+    """Folder for the results, including robot.toml."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if not self.target:
             raise InvalidValueError("target", self.target, "published, or a file")
-        if not self.free:
-            raise InvalidValueError("free", self.free, "at least one parameter")
-        if not 0 <= self.starts <= MAX_STARTS:
-            raise InvalidValueError("starts", self.starts, f"an integer from 0 to {MAX_STARTS}")
+        require_distinct("free", self.free, "parameter")
+        require_integer("starts", self.starts, 0, MAX_STARTS)

@@ -5,33 +5,35 @@ from __future__ import annotations
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
-from experiments.options.grid import GridConfig
+from experiments.options.checks import require_integer
+from experiments.options.grid import GridConfig, RunsConfig
 from trackslip.errors import InvalidValueError
 
 MAX_REPEATS = 100_000
 
 
 @dataclass(frozen=True)
-class CoverageConfig(GridConfig):
-    """Whether the 95 % intervals hold the truth in 95 % of many repeats: of samples drawn from each law with the
-    errors that the grid's own runs have, and of the grid's runs scanned again with other noise."""
+class CoverageConfig(RunsConfig):
+    """Check that 95 % intervals cover the truth in 95 % of many repeats.
+
+    The repeats are samples drawn from each law, with the errors of the grid's own runs, and the grid's runs scanned
+    again with new noise.
+    """
 
     repeats: int = 1000
-    """Sets of samples drawn from each law."""
+    """Number of sets of samples drawn from each law."""
     run_repeats: int = 400
-    """Grids scanned and fitted."""
+    """Number of grids that are scanned and fitted."""
     drives: int = 20
-    """Times that the grid is driven for that, each from other phases of the circles; each drive is scanned anew
+    """Number of grids that are driven for that, each with new random phases on the circles; each is scanned
     run_repeats / drives times."""
     out: Path = Path("out/coverage")
     """Folder for the results."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not 1 <= self.repeats <= MAX_REPEATS:
-            raise InvalidValueError("repeats", self.repeats, f"an integer from 1 to {MAX_REPEATS}")
-        if not 1 <= self.run_repeats <= MAX_REPEATS:
-            raise InvalidValueError("run_repeats", self.run_repeats, f"an integer from 1 to {MAX_REPEATS}")
+        require_integer("repeats", self.repeats, 1, MAX_REPEATS)
+        require_integer("run_repeats", self.run_repeats, 1, MAX_REPEATS)
         if not 1 <= self.drives <= self.run_repeats:
             raise InvalidValueError("drives", self.drives, f"an integer from 1 to run_repeats = {self.run_repeats}")
         if self.scanner.noise <= 0:
@@ -40,11 +42,11 @@ class CoverageConfig(GridConfig):
             raise InvalidValueError("radii", self.radii, "at least two, and four runs or more")
 
     def grid(self, drive: int) -> GridConfig:
-        """The grid of one of the drives, as a perfect scanner would see it."""
-        shared = {field.name: getattr(self, field.name) for field in fields(GridConfig)}
+        """The grid of the drive number `drive`, seen by a scanner without noise."""
+        shared = {field.name: getattr(self, field.name) for field in fields(RunsConfig)}
         silent = replace(self.scanner, noise=0.0)
         return GridConfig(**shared | {"scanner": silent, "random_phase": True, "seed": self.seed + drive})
 
     def shares(self) -> list[int]:
-        """How often each drive is scanned."""
+        """How many times each drive is scanned."""
         return [len(range(drive, self.run_repeats, self.drives)) for drive in range(self.drives)]

@@ -8,29 +8,31 @@ from typing import Annotated
 
 import tyro
 
+from experiments.options.checks import default_is, refuse_unused, require_distinct
 from trackslip.errors import InvalidValueError
 
 
 @dataclass(frozen=True)
 class ExportConfig:
-    """List the runs in a folder of results; with --csv, write them as CSV, for spreadsheets and for identify."""
+    """List the runs in a folder of results or, with --csv, write them as CSV for spreadsheets and for identify."""
 
-    path: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUN")]
-    """Folder of results with runs.parquet, or a .parquet or .csv file with runs."""
+    path: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUNS")]
+    """Folder of results with runs.parquet, or a .parquet or .csv file of runs."""
     csv: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Write CSV, and beside it NAME.columns.csv with each column's unit and what it is."""
-    run: tuple[str, ...] = ()
-    """Names of the runs to write; by default all."""
-    out: Path | None = None
-    """The CSV file; by default the folder's or file's name with .csv in place of its ending, beside it."""
+    """Write a CSV file, and beside it NAME.columns.csv with the unit and meaning of each column."""
+    run: Annotated[tuple[str, ...] | None, default_is("all", "NAME ...")] = None
+    """Names of the runs to list or write."""
+    out: Annotated[Path | None, default_is("the name of RUNS with the suffix .csv, beside it", "FILE")] = None
+    """The CSV file to write; needs --csv."""
     overwrite: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Replace the file if it is there."""
+    """Replace the CSV file if it exists; needs --csv."""
 
     def __post_init__(self) -> None:
+        if not self.csv:
+            refuse_unused(self, ("out", "overwrite"), "without --csv")
         if self.out is not None and self.out.suffix.lower() != ".csv":
             raise InvalidValueError("out", str(self.out), "a file that ends in .csv")
-        if len(set(self.run)) < len(self.run):
-            raise InvalidValueError("run", self.run, "all different")
+        require_distinct("run", self.run)
 
     @property
     def file(self) -> Path:

@@ -1,13 +1,22 @@
-"""Options of `trackslip grid`, and of the commands that drive one."""
+"""Options of `trackslip grid`, and those it shares with other commands that drive a grid."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
+from experiments.options.checks import (
+    default_is,
+    refuse_unused,
+    require_between,
+    require_distinct,
+    require_integer,
+)
 from experiments.options.world import (
     MAX_DURATION,
+    MAX_JOBS,
     MAX_RADIUS,
     MIN_DURATION,
     MIN_SPEED,
@@ -18,38 +27,24 @@ from experiments.options.world import (
 from trackslip.errors import InvalidValueError, require_at_most, require_positive
 from trackslip.paper import COMMANDED_RADII, SPEEDS
 
-MAX_JOBS = 1024
-_EXECUTORS = "processes, inline, mpi or dask://HOST:PORT"
-
 
 @dataclass(frozen=True)
-class GridConfig(Simulation):
-    """Drive the grid of runs, radius x speed, in front of the scanner, and store scans' poses and truth."""
+class RunsConfig(Simulation):
+    """Runs of constant command, radius x speed, in front of the scanner."""
 
     radii: tuple[float, ...] = COMMANDED_RADII
-    """Radii of the no-slip commands, to the left [m]."""
+    """Commanded radii, to the left, as if nothing slipped [m]."""
     speeds: tuple[float, ...] = SPEEDS
-    """Speeds of the no-slip commands [m/s]."""
+    """Commanded speeds, as if nothing slipped [m/s]."""
     localization: Localization = "plate"
-    """How a scan becomes a pose: the known rectangle's maximum likelihood, or the paper's line."""
-    motion: Motion | None = None
-    """How a run becomes a twist, by default the most exact way that it allows: the paper's filter as printed, or run
-    both ways (butterworth); Savitzky and Golay's; a constant-twist smoother; the arc of constant twist through all
-    poses, or straight to all ranges (bundle)."""
+    """How a pose is estimated from a scan: maximum likelihood with the known plate, or the paper's line fit."""
     duration: float = 30.0
     """Length of each run [s]."""
-    random_phase: bool = False
-    """Start each run anywhere on its circle, instead of where that is nearest to the scanner."""
-    out: Path = Path("out/grid")
-    """Folder for the results."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         for name, values in (("radii", self.radii), ("speeds", self.speeds)):
-            if not values:
-                raise InvalidValueError(name, values, "at least one number")
-            if len(set(values)) < len(values):
-                raise InvalidValueError(name, values, "all different")
+            require_distinct(name, values, "number")
             for value in values:
                 require_positive(name, value)
                 require_at_most(name, value, MAX_RADIUS)
@@ -58,42 +53,61 @@ class GridConfig(Simulation):
                 raise InvalidValueError("speeds", speed, f"at most drive.top_speed = {self.drive.top_speed} m/s")
             if speed < MIN_SPEED:
                 raise InvalidValueError("speeds", speed, f"at least {MIN_SPEED:g} m/s")
-        if not MIN_DURATION <= self.duration <= MAX_DURATION:
-            raise InvalidValueError("duration", self.duration, f"from {MIN_DURATION:g} to {MAX_DURATION:g} s")
+        require_between("duration", self.duration, MIN_DURATION, MAX_DURATION, "s")
+
+
+@dataclass(frozen=True)
+class GridConfig(RunsConfig):
+    """A grid of runs that is also evaluated."""
+
+    motion: Annotated[
+        Motion | None, default_is("the most accurate method the run allows", "{paper,butterworth,arc,bundle}")
+    ] = None
+    """How a twist is estimated from a run. paper: the paper's filter as printed; butterworth: the same filter run in
+    both directions; arc: an arc of constant twist fitted to all poses; bundle: one fitted to all ranges."""
+    random_phase: bool = False
+    """Start each run at a random point of its circle instead of the point nearest to the scanner."""
+    out: Path = Path("out/grid")
+    """Folder for the results."""
 
 
 @dataclass(frozen=True)
 class SweepConfig(GridConfig):
-    """Drive a grid of runs, radius x speed and whatever else is to vary, in front of the scanner, and store them.
+    """Drive a grid of runs, radius x speed x any other option, in front of the scanner, and store them.
 
-    A grid that was stopped goes on where it was; runs that are stored in OUT already aren't driven again.
+    An interrupted grid resumes: runs that are already stored in OUT are not driven again.
     """
 
-    grounds: tuple[str, ...] = ()
-    """Grounds to drive on, by name or .toml file, in place of --ground."""
-    friction_ratio: tuple[float, ...] = ()
-    """Ratios of the friction across the track to that along it."""
-    slope: tuple[float, ...] = ()
+    grounds: Annotated[tuple[str, ...] | None, default_is("--ground", "NAME|FILE ...")] = None
+    """Grounds to drive on, by name or .toml file."""
+    friction_ratio: Annotated[tuple[float, ...] | None, default_is("the ground's", "FLOAT ...")] = None
+    """Ratios of the friction across the track to that along it [-]."""
+    slope: Annotated[tuple[float, ...] | None, default_is("--ground.slope", "FLOAT ...")] = None
     """Angles of the ground to the horizontal [rad]."""
-    seeds: tuple[int, ...] = ()
-    """Roots of all random numbers, in place of --seed: every run once with each."""
-    vary: tuple[str, ...] = ()
-    """Any other option as NAME=VALUE,VALUE: scanner.noise=0.005,0.01 or robot.half_gauge=0.15,0.2."""
-    sweep: Path | None = None
-    """A .toml file with a list of values for each name: radius, speed, ground, friction_ratio, slope, seed, and any
-    that --vary takes."""
-    executor: str = "processes"
-    """Where runs are driven: processes, inline, mpi or dask://HOST:PORT."""
+    seeds: Annotated[tuple[int, ...] | None, default_is("--seed", "INT ...")] = None
+    """Seeds; every run is driven once with each."""
+    vary: Annotated[tuple[str, ...] | None, default_is("nothing", "NAME=VALUE,... ...")] = None
+    """Any other options, each with its values: scanner.noise=0.005,0.01 robot.half_gauge=0.15,0.2."""
+    sweep: Annotated[Path | None, default_is("none", "FILE")] = None
+    """A .toml file with a list of values for each name: radius, speed, ground, friction_ratio, slope, seed, or any
+    name that --vary accepts."""
+    executor: Annotated[str, default_is("processes", "{processes,inline,mpi,dask://HOST:PORT}")] = "processes"
+    """Where the runs are driven: in worker processes, in this process, with MPI, or on a Dask cluster."""
     jobs: int = 0
     """Number of processes, 0 for one per processor."""
     resume: bool = True
-    """Take what OUT has already of these runs; --no-resume drives them all anew."""
+    """Keep the runs that OUT already has; --no-resume drives all of them again."""
     force: bool = False
-    """Take them though code, models or libraries have changed since."""
+    """Keep them even if code, models or libraries have changed since."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        for name in ("grounds", "friction_ratio", "slope", "seeds", "vary"):
+            require_distinct(name, getattr(self, name))
         if self.executor not in ("processes", "inline", "mpi") and not re.fullmatch(r"dask://.+:\d+", self.executor):
-            raise InvalidValueError("executor", self.executor, _EXECUTORS)
-        if not 0 <= self.jobs <= MAX_JOBS:
-            raise InvalidValueError("jobs", self.jobs, f"an integer from 0 to {MAX_JOBS}")
+            raise InvalidValueError("executor", self.executor, "processes, inline, mpi or dask://HOST:PORT")
+        require_integer("jobs", self.jobs, 0, MAX_JOBS)
+        if self.executor != "processes":
+            refuse_unused(self, ("jobs",), f"with --executor {self.executor}")
+        if not self.resume:
+            refuse_unused(self, ("force",), "with --no-resume")

@@ -4,42 +4,44 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import tyro
 
-from experiments.options.world import (
-    Motion,
-)
+from experiments.options.checks import default_is, require_distinct
+from experiments.options.world import Motion
 from trackslip.errors import require_at_most, require_non_negative, require_positive
 from trackslip.motion.steady import SETTLE
 
 
 @dataclass(frozen=True)
 class IdentifyConfig:
-    """Fit the slip laws to a stored grid, or to a log of a real robot, and print a table."""
+    """Fit the slip laws to a stored grid or to the log of a real robot, and print and report them."""
 
     path: tyro.conf.Positional[Path]
-    """Folder of a stored grid, or a .csv or .parquet log: run, t, omega_l, omega_r, x, y, phi (traces), or
-    omega_l, omega_r, v, w (steady samples)."""
-    where: tuple[str, ...] = ()
-    """Which of a sweep's runs, as NAME=VALUE: ground=ice friction_ratio=1.2."""
-    half_gauge: float | None = None
-    """Half the distance between the tracks [m]; by default the log's own."""
-    sprocket_radius: float | None = None
-    """Radius of the sprockets [m]; by default the log's own."""
+    """Folder of a stored grid, or a .csv or .parquet log of traces (run, t, omega_l, omega_r, x, y, phi) or of steady
+    samples (omega_l, omega_r, v, w)."""
+    where: Annotated[tuple[str, ...] | None, default_is("all", "NAME=VALUE ...")] = None
+    """Which runs of a sweep to use: ground=ice friction_ratio=1.2."""
+    half_gauge: Annotated[float | None, default_is("the log's", "FLOAT")] = None
+    """Half the distance between the tracks [m]."""
+    sprocket_radius: Annotated[float | None, default_is("the log's", "FLOAT")] = None
+    """Radius of the sprockets [m]."""
     gear: float = 1.0
-    """Turns of the encoder, whose speed omega then is, for one of the sprocket."""
-    motion: Motion | None = None
-    """How a run becomes a twist: paper, butterworth, savgol, rts, arc, or, with ranges, bundle; by default the most
-    exact that the run allows."""
+    """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
+    motion: Annotated[
+        Motion | None, default_is("the most accurate method the run allows", "{paper,butterworth,arc,bundle}")
+    ] = None
+    """How a twist is estimated from a run; bundle needs ranges (see grid)."""
     settle: float = SETTLE
-    """Time after the sprockets have become steady that is left out of each run [s]."""
+    """Time left out of each run after the sprockets have become steady [s]."""
     out: Path = Path("out/identify")
     """Folder for the results."""
     pdf: bool = False
-    """Write the figures as PDF, too."""
+    """Also write the figures as PDF."""
 
     def __post_init__(self) -> None:
+        require_distinct("where", self.where, "NAME=VALUE")
         for name in ("half_gauge", "sprocket_radius"):
             if getattr(self, name) is not None:
                 require_positive(name, getattr(self, name))

@@ -4,37 +4,37 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
-from experiments.options.world import (
-    MAX_RADIUS,
-    MIN_FRICTION_RATIO,
-    MIN_RADIUS,
-)
+from experiments.options.checks import default_is, require_between
+from experiments.options.world import MAX_RADIUS, MIN_FRICTION_RATIO, MIN_RADIUS
 from sim.drive.drive import MAX_RADIUS_ERROR
 from trackslip.errors import InvalidValueError, require_at_most, require_positive
 from trackslip.paper import OBSERVED_RADII
 
+_ROBOTS = default_is("the robot's", "FLOAT")
+
 
 @dataclass(frozen=True)
 class PredictConfig:
-    """A slip law from quasi-static Coulomb theory, without simulating."""
+    """Predict a slip law from quasi-static Coulomb theory, without simulating."""
 
-    robot: Path | None = None
-    """A robot file: what isn't given below is taken from it; by default the shipped robot."""
-    half_gauge: float | None = None
-    """Half the distance between the tracks [m]; by default the robot's."""
-    contact_length: float | None = None
-    """Length of track on the ground [m]; by default the robot's."""
-    friction_ratio: float | None = None
-    """Friction across the track over friction along it, all that slip asks of the ground; by default the robot's."""
-    com_x: float | None = None
-    """Centre of mass, forward of the middle of the tracks [m]; by default the robot's."""
-    sprocket_radius: float | None = None
-    """Radius of the sprockets [m], stored with the law, slip doesn't depend on it; by default the robot's."""
+    robot: Annotated[Path | None, default_is("the shipped robot", "FILE")] = None
+    """Robot file that supplies the values not given below."""
+    half_gauge: Annotated[float | None, _ROBOTS] = None
+    """Half the distance between the tracks [m]."""
+    contact_length: Annotated[float | None, _ROBOTS] = None
+    """Length of a track on the ground [m]."""
+    friction_ratio: Annotated[float | None, _ROBOTS] = None
+    """Friction across the track over friction along it; slip depends on nothing else of the ground [-]."""
+    com_x: Annotated[float | None, _ROBOTS] = None
+    """Centre of mass, forward of the middle of the tracks [m]."""
+    sprocket_radius: Annotated[float | None, _ROBOTS] = None
+    """Radius of the sprockets, stored with the law; slip does not depend on it [m]."""
     radius_error: float = 0.0
-    """Relative error of the effective sprocket radius, real / nominal - 1."""
+    """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     radii: tuple[float, ...] = OBSERVED_RADII
-    """Radii driven, for the table [m]."""
+    """Radii driven that the table lists [m]."""
     out: Path = Path("out/predict")
     """Folder for the results."""
 
@@ -43,8 +43,7 @@ class PredictConfig:
             if getattr(self, name) is not None:
                 require_positive(name, getattr(self, name))
                 require_at_most(name, getattr(self, name), 100.0)
-        if not -MAX_RADIUS_ERROR <= self.radius_error <= MAX_RADIUS_ERROR:
-            raise InvalidValueError("radius_error", self.radius_error, "from -0.5 to 0.5")
+        require_between("radius_error", self.radius_error, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR)
         if not self.radii:
             raise InvalidValueError("radii", self.radii, "at least one number")
         for radius in self.radii:

@@ -11,12 +11,13 @@ from trackslip.errors import InvalidValueError
 
 @dataclass(frozen=True)
 class ReproduceConfig(GridConfig):
-    """The whole paper: the grid, the slip laws from its scans, both controllers with and without them."""
+    """Reproduce the whole paper: the grid, the slip laws identified from its scans, and both controllers with and
+    without compensation."""
 
     out: Path = Path("out/reproduce")
     """Folder for the results."""
     pdf: bool = False
-    """Write the figures as PDF, too."""
+    """Also write the figures as PDF."""
 
     def __post_init__(self) -> None:
         super().__post_init__()

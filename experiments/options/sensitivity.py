@@ -9,23 +9,21 @@ from experiments.options.grid import GridConfig
 from trackslip.errors import InvalidValueError
 
 MIRROR_PERIOD = 1 / 75
-"""One revolution of the mirror of a SICK LMS 200, the longest sweep that is tried [s]."""
+"""Time from the first beam of a scan to the last of a SICK LMS 200, whose mirror makes 75 revolutions a second [s]."""
 
 
 @dataclass(frozen=True)
 class SensitivityConfig(GridConfig):
-    """Drive the grid again and again, each time with something else wrong, and print what it does to slip."""
+    """Drive the grid repeatedly, each time with another disturbance of the scanner, its mounting or the field, and
+    print the slip errors it causes."""
 
     out: Path = Path("out/sensitivity")
     """Folder for the results."""
     pdf: bool = False
-    """Write the figures as PDF, too."""
+    """Also write the figures as PDF."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.scanner.period < MIRROR_PERIOD:
-            raise InvalidValueError(
-                "scanner.rate",
-                self.scanner.rate,
-                f"at most {1 / MIRROR_PERIOD:g} Hz, to leave time for the sweep that is tried",
-            )
+            allowed = f"at most {1 / MIRROR_PERIOD:g} Hz, to leave time for the scan duration that is tried"
+            raise InvalidValueError("scanner.rate", self.scanner.rate, allowed)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from experiments.options.checks import require_integer
 from experiments.options.world import MAX_THREADS
 from trackslip.errors import InvalidValueError, require_at_most, require_positive
 
@@ -13,55 +14,54 @@ MAX_LAYER = 4096
 MAX_AUTHORITY = 10.0
 """[m/s], [rad/s]"""
 MAX_SEED = 2**32 - 1
-"""That PyTorch and NumPy's old generators take."""
+"""Largest seed that PyTorch and NumPy's legacy generators accept."""
 
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """Train a policy with PPO to correct the reference's twist, for `benchmark --controllers ppo:OUT`.
+    """Train a policy with PPO that corrects the reference's twist, for `benchmark --controllers ppo:OUT`.
 
-    The defaults are the tuned configuration that the README's numbers were made with.
+    The defaults are the tuned configuration behind the documented results.
     """
 
     steps: int = 2_000_000
-    """Control periods of all robots together."""
+    """Total number of control periods, summed over all robots."""
     robots: int = 64
-    """Robots in the vector environment."""
+    """Number of robots in the vector environment."""
     references: tuple[str, ...] = ("paper", "figure_eight", "slalom", "clothoid", "spiral", "stop_and_go")
-    """Paths to train on; an episode draws one."""
+    """Paths to train on; each episode draws one."""
     grounds: tuple[str, ...] = ("stone",)
-    """Grounds to train on; an episode draws one."""
+    """Grounds to train on; each episode draws one."""
     compensation: str = "icr_radius"
-    """How twists become sprocket speeds: none, published or one of the shipped laws."""
+    """Slip compensation between twist and sprocket speeds: none, published, or one of the shipped laws."""
     authority: tuple[float, float] = (0.12, 0.6)
     """Largest correction of the reference's twist [m/s, rad/s]."""
     network: tuple[int, ...] = (64, 64)
     """Sizes of the hidden layers."""
     learning_rate: float = 6e-4
-    """At the start; it falls to a twentieth."""
+    """Initial learning rate; it falls linearly to a twentieth [-]."""
     horizon: int = 128
-    """Control periods of each robot between two updates."""
+    """Number of control periods of each robot between two updates."""
     batch: int = 2048
-    """Control periods in a minibatch."""
+    """Number of control periods in a minibatch."""
     epochs: int = 6
-    """Passes over what was driven, in an update."""
+    """Number of passes over the collected data in each update."""
     discount: float = 0.97
-    """Of the reward a control period later."""
+    """Discount of the reward per control period [-]."""
     seed: int = 0
-    """Root of all random numbers."""
+    """Seed of all random numbers."""
     threads: int = 0
-    """Worker threads of the simulator, 0 for one per processor."""
+    """Number of the simulator's worker threads, 0 for one per processor."""
     resume: bool = False
-    """Go on from the last checkpoint in OUT, instead of beginning anew."""
+    """Resume from the last checkpoint in OUT instead of starting again."""
     rrd: bool = False
-    """Also let the policy drive each path in the end, recorded for the rerun viewer in OUT/recordings."""
+    """Also record the trained policy driving each path, for the rerun viewer, in OUT/recordings."""
     out: Path = Path("out/train")
-    """Folder for the policy, its checkpoints and the record of its training."""
+    """Folder for the policy, its checkpoints and the training curve."""
 
     def __post_init__(self) -> None:
         for name in ("steps", "robots", "horizon", "batch", "epochs"):
-            if getattr(self, name) < 1:
-                raise InvalidValueError(name, getattr(self, name), "an integer >= 1")
+            require_integer(name, getattr(self, name), 1)
         require_at_most("robots", self.robots, MAX_ROBOTS)
         if self.robots * self.horizon % self.batch:
             raise InvalidValueError("batch", self.batch, f"a factor of robots * horizon = {self.robots * self.horizon}")
@@ -78,7 +78,5 @@ class TrainConfig:
         require_at_most("learning_rate", self.learning_rate, 1.0)
         if not 0 < self.discount < 1:
             raise InvalidValueError("discount", self.discount, "between 0 and 1")
-        if not 0 <= self.seed <= MAX_SEED:
-            raise InvalidValueError("seed", self.seed, f"an integer from 0 to {MAX_SEED}")
-        if not 0 <= self.threads <= MAX_THREADS:
-            raise InvalidValueError("threads", self.threads, f"an integer from 0 to {MAX_THREADS}")
+        require_integer("seed", self.seed, 0, MAX_SEED)
+        require_integer("threads", self.threads, 0, MAX_THREADS)

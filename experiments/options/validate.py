@@ -4,19 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
+from experiments.options.checks import default_is
 from experiments.options.world import Repeatable
 
 
 @dataclass(frozen=True)
 class ValidateConfig(Repeatable):
-    """Hold the simulator against theory: turning, loads, slopes, step length, solver, energy."""
+    """Compare the simulator with theory: turning, loads, slopes, time step, solver, energy."""
 
-    robot: Path | None = None
-    """A robot file, as calibrate writes it; by default the shipped robot."""
+    robot: Annotated[Path | None, default_is("the shipped robot", "FILE")] = None
+    """Robot file as written by calibrate."""
     rrd: bool = False
-    """Also let the robot turn with the paper's radii, recorded for the rerun viewer in OUT/recordings."""
+    """Also record the robot turning at the paper's radii, for the rerun viewer, in OUT/recordings."""
     out: Path = Path("out/validate")
     """Folder for the results."""
     pdf: bool = False
-    """Write the figures as PDF, too."""
+    """Also write the figures as PDF."""

@@ -8,22 +8,26 @@ from typing import Annotated
 
 import tyro
 
+from experiments.options.checks import default_is
 from trackslip.errors import InvalidValueError
 
 
 @dataclass(frozen=True)
 class ViewConfig:
-    """Look at stored runs in the rerun viewer: one, or several side by side on the same time line."""
+    """Show stored runs in the rerun viewer: one, or several side by side on the same time line."""
 
     path: tyro.conf.Positional[Path]
-    """Folder of results, or a .parquet or .csv log, of a real robot too."""
-    run: Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="ID")] = ()
-    """Name of a run or, in a grid's folder, its id or the beginning of that; give it several times to compare runs.
-    By default the first."""
+    """Folder of results, or a .parquet or .csv log, also of a real robot."""
+    run: Annotated[
+        tuple[str, ...],
+        tyro.conf.UseAppendAction,
+        tyro.conf.arg(metavar="ID", help_behavior_hint="(default: the first; may be repeated)"),
+    ] = ()
+    """Name of a run or, in a grid's folder, its id or the beginning of its id; repeat the option to compare runs."""
     web: bool = False
-    """Open it in the browser, until interrupted."""
-    save: Path | None = None
-    """Write a .rrd file instead, for `rerun FILE`."""
+    """Show them in the browser, until interrupted."""
+    save: Annotated[Path | None, default_is("none", "FILE")] = None
+    """Write an .rrd file instead, for `rerun FILE`."""
 
     def __post_init__(self) -> None:
         if self.save is not None and self.save.suffix.lower() != ".rrd":

@@ -1,4 +1,4 @@
-"""The commands' options, as frozen dataclasses that refuse what makes no sense. Importing this starts no simulator."""
+"""The options that describe the simulated world, shared by every command that simulates."""
 
 from __future__ import annotations
 
@@ -9,17 +9,20 @@ from typing import Annotated, Literal
 
 import tyro
 
+from experiments.options.checks import default_is, require_between, require_integer
 from sim.drive.drive import MAX_RADIUS_ERROR, Drive
 from sim.ground.ground import Ground
 from sim.scanner.scanner import LaserScanner
 from trackslip.errors import InvalidValueError
 
 Localization = Literal["plate", "line"]
-Motion = Literal["paper", "butterworth", "savgol", "rts", "arc", "bundle"]
+Motion = Literal["paper", "butterworth", "arc", "bundle"]
 IDENTIFIED = ("exponential", "icr", "icr_radius")
 """The identified laws that the paper's controllers are compared with."""
 
 MAX_THREADS = 1024
+MAX_JOBS = 1024
+"""Largest number of processes."""
 MAX_PREVIEW = 1.0
 """[s]"""
 MIN_SPEED = 1e-3
@@ -27,13 +30,13 @@ MIN_SPEED = 1e-3
 MAX_DURATION = 3600.0
 """Longest run [s]."""
 MIN_DURATION = 4.0
-"""Shortest run that leaves something steady to average [s]."""
+"""Shortest run that leaves a steady part to average over [s]."""
 MAX_RADIUS = 1000.0
 """Largest radius [m]."""
 MIN_RADIUS = 1e-3
 """Smallest radius [m]."""
 MIN_FRICTION_RATIO = 0.01
-"""Of friction across to along."""
+"""Smallest ratio of the friction across the track to that along it [-]."""
 MAX_COORDINATE = 100.0
 """Largest coordinate of a start [m]."""
 LINEAR_START = (0.3, -0.2, math.pi / 3)
@@ -42,69 +45,66 @@ LINEAR_START = (0.3, -0.2, math.pi / 3)
 
 @dataclass(frozen=True)
 class GroundOptions:
-    """The ground, and what of it is to be another."""
+    """The ground, and properties that differ from the named one's."""
 
-    source: Annotated[str | None, tyro.conf.arg(name="", metavar="NAME|FILE")] = None
-    """stone, concrete, rubber, packed_soil, gravel, wet, ice, or a .toml file; by default the robot's, else stone."""
-    along: float | None = None
+    source: Annotated[
+        str | None, tyro.conf.arg(name="", metavar="NAME|FILE", help_behavior_hint="(default: the robot's, else stone)")
+    ] = None
+    """Ground to drive on: stone, concrete, rubber, packed_soil, gravel, wet, ice, or a .toml file."""
+    along: Annotated[float | None, default_is("the ground's", "FLOAT")] = None
     """Friction coefficient along the track [-]."""
-    across: float | None = None
+    across: Annotated[float | None, default_is("the ground's", "FLOAT")] = None
     """Friction coefficient across the track [-]."""
-    slope: float | None = None
+    slope: Annotated[float | None, default_is("the ground's", "FLOAT")] = None
     """Angle of the ground to the horizontal [rad]."""
-    uphill: float | None = None
+    uphill: Annotated[float | None, default_is("the ground's", "FLOAT")] = None
     """Heading of a robot that drives straight up the slope [rad]."""
 
     def __post_init__(self) -> None:
         self.changed(Ground())
 
     def changed(self, ground: Ground) -> Ground:
-        """A ground with what is given here in place of its own."""
+        """`ground` with the properties that are given here."""
         given = {name: getattr(self, name) for name in ("along", "across", "slope", "uphill")}
         return replace(ground, **{name: value for name, value in given.items() if value is not None})
 
 
 @dataclass(frozen=True)
 class Repeatable:
-    """What every command has that simulates."""
+    """The options of every command that simulates."""
 
     seed: int = 0
-    """Root of all random numbers."""
+    """Seed of all random numbers."""
     threads: int = 0
-    """Worker threads, 0 for one per processor; the results are the same."""
+    """Number of worker threads, 0 for one per processor; the results don't depend on it."""
 
     def __post_init__(self) -> None:
-        if self.seed < 0:
-            raise InvalidValueError("seed", self.seed, "an integer >= 0")
-        if not 0 <= self.threads <= MAX_THREADS:
-            raise InvalidValueError("threads", self.threads, f"an integer from 0 to {MAX_THREADS}")
+        require_integer("seed", self.seed)
+        require_integer("threads", self.threads, 0, MAX_THREADS)
 
 
 @dataclass(frozen=True)
 class Equipment:
-    """The robot and its field, but for the ground."""
+    """The robot, its scanner and the field, without the ground."""
 
-    robot: Path | None = None
-    """A robot file, as calibrate writes it: the robot's parameters and its ground; by default the shipped robot."""
-    radius_error: float | None = None
-    """Relative error of the effective sprocket radius, real / nominal - 1; by default the robot's."""
+    robot: Annotated[Path | None, default_is("the shipped robot", "FILE")] = None
+    """Robot file as written by calibrate: the robot's parameters and its ground."""
+    radius_error: Annotated[float | None, default_is("the robot's", "FLOAT")] = None
+    """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     drive: Drive = field(default_factory=Drive)
     scanner: LaserScanner = field(default_factory=LaserScanner)
-    obstacles: Annotated[str | None, tyro.conf.arg(metavar="NAME|FILE")] = None
-    """What the scanner sees besides the plate: posts, room, walker, occluded, or a .toml file; by default nothing."""
+    obstacles: Annotated[str | None, default_is("nothing", "NAME|FILE")] = None
+    """Objects that the scanner sees besides the plate: posts, room, walker, occluded, or a .toml file."""
     rrd: bool = False
-    """Also write recordings for the rerun viewer, to OUT/recordings."""
+    """Also write recordings for the rerun viewer to OUT/recordings."""
 
     def __post_init__(self) -> None:
-        if self.radius_error is not None and not abs(self.radius_error) <= MAX_RADIUS_ERROR:
-            raise InvalidValueError("radius_error", self.radius_error, "from -0.5 to 0.5")
+        if self.radius_error is not None:
+            require_between("radius_error", self.radius_error, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR)
         scan_periods = self.scanner.period / self.drive.period
         if abs(scan_periods - round(scan_periods)) > 1e-6 or scan_periods < 0.5:
-            raise InvalidValueError(
-                "scanner.rate",
-                self.scanner.rate,
-                f"such that the time between scans is a multiple of drive.period = {self.drive.period} s",
-            )
+            allowed = f"a rate whose period is a multiple of drive.period = {self.drive.period} s"
+            raise InvalidValueError("scanner.rate", self.scanner.rate, allowed)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,8 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
-from collections.abc import Callable, Iterable, Iterator
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -20,11 +21,12 @@ from itertools import islice
 from typing import Any, TypeVar
 
 from experiments.parallel.workers import deaf_children, processes
-from trackslip.errors import TrackslipError
+from trackslip.errors import TrackslipError, first_line
 
 _AHEAD = 2  # tasks handed out per worker, so that none waits for its next
 
-_PATIENCE = 10  # for a scheduler to answer [s]
+_PATIENCE = 10  # how long a scheduler may take to answer [s]
+_IMPORT_PATIENCE = 20  # how long a worker may take to import the simulator [s]
 
 Task = TypeVar("Task")
 Result = TypeVar("Result")
@@ -119,7 +121,7 @@ def _mpi() -> Iterator[Any]:
     except (ImportError, RuntimeError) as error:
         raise TrackslipError(f'--executor mpi: {error}; pip install "trackslip[mpi]"') from error
     if MPI.COMM_WORLD.Get_size() < 2:  # asked for workers, some MPIs would wait for them for ever
-        how = "mpiexec -n N python -m mpi4py.futures -m experiments.cli grid ..."
+        how = "mpiexec -n N python -m mpi4py.futures -m experiments grid ..."
         raise TrackslipError(f"--executor mpi: there are no workers; start it with {how}")
     with MPIPoolExecutor() as pool:
         try:
@@ -142,14 +144,34 @@ def _dask(address: str) -> Iterator[tuple[Executor, int]]:
     except (OSError, ValueError, TimeoutError) as error:
         raise TrackslipError(f"--executor dask://{address}: no scheduler answers there ({error})") from error
     with _silence(), client:
-        count = sum(worker["nthreads"] for worker in client.scheduler_info(n_workers=-1)["workers"].values())
+        there = client.scheduler_info(n_workers=-1)["workers"]
+        count = sum(worker["nthreads"] for worker in there.values())
         if count < 1:
             raise TrackslipError(f"--executor dask://{address}: the scheduler has no workers")
+        _require_trackslip(client, list(there), f"--executor dask://{address}")
         pool = client.get_executor(pure=False)
         try:
             yield pool, count
         finally:
             pool.shutdown(wait=False)
+
+
+def _require_trackslip(client: Any, addresses: Sequence[str], executor: str) -> None:
+    """Raise TrackslipError unless scheduler and workers can import trackslip; tasks they can't load are never done."""
+    pending = {client.submit(_import_simulator, workers=[one], pure=False): one for one in addresses}
+    deadline = time.monotonic() + _IMPORT_PATIENCE
+    for future, one in pending.items():
+        try:
+            future.result(timeout=max(0.0, deadline - time.monotonic()))
+        except Exception as error:  # whatever the cluster makes of it
+            raise TrackslipError(
+                f"{executor}: the scheduler or its worker {one} can't import trackslip; install it there"
+                f" ({type(error).__name__}: {first_line(error)})"
+            ) from error
+
+
+def _import_simulator() -> None:
+    import sim.fleet  # noqa: F401
 
 
 @contextlib.contextmanager

@@ -11,8 +11,7 @@ import mujoco
 import numpy as np
 
 from sim.robot.parameters import RobotParameters
-from sim.robot.robot import FIELD, VISUAL_GROUP
-from sim.scanner.scanner import SCANNED_GROUP
+from sim.robot.robot import FIELD, SCANNED_GROUP, VISUAL_GROUP
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog

@@ -12,11 +12,11 @@ import numpy as np
 
 from experiments.driving.lookup import KNOWN_LAWS
 from experiments.driving.lookup import reference as load_reference
+from experiments.recording.smoothing import smooth_motion
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import TRANSIENT, body_errors
-from trackslip.motion.filtered import savgol_motion
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.icr import ConstantIcr
 from trackslip.slip.law_file import SHIPPED, load_laws
@@ -121,7 +121,7 @@ def _slip(omega: Array, twist: Array, geometry: RobotGeometry) -> Array:
 def _identified_slip(log: RunLog, geometry: RobotGeometry) -> tuple[Array | None, Array | None]:
     """Slips (T, 2) of the smoothed measured poses, and the twists (T, 2) that these give; None without enough poses."""
     try:
-        motion = savgol_motion(log)
+        motion = smooth_motion(log)
     except TrackslipError:
         return None, None
     within = (log.time >= motion.time[0]) & (log.time <= motion.time[-1])

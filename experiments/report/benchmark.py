@@ -9,13 +9,14 @@ from typing import Any
 
 import pyarrow.parquet
 
-from experiments.benchmark.table import BOARD_HEADER, WHOLE_HEADER, Row, board_text, whole_text
+from experiments.benchmark.rows import BenchmarkRow, BoardEntry, CaseRow
+from experiments.benchmark.table import BOARD_HEADER, WHOLE_HEADER, board_text, whole_text
 from experiments.options.benchmark import Case
 from experiments.report.figures import leaderboard as figures
 from experiments.report.figures.style import law_line
 from experiments.report.page import Drawing, Page, conditions, file_name, render_page
-from trackslip.logs.logfile import runs_from_table
 from trackslip.logs.runlog import RunLog
+from trackslip.logs.table import runs_from_table
 
 _FAVOURITES = (
     "icr_radius",
@@ -36,10 +37,10 @@ class _Figure:
 
 def render(
     runs_file: Path,
-    entries: Sequence[Row],
+    entries: Sequence[BoardEntry],
     lost: Sequence[str],
-    rows: Sequence[Row],
-    runs: Sequence[Row],
+    rows: Sequence[BenchmarkRow],
+    runs: Sequence[CaseRow],
     manifest: Mapping[str, Any],
     command: str,
 ) -> Page:
@@ -54,9 +55,7 @@ def render(
         manifest: how the results were made.
         command: the command line.
     """
-    shown = list(
-        _path_figures(runs_file, [Case(*(run[key] for key in Case.__match_args__)) for run in runs if not run["error"]])
-    )
+    shown = list(_path_figures(runs_file, [run.case for run in runs if run.error is None]))
     drawings = [Drawing("leaderboard", figures.board(rows)), *(figure.drawing for figure in shown)]
     html = render_page(
         "benchmark.html.j2",

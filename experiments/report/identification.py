@@ -16,8 +16,8 @@ from experiments.report.formats import MISSING, number, significant
 from experiments.report.law_symbols import FORMULAS, SYMBOLS, digits_for, unit_of
 from trackslip.identification.comparison import Comparison
 from trackslip.identification.fitted import FittedLaw
-from trackslip.identification.identify import Identification
 from trackslip.identification.replicates import LackOfFit
+from trackslip.identification.result import Identification
 from trackslip.identification.samples import Refused
 from trackslip.kinematics import Array
 from trackslip.metrics import rms

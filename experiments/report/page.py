@@ -97,7 +97,9 @@ def relative(text: str) -> str:
 
 def relative_command(command: str) -> str:
     """A command line with all its paths relative to the current folder."""
-    return shlex.join(map(relative, shlex.split(command)))
+    words = shlex.split(command)
+    relatives = list(map(relative, words))
+    return command if relatives == words else shlex.join(relatives)
 
 
 def conditions(manifest: Mapping[str, Any], command: str) -> str:

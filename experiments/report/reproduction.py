@@ -22,7 +22,7 @@ from experiments.report.formats import MISSING, number, pair
 from experiments.report.identification import IdentificationText
 from experiments.report.page import Drawing, Page, conditions, render_page
 from experiments.report.tracking import tracking_rows
-from trackslip.identification.identify import Identification
+from trackslip.identification.result import Identification
 from trackslip.logs.runlog import RunLog
 
 COMPARISON_HEADER = ("quantity", "published", "simulated")

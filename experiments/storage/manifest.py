@@ -23,7 +23,7 @@ from trackslip.logs.file_format import FORMAT
 
 _CODE, _MODELS = (trackslip, sim, experiments), (models,)
 _SUFFIXES = (".py", ".xml", ".json", ".obj")
-_PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "lmfit", "pyarrow", "matplotlib", "casadi")
+_PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "pyarrow", "matplotlib", "casadi")
 
 
 def make_manifest(command: str, config: Any, wall_s: float, **more: Any) -> dict[str, Any]:

@@ -168,11 +168,11 @@ def write_samples(folder: Path, samples: SlipSamples) -> None:
     import pyarrow as pa
     import pyarrow.parquet
 
-    from trackslip.logs import logfile
     from trackslip.logs.schema import with_units
+    from trackslip.logs.table import SAMPLE_COLUMNS
 
     columns = np.concatenate([samples.omega, samples.twist, samples.slip], axis=1)
-    names = (*logfile.SAMPLE_COLUMNS, "slip_l", "slip_r")
+    names = (*SAMPLE_COLUMNS, "slip_l", "slip_r")
     table = pa.table({"run": list(samples.run)} | {n: columns[:, k] for k, n in enumerate(names)})
     table = table.cast(pa.schema(with_units(table.schema)))
     with arrow_errors(folder / RUNS_FILE):

@@ -1,4 +1,4 @@
-"""What varies in a sweep, and the values that it takes."""
+"""The axes of a sweep and their values."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from experiments.options.grid import SweepConfig
-from experiments.sweep.options import ALIASES, converted, hint_of, names
+from experiments.sweep.options import ALIASES, converted, hint_of, names, option
 from sim.robot.parameters import RobotParameters
 from sim.toml_file import read_toml
 from trackslip.errors import InvalidValueError, SettingsFileError, require_at_most, require_positive
@@ -20,21 +20,21 @@ _MAX_RATIO = 100.0
 
 
 def axes_of(config: SweepConfig) -> dict[str, tuple[Any, ...]]:
-    """Values by axis, the fastest last: radius and speed, after all that isn't everywhere the same.
+    """The values of each axis, in the order of the loops: radius and speed are the innermost.
 
     Raises:
         InvalidValueError, SettingsFileError: naming the axis and what is allowed.
     """
     given: dict[str, tuple[Any, ...]] = {}
-    for name, option, values in (
+    for name, listed_by, values in (
         ("ground", "grounds", config.grounds),
         ("friction_ratio", "friction_ratio", config.friction_ratio),
         ("slope", "slope", config.slope),
         ("seed", "seeds", config.seeds),
     ):
         if values:
-            given[name] = _checked(name, values, option)
-    for text in config.vary:
+            given[name] = _checked(name, values, listed_by)
+    for text in config.vary or ():
         name, equals, listed = text.partition("=")
         if not equals:
             raise InvalidValueError("vary", text, "NAME=VALUE,VALUE,...")
@@ -49,14 +49,10 @@ def axes_of(config: SweepConfig) -> dict[str, tuple[Any, ...]]:
             given[name] = _checked(name, tuple(values) if isinstance(values, list) else (values,), name)
         except InvalidValueError as error:
             raise SettingsFileError(f"{config.sweep}: {error}") from error
+    for name in given:
+        _require_not_given(config, name)
     if "friction_ratio" in given and ("ground.across" in given or config.ground.across is not None):
         raise InvalidValueError("friction_ratio", given["friction_ratio"], "left out where ground.across is given")
-    for name, option, values, usual in (
-        ("radius", "radii", config.radii, SweepConfig.radii),
-        ("speed", "speeds", config.speeds, SweepConfig.speeds),
-    ):
-        if name in given and values != usual:
-            raise InvalidValueError(option, values, f"left out where {name} is given as an axis")
     drive = {"radius": given.pop("radius", config.radii), "speed": given.pop("speed", config.speeds)}
     axes = {**given, **drive}
     count = math.prod(len(values) for values in axes.values())
@@ -65,22 +61,32 @@ def axes_of(config: SweepConfig) -> dict[str, tuple[Any, ...]]:
     return axes
 
 
-def _checked(name: str, values: tuple[Any, ...], option: str) -> tuple[Any, ...]:
-    """An axis' values, as what they are; raises InvalidValueError."""
+def _require_not_given(config: SweepConfig, name: str) -> None:
+    """Raise InvalidValueError if the option that an axis replaces has been given, too."""
+    replaced = {"radius": "radii", "speed": "speeds", **ALIASES}.get(name, name)
+    if name in _PARAMETERS or name == "friction_ratio":
+        return
+    value = option(config, replaced)
+    if value != option(SweepConfig(), replaced):
+        raise InvalidValueError(replaced.removesuffix(".source"), value, f"left out where {name} is an axis")
+
+
+def _checked(name: str, values: tuple[Any, ...], given: str) -> tuple[Any, ...]:
+    """An axis' values, converted to its type; raises InvalidValueError, which calls them `given`."""
     known = [*_OWN, *(n for n in names() if n not in ("robot", *ALIASES.values()))]
     if name not in known:
         raise InvalidValueError("axis", name, f"one of {', '.join(known)}")
     if not values:
-        raise InvalidValueError(option, values, "at least one value")
-    taken = tuple(converted(_hint(name), value, option) for value in values)
+        raise InvalidValueError(given, values, "at least one value")
+    taken = tuple(converted(_hint(name), value, given) for value in values)
     if len(set(taken)) < len(taken):
-        raise InvalidValueError(option, taken, "all different")
+        raise InvalidValueError(given, taken, "all different")
     if name in ("radius", "speed", "friction_ratio"):
         for value in taken:
-            require_positive(option, value)
+            require_positive(given, value)
     if name == "friction_ratio":
         for value in taken:
-            require_at_most(option, value, _MAX_RATIO)
+            require_at_most(given, value, _MAX_RATIO)
     return taken
 
 
@@ -92,11 +98,11 @@ def _hint(name: str) -> Any:
 
 def _require_new(given: Mapping[str, Any], name: str, where: str) -> None:
     if name in given:
-        raise InvalidValueError(where, name, "an axis that isn't given twice")
+        raise InvalidValueError(where, name, "an axis that is given once")
 
 
 def _flat(table: Mapping[str, Any], where: str, prefix: str = "") -> dict[str, Any]:
-    """Nested tables as dotted names."""
+    """A nested table with dotted names."""
     found: dict[str, Any] = {}
     for name, value in table.items():
         own = {prefix + name: value}

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from experiments.storage.results import TABLE_FILE
-from experiments.sweep.table import COLUMNS
-from trackslip.errors import InvalidValueError, LogError
+from experiments.sweep.rows import COLUMNS
+from trackslip.errors import InvalidValueError
 from trackslip.logs.logfile import read_table
-from trackslip.logs.runlog import RunLog
 
-_MATTERS = ("ground", "radius_error", "geometry", "model_sha256")  # to slip
 _SHOWN = 10
 
 
@@ -35,22 +33,6 @@ def chosen(folder: Path, where: Sequence[str]) -> set[str]:
         if not rows:
             raise InvalidValueError("where", text, f"{name}=one of {', '.join(map(str, there[:_SHOWN]))}")
     return {row["run"] for row in rows}
-
-
-def require_one_setting(logs: Sequence[RunLog], file: Path) -> None:
-    """Raise LogError for runs that can't have one slip law, because ground or robot aren't the same in all."""
-    for key in _MATTERS:
-        values = [log.metadata[key] for log in logs if key in log.metadata]
-        if any(value != values[0] for value in values):
-            raise LogError(f"{file}: its runs differ in {_difference(key, values)}: choose with --where NAME=VALUE")
-
-
-def _difference(key: str, values: Sequence[Any]) -> str:
-    first = values[0]
-    if not isinstance(first, Mapping):
-        return key
-    parts = [name for name in first if any(value.get(name) != first[name] for value in values)]
-    return f"{key} ({', '.join(parts)})"
 
 
 def _is(value: Any, text: str) -> bool:

@@ -1,72 +1,60 @@
-"""A fleet of a sweep, driven and measured: what a worker does."""
+"""Drive and measure a fleet of a sweep: what a worker does."""
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 from experiments.driving.grid_runs import drive_cells
 from experiments.measuring.grid import LocalizationErrors
-from experiments.storage.manifest import digest, made_by
+from experiments.storage.parts import Part
 from experiments.sweep.plan import Run
+from experiments.sweep.rows import RunRow
 from sim.runs import Progress
 from sim.stopwatch import Stopwatch
 from trackslip.errors import LogError, TrackslipError
 from trackslip.identification.samples import true_samples, usable_samples
-from trackslip.logs import logfile
 from trackslip.logs.runlog import RunLog
-
-_MEASURED = ("omega_l", "omega_r", "v", "w", "observed_radius", "slip_l", "slip_r", "true_slip_l", "true_slip_r")
 
 
 @dataclass(frozen=True)
-class Part:
-    """What became of a fleet's runs."""
+class DrivenFleet:
+    """What became of a fleet."""
 
-    rows: list[dict[str, Any]]
-    """One for each run, in order: what it is and what was measured, or why there is nothing."""
-    runs: bytes | None
-    """Those that were driven to the end, as a Parquet file."""
+    part: Part
+    """Rows (of RunRow) and logs of its runs."""
     stages: dict[str, float]
-    """Seconds of work by stage."""
+    """Work by stage [s]."""
     duration: float
-    """Simulated, of all its runs together [s]."""
-    made_by: str
-    """Digest of the code, models and libraries that drove it."""
+    """Simulated time of all its runs together [s]."""
 
 
-def drive(runs: Sequence[Run], threads: int = 1, report: Progress = lambda seconds: None) -> Part:
-    """Drive a fleet; where it fails, its halves are driven, until the runs that fail stand alone.
+def drive(runs: Sequence[Run], threads: int = 1, report: Progress = lambda seconds: None) -> DrivenFleet:
+    """Drive a fleet. If it fails, its halves are driven, until the runs that fail stand alone.
 
-    `report` is told the seconds that pass, of all runs together.
+    `report` is called with the simulated seconds that have passed, of all runs together.
     """
     watch = Stopwatch()
     outcomes = _outcomes(runs, threads, lambda seconds: report(seconds * len(runs)), watch)
     rows = []
     for run, outcome in zip(runs, outcomes, strict=True):
-        row: dict[str, Any] = {"run": run.name, "id": run.id, **run.axes}
+        row = RunRow(run.name, run.id, run.axes)
         if isinstance(outcome, RunLog):
             with watch.stage("slips"):
-                row |= {"error": None} | _measured(outcome, run)
+                rows.append(_measured(outcome, run, row))
         else:
-            row["error"] = outcome
-        rows.append(row)
+            rows.append(replace(row, error=outcome))
     logs = [outcome for outcome in outcomes if isinstance(outcome, RunLog)]
     with watch.stage("storing"):
-        file = io.BytesIO()
-        if logs:
-            logfile.write_parquet(logs, file)
-    duration = sum(run.config.duration for run in runs)
-    return Part(rows, file.getvalue() or None, watch.stages, duration, digest(made_by()))
+        part = Part.of([row.to_json() for row in rows], logs)
+    return DrivenFleet(part, watch.stages, sum(run.config.duration for run in runs))
 
 
 def _outcomes(runs: Sequence[Run], threads: int, report: Progress, watch: Stopwatch) -> list[RunLog | str]:
     try:
         worlds = [run.world(threads) for run in runs]
         return list(drive_cells([run.cell for run in runs], worlds, report, watch))
-    except Exception as error:  # one failed run is a row
+    except Exception as error:  # a run that fails is a row
         if len(runs) == 1:
             said = str(error) if isinstance(error, TrackslipError) else f"{type(error).__name__}: {error}"
             return [" ".join(said.split())]
@@ -74,17 +62,30 @@ def _outcomes(runs: Sequence[Run], threads: int, report: Progress, watch: Stopwa
     return [outcome for half in (runs[:middle], runs[middle:]) for outcome in _outcomes(half, threads, report, watch)]
 
 
-def _measured(log: RunLog, run: Run) -> dict[str, Any]:
-    """A run's numbers; None where it has none, and a note why."""
-    row: dict[str, Any] = dict.fromkeys(_MEASURED) | {"note": None}
+def _measured(log: RunLog, run: Run, row: RunRow) -> RunRow:
+    """The row with the run's numbers; without slips where there are none, and a note why."""
     geometry = run.world(1).robot.geometry
     try:
         sampling = usable_samples([log], geometry, method=run.config.motion)
         sample, truth = sampling.samples, true_samples([log], geometry)
-        values = (*sample.omega[0], *sample.twist[0], sample.radius[0], *sample.slip[0], *truth.slip[0])
-        row |= dict(zip(_MEASURED, map(float, values), strict=True)) | {"note": "; ".join(sampling.notes) or None}
+        row = replace(
+            row,
+            **dict(zip(("omega_l", "omega_r"), sample.omega[0].tolist(), strict=True)),
+            **dict(zip(("v", "w"), sample.twist[0].tolist(), strict=True)),
+            **dict(zip(("slip_l", "slip_r"), sample.slip[0].tolist(), strict=True)),
+            **dict(zip(("true_slip_l", "true_slip_r"), truth.slip[0].tolist(), strict=True)),
+            observed_radius=float(sample.radius[0]),
+            note="; ".join(sampling.notes) or None,
+        )
     except LogError as error:
-        row["note"] = f"run {log.run!r} left out: {str(error).removeprefix(f'run {log.run!r}: ')}"
-    row |= {name: value for name, value in vars(LocalizationErrors.of([log])).items() if name != "rate_hz"}
+        row = replace(row, note=f"run {log.run!r} left out: {str(error).removeprefix(f'run {log.run!r}: ')}")
+    located = LocalizationErrors.of([log])
     saturated = None if log.truth is None else log.truth.saturated
-    return row | {"saturated": 0.0 if saturated is None else float(saturated.mean(axis=0).max())}
+    return replace(
+        row,
+        rmse_x=located.rmse_x,
+        rmse_y=located.rmse_y,
+        rmse_heading=located.rmse_heading,
+        valid_fraction=located.valid_fraction,
+        saturated=0.0 if saturated is None else float(saturated.mean(axis=0).max()),
+    )

@@ -1,17 +1,17 @@
-"""A command's options by their names, as axes of a sweep."""
+"""The options of a grid, by name, as axes of a sweep."""
 
 from __future__ import annotations
 
-import ast
 import dataclasses
 import functools
-import inspect
-import itertools
 import re
 import types
 import typing
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
+
+import docstring_parser
 
 from experiments.options.grid import GridConfig
 from sim.robot.parameters import RobotParameters
@@ -25,15 +25,16 @@ ALIASES = {"ground": "ground.source", "slope": "ground.slope"}
 _NO_AXES = ("radii", "speeds", "threads", "rrd", "out")
 _UNIT = re.compile(r"\[([^]]+)\]")
 _FLAGS = {"true": True, "false": False}
+_WORDS = {int: "an integer", float: "a number", bool: "true or false", str: "a name", Path: "a file"}
 
 
 def names() -> list[str]:
-    """Of all options of a run, nested ones with dots."""
+    """The names of all options that can be an axis; those of nested options contain dots."""
     return [name for name in _leaves(GridConfig) if name not in _NO_AXES]
 
 
 def with_option(config: T, name: str, value: object) -> T:
-    """A configuration with another value of the option `name`; raises InvalidValueError for what isn't allowed."""
+    """`config` with another value of the option `name`; raises InvalidValueError for a value that isn't allowed."""
     try:
         return _with(config, name.split("."), value, name)
     except InvalidValueError as error:
@@ -45,28 +46,19 @@ def with_option(config: T, name: str, value: object) -> T:
 
 def option(config: Any, name: str) -> Any:
     """The value of the option `name`."""
-    for part in name.split("."):
-        config = getattr(config, part)
-    return config
+    return functools.reduce(getattr, name.split("."), config)
 
 
 def hint_of(name: str) -> Any:
     """The type of the option `name`."""
-    cls: Any = GridConfig
-    for part in name.split("."):
-        cls = _hints(cls)[part]
-    return cls
+    cls, last = _owner(name)
+    return _hints(cls)[last]
 
 
 def explained(name: str) -> tuple[str, str]:
-    """Unit of an axis, and what it is: the text below the option, or below the robot's parameter."""
-    cls: Any = GridConfig
-    if name.startswith("robot."):
-        cls, name = RobotParameters, name.removeprefix("robot.")
-    *path, last = name.split(".")
-    for part in path:
-        cls = _hints(cls)[part]
-    text = " ".join(_texts(cls)[last].split()).removesuffix(".")
+    """Unit and meaning of an axis: the text that `--help` prints for the option, or of the robot's parameter."""
+    cls, last = _owner(name)
+    text = _texts(cls)[last].removesuffix(".")
     unit = _UNIT.search(text)
     if unit is None:
         return (PURE if {int, float} & {_hints(cls)[last], *typing.get_args(_hints(cls)[last])} else NO_UNIT), text
@@ -75,7 +67,7 @@ def explained(name: str) -> tuple[str, str]:
 
 
 def converted(hint: Any, value: object, name: str) -> Any:
-    """`value`, text or what TOML knows, as the type `hint`; raises InvalidValueError where it is none."""
+    """`value`, text or from TOML, as the type `hint`; raises InvalidValueError where it can't be converted."""
     options = typing.get_args(hint) if typing.get_origin(hint) in (typing.Union, types.UnionType) else (hint,)
     for kind in options:
         if typing.get_origin(kind) is typing.Literal:
@@ -98,7 +90,7 @@ def converted(hint: Any, value: object, name: str) -> Any:
 
 
 def _is_unicode(text: str) -> bool:
-    """Whether a text can be stored; names of files may be any bytes."""
+    """Whether a text can be stored; a TOML file's can't contain surrogates, an argument's can."""
     return not any("\ud800" <= character <= "\udfff" for character in text)
 
 
@@ -108,6 +100,17 @@ def _with(config: Any, path: list[str], value: object, name: str) -> Any:
         return dataclasses.replace(config, **{head: _with(getattr(config, head), rest, value, name)})
     cls: Any = type(config)
     return dataclasses.replace(config, **{head: converted(_hints(cls)[head], value, name)})
+
+
+def _owner(name: str) -> tuple[Any, str]:
+    """The dataclass that has the option `name` as a field, and the field's name."""
+    cls: Any = GridConfig
+    if name.startswith("robot."):
+        cls, name = RobotParameters, name.removeprefix("robot.")
+    *path, last = name.split(".")
+    for part in path:
+        cls = _hints(cls)[part]
+    return cls, last
 
 
 def _leaves(cls: Any) -> list[str]:
@@ -123,23 +126,19 @@ def _hints(cls: Any) -> dict[str, Any]:
     return {field.name: hints[field.name] for field in dataclasses.fields(cls)}
 
 
-def _texts(cls: Any) -> dict[str, str]:
-    """The text below each field of a dataclass."""
+@functools.cache
+def _texts(cls: Any) -> Mapping[str, str]:
+    """The docstring of each field of a dataclass, read as tyro reads it for `--help`."""
     found: dict[str, str] = {}
-    for own in reversed(cls.__mro__[:-1]):  # but for object
-        (definition,) = ast.parse(inspect.getsource(own)).body
-        assert isinstance(definition, ast.ClassDef)
-        for field, text in itertools.pairwise(definition.body):
-            if isinstance(field, ast.AnnAssign) and isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant):
-                found[ast.unparse(field.target)] = str(text.value.value)
+    for own in reversed(cls.__mro__[:-1]):  # without object
+        for field in docstring_parser.parse_from_object(own).params:
+            found[field.arg_name] = " ".join((field.description or "").split())
     return found
 
 
 def _described(options: typing.Iterable[Any]) -> str:
-    words = {int: "an integer", float: "a number", bool: "true or false", str: "a name", Path: "a file"}
-    known = [
-        " or ".join(map(str, typing.get_args(kind))) if typing.get_origin(kind) is typing.Literal else words[kind]
+    return " or ".join(
+        " or ".join(map(str, typing.get_args(kind))) if typing.get_origin(kind) is typing.Literal else _WORDS[kind]
         for kind in options
         if kind is not types.NoneType
-    ]
-    return " or ".join(known)
+    )

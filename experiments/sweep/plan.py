@@ -44,16 +44,21 @@ class Run:
 
     @functools.cached_property
     def setting(self) -> str:
-        """Hash of what the run is, but for radius, speed and seed."""
-        return _setting(self.config, self.specification)
+        """Hash of what the run is, except for radius, speed and seed."""
+        return digest([{name: getattr(self.config, name) for name in _IN_COMMON}, self.specification])
 
     @property
     def cell(self) -> Cell:
-        """What is to be driven. Its random numbers depend on all that its id does."""
+        """What to drive.
+
+        Its random numbers follow from what is measured (seed, radius, speed and world), not from how the measurements
+        are evaluated: runs that differ only in their method of localization or motion share their scans.
+        """
         radius, speed = self.config.radii[0], self.config.speeds[0]
         key = Cell.at(radius, speed).key
-        if self.setting != _usual_setting():
-            key += f" {self.setting}"
+        world = _world_digest(self.config, self.specification)
+        if world != _shipped_world_digest():
+            key += f" {world}"
         return Cell(self.name, key, radius, speed, {"id": self.id})
 
     def world(self, threads: int) -> World:
@@ -73,14 +78,14 @@ class Run:
         return tuple((name, value) for name, value in self.axes.items() if name not in _DRIVEN)
 
 
-def _setting(config: GridConfig, specification: Specification) -> str:
-    return digest([{name: getattr(config, name) for name in _IN_COMMON}, specification])
+def _world_digest(config: GridConfig, specification: Specification) -> str:
+    return digest([config.drive, config.scanner, specification])
 
 
 @functools.cache
-def _usual_setting() -> str:
-    """Of the shipped robot, ground and scanner: the paper's grid has the same noise wherever it is driven."""
-    return _setting(GridConfig(), Specification.of(GridConfig()))
+def _shipped_world_digest() -> str:
+    """Of the shipped robot, ground and scanner: in it a grid meets the scans of `reproduce`."""
+    return _world_digest(GridConfig(), Specification.of(GridConfig()))
 
 
 _IN_COMMON = ("drive", "scanner", "duration", "localization", "motion", "random_phase")

@@ -1,18 +1,20 @@
-"""The numbers of a sweep: of each of its grids, and in full of one that is the only one."""
+"""The numbers of a sweep: a few of each of its grids, and all of a grid that is the only one."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from experiments.measuring.grid import grid_summary, published_radii
+from experiments.measuring.grid import ErrorStatistics, OuterInner, grid_summary, published_radii
 from experiments.options.grid import SweepConfig
 from experiments.report.terminal import print_table
+from experiments.storage.plain_json import plain
 from experiments.storage.results import SUMMARY_FILE, TABLE_FILE
 from experiments.sweep.plan import Run
+from experiments.sweep.rows import RunRow
 from sim.stopwatch import Stopwatch
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import Array
@@ -20,45 +22,139 @@ from trackslip.logs.runlog import RunLog
 from trackslip.metrics import rms
 
 IN_FULL = 100
-"""Runs of the largest grid whose errors are compared for all motion methods."""
+"""Runs of the largest grid for which the errors of all motion methods are compared."""
 _MAX_LINES = 40
-_SATURATED = "run {run!r}: a motor is at its limit for {saturated:.1%} of the time"
-_OUTER, _INNER = "r", "l"  # the runs turn left
-Row = dict[str, Any]
+_Number = Callable[[RunRow], float | None]
 
 
-def of(
+@dataclass(frozen=True)
+class Timing:
+    """How long a sweep took."""
+
+    simulated_s: float
+    """Simulated time of the runs driven now, all together [s]."""
+    driving_s: float
+    """Wall-clock time until all were driven [s]."""
+    stages: dict[str, float]
+    """Work by stage, all workers together [s]."""
+    driven: int
+    """Runs driven now."""
+    taken: int
+    """Runs taken from before."""
+    wall_s: float
+    """Wall-clock time of the whole command [s]."""
+
+
+@dataclass(frozen=True)
+class Radii:
+    """Radii of a grid (R,), one per commanded radius [m]."""
+
+    commanded: list[float]
+    observed: list[float]
+    """Of the mean curvature over the speeds."""
+    published: Array
+    """The paper's, where it has one, else NaN."""
+
+
+@dataclass(frozen=True)
+class PoseErrors:
+    """Root mean square errors of the poses."""
+
+    rmse_x: float
+    """[m]"""
+    rmse_y: float
+    """[m]"""
+    rmse_heading: float
+    """[rad]"""
+    valid_fraction: float
+    """Share of the scans that gave a pose [-]."""
+
+
+@dataclass(frozen=True)
+class Grid:
+    """One grid of radius x speed; what no run gives is NaN."""
+
+    axes: Mapping[str, Any]
+    """What else varies in the sweep, by name: this grid's values."""
+    runs: int
+    failed: int
+    radius: Radii
+    slip_by_radius: OuterInner[list[float]]
+    """Mean slip (R,) at each commanded radius [-]."""
+    slip_error: OuterInner[ErrorStatistics]
+    localization: PoseErrors
+
+
+@dataclass(frozen=True)
+class SweepSummary:
+    """What a sweep leaves as its summary.json."""
+
+    grids: list[Grid]
+    warnings: list[str]
+    in_full: dict[str, Any]
+    """Further numbers of a grid that is the only one."""
+    runs: list[RunRow]
+    made_by: Mapping[str, Any]
+    """Code, models and libraries that drove the runs, by their digest."""
+    timing: Timing
+
+    @property
+    def failures(self) -> list[RunRow]:
+        """The runs that failed."""
+        return [row for row in self.runs if row.error is not None]
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of the file."""
+        content: dict[str, Any] = plain(
+            {"grids": self.grids, "warnings": self.warnings}
+            | self.in_full
+            | {
+                "runs": [row.to_json() for row in self.runs],
+                "made_by": self.made_by,
+                "failures": [{"run": row.run, "error": row.error} for row in self.failures],
+                "timing": self.timing,
+            }
+        )
+        return content
+
+
+def grids_of(runs: Sequence[Run], rows: Sequence[RunRow]) -> list[Grid]:
+    """Every grid of a sweep, with the rows of its runs."""
+    found: dict[tuple[tuple[str, Any], ...], list[RunRow]] = {}
+    for run, row in zip(runs, rows, strict=True):
+        found.setdefault(run.grid, []).append(row)
+    return [_grid(dict(axes), own) for axes, own in found.items()]
+
+
+def warnings_of(rows: Sequence[RunRow]) -> list[str]:
+    """What the user should know of the runs."""
+    return [
+        *(
+            f"run {row.run!r}: a motor is at its limit for {row.saturated:.1%} of the time"
+            for row in rows
+            if row.saturated
+        ),
+        *(row.note for row in rows if row.note),
+    ]
+
+
+def numbers_in_full(
     config: SweepConfig,
     runs: Sequence[Run],
-    rows: Sequence[Row],
+    rows: Sequence[RunRow],
     read: Callable[[], Sequence[RunLog]],
     watch: Stopwatch,
 ) -> dict[str, Any]:
-    """Summary of the `runs` with their `rows`; `read` gives the logs of those that were driven to the end."""
-    grids: dict[tuple[tuple[str, Any], ...], list[Row]] = {}
-    for run, row in zip(runs, rows, strict=True):
-        grids.setdefault(run.grid, []).append(row)
-    found: dict[str, Any] = {"grids": [_grid(dict(axes), own) for axes, own in grids.items()]}
-    found["warnings"] = [
-        *(_SATURATED.format(**row) for row in rows if row.get("saturated")),
-        *(row["note"] for row in rows if row.get("note")),
-    ]
-    if len(grids) == 1 and len(runs) <= IN_FULL and any(row.get("v") is not None for row in rows):
-        found |= _in_full(config, runs, rows, read(), watch)
-    return found
-
-
-def _in_full(
-    config: SweepConfig, runs: Sequence[Run], rows: Sequence[Row], logs: Sequence[RunLog], watch: Stopwatch
-) -> dict[str, Any]:
-    """What `grid_summary` tells of the only grid."""
-    measured = [row for row in rows if row.get("v") is not None]
-    omega, twist, slip = (
-        np.array([[row[name] for name in names] for row in measured])
-        for names in (("omega_l", "omega_r"), ("v", "w"), ("slip_l", "slip_r"))
-    )
-    samples = SlipSamples(omega, twist, slip, tuple(row["run"] for row in measured))
+    """Further numbers of a sweep that is a single grid, not too large; `read` gives the logs of its runs."""
+    measured = [row for row in rows if row.v is not None]
+    if len({run.grid for run in runs}) > 1 or len(runs) > IN_FULL or not measured:
+        return {}
+    omega = np.array([(row.omega_l, row.omega_r) for row in measured])
+    twist = np.array([(row.v, row.w) for row in measured])
+    slip = np.array([(row.slip_l, row.slip_r) for row in measured])
+    samples = SlipSamples(omega, twist, slip, tuple(row.run for row in measured))
     radii, speeds = (tuple(dict.fromkeys(run.axes[name] for run in runs)) for name in ("radius", "speed"))
+    logs = read()
     with watch.stage("errors of all methods"):
         names = [run.name for run in runs]
         geometry = runs[0].world(1).robot.geometry
@@ -67,99 +163,79 @@ def _in_full(
         ).to_json()
 
 
-def _grid(axes: Mapping[str, Any], rows: Sequence[Row]) -> dict[str, Any]:
-    """One grid: means over its speeds at every radius, errors over all its runs."""
-    radii = list(dict.fromkeys(row["radius"] for row in rows))
-    outer, inner = (_values(rows, f"slip_{track}") for track in (_OUTER, _INNER))
-    true_outer, true_inner = (_values(rows, f"true_slip_{track}") for track in (_OUTER, _INNER))
-    radius = np.array([row["radius"] for row in rows])
-    curvature = 1 / _values(rows, "observed_radius")
-    return {
-        "axes": dict(axes),
-        "runs": len(rows),
-        "failed": sum(row["error"] is not None for row in rows),
-        "radius": {
-            "commanded": radii,
-            "observed": [1 / _mean(curvature[radius == r]) for r in radii],
-            "published": published_radii(radii),
-        },
-        "slip_by_radius": {
-            "outer": [_mean(outer[radius == r]) for r in radii],
-            "inner": [_mean(inner[radius == r]) for r in radii],
-        },
-        "slip_error": {"outer": _error(outer - true_outer), "inner": _error(inner - true_inner)},
-        "localization": {
-            **{name: rms(_known(_values(rows, name))) for name in ("rmse_x", "rmse_y", "rmse_heading")},
-            "valid_fraction": _mean(_values(rows, "valid_fraction")),
-        },
-    }
-
-
-def print_out(config: SweepConfig, runs: Sequence[Run], found: Mapping[str, Any]) -> None:
-    """Print the only grid by radius, or a line for each of several."""
-    grids = found["grids"]
-    if len(grids) == 1:
-        only = grids[0]
-        taken = replace(config, radii=tuple(only["radius"]["commanded"]))
-        print_table(
-            f"{len(runs)} runs of {runs[0].config.duration:g} s",
-            ("commanded radius [m]", "observed [m]", "outer slip", "inner slip"),
-            _radius_rows(taken, only),
-        )
-    else:
-        axes = list(grids[0]["axes"])
-        header = (
-            *axes,
-            "runs",
-            "failed",
-            "tightest [m]",
-            "observed [m]",
-            "outer slip",
-            "inner slip",
-            "slip error, rms",
-        )
-        print_table(f"{len(runs)} runs in {len(grids)} grids", header, [_line(grid) for grid in grids[:_MAX_LINES]])
-        if len(grids) > _MAX_LINES:
-            print(f"and {len(grids) - _MAX_LINES} more grids; {TABLE_FILE} has a row for each run")
-    for warning in found["warnings"][:_MAX_LINES]:
-        print(f"warning: {warning}")
-    if len(found["warnings"]) > _MAX_LINES:
-        print(f"and {len(found['warnings']) - _MAX_LINES} more warnings in {SUMMARY_FILE}")
-    for failure in found["failures"][:_MAX_LINES]:
-        print(f"failed: {failure['run']}: {failure['error']}")
-    if len(found["failures"]) > _MAX_LINES:
-        print(f"and {len(found['failures']) - _MAX_LINES} more failures in {TABLE_FILE}")
-
-
-def _radius_rows(config: SweepConfig, summary: Mapping[str, Any]) -> list[tuple[str, ...]]:
-    """Means over the speeds, a row a radius."""
-    columns = (summary["radius"]["observed"], summary["slip_by_radius"]["outer"], summary["slip_by_radius"]["inner"])
-    return [
-        (f"{commanded:g}", f"{radius:.3f}", f"{outer:+.4f}", f"{inner:+.4f}")
-        for commanded, radius, outer, inner in zip(config.radii, *columns, strict=True)
-    ]
-
-
-def _line(grid: Mapping[str, Any]) -> tuple[str, ...]:
-    """A grid by its tightest radius."""
-    radii = grid["radius"]["commanded"]
-    k = radii.index(min(radii))
-    slips = [grid["slip_by_radius"][track][k] for track in ("outer", "inner")]
-    error = [grid["slip_error"][track] for track in ("outer", "inner")]
-    both = np.sqrt(np.mean([e["bias"] ** 2 + e["std"] ** 2 for e in error]))
-    return (
-        *(str(value) for value in grid["axes"].values()),
-        str(grid["runs"]),
-        str(grid["failed"]),
-        f"{radii[k]:g}",
-        f"{grid['radius']['observed'][k]:.3f}",
-        *(f"{slip:+.4f}" for slip in slips),
-        f"{both:.5f}",
+def _grid(axes: Mapping[str, Any], rows: Sequence[RunRow]) -> Grid:
+    """Means over the speeds at every radius, errors over all runs."""
+    radii = list(dict.fromkeys(row.axes["radius"] for row in rows))
+    outer, inner = _values(rows, lambda row: row.slip_r), _values(rows, lambda row: row.slip_l)  # the runs turn left
+    outer_error = outer - _values(rows, lambda row: row.true_slip_r)
+    inner_error = inner - _values(rows, lambda row: row.true_slip_l)
+    radius = np.array([row.axes["radius"] for row in rows])
+    curvature = 1 / _values(rows, lambda row: row.observed_radius)
+    return Grid(
+        axes=axes,
+        runs=len(rows),
+        failed=sum(row.error is not None for row in rows),
+        radius=Radii(radii, [1 / _mean(curvature[radius == r]) for r in radii], published_radii(radii)),
+        slip_by_radius=OuterInner(
+            [_mean(outer[radius == r]) for r in radii], [_mean(inner[radius == r]) for r in radii]
+        ),
+        slip_error=OuterInner(_statistics(outer_error), _statistics(inner_error)),
+        localization=PoseErrors(
+            rms(_known(_values(rows, lambda row: row.rmse_x))),
+            rms(_known(_values(rows, lambda row: row.rmse_y))),
+            rms(_known(_values(rows, lambda row: row.rmse_heading))),
+            _mean(_values(rows, lambda row: row.valid_fraction)),
+        ),
     )
 
 
-def _values(rows: Sequence[Row], name: str) -> Array:
-    return np.array([np.nan if row.get(name) is None else row[name] for row in rows], float)
+def print_out(runs: Sequence[Run], summary: SweepSummary) -> None:
+    """Print a single grid radius by radius, or one line for each of several."""
+    if len(summary.grids) == 1:
+        print_table(
+            f"{len(runs)} runs of {runs[0].config.duration:g} s",
+            ("commanded radius [m]", "observed [m]", "outer slip", "inner slip"),
+            _radius_lines(summary.grids[0]),
+        )
+    else:
+        header = (
+            *summary.grids[0].axes,
+            *("runs", "failed", "tightest [m]", "observed [m]", "outer slip", "inner slip", "slip error, rms"),
+        )
+        lines = [_line(grid) for grid in summary.grids[:_MAX_LINES]]
+        print_table(f"{len(runs)} runs in {len(summary.grids)} grids", header, lines)
+        if len(summary.grids) > _MAX_LINES:
+            print(f"and {len(summary.grids) - _MAX_LINES} more grids; {TABLE_FILE} has a row for each run")
+    _print_some([f"warning: {warning}" for warning in summary.warnings], f"warnings in {SUMMARY_FILE}")
+    _print_some([f"failed: {row.run}: {row.error}" for row in summary.failures], f"failures in {TABLE_FILE}")
+
+
+def _print_some(lines: Sequence[str], where: str) -> None:
+    for line in lines[:_MAX_LINES]:
+        print(line)
+    if len(lines) > _MAX_LINES:
+        print(f"and {len(lines) - _MAX_LINES} more {where}")
+
+
+def _radius_lines(grid: Grid) -> list[tuple[str, ...]]:
+    columns = (grid.radius.commanded, grid.radius.observed, grid.slip_by_radius.outer, grid.slip_by_radius.inner)
+    return [
+        (f"{commanded:g}", f"{observed:.3f}", f"{outer:+.4f}", f"{inner:+.4f}")
+        for commanded, observed, outer, inner in zip(*columns, strict=True)
+    ]
+
+
+def _line(grid: Grid) -> tuple[str, ...]:
+    """A grid, by its tightest radius."""
+    lines = _radius_lines(grid)
+    tightest = lines[grid.radius.commanded.index(min(grid.radius.commanded))]
+    values = (str(value) for value in grid.axes.values())
+    error = np.sqrt(np.mean([e.bias**2 + e.std**2 for e in (grid.slip_error.outer, grid.slip_error.inner)]))
+    return (*values, str(grid.runs), str(grid.failed), *tightest, f"{error:.5f}")
+
+
+def _values(rows: Sequence[RunRow], number: _Number) -> Array:
+    return np.array([np.nan if (value := number(row)) is None else value for row in rows], float)
 
 
 def _known(values: Array) -> Array:
@@ -170,6 +246,6 @@ def _mean(values: Array) -> float:
     return float(_known(values).mean()) if _known(values).size else float("nan")
 
 
-def _error(error: Array) -> dict[str, float]:
+def _statistics(error: Array) -> ErrorStatistics:
     known = _known(error)
-    return {"bias": _mean(error), "std": float(known.std()) if known.size else float("nan")}
+    return ErrorStatistics(_mean(error), float(known.std()) if known.size else float("nan"))

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
-import lmfit
 import numpy as np
+import scipy
 
 from sim.calibration.target import SLIP_SCALE, Target, TurnTable
 from sim.drive.drive import Drive, tireless
@@ -236,19 +236,23 @@ class _Problem:
 
     def minimum(self, start: Array, held: np.ndarray) -> tuple[Array, float]:
         """The least squares nearest `start` (k,): parameters (k,) and the sum."""
-        parameters = lmfit.Parameters()
-        for name, value, fixed in zip(self._free, start, held, strict=True):
-            parameters.add(name, value=float(value), min=0.0, max=1.0, vary=not fixed)
 
-        def residual(p: lmfit.Parameters) -> Array:
-            return self.residual(np.array([p[name].value for name in self._free]))
+        def inserted(varied: Array) -> Array:
+            full = start.copy()
+            full[~held] = varied
+            return full
 
         if held.all():
             return start, float(np.sum(self.residual(start) ** 2))
-        result = lmfit.minimize(
-            residual, parameters, method="least_squares", diff_step=_STEP, xtol=_TOLERANCE, ftol=_TOLERANCE
+        result = scipy.optimize.least_squares(
+            lambda varied: self.residual(inserted(varied)),
+            start[~held],
+            bounds=(0.0, 1.0),
+            diff_step=_STEP,
+            xtol=_TOLERANCE,
+            ftol=_TOLERANCE,
         )
-        return np.array([result.params[name].value for name in self._free]), float(result.chisqr)
+        return inserted(result.x), 2 * float(result.cost)
 
     def described(self, ends: Sequence[tuple[Array, float]], tied: np.ndarray, held: np.ndarray) -> Fit:
         """The best of the minima that were found, first among `ends`, as a Fit."""

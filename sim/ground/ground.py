@@ -12,8 +12,10 @@ from trackslip.errors import InvalidValueError, require_at_most, require_finite,
 from trackslip.kinematics import Array
 
 MAX_FRICTION = 10.0
-STEEPEST = 1.5
-"""Largest slope [rad]."""
+MAX_SLOPE = 1.5
+"""[rad]"""
+MAX_PATCHES = 10_000
+"""Patches of a ground, and changes."""
 
 
 @dataclass(frozen=True)
@@ -76,8 +78,10 @@ class Ground:
     def __post_init__(self) -> None:
         _require_friction(self.along, self.across)
         require_non_negative("slope", self.slope)
-        require_at_most("slope", self.slope, STEEPEST, "rad")
+        require_at_most("slope", self.slope, MAX_SLOPE, "rad")
         require_finite("uphill", self.uphill)
+        for name in ("patches", "changes"):
+            require_at_most(f"number of {name}", len(getattr(self, name)), MAX_PATCHES)
         times = [change.time for change in self.changes]
         if times != sorted(set(times)):
             raise InvalidValueError("changes", times, "in order of time, each at a time of its own")

@@ -1,4 +1,4 @@
-"""Friction under each pad of a fleet, as its ground has it at a place and a time."""
+"""Friction under each pad of a fleet, which depends on place and time."""
 
 from __future__ import annotations
 
@@ -10,32 +10,31 @@ from numpy.typing import ArrayLike
 from sim.ground.ground import Ground
 from trackslip.kinematics import Array
 
+_SLACK = 0.5  # around the pads; a robot moves half of it before its nearby patches are selected again [m]
+_FEW = 16  # up to this many patches are all tested, always
+
 
 class PadFriction:
     """Friction of N robots' grounds under their P pads."""
 
     def __init__(self, grounds: Sequence[Ground], pads: Array) -> None:
-        """`grounds`: one for each robot; `pads`: where the pads are on the robot, (P, 2) [m]."""
+        """`grounds`: one for each robot; `pads`: positions (P, 2) of the pads on the robot [m]."""
         self._pads = pads
-        n, changes, patches = (
-            len(grounds),
-            max(len(g.changes) for g in grounds),
-            max(len(g.patches) for g in grounds),
-        )
+        n, changes, patches = len(grounds), max(len(g.changes) for g in grounds), max(len(g.patches) for g in grounds)
         self.varies = changes > 0 or patches > 0
-        """Whether it depends on place or time at all."""
-        self._time = np.full((n, changes), np.inf)  # ascending
+        """Whether the friction depends on place or time at all."""
+        self._time = np.full((n, changes), np.inf)  # ascending [s]
         self._base = np.zeros((n, changes + 1, 2))
-        self._corners = np.full((n, patches, 2, 2), np.nan)  # least, greatest; x, y
+        self._corners = np.full((n, patches, 2, 2), np.nan)  # minimum, maximum; x, y [m]
         self._patch = np.zeros((n, patches, 2))
+        laid = {key: _laid(ground) for key, ground in {id(g): g for g in grounds}.items()}  # each ground once
         for i, ground in enumerate(grounds):
             self._base[i] = ground.along, ground.across
             for j, change in enumerate(ground.changes):
                 self._time[i, j] = change.time
                 self._base[i, j + 1 :] = change.along, change.across
-            for j, patch in enumerate(ground.patches):
-                self._corners[i, j] = np.transpose([patch.x, patch.y])
-                self._patch[i, j] = patch.along, patch.across
+            self._corners[i, : len(ground.patches)], self._patch[i, : len(ground.patches)] = laid[id(ground)]
+        self._forget_nearby()
 
     def replace(self, rows: np.ndarray, grounds: Sequence[Ground]) -> None:
         """Put the robots `rows` (R,) on other grounds, one each."""
@@ -48,12 +47,13 @@ class PadFriction:
         for mine, others in zip(self._tables(), new._tables(), strict=True):
             mine[rows] = others
         self.varies = bool(np.isfinite(self._time).any() or (self._patch > 0).any())
+        self._forget_nearby()
 
     def _tables(self) -> tuple[Array, Array, Array, Array]:
         return self._time, self._base, self._corners, self._patch
 
     def _widen(self, changes: int, patches: int) -> None:
-        """Make room for as many changes and patches, which never come and are nowhere."""
+        """Pad the tables with changes that never come and patches that are nowhere."""
         later, more = changes - self._time.shape[1], patches - self._patch.shape[1]
         self._time = np.pad(self._time, ((0, 0), (0, later)), constant_values=np.inf)
         self._base = np.pad(self._base, ((0, 0), (0, later), (0, 0)), mode="edge")
@@ -61,21 +61,49 @@ class PadFriction:
         self._patch = np.pad(self._patch, ((0, 0), (0, more), (0, 0)))
 
     def at(self, time: ArrayLike, position: Array, heading: Array) -> Array:
-        """Friction (N, P, 2) along and across of robots at positions (N, 2) [m] and headings (N,).
+        """Friction (N, P, 2) along and across the tracks [-].
 
-        `time`: since the start of their runs, one or (N,) [s].
+        Args:
+            time: since the start of the runs, one or (N,) [s].
+            position: of the robots (N, 2) [m].
+            heading: of the robots (N,) [rad].
         """
         n = len(position)
         passed = (self._time <= np.reshape(time, (-1, 1)) + 1e-9).sum(axis=1)
         friction = np.repeat(self._base[np.arange(n), passed][:, None], len(self._pads), axis=1)
         if self._patch.shape[1] == 0:
             return friction
+        self._select_nearby(position)
         cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
         x, y = self._pads.T
         place = position[:, None] + np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)  # (N, P, 2)
-        for low, high, patch in zip(
-            *np.moveaxis(self._corners, (2, 1), (0, 1)), np.moveaxis(self._patch, 1, 0), strict=True
-        ):
-            inside = ((place >= low[:, None]) & (place < high[:, None])).all(axis=-1)  # (N, P)
-            friction = np.where(inside[..., None], patch[:, None], friction)
-        return friction
+        low, high = np.moveaxis(self._near_corners[:, None], 3, 0)  # (N, 1, M, 2) each
+        inside = ((place[:, :, None] >= low) & (place[:, :, None] < high)).all(axis=-1)  # (N, P, M)
+        last = inside.shape[2] - 1 - np.argmax(inside[..., ::-1], axis=-1)  # of overlapping patches
+        on_patch = np.take_along_axis(self._near_patch, last[..., None], axis=1)
+        return np.where(inside.any(axis=-1)[..., None], on_patch, friction)
+
+    def _forget_nearby(self) -> None:
+        self._selected_at: Array | None = None  # (N, 2) [m]
+        self._near_corners, self._near_patch = self._corners, self._patch  # (N, M, 2, 2), (N, M, 2)
+
+    def _select_nearby(self, position: Array) -> None:
+        """Select the M patches of each robot that its pads may touch until it has moved by _SLACK / 2."""
+        if self._patch.shape[1] <= _FEW:
+            return
+        if self._selected_at is not None and np.abs(position - self._selected_at).max() <= _SLACK / 2:
+            return
+        self._selected_at = position.copy()
+        reach = np.hypot(*self._pads.T).max() + _SLACK
+        low, high = np.moveaxis(self._corners, 2, 0)
+        near = ((position[:, None] >= low - reach) & (position[:, None] <= high + reach)).all(axis=-1)  # (N, K)
+        # nearby patches first, in order; a row with fewer of them is filled with patches that are out of reach
+        chosen = np.argsort(~near, axis=1, kind="stable")[:, : max(1, int(near.sum(axis=1).max()))]
+        self._near_corners = np.take_along_axis(self._corners, chosen[..., None, None], axis=1)
+        self._near_patch = np.take_along_axis(self._patch, chosen[..., None], axis=1)
+
+
+def _laid(ground: Ground) -> tuple[Array, Array]:
+    """Corners (K, 2, 2) [m] and friction (K, 2) of a ground's patches."""
+    corners = np.array([(patch.x, patch.y) for patch in ground.patches]).reshape(-1, 2, 2)
+    return corners.swapaxes(1, 2), np.array([(p.along, p.across) for p in ground.patches]).reshape(-1, 2)

@@ -10,7 +10,8 @@ import numpy as np
 from sim.fleet import Fleet
 from sim.path_tracking.config import PERIOD, EnvConfig
 from sim.path_tracking.reference_table import Index
-from sim.scanner.scanner import LaserScanner, ScannerFeed
+from sim.scanner.feed import ScannerFeed
+from sim.scanner.scanner import LaserScanner
 from trackslip.kinematics import Array
 from trackslip.localization.plate import PlateLocator
 from trackslip.localization.tracker import Tracker

@@ -7,7 +7,7 @@ import math
 from dataclasses import dataclass
 
 from sim.drive.drive import MAX_RADIUS_ERROR, Drive
-from sim.ground.ground import MAX_FRICTION, STEEPEST
+from sim.ground.ground import MAX_FRICTION, MAX_SLOPE
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import InvalidValueError
 
@@ -22,7 +22,7 @@ _LIMITS: dict[str, Range] = {
     "radius_error": (-MAX_RADIUS_ERROR, MAX_RADIUS_ERROR),
     "com_x": (-1.0, 1.0),
     "com_y": (-1.0, 1.0),
-    "slope": (0.0, STEEPEST),
+    "slope": (0.0, MAX_SLOPE),
     "patches": (0, MAX_PATCHES),
     "patch_size": (0.01, 100.0),
     "patch_friction": (0.01, MAX_FRICTION / 10),

@@ -12,13 +12,14 @@ import numpy as np
 import models
 from sim.robot.contact_sensors import add_contact_sensors
 from sim.robot.parameters import RobotParameters
-from sim.scanner.scanner import SCANNED_GROUP
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Plate
 
 FIELD = Path(models.__file__).parent / "field.xml"
 """The robot on the paper's field, with the laser range finder beside it."""
+SCANNED_GROUP = 0
+"""Geom group that the laser range finder sees."""
 VISUAL_GROUP = 1
 """Geoms that are only looked at; they are left out of the physics."""
 

@@ -6,7 +6,7 @@ The scanner alone meets it: it hides the plate and returns beams of its own. Rob
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
@@ -21,6 +21,12 @@ MAX_SPEED = 20.0
 """Speed of a person along either axis [m/s]."""
 PERSON = 0.25
 """Radius of a person [m]."""
+MAX_STANDING = 10_000
+"""Number of posts, and of walls."""
+MAX_WALKERS = 100
+"""Number of walkers: unlike the others they are met anew in every scan."""
+MIN_DISTANCE = 0.01
+"""From the scanner [m]."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +47,10 @@ class Post:
     def ranges(self, origin: Array, direction: Array, time: Array) -> Array:
         """See `Obstacles.ranges`."""
         return _to_circle(np.array([self.x, self.y]) - origin, self.radius, direction)
+
+    def distance(self, point: Array) -> float:
+        """Distance of a point (2,) from the surface, negative inside [m]."""
+        return math.hypot(self.x - point[0], self.y - point[1]) - self.radius
 
 
 @dataclass(frozen=True)
@@ -71,6 +81,12 @@ class Wall:
             distance = _cross(start, side) / determinant
             share = _cross(start, direction) / determinant
         return np.where((distance >= 0) & (share >= 0) & (share <= 1), distance, np.nan)
+
+    def distance(self, point: Array) -> float:
+        """Distance of a point (2,) from the wall [m]."""
+        start, side = np.array([self.x0, self.y0]), np.array([self.x1 - self.x0, self.y1 - self.y0])
+        share = np.clip((point - start) @ side / (side @ side), 0.0, 1.0)
+        return float(np.linalg.norm(start + share * side - point))
 
 
 @dataclass(frozen=True)
@@ -111,22 +127,40 @@ class Walker:
         """See `Obstacles.ranges`."""
         return _to_circle(self.place(time) - origin, self.radius, direction)
 
+    def distance(self, point: Array) -> float:
+        """Distance of a point (2,) from the surface at the start of the run, negative inside [m]."""
+        return Post(self.x, self.y, self.radius).distance(point)
+
 
 @dataclass(frozen=True)
 class Obstacles:
-    """Everything in the field that beams may meet besides the plate."""
+    """Everything in the field besides the plate that beams may hit."""
 
     posts: tuple[Post, ...] = ()
     walls: tuple[Wall, ...] = ()
     walkers: tuple[Walker, ...] = ()
 
+    def __post_init__(self) -> None:
+        for name, limit in (("posts", MAX_STANDING), ("walls", MAX_STANDING), ("walkers", MAX_WALKERS)):
+            require_at_most(f"number of {name}", len(getattr(self, name)), limit)
+
     def __bool__(self) -> bool:
         return any(getattr(self, f.name) for f in fields(self))
 
-    def ranges(self, origin: Array, direction: Array, time: Array) -> Array:
-        """Distances (...) to the nearest of them, NaN where there is none [m].
+    @property
+    def standing(self) -> Obstacles:
+        """The posts and walls."""
+        return replace(self, walkers=())
 
-        From within a post or a person it is 0: a scanner there sees nothing else.
+    @property
+    def walking(self) -> Obstacles:
+        """The walkers."""
+        return Obstacles(walkers=self.walkers)
+
+    def ranges(self, origin: Array, direction: Array, time: Array) -> Array:
+        """Distances (...) to the nearest obstacle, NaN where there is none [m].
+
+        The distance is 0 inside a post or a person: a scanner there sees nothing else.
 
         Args:
             origin: (2,) where the beams start [m].
@@ -138,6 +172,16 @@ class Obstacles:
         for obstacle in everything:
             nearest = np.fmin(nearest, obstacle.ranges(origin, direction, time))
         return nearest
+
+    def require_clear(self, scanner: Array) -> None:
+        """Raise InvalidValueError if an obstacle stands on the scanner (2,) [m]; a walker, at the start of the run."""
+        for f in fields(self):
+            for k, obstacle in enumerate(getattr(self, f.name)):
+                distance = obstacle.distance(scanner)
+                if distance < MIN_DISTANCE:
+                    x, y = np.round(scanner, 3) + 0.0
+                    allowed = f"at least {MIN_DISTANCE:g} m away from the scanner, which is at ({x:g}, {y:g})"
+                    raise InvalidValueError(f"{f.name}[{k}]", obstacle, allowed)
 
 
 def _to_circle(centre: Array, radius: float, direction: Array) -> Array:

@@ -1,21 +1,16 @@
-"""Every code block of the README and of docs/ does what it says."""
-
-from __future__ import annotations
+"""Every code block of the README and of docs/ does what it says, and prints what is shown, to the digit."""
 
 import importlib
 import re
 import sys
 
-import numpy as np
 import pytest
-from pages import PAGES, ROOT, arguments, blocks, commands, indented, links
+from page_runner import PageRunner
+from pages import PAGES, ROOT, arguments, blocks, commands, links
 
-from experiments.cli import main, parse
 from trackslip.errors import TrackslipError
 
-OPTIONAL = ("pandas", "polars")
-"""Libraries that readers may have; those who test have them by the extra `test`."""
-NUMBER = re.compile(r"[-+]?\d[\d,]*\.?\d*(?:e[-+]?\d+)?")
+SLOW = [page for page in PAGES if any(block.directive == "slow" for block in blocks(page.read_text(encoding="utf-8")))]
 
 
 def ids(page):
@@ -43,73 +38,16 @@ def workplace(tmp_path, monkeypatch):
             del sys.modules[name]
 
 
-class Runner:
-    """Runs the blocks of a page, in order."""
+@pytest.fixture
+def runner(workplace, capsys):
+    def captured():
+        found = capsys.readouterr()
+        return found.out + found.err
 
-    def __init__(self, folder, capsys):
-        self.folder, self.capsys = folder, capsys
-        self.names = {"__name__": "__main__"}
-        self.printed = None  # by the block before, if it was run
-        self.missing = []  # libraries that only the documentation asks for
-
-    def run(self, block):
-        if block.language == "text":
-            if self.printed is not None:
-                require_printed(block.text, self.printed)
-            return
-        self.printed = None
-        if block.directive == "file":
-            (self.folder / block.about).write_text(block.text, encoding="utf-8")
-        if block.language == "python":
-            try:
-                exec(compile(block.text, f"line {block.line}", "exec"), self.names)
-            except ModuleNotFoundError as error:
-                if error.name not in OPTIONAL:
-                    raise
-                self.missing.append(error.name)
-        elif block.language == "sh":
-            if block.directive == "not run":
-                return
-            for command in commands(block.text):
-                self.command(arguments(command), block.directive)
-            if block.directive == "parsed only":
-                return
-        captured = self.capsys.readouterr()
-        self.printed = captured.out + captured.err
-
-    def command(self, given, directive):
-        if directive == "parsed only":
-            parse(given)
-            return
-        code = 0
-        try:
-            main(given)
-        except SystemExit as stop:
-            code = stop.code or 0
-        assert code == (2 if directive == "refused" else 0), given
+    return PageRunner(workplace, captured)
 
 
-def require_printed(shown, printed):
-    """Every line that is shown was printed, in order; after a … anything may follow."""
-    there = iter([line.split() for line in printed.splitlines() if line.strip()])
-    for line in filter(None, map(str.strip, shown.splitlines())):
-        words = line.removesuffix("…").split()
-        if not any(alike(words, found[: len(words)] if line.endswith("…") else found) for found in there):
-            raise AssertionError(f"not printed: {line}")
-
-
-def alike(words, found):
-    """Whether words are the same, numbers to within what another processor may change."""
-    one, other = " ".join(words), " ".join(found)
-    if NUMBER.sub("#", one) != NUMBER.sub("#", other):
-        return False
-    values, reference = ([float(n.replace(",", "")) for n in NUMBER.findall(text)] for text in (one, other))
-    return np.allclose(values, reference, rtol=0.02, atol=2e-4)
-
-
-@pytest.mark.parametrize("page", PAGES, ids=ids)
-def test_every_block_runs(page, workplace, capsys):
-    runner = Runner(workplace, capsys)
+def run(page, runner):
     for block in blocks(page.read_text(encoding="utf-8")):
         try:
             runner.run(block)
@@ -120,20 +58,29 @@ def test_every_block_runs(page, workplace, capsys):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=ids)
-def test_indented_commands_parse(page):
-    for command in indented(page.read_text(encoding="utf-8")):
-        assert parse(arguments(command)) is not None
+def test_every_block_runs(page, runner):
+    run(page, runner)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", SLOW, ids=ids)
+def test_slow_blocks_run(page, runner):
+    runner.slow = True
+    run(page, runner)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=ids)
+def test_every_command_stands_in_a_block(page):
+    assert not re.findall(r"^    trackslip .*", page.read_text(encoding="utf-8"), re.MULTILINE)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=ids)
 def test_files_are_used(page):
-    text = page.read_text(encoding="utf-8")
-    found = blocks(text)
+    found = blocks(page.read_text(encoding="utf-8"))
     for k, block in enumerate(found):
         if block.directive == "file":
             later = "".join(other.text for other in found[k + 1 :] if other.language in ("sh", "python"))
-            module = block.about.removesuffix(".py")
-            assert module in later + "".join(indented(text)), f"{ids(page)}: {block.about} is not used"
+            assert block.about.removesuffix(".py") in later, f"{ids(page)}: {block.about} is not used"
 
 
 @pytest.mark.parametrize("page", PAGES, ids=ids)
@@ -142,16 +89,34 @@ def test_links_lead_somewhere(page):
         assert (page.parent / link).exists(), link
 
 
+@pytest.mark.parametrize("page", PAGES, ids=ids)
+def test_files_and_folders_that_are_named_are_there(page):
+    named = re.findall(
+        r"`((?:trackslip|sim|experiments|models|tests|examples)/[^` ]*)`", page.read_text(encoding="utf-8")
+    )
+    for path in named:
+        assert (ROOT / path).exists(), path
+
+
 def test_the_index_lists_every_page_once():
     listed = links((ROOT / "docs" / "README.md").read_text(encoding="utf-8"))
     pages = {page.name for page in PAGES if page.parent.name == "docs"} - {"README.md"}
     assert sorted(name for name in listed if name.endswith(".md") and "/" not in name) == sorted(pages)
+    site = re.findall(r"^ +- (.+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE)
+    assert sorted(name for name in site if "/" not in name) == sorted([*pages, "README.md"])
 
 
 def test_most_commands_are_run():
     found = [block for page in PAGES for block in blocks(page.read_text(encoding="utf-8")) if block.language == "sh"]
-    run = [block for block in found if block.directive in ("", "refused")]
+    run = [block for block in found if block.directive in ("", "refused", "slow", "needs")]
     assert len(run) >= 2 * (len(found) - len(run))
+
+
+def test_the_readme_is_short_and_all_its_commands_are_run():
+    page = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(page.splitlines()) <= 180
+    for block in blocks(page):
+        assert block.language != "sh" or block.directive in ("", "slow", "needs"), f"line {block.line}"
 
 
 # the collector itself
@@ -173,8 +138,7 @@ b = 2
 # a comment
 trackslip grid --radii 1 \\
     --speeds 0.1
-eval "$(trackslip completion bash)"
-mpiexec -n 3 python -m mpi4py.futures -m experiments.cli grid --executor mpi
+mpiexec -n 3 python -m mpi4py.futures -m experiments grid --executor mpi
 ```
 
 ```text
@@ -195,7 +159,6 @@ def test_blocks_are_found_with_what_is_said_about_them():
     assert found[1].text == "b = 2\n"
     assert [arguments(command) for command in commands(found[2].text)] == [
         ["grid", "--radii", "1", "--speeds", "0.1"],
-        ["completion", "bash"],
         ["grid", "--executor", "mpi"],
     ]
 
@@ -206,10 +169,10 @@ def test_blocks_are_found_with_what_is_said_about_them():
         ("```\nx\n```\n", "language ''"),
         ("```bash\nx\n```\n", "language 'bash'"),
         ("```python\nx\n", "without an end"),
-        ("  ```python\nx\n  ```\n", "line's begin"),
+        ("  ```python\nx\n  ```\n", "must start its line"),
         ("```toml\na = 1\n```\n", "a file without a name"),
         ("<!-- skipped: why -->\n```sh\nls\n```\n", "'skipped', must be one of"),
-        ("<!-- not run -->\n```sh\nls\n```\n", "or why"),
+        ("<!-- not run -->\n```sh\nls\n```\n", "needs a reason"),
     ],
 )
 def test_pages_that_cannot_be(text, message):
@@ -225,27 +188,27 @@ def test_pages_that_cannot_be(text, message):
         ("```python\nimport nothing_of_that_name\n```\n", ModuleNotFoundError, "nothing_of_that_name"),
         ("```sh\ntrackslip grid --radius 1\n```\n", AssertionError, "radius"),
         ("<!-- parsed only: long -->\n```sh\ntrackslip grid --radius 1\n```\n", TrackslipError, "radius"),
-        ("<!-- refused -->\n```sh\ntrackslip completion bash\n```\n", AssertionError, "completion"),
-        ("```sh\nls\n```\n", ValueError, "not a command"),
+        ("<!-- refused -->\n```sh\ntrackslip predict --out out\n```\n", AssertionError, "predict"),
+        ("```sh\nls\n```\n", ValueError, "not a trackslip command"),
         ("```python\nprint('a 1.0')\n```\n```text\na 1.1\n```\n", AssertionError, "not printed: a 1.1"),
         ("```python\nprint('a 1.0')\n```\n```text\nb 1.0\n```\n", AssertionError, "not printed: b 1.0"),
         ("```python\nprint('a 1.0 b')\n```\n```text\na 1.0\n```\n", AssertionError, "not printed: a 1.0"),
         ("```python\nprint('a 1.0 b')\n```\n```text\na 1.1 …\n```\n", AssertionError, "not printed: a 1.1"),
+        ("```python\nprint('a 1.269')\n```\n```text\na 1.268\n```\n", AssertionError, "not printed: a 1.268"),
+        ("```python\nprint('a')\nprint('b')\n```\n```text\nb\na\n```\n", AssertionError, "not printed: a"),
     ],
 )
-def test_blocks_that_are_wrong_fail(text, error, message, workplace, capsys):
+def test_blocks_that_are_wrong_fail(text, error, message, runner):
     *before, last = blocks(text)
-    runner = Runner(workplace, capsys)
     for block in before:
         runner.run(block)
     with pytest.raises(error, match=message):
         runner.run(last)
 
 
-def test_blocks_that_are_right_pass(workplace, capsys):
-    runner = Runner(workplace, capsys)
+def test_blocks_that_are_right_pass(runner):
     text = (
-        "```python\nx = 1\n```\n```python\nprint('a', x / 3, 'b')\n```\n```text\na 0.3333 …\n```\n"
+        "```python\nx = 1\n```\n```python\nprint(f'a {x / 3:.4f} b')\n```\n```text\na 0.3333 …\n```\n"
         "<!-- file: b.toml -->\n```toml\nc = 1\n```\n"
         "```python\nfrom pathlib import Path\nassert Path('b.toml').read_text() == 'c = 1\\n'\n```\n"
         "<!-- refused -->\n```sh\ntrackslip grid --radius 1\n```\n"

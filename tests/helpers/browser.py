@@ -57,28 +57,31 @@ class Look:
     """Lines on the browser's console."""
 
 
-def look_at(page: str, widths: tuple[int, ...] = (400, 1400), *, dark: bool = False) -> Look:
-    """The page in frames of such widths [px]; skips the test where there is no Chromium."""
+def dump(url: str) -> str:
+    """The page as HTML, after its scripts have had 15 s of virtual time; skips the test where there is no Chromium."""
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        options = (f"--user-data-dir={folder}/profile", "--virtual-time-budget=15000", "--dump-dom", url)
+        return _browse(*options).stdout
+
+
+def _browse(*options: str) -> subprocess.CompletedProcess[str]:
     browser = next(filter(None, map(shutil.which, _NAMES)), None)
     if browser is None:
         pytest.skip(f"none of {', '.join(_NAMES)} is installed")
+    return subprocess.run([browser, *_OPTIONS, *options], capture_output=True, text=True, timeout=60, check=True)
+
+
+def look_at(page: str, widths: tuple[int, ...] = (400, 1400), *, dark: bool = False) -> Look:
+    """The page in frames of such widths [px]; skips the test where there is no Chromium."""
     frame = '<iframe style="width: {}px; height: 900px; border: 0" srcdoc="{}"></iframe>'
     host = _HOST.format(frames="".join(frame.format(width, html.escape(page)) for width in widths))
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         file = Path(folder) / "host.html"
         file.write_text(host, encoding="utf-8")
-        done = subprocess.run(
-            [
-                browser,
-                *_OPTIONS,
-                f"--user-data-dir={folder}/profile",
-                f"--blink-settings=preferredColorScheme={0 if dark else 1}",
-                *("--enable-logging=stderr", "--v=0", "--dump-dom", file.as_uri()),
-            ],
-            capture_output=True,
-            text=True,
-            timeout=60,
-            check=True,
+        done = _browse(
+            f"--user-data-dir={folder}/profile",
+            f"--blink-settings=preferredColorScheme={0 if dark else 1}",
+            *("--enable-logging=stderr", "--v=0", "--dump-dom", file.as_uri()),
         )
     found = re.search(r'<pre id="found">(.+?)</pre>', done.stdout, re.DOTALL)
     assert found, "the page has not been loaded"

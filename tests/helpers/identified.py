@@ -8,7 +8,7 @@ import numpy as np
 
 from trackslip.identification.comparison import Comparison, CrossValidation, cross_validate
 from trackslip.identification.fitted import fit_law
-from trackslip.identification.identify import Identification
+from trackslip.identification.result import Identification
 from trackslip.identification.samples import Refused, SlipSamples
 from trackslip.kinematics import RobotGeometry
 from trackslip.slip.icr import ConstantIcr

@@ -1,13 +1,15 @@
-"""The Markdown pages of the documentation: their code blocks, and what is to be done with each.
+"""The Markdown pages of the documentation and their code blocks.
 
-A block is a fence with a language, and perhaps a comment on the line above it that says what is special about it:
+A block is a fence with a language. A comment on the line above it may say what is special about it:
 
-    <!-- parsed only: why -->   commands that take long; their options are checked
+    <!-- slow: how long -->     commands that the default tests only parse; the slow tests run them
+    <!-- needs: MODULE -->      commands that are only parsed where this optional library is missing
+    <!-- parsed only: why -->   commands that no test runs: they need a cluster, hours, or measure a machine
     <!-- not run: why -->       commands that aren't trackslip's
     <!-- refused -->            commands that must end with exit code 2
     <!-- file: NAME -->         a file that later blocks use
 
-Blocks `text` are output: of the block that was run last, if it was.
+`text` blocks are the output of the block before them, to the digit. A line that ends in … leaves out the rest of it.
 """
 
 from __future__ import annotations
@@ -19,13 +21,12 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
-LANGUAGES = ("python", "sh", "toml", "csv", "text")
-DIRECTIVES = ("parsed only", "not run", "refused", "file")
+LANGUAGES = ("python", "sh", "toml", "csv", "text", "bibtex")
+DIRECTIVES = ("slow", "needs", "parsed only", "not run", "refused", "file")
 
 _FENCE = re.compile(r"^(```+|~~~+)\s*(\S*)\s*$")
 _COMMENT = re.compile(r"^<!-- ([a-z ]+?)(?:: (.+))? -->$")
-_EVAL = re.compile(r'eval "\$\((.*)\)"')
-_MPI = re.compile(r"mpiexec -n \d+ python -m mpi4py\.futures -m experiments\.cli (.*)")
+_MPI = re.compile(r"mpiexec -n \d+ python -m mpi4py\.futures -m experiments (.*)")
 
 
 @dataclass(frozen=True)
@@ -33,17 +34,21 @@ class Block:
     """A code block."""
 
     line: int
-    """Of its first line, counted from 1."""
+    """Line number of the fence, counted from 1."""
     language: str
     directive: str
     """One of DIRECTIVES, or empty."""
     about: str
-    """What the directive says: a file's name, or a reason."""
+    """What the directive says: a file's name, a module, or a reason."""
     text: str
 
 
 def blocks(page: str) -> list[Block]:
-    """The fenced blocks of a page; raises ValueError for what the documentation can't have."""
+    """The fenced blocks of a page.
+
+    Raises:
+        ValueError: for a fence without an end, an unknown language or directive, or a file without a name.
+    """
     found: list[Block] = []
     lines = page.splitlines()
     begin: int | None = None
@@ -56,7 +61,7 @@ def blocks(page: str) -> list[Block]:
             found.append(_block(lines, begin, number, language))
             begin = None
         elif begin is None and line.lstrip().startswith(("```", "~~~")):
-            raise ValueError(f"line {number + 1}: a fence that isn't at the line's begin, or says more than a language")
+            raise ValueError(f"line {number + 1}: a fence must start its line and name only a language")
     if begin is not None:
         raise ValueError(f"line {begin + 1}: a fence without an end")
     return found
@@ -69,37 +74,51 @@ def _block(lines: list[str], begin: int, end: int, language: str) -> Block:
     directive, about = (match[1], match[2] or "") if match else ("", "")
     if directive and directive not in DIRECTIVES:
         raise ValueError(f"line {begin}: {directive!r}, must be one of {', '.join(DIRECTIVES)}")
-    if directive in ("parsed only", "not run", "file") and not about:
-        raise ValueError(f"line {begin}: {directive!r} of what, or why?")
+    if directive not in ("", "refused") and not about:
+        raise ValueError(f"line {begin}: {directive!r} needs a reason or a name")
     if language in ("toml", "csv") and directive != "file":
         raise ValueError(f"line {begin + 1}: a file without a name")
     return Block(begin + 1, language, directive, about, "\n".join(lines[begin + 1 : end]) + "\n")
 
 
+def shown(page: Path, text: str) -> str:
+    """The one `text` block of a page that contains a text; raises ValueError unless there is exactly one."""
+    (found,) = [b.text for b in blocks(page.read_text(encoding="utf-8")) if b.language == "text" and text in b.text]
+    return found
+
+
+def file(page: Path, name: str) -> str:
+    """The content of a file that a page shows; raises ValueError unless it shows exactly one of that name."""
+    (found,) = [b.text for b in blocks(page.read_text(encoding="utf-8")) if b.directive == "file" and b.about == name]
+    return found
+
+
 def commands(text: str) -> list[str]:
-    """The commands of a block `sh`, a line each."""
+    """The commands of an `sh` block, one a line."""
     joined = re.sub(r"\\\n\s*", "", text)
     return [line.strip() for line in joined.splitlines() if line.strip() and not line.lstrip().startswith("#")]
 
 
 def arguments(command: str) -> list[str]:
-    """What comes after `trackslip` in a command; raises ValueError for any other program."""
-    for pattern in (_EVAL, _MPI):
-        match = pattern.fullmatch(command)
-        if match:
-            command = match[1] if pattern is _EVAL else f"trackslip {match[1]}"
-    name, *rest = shlex.split(command, comments=True)
+    """What follows `trackslip` in a command; raises ValueError for any other program."""
+    match = _MPI.fullmatch(command)
+    name, *rest = shlex.split(f"trackslip {match[1]}" if match else command, comments=True)
     if name != "trackslip":
-        raise ValueError(f"{command!r}: not a command of trackslip's")
+        raise ValueError(f"{command!r}: not a trackslip command")
     return rest
-
-
-def indented(page: str) -> list[str]:
-    """Commands that stand in a page by themselves, indented by four spaces."""
-    return [line.strip() for line in page.splitlines() if line.startswith("    trackslip ")]
 
 
 def links(page: str) -> list[str]:
     """Files that a page links to or shows."""
     found = re.findall(r"\]\(([^)#]+)(?:#[^)]*)?\)", page)
     return [link for link in found if "://" not in link]
+
+
+def missing_line(text: str, printed: str) -> str | None:
+    """The first shown line that wasn't printed in this order, or None: words and numbers as printed, spacing apart."""
+    there = iter([line.split() for line in printed.splitlines() if line.strip()])
+    for line in filter(None, map(str.strip, text.splitlines())):
+        words = line.removesuffix("…").split()
+        if not any(words == (found[: len(words)] if line.endswith("…") else found) for found in there):
+            return line
+    return None

@@ -1,7 +1,5 @@
 import os
-import re
 import warnings
-from pathlib import Path
 
 import gymnasium as gym
 import mujoco
@@ -16,8 +14,10 @@ from sim.path_tracking.config import EnvConfig, Reward
 from sim.path_tracking.randomization import Randomization
 from sim.path_tracking.tracking import TERMS
 from sim.robot.parameters import RobotParameters
-from sim.runs import Description, Pilot, closed_loop
-from sim.scanner.scanner import LaserScanner, ScannerFeed
+from sim.run_recorder import Description
+from sim.runs import Pilot, closed_loop
+from sim.scanner.feed import ScannerFeed
+from sim.scanner.scanner import LaserScanner
 from trackslip.controllers.linear import LinearTimeVarying
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import wrap_angle
@@ -309,10 +309,3 @@ def test_where_nothing_can_be_drawn_it_says_so(monkeypatch):
     if os.name == "posix" and os.uname().sysname == "Linux":
         with pytest.raises(TrackslipError, match="needs a display"):
             gym.make(ID, render_mode="human").unwrapped.reset(seed=0)
-
-
-def test_the_readmes_example_runs(capsys):
-    readme = (Path(__file__).parents[2] / "README.md").read_text()
-    (code,) = re.findall(r"```python\n(import gymnasium.*?)```", readme, re.DOTALL)
-    exec(code, {})
-    assert capsys.readouterr().out.strip().endswith("True")

@@ -5,13 +5,9 @@ import numpy as np
 import pytest
 
 from sim.env import PathTrackingEnv
-from sim.imitation import IMITABLE, ControllerPolicy
-from sim.path_tracking.config import EnvConfig
 from sim.policy import Network, Policy, PolicyController
 from trackslip.controllers.base import SensesSprockets
-from trackslip.controllers.lqr import Lqr
-from trackslip.controllers.named import CONTROLLERS
-from trackslip.errors import InvalidValueError, LogError
+from trackslip.errors import LogError
 from trackslip.trajectory.segmented import paper_reference
 
 OPTIONS = {"action": "twist", "compensation": "icr_radius", "reference": "paper"}
@@ -87,24 +83,3 @@ def test_on_the_benchmark_a_policy_sees_what_it_saw_in_the_environment():
         twist = controller.twist(info["time"], np.array(info["measured_pose"])[None], reference)
         np.testing.assert_allclose(twist[0] / [0.3, 1.0], action, atol=1e-6)
         observation, *_, info = env.step(action.astype(np.float32))
-
-
-@pytest.mark.parametrize("kind", IMITABLE)
-def test_controllers_as_policies_do_what_they_do(kind):
-    controller, config = kind(), EnvConfig.of(OPTIONS)
-    policy, reference = ControllerPolicy(controller, config), paper_reference()
-    env = PathTrackingEnv(**OPTIONS)
-    observation, info = env.reset(seed=0, options={"start_error": (0.02, -0.05, 0.1)})
-    for _ in range(40):
-        action = policy.action(observation[None])[0]
-        twist = controller.twist(info["time"], info["measured_pose"], reference)
-        np.testing.assert_allclose(action * [0.3, 1.0], np.clip(twist, [-0.3, -1.0], [0.3, 1.0]), atol=1e-5)
-        observation, *_, info = env.step(action.astype(np.float32))
-
-
-def test_controllers_that_look_ahead_cannot_be_imitated_so():
-    assert set(IMITABLE) < set(CONTROLLERS.values())
-    with pytest.raises(InvalidValueError, match="controller = 'Lqr'"):
-        ControllerPolicy(Lqr(), EnvConfig.of(OPTIONS))
-    with pytest.raises(InvalidValueError, match="action"):
-        ControllerPolicy(IMITABLE[0](), EnvConfig())

@@ -2,8 +2,11 @@ import numpy as np
 import pytest
 
 from sim.fleet import Fleet
-from sim.runs import Description, Pilot, closed_loop, open_loop
-from sim.scanner.scanner import LaserScanner, ScannerFeed
+from sim.robot.robot import load_robot
+from sim.run_recorder import Description, RunFailedError
+from sim.runs import Pilot, closed_loop, open_loop
+from sim.scanner.feed import ScannerFeed
+from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 from trackslip.controllers.feedforward import Feedforward
 from trackslip.controllers.linear import LinearTimeVarying
@@ -112,3 +115,66 @@ def test_a_run_needs_two_scans(robot):
     fleet, feed = set_up(robot, START)
     with pytest.raises(InvalidValueError, match="duration"):
         open_loop(fleet, OMEGA, 0.01, feed, PlateLocator(robot.plate), names(2))
+
+
+class FailsAfter(Feedforward):
+    """Feedforward that raises after a time [s]."""
+
+    def __init__(self, after):
+        self._after = after
+
+    def twist(self, time, pose, reference):
+        if time > self._after:
+            raise RuntimeError("out of order")
+        return super().twist(time, pose, reference)
+
+
+@pytest.mark.parametrize("detail", [False, True])
+def test_a_controller_that_fails_leaves_the_rows_before(robot, detail):
+    robot = load_robot(contact_sensors=True) if detail else robot
+    reference = short_path()
+    start = np.tile(reference.pose(0.0), (2, 1))
+    fleet, feed = set_up(robot, start)
+    pilots = [Pilot(Feedforward(), [0]), Pilot(FailsAfter(0.99), [1])]
+    with pytest.raises(RunFailedError, match=r"^run 'run 1': its controller fails at 1 s \(RuntimeError") as failure:
+        closed_loop(fleet, pilots, reference, feed, PlateLocator(robot.plate), names(2))
+    fleet, feed = set_up(robot, start)
+    pilots = [Pilot(Feedforward(), [0]), Pilot(Feedforward(), [1])]
+    whole = closed_loop(fleet, pilots, reference, feed, PlateLocator(robot.plate), names(2))
+    for log, expected in zip(failure.value.logs, whole, strict=True):
+        assert len(log.time) == 20
+        assert log.metadata == {"number": expected.metadata["number"], "failure": str(failure.value)}
+        np.testing.assert_array_equal(log.pose, expected.pose[:20])
+        np.testing.assert_array_equal(log.command, expected.command[:20])
+        np.testing.assert_array_equal(log.twist_command, expected.twist_command[:20])
+        assert (log.scans is not None) == detail
+        if detail:
+            np.testing.assert_array_equal(log.scans.full, expected.scans.full[:20])
+            np.testing.assert_array_equal(log.scans.cluster.count, expected.scans.cluster.count[:20])
+
+
+def test_a_controller_that_fails_at_once_leaves_no_log(robot):
+    reference = short_path()
+    fleet = Fleet(robot, reference.pose([0.0]))
+    with pytest.raises(RunFailedError, match=r"fails at 0\.05 s") as failure:
+        closed_loop(fleet, FailsAfter(0.0), reference)
+    assert failure.value.logs == []
+
+
+def test_runs_without_a_scanner_log_the_true_poses(robot):
+    fleet = Fleet(robot, START)
+    (one, two) = open_loop(fleet, OMEGA[0], 1.0)
+    assert (one.run, two.run) == ("run 0", "run 1")
+    assert one.metadata == {"geometry": {"half_gauge": 0.168, "sprocket_radius": 0.06}}
+    assert len(one.time) == 21
+    np.testing.assert_array_equal(one.pose, one.truth.pose)
+    np.testing.assert_array_equal(one.pose, two.pose)
+    reference = short_path()
+    (log,) = closed_loop(Fleet(robot, reference.pose([0.0])), LinearTimeVarying(), reference)
+    np.testing.assert_array_equal(log.pose, log.truth.pose)
+    assert tracking_errors(log.time, log.truth.pose, reference).rms_position < 0.1
+
+
+def test_each_robot_has_one_description(robot):
+    with pytest.raises(InvalidValueError, match="descriptions = '1 descriptions': must be 2, one per robot"):
+        open_loop(Fleet(robot, START), OMEGA, 1.0, descriptions=names(1))

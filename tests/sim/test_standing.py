@@ -9,10 +9,12 @@ from sim.fleet import Fleet
 from sim.ground.ground import Ground, Patch
 from sim.robot.parameters import SINK, RobotParameters
 from sim.robot.robot import load_robot
-from sim.runs import Description, open_loop
-from sim.scanner.scanner import LaserScanner, ScannerFeed
+from sim.run_recorder import Description, RunFailedError
+from sim.runs import open_loop
+from sim.scanner.feed import ScannerFeed
+from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
-from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.errors import InvalidValueError
 from trackslip.localization.plate import PlateLocator
 from trackslip.skid_theory import line_contact, steady_twist
 
@@ -96,11 +98,11 @@ def test_each_robot_is_parked_on_its_own_ground(robot):
     Fleet(robot, np.zeros((2, 3)), grounds[:2])
 
 
-def test_a_run_in_which_a_robot_tips_over_ends_with_its_name(robot):
+def test_a_run_in_which_a_robot_tips_over_ends_with_its_name_and_keeps_its_rows(robot):
     fleet = Fleet(robot, np.zeros((2, 3)))
     feed = ScannerFeed(LaserScanner(), fleet, [generator(0, f"{k}") for k in range(2)])
     fleet.set_ground([Ground(), Ground(8.0, 8.0, slope=1.4)])
-    with pytest.raises(TrackslipError, match=r"^run 'steep': the robot tips over after \d\.\d+ s$"):
+    with pytest.raises(RunFailedError, match=r"^run 'steep': the robot tips over after \d\.\d+ s$") as failure:
         open_loop(
             fleet,
             np.full((2, 2), 1.0),
@@ -109,6 +111,14 @@ def test_a_run_in_which_a_robot_tips_over_ends_with_its_name(robot):
             PlateLocator(robot.plate),
             [Description("level"), Description("steep")],
         )
+    fallen = float(str(failure.value).split()[-2])
+    level, steep = failure.value.logs
+    for log in (level, steep):
+        assert log.time[-1] == pytest.approx(fallen - feed.period)
+        assert log.scans is not None
+        assert len(log.scans.cluster.count) == len(log.time)
+    assert level.is_valid.all()
+    np.testing.assert_allclose(level.pose[:, :2], level.truth.pose[:, :2], atol=0.02)
 
 
 @pytest.mark.parametrize(

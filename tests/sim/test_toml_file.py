@@ -20,6 +20,8 @@ PATCH = "[[patches]]\ny = [0, 1]\nalong = 1\nacross = 1\n"
         (f"patches = {list(range(10_000))}", "patches[0]: 0 is not a table"),
         (f"along = {list(range(10_000))}", "along = [0, 1, 2,"),
         ("a = " + "[" * 5000, "not TOML (maximum recursion"),
+        ("along" + ".x" * 5000 + " = 1", "nested too deeply, at most 20 levels are allowed"),
+        (f"along = {'[' * 300}{']' * 300}", "nested too deeply"),
         ("along = 1979-05-27", "along = datetime.date(1979, 5, 27): must be a number"),
         ("along = [0.7]", "along = [0.7]: must be a number"),
         ("[along]\nx = 1", "along = {'x': 1}: must be a number"),

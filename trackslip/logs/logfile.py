@@ -1,97 +1,24 @@
-"""RunLogs and steady samples to and from Parquet and CSV.
-
-One file holds any number of runs, told apart by the column `run`. A real robot's log needs only REQUIRED; samples of
-steady driving, without a trace, are SAMPLE_COLUMNS.
-"""
+"""Files of runs: Parquet and CSV."""
 
 from __future__ import annotations
 
 import csv
-import json
-import zlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
 from trackslip.errors import LogError, first_line
-from trackslip.kinematics import Array
-from trackslip.logs.columns import Columns
-from trackslip.logs.file_format import FORMAT, require_known_format, require_known_manifest
-from trackslip.logs.heading_check import require_headings
-from trackslip.logs.runlog import RunLog, Truth
-from trackslip.logs.scan_columns import (
-    SCANNED,
-    from_list_column,
-    list_column,
-    metadata_with_scans,
-    scan_columns,
-    scans_from_table,
-)
-from trackslip.logs.schema import COLUMNS, with_units
+from trackslip.logs.file_format import require_known_manifest
+from trackslip.logs.runlog import RunLog
+from trackslip.logs.table import runs_from_table, to_table
 
 RUNS = "runs.parquet"
 """The file with the runs in a folder of results."""
-REQUIRED = ("run", "t", "omega_l", "omega_r", "x", "y", "phi")
-SAMPLE_COLUMNS = ("omega_l", "omega_r", "v", "w")
-_COMMAND = ("omega_cmd_l", "omega_cmd_r")
-_TWIST_COMMAND = ("v_cmd", "w_cmd")
-_ICR = ("icr_offset", "icr_radius_error")
-_COVARIANCE = ("var_x", "cov_xy", "cov_xphi", "var_y", "cov_yphi", "var_phi")
-_UPPER = np.triu_indices(3)
-_TRUE_POSE = ("true_x", "true_y", "true_phi")
-_TRUE_TWIST = ("true_v", "true_lateral", "true_w")
-_TRACTION = ("traction_l", "traction_r")
-_TORQUE = ("torque_l", "torque_r")
-_POWER = ("power_l", "power_r")
-_SATURATED = ("saturated_l", "saturated_r")
-_LEAN = ("true_lean",)
-_CONTACT = "contact"
-METADATA_KEY = b"trackslip"
-"""Under which a file remembers its runs and columns."""
-_CHECKSUM_KEY = b"trackslip_crc32"
-"""Under which it has their checksum: Parquet's own are those of the columns' pages only."""
-
-
-def to_table(logs: Sequence[RunLog]) -> pa.Table:
-    """Runs as one table, a row a scan; units and descriptions in the columns' metadata, the runs' in the schema's.
-
-    Columns that some runs lack are null there.
-    """
-    names = [log.run for log in logs]
-    if len(set(names)) < len(names):
-        raise LogError(
-            f"run {max(names, key=names.count)!r}: there are {names.count(max(names, key=names.count))} of it"
-        )
-    table = pa.concat_tables([_run_table(log) for log in logs], promote_options="default")
-    fields = with_units(table.schema.remove_metadata())
-    runs = {log.run: metadata_with_scans(log.metadata, log.scans) for log in logs}
-    return table.cast(pa.schema(fields, metadata=file_metadata(fields, runs)))
-
-
-def file_metadata(fields: Iterable[pa.Field], runs: Mapping[str, Any]) -> dict[bytes, str]:
-    """What a file remembers: of its runs, and of its columns once more, for readers that pass over theirs (polars)."""
-    columns = {field.name: COLUMNS[field.name].metadata for field in fields if field.name in COLUMNS}
-    text = json.dumps({"format": FORMAT, "columns": columns, "runs": runs})
-    return {METADATA_KEY: text, _CHECKSUM_KEY: _checksum(text.encode())}
-
-
-def stored_text(metadata: Mapping[bytes, bytes]) -> bytes:
-    """The JSON under METADATA_KEY, in UTF-8; raises KeyError without any, ValueError where its checksum is wrong."""
-    text = metadata[METADATA_KEY]
-    expected = metadata.get(_CHECKSUM_KEY)  # older files have none
-    if expected not in (None, _checksum(text).encode()):
-        raise ValueError("its checksum is wrong")
-    return text
-
-
-def _checksum(text: bytes) -> str:
-    return f"{zlib.crc32(text):08x}"
 
 
 def write_parquet(logs: Sequence[RunLog], file: Path | BinaryIO) -> None:
@@ -177,89 +104,6 @@ def read_runs(path: Path) -> list[RunLog]:
     return runs_from_table(read_table(path), str(path))
 
 
-def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
-    """The runs in a table read from `source` (named in errors)."""
-    columns = Columns(table, source)
-    columns.require(REQUIRED)
-    if pa.types.is_nested(table.schema.field("run").type):
-        raise LogError(f"{source}: column run: {table.schema.field('run').type} is not a name")
-    try:
-        names = table.column("run").cast(pa.string())
-    except pa.ArrowException as error:
-        raise LogError(f"{source}: column run: {first_line(error)}") from error
-    if "" in (listed := ["" if name is None else name for name in names.to_pylist()]):
-        raise LogError(f"{source}: row {listed.index('') + 1}, column run: empty")
-    encoded = names.combine_chunks().dictionary_encode()
-    label, keys = encoded.indices.to_numpy(), encoded.dictionary.to_pylist()
-    if not keys:
-        raise LogError(f"{source}: no rows")
-    metadata = _stored_metadata(table, source)
-    if not isinstance(metadata, dict) or not all(isinstance(value, dict) for value in metadata.values()):
-        raise LogError(f"{source}: its metadata is damaged")
-    valid = columns.boolean("valid", label)
-    ok = np.ones(len(label), bool) if valid is None else valid
-    time = columns.numbers(("t",))[:, 0]
-    for number, key in enumerate(keys):
-        rows = np.flatnonzero(label == number)
-        backwards = np.flatnonzero(np.diff(time[rows]) <= 0)
-        if backwards.size:
-            before, row = rows[backwards[0]], rows[backwards[0] + 1]
-            raise LogError(
-                f"{source}: row {row + 1}, column t: {time[row]:g} is not after {time[before]:g}, "
-                f"the time before it in run {key!r}"
-            )
-    omega = columns.numbers(("omega_l", "omega_r"))
-    pose = columns.numbers(("x", "y", "phi"), where=ok)
-    command = columns.optional(_COMMAND)
-    twist_command = columns.optional(_TWIST_COMMAND)
-    icr, covariance = columns.optional(_ICR), columns.optional(_COVARIANCE)
-    truth = [
-        columns.optional(names) for names in (_TRUE_POSE, _TRUE_TWIST, _TRACTION, _TORQUE, _POWER, _SATURATED, _LEAN)
-    ]
-    logs = []
-    for number, key in enumerate(keys):
-        rows = np.flatnonzero(label == number)
-        true_parts = [_present(part, rows) for part in truth]
-        measured = rows[ok[rows]]
-        try:
-            require_headings(time[measured], pose[measured], key)
-            logs.append(
-                RunLog(
-                    run=key,
-                    time=time[rows],
-                    omega=omega[rows],
-                    pose=_unwrapped(pose[rows]),
-                    command=_present(command, rows),
-                    twist_command=_present(twist_command, rows),
-                    icr=_present(icr, rows),
-                    covariance=None if covariance is None else _symmetric(covariance[rows]),
-                    valid=None if valid is None else valid[rows],
-                    truth=_truth(true_parts, from_list_column(table, _CONTACT, rows)),
-                    scans=scans_from_table(table, rows, metadata.get(key, {})),
-                    metadata={k: value for k, value in metadata.get(key, {}).items() if k != SCANNED},
-                )
-            )
-        except LogError as error:
-            raise LogError(f"{source}: {error}") from error
-    return logs
-
-
-def read_samples(table: pa.Table, source: str) -> tuple[Array, Array]:
-    """Sprocket speeds (n, 2) [rad/s] and twists (n, 2) of steady samples."""
-    values = read_columns(table, SAMPLE_COLUMNS, source)
-    return values[:, :2], values[:, 2:]
-
-
-def read_columns(table: pa.Table, names: Sequence[str], source: str) -> Array:
-    """Columns of numbers (T, len(names)); raises LogError naming the row and column of what can't be read."""
-    columns = Columns(table, source)
-    columns.require(names)
-    values = columns.numbers(names)
-    if not len(values):
-        raise LogError(f"{source}: no rows")
-    return values
-
-
 def _as_text(path: Path) -> pa.csv.ConvertOptions:
     """Options to read every column as text, so that a bad value can be named by its row and column.
 
@@ -271,79 +115,3 @@ def _as_text(path: Path) -> pa.csv.ConvertOptions:
     if len(names) == 1 and any(mark in names[0] for mark in ";\t"):
         raise LogError(f"{path}: its columns must be separated by commas (first line {names[0]!r})")
     return pa.csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string()))
-
-
-def _run_table(log: RunLog) -> pa.Table:
-    columns: dict[str, Any] = {"run": pa.array([log.run] * len(log.time)), "t": log.time}
-    blocks: list[tuple[Sequence[str], Array | None]] = [
-        (_COMMAND, log.command),
-        (_TWIST_COMMAND, log.twist_command),
-        (_ICR, log.icr),
-        (("omega_l", "omega_r"), log.omega),
-        (("x", "y", "phi"), log.pose),
-    ]
-    if log.covariance is not None:
-        blocks.append((_COVARIANCE, log.covariance[:, *_UPPER]))
-    if log.truth is not None:
-        blocks += [
-            (_TRUE_POSE, log.truth.pose),
-            (_TRUE_TWIST, log.truth.twist),
-            (_TRACTION, log.truth.traction),
-            (_TORQUE, log.truth.torque),
-            (_POWER, log.truth.power),
-            (_SATURATED, log.truth.saturated),
-            (_LEAN, None if log.truth.lean is None else log.truth.lean[:, None]),
-        ]
-    for names, block in blocks:
-        if block is not None:
-            columns |= {name: np.ascontiguousarray(block[:, k]) for k, name in enumerate(names)}
-    if log.valid is not None:
-        columns["valid"] = log.valid
-    if log.truth is not None and log.truth.contact is not None:
-        columns[_CONTACT] = list_column(log.truth.contact)
-    if log.scans is not None:
-        columns |= scan_columns(log.scans)
-    return pa.table(columns)
-
-
-def _unwrapped(pose: Array) -> Array:
-    """Poses (T, 3) whose headings go on without jumps, where a log wrapped them."""
-    known = np.isfinite(pose[:, 2])
-    pose[known, 2] = np.unwrap(pose[known, 2])
-    return pose
-
-
-def _present(block: Array | None, rows: np.ndarray) -> Array | None:
-    """Rows of a block of columns, or None where the run doesn't have them: columns of other runs are null there."""
-    return None if block is None or np.isnan(block[rows]).all() else block[rows]
-
-
-def _truth(parts: Sequence[Array | None], contact: Array | None) -> Truth | None:
-    pose, twist, traction, torque, power, saturated, lean = parts
-    if pose is None or twist is None or traction is None or torque is None:
-        return None
-    pads = None if contact is None or contact.shape[1] % 3 else contact.reshape(len(contact), -1, 3)
-    return Truth(pose, twist, traction, torque, power, saturated, None if lean is None else lean[:, 0], pads)
-
-
-def _symmetric(upper: Array) -> Array:
-    """(T, 3, 3) from the upper triangles (T, 6)."""
-    full = np.empty((len(upper), 3, 3))
-    full[:, *_UPPER] = upper
-    full[:, _UPPER[1], _UPPER[0]] = upper
-    return full
-
-
-def _stored_metadata(table: pa.Table, source: str) -> dict[str, dict[str, Any]]:
-    about = table.schema.metadata or {}
-    if not about.get(METADATA_KEY):
-        return {}
-    try:
-        content = json.loads(stored_text(about))
-        require_known_format(content, source)
-        runs: dict[str, dict[str, Any]] = content["runs"]
-    except LogError:
-        raise
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise LogError(f"{source}: its metadata is damaged ({first_line(error)})") from error
-    return runs

@@ -14,7 +14,8 @@ import pyarrow as pa
 import pyarrow.parquet
 
 from trackslip.errors import LogError, first_line
-from trackslip.logs.logfile import file_metadata, packing, stored_text
+from trackslip.logs.logfile import packing
+from trackslip.logs.table import file_metadata, stored_text
 
 _AHEAD = 8  # runs that are read while others are written
 

@@ -66,3 +66,9 @@ class RunLog:
     def is_valid(self) -> np.ndarray:
         """(T,) bool: whether each pose was measured."""
         return np.ones(len(self.time), bool) if self.valid is None else self.valid
+
+    def __repr__(self) -> str:
+        optional = ("command", "twist_command", "icr", "covariance", "valid", "truth", "scans")
+        held = [name for name in optional if getattr(self, name) is not None]
+        size = f"{len(self.time)} rows, {self.time[-1] - self.time[0]:.4g} s"
+        return f"<RunLog {self.run!r}: {', '.join([size, *held])}>"

@@ -9,18 +9,12 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array, advance
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.base import Motion, SteadyTwist, long_run_covariance
-from trackslip.motion.savgol import savgol
 
 CUTOFF = 0.5
 """Normalised cutoff of the paper's Butterworth filter: half of half the sampling rate."""
-MAX_WINDOW = 3.0
-"""Of Savitzky and Golay's filter [s]."""
-MAX_TURN = 0.5
-"""In its window [rad]."""
 MIN_POSES = 20
 """Steps that a mean twist takes."""
 _LAGS = 0.5  # width of the lag window of a mean twist's error, relative to the rows
-_DEGREE = 4  # of its polynomials
 _MIN_FILTERED_ROWS = 16  # rows a filter without transients needs
 _MAX_TURN_PER_ROW = 0.15  # from row to row: the filter then shortens a circle by 8e-5 [rad]
 _MAX_GAP_TURN = 2.5  # of a gap that an arc bridges [rad]
@@ -38,7 +32,7 @@ def butterworth_motion(log: RunLog) -> Motion:
         LogError: for a run with too few valid poses to filter, one that turns too far from row to row, or a gap in
             which it turned too far to bridge.
     """
-    even, pose = _even_poses(log)
+    even, pose = even_poses(log)
     return difference(even, scipy.signal.sosfiltfilt(scipy.signal.butter(2, CUTOFF, output="sos"), pose, axis=0))
 
 
@@ -48,7 +42,7 @@ def paper_motion(log: RunLog) -> Motion:
     The filter's delay turns the heading's lag into nothing in a steady turn; noise makes the lengths longer. Raises
     LogError as `butterworth_motion` does.
     """
-    even, pose = _even_poses(log)
+    even, pose = even_poses(log)
     low_pass = scipy.signal.butter(2, CUTOFF, output="sos")
     settled = scipy.signal.sosfilt_zi(low_pass)[..., None] * pose[0]
     smooth, _ = scipy.signal.sosfilt(low_pass, pose, axis=0, zi=settled)
@@ -56,23 +50,6 @@ def paper_motion(log: RunLog) -> Motion:
     dx, dy, turn = np.diff(smooth, axis=0).T
     v = np.copysign(np.hypot(dx, dy), motion.twist[:, 0])
     return Motion(motion.time, motion.pose, np.stack([v, turn], axis=-1) / np.diff(even)[:, None])
-
-
-def savgol_motion(log: RunLog) -> Motion:
-    """Savitzky and Golay's filter: local polynomials of fourth degree, over a window in which the robot turns little.
-
-    The window is as long as MAX_TURN allows, so that the polynomials bend with the circle, and no longer than
-    MAX_WINDOW. Raises LogError as `butterworth_motion` does.
-    """
-    even, pose = _even_poses(log)
-    step = float(even[1] - even[0])
-    rate = abs(pose[-1, 2] - pose[0, 2]) / (even[-1] - even[0])
-    rows = int(min(MAX_WINDOW, MAX_TURN / max(rate, 1e-9)) / step)
-    window = int(np.clip(rows, _DEGREE + 3, len(even) - 1)) // 2 * 2 - 1
-    smooth, slope = savgol(pose, window, _DEGREE, step)
-    dx, dy, turning = slope.T
-    v = dx * np.cos(smooth[:, 2]) + dy * np.sin(smooth[:, 2])
-    return Motion(even, smooth, np.stack([v, turning], axis=-1))
 
 
 def mean_twist(motion: Motion, log: RunLog, window: tuple[float, float]) -> SteadyTwist:
@@ -93,7 +70,7 @@ def mean_twist(motion: Motion, log: RunLog, window: tuple[float, float]) -> Stea
     return SteadyTwist(mean, long_run_covariance(twist - mean, _LAGS) / rows.sum())
 
 
-def _even_poses(log: RunLog) -> tuple[Array, Array]:
+def even_poses(log: RunLog) -> tuple[Array, Array]:
     """Even times (M,) [s] and poses (M, 3) at them."""
     valid = log.is_valid
     if valid.sum() < _MIN_FILTERED_ROWS:

@@ -8,8 +8,7 @@ from trackslip.logs.runlog import RunLog
 from trackslip.motion.arc import arc
 from trackslip.motion.base import Motion, MotionMethod, SteadyTwist
 from trackslip.motion.bundle import bundle
-from trackslip.motion.filtered import butterworth_motion, mean_twist, paper_motion, savgol_motion
-from trackslip.motion.smoother import rts
+from trackslip.motion.filtered import butterworth_motion, mean_twist, paper_motion
 
 
 def _mean_of(motion: Callable[[RunLog], Motion]) -> MotionMethod:
@@ -22,8 +21,6 @@ def _mean_of(motion: Callable[[RunLog], Motion]) -> MotionMethod:
 MOTION_METHODS: dict[str, MotionMethod] = {
     "paper": _mean_of(paper_motion),
     "butterworth": _mean_of(butterworth_motion),
-    "savgol": _mean_of(savgol_motion),
-    "rts": rts,
     "arc": arc,
     "bundle": bundle,
 }

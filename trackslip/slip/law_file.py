@@ -1,4 +1,4 @@
-"""Identified slip laws to and from JSON: the `slip_laws` of a summary, with the geometry they were identified for."""
+"""Slip laws in JSON files, with the geometry they were identified for."""
 
 from __future__ import annotations
 
@@ -9,87 +9,69 @@ from typing import Any
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, LogError
-from trackslip.identification.comparison import Comparison
-from trackslip.identification.fitted import FittedLaw
-from trackslip.identification.identify import Identification
+from trackslip.errors import InvalidValueError, LogError, OutputError
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.file_format import FORMAT, require_known_format, require_known_manifest
 from trackslip.slip.base import SlipLaw
-from trackslip.slip.families import FAMILIES, law_from_values
+from trackslip.slip.families import FAMILIES, family, law_from_values
 
 SHIPPED = Path(__file__).parent / "laws.json"
 """Laws of the default robot on the default ground, made by `trackslip reproduce`."""
 
 
-def laws_to_json(laws: Mapping[str, FittedLaw], geometry: RobotGeometry) -> dict[str, Any]:
-    """What goes into a summary: `slip_laws` and `geometry`."""
+def laws_content(laws: Mapping[str, Mapping[str, Any]], geometry: RobotGeometry) -> dict[str, Any]:
+    """The content of a file of laws.
+
+    Args:
+        laws: by family name, `values` (the parameters) and whatever else describes the law.
+        geometry: the robot that the laws were identified for.
+    """
     return {
         "format": FORMAT,
         "geometry": {"half_gauge": geometry.half_gauge, "sprocket_radius": geometry.sprocket_radius},
-        "slip_laws": {
-            name: {"values": fit.values, "stderr": fit.stderr, "rms": fit.rms}
-            for name, fit in laws.items()
-            if fit.values
-        },
+        "slip_laws": dict(laws),
     }
 
 
-def identification_to_json(found: Identification, geometry: RobotGeometry) -> dict[str, Any]:
-    """What goes into a summary of an identification: `laws` with all that is known of each, and what was left out."""
-    return laws_to_json(found.comparison.laws, geometry) | {
-        "laws": {name: _law_to_json(name, found.comparison) for name in found.comparison.laws},
-        "best": found.comparison.best,
-        "samples": len(found.samples),
-        "outliers": [{"run": outlier.run, "reason": outlier.reason} for outlier in found.outliers],
-        "warnings": list(found.warnings),
-    }
+def save_laws(path: str | Path, laws: Mapping[str, SlipLaw], geometry: RobotGeometry) -> None:
+    """Write laws to a JSON file that `load_laws` and the commands' option `--laws` read.
+
+    Args:
+        path: the file.
+        laws: by family name; laws without parameters are not stored.
+        geometry: the robot that the laws were identified for.
+
+    Raises:
+        InvalidValueError: if a name is not that of a family, or a law does not belong to the family it is named for.
+        OutputError: if the file cannot be written.
+    """
+    stored: dict[str, dict[str, Any]] = {}
+    for name, law in laws.items():
+        values = {key: getattr(law, key, None) for key in family(name).names}
+        if law_from_values(name, values, geometry.half_gauge) != law:
+            raise InvalidValueError(name, law, f"a law of the family {name!r} for this geometry")
+        if values:
+            stored[name] = {"values": {key: float(value) for key, value in values.items() if value is not None}}
+    try:
+        Path(path).write_text(json.dumps(laws_content(stored, geometry), indent=2) + "\n", encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise OutputError(f"{path}: cannot be written ({getattr(error, 'strerror', None) or error})") from error
 
 
-def _law_to_json(name: str, comparison: Comparison) -> dict[str, Any]:
-    fit, validation = comparison.laws[name], comparison.validation[name]
-    lack = fit.lack_of_fit
-    return {
-        "values": fit.values,
-        "stderr": fit.stderr,
-        "interval95": {key: list(ends) for key, ends in fit.interval95.items()},
-        "bootstrap95": {key: list(ends) for key, ends in fit.bootstrap95.items()},
-        "noise_stderr": fit.noise_stderr,
-        "correlation": fit.correlation.tolist(),
-        "rms": fit.rms,
-        "scatter": fit.scatter,
-        "aicc": comparison.aicc[name],
-        "weight": comparison.weight[name],
-        "cv_radius": validation.radius,
-        "cv_speed": validation.speed,
-        "cv_yaw_rate": validation.yaw_rate,
-        "lack_of_fit": None
-        if lack is None
-        else {
-            "test": lack.test,
-            "statistic": lack.statistic,
-            "freedom": list(lack.freedom),
-            "probability": lack.probability,
-            "inflation": lack.inflation,
-        },
-    }
-
-
-def load_laws(path: Path = SHIPPED, robot: RobotGeometry | None = None) -> dict[str, SlipLaw]:
-    """The laws in a JSON file, or in the summary.json of a folder.
+def load_laws(path: str | Path = SHIPPED, robot: RobotGeometry | None = None) -> dict[str, SlipLaw]:
+    """The laws in a JSON file, or in the summary.json of a folder of results, by family name.
 
     Args:
         path: the file or folder.
-        robot: whom they are for, if that is to be checked.
+        robot: if given, the laws must have been identified for this geometry.
 
     Raises:
-        LogError: for a file that isn't there, isn't what `laws_to_json` makes, or was made for another robot or by
-            a newer version.
+        LogError: if the file does not exist, holds no slip laws, or was made for another robot or by a newer version.
     """
-    file = path
+    path = file = Path(path)
     try:
-        file = path / "summary.json" if path.is_dir() else path
         if path.is_dir():
+            file = path / "summary.json"
             require_known_manifest(path)
         content = json.loads(file.read_text(encoding="utf-8"))
         require_known_format(content, file)
@@ -103,6 +85,8 @@ def load_laws(path: Path = SHIPPED, robot: RobotGeometry | None = None) -> dict[
         return {name: law_from_values(name, stored[name]["values"], half_gauge) for name in FAMILIES if name in stored}
     except OSError as error:
         raise LogError(f"{file}: {error.strerror}") from error
+    except RecursionError as error:
+        raise LogError(f"{file}: not JSON of slip laws (nested too deeply)") from error
     except (json.JSONDecodeError, UnicodeDecodeError) as error:
         raise LogError(f"{file}: not JSON ({error})") from error
     except InvalidValueError as error:

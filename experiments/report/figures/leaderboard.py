@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from experiments.benchmark.rows import BenchmarkRow, settled_error
 from experiments.driving.lookup import reference
 from experiments.report.figures.style import (
     BLACK,
@@ -44,12 +45,12 @@ def compensation_name(name: str) -> str:
 
 
 @styled
-def board(rows: Sequence[Mapping[str, Any]]) -> Figure:
+def board(rows: Sequence[BenchmarkRow]) -> Figure:
     """Position error after the transient, by controller (rows) and ground (panels), on a logarithmic axis."""
     grounds, compensations, starts = (
-        list(dict.fromkeys(row[key] for row in rows)) for key in ("ground", "compensation", "start")
+        list(dict.fromkeys(getattr(row, key) for row in rows)) for key in ("ground", "compensation", "start")
     )
-    lines = list(dict.fromkeys((row["controller"], row["start"]) for row in rows))
+    lines = list(dict.fromkeys((row.controller, row.start) for row in rows))
     figure = Figure(figsize=(9.0, 1.6 + 0.42 * len(lines)), layout="constrained")
     panels = figure.subplots(1, len(grounds), sharey=True, sharex=True, squeeze=False)[0]
     for axis, ground in zip(panels, grounds, strict=True):
@@ -59,8 +60,7 @@ def board(rows: Sequence[Mapping[str, Any]]) -> Figure:
                 some = [
                     row
                     for row in rows
-                    if (row["ground"], row["controller"], row["start"], row["compensation"])
-                    == (ground, *line, compensation)
+                    if (row.ground, row.controller, row.start, row.compensation) == (ground, *line, compensation)
                 ]
                 _dots(axis, some, n + place, law_line(compensation)["color"], _MARKERS[k % len(_MARKERS)])
         axis.set_title(f"on {ground}")
@@ -77,19 +77,14 @@ def board(rows: Sequence[Mapping[str, Any]]) -> Figure:
     return figure
 
 
-def _dots(axis: Axes, rows: Sequence[Mapping[str, Any]], place: float, colour: Any, marker: str) -> None:
+def _dots(axis: Axes, rows: Sequence[BenchmarkRow], place: float, colour: Any, marker: str) -> None:
     """Draw the mean over rows, filled if none lost the path, and a line from the best row to the worst."""
-    values = [1e3 * value for value in map(_settled, rows) if value is not None]
+    values = [1e3 * value for row in rows if (value := settled_error(row.means)) < float("inf")]
     if not values:
         return
-    kept = all(row["success"] == 1 for row in rows)
+    kept = all(row.success == 1 for row in rows)
     axis.plot([min(values), max(values)], [place, place], color=colour, lw=1.0)
     axis.plot(np.mean(values), place, marker, color=colour, ms=5, mfc=colour if kept else "white")
-
-
-def _settled(row: Mapping[str, Any]) -> float | None:
-    late: float | None = row["rms_position_after_12s"]
-    return row["rms_position"] if late is None else late
 
 
 @styled

@@ -12,13 +12,15 @@ import pyarrow.parquet
 import pytest
 from browser import assert_fits
 
-from experiments.benchmark.group import groups
-from experiments.benchmark.jobs import make
+from experiments.benchmark.group import groups, measure
+from experiments.benchmark.jobs import drive_group, ids
+from experiments.benchmark.rows import CaseRow, Measures, board, bootstrap95, losses, over_seeds
 from experiments.benchmark.setup import Setup, start
-from experiments.benchmark.table import NAMES, board, bootstrap95, losses, over_seeds
 from experiments.cli import main
+from experiments.commands.benchmark import PARTS
 from experiments.options.benchmark import CONTROLLER_NAMES, REFERENCE_NAMES, BenchmarkConfig, Case
-from experiments.storage.benchmark_parts import Parts, complete, runs_of
+from experiments.storage.manifest import digest, made_by
+from experiments.storage.parts import Parts
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.logs.logfile import read_runs
 from trackslip.metrics import tracking_errors
@@ -94,7 +96,7 @@ def test_rows_are_what_the_stored_runs_say(trackslip, short):
     assert result.summary["failures"] == []
     reference = load_reference("bend.csv")
     for row in rows:
-        case = [row[name] for name in NAMES]
+        case = [row[name] for name in ("controller", "compensation", "reference", "ground", "start")]
         errors = []
         for seed in (0, 3):
             log = logs[" ".join([*case, str(seed)])]
@@ -118,7 +120,7 @@ def test_rows_are_what_the_stored_runs_say(trackslip, short):
     names = {path.stem for path in (result.folder / "figures").glob("*.svg")}
     assert "leaderboard" in names
     assert names == set(re.findall(r'<figure id="(\w+)"', page))
-    assert not (result.folder / ".benchmark-parts").exists()
+    assert not (result.folder / PARTS).exists()
     assert_fits(page)  # last: it skips the test where there is no browser
 
 
@@ -131,13 +133,13 @@ def test_as_many_processes_as_one_likes_give_the_same_bits(trackslip, short, tmp
 
 
 def test_a_killed_benchmark_goes_on_where_it_was(short, tmp_path):
-    command = [sys.executable, "-m", "experiments.cli", "benchmark", *short, *SMALL, "--seeds", "0", "--out"]
+    command = [sys.executable, "-m", "experiments", "benchmark", *short, *SMALL, "--seeds", "0", "--out"]
     root = str(Path(__file__).parents[3])
     environment = os.environ | {"PYTHONPATH": root}
     (tmp_path / "turn.csv").write_text("x,y\n0,0\n0.4,-0.1\n0.8,-0.3\n1.0,-0.6\n")
     command[command.index("--starts") : command.index("--starts")] = ["turn.csv"]
     process = subprocess.Popen([*command, "killed"], env=environment, stdout=subprocess.DEVNULL)
-    parts = tmp_path / "killed" / ".benchmark-parts"
+    parts = tmp_path / "killed" / PARTS
     until = time.monotonic() + 60
     while not list(parts.glob("*.json")):
         assert process.poll() is None
@@ -159,29 +161,39 @@ def test_a_killed_benchmark_goes_on_where_it_was(short, tmp_path):
     assert without_times(summaries[0]) == without_times(summaries[1])
 
 
-def test_an_interrupted_benchmark_says_how_to_go_on(short, tmp_path, monkeypatch, capsys):
-    def interrupted(*_):
-        raise KeyboardInterrupt
+def test_an_interrupted_benchmark_says_how_to_resume(short, tmp_path, monkeypatch, capsys):
+    """Of two fleets, one on each reference, the second is interrupted."""
+    (tmp_path / "turn.csv").write_text("x,y\n0,0\n0.4,-0.1\n0.8,-0.3\n1.0,-0.6\n")
+    measured = []
+
+    def interrupted(setup, outcomes):
+        if measured:
+            raise KeyboardInterrupt
+        measured.append(True)
+        return measure(setup, outcomes)
 
     monkeypatch.setattr("experiments.benchmark.jobs.measure", interrupted)
+    options = ("benchmark", "--references", "bend.csv", "turn.csv", *short[2:], *SMALL, "--seeds", "0", "--out", "out")
     with pytest.raises(SystemExit) as stop:
-        main(["benchmark", *short, *SMALL, "--seeds", "0", "--out", "out"])
+        main([*options])
     assert stop.value.code == 130
-    message = "trackslip: interrupted with 0 of 1 fleets driven; the same command goes on from there"
+    message = "trackslip: interrupted with 8 of 16 runs driven; the same command resumes"
     assert capsys.readouterr().err.strip() == message
-    assert not (tmp_path / "out").exists()
+    assert [path.name for path in (tmp_path / "out").iterdir()] == [PARTS]
 
 
 def test_parts_of_another_benchmark_are_left_but_not_those_of_other_code(trackslip, short, tmp_path):
-    folder = tmp_path / "benchmark" / ".benchmark-parts"
+    folder = tmp_path / "benchmark" / PARTS
     folder.mkdir(parents=True)
-    version = Parts.of(Setup.of(BenchmarkConfig())).version
-    others = {f"{version}-0123.json", f"{version}-0123.parquet"}
-    useless = {"01234567-0123.json", f"{version}-4567.runs-99", f"{version}-4567.rows-99", "0123.json"}
-    for name in others | useless:
-        (folder / name).write_text("{}")
+    row = {"run": "a run", "id": "its id", "error": None}
+    for name, now in (("0123", made_by()), ("4567", made_by() | {"code": "other"})):
+        (folder / f"{name}.parquet").touch()
+        content = {"made_by": {digest(now): now}, "runs": [row | {"made_by": digest(now)}]}
+        (folder / f"{name}.json").write_text(json.dumps(content))
+    (folder / ".89ab.json-99").touch()  # a draft of a killed command
+    (folder / "cdef.json").write_text("{}")
     trackslip("benchmark", *short, *SMALL[:2], "--compensations", "none", "--grounds", "stone", "--seeds", "0")
-    assert {file.name for file in folder.iterdir()} == others
+    assert {file.name for file in folder.iterdir()} == {"0123.json", "0123.parquet"}
 
 
 def test_a_run_that_fails_is_a_row(trackslip, short, tmp_path):
@@ -238,24 +250,35 @@ def test_what_a_controller_does_to_its_poses_or_when_timed_is_its_own_affair(tra
 
 def test_damaged_parts_are_driven_again(tmp_path, short):
     setup = Setup.of(BenchmarkConfig(references=("bend.csv",), localization="truth", out=tmp_path / "out"))
-    cases = (Case("linear", "none", "bend.csv", "stone", "zero", 0),)
-    path = Parts.of(setup).path(cases)
-    assert not complete(path)
-    make(setup.config, (path, cases))
-    assert complete(path)
-    runs, rows = runs_of(path).read_bytes(), path.read_bytes()
-    runs_of(path).write_bytes(runs[:1000])
-    assert not complete(path)
-    runs_of(path).write_bytes(runs[:1000] + bytes([runs[1000] ^ 1]) + runs[1001:])
-    assert not complete(path)
-    runs_of(path).unlink()
-    assert not complete(path)
-    runs_of(path).write_bytes(runs)
-    for damage in (b"", b"{}", rows[:50]):
+    wanted = ids(setup, [Case("linear", "none", "bend.csv", "stone", "zero", 0)])
+    (id,) = wanted.values()
+
+    def there():
+        parts = Parts(setup.config.out, PARTS)
+        parts.take_current([id])
+        return id in parts
+
+    assert not there()
+    Parts(setup.config.out, PARTS).keep(drive_group(setup.config, wanted)[1])
+    assert there()
+    (rows,), (runs,) = ((setup.config.out / PARTS).glob(f"*.{kind}") for kind in ("json", "parquet"))
+    whole = {path: path.read_bytes() for path in (rows, runs)}
+    damages = [
+        (runs, whole[runs][:1000]),
+        (runs, whole[runs][:1000] + bytes([whole[runs][1000] ^ 1]) + whole[runs][1001:]),
+        (rows, b""),
+        (rows, b"{}"),
+        (rows, whole[rows][:50]),
+    ]
+    for path, damage in damages:
         path.write_bytes(damage)
-        assert not complete(path)
-    path.write_bytes(rows)
-    assert complete(path)
+        assert not there()
+        rows.parent.mkdir(exist_ok=True)
+        for kept, content in whole.items():
+            kept.write_bytes(content)
+        assert there()
+    runs.unlink()
+    assert not there()
 
 
 def test_parts_depend_on_what_a_users_modules_say(tmp_path, short, monkeypatch):
@@ -265,9 +288,9 @@ def test_parts_depend_on_what_a_users_modules_say(tmp_path, short, monkeypatch):
     setup = Setup.of(BenchmarkConfig(localization="truth"))
     cases = (Case("imports_gains:Mine", "none", "bend.csv", "stone", "zero", 0),)
     setup.check(cases)
-    before = Parts.of(setup).path(cases)
+    before = ids(setup, cases)
     (tmp_path / "gains_of_mine.py").write_text("K = 2.0")
-    assert Parts.of(setup).path(cases) != before
+    assert ids(setup, cases) != before
 
 
 def test_when_every_run_fails_there_is_still_a_table(trackslip, short, tmp_path):
@@ -372,19 +395,18 @@ def test_noise_is_the_same_for_all_controllers(tmp_path):
     assert np.any(logs[0].pose[0] != logs[0].truth.pose[0])
 
 
-def run(controller, rms, success=True, error=None, seed=0, compensation="none"):
-    names = {"controller": controller, "compensation": compensation, "reference": "paper", "ground": "stone"}
-    values = {} if error else {"rms_position": rms, "rms_position_after_12s": rms, "success": success}
-    return names | {"start": "zero", "seed": seed, "error": error, "compute_ms": []} | values
+def run(controller, rms, success=True, error=None, seed=0):
+    case = Case(controller, "none", "paper", "stone", "zero", seed)
+    return CaseRow(case, error) if error else CaseRow(case, None, Measures(rms, rms), success)
 
 
 def test_means_and_intervals_are_over_the_seeds_that_ran():
     (row,) = over_seeds([run("a", 1.0), run("a", 3.0, seed=1), run("a", 0.0, error="no", seed=2)])
-    assert row["rms_position"] == 2.0
-    assert row["rms_position_ci95"] == [1.0, 3.0]
-    assert (row["seeds"], row["failed"]) == (3, 1)
-    assert row["success"] == pytest.approx(2 / 3)
-    assert row["final_position"] is None
+    assert row.means.rms_position == 2.0
+    assert row.intervals["rms_position"] == (1.0, 3.0)
+    assert (row.seeds, row.failed) == (3, 1)
+    assert row.success == pytest.approx(2 / 3)
+    assert row.means.final_position is None
 
 
 def test_bootstrap_of_the_mean_covers_as_it_should():
@@ -397,7 +419,7 @@ def test_bootstrap_of_the_mean_covers_as_it_should():
 def test_who_keeps_the_path_stands_above_who_is_near_it():
     runs = [run("near", 0.001, success=False), run("kept", 0.1), run("better", 0.05), run("failed", 0, error="no")]
     rows = over_seeds(runs)
-    assert [entry["controller"] for entry in board(rows)] == ["better", "kept", "near", "failed"]
+    assert [entry.controller for entry in board(rows)] == ["better", "kept", "near", "failed"]
     lines = losses(rows)
     assert lines[0] == "near with none on stone loses the path in 1 of 1 runs: paper"
     assert lines[1] == "failed with none on stone loses the path in 1 of 1 runs, 1 of them failed: paper"

@@ -13,7 +13,7 @@ from identified import driven
 
 import trackslip as package
 from experiments.cli import main, parse
-from experiments.commands.identify import read_source
+from experiments.commands.identify import source_of
 from experiments.storage.results import write_samples
 from trackslip.errors import LogError
 from trackslip.logs.logfile import RUNS, write_parquet
@@ -64,7 +64,7 @@ def test_identify_reads_it_with_the_options_that_are_printed(grid, tmp_path, cap
     command = capsys.readouterr().out.splitlines()[-1].split()
     assert command[:2] == ["trackslip", "identify"]
     from_csv, from_parquet = (
-        read_source(parse(options)).sampling.samples
+        source_of(parse(options)).sampling.samples
         for options in (command[1:], ["identify", str(grid), "--motion", "arc"])
     )
     np.testing.assert_allclose(from_csv.slip, from_parquet.slip, rtol=1e-12)
@@ -103,7 +103,7 @@ def test_a_folders_file_is_named_for_it_and_not_replaced_unasked(grid, capsys):
         (["--run", "none"], "run = 'none': must be one of 'radius=0.5 speed=0.1',"),
         (["--csv", "--out", "x.txt"], "out = 'x.txt': must be a file that ends in .csv"),
         (["--run", "a", "a"], "all different"),
-        (["--run", "a", "--run", "b"], "--run = 'given twice': must be given once: --run NAME NAME"),
+        (["--run", "a", "--run", "b"], "--run is given twice; give it once, with all its values"),
     ],
 )
 def test_mistakes_cost_a_line(grid, refused, arguments, message):

@@ -1,10 +1,10 @@
 """Disturbances of the evaluation against closed forms, on runs exactly along a circle."""
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 import pytest
+from pages import ROOT, shown
 
 from experiments.measuring.disturbances import DISTURBANCES, Disturbance
 from experiments.measuring.sensitivity import SlipErrors, slip_errors
@@ -69,11 +69,11 @@ def test_a_disturbance_changes_what_it_names_and_nothing_else():
         assert restored == config
 
 
-def test_every_row_has_a_name_of_its_own_and_stands_in_the_readme():
+def test_every_row_has_a_name_of_its_own_and_stands_on_the_page():
     assert len({disturbance.name for disturbance in DISTURBANCES}) == len(DISTURBANCES)
-    readme = (Path(__file__).parents[3] / "README.md").read_text()
+    rows = shown(ROOT / "docs" / "sensitivity.md", "nominal").splitlines()
     for disturbance in DISTURBANCES:
-        assert f"     {disturbance.name}  " in readme
+        assert sum(row.startswith(f" {disturbance.name}  ") for row in rows) == 1
 
 
 def test_the_users_obstacles_stay_where_the_disturbance_has_none():

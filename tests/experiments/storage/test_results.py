@@ -16,6 +16,7 @@ import numpy as np
 import pyarrow
 import pyarrow.parquet
 import pytest
+from filelock import FileLock
 
 from experiments.cli import main
 from experiments.parallel.interrupts import interrupts_later
@@ -32,7 +33,7 @@ TRACK = ("track", "--reference", "circle", "--circle-duration", "5", "--localiza
 
 def command(*arguments, **options):
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
-    whole = [sys.executable, "-m", "experiments.cli", *arguments]
+    whole = [sys.executable, "-m", "experiments", *arguments]
     return subprocess.Popen(whole, env=environment, text=True, stderr=subprocess.PIPE, **options)
 
 
@@ -75,11 +76,13 @@ def test_a_full_disk_costs_a_line_and_nothing_old(old, fails, size):
 
 @pytest.mark.parametrize(
     ("function", "calls"),
-    [("lock.os.open", 1), ("results.tempfile.mkdtemp", 1), *(("results.os.replace", n) for n in (1, 3, 4, 6))],
+    [("lock.FileLock.acquire", 1), ("results.tempfile.mkdtemp", 1), *(("results.os.replace", n) for n in (1, 3, 4, 6))],
 )
 def test_no_space_at_any_step(old, fails, function, calls, monkeypatch):
     before, done = contents(old), []
-    genuine = {"open": os.open, "replace": os.replace, "mkdtemp": tempfile.mkdtemp}[function.rsplit(".", 1)[1]]
+    genuine = {"acquire": FileLock.acquire, "replace": os.replace, "mkdtemp": tempfile.mkdtemp}[
+        function.rsplit(".", 1)[1]
+    ]
 
     def full(*arguments, **options):
         done.append(True)
@@ -118,6 +121,16 @@ def test_two_commands_do_not_share_a_folder(old, fails, arguments):
     with locked(old):
         assert fails(*arguments, "--out", str(old)) == f"out = {str(old)!r}: another command is writing there"
     assert contents(old) == before
+
+
+def test_a_file_system_without_locks_is_used_without(tmp_path, monkeypatch):
+    def unsupported(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr("fcntl.flock", unsupported)
+    with locked(tmp_path):
+        (tmp_path / "result").touch()
+    assert [path.name for path in tmp_path.iterdir()] == ["result"]
 
 
 def test_a_lock_of_one_command_is_none_of_another_folder(tmp_path):

@@ -10,14 +10,14 @@ import time
 
 import pytest
 
-from experiments.storage.sweep_parts import PARTS
+from experiments.commands.grid import PARTS
 
 SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
 
 
 def killed_and_resumed(arguments, out, kills, rng, environment=None):
     """Run a command in a process of its own, kill it at random moments, then let it end."""
-    command = [sys.executable, "-m", "experiments.cli", *arguments, "--out", str(out)]
+    command = [sys.executable, "-m", "experiments", *arguments, "--out", str(out)]
     for _ in range(kills):
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         time.sleep(rng.uniform(0.5, 6.0))
@@ -36,7 +36,8 @@ def same_bytes(one, other):
 
 def test_two_processes_killed_and_resumed(trackslip, tmp_path):
     arguments = ("grid", *SHORT[:-1], "processes", "--jobs", "2", "--vary", "scanner.noise=0.001,0.002,0.003,0.004")
-    whole = trackslip(*arguments[:-4], "--executor", "inline", *arguments[-2:], "--out", str(tmp_path / "whole")).folder
+    inline = ("grid", *SHORT, *arguments[-2:])
+    whole = trackslip(*inline, "--out", str(tmp_path / "whole")).folder
     killed_and_resumed(arguments, tmp_path / "killed", 1, random.Random(0))
     same_bytes(whole, tmp_path / "killed")
 
@@ -55,7 +56,7 @@ def test_a_dask_cluster_gives_the_same(trackslip, tmp_path):
     arguments = ("grid", *SHORT[:-2], "--vary", "scanner.noise=0.001,0.002")
     whole = trackslip(*arguments, "--executor", "inline", "--out", str(tmp_path / "whole")).folder
     with distributed.LocalCluster(
-        1, processes=False, threads_per_worker=1, dashboard_address=None, protocol="tcp"
+        1, processes=False, threads_per_worker=1, dashboard_address="127.0.0.1:0", protocol="tcp"
     ) as cluster:
         address = cluster.scheduler_address
         result = trackslip(

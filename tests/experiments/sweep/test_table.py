@@ -8,7 +8,8 @@ from pathlib import Path
 import pyarrow.parquet
 
 from experiments.sweep.options import explained, hint_of, names
-from experiments.sweep.table import AXES, COLUMNS, write_table
+from experiments.sweep.rows import COLUMNS, RunRow
+from experiments.sweep.table import AXES, write_table
 from sim.robot.parameters import RobotParameters
 from trackslip.logs.schema import markdown
 
@@ -21,7 +22,7 @@ def test_the_documented_table_is_the_codes():
 
 
 def test_every_column_that_is_written_is_documented(tmp_path):
-    row = {"run": "r", "id": "0", "error": None, "radius": 0.5, "speed": 0.1, "ground": "ice", "v": 0.1}
+    row = RunRow("r", "0", {"radius": 0.5, "speed": 0.1, "ground": "ice"}, v=0.1)
     write_table([row], ["ground", "radius", "speed"], tmp_path / "table.parquet")
     schema = pyarrow.parquet.read_schema(tmp_path / "table.parquet")
     assert schema.names == ["run", "id", "ground", "radius", "speed", *list(COLUMNS)[2:]]
@@ -43,7 +44,7 @@ def test_options_that_vary_have_units_too(tmp_path):
         "random_phase": "",
         "motion": "",
     }
-    write_table([{"run": "r"}], list(units), tmp_path / "table.parquet")
+    write_table([RunRow("r", "0", {})], list(units), tmp_path / "table.parquet")
     schema = pyarrow.parquet.read_schema(tmp_path / "table.parquet")
     assert {name: schema.field(name).metadata[b"unit"].decode() for name in units} == units
     assert schema.field("duration").metadata[b"description"] == b"Length of each run"

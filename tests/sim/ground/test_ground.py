@@ -1,10 +1,10 @@
 """Grounds: patches and changes under each pad, names, files, and what is refused."""
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
+from pages import ROOT, file
 
 from sim.ground.file import load_ground
 from sim.ground.ground import Change, Ground, Patch
@@ -12,7 +12,7 @@ from sim.ground.named import NAMED_GROUNDS
 from sim.ground.pad_friction import PadFriction
 from trackslip.errors import InvalidValueError, SettingsFileError
 
-README = Path(__file__).parents[3] / "README.md"
+PAGE = ROOT / "docs" / "grounds_and_robots.md"
 PADS = np.array([[0.1, 0.2], [0.1, -0.2]])
 
 
@@ -29,6 +29,40 @@ def test_patches_act_under_the_pads_that_are_on_them():
     np.testing.assert_allclose(turned, [[0.5, 0.6], [0.2, 0.3]])
     on_both = friction.at(0.0, np.add(at, [0.4, 0.0]), np.zeros(2))[1]
     np.testing.assert_allclose(on_both[0], [0.9, 0.8])  # the last counts
+
+
+def test_of_many_patches_the_last_under_each_pad_counts():
+    rng = np.random.default_rng(0)
+    robots, few, many = 4, 3, 400
+    grounds = []
+    for count in (many, few, 0, many):
+        low, size = rng.uniform(-3, 3, (count, 2)), rng.uniform(0.1, 1.0, (count, 2))
+        frictions = rng.uniform(0.1, 1.0, (count, 2))
+        patches = [Patch((x, x + a), (y, y + b), *mu) for (x, y), (a, b), mu in zip(low, size, frictions, strict=True)]
+        grounds.append(Ground(patches=tuple(patches)))
+    friction = PadFriction(grounds, PADS)
+    position, heading = rng.uniform(-2, 2, (robots, 2)), rng.uniform(-np.pi, np.pi, robots)
+    for _ in range(100):
+        position, heading = position + rng.uniform(-0.1, 0.1, (robots, 2)), heading + 0.1
+        found = friction.at(0.0, position, heading)
+        for i, ground in enumerate(grounds):
+            cos, sin = np.cos(heading[i]), np.sin(heading[i])
+            for j, (a, b) in enumerate(PADS):
+                x, y = position[i] + (cos * a - sin * b, sin * a + cos * b)
+                expected = (ground.along, ground.across)
+                for patch in ground.patches:
+                    if patch.x[0] <= x < patch.x[1] and patch.y[0] <= y < patch.y[1]:
+                        expected = (patch.along, patch.across)
+                assert tuple(found[i, j]) == expected
+        if rng.random() < 0.1:
+            friction.replace(np.array([1]), [grounds[0]])
+            grounds[1] = grounds[0]
+
+
+def test_a_ground_has_a_limited_number_of_patches():
+    patch = Patch((0.0, 1.0), (0.0, 1.0), 0.2, 0.3)
+    with pytest.raises(InvalidValueError, match="number of patches = 10001: must be at most 10000"):
+        Ground(patches=(patch,) * 10_001)
 
 
 def test_changes_take_effect_at_their_times_outside_patches():
@@ -54,8 +88,8 @@ def test_gravity_points_downhill():
     )
 
 
-def test_readme_lists_the_named_grounds():
-    rows = re.findall(r"^\| `(\w+)` \| ([\d.]+) \| ([\d.]+) \| (.+) \|$", README.read_text(), re.MULTILINE)
+def test_the_page_lists_the_named_grounds():
+    rows = re.findall(r"^\| `(\w+)` \| ([\d.]+) \| ([\d.]+) \| (.+) \|$", PAGE.read_text(), re.MULTILINE)
     listed = {name: (float(along), float(across), source) for name, along, across, source in rows}
     assert listed == {name: (n.ground.along, n.ground.across, n.source) for name, n in NAMED_GROUNDS.items()}
     assert set(NAMED_GROUNDS) == {"stone", "concrete", "rubber", "packed_soil", "gravel", "wet", "sticky", "ice"}
@@ -63,9 +97,8 @@ def test_readme_lists_the_named_grounds():
         assert "assumed" in named.source or "Noon" in named.source
 
 
-def test_readme_example_is_a_ground(tmp_path):
-    (text,) = re.findall(r"```toml\n(base = .*?)```", README.read_text(), re.DOTALL)
-    (tmp_path / "ground.toml").write_text(text)
+def test_the_example_on_the_page_is_a_ground(tmp_path):
+    (tmp_path / "ground.toml").write_text(file(PAGE, "ground.toml"))
     ground = load_ground(str(tmp_path / "ground.toml"))
     assert ground.along == NAMED_GROUNDS["gravel"].ground.along
     assert ground.slope == 0.1

@@ -9,8 +9,10 @@ from sim.fleet import Fleet
 from sim.ground.ground import Ground, friction_angle
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import load_robot
-from sim.runs import Description, open_loop
-from sim.scanner.scanner import LaserScanner, ScannerFeed
+from sim.run_recorder import Description
+from sim.runs import open_loop
+from sim.scanner.feed import ScannerFeed
+from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 from trackslip.errors import InvalidValueError
 from trackslip.localization.plate import PlateLocator

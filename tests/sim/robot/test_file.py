@@ -1,10 +1,8 @@
 """Robots of other shapes: parameters, files, and whether they turn as theory says."""
 
-import re
-from pathlib import Path
-
 import numpy as np
 import pytest
+from pages import ROOT, file
 
 from sim.drive.drive import tireless
 from sim.fleet import Fleet
@@ -15,7 +13,7 @@ from sim.robot.robot import load_robot
 from trackslip.errors import InvalidValueError, SettingsFileError
 from trackslip.skid_theory import line_contact, steady_twist
 
-README = Path(__file__).parents[3] / "README.md"
+PAGE = ROOT / "docs" / "grounds_and_robots.md"
 OTHERS = [
     RobotParameters(half_gauge=0.25, contact_length=0.5, mass=60.0, sprocket_radius=0.08),
     RobotParameters(half_gauge=0.12, contact_length=0.2, com_x=0.01, com_y=-0.01, com_height=0.08),
@@ -67,10 +65,9 @@ def test_a_file_holds_everything(tmp_path):
         assert load_robot_file(path) == (parameters, Ground(0.5, 0.6))
 
 
-def test_readme_example_is_a_robot(tmp_path):
-    (text,) = re.findall(r"```toml\n(half_gauge.*?)```", README.read_text(), re.DOTALL)
+def test_the_example_on_the_page_is_a_robot(tmp_path):
     path = tmp_path / "robot.toml"
-    path.write_text(text)
+    path.write_text(file(PAGE, "robot.toml"))
     parameters, ground = load_robot_file(path)
     assert parameters == RobotParameters(half_gauge=0.25, contact_length=0.5)
     assert ground == Ground()

@@ -9,8 +9,9 @@ from sim.drive.drive import Drive
 from sim.drive.motor import Motor
 from sim.fleet import Fleet
 from sim.robot.parameters import RobotParameters
-from sim.robot.robot import load_robot
-from sim.scanner.scanner import SCANNED_GROUP, LaserScanner, ScannerFeed
+from sim.robot.robot import SCANNED_GROUP, load_robot
+from sim.scanner.feed import ScannerFeed
+from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 
 SCANNERS = {

@@ -1,15 +1,15 @@
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
+from pages import ROOT, file
 
 from sim.scanner.named_obstacles import NAMED_OBSTACLES
 from sim.scanner.obstacle_file import load_obstacles
 from sim.scanner.obstacles import Obstacles, Post, Walker, Wall
 from trackslip.errors import InvalidValueError, SettingsFileError
 
-README = Path(__file__).parents[3] / "README.md"
+PAGE = ROOT / "docs" / "grounds_and_robots.md"
 TEXT = """
 [[posts]]
 x = 1
@@ -37,10 +37,9 @@ def test_a_file_holds_all_kinds(tmp_path):
     assert load_obstacles(str(path)) == expected
 
 
-def test_the_readmes_example_is_a_file(tmp_path):
-    (text,) = re.findall(r"```toml\n(\[\[posts.*?)```", README.read_text(), re.DOTALL)
-    path = tmp_path / "readme.toml"
-    path.write_text(text)
+def test_the_example_on_the_page_is_a_file(tmp_path):
+    path = tmp_path / "obstacles.toml"
+    path.write_text(file(PAGE, "obstacles.toml"))
     found = load_obstacles(str(path))
     assert (len(found.posts), len(found.walls), len(found.walkers)) == (1, 1, 1)
     assert found.walkers == NAMED_OBSTACLES["walker"].walkers

@@ -1,5 +1,7 @@
 """Obstacles against MuJoCo's own rays, and where a person walks."""
 
+import re
+
 import mujoco
 import numpy as np
 import pytest
@@ -7,9 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sim.fleet import Fleet
+from sim.scanner.feed import ScannerFeed
 from sim.scanner.named_obstacles import NAMED_OBSTACLES
 from sim.scanner.obstacles import Obstacles, Post, Walker, Wall
-from sim.scanner.scanner import LaserScanner, ScannerFeed
+from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 from trackslip.errors import InvalidValueError
 
@@ -109,6 +112,29 @@ def test_a_person_walks_straight_on_or_to_and_fro():
 def test_impossible_obstacles_are_refused(build, message):
     with pytest.raises(InvalidValueError, match=message):
         build()
+
+
+@pytest.mark.parametrize(
+    ("name", "inside", "outside"),
+    [
+        ("posts", Post(-1.5, -1.2, 0.3), Post(-1.5, -1.2, 0.28)),
+        ("walls", Wall(-3.5, -2.5, 0.5, -0.5), Wall(-1.4, -1.5, 0.5, -1.5)),
+        ("walkers", Walker(-1.6, -1.5, 1.0, 0.0), Walker(-1.8, -1.5, 1.0, 0.0)),
+    ],
+)
+def test_obstacles_on_the_scanner_are_refused(robot, name, inside, outside):
+    fleet = Fleet(robot, [[-1.5, 0.5, 0.3]])
+    feed(fleet, Obstacles(**{name: (outside,)}))
+    message = f"{name}[1] = {inside}: must be at least 0.01 m away from the scanner, which is at (-1.5, -1.5)"
+    with pytest.raises(InvalidValueError, match=f"^{re.escape(message)}$"):
+        feed(fleet, Obstacles(**{name: (outside, inside)}))
+
+
+def test_the_number_of_obstacles_is_limited():
+    with pytest.raises(InvalidValueError, match="number of posts = 10001: must be at most 10000"):
+        Obstacles(posts=(Post(0.0, 0.0),) * 10_001)
+    with pytest.raises(InvalidValueError, match="number of walkers = 101: must be at most 100"):
+        Obstacles(walkers=(Walker(0.0, 0.0, 0.0, 0.0),) * 101)
 
 
 def feed(fleet, obstacles, scanner=None):

@@ -5,8 +5,9 @@ import pytest
 from scipy.linalg import expm
 
 from sim.fleet import Fleet
+from sim.scanner.feed import ScannerFeed
 from sim.scanner.obstacles import Obstacles, Walker
-from sim.scanner.scanner import LaserScanner, ScannerFeed
+from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 
 START = np.array([[-1.2, 0.3, 0.4], [-2.5, 0.8, 0.6]])

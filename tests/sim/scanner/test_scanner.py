@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from sim.fleet import Fleet
-from sim.scanner.scanner import LaserScanner, ScannerFeed
+from sim.scanner.feed import ScannerFeed
+from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 from trackslip.errors import InvalidValueError
 from trackslip.localization.plate import PlateLocator

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from sim.fleet import Fleet
+from sim.scanner.feed import ScannerFeed
 from sim.scanner.named_obstacles import NAMED_OBSTACLES
-from sim.scanner.scanner import LaserScanner, ScannerFeed
+from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 from trackslip.errors import InvalidValueError
 

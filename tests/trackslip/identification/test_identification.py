@@ -7,11 +7,12 @@ from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.comparison import compare_laws
 from trackslip.identification.fitted import fit_law
 from trackslip.identification.samples import SlipSamples, slip_samples, true_samples
+from trackslip.identification.summary import laws_to_json
 from trackslip.kinematics import RobotGeometry, advance, body_twist
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.exponential import PUBLISHED
 from trackslip.slip.icr import ConstantIcr
-from trackslip.slip.law_file import SHIPPED, laws_to_json, load_laws
+from trackslip.slip.law_file import SHIPPED, load_laws
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 KAPPA = np.array([1.6, 0.8, 0.5, 0.4, 0.3, -1.0, -0.35])

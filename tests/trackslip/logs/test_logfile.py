@@ -10,17 +10,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from trackslip.errors import LogError
-from trackslip.logs.logfile import (
-    read_runs,
-    read_samples,
-    read_table,
-    runs_from_table,
-    to_table,
-    write_csv,
-    write_parquet,
-)
+from trackslip.logs.logfile import read_runs, read_table, write_csv, write_parquet
 from trackslip.logs.logjoin import join_parquet
 from trackslip.logs.runlog import RunLog, Truth
+from trackslip.logs.table import read_samples, runs_from_table, to_table
 
 HEADER = "run,t,omega_l,omega_r,x,y,phi\n"
 LINES = ["a,0.0,1,2,0,0,0\n", "a,0.1,1,2,0.1,0,0\n", "a,0.2,1,2,0.2,0,0\n"]

@@ -7,12 +7,15 @@ import shutil
 import pytest
 
 from experiments.cli import main, parse
+from experiments.commands.grid import PARTS
 from experiments.storage.lock import locked
-from experiments.storage.sweep_parts import PARTS, Archive
+from experiments.storage.parts import Part, Parts
 from experiments.sweep.plan import plan
-from trackslip.errors import OutputError
+from experiments.sweep.rows import RunRow, is_row
+from trackslip.errors import OutputError, TrackslipError
 
-SHORT = ("grid", "--radii", "1.5", "--speeds", "0.1", "0.2", "--duration", "4", "--executor", "inline")
+LIKE = ("grid", "--radii", "1.5", "--duration", "4", "--executor", "inline")
+SHORT = (*LIKE, "--speeds", "0.1", "0.2")
 
 
 def stop(*_):
@@ -24,7 +27,7 @@ def driven(tmp_path_factory):
     """A folder with the parts of a grid that was stopped when all was driven, and one where it was finished."""
     folder = tmp_path_factory.mktemp("driven")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Archive, "gather", stop)
+        patch.setattr(Parts, "gather", stop)
         with pytest.raises(SystemExit):
             main([*SHORT, "--out", str(folder / "stopped")])
     main([*SHORT, "--out", str(folder / "finished")])
@@ -46,17 +49,17 @@ def test_a_grid_that_fails_leaves_the_parts_of_another(stopped, refused):
     assert contents(stopped) == before
 
 
-def test_parts_are_deleted_before_another_command_can_come(trackslip, monkeypatch):
-    real, seen = Archive.discard, []
+def test_parts_are_deleted_before_another_command_can_come(trackslip, tmp_path, monkeypatch):
+    real, seen, folder = Parts.discard, [], tmp_path / "grid"
 
-    def discard(archive):
-        with pytest.raises(OutputError, match="another command"), locked(archive._out):
+    def discard(parts):
+        with pytest.raises(OutputError, match="another command"), locked(folder):
             pass
-        seen.append((archive._out / "manifest.json").exists())
-        real(archive)
+        seen.append((folder / "manifest.json").exists())
+        real(parts)
 
-    monkeypatch.setattr(Archive, "discard", discard)
-    folder = trackslip(*SHORT).folder
+    monkeypatch.setattr(Parts, "discard", discard)
+    trackslip(*SHORT, "--out", str(folder))
     assert seen == [True]
     assert not (folder / PARTS).exists()
 
@@ -80,16 +83,20 @@ DAMAGES = (
 )
 
 
+def found(folder, ids):
+    """Which of the runs a grid takes from a folder."""
+    parts = Parts(folder, PARTS, is_row)
+    parts.take(ids, force=False)
+    return {id for id in ids if id in parts}
+
+
 @pytest.mark.parametrize("damage", DAMAGES)
 def test_damaged_rows_of_a_part_are_driven_again(stopped, damage):
     (record,) = (stopped / PARTS).glob("*.json")
-    runs, there = plan(parse(SHORT)), Archive(stopped)
-    there.take(runs, force=False)
-    assert not there.missing(runs)
+    ids = {run.id for run in plan(parse(SHORT))}
+    assert found(stopped, ids) == ids
     spoil(record, damage)
-    there = Archive(stopped)
-    there.take(runs, force=False)
-    assert there.missing(runs) == runs
+    assert not found(stopped, ids)
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
@@ -103,7 +110,7 @@ def test_damaged_rows_of_results_are_refused(driven, refused, tmp_path, damage):
 
 def test_a_run_that_is_taken_under_another_name_is_noted_under_it(trackslip):
     """A robot that stands still, nearly, gives no sample."""
-    slow = (*SHORT, "--speeds", "0.001")
+    slow = (*LIKE, "--speeds", "0.001")
     first = trackslip(*slow, "--ground.slope", "0.05").summary
     again = trackslip(*slow, "--slope", "0.05").summary
     assert again["timing"]["taken"] == 1
@@ -129,8 +136,8 @@ def test_files_that_change_while_it_drives_are_recorded_as_driven(trackslip, tmp
 @pytest.mark.parametrize(
     ("step", "says"),
     [
-        ("storage.sweep_parts._put", ""),
-        ("commands.grid.write_table", " with 2 of 2 runs driven; the same command goes on from there"),
+        ("storage.parts._put", ""),
+        ("commands.grid.write_table", " with 2 of 2 runs driven; the same command resumes"),
     ],
 )
 def test_a_full_disk_leaves_whole_parts_or_nothing(capsys, tmp_path, monkeypatch, step, says):
@@ -148,3 +155,12 @@ def test_a_full_disk_leaves_whole_parts_or_nothing(capsys, tmp_path, monkeypatch
     assert capsys.readouterr().err.splitlines() == [line]
     assert out.exists() == bool(says)
     assert {path.suffix for path in contents(out)} == ({".json", ".parquet"} if says else set())
+
+
+def test_a_worker_with_other_code_is_refused(tmp_path, monkeypatch):
+    parts = Parts(tmp_path, PARTS)
+    with monkeypatch.context() as worker:
+        worker.setattr("experiments.storage.parts.made_by", lambda: {"code": "other"})
+        part = Part.of([RunRow("a run", "its id", {})], [])
+    with pytest.raises(TrackslipError, match="a worker has other code"):
+        parts.keep(part)

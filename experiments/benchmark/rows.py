@@ -1,0 +1,248 @@
+"""What is known of each run of a benchmark, and the means over seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+
+from experiments.options.benchmark import Case
+from experiments.storage.plain_json import plain
+from sim.seeds import generator
+
+_RESAMPLES = 2000
+
+
+@dataclass(frozen=True)
+class Measures:
+    """Errors and expense of a run, or their means over several; None where there is nothing to measure.
+
+    Position errors are distances of the true position from where the reference is at the time.
+    """
+
+    rms_position: float | None = None
+    """[m]"""
+    rms_position_after_12s: float | None = None
+    """The same from 12 s on, when the transient is over [m]."""
+    rms_position_arc: float | None = None
+    """The same while the reference turns [m]."""
+    rms_heading: float | None = None
+    """[rad]"""
+    cross_track: float | None = None
+    """Root mean square of the error across the reference's direction [m]."""
+    along_track: float | None = None
+    """Root mean square of the error along it [m]."""
+    max_position: float | None = None
+    """[m]"""
+    final_position: float | None = None
+    """[m]"""
+    final_heading: float | None = None
+    """Absolute [rad]."""
+    iae: float | None = None
+    """Integral of the position error over time [m s]."""
+    itae: float | None = None
+    """Integral of time times the position error [m s^2]."""
+    effort: float | None = None
+    """Integral over time of the mean square of the two sprockets' set points [rad^2/s]."""
+    roughness: float | None = None
+    """Root mean square rate of the set points [rad/s^2]."""
+    saturation_s: float | None = None
+    """Time with a motor at its limit, or a sprocket commanded to its top speed [s]."""
+    valid_fraction: float | None = None
+    """Share of the scans that gave a pose [-]."""
+    icr_offset: float | None = None
+    """Longitudinal offset of the ICRs that online compensation found, at the end [m]."""
+    icr_radius_error: float | None = None
+    """Error of the sprocket radius that it found, at the end [-]."""
+
+    @classmethod
+    def mean(cls, measured: Sequence[Measures]) -> Measures:
+        """Means over the runs that have a value."""
+        return cls(**{name: _mean(getattr(one, name) for one in measured) for name in MEASURES})
+
+
+MEASURES = tuple(f.name for f in fields(Measures))
+WITH_INTERVAL = ("rms_position", "rms_position_after_12s", "rms_position_arc", "rms_heading")
+"""Measures whose means have intervals."""
+
+
+@dataclass(frozen=True)
+class CaseRow:
+    """One run of a benchmark."""
+
+    case: Case
+    error: str | None = None
+    """Why it failed."""
+    measures: Measures = Measures()
+    success: bool = False
+    """Whether the robot stayed within 0.5 m of where it should be."""
+    compute_ms: tuple[float, ...] = ()
+    """Times of steps of its controller and compensation, if they were measured [ms]."""
+
+    def to_json(self) -> dict[str, Any]:
+        """As summary.json has it: of a run that failed, only what it is and why; no times."""
+        row: dict[str, Any] = vars(self.case) | {"error": self.error}
+        if self.error is not None:
+            return row
+        measured = plain(self.measures)
+        for name in ("icr_offset", "icr_radius_error"):  # only online compensation finds them
+            if measured[name] is None:
+                del measured[name]
+        return row | measured | {"success": self.success}
+
+    def to_part(self, id: str) -> dict[str, Any]:
+        """As a part has it."""
+        return {"run": self.case.run, "id": id, "error": self.error, "row": plain(self)}
+
+    @classmethod
+    def from_part(cls, stored: Mapping[str, Any]) -> CaseRow:
+        """From what `to_part` gave."""
+        row = stored["row"]
+        own = {
+            "case": Case(**row["case"]),
+            "measures": Measures(**row["measures"]),
+            "compute_ms": (*row["compute_ms"],),
+        }
+        return cls(**row | own)
+
+
+@dataclass(frozen=True)
+class BenchmarkRow:
+    """Means over the runs that differ only in their seeds."""
+
+    controller: str
+    compensation: str
+    reference: str
+    ground: str
+    start: str
+    seeds: int
+    """Number of runs."""
+    failed: int
+    """Number of runs that failed."""
+    means: Measures
+    """Over the runs that did not fail."""
+    intervals: Mapping[str, tuple[float, float] | None]
+    """95 % bootstrap intervals of the means of WITH_INTERVAL, in their units; None for fewer than two runs."""
+    success: float
+    """Share of the runs that stayed within 0.5 m of where they should be."""
+    compute_ms_p50: float | None
+    """Median time of a step of controller and compensation [ms]."""
+    compute_ms_p99: float | None
+    """99th percentile of the same [ms]."""
+
+    def to_json(self) -> dict[str, Any]:
+        """As summary.json has it."""
+        row: dict[str, Any] = plain(self)
+        means, intervals = row.pop("means"), row.pop("intervals")
+        return row | means | {f"{name}_ci95": ends for name, ends in intervals.items()}
+
+
+@dataclass(frozen=True)
+class BoardEntry:
+    """A line of the leaderboard: means over the references and grounds of a controller with a compensation."""
+
+    controller: str
+    compensation: str
+    start: str
+    means: Measures
+    success: float
+    """Share of the runs that stayed within 0.5 m of where they should be."""
+    compute_ms_p50: float | None
+    """[ms]"""
+
+
+def over_seeds(runs: Sequence[CaseRow]) -> list[BenchmarkRow]:
+    """One row for the runs that differ only in their seeds, in order."""
+    found: dict[Case, list[CaseRow]] = {}
+    for run in runs:
+        found.setdefault(replace(run.case, seed=0), []).append(run)
+    return [_over_seeds(case, same) for case, same in found.items()]
+
+
+def _over_seeds(case: Case, runs: Sequence[CaseRow]) -> BenchmarkRow:
+    measured = [run.measures for run in runs if run.error is None]
+    times = [time for run in runs for time in run.compute_ms]
+    p50, p99 = (float(np.percentile(times, percent)) if times else None for percent in (50, 99))
+    return BenchmarkRow(
+        controller=case.controller,
+        compensation=case.compensation,
+        reference=case.reference,
+        ground=case.ground,
+        start=case.start,
+        seeds=len(runs),
+        failed=len(runs) - len(measured),
+        means=Measures.mean(measured),
+        intervals={name: bootstrap95(_known(getattr(one, name) for one in measured)) for name in WITH_INTERVAL},
+        success=float(np.mean([run.success for run in runs])),
+        compute_ms_p50=p50,
+        compute_ms_p99=p99,
+    )
+
+
+def bootstrap95(values: Sequence[float]) -> tuple[float, float] | None:
+    """Percentile bootstrap interval of the mean over seeds; None for fewer than two values."""
+    if len(values) < 2:
+        return None
+    drawn = generator(0, "bootstrap over seeds").integers(len(values), size=(_RESAMPLES, len(values)))
+    low, high = np.percentile(np.array(values)[drawn].mean(axis=1), [2.5, 97.5])
+    return float(low), float(high)
+
+
+def board(rows: Sequence[BenchmarkRow]) -> list[BoardEntry]:
+    """The leaderboard: entries that keep the path most often come first.
+
+    Equals are ordered by the mean of the position error once the transient is over.
+    """
+    found: dict[tuple[str, str, str], list[BenchmarkRow]] = {}
+    for row in rows:
+        found.setdefault((row.controller, row.compensation, row.start), []).append(row)
+    entries = [
+        BoardEntry(
+            controller,
+            compensation,
+            start,
+            means=Measures.mean([row.means for row in same]),
+            success=float(np.mean([row.success for row in same])),
+            compute_ms_p50=_mean(row.compute_ms_p50 for row in same),
+        )
+        for (controller, compensation, start), same in found.items()
+    ]
+    return sorted(entries, key=lambda entry: (-entry.success, settled_error(entry.means)))
+
+
+def settled_error(means: Measures) -> float:
+    """Position error once the transient is over, or that of a shorter run; infinite where there is none [m]."""
+    for value in (means.rms_position_after_12s, means.rms_position):
+        if value is not None:
+            return value
+    return float("inf")
+
+
+def losses(rows: Sequence[BenchmarkRow]) -> list[str]:
+    """One line for each controller, compensation and ground: how many runs lost the path, or failed, and where."""
+    found: dict[tuple[str, str, str], list[BenchmarkRow]] = {}
+    for row in rows:
+        found.setdefault((row.controller, row.compensation, row.ground), []).append(row)
+    lines = []
+    for (controller, compensation, ground), same in found.items():
+        lost = sum(round((1 - row.success) * row.seeds) for row in same)
+        if lost:
+            failed = sum(row.failed for row in same)
+            where = ", ".join(dict.fromkeys(row.reference for row in same if row.success < 1))
+            crashed = f", {failed} of them failed" if failed else ""
+            who = f"{controller} with {compensation} on {ground}"
+            lines.append(f"{who} loses the path in {lost} of {sum(row.seeds for row in same)} runs{crashed}: {where}")
+    if len(lines) < len(found):
+        lines.append("all others keep the path in every run" if lines else "every run keeps the path")
+    return lines
+
+
+def _known(values: Iterable[float | None]) -> list[float]:
+    return [value for value in values if value is not None]
+
+
+def _mean(values: Iterable[float | None]) -> float | None:
+    known = _known(values)
+    return float(np.mean(known)) if known else None

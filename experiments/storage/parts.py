@@ -1,0 +1,235 @@
+"""Runs that have been driven: parts of an unfinished command, kept beside its results until those are complete.
+
+A part holds the runs of a fleet: their rows as JSON, their logs as Parquet. A run is identified by its id, a hash of
+everything its numbers depend on except code, models and libraries; those are recorded with its row.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import os
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import pyarrow
+import pyarrow.parquet
+
+from experiments.storage.manifest import changes, digest, made_by
+from experiments.storage.plain_json import plain
+from experiments.storage.results import MANIFEST_FILE, RUNS_FILE, SUMMARY_FILE
+from trackslip.errors import LogError, TrackslipError
+from trackslip.logs.file_format import require_known_manifest
+from trackslip.logs.logfile import write_parquet
+from trackslip.logs.logjoin import StoredRuns, join_parquet
+from trackslip.logs.runlog import RunLog
+
+Row = dict[str, Any]
+_Record = tuple[Path, list[Row], dict[str, Any]]  # file of logs, rows, what made them by its digest
+_Stop = TypeVar("_Stop", bound=BaseException)
+_TEXTS = ("run", "id", "made_by")
+
+
+@dataclass(frozen=True)
+class Part:
+    """Runs that were driven together."""
+
+    rows: list[Row]
+    """Of each run its name (`run`), `id`, `error` (None unless it failed), `made_by`, and the command's own entries."""
+    logs: bytes | None
+    """Parquet file of the runs that did not fail, if any."""
+
+    @classmethod
+    def of(cls, rows: Iterable[Any], logs: Sequence[RunLog]) -> Part:
+        """Rows, which may be dataclasses, and the logs of those that did not fail."""
+        file = io.BytesIO()
+        if logs:
+            write_parquet(logs, file)
+        made = digest(made_by())
+        return cls([plain(row) | {"made_by": made} for row in rows], file.getvalue() or None)
+
+
+@dataclass(frozen=True)
+class Stored:
+    """A run that has been driven, or has failed."""
+
+    row: Row
+    file: Path
+    """Where its log is, unless it failed."""
+    made_by: dict[str, Any]
+    """Code, models and libraries that drove it."""
+
+    @property
+    def failed(self) -> bool:
+        """Whether there is no log."""
+        return self.row["error"] is not None
+
+
+class Parts:
+    """The driven runs in a folder of results."""
+
+    def __init__(self, out: Path, name: str, is_row: Callable[[Row], bool] = lambda row: True) -> None:
+        """Parts go to the folder `name` in `out`; `is_row` tells a command's rows from damaged ones."""
+        self._out, self._parts, self._is_row = out, out / name, is_row
+        self._there: dict[str, Stored] = {}
+
+    def __getitem__(self, id: str) -> Stored:
+        return self._there[id]
+
+    def __contains__(self, id: str) -> bool:
+        return id in self._there
+
+    def take(self, ids: Collection[str], force: bool) -> None:
+        """Find which of the runs `ids` are among the results or the parts. Failed runs are not: they are driven again.
+
+        Raises:
+            TrackslipError: if other code, models or libraries drove them, unless `force` is given.
+            LogError: if the results are damaged, or were written by a newer version.
+        """
+        self._require_readable()
+        self._find(ids, [*self._results(), *self._records()])
+        now = made_by()
+        stale = [one.made_by for one in self._there.values() if one.made_by != now]
+        if stale and not force:
+            raise TrackslipError(
+                f"out = {str(self._out)!r}: {len(stale)} of these runs were driven before a change of"
+                f" {', '.join(changes(stale[0], now))}: --force takes them as they are, --no-resume drives them again"
+            )
+
+    def take_current(self, ids: Collection[str]) -> None:
+        """Find which of the runs `ids` are among the parts; delete the parts driven by other code, and damaged ones."""
+        records = list(self._records())
+        now = digest(made_by())
+        current = {path.stem for path, _, by in records if list(by) == [now]}
+        self._delete(lambda file: file.stem not in current)
+        self._find(ids, [record for record in records if record[0].stem in current])
+
+    def keep(self, part: Part) -> None:
+        """Store a part: its logs first, its rows last, each whole or not at all. Failed runs alone aren't stored.
+
+        Raises:
+            TrackslipError: if other code, models or libraries than this process's drove it.
+        """
+        now = made_by()
+        if any(row["made_by"] != digest(now) for row in part.rows):
+            raise TrackslipError("a worker has other code, models or libraries than this process")
+        path = self._parts / f"{digest([row['id'] for row in part.rows])}.json"
+        file = path.with_suffix(".parquet")
+        if part.logs is not None:
+            try:
+                self._parts.mkdir(parents=True, exist_ok=True)
+                _put(file, part.logs)
+                _put(path, json.dumps({"made_by": {digest(now): now}, "runs": part.rows}).encode())
+            except OSError:
+                with contextlib.suppress(OSError):  # there are other parts
+                    self._parts.rmdir()
+                raise
+        self._there |= {row["id"]: Stored(row, file, now) for row in part.rows}
+
+    def gather(self, runs: Iterable[tuple[str, str]], file: Path) -> None:
+        """Write the logs of runs, (id, new name) each, in order, to one file; without any log there is no file."""
+        there = [(self._there[id], name) for id, name in runs]
+        driven = [(one.file, one.row["run"], name) for one, name in there if not one.failed]
+        if driven:
+            join_parquet(driven, file)
+
+    def discard(self, ids: Collection[str] | None = None) -> None:
+        """Delete all parts, or those that hold none but the runs `ids`, which are now among the results."""
+        done = {path.stem for path, rows, _ in self._records() if ids and all(row["id"] in ids for row in rows)}
+        self._delete(lambda file: ids is None or file.stem in done)
+
+    def _delete(self, which: Callable[[Path], bool]) -> None:
+        with contextlib.suppress(OSError):
+            for file in self._parts.iterdir():
+                if which(file):
+                    file.unlink()
+            self._parts.rmdir()
+
+    def _find(self, ids: Collection[str], records: Iterable[_Record]) -> None:
+        for file, rows, by in records:
+            there = [row for row in rows if row["id"] in ids and row["error"] is None]
+            if there and not _whole(file, {row["run"] for row in there}):
+                if file.parent == self._parts:
+                    continue
+                raise LogError(f"{file}: damaged; --no-resume drives all runs again")  # the user decides
+            self._there |= {row["id"]: Stored(row, file, by[row["made_by"]]) for row in there}
+
+    def _require_readable(self) -> None:
+        """Raise LogError for results of a newer version, or with a damaged manifest or summary."""
+        file = self._out / SUMMARY_FILE
+        try:
+            require_known_manifest(self._out)
+            if (self._out / MANIFEST_FILE).exists() and file.exists():
+                json.loads(file.read_text(encoding="utf-8"))
+        except LogError as error:
+            raise LogError(f"{error}; --no-resume replaces it") from error
+        except (ValueError, RecursionError) as error:
+            raise LogError(f"{file}: not JSON ({error}); --no-resume drives all runs again") from error
+
+    def _results(self) -> Iterable[_Record]:
+        record = self._record(self._out / SUMMARY_FILE)
+        if record is not None and all((self._out / name).exists() for name in (MANIFEST_FILE, RUNS_FILE)):
+            yield self._out / RUNS_FILE, *record
+
+    def _records(self) -> Iterable[_Record]:
+        for path in sorted(self._parts.glob("*.json")):
+            with contextlib.suppress(LogError):
+                record = self._record(path)
+                if record is not None:
+                    yield path.with_suffix(".parquet"), *record
+
+    def _record(self, path: Path) -> tuple[list[Row], dict[str, Any]] | None:
+        """Rows and what made them, if this command left them here; raises LogError if they are damaged."""
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+            rows, by = content["runs"], content["made_by"]
+        except (OSError, ValueError, RecursionError, KeyError, TypeError):  # another command's, or none
+            return None
+        makers = isinstance(by, dict) and all(
+            isinstance(one, dict) and isinstance(one.get("versions"), dict) for one in by.values()
+        )
+        if not (makers and isinstance(rows, list) and all(self._is_valid(row, by) for row in rows)):
+            raise LogError(f"{path}: its rows of runs are damaged; --no-resume drives all runs again")
+        return rows, by
+
+    def _is_valid(self, row: object, by: Mapping[str, Any]) -> bool:
+        return (
+            isinstance(row, dict)
+            and all(isinstance(row.get(name), str) for name in _TEXTS)
+            and "error" in row
+            and row["made_by"] in by
+            and self._is_row(row)
+        )
+
+
+def resumable(stop: _Stop, driven: int, runs: int, command: str = "the same command") -> _Stop:
+    """The exception that stopped a command, with a message that says what is kept."""
+    said = str(stop) or "interrupted"
+    return type(stop)(f"{said} with {driven} of {runs} runs driven; {command} resumes" if driven else said)
+
+
+def _whole(file: Path, names: Iterable[str]) -> bool:
+    """Whether all of a file can be read, and it has the runs of these names."""
+    try:
+        with pyarrow.parquet.ParquetFile(file, page_checksum_verification=True) as runs:
+            for group in range(runs.num_row_groups):
+                runs.read_row_group(group)
+        stored = StoredRuns(file)
+        for name in names:
+            stored.metadata(name)
+    except (OSError, pyarrow.ArrowException, LogError):
+        return False
+    return True
+
+
+def _put(path: Path, content: bytes) -> None:
+    """A file, whole or not at all."""
+    draft = path.with_name(f".{path.name}-{os.getpid()}")
+    try:
+        draft.write_bytes(content)
+        os.replace(draft, path)
+    finally:
+        draft.unlink(missing_ok=True)

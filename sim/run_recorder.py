@@ -1,0 +1,199 @@
+"""Recording N runs row by row, and turning the rows into RunLogs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from sim.fleet import Fleet
+from sim.instruments import pad_forces
+from sim.scanner.feed import ScannerFeed
+from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.kinematics import Array
+from trackslip.localization.base import PoseEstimate
+from trackslip.localization.scan import Cluster
+from trackslip.logs.runlog import RunLog, Truth
+from trackslip.logs.scanlog import ScanLog
+from trackslip.slip.base import SlipLaw
+from trackslip.slip.icr import ConstantIcr
+
+FAILURE = "failure"
+"""Key of a log's metadata: why the run stopped early."""
+_TIPPED = 0.5  # roll or pitch from which a robot lies on its side [rad]
+
+
+@dataclass(frozen=True)
+class Description:
+    """The name of a run, and its metadata."""
+
+    run: str
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+
+
+class RunFailedError(TrackslipError):
+    """A run that stopped before its end: a robot tipped over, or a controller failed."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+        self.logs: list[RunLog] = []
+        """What was recorded of every run of the fleet until then; empty if that is less than two rows.
+
+        The metadata of each log give the message under the key "failure".
+        """
+
+
+class RunRecorder:
+    """Arrays for the rows of N runs, filled in while they are driven.
+
+    A row is complete once its command is set; logs contain the complete rows.
+    """
+
+    def __init__(self, fleet: Fleet, rows: int, period: float, descriptions: Sequence[Description] | None) -> None:
+        n = fleet.size
+        if descriptions is None:
+            geometry = vars(fleet.robot.geometry)
+            descriptions = [Description(f"run {k}", {"geometry": geometry}) for k in range(n)]
+        if len(descriptions) != n:
+            raise InvalidValueError("descriptions", f"{len(descriptions)} descriptions", f"{n}, one per robot")
+        self._fleet, self._period, self._descriptions = fleet, period, descriptions
+        self._angle = fleet.drive.encoder_angle()
+        self.rows = rows
+        self.complete = 0
+        """Number of rows that have been recorded in full."""
+        self.time = np.arange(rows) * period  # (T,) [s]
+        self.omega = np.zeros((rows, n, 2))  # [rad/s]
+        self.pose = np.zeros((rows, n, 3))  # [m, m, rad]
+        self._command = np.zeros((rows, n, 2))
+        self._twist_command = np.full((rows, n, 2), np.nan)
+        self._icr = np.full((rows, n, 2), np.nan)
+        self._covariance = np.zeros((rows, n, 3, 3))
+        self._valid = np.zeros((rows, n), bool)
+        self._true_pose = np.zeros((rows, n, 3))
+        self._true_twist = np.zeros((rows, n, 3))
+        self._lean = np.zeros((rows, n))
+        self._traction = np.zeros((rows, n, 2))
+        self._torque = np.zeros((rows, n, 2))
+        self._energy = np.zeros((rows, n, 2))
+        self._saturated_time = np.zeros((rows, n, 2))
+        self._in_detail = fleet.robot.contact_sensors
+        self._contact = np.zeros((rows if self._in_detail else 0, n, len(fleet.robot.pad_side), 3), np.float32)
+        self._ranges: list[np.ndarray] = []  # (N, rows, B) each
+
+    def measure(self, k: int) -> None:
+        """Record encoders and truth in row k; raises RunFailedError when a robot tips over."""
+        fleet = self._fleet
+        for i in np.flatnonzero(~(np.abs(fleet.attitude()[:, 1:]) < _TIPPED).all(axis=1)):
+            raise RunFailedError(f"run {self.name(int(i))!r}: the robot tips over after {self.time[k]:g} s")
+        angle = fleet.drive.encoder_angle()
+        self.omega[k] = (angle - self._angle) / self._period
+        self._angle = angle
+        self._true_pose[k], self._true_twist[k] = fleet.pose(), fleet.twist()
+        self._lean[k] = fleet.lean()
+        self._traction[k], self._torque[k] = fleet.traction(), fleet.drive.torque
+        self._energy[k], self._saturated_time[k] = fleet.drive.energy, fleet.drive.saturated_time
+        if self._in_detail:
+            self._contact[k] = pad_forces(fleet)
+
+    def command(self, k: int) -> None:
+        """Record the set points that the sprockets have now, which completes row k."""
+        self._command[k] = self._fleet.drive.set_point
+        self.complete = k + 1
+
+    def estimate(self, k: int, estimate: PoseEstimate) -> None:
+        """Record estimated poses (N,) in row k."""
+        self.pose[k], self._covariance[k], self._valid[k] = estimate.pose, estimate.covariance, estimate.valid
+
+    def estimate_exactly(self, k: int) -> None:
+        """Record the true poses as the estimated ones in row k."""
+        n = self._fleet.size
+        self.estimate(k, PoseEstimate(self._fleet.pose(), np.zeros((n, 3, 3)), np.ones(n, bool)))
+
+    def scanned(self, ranges: Array) -> None:
+        """Keep the next complete scans (N, rows, B) [m], if the robot was loaded with contact sensors."""
+        if self._in_detail:
+            self._ranges.append(ranges.astype(np.float32))
+
+    def full_ranges(self, robot: int) -> Array:
+        """All complete scans (T, B) of a robot [m]."""
+        return np.concatenate([block[robot] for block in self._ranges])[: self.complete]
+
+    def name(self, robot: int) -> str:
+        """Name of a robot's run."""
+        return self._descriptions[robot].run
+
+    def estimated(self, k: int, robots: Sequence[int]) -> PoseEstimate:
+        """The estimated poses (R,) of some robots in row k."""
+        return PoseEstimate(self.pose[k, robots], self._covariance[k, robots], self._valid[k, robots])
+
+    def steered(self, k: int, robots: Sequence[int], twist: Array, law: SlipLaw) -> None:
+        """Record a controller's twists (R, 2) for R robots, and the law that turns them into sprocket speeds.
+
+        Raises:
+            RunFailedError: for twists of the wrong shape, or not finite.
+        """
+        if twist.shape != (len(robots), 2):
+            raise RunFailedError(
+                f"run {self.name(robots[0])!r}: its controller's twists have the shape {twist.shape}: must be "
+                f"{(len(robots), 2)}, one per pose"
+            )
+        for i in np.flatnonzero(~np.isfinite(twist).all(axis=1)):
+            name = self.name(robots[int(i)])
+            raise RunFailedError(
+                f"run {name!r}: its controller asks for the twist {tuple(twist[i].tolist())} at {self.time[k]:g} s"
+            )
+        self._twist_command[k, robots] = twist
+        if isinstance(law, ConstantIcr):
+            self._icr[k, robots] = np.stack(np.broadcast_arrays(law.offset, law.radius_error), axis=-1)
+
+    def logs(
+        self, feed: ScannerFeed | None = None, plates: Sequence[Cluster] | None = None, failure: str | None = None
+    ) -> list[RunLog]:
+        """A log per run, of its complete rows; none if there are fewer than two.
+
+        Args:
+            feed: the scanner that saw the `plates`.
+            plates: the part of each robot's scans that was taken for its plate; None without scans.
+            failure: why the runs stopped early.
+        """
+        if self.complete < 2:
+            return []
+        return [self._log(i, feed, plates, failure) for i in range(self._fleet.size)]
+
+    def _log(self, i: int, feed: ScannerFeed | None, plates: Sequence[Cluster] | None, failure: str | None) -> RunLog:
+        rows, description = slice(self.complete), self._descriptions[i]
+        twist_command, icr = self._twist_command[rows, i], self._icr[rows, i]
+        scans = None
+        if feed is not None and plates is not None:
+            full = self.full_ranges(i) if self._in_detail else None
+            empty = feed.scan(np.empty((0, len(feed.bearings))))
+            scans = ScanLog(empty, self._fleet.robot.plate, plates[i], full)
+        return RunLog(
+            run=description.run,
+            time=self.time[rows],
+            omega=self.omega[rows, i],
+            pose=self.pose[rows, i],
+            command=self._command[rows, i],
+            twist_command=None if np.isnan(twist_command).any() else twist_command,
+            icr=None if np.isnan(icr).any() else icr,
+            covariance=self._covariance[rows, i],
+            valid=self._valid[rows, i],
+            truth=Truth(
+                self._true_pose[rows, i],
+                self._true_twist[rows, i],
+                self._traction[rows, i],
+                self._torque[rows, i],
+                self._rate(self._energy[rows, i]),
+                self._rate(self._saturated_time[rows, i]),
+                self._lean[rows, i],
+                self._contact[rows, i] if self._in_detail else None,
+            ),
+            scans=scans,
+            metadata=dict(description.metadata) | ({} if failure is None else {FAILURE: failure}),
+        )
+
+    def _rate(self, total: Array) -> Array:
+        """Mean rates (T, 2) since the row before, of accumulated quantities (T, 2)."""
+        return np.diff(total, axis=0, prepend=total[:1]) / self._period

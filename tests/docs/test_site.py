@@ -1,0 +1,125 @@
+"""The documentation's site: built strictly, complete, and readable from file:// without network."""
+
+import re
+import shutil
+import subprocess
+import sys
+from html.parser import HTMLParser
+from urllib.parse import unquote
+
+import api_pages
+import pytest
+from browser import dump
+from pages import ROOT
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    pytest.importorskip("zensical", reason="the extra `docs` isn't installed")
+    folder = tmp_path_factory.mktemp("site")
+    shutil.copytree(ROOT / "docs", folder / "docs")
+    for package in ("trackslip", "sim"):
+        (folder / package).symlink_to(ROOT / package)
+    config = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
+    (folder / "mkdocs.yml").write_text(config.replace("site_dir: out/docs", "site_dir: site"), encoding="utf-8")
+    done = subprocess.run(
+        [sys.executable, "-m", "zensical", "build", "--strict"], cwd=folder, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    (folder / "site" / "404.html").unlink()  # only servers show it, and its links are theirs
+    return folder / "site"
+
+
+class References(HTMLParser):
+    """What a page loads, what it links to, and what can be linked to on it."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.loaded, self.linked, self.anchors, self.equations = [], [], set(), 0
+        self.feed(page.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        self.anchors.add(given.get("id"))
+        self.equations += tag == "math"
+        if "src" in given:
+            self.loaded.append(given["src"])
+        if "href" in given:
+            loads = tag == "link" and given.get("rel") not in ("canonical", "next", "prev")
+            (self.loaded if loads else self.linked).append(given["href"])
+
+
+def local(page, link):
+    """The file and the anchor that a relative link leads to."""
+    path, _, anchor = unquote(link).partition("#")
+    return (page.parent / path).resolve() if path else page, anchor
+
+
+def test_every_page_and_public_name_is_there(site):
+    for page in (ROOT / "docs").rglob("*.md"):
+        name = "index.html" if page.name == "README.md" else page.with_suffix(".html").relative_to(ROOT / "docs")
+        assert (site / name).is_file()
+    for package in api_pages.PACKAGES:
+        anchors = References(site / "api" / f"{package}.html").anchors
+        names = [name for names in api_pages.rooms(package).values() for name in names]
+        assert names
+        assert set(names) <= anchors
+
+
+@pytest.mark.parametrize("package", api_pages.PACKAGES)
+def test_the_api_pages_list_the_public_names(package):
+    """If this fails, run `python tests/helpers/api_pages.py`."""
+    assert (ROOT / "docs" / "api" / f"{package}.md").read_text(encoding="utf-8") == api_pages.page(package)
+
+
+def test_pages_load_nothing_from_a_network(site):
+    for page in site.rglob("*.html"):
+        for link in References(page).loaded:
+            assert not re.match(r"(https?:)?//", link), f"{page.name} loads {link}"
+            assert link.startswith("data:") or local(page, link.partition("?")[0])[0].is_file(), f"{page.name}: {link}"
+    for sheet in site.rglob("*.css"):
+        assert not re.search(r"(@import|url\()\s*[\"']?(https?:)?//", sheet.read_text(encoding="utf-8")), sheet.name
+
+
+def test_links_lead_to_pages_and_headings_that_are_there(site):
+    anchors = {page: References(page).anchors for page in site.rglob("*.html")}
+    for page in anchors:
+        for link in References(page).linked:
+            if re.match(r"[a-z]+:", link):
+                continue
+            there, anchor = local(page, link)
+            assert there.is_file(), f"{page.name} links to {link}"
+            assert not anchor or anchor == "__search" or anchor in anchors[there], f"{page.name} links to {link}"
+
+
+def test_equations_are_rendered(site):
+    physics = site / "physics.html"
+    assert References(physics).equations > 50
+    for page in site.rglob("*.html"):
+        assert "$$" not in page.read_text(encoding="utf-8")
+
+
+SEARCH = """<script>
+const shadows = (root) => [...root.querySelectorAll("*")].flatMap((element) => element.shadowRoot ?? []);
+const within = (root) => [root, ...shadows(root).flatMap(within)];
+const find = (selector) => within(document).map((root) => root.querySelector(selector)).find(Boolean);
+async function wait(selector) {
+  for (let k = 0; k < 100 && !find(selector); k++) await new Promise((done) => setTimeout(done, 100));
+  return find(selector);
+}
+addEventListener("load", async () => {
+  find(".md-search__button, [data-md-component=search] button").click();
+  const input = await wait("input[type=text], input[type=search]");
+  input.value = "hyperbola";
+  input.dispatchEvent(new Event("input", { bubbles: true }));
+  const link = await wait("a[role=option][href*='physics.html']");
+  document.title = link ? "found" : "not found";
+});
+</script>"""
+
+
+def test_search_works_from_a_file(site, tmp_path):
+    copy = shutil.copytree(site, tmp_path / "site")
+    page = copy / "speed.html"
+    page.write_text(page.read_text(encoding="utf-8") + SEARCH, encoding="utf-8")
+    assert "<title>found</title>" in dump(page.as_uri())

@@ -1,0 +1,60 @@
+"""Write the API pages: one for each package, with every name in its `__all__`, grouped by the room that defines it.
+
+Run `python tests/helpers/api_pages.py` after a public name has come, moved or gone; a test says when.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+from pathlib import Path
+
+PACKAGES = {
+    "trackslip": "Localization, identification, slip laws, controllers and logs. It needs no simulator.",
+    "sim": "The simulated world: robots, grounds, drives, the laser range finder and closed loops.",
+}
+FOLDER = Path(__file__).parents[2] / "docs" / "api"
+
+
+def page(package: str) -> str:
+    """Markdown that lists every public name of a package.
+
+    Raises:
+        AttributeError: if `__all__` has a name that the package doesn't give.
+    """
+    lines = [
+        f"# {package}",
+        "",
+        f"{PACKAGES[package]} `from {package} import NAME` gives every name on this page. Units are SI, angles are in "
+        "radians, and tracks are ordered (left, right) on the last axis.",
+    ]
+    for room, names in rooms(package).items():
+        lines += ["", f"## {room}"]
+        for name in names:
+            lines += ["", f"::: {name}"]
+    return "\n".join(lines) + "\n"
+
+
+def rooms(package: str) -> dict[str, list[str]]:
+    """Full names of a package's public names, by the subpackage or module that defines them."""
+    front_door = importlib.import_module(package)
+    found: dict[str, list[str]] = {}
+    for name in sorted(getattr(front_door, "__all__", ()), key=str.lower):
+        if name.startswith("__"):
+            continue
+        value = getattr(front_door, name)
+        home = value.__name__ if inspect.ismodule(value) else getattr(value, "__module__", package)
+        room = ".".join(home.split(".")[:2]) if home != package else package
+        found.setdefault(room, []).append(home if inspect.ismodule(value) else f"{home}.{name}")
+    return dict(sorted(found.items()))
+
+
+def main() -> None:
+    """Write both pages."""
+    FOLDER.mkdir(exist_ok=True)
+    for package in PACKAGES:
+        (FOLDER / f"{package}.md").write_text(page(package), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

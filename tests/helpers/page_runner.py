@@ -1,0 +1,135 @@
+"""Run the code blocks of a page and compare what they print with what it shows.
+
+`python tests/helpers/page_runner.py docs/coverage.md` runs a page, slow commands included, and writes what is printed
+now into it, for the lines whose words are the same and whose numbers aren't.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.util
+import io
+import os
+import re
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pages import Block, arguments, blocks, commands, missing_line
+
+from experiments.cli import main, parse
+
+OPTIONAL = ("pandas", "polars")
+"""Libraries that readers may have; the extra `test` brings them."""
+_NUMBER = re.compile(r"[-+]?\d[\d,]*\.?\d*(?:e[-+]?\d+)?")
+
+
+@dataclass
+class PageRunner:
+    """Runs the blocks of a page, in order."""
+
+    folder: Path
+    """Where the page's files are written: the working directory."""
+    captured: Callable[[], str]
+    """Gives what was printed since the last call."""
+    slow: bool = False
+    """Whether slow commands are run, or only parsed."""
+    names: dict[str, Any] = field(default_factory=lambda: {"__name__": "__main__"})
+    printed: str | None = None
+    """By the block before, if it was run."""
+    missing: list[str] = field(default_factory=list)
+    """Optional libraries that aren't installed."""
+
+    def run(self, block: Block) -> None:
+        """Run a block; raises AssertionError where a page shows what wasn't printed, or a command ends otherwise."""
+        if block.language == "text":
+            line = None if self.printed is None else missing_line(block.text, self.printed)
+            assert line is None, f"not printed: {line}\nprinted was:\n{self.printed}"
+            return
+        self.printed = None
+        if block.directive == "file":
+            (self.folder / block.about).write_text(block.text, encoding="utf-8")
+        if block.language == "python":
+            self._python(block)
+        elif block.language == "sh" and block.directive != "not run":
+            given = [arguments(command) for command in commands(block.text)]
+            if not self._runs(block):
+                for words in given:
+                    parse(words)
+                return
+            for words in given:
+                self._command(words, block.directive)
+        self.printed = self.captured()
+
+    def _runs(self, block: Block) -> bool:
+        if block.directive == "needs":
+            return importlib.util.find_spec(block.about) is not None
+        return block.directive != "parsed only" and (self.slow or block.directive != "slow")
+
+    def _python(self, block: Block) -> None:
+        if block.directive == "slow" and not self.slow:
+            return
+        try:
+            exec(compile(block.text, f"line {block.line}", "exec"), self.names)
+        except ModuleNotFoundError as error:
+            if error.name not in OPTIONAL:
+                raise
+            self.missing.append(error.name)
+
+    def _command(self, given: list[str], directive: str) -> None:
+        code = 0
+        try:
+            main(given)
+        except SystemExit as stop:
+            code = stop.code or 0
+        assert code == (2 if directive == "refused" else 0), given
+
+
+def refreshed(page: str, runner: PageRunner) -> str:
+    """A page with the numbers that its blocks print now."""
+    lines = page.splitlines()
+    for block in blocks(page):
+        if block.language == "text" and runner.printed is not None:
+            there = iter(runner.printed.splitlines())
+            for k in range(block.line, block.line + len(block.text.splitlines())):
+                lines[k] = _as_printed(lines[k], there)
+        else:
+            runner.run(block)
+    return "\n".join(lines) + "\n"
+
+
+def _as_printed(line: str, there: Iterator[str]) -> str:
+    """The next printed line whose words are the shown line's, or the shown line where there is none."""
+    words = line.removesuffix("…").split()
+    for found in there if words else ():
+        now = found.split()[: len(words)] if line.endswith("…") else found.split()
+        if now == words:
+            return line
+        if [_NUMBER.sub("#", word) for word in now] == [_NUMBER.sub("#", word) for word in words]:
+            return found.rstrip() if not line.endswith("…") else " ".join(now) + " …"
+    return line
+
+
+def _refresh(path: Path) -> None:
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), io.StringIO() as output:
+
+        def captured() -> str:
+            text = output.getvalue()
+            output.seek(0)
+            output.truncate()
+            return text
+
+        sys.path.insert(0, folder)
+        runner = PageRunner(Path(folder), captured, slow=True)
+        with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
+            text = refreshed(path.read_text(encoding="utf-8"), runner)
+        path.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    os.environ["COLUMNS"] = "200"
+    for name in [Path(name).resolve() for name in sys.argv[1:]]:
+        _refresh(name)

@@ -1,0 +1,136 @@
+"""A user's program, type-checked strictly and run against the built and installed wheel."""
+
+import os
+import subprocess
+import sys
+import sysconfig
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PROGRAM = '''
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+import sim
+import trackslip
+
+
+@dataclass(frozen=True)
+class Saturating(trackslip.SlipLaw):
+    """A law of one's own: slip grows with curvature and saturates."""
+
+    size: float
+
+    def __call__(self, kappa: ArrayLike) -> NDArray[np.floating]:
+        grown = self.size * np.tanh(np.asarray(kappa, float))
+        return np.stack([-grown, grown], axis=-1)
+
+
+class Proportional:
+    """A controller of one's own."""
+
+    def reset(self) -> None: ...
+
+    def twist(self, time: float, pose: ArrayLike, reference: trackslip.Reference) -> NDArray[np.floating]:
+        error = trackslip.body_errors(pose, reference.pose(time))
+        twist: NDArray[np.floating] = reference.twist(time) + error @ np.array([[1.0, 0.0], [0.0, 4.0], [0.0, 2.0]])
+        return twist
+
+
+def follow(controller: trackslip.Controller, law: trackslip.SlipLaw, robot: trackslip.RobotGeometry) -> float:
+    reference: trackslip.Reference = trackslip.circle(1.0, 0.15, 10.0)
+    twist = controller.twist(0.0, reference.pose(0.0), reference)
+    return float(law.sprocket_speeds(twist, robot).max())
+
+
+def main(log: Path, folder: Path) -> None:
+    robot = trackslip.RobotGeometry(half_gauge=0.168, sprocket_radius=0.06)
+    found = trackslip.identify(log, robot)
+    best: trackslip.SlipLaw = found.laws[found.best]
+    low, high = found.intervals["icr"]["offset"]
+    trackslip.save_laws(folder / "laws.json", found.laws, robot)
+    laws: dict[str, trackslip.SlipLaw] = trackslip.load_laws(folder / "laws.json", robot)
+    page: Path = found.report(folder / "report.html")
+    speeds = [follow(controller, law, robot) for controller in (Proportional(), trackslip.LinearTimeVarying())
+              for law in (best, Saturating(0.1), trackslip.PUBLISHED)]
+    filtered = trackslip.IcrFilter(np.zeros((2, 3)), robot)
+    fleet = sim.Fleet(sim.load_robot(), np.zeros((2, 3)), sim.Ground())
+    print(trackslip.__version__, low < high, len(laws), page.name, max(speeds), filtered.offset.shape)
+    print(fleet.pose().shape)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]))
+'''
+WRONG = """
+import trackslip
+
+number: int = trackslip.__version__
+trackslip.identify(3)
+trackslip.nonsense
+trackslip.Exponential("a", 1, 2, 3)
+"""
+
+
+def run(*command, cwd):
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    return subprocess.run(
+        [str(part) for part in command], cwd=cwd, env=environment, capture_output=True, text=True, check=False
+    )
+
+
+@pytest.fixture(scope="module")
+def python(tmp_path_factory):
+    """The interpreter of a fresh environment with the wheel, and beside it what is installed here but trackslip."""
+    pytest.importorskip("hatchling", reason="hatchling builds the wheel")
+    pytest.importorskip("mypy", reason="mypy checks the program")
+    folder = tmp_path_factory.mktemp("wheel")
+    built = run(sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", folder, cwd=ROOT)
+    assert built.returncode == 0, built.stderr
+    (wheel,) = folder.glob("*.whl")
+    run(sys.executable, "-m", "venv", "--without-pip", folder / "venv", cwd=folder)
+    python = folder / "venv" / "bin" / "python"
+    install = ("install", "--no-deps", "--no-index", "--no-compile", wheel)
+    installed = run(sys.executable, "-m", "pip", "--python", python, *install, cwd=folder)
+    assert installed.returncode == 0, installed.stderr
+    site = next((folder / "venv" / "lib").glob("python*/site-packages"))
+    (site / "others.pth").write_text(sysconfig.get_path("purelib") + "\n")  # whose own .pth files aren't read
+    return python
+
+
+def check(python, program, folder):
+    (folder / "program.py").write_text(program)
+    return run(
+        *(sys.executable, "-m", "mypy", "--strict", "--python-executable", python, "--cache-dir", folder / "cache"),
+        "program.py",
+        cwd=folder,
+    )
+
+
+def test_a_users_program_type_checks_and_runs(python, tmp_path):
+    checked = check(python, PROGRAM, tmp_path)
+    assert checked.stdout == "Success: no issues found in 1 source file\n", checked.stdout + checked.stderr
+    measured = ((1.7, 0.1095, 0.0421), (1.4, 0.1005, 0.0842), (1.0, 0.0887, 0.1403))
+    rows = [f"{left},2.0,{v},{w}" for left, v, w in measured]
+    (tmp_path / "samples.csv").write_text("\n".join(["omega_l,omega_r,v,w", *rows]) + "\n")
+    done = run(python, "program.py", "samples.csv", ".", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "report.html" in done.stdout
+    assert (tmp_path / "report.html").read_text().startswith("<!DOCTYPE html>")
+    where = run(python, "-c", "import trackslip; print(trackslip.__file__)", cwd=tmp_path)
+    assert str(python.parents[1]) in where.stdout
+
+
+def test_wrong_types_are_found(python, tmp_path):
+    """So that the test above can fail: without py.typed everything is Any."""
+    found = check(python, WRONG, tmp_path).stdout
+    for line in (4, 5, 6, 7):
+        assert f"program.py:{line}: error" in found

@@ -1,0 +1,147 @@
+"""Steady samples from whatever was logged: traces or samples, a folder, a file or runs in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from trackslip.errors import InvalidValueError, LogError, require_positive
+from trackslip.identification.samples import Sampling, usable_rows, usable_samples
+from trackslip.kinematics import RobotGeometry
+from trackslip.logs.logfile import read_table, runs_file
+from trackslip.logs.runlog import RunLog
+from trackslip.logs.table import REQUIRED, SAMPLE_COLUMNS, read_samples, runs_from_table
+from trackslip.motion.steady import SETTLE
+
+_MATTERS = ("ground", "radius_error", "geometry", "model_sha256")  # to slip
+
+
+@dataclass(frozen=True)
+class Source:
+    """Steady samples, and the runs they were taken from."""
+
+    geometry: RobotGeometry
+    sampling: Sampling
+    logs: tuple[RunLog, ...]
+    """Empty if the log held samples instead of traces."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a log is read."""
+
+    half_gauge: float | None = None
+    """Half the distance between the tracks [m]; None for what the log states."""
+    sprocket_radius: float | None = None
+    """Radius of the sprockets [m]; None for what the log states."""
+    gear: float = 1.0
+    """Turns of the encoder per turn of the sprocket, if omega is the speed of the encoder [-]."""
+    settle: float = SETTLE
+    """Time after the sprockets have become steady that is left out of each run [s]."""
+    motion: str | None = None
+    """Name of a motion method; None for the most accurate that each run allows."""
+
+    def __post_init__(self) -> None:
+        require_positive("gear", self.gear)
+
+
+def read_source(
+    path: Path, reading: Reading = Reading(), chosen: Callable[[Path], Collection[str]] | None = None
+) -> Source:
+    """Samples from a folder of results, or from a `.parquet` or `.csv` file of traces or steady samples.
+
+    Args:
+        path: the folder or file.
+        reading: geometry, gear, and how traces become samples.
+        chosen: given the folder, the names of the runs to use; None for all of them.
+
+    Raises:
+        LogError: if nothing in the log can be used, or it holds samples to choose runs from.
+        InvalidValueError: if neither `reading` nor the log states the geometry.
+    """
+    file = runs_file(path)
+    try:
+        return _read(file, reading, chosen)
+    except LogError as error:
+        raise error if str(file) in str(error) else LogError(f"{file}: {error}") from error
+
+
+def source_of_runs(runs: Sequence[RunLog], reading: Reading = Reading(), name: str = "the runs") -> Source:
+    """Samples from runs in memory, called `name` in messages; closed loops among them are not used.
+
+    Raises:
+        LogError: if no run can be used, or the runs differ in what matters to slip.
+        InvalidValueError: if neither `reading` nor the runs state the geometry.
+    """
+    if not runs:
+        raise LogError(f"{name}: there are none")
+    logs = [log for log in runs if "controller" not in log.metadata]
+    if not logs:
+        raise LogError(f"{name}: its {len(runs)} run(s) are closed loops; slip is identified from steady runs")
+    _require_one_setting(logs, name)
+    geometry = _geometry(reading, logs[0].metadata.get("geometry"), name)
+    known = {"geometry": asdict(geometry)}
+    logs = [replace(log, omega=log.omega / reading.gear, metadata=log.metadata | known) for log in logs]
+    return Source(geometry, usable_samples(logs, geometry, reading.settle, reading.motion), tuple(logs))
+
+
+def origin(logs: Sequence[RunLog]) -> dict[str, Any]:
+    """Seed, model and ground, where all runs state the same; empty for a real robot's."""
+    metadata = [log.metadata for log in logs]
+    return {
+        key: metadata[0][key]
+        for key in ("seed", "model_sha256", "ground")
+        if metadata and all(one.get(key) == metadata[0].get(key) is not None for one in metadata)
+    }
+
+
+def _read(file: Path, reading: Reading, chosen: Callable[[Path], Collection[str]] | None) -> Source:
+    table = read_table(file)
+    columns = table.column_names
+    if "x" not in columns and set(SAMPLE_COLUMNS) <= set(columns):
+        if chosen is not None:
+            raise LogError(f"{file}: holds steady samples, not runs of a sweep: --where must be left out")
+        geometry = _geometry(reading, None, file)
+        omega, twist = read_samples(table, str(file))
+        return Source(geometry, usable_rows(omega / reading.gear, twist, geometry), ())
+    if not set(columns) & set(REQUIRED[1:]):
+        needed = f"{', '.join(REQUIRED)} or {', '.join(SAMPLE_COLUMNS)}"
+        raise LogError(f"{file}: needs the columns {needed}; found {', '.join(columns)[:200]!r}")
+    runs = runs_from_table(table, str(file))
+    if chosen is not None:
+        names = chosen(file.parent)
+        runs = [log for log in runs if log.run in names]
+        if not runs:
+            raise LogError(f"{file}: none of the {len(names)} chosen run(s) is there: they failed")
+    return source_of_runs(runs, reading, str(file))
+
+
+def _require_one_setting(logs: Sequence[RunLog], source: str) -> None:
+    """Raise LogError for runs that cannot share one slip law, because ground or robot differ."""
+    for key in _MATTERS:
+        values = [log.metadata[key] for log in logs if key in log.metadata]
+        if any(value != values[0] for value in values):
+            raise LogError(f"{source}: its runs differ in {_difference(key, values)}: choose with --where NAME=VALUE")
+
+
+def _difference(key: str, values: Sequence[Any]) -> str:
+    first = values[0]
+    if not isinstance(first, Mapping):
+        return key
+    return f"{key} ({', '.join(name for name in first if any(value.get(name) != first[name] for value in values))})"
+
+
+def _geometry(reading: Reading, stored: Any, source: object) -> RobotGeometry:
+    """The geometry given, else the one the log states."""
+    values = {}
+    for name in ("half_gauge", "sprocket_radius"):
+        given = getattr(reading, name)
+        value = stored.get(name) if given is None and isinstance(stored, Mapping) else given
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise InvalidValueError(
+                name, value, f"given (--{name.replace('_', '-')} on the command line): {source} does not state it"
+            )
+        values[name] = float(value)
+    return RobotGeometry(**values)
