@@ -10,11 +10,11 @@ from experiments.benchmark.jobs import drive_groups, ids, seconds
 from experiments.benchmark.rows import CaseRow, board, losses, over_seeds
 from experiments.benchmark.setup import Setup, without_missing
 from experiments.benchmark.table import BOARD_HEADER, board_text, leaderboard
-from experiments.driving.grid_runs import stages_text
 from experiments.options.benchmark import BenchmarkConfig, Case
 from experiments.parallel.executors import WorkersFailedError
 from experiments.recording import record_all
 from experiments.report.benchmark import render
+from experiments.report.formats import stages_text
 from experiments.report.terminal import print_table, progress
 from experiments.storage.manifest import command_line
 from experiments.storage.parts import Parts, resumable

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from experiments.driving.grid_runs import stages_text
 from experiments.driving.world import World
 from experiments.options.grid import SweepConfig
 from experiments.parallel.executors import WorkersFailedError, processors, workers
 from experiments.recording import record_all
+from experiments.report.formats import stages_text
 from experiments.report.terminal import progress
 from experiments.storage.parts import Parts, resumable
 from experiments.storage.plain_json import write_json

@@ -1,4 +1,4 @@
-"""The page of a benchmark: leaderboard, where paths are lost, figures, all rows."""
+"""The page of a benchmark: leaderboard, lost paths, figures, all rows."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ _FAVOURITES = (
     "icr",
     "published",
     "none",
-)  # with which controllers are compared, if it is there
-_REPRESENTATIVES = ("linear", "feedforward")  # with which compensations are compared
+)  # compensations to compare controllers with, the first available one
+_REPRESENTATIVES = ("linear", "feedforward")  # controllers to compare compensations with
 
 
 @dataclass(frozen=True)
@@ -44,16 +44,16 @@ def render(
     manifest: Mapping[str, Any],
     command: str,
 ) -> Page:
-    """The page and its figures.
+    """Draw the figures and fill in the template.
 
     Args:
         runs_file: the Parquet file with the runs.
         entries: of the leaderboard.
-        lost: where paths were lost, in sentences.
+        lost: sentences on lost paths.
         rows: means over seeds.
-        runs: what is known of each run.
-        manifest: how they were made.
-        command: the same, in one line.
+        runs: one row per run.
+        manifest: how the results were made.
+        command: the command line.
     """
     shown = list(_path_figures(runs_file, [run.case for run in runs if run.error is None]))
     drawings = [Drawing("leaderboard", figures.board(rows)), *(figure.drawing for figure in shown)]
@@ -75,7 +75,7 @@ def render(
 
 
 def _path_figures(runs_file: Path, cases: Sequence[Case]) -> Iterator[_Figure]:
-    """For each reference: controllers side by side, and a controller with each compensation; first ground and seed."""
+    """Per reference: controllers side by side, and one controller with each compensation; first ground and seed."""
     for name in dict.fromkeys(case.reference for case in cases):
         here = [case for case in cases if case.reference == name]
         here = [case for case in here if (case.ground, case.seed) == (here[0].ground, here[0].seed)]
@@ -100,13 +100,13 @@ def _path_figures(runs_file: Path, cases: Sequence[Case]) -> Iterator[_Figure]:
 
 
 def _commonest_start(cases: Sequence[Case]) -> str:
-    """The start from which most controllers drive."""
+    """The start with the most controllers."""
     controllers = {case.start: len({c.controller for c in cases if c.start == case.start}) for case in cases}
     return max(controllers, key=lambda start: controllers[start])
 
 
 def _first(cases: Sequence[Case], key: str) -> dict[str, Case]:
-    """The first of the cases by what their field `key` is."""
+    """The first case for each value of the field `key`."""
     found: dict[str, Case] = {}
     for case in cases:
         found.setdefault(getattr(case, key), case)
@@ -124,6 +124,6 @@ def _figure(
 
 
 def _read(path: Path, names: Sequence[str]) -> list[RunLog]:
-    """Some of the runs in a file."""
+    """Read some of the runs in a file."""
     table = pyarrow.parquet.read_table(path, filters=[("run", "in", list(names))])
     return runs_from_table(table, str(path))

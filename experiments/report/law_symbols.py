@@ -1,4 +1,4 @@
-"""How the parameters of slip laws are written."""
+"""Symbols, formulas and units of slip laws, as printed."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ FORMULAS = {
     "icr_radius": ("outer: 1 − (1 + ε)(R + b) / (R + b + D)", "inner: 1 − (1 + ε)(R − b) / (R − b − D)"),
     "icr_sides": ("as above, with D and ε", "of the left and the right track"),
 }
-"""Law -> lines of its formula."""
+"""Law -> the lines of its formula."""
 _MAX_DIGITS = 7
 
 
 def unit_of(law: str, parameter: str) -> tuple[float, str]:
-    """Factor from SI and unit of a law's parameter, as printed: mm for lengths, % for errors of the radius."""
+    """Factor from SI and unit in which a parameter is printed: mm for lengths, % for errors of the radius."""
     if parameter.startswith("radius_error"):
         return 1e2, "%"
     unit = FAMILIES[law].parameters[parameter].unit
@@ -50,8 +50,3 @@ def unit_of(law: str, parameter: str) -> tuple[float, str]:
 def digits_for(error: float) -> int:
     """Decimals that show two digits of an error."""
     return min(_MAX_DIGITS, max(0, 1 - math.floor(math.log10(error)))) if error > 0 else _MAX_DIGITS
-
-
-def fixed(value: float, digits: int) -> str:
-    """A number with that many decimals and a proper minus sign; a dash for none."""
-    return f"{value:.{digits}f}".replace("-", "−") if math.isfinite(value) else "–"

@@ -19,7 +19,8 @@ from time import perf_counter
 
 import numpy as np
 
-from experiments.driving.grid_runs import before_scanner, make_locator
+from experiments.driving.grid_runs import before_scanner
+from experiments.driving.lookup import locator
 from experiments.options.bench import BenchConfig
 from experiments.options.track import TrackConfig
 from experiments.speed.bare import bare_batch
@@ -92,7 +93,7 @@ class Rig:
         self.fleet.command(self._omega)
         self.fleet.advance(_STEADY)
         self.feed = ScannerFeed(LaserScanner(), self.fleet, [generator(seed, f"bench {k}") for k in range(size)])
-        self._locator = make_locator("plate", robot)
+        self._locator = locator("plate", robot)
         self._pilot = Pilot(LinearTimeVarying(), range(size), FixedLaw(self._law))
         self._descriptions = [Description(str(k)) for k in range(size)]
         self.bare = bare_batch(self.fleet)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from experiments.driving.grid_runs import drive_cells, localization_summary
+from experiments.driving.grid_runs import drive_cells
+from experiments.measuring.grid import LocalizationErrors
 from experiments.storage.parts import Part
 from experiments.sweep.plan import Run
 from experiments.sweep.rows import RunRow
@@ -78,13 +79,13 @@ def _measured(log: RunLog, run: Run, row: RunRow) -> RunRow:
         )
     except LogError as error:
         row = replace(row, note=f"run {log.run!r} left out: {str(error).removeprefix(f'run {log.run!r}: ')}")
-    located = localization_summary([log])
+    located = LocalizationErrors.of([log])
     saturated = None if log.truth is None else log.truth.saturated
     return replace(
         row,
-        rmse_x=located["rmse_x"],
-        rmse_y=located["rmse_y"],
-        rmse_heading=located["rmse_heading"],
-        valid_fraction=float(located["valid_fraction"]),
+        rmse_x=located.rmse_x,
+        rmse_y=located.rmse_y,
+        rmse_heading=located.rmse_heading,
+        valid_fraction=located.valid_fraction,
         saturated=0.0 if saturated is None else float(saturated.mean(axis=0).max()),
     )

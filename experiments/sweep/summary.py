@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.driving.grid_runs import grid_summary, published_radii
+from experiments.measuring.grid import ErrorStatistics, OuterInner, grid_summary, published_radii
 from experiments.options.grid import SweepConfig
 from experiments.report.terminal import print_table
 from experiments.storage.plain_json import plain
@@ -57,37 +57,6 @@ class Radii:
 
 
 @dataclass(frozen=True)
-class OuterInner:
-    """Mean slip (R,) of the outer and the inner track at each commanded radius [-]."""
-
-    outer: list[float]
-    inner: list[float]
-
-
-@dataclass(frozen=True)
-class ErrorStatistics:
-    """Errors of the measured slip of one track over the runs of a grid."""
-
-    bias: float
-    """Mean [-]."""
-    std: float
-    """Standard deviation [-]."""
-
-
-@dataclass(frozen=True)
-class SlipErrors:
-    """Errors of the measured slip of both tracks."""
-
-    outer: ErrorStatistics
-    inner: ErrorStatistics
-
-    @property
-    def rms(self) -> float:
-        """Root mean square over both tracks [-]."""
-        return float(np.sqrt(np.mean([e.bias**2 + e.std**2 for e in (self.outer, self.inner)])))
-
-
-@dataclass(frozen=True)
 class PoseErrors:
     """Root mean square errors of the poses."""
 
@@ -110,8 +79,9 @@ class Grid:
     runs: int
     failed: int
     radius: Radii
-    slip_by_radius: OuterInner
-    slip_error: SlipErrors
+    slip_by_radius: OuterInner[list[float]]
+    """Mean slip (R,) at each commanded radius [-]."""
+    slip_error: OuterInner[ErrorStatistics]
     localization: PoseErrors
 
 
@@ -188,7 +158,9 @@ def numbers_in_full(
     with watch.stage("errors of all methods"):
         names = [run.name for run in runs]
         geometry = runs[0].world(1).robot.geometry
-        return grid_summary(replace(config, radii=radii, speeds=speeds), names, logs, samples, geometry, watch)
+        return grid_summary(
+            replace(config, radii=radii, speeds=speeds), names, logs, samples, geometry, watch
+        ).to_json()
 
 
 def _grid(axes: Mapping[str, Any], rows: Sequence[RunRow]) -> Grid:
@@ -207,7 +179,7 @@ def _grid(axes: Mapping[str, Any], rows: Sequence[RunRow]) -> Grid:
         slip_by_radius=OuterInner(
             [_mean(outer[radius == r]) for r in radii], [_mean(inner[radius == r]) for r in radii]
         ),
-        slip_error=SlipErrors(_statistics(outer_error), _statistics(inner_error)),
+        slip_error=OuterInner(_statistics(outer_error), _statistics(inner_error)),
         localization=PoseErrors(
             rms(_known(_values(rows, lambda row: row.rmse_x))),
             rms(_known(_values(rows, lambda row: row.rmse_y))),
@@ -258,7 +230,8 @@ def _line(grid: Grid) -> tuple[str, ...]:
     lines = _radius_lines(grid)
     tightest = lines[grid.radius.commanded.index(min(grid.radius.commanded))]
     values = (str(value) for value in grid.axes.values())
-    return (*values, str(grid.runs), str(grid.failed), *tightest, f"{grid.slip_error.rms:.5f}")
+    error = np.sqrt(np.mean([e.bias**2 + e.std**2 for e in (grid.slip_error.outer, grid.slip_error.inner)]))
+    return (*values, str(grid.runs), str(grid.failed), *tightest, f"{error:.5f}")
 
 
 def _values(rows: Sequence[RunRow], number: _Number) -> Array:

@@ -1,4 +1,4 @@
-"""Figures of a benchmark: the leaderboard at a glance, and on every reference paths and errors over time."""
+"""Figures of a benchmark: the leaderboard at a glance; paths and errors over time on a reference."""
 
 from __future__ import annotations
 
@@ -30,23 +30,23 @@ from trackslip.metrics import LOST, body_errors
 
 _PALETTE = (BLUE, RED, GREEN, "#CC79A7", BLACK, ORANGE, "#3A93C9", "#6A3D9A", "#8C510A", GREY)
 _DASHES: tuple[Any, ...] = ("-", "--", "-.", (0, (2, 1)), (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)), (0, (3, 1, 1, 1)))
-_CLOSEST = 3e-4  # distance below which an error is a zero crossing, not news [m]
+_CLOSEST = 3e-4  # distances below this are zero crossings [m]
 _MARKERS = ("o", "s", "D", "^", "v", "P", "X", "<", ">", "p", "h", "*")
 
 
 def controller_line(number: int, **more: Any) -> dict[str, Any]:
-    """Keywords of a line that stands for the `number`-th controller: colour and dashes, the first 70 all different."""
+    """Keywords of the `number`-th controller's line: colour and dashes; the first 70 are all different."""
     return {"color": _PALETTE[number % len(_PALETTE)], "linestyle": _DASHES[number % len(_DASHES)], **more}
 
 
 def compensation_name(name: str) -> str:
-    """What a compensation is called in figures."""
+    """Name of a compensation in figures."""
     return LABELS.get(name, name)
 
 
 @styled
 def board(rows: Sequence[BenchmarkRow]) -> Figure:
-    """Position error once the transient is over, for each controller (lines) and ground (panels), on a log axis."""
+    """Position error after the transient, by controller (rows) and ground (panels), on a logarithmic axis."""
     grounds, compensations, starts = (
         list(dict.fromkeys(getattr(row, key) for row in rows)) for key in ("ground", "compensation", "start")
     )
@@ -78,7 +78,7 @@ def board(rows: Sequence[BenchmarkRow]) -> Figure:
 
 
 def _dots(axis: Axes, rows: Sequence[BenchmarkRow], place: float, colour: Any, marker: str) -> None:
-    """The mean over rows, filled if none lost the path; a line from the best row to the worst."""
+    """Draw the mean over rows, filled if none lost the path, and a line from the best row to the worst."""
     values = [1e3 * value for row in rows if (value := settled_error(row.means)) < float("inf")]
     if not values:
         return
@@ -89,10 +89,7 @@ def _dots(axis: Axes, rows: Sequence[BenchmarkRow], place: float, colour: Any, m
 
 @styled
 def paths(name: str, lines: Mapping[str, tuple[RunLog, dict[str, Any]]]) -> Figure:
-    """On the reference `name`: where runs went, and how far they were from where they should be over time.
-
-    `lines` are runs by the label, with the keywords of their line.
-    """
+    """Paths on the reference `name`, and distances from it over time; `lines` are runs and line keywords by label."""
     path = reference(name)
     figure = Figure(figsize=(9.0, 4.6), layout="constrained")
     plane, distance = figure.subplots(1, 2, width_ratios=(1.15, 1))

@@ -165,7 +165,10 @@ def test_fleets_are_large_and_yet_every_worker_has_some(workers, count, largest)
         (("--seeds", "-1"), "seed = -1: must be an integer >= 0"),
         (("--executor", "cloud"), "executor = 'cloud': must be processes, inline, mpi or dask://HOST:PORT"),
         (("--executor", "dask://:"), "executor = 'dask://:': must be processes"),
-        (("--vary", "motion=arc", "--vary", "duration=4,6"), "--vary is given twice; give it once, with all its values"),
+        (
+            ("--vary", "motion=arc", "--vary", "duration=4,6"),
+            "--vary is given twice; give it once, with all its values",
+        ),
         (("--vary", "rrd=true,false"), "axis = 'rrd': must be one of"),
         (("--friction-ratio", "1.2", "--ground.across", "0.5"), "friction_ratio = (1.2,): must be left out where"),
         (("--friction-ratio", "1.2", "--vary", "ground.across=0.5"), "friction_ratio = (1.2,): must be left out where"),
