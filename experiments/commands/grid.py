@@ -16,7 +16,15 @@ from experiments.report.formats import stages_text
 from experiments.report.terminal import progress
 from experiments.storage.parts import Parts, resumable
 from experiments.storage.plain_json import write_json
-from experiments.storage.results import MANIFEST_FILE, RUNS_FILE, SUMMARY_FILE, TABLE_FILE, arrow_errors, results_folder
+from experiments.storage.results import (
+    MANIFEST_FILE,
+    RECORDINGS_FOLDER,
+    RUNS_FILE,
+    SUMMARY_FILE,
+    TABLE_FILE,
+    arrow_errors,
+    results_folder,
+)
 from experiments.sweep.drive import drive
 from experiments.sweep.plan import Run, fleets, plan
 from experiments.sweep.rows import RunRow, is_row
@@ -25,6 +33,7 @@ from experiments.sweep.table import write_table
 from sim.stopwatch import Stopwatch
 from trackslip.errors import OutputError, TrackslipError
 from trackslip.logs.logfile import read_runs
+from trackslip.logs.runlog import RunLog
 
 PARTS = ".grid-parts"
 
@@ -56,6 +65,8 @@ def drive_and_store(config: SweepConfig) -> SweepSummary:
     except (KeyboardInterrupt, WorkersFailedError, OutputError) as stop:
         same = "the same command" if config.resume else "the same command without --no-resume"
         raise resumable(stop, sum(run.id in parts for run in runs), len(runs), same) from None
+    if len(summary.failures) == len(runs):
+        raise TrackslipError(f"{_all_failed(summary.failures)}; see {config.out / RECORDINGS_FOLDER}")
     return summary
 
 
@@ -68,18 +79,19 @@ def _drive_and_gather(config: SweepConfig, runs: Sequence[Run], parts: Parts, fo
         parts.discard()
     missing = [run for run in runs if run.id not in parts]
     began = time.perf_counter()
-    watch.stages |= _drive(config, parts, runs, missing)
+    stages, unfinished = _drive(config, parts, runs, missing)
     driving = time.perf_counter() - began
+    watch.stages |= stages
     stored = [parts[run.id] for run in runs]
     rows = [_row_of(run, RunRow.from_json(one.row)) for run, one in zip(runs, stored, strict=True)]
     failures = [row for row in rows if row.error is not None]
-    if len(failures) == len(rows):
+    if len(failures) == len(rows) and not unfinished:
         raise TrackslipError(_all_failed(failures))
     file = folder / RUNS_FILE
     with watch.stage("gathering"):
         parts.gather([(run.id, run.name) for run in runs], file)
         if config.rrd:
-            record_all(folder, read_runs(file))
+            record_all(folder, [*(read_runs(file) if file.exists() else ()), *unfinished])
         with arrow_errors(folder / TABLE_FILE):
             write_table(rows, list(runs[0].axes), folder / TABLE_FILE)
     made_by = {one.row["made_by"]: one.made_by for one in stored}
@@ -100,11 +112,17 @@ def _drive_and_gather(config: SweepConfig, runs: Sequence[Run], parts: Parts, fo
     )
 
 
-def _drive(config: SweepConfig, parts: Parts, runs: Sequence[Run], missing: Sequence[Run]) -> dict[str, float]:
-    """Drive what is missing and keep it, part by part; work by stage, all workers together [s]."""
-    if not missing:
-        return {}
+def _drive(
+    config: SweepConfig, parts: Parts, runs: Sequence[Run], missing: Sequence[Run]
+) -> tuple[dict[str, float], list[RunLog]]:
+    """Drive what is missing and keep it, part by part.
+
+    Returns work by stage, all workers together [s], and what was recorded of runs that failed, until they did.
+    """
     stages: dict[str, float] = {}
+    unfinished: list[RunLog] = []
+    if not missing:
+        return stages, unfinished
     jobs = config.jobs or processors()
     jobs = min(jobs, len(fleets(missing, jobs)))
     total, left = (sum(one.config.duration for one in some) for some in (runs, missing))
@@ -119,9 +137,10 @@ def _drive(config: SweepConfig, parts: Parts, runs: Sequence[Run], missing: Sequ
             parts.keep(fleet.part)
             if not pool.inline:
                 report(fleet.duration)
+            unfinished += fleet.unfinished
             for name, seconds in fleet.stages.items():
                 stages[name] = stages.get(name, 0.0) + seconds
-    return stages
+    return stages, unfinished
 
 
 def _row_of(run: Run, row: RunRow) -> RunRow:

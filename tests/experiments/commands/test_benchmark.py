@@ -216,6 +216,17 @@ def test_a_run_that_fails_is_a_row(trackslip, short, tmp_path):
     assert len(read_runs(result.folder / "runs.parquet")) == 4
 
 
+def test_a_run_that_fails_leaves_a_recording(trackslip, short, tmp_path):
+    (tmp_path / "stops.py").write_text(MODULE.format(robots=1, robot=0))
+    options = (*short, "--compensations", "none", "--grounds", "stone", "--seeds", "0", "--rrd")
+    result = trackslip("benchmark", *options, "--controllers", "linear", "stops:Late")
+    assert [failure["run"] for failure in result.summary["failures"]] == ["stops:Late none bend.csv stone zero 0"]
+    assert {path.name for path in (result.folder / "recordings").iterdir()} == {
+        "bend_stone_zero_seed_0.rrd",
+        "stops_Late_none_bend.csv_stone_zero_0.rrd",
+    }
+
+
 @pytest.mark.parametrize(
     ("name", "message"),
     [
@@ -259,7 +270,7 @@ def test_damaged_parts_are_driven_again(tmp_path, short):
         return id in parts
 
     assert not there()
-    Parts(setup.config.out, PARTS).keep(drive_group(setup.config, wanted)[1])
+    Parts(setup.config.out, PARTS).keep(drive_group(setup.config, wanted).part)
     assert there()
     (rows,), (runs,) = ((setup.config.out / PARTS).glob(f"*.{kind}") for kind in ("json", "parquet"))
     whole = {path: path.read_bytes() for path in (rows, runs)}
@@ -302,7 +313,7 @@ def test_when_every_run_fails_there_is_still_a_table(trackslip, short, tmp_path)
 
 def test_a_twist_that_is_no_number_fails_its_run_alone(trackslip, short, tmp_path):
     (tmp_path / "mine2.py").write_text(MODULE.format(robots="len(pose)", robot="(pose[:, 1] > 0.0) & (time < 2.1)"))
-    options = (*short, "--compensations", "none", "--grounds", "stone", "--starts", "random", "--seeds")
+    options = (*short[:2], *short[4:], "--compensations", "none", "--grounds", "stone", "--starts", "random", "--seeds")
     result = trackslip("benchmark", *options, "0", "1", "2", "3", "--controllers", "mine2:Late")
     (row,) = result.summary["rows"]
     assert row["seeds"] == 4

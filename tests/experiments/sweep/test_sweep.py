@@ -15,6 +15,7 @@ from experiments.parallel.executors import WorkersFailedError
 from experiments.storage.manifest import made_by
 from experiments.sweep.choose import chosen
 from experiments.sweep.plan import fleets, plan
+from sim.run_recorder import RunFailedError
 from trackslip.logs.logfile import read_runs
 
 SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
@@ -275,6 +276,39 @@ def test_a_failing_run_does_not_take_its_fleet_with_it(trackslip, monkeypatch):
     assert len(logs(trackslip("grid", *SWEEP).folder)) == 8
 
 
+def tips_over(cells, worlds, *rest):
+    """A fleet that fails if there is a wide radius in it."""
+    logs = drive_cells(cells, worlds, *rest)
+    wide = [log for log in logs if log.metadata["radius"] == 1.5]
+    if wide:
+        error = RunFailedError(f"run {wide[0].run!r}: the robot tips over")
+        error.logs = logs
+        raise error
+    return logs
+
+
+def test_a_run_that_fails_leaves_a_recording(trackslip, monkeypatch):
+    monkeypatch.setattr("experiments.sweep.drive.drive_cells", tips_over)
+    result = trackslip("grid", *SHORT, "--rrd")
+    assert [log.metadata["radius"] for log in read_runs(result.folder / "runs.parquet")] == [0.6]
+    assert {path.name for path in (result.folder / "recordings").iterdir()} == {
+        "radius=0.6_speed=0.2.rrd",
+        "radius=1.5_speed=0.2.rrd",
+    }
+
+
+def test_recordings_are_left_even_if_every_run_fails(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr("experiments.sweep.drive.drive_cells", tips_over)
+    with pytest.raises(SystemExit) as stop:
+        main(["grid", "--radii", "1.5", *ONE[2:], "--rrd", "--out", str(tmp_path / "out")])
+    assert stop.value.code == 2
+    recordings = tmp_path / "out" / "recordings"
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line == f"trackslip: run 'radius=1.5 speed=0.2': the robot tips over; see {recordings}"
+    assert [path.name for path in recordings.iterdir()] == ["radius=1.5_speed=0.2.rrd"]
+    assert not (tmp_path / "out" / "runs.parquet").exists()
+
+
 @pytest.mark.parametrize(
     ("name", "spoil", "message"),
     [
@@ -389,7 +423,7 @@ def test_choosing_what_is_not_there(trackslip, refused, tmp_path):
     arguments = (*SHORT, "--slope", "0", "0.9", "--vary", "random_phase=true,false")
     folder = trackslip("grid", *arguments).folder
     assert len(chosen(folder, ["random_phase=true", "slope=0"])) == 2
-    assert "none of the 4 run(s) chosen with --where is there: they failed" in refused(
+    assert "none of the 4 chosen run(s) is there: they failed" in refused(
         "identify", str(folder), "--where", "slope=0.9"
     )
     samples = tmp_path / "samples.csv"
