@@ -16,7 +16,7 @@ from experiments.recording import record_all
 from experiments.report.benchmark import render
 from experiments.report.formats import stages_text
 from experiments.report.terminal import print_table, progress
-from experiments.storage.manifest import command_line
+from experiments.storage.manifest import command_line, relative
 from experiments.storage.parts import Parts, resumable
 from experiments.storage.plain_json import plain, write_json
 from experiments.storage.results import (
@@ -59,9 +59,9 @@ def run(config: BenchmarkConfig) -> None:
         if config.rrd:
             with watch.stage("recordings"):
                 _record(folder, cases, unfinished)
-        about = setup.world.manifest("benchmark", time.perf_counter() - began) | {
-            "config": plain(config),
-            "ground": {name: plain(setup.ground(name)) for name in dict.fromkeys(case.ground for case in cases)},
+        grounds = dict.fromkeys(case.ground for case in cases)
+        about = setup.world.manifest("benchmark", time.perf_counter() - began, config) | {
+            "ground": {relative(name): plain(setup.ground(name)) for name in grounds},
             "seed": sorted({case.seed for case in cases}),
         }
         with watch.stage("report"):

@@ -25,6 +25,7 @@ from experiments.report.figures.style import (
     thin,
 )
 from experiments.report.figures.tracking import driven
+from experiments.storage.manifest import relative
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import LOST, body_errors
 
@@ -41,7 +42,7 @@ def controller_line(number: int, **more: Any) -> dict[str, Any]:
 
 def compensation_name(name: str) -> str:
     """Name of a compensation in figures."""
-    return LABELS.get(name, name)
+    return LABELS.get(name, relative(name))
 
 
 @styled
@@ -63,10 +64,10 @@ def board(rows: Sequence[BenchmarkRow]) -> Figure:
                     if (row.ground, row.controller, row.start, row.compensation) == (ground, *line, compensation)
                 ]
                 _dots(axis, some, n + place, law_line(compensation)["color"], _MARKERS[k % len(_MARKERS)])
-        axis.set_title(f"on {ground}")
+        axis.set_title(f"on {relative(ground)}")
         axis.set_xscale("log")
         axis.set_xlabel("rms position error [mm], log scale")
-    labels = [name if len(starts) == 1 else f"{name}, start {start}" for name, start in lines]
+    labels = [relative(name) if len(starts) == 1 else f"{relative(name)}, start {start}" for name, start in lines]
     panels[0].set_yticks(range(len(lines)), labels)
     panels[0].set_ylim(len(lines) - 0.5, -0.5)
     for k, compensation in enumerate(compensations):
