@@ -34,7 +34,7 @@ def test_slips_agree_in_steady_turns(driven):
 
 
 def test_the_law_shown_is_the_one_that_compensated(driven):
-    """Also one from another file than the shipped, and one that knows of speed."""
+    """Also one from a file of the user's, and one that depends on speed."""
     log = driven[1][0]
     geometry = RobotGeometry(**log.metadata["geometry"])
     law = ExponentialSpeed(0.12, -0.9, -0.3, -1.1, gamma_outer=0.2, gamma_inner=-0.3)

@@ -26,7 +26,7 @@ def test_view_of_a_real_robots_log(driven, tmp_path, capsys):
     file = tmp_path / "a real.rrd"
     main(["view", str(tmp_path / "real.csv"), "--save", str(file)])
     said = capsys.readouterr().out
-    assert "2 runs, shown is 'linear none'" in said
+    assert "2 runs; showing 'linear none'" in said
     assert f"; rerun '{file}'" in said  # as a shell takes it
     verify(file)
     _, translation = component(file, "/run/robot", "translation")
