@@ -9,7 +9,8 @@ from browser import assert_fits
 from experiments.benchmark.group import groups
 from experiments.benchmark.setup import Setup, start
 from experiments.commands.benchmark import PARTS
-from experiments.options.benchmark import CONTROLLER_NAMES, REFERENCE_NAMES, BenchmarkConfig, Case
+from experiments.options.benchmark import BenchmarkConfig, Case
+from experiments.options.choices import CONTROLLER_NAMES, REFERENCE_NAMES
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.logs.logfile import read_runs
 from trackslip.metrics import tracking_errors
