@@ -16,13 +16,15 @@ from experiments.measuring.tracking import tracking_results
 from experiments.options.reproduce import ReproduceConfig
 from experiments.options.world import IDENTIFIED
 from experiments.recording import record_all
+from experiments.recording.failed_runs import results_or_failed_runs
 from experiments.report.formats import for_terminal, stages_text
 from experiments.report.reproduction import COMPARISON_HEADER, Report, comparison_table, render
 from experiments.report.terminal import print_table, progress
 from experiments.report.tracking import TRACKING_HEADER, tracking_table
 from experiments.storage.manifest import command_line
 from experiments.storage.plain_json import plain
-from experiments.storage.results import REPORT_FILE, results_folder, write_results
+from experiments.storage.results import REPORT_FILE, write_results
+from sim.run_recorder import RunFailedError
 from sim.stopwatch import Stopwatch
 from trackslip.identification.identify import identify_samples
 from trackslip.identification.samples import usable_samples
@@ -38,8 +40,8 @@ def run(config: ReproduceConfig) -> None:
     """Drive the grid, identify the laws, verify them in closed loop, store, report and print."""
     began = time.perf_counter()
     watch = Stopwatch()
-    with results_folder(config.out) as folder:
-        world = World.of(config)
+    world = World.of(config)
+    with results_or_failed_runs(config.out, "reproduce", world) as folder:
         geometry = world.robot.geometry
         cells = cells_of(config)
         with progress(f"{len(cells)} runs, scans and poses", config.duration) as report:
@@ -57,7 +59,11 @@ def run(config: ReproduceConfig) -> None:
                 report(1)
         laws = {name: fitted.law for name, fitted in found.comparison.laws.items()}
         with watch.stage("closed loops"):
-            tracking_logs = drive_paths(config, world, {name: laws[name] for name in IDENTIFIED if name in laws})
+            try:
+                tracking_logs = drive_paths(config, world, {name: laws[name] for name in IDENTIFIED if name in laws})
+            except RunFailedError as failure:
+                failure.logs = [*grid_logs, *failure.logs]
+                raise
         tracking = tracking_results(tracking_logs, paper_reference())
         comparison = compare_with_paper(grid, laws, tracking)
         warnings = saturation_warnings(grid_logs)

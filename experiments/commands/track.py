@@ -16,10 +16,11 @@ from experiments.measuring.grid import LocalizationErrors, simulated_seconds
 from experiments.measuring.tracking import tracking_results
 from experiments.options.track import TrackConfig
 from experiments.recording import record_all
+from experiments.recording.failed_runs import results_or_failed_runs
 from experiments.report.terminal import print_table, progress
 from experiments.report.tracking import TRACKING_HEADER, tracking_table
 from experiments.storage.plain_json import plain
-from experiments.storage.results import RUNS_FILE, results_folder, write_results
+from experiments.storage.results import RUNS_FILE, write_results
 from sim.robot.robot import Robot
 from trackslip.logs.runlog import RunLog
 from trackslip.trajectory.base import Reference
@@ -29,9 +30,9 @@ from trackslip.trajectory.segmented import circle
 def run(config: TrackConfig) -> None:
     """Drive once, store the run and print its errors."""
     began = time.perf_counter()
-    with results_folder(config.out) as folder:
-        world = World.of(config)
-        path = make_reference(config, world.robot)
+    world = World.of(config)
+    path = make_reference(config, world.robot)
+    with results_or_failed_runs(config.out, "track", world) as folder:
         logs = drive(config, world, path)
         wall = time.perf_counter() - began
         results, poses = tracking_results(logs, path), LocalizationErrors.of(logs)

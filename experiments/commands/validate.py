@@ -9,14 +9,15 @@ from contextlib import contextmanager
 from experiments.driving.grid_runs import sample_runs
 from experiments.options.validate import ValidateConfig
 from experiments.recording import record_all
+from experiments.report.formats import for_terminal
 from experiments.report.terminal import print_table, progress
-from experiments.report.validation import render
+from experiments.report.validation import TABLE_HEADER, TITLE, render, table_of
 from experiments.storage.manifest import command_line, make_manifest
 from experiments.storage.plain_json import plain, write_json
 from experiments.storage.results import MANIFEST_FILE, REPORT_FILE, SUMMARY_FILE, results_folder
 from experiments.validation.convergence import converge
 from experiments.validation.energy import account
-from experiments.validation.results import Extent, Validation, ValidationSummary
+from experiments.validation.results import Validation, ValidationSummary
 from experiments.validation.standing import creep, loads, slide, straight_drift
 from experiments.validation.turning import turn
 from sim.ground.ground import Ground
@@ -53,7 +54,7 @@ def run(config: ValidateConfig) -> None:
         write_json(folder / MANIFEST_FILE, manifest)
         if config.rrd:
             record_all(folder, sample_runs(config.robot, config))
-    print_table("The simulator compared with theory", ("quantity", "measured"), rows(summary))
+    print_table(TITLE, TABLE_HEADER, for_terminal(table_of(found, summary)))
     print(f"{config.out / REPORT_FILE}: {time.perf_counter() - began:.1f} s")
 
 
@@ -85,37 +86,6 @@ def validate(parameters: RobotParameters, ground: Ground, config: ValidateConfig
         convergence=convergence,
         energy=energy,
     )
-
-
-def rows(summary: ValidationSummary) -> list[tuple[str, str]]:
-    """A summary as lines of the table."""
-
-    def shares(errors: Extent) -> str:
-        return f"{errors.worst:.2%} | {errors.median:.2%}"
-
-    def slips(errors: Extent) -> str:
-        return f"{errors.worst:.4f} | {errors.median:.4f}"
-
-    steps = [f"{step.dt * 1e3:g} ms {step.position_error_mm:.2f}" for step in summary.timestep]
-    return [
-        ("turns, simulated and by theory", f"{summary.turns}"),
-        ("half width of the ICRs, worst | median error", shares(summary.icr_error)),
-        ("  with MuJoCo's default contact", shares(summary.naive_icr_error)),
-        ("slip, worst | median error", slips(summary.slip_error)),
-        ("  with MuJoCo's default contact", slips(summary.naive_slip_error)),
-        ("lateral speed, worst error", f"{summary.lateral_speed_error_mm_per_s:.2f} mm/s"),
-        ("load of a contact point, largest deviation", f"{summary.pad_load_spread:.1%}"),
-        ("  with MuJoCo's default contact", f"{summary.naive_pad_load_spread:.0%}"),
-        ("sink", f"{summary.sink_mm:.2f} mm"),
-        ("roll | pitch in turns, largest", f"{summary.roll_deg:.3f} | {summary.pitch_deg:.3f} deg"),
-        (f"creep, parked on {summary.creep_angle_deg:.3g} deg", f"{summary.creep_mm_per_s:.3f} mm/s"),
-        ("sliding beyond the friction angle, worst error", f"{summary.sliding_acceleration_error:.1%}"),
-        ("sideways drift after 10 m straight on", f"{summary.straight_drift_mm:.4f} mm"),
-        ("CG and Newton, apart after 30 s", f"{summary.solver_difference_mm:.3f} mm"),
-        ("error of the step after 30 s [mm]", ", ".join(steps)),
-        ("energy not accounted for, of what is stored", f"{summary.energy_residual:.2%}"),
-        ("friction loss, deviation from Coulomb's law", f"{summary.friction_loss_error:+.1%}"),
-    ]
 
 
 @contextmanager

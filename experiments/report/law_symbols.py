@@ -6,24 +6,21 @@ import math
 
 from trackslip.slip.families import FAMILIES
 
-SYMBOLS = {
-    "alpha_outer": "α outer",
-    "beta_outer": "β outer",
-    "alpha_inner": "α inner",
-    "beta_inner": "β inner",
-    "gamma_outer": "γ outer",
-    "gamma_inner": "γ inner",
-    "slip_outer": "i outer",
-    "slip_inner": "i inner",
+_LETTERS = {
+    "alpha": "α",
+    "beta": "β",
+    "gamma": "γ",
+    "slip": "i",
     "size": "a",
     "pole": "p",
     "offset": "D",
     "radius_error": "ε",
-    "offset_left": "D left",
-    "offset_right": "D right",
-    "radius_error_left": "ε left",
-    "radius_error_right": "ε right",
 }
+_TRACKS = ("", " outer", " inner", " left", " right")
+SYMBOLS = {
+    f"{name}{track.replace(' ', '_')}": f"{letter}{track}" for name, letter in _LETTERS.items() for track in _TRACKS
+}
+"""Parameter -> its symbol, such as "α outer" for alpha_outer."""
 FORMULAS = {
     "none": ("i = 0",),
     "constant": ("i the same at every radius",),

@@ -10,7 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from experiments.measuring.sensitivity import SensitivityRow, SlipErrors
-from experiments.report.figures.style import BLUE, ORANGE, styled
+from experiments.report.colours import BLUE, ORANGE
+from experiments.report.figures.style import styled
 from experiments.report.formats import MISSING, number
 from experiments.report.page import Drawing, Page, conditions, render_page
 

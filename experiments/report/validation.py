@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,38 +25,31 @@ from sim.robot.parameters import SINK
 from sim.robot.robot import load_robot
 from trackslip.kinematics import Array
 
-
-@dataclass(frozen=True)
-class Row:
-    """A row of the table of headline numbers, as printed."""
-
-    quantity: str
-    theory: str
-    recipe: str
-    default: str = MISSING
+TITLE = "The simulator compared with theory"
+TABLE_HEADER = ("quantity", "theory", "recipe", "default contact")
 
 
 def render(found: Validation, summary: ValidationSummary, manifest: Mapping[str, Any], command: str) -> Page:
     """Draw the figures, one file per panel, and fill in the template."""
-    own_step = float(load_robot(parameters=found.parameters).model.opt.timestep)
     panels = {
         "turns": turning_figures.icr_and_slip(found.turns, found.naive_turns, found.parameters),
         "left": turning_figures.what_is_left(found.turns, found.parameters),
         "slip": turning_figures.slip_against_radius(found.turns, found.naive_turns, found.parameters, found.ground),
         "loads": figures.pad_loads(found.loads, found.naive_loads),
         "slopes": figures.slopes(found.creep, found.slide, found.ground),
-        "steps": figures.steps_and_solvers(found.convergence, own_step),
+        "steps": figures.steps_and_solvers(found.convergence, physics_step(found)),
         "energy": figures.energies(found.energy),
     }
     drawn = {name: [_drawing(name, panel) for panel in several] for name, several in panels.items()}
     html = render_page(
         "validation.html.j2",
-        title="The simulator compared with theory",
+        title=TITLE,
         command=command,
         manifest=manifest,
         figures={name: _card(drawings) for name, drawings in drawn.items()},
         conditions=conditions(found, manifest, command),
-        rows=rows(found, summary, own_step),
+        header=TABLE_HEADER,
+        rows=table_of(found, summary),
         facts=facts(found, summary),
     )
     return Page(html, [drawing for drawings in drawn.values() for drawing in drawings])
@@ -72,13 +64,14 @@ def _card(drawings: Sequence[Drawing]) -> Markup:
     return Markup('<div class="panels">\n{}</div>\n').format(Markup("").join(drawing.inline for drawing in drawings))
 
 
-def rows(found: Validation, summary: ValidationSummary, own_step: float) -> list[Row]:
-    """The table of headline numbers."""
+def table_of(found: Validation, summary: ValidationSummary) -> list[tuple[str, ...]]:
+    """The headline numbers, under TABLE_HEADER."""
     turns, naive = found.turns, found.naive_turns
     b = found.parameters.half_gauge
     offset = [(t.half_width - b) / (t.expected_half_width - b) - 1 for t in (turns, naive)]
     spread = summary.pad_load_spread, summary.naive_pad_load_spread
-    own_error = found.convergence.step_error.get(own_step, math.nan)
+    step = physics_step(found)
+    error = found.convergence.step_error.get(step, math.nan)
     after = f"after {convergence.DURATION:g} s"
     table = [
         ("b + D, relative error", "0", *(_worst_and_median(100 * t.icr_error, "%") for t in (turns, naive))),
@@ -89,16 +82,23 @@ def rows(found: Validation, summary: ValidationSummary, own_step: float) -> list
         ("load of a contact point, largest deviation from theory", "0", *(percent(value) for value in spread)),
         ("sink on level ground", significant(1e3 * SINK, "mm"),
          significant(summary.sink_mm, "mm", 3), significant(1e3 * float(found.naive_loads.sink.mean()), "mm")),
+        ("roll | pitch in turns, largest", "0",
+         pair([significant(summary.roll_deg), significant(summary.pitch_deg)], "deg")),
         ("creep, parked on " + _creep_angle(found), "0", significant(summary.creep_mm_per_s, "mm/s")),
         ("acceleration beyond the friction angle, relative error", "0",
          percent(summary.sliding_acceleration_error)),
         ("sideways drift in 10 m straight on", "0", significant(summary.straight_drift_mm, "mm")),
-        (f"error of the physics step of {1e3 * own_step:g} ms, {after}", "0", significant(1e3 * own_error, "mm")),
+        (f"error of the physics step of {1e3 * step:g} ms, {after}", "0", significant(1e3 * error, "mm")),
         (f"solvers CG and Newton, apart {after}", "0", significant(summary.solver_difference_mm, "mm")),
         ("energy not accounted for, of the largest energy stored", "0", percent(summary.energy_residual)),
         ("friction loss, deviation from Coulomb's law", "0", percent(summary.friction_loss_error)),
     ]  # fmt: skip
-    return [Row(*cells) for cells in table]
+    return [(*cells, *[MISSING] * (len(TABLE_HEADER) - len(cells))) for cells in table]
+
+
+def physics_step(found: Validation) -> float:
+    """The physics step of the model [s]."""
+    return float(load_robot(parameters=found.parameters).model.opt.timestep)
 
 
 def facts(found: Validation, summary: ValidationSummary) -> dict[str, str]:

@@ -12,18 +12,9 @@ from matplotlib.lines import Line2D
 
 from experiments.measuring.inner_outer import TRACKS, InnerOuterSamples
 from experiments.measuring.value_groups import repeated
+from experiments.report.colours import COLOURS, GREEN, LABELS
 from experiments.report.figures.axes import bar_factor, bar_key, curve_radii, draw_bars, show_radii, with_bars
-from experiments.report.figures.style import (
-    BAND,
-    COLOURS,
-    GREEN,
-    INNER,
-    LABELS,
-    OUTER,
-    law_line,
-    limits_around,
-    styled,
-)
+from experiments.report.figures.style import BAND, INNER, OUTER, law_line, limits_around, styled
 from experiments.report.law_symbols import SYMBOLS
 from trackslip.identification.comparison import Comparison
 from trackslip.identification.fitted import FittedLaw

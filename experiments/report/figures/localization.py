@@ -10,7 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from experiments.report.figures.style import BLUE, GREEN, ORANGE, mark_span, styled
+from experiments.report.colours import BLUE, GREEN, ORANGE
+from experiments.report.figures.style import mark_span, styled
 from sim.scanner.scanner import LaserScanner
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.localization.bound import MIN_ANGLE, pose_bound, viewing_angle

@@ -7,7 +7,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.report.figures.style import BLACK, BLUE, RED
+from experiments.report.colours import BLACK, BLUE, RED
 
 RECIPE: dict[str, Any] = {"color": BLUE, "marker": "o"}
 """Look of the model's contacts in every figure."""

@@ -9,8 +9,9 @@ from matplotlib.figure import Figure
 
 from experiments.measuring.grid import RadiusSummary
 from experiments.measuring.inner_outer import TRACKS, InnerOuterSamples, slip_at
+from experiments.report.colours import BLACK, GREY
 from experiments.report.figures.axes import curve_radii, show_radii
-from experiments.report.figures.style import BLACK, GREY, INNER, OUTER, limits_around, styled
+from experiments.report.figures.style import INNER, OUTER, limits_around, styled
 from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII
 from trackslip.slip.exponential import PUBLISHED
 

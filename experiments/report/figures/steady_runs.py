@@ -13,21 +13,9 @@ from matplotlib.lines import Line2D
 from experiments.driving.paper_model import geometry_of, published_poses
 from experiments.measuring.inner_outer import TRACKS, InnerOuterSamples, slip_at
 from experiments.measuring.value_groups import group_label, is_narrow, value_groups
+from experiments.report.colours import BLACK, BLUE, GREEN, ORANGE, RED
 from experiments.report.figures.axes import bar_factor, bar_key, curve_radii, draw_bars, show_radii, with_bars
-from experiments.report.figures.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    ORANGE,
-    POINTS,
-    RADII_SHADES,
-    RED,
-    SPEED_SHADES,
-    limits_around,
-    shade,
-    styled,
-    thin,
-)
+from experiments.report.figures.style import POINTS, RADII_SHADES, SPEED_SHADES, limits_around, shade, styled, thin
 from trackslip.identification.fitted import FittedLaw
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog

@@ -8,15 +8,7 @@ import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 
-from experiments.report.colours import BLACK as BLACK
-from experiments.report.colours import BLUE as BLUE
-from experiments.report.colours import COLOURS as COLOURS
-from experiments.report.colours import GREEN as GREEN
-from experiments.report.colours import GREY as GREY
-from experiments.report.colours import LABELS as LABELS
-from experiments.report.colours import ORANGE as ORANGE
-from experiments.report.colours import RED as RED
-from experiments.report.colours import SHADE as SHADE
+from experiments.report.colours import BLUE, COLOURS, GREEN, GREY, ORANGE, SHADE
 from trackslip.kinematics import Array
 
 DASHES = {

@@ -15,20 +15,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Arc
 
 from experiments.driving.paper_model import geometry_of
-from experiments.report.figures.style import (
-    BLACK,
-    BLUE,
-    COLOURS,
-    DESIRED,
-    GREEN,
-    GREY,
-    LABELS,
-    ORANGE,
-    law_line,
-    mark_span,
-    styled,
-    thin,
-)
+from experiments.report.colours import BLACK, BLUE, COLOURS, GREEN, GREY, LABELS, ORANGE
+from experiments.report.figures.style import DESIRED, law_line, mark_span, styled, thin
 from trackslip.identification.fitted import FittedLaw
 from trackslip.kinematics import Array, curvature, track_slip
 from trackslip.logs.runlog import RunLog
@@ -94,37 +82,42 @@ def planned_trajectory() -> Figure:
     return figure
 
 
+def draw_paths(reference: Reference, runs: Mapping[str, tuple[RunLog, Mapping[str, Any]]]) -> tuple[Figure, Axes, Axes]:
+    """Paths beside the reference, and distances from it over time; `runs` are logs with line keywords, by label."""
+    figure = Figure(figsize=(9.0, 4.6), layout="constrained")
+    plane, distance = figure.subplots(1, 2, width_ratios=(1.2, 1))
+    desired = reference.pose(np.linspace(0, reference.duration, 600))
+    plane.plot(desired[:, 0], desired[:, 1], **DESIRED)
+    for label, (log, style) in runs.items():
+        pose = driven(log)
+        rows = thin(len(log.time))
+        plane.plot(pose[rows, 0], pose[rows, 1], label=label, lw=1.2, **style)
+        norm = np.hypot(*body_errors(pose, reference.pose(log.time))[:, :2].T)
+        distance.semilogy(log.time[rows], 1e3 * np.maximum(norm[rows], _CLOSEST), lw=1.2, **style)
+    start = driven(next(iter(runs.values()))[0])[0]
+    plane.plot(*start[:2], "o", ms=8, mfc="white", mec=BLACK, mew=1.5, zorder=6)
+    plane.annotate("start", start[:2], xytext=(12, -3), textcoords="offset points", fontsize=8.5, annotation_clip=False)
+    plane.set_aspect("equal", adjustable="datalim")
+    plane.set(xlabel="x [m]", ylabel="y [m]", title="Path")
+    distance.set(xlabel="time [s]", ylabel="distance from the desired position [mm]")
+    distance.set(title="Position error (log scale)", xlim=(0, reference.duration))
+    return figure, plane, distance
+
+
 @styled
 def paths(runs: Mapping[str, RunLog], published: Mapping[str, RunLog] | None = None) -> Figure:
     """Figs. 8 and 10: paths with each compensation, and distances over time; crosses: `published`, by equations."""
     reference = paper_reference()
-    figure = Figure(figsize=(9.0, 4.5), layout="constrained")
-    plane, distance = figure.subplots(1, 2, width_ratios=(1.25, 1))
-    desired = reference.pose(np.linspace(0, reference.duration, 300))
-    plane.plot(desired[:, 0], desired[:, 1], **DESIRED)
+    lines = {LABELS.get(name, name): (log, law_line(name)) for name, log in runs.items()}
+    figure, plane, distance = draw_paths(reference, lines)
     for name, log in runs.items():
-        pose = driven(log)
-        rows = thin(len(log.time))
-        style = law_line(name, lw=1.3, label=LABELS.get(name, name))
-        plane.plot(pose[rows, 0], pose[rows, 1], **style)
-        plane.plot(*pose[-1, :2], "s", ms=4, color=style["color"])
-        error = body_errors(pose, reference.pose(log.time))
-        norm = np.hypot(error[:, 0], error[:, 1])
-        distance.semilogy(log.time[rows], 1e3 * np.maximum(norm[rows], _CLOSEST), **style)
+        plane.plot(*driven(log)[-1, :2], "s", ms=4, color=law_line(name)["color"])
     for name, log in (published or {}).items():
         rows = slice(None, None, _EVERY)
         norm = np.hypot(*body_errors(log.pose, reference.pose(log.time))[rows, :2].T)
         plane.plot(log.pose[rows, 0], log.pose[rows, 1], **_crosses(name))
         seen = norm > _CLOSEST
         distance.semilogy(log.time[rows][seen], 1e3 * norm[seen], **_crosses(name))
-    start = driven(next(iter(runs.values())))[0]
-    plane.plot(*start[:2], "o", ms=8, mfc="white", mec=BLACK, mew=1.5, zorder=6)
-    plane.annotate("start", start[:2], xytext=(12, -3), textcoords="offset points", fontsize=8.5, annotation_clip=False)
-    plane.set_aspect("equal", adjustable="datalim")
-    plane.set(xlabel="x [m]", ylabel="y [m]", title="Path")
-    distance.set(
-        xlabel="time [s]", ylabel="distance from the desired position [mm]", title="Position error (log scale)"
-    )
     distance.set_ylim(bottom=1e3 * _CLOSEST)
     mark_span(distance, TRANSIENT, _arc_end())
     figure.legend(handles=plane.get_legend_handles_labels()[0], ncols=3, loc="outside lower center")

@@ -8,8 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator
 
+from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE, RED
 from experiments.report.figures.panels import DEFAULT, RECIPE, THEORY, Panels, panel
-from experiments.report.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, styled, thin
+from experiments.report.figures.style import styled, thin
 from experiments.validation import convergence
 from experiments.validation.convergence import Convergence
 from experiments.validation.energy import Energy

@@ -46,7 +46,7 @@ def test_same_seed_same_rows_at_any_number_of_threads(trackslip, monkeypatch):
 
 def test_where_nothing_can_be_seen_the_row_says_so(trackslip, monkeypatch, tmp_path):
     path = tmp_path / "blind.toml"
-    path.write_text("[[posts]]\nx = -1.5\ny = -1.5\nradius = 0.3\n")
+    path.write_text("[[posts]]\nx = -1.5\ny = -1.1\nradius = 0.38\n")
     monkeypatch.setattr(sensitivity, "DISTURBANCES", (DISTURBANCES[0], Disturbance("blind", obstacles=str(path))))
     found = trackslip("sensitivity", *SMALL)
     nominal, blind = found.summary["rows"]
@@ -71,7 +71,8 @@ def test_the_page_needs_no_other_file_and_shows_the_table(trackslip, monkeypatch
         assert needle not in page
     for row in found.summary["rows"]:
         assert f'<th scope="row">{row["effect"]}</th>' in page
-        assert f'<td class="n">{row["slip_error"]["outer"]["bias"]:+.5f}</td>' in page
+        bias = f"{row['slip_error']['outer']['bias']:+.5f}".replace("-", "−")
+        assert f'<td class="n">{bias}</td>' in page
     assert_fits(page)  # last: it skips the test where there is no browser
 
 

@@ -13,9 +13,9 @@ from spin import spun_before_the_scanner
 from experiments.measuring.grid import RadiusSummary
 from experiments.measuring.inner_outer import InnerOuterSamples
 from experiments.measuring.paper_comparison import Quantity
+from experiments.report.colours import LABELS
 from experiments.report.figures.laws import fitted_laws
 from experiments.report.figures.steady_runs import slip_against_speed_and_radius
-from experiments.report.figures.style import LABELS
 from experiments.report.reproduction import Report, render
 from trackslip.slip.exponential import PUBLISHED
 
