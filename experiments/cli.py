@@ -6,6 +6,7 @@ import contextlib
 import importlib
 import io
 import os
+import shutil
 import signal
 import sys
 from collections.abc import Sequence
@@ -20,6 +21,7 @@ from experiments.options.calibrate import CalibrateConfig
 from experiments.options.coverage import CoverageConfig
 from experiments.options.export import ExportConfig
 from experiments.options.grid import SweepConfig
+from experiments.options.help import HelpBuffer, wrapped
 from experiments.options.identify import IdentifyConfig
 from experiments.options.predict import PredictConfig
 from experiments.options.reproduce import ReproduceConfig
@@ -213,9 +215,9 @@ def parse(arguments: Sequence[str]) -> Any:
         SystemExit: after help, and for arguments that tyro rejects, once it has explained them.
     """
     _check(arguments)
-    explanation = io.StringIO()
+    explanation, shown = io.StringIO(), HelpBuffer()
     try:
-        with contextlib.redirect_stderr(explanation):
+        with contextlib.redirect_stderr(explanation), contextlib.redirect_stdout(shown):
             return tyro.extras.subcommand_cli_from_dict(
                 {name: command.options for name, command in COMMANDS.items()},
                 prog="trackslip",
@@ -227,7 +229,10 @@ def parse(arguments: Sequence[str]) -> Any:
         if stop.code and (refused := _refused_value(stop)):
             raise refused from None
         sys.stderr.write(explanation.getvalue())
-        if not stop.code and {"-h", "--help"} & set(arguments):
+        if stop.code or arguments[0] in _COMPLETION:
+            sys.stdout.write(shown.getvalue())
+        else:
+            print(wrapped(shown.getvalue(), shutil.get_terminal_size().columns))
             print(examples_text("" if arguments[0].startswith("-") else arguments[0]))
         sys.stdout.flush()
         raise

@@ -1,1 +1,1 @@
-"""MJCF models: data, and `make_meshes`, which wrote the meshes. See README.md in this folder."""
+"""MJCF models, their meshes, and `make_meshes`, which writes the meshes; see README.md in this folder."""

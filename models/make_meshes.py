@@ -1,8 +1,8 @@
-"""Writes the two meshes of a track, `track_belt.obj` and `track_wheels.obj`: `python -m models.make_meshes`.
+"""Write the two meshes of a track, `track_belt.obj` and `track_wheels.obj`: `python -m models.make_meshes`.
 
-A belt has some fifty shoes. As geoms of their own they would all be moved in every physics step, which costs
-more than a tenth of its time; a mesh is one geom. All lengths are in metres, in the frame of a track: x
-forward, y left, z up, origin on the ground under the middle of the track. Nothing here takes part in contact.
+A belt has 44 shoes. If each were a geom, moving them would take more than a tenth of every physics step; a mesh is a
+single geom. All lengths are in metres, in the frame of a track: x forward, y left, z up, origin on the ground under the
+centre of the track. The meshes have no contacts.
 """
 
 from pathlib import Path
@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-HALF_WHEELBASE = 0.20  # sprocket and idler sit at x = -+ this, as in tracked_robot.xml
+HALF_WHEELBASE = 0.20  # sprocket and idler are at x = -+ this, as in tracked_robot.xml
 AXLE_HEIGHT = 0.07
 BELT_INSIDE, BELT_OUTSIDE, SHOE_OUTSIDE = 0.060, 0.065, 0.070  # radii on the wheels: 0.060 is the sprocket's
 BELT_HALF_WIDTH = 0.045
@@ -20,32 +20,32 @@ Points = NDArray[np.float64]
 
 
 class Mesh:
-    """Convex polygons that share no vertices, so that every face is shaded flat."""
+    """Convex polygons without shared vertices, so that every face is flat-shaded."""
 
     def __init__(self) -> None:
-        """Starts empty."""
-        self.polygons: list[Points] = []  # each (N, 3), counter-clockwise from outside
+        """Start without polygons."""
+        self.polygons: list[Points] = []  # each (N, 3), counter-clockwise seen from outside [m]
 
     def prism(self, section: Points, right: float, left: float) -> None:
-        """Adds a convex section (N, 2) in (x, z), counter-clockwise seen from the right, along y."""
+        """Extrude a convex section (N, 2) in (x, z), counter-clockwise seen from the right, from y = right to y = left."""
         near, far = np.insert(section, 1, right, axis=-1), np.insert(section, 1, left, axis=-1)
         after = [*range(1, len(section)), 0]
         sides = np.stack([near[after], near, far, far[after]], axis=1)  # (N, 4, 3)
         self.polygons += [near, far[::-1], *sides]
 
     def disc(self, x: float, z: float, radius: float, right: float, left: float, sides: int = 30) -> None:
-        """Adds a wheel of the given radius with its axle along y at (x, z), from y = right to y = left."""
+        """Add a wheel with its axle along y at (x, z), from y = right to y = left."""
         angle = np.linspace(0.0, 2.0 * np.pi, sides, endpoint=False)
         rim = np.stack([x + radius * np.cos(angle), z + radius * np.sin(angle)], axis=-1)
         self.prism(rim, right, left)
 
     def box(self, low: tuple[float, float, float], high: tuple[float, float, float]) -> None:
-        """Adds an upright box between two opposite corners."""
+        """Add an axis-aligned box between two opposite corners."""
         section = np.array([[low[0], low[2]], [high[0], low[2]], [high[0], high[2]], [low[0], high[2]]])
         self.prism(section, low[1], high[1])
 
     def write(self, path: Path, title: str) -> None:
-        """Writes a Wavefront OBJ file."""
+        """Write a Wavefront OBJ file."""
         vertices, faces, count = [], [], 0
         for polygon in self.polygons:
             vertices += ["v " + " ".join(f"{c:.5g}" for c in corner) for corner in polygon.round(5) + 0.0]
@@ -56,7 +56,7 @@ class Mesh:
 
 
 def along_loop(distance: Points) -> tuple[Points, Points]:
-    """Points (N, 2) in (x, z) on the belt's outside, and outward normals (N, 2), for distances (N,) along it.
+    """Points (N, 2) in (x, z) on the outside of the belt, and outward normals (N, 2), at distances (N,) along it.
 
     The loop starts under the sprocket and runs forward along the ground.
     """
@@ -98,7 +98,7 @@ def belt() -> Mesh:
 
 
 def wheels() -> Mesh:
-    """Idler, road wheels, return rollers, hubs, bolts and the beam that carries them; no sprocket."""
+    """Idler, road wheels, return rollers, hubs, bolts and the beam that carries them, without the sprocket."""
     mesh = Mesh()
     mesh.disc(HALF_WHEELBASE, AXLE_HEIGHT, BELT_INSIDE, -0.034, -0.008)
     mesh.disc(HALF_WHEELBASE, AXLE_HEIGHT, BELT_INSIDE, 0.008, 0.034)
@@ -118,7 +118,7 @@ def wheels() -> Mesh:
 
 
 def main() -> None:
-    """Writes both meshes beside this file."""
+    """Write both meshes next to this file."""
     folder = Path(__file__).parent
     belt().write(folder / "track_belt.obj", "belt and shoes of one track")
     wheels().write(folder / "track_wheels.obj", "idler, road wheels and hubs of one track")

@@ -1,4 +1,4 @@
-"""Bodies: N robots in a MuJoCo batch, where they are and what pushes them."""
+"""Bodies: N robots in a MuJoCo batch, with their poses, twists and contact forces."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from sim.robot.robot import Robot
 from trackslip.kinematics import Array
 
 Rows = np.ndarray | slice
-"""Which of N robots."""
+"""Indices of robots, or a slice of them."""
 
 
 class Bodies:
-    """The bodies of N robots, each in a world of its own."""
+    """The bodies of N robots, each in its own world."""
 
     def __init__(self, robot: Robot, size: int, threads: int) -> None:
         """`size` robots of one model, on `threads` worker threads (0: one per processor)."""
@@ -22,12 +22,11 @@ class Bodies:
         self.batch = batch.Batch(robot.model, size, nthread=threads)
         self._sensors = self.batch.bind("sensordata")[:, :6]  # (N, 6), live: force on the left and on the right track
         self._quaternion = tuple(self.batch.qpos[:, 3:7].T)  # four live views (N,)
-        # (N, 2), live: the chassis' x axis on the ground
         self._chassis = robot.model.body("chassis").id
-        self._forward = self.batch.bind("xmat")[:, self._chassis, 0:4:3]
+        self._forward = self.batch.bind("xmat")[:, self._chassis, 0:4:3]  # (N, 2), live: x axes of the chassis
         self.plate = self.batch.bind("geom_xpos")[:, robot.model.geom("plate").id]
-        """Middles (N, 3) of the robots' plates one physics step ago [m], live."""
-        self._fresh = self.batch.state[0].copy()  # of a robot that has done nothing yet
+        """Centres (N, 3) of the robots' plates one physics step ago [m], live."""
+        self._fresh = self.batch.state[0].copy()  # of a robot that has not moved yet
         self._heading: Array = np.zeros(size)  # unwrapped
 
     def pose(self) -> Array:
@@ -43,34 +42,34 @@ class Bodies:
         return np.column_stack([cos * x + sin * y, -sin * x + cos * y, velocity[:, 5]])
 
     def traction(self) -> Array:
-        """Forces of the ground on the (left, right) tracks, along the robot, (N, 2) [N], in the last physics step."""
+        """Longitudinal forces of the ground on the (left, right) tracks in the last physics step, (N, 2) [N]."""
         return along_robot(self._sensors, self._forward)
 
     def load(self) -> Array:
-        """Forces of the ground that hold up the (left, right) tracks, (N, 2) [N]."""
+        """Normal forces of the ground on the (left, right) tracks, (N, 2) [N]."""
         return self._sensors[:, 2::3].copy()
 
     def attitude(self) -> Array:
-        """Sink (positive downwards) [m], roll and pitch [rad] of the chassis, (N, 3)."""
+        """Sinkage (positive downwards) [m], roll and pitch [rad] of the chassis, (N, 3)."""
         w, x, y, z = self._quaternion
         roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
         pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
         return np.column_stack([-self.batch.qpos[:, 2], roll, pitch])
 
     def upright(self) -> Array:
-        """Cosines (N,) of the angles by which the chassis lean."""
+        """Cosines (N,) of the angles between the chassis' vertical axes and the plane's normal."""
         _, x, y, _ = self._quaternion
         return 1 - 2 * (x * x + y * y)
 
     def lean(self) -> Array:
-        """How far the plates stand to the left of the chassis, at the height at which they are scanned (N,) [m]."""
+        """Lateral offset (N,) of the plates from the chassis, at the height of the scan, positive to the left [m]."""
         w, x, y, z = self._quaternion
         up = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])  # of the chassis
         along = (self.robot.lrf_height - self.batch.qpos[:, 2]) / up[2]
         return along * (np.cos(self._heading) * up[1] - np.sin(self._heading) * up[0])
 
     def _place_at(self, rows: np.ndarray, start: Array, height: float = 0.0) -> None:
-        """Put the robots `rows` (R,) at poses (R, 3), upright, with nothing left of what they did before."""
+        """Reset the robots `rows` (R,) and put them upright at poses (R, 3)."""
         self.batch.state[rows] = self._fresh
         qpos = self.batch.qpos
         qpos[rows, :3] = np.column_stack([start[:, :2], np.full(len(rows), height)])
@@ -87,13 +86,13 @@ class Bodies:
         return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
     def _follow_heading(self) -> None:
-        """Unwrap the heading, often enough: a robot may have turned by a radian since the last time."""
-        wrapped = self._wrapped_heading()  # plus whole turns: the same bits however often it is followed
+        """Unwrap the headings. Between two calls no robot may turn by more than about a radian."""
+        wrapped = self._wrapped_heading()  # plus whole turns, so that the bits don't depend on how often this is called
         self._heading = wrapped + 2 * np.pi * np.round((self._heading - wrapped) / (2 * np.pi))
 
 
 def along_robot(forces: Array, forward: Array) -> Array:
-    """Parts (..., 2) along the directions `forward` (..., 2) of forces (..., 6) on the left and on the right track."""
+    """Components (..., 2) along `forward` (..., 2) of the forces (..., 6) on the left and the right track."""
     x, y = forces[..., 0::3], forces[..., 1::3]
     return x * forward[..., :1] + y * forward[..., 1:]
 

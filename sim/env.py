@@ -1,4 +1,4 @@
-"""Path tracking as a gymnasium environment: one robot, trackslip/PathTracking-v0."""
+"""The gymnasium environment trackslip/PathTracking-v0: path tracking of one robot."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.path_tracking.config import PERIOD, EnvConfig
+from sim.path_tracking.renderer import Renderer
 from sim.path_tracking.tracking import PathTracking
-from sim.path_tracking.view import View
 from trackslip.errors import InvalidValueError
 
 Observation = NDArray[np.float32]
@@ -19,11 +19,12 @@ METADATA = {"render_modes": ["rgb_array", "human"], "render_fps": round(1 / PERI
 
 
 class PathTrackingEnv(gymnasium.Env[Observation, Action]):
-    """A tracked robot that is to be where a reference has it at every time.
+    """A tracked robot that must follow a reference trajectory.
 
-    Actions: float32 (2,) in [-1, 1], 20 a second: sprocket speeds or a twist, see `EnvConfig.action`.
-    Observations: see `path_tracking.observation`, element by element. Reward: see `path_tracking.config.Reward`.
-    Terminates when the robot is `off_path` or has tipped over; truncates at the reference's end.
+    Actions are float32 (2,) in [-1, 1], 20 per second: sprocket speeds or a twist, see `EnvConfig.action`. The
+    observations are described in `path_tracking.observation`, the reward in `path_tracking.config.Reward`. An episode
+    terminates when the robot is farther than `off_path` from the reference or tips over, and is truncated at the
+    reference's end.
     """
 
     metadata = METADATA
@@ -43,67 +44,69 @@ class PathTrackingEnv(gymnasium.Env[Observation, Action]):
         self.tracking = PathTracking(EnvConfig.of(options), 1, threads=1)
         observations, actions = spaces(self.tracking)
         self.observation_space, self.action_space = observations, actions
-        self._view = View(self.tracking) if render_mode is not None else None
+        self._renderer = Renderer(self.tracking) if render_mode is not None else None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode, drawn from the generator that `seed` begins anew.
+        """Begin an episode.
 
-        `options`: what is not to be drawn but asked for, see `path_tracking.episode.draw`.
+        Args:
+            seed: of the generator from which episodes are drawn; None to continue with the present one.
+            options: values to use instead of drawn ones, see `path_tracking.episode.draw`.
 
         Raises:
-            InvalidValueError: for unknown options, and values out of range.
+            InvalidValueError: for unknown options and values out of range.
         """
         super().reset(seed=seed)
         self.tracking.begin([0], [self.tracking.draw(self.np_random, options or {})])
-        if self._view is not None:
-            self._view.begin([0])
+        if self._renderer is not None:
+            self._renderer.begin([0])
             self._show()
         return self.tracking.observation()[0], row_of(self.tracking.info())
 
     def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Let a control period pass; raises InvalidValueError for an action that isn't finite."""
+        """Simulate one control period; raises InvalidValueError for an action that isn't finite."""
         tracking = self.tracking
         tracking.step(np.asarray(action, float)[None])
-        if self._view is not None:
-            self._view.follow()
+        if self._renderer is not None:
+            self._renderer.follow()
             self._show()
         ends = bool(tracking.terminated[0]), bool(tracking.truncated[0])
         return tracking.observation()[0], float(tracking.reward[0]), *ends, row_of(tracking.info())
 
     def render(self) -> Any:
-        """A picture (480, 640, 3) for "rgb_array"; "human" shows itself.
+        """Image (480, 640, 3) for "rgb_array"; None for "human", which updates the window.
 
         Raises:
-            TrackslipError: where nothing can be drawn.
+            TrackslipError: if nothing can be drawn.
         """
-        if self._view is None:
+        if self._renderer is None:
             raise InvalidValueError("render_mode", None, "given to gymnasium.make, to render")
-        return self._view.picture(0) if self.render_mode == "rgb_array" else self._show()
+        return self._renderer.picture(0) if self.render_mode == "rgb_array" else self._show()
 
     def _show(self) -> None:
-        if self._view is not None and self.render_mode == "human":
-            self._view.show()
+        if self._renderer is not None and self.render_mode == "human":
+            self._renderer.show()
 
     def close(self) -> None:
-        """Close windows."""
-        if self._view is not None:
-            self._view.close()
+        """Close the window."""
+        if self._renderer is not None:
+            self._renderer.close()
 
 
 def require_render_mode(mode: str | None) -> None:
-    """Raise InvalidValueError for a mode that isn't there."""
+    """Raise InvalidValueError for an unknown mode."""
     if mode not in (None, *METADATA["render_modes"]):  # type: ignore[misc]
         raise InvalidValueError("render_mode", mode, 'None, "rgb_array" or "human"')
 
 
 def spaces(tracking: PathTracking) -> tuple[Any, Any]:
-    """Boxes of one robot's observations and actions."""
+    """Observation space and action space of one robot."""
     bound = tracking.layout.bound
     return gymnasium.spaces.Box(-bound, bound, dtype=np.float32), gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
 
 
 def row_of(info: dict[str, Any]) -> dict[str, Any]:
-    """What `info` says of robot 0: numbers and arrays."""
+    """Entries of `info` for robot 0: numbers and arrays."""
     return {name: values[0].copy() if values.ndim > 1 else values[0].item() for name, values in info.items()}

@@ -1,4 +1,4 @@
-"""Fleet: N robots, each in a world of its own, stepped together by mujoco.batch."""
+"""Fleet: N driven robots, each in its own world, stepped together by mujoco.batch."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array
 
 SETTLING = 1.0
-"""Time for a robot set down on the ground to come to rest [s]: physics before a fleet's first period."""
-_RESETTLING = 0.4  # the same where it begins nearly as low as it will stand
-_AT_REST = 0.005  # below this speed [m/s] it has; creep is a hundred times slower
+"""Simulated before a fleet's first period, so that the robots come to rest on the ground [s]."""
+_RESETTLING = 0.4  # the same for robots that are placed at their sinkage
+_AT_REST = 0.005  # a robot slower than this is at rest; creep is a hundred times slower [m/s]
 _EVERYONE = slice(None)
 _FORCES, _FORCES_AND_AXES = ("sensordata",), ("sensordata", "xmat")
-_UPRIGHT = 0.1  # below this roll and pitch it stands on its tracks [rad]
+_UPRIGHT = 0.1  # a robot with less roll and pitch than this stands on its tracks [rad]
 
 
 class Fleet(Bodies):
-    """N robots on their grounds. Same arguments, same bits, at any number of threads."""
+    """N robots on their grounds. The same arguments give the same bits at any number of threads."""
 
     ground: tuple[Ground, ...]
-    """Of each robot."""
+    """Ground of each robot."""
     _friction: PadFriction
 
     def __init__(
@@ -43,19 +43,19 @@ class Fleet(Bodies):
         drive: Drive | None = None,
         threads: int = 0,
     ) -> None:
-        """Set N robots down, tracks at rest.
+        """Put N robots on the ground, at rest.
 
         Args:
             robot: the compiled model.
-            start: poses (N, 3).
-            ground: of all robots, or one each.
-            radius_error: of the effective sprocket radius, one number or (N,) [-].
+            start: poses (N, 3) [m, m, rad].
+            ground: one for all robots, or one each.
+            radius_error: relative error of the effective sprocket radius, one number or (N,) [-].
             drive: of all sprockets.
             threads: worker threads, 0 for one per processor.
 
         Raises:
-            InvalidValueError: for poses that aren't finite, a wrong number of grounds, a slope too steep to park on,
-                where robots would slide or tip over, a servo period that is no multiple of the physics step.
+            InvalidValueError: for poses that aren't finite, a wrong number of grounds, a slope on which robots would
+                slide or tip over, or a servo period that is not a multiple of the physics step.
         """
         start = np.atleast_2d(np.asarray(start, float))
         if start.ndim != 2 or start.shape[1] != 3 or not np.isfinite(start).all():
@@ -76,10 +76,10 @@ class Fleet(Bodies):
         self.belts = surface[:, robot.pads, 2]
         """Speed of each pad's surface, along its own axis (N, P) [m/s], live."""
         self._pad_friction = self.batch.expand("pair_friction")[:, robot.pad_pairs, :2]  # (N, P, 2), live
-        self._gravity: Array | None = None  # (N, 3), live, once some ground slopes
-        self._centre: Array | None = None  # (N, 3), live, once some centre of mass is moved
+        self._gravity: Array | None = None  # (N, 3), live, once a ground slopes
+        self._centre: Array | None = None  # (N, 3), live, once a centre of mass is moved
         self._periods = 0  # since the start
-        self._began: NDArray[np.int_] = np.zeros(self.size, int)  # when each robot's run began, in periods
+        self._began: NDArray[np.int_] = np.zeros(self.size, int)  # start of each robot's run, in periods
         fastest = drive.top_speed / robot.geometry.half_gauge * drive.period  # turn in a period [rad]
         self._unwrap_every = max(1, int(1.0 / fastest))  # periods
         self._place_at(np.arange(self.size), start)
@@ -89,14 +89,14 @@ class Fleet(Bodies):
 
     @property
     def time(self) -> float:
-        """Since the start [s]."""
+        """Time since the start [s]."""
         return self._periods * self.period
 
     def restart(self, rows: ArrayLike, setting: Sequence[Setting]) -> None:
-        """Begin new runs with the robots `rows` (R,), one setting each; the others' runs go on where they are.
+        """Start new runs with the robots `rows` (R,), one setting each; the other robots' runs continue.
 
         Raises:
-            InvalidValueError: for poses that aren't finite, a slope too steep to park on.
+            InvalidValueError: for poses that aren't finite, or a slope too steep to park on.
         """
         rows = np.asarray(rows, int)
         if not rows.size:
@@ -122,18 +122,18 @@ class Fleet(Bodies):
         self._settle(rows, start, _RESETTLING)
 
     def _balance(self, rows: np.ndarray, weight: Array) -> None:
-        """Move centres of mass (R, 2) from where the model has them, forward and to the left [m]."""
+        """Shift the centres of mass by (R, 2), forward and to the left [m]."""
         if self._centre is None:
             if not weight.any():
                 return
             self._centre = self.batch.expand("body_ipos")[:, self.robot.model.body("chassis").id]
         self._centre[rows, :2] = self.robot.model.body("chassis").ipos[:2] + weight
-        self.belts[rows] = 1.0  # derived from standing belts, the engine's constants say that none ever moves
+        self.belts[rows] = 1.0  # with belts at rest the engine would conclude that they never move
         self.batch.set_const(ids=rows)
         self.belts[rows] = 0.0
 
     def set_ground(self, ground: Ground | Sequence[Ground]) -> None:
-        """Put the robots on a ground, all the same or one each; takes effect at once, also in mid-run."""
+        """Put the robots on another ground, one for all or one each; it takes effect at once, even during a run."""
         grounds = [ground] * self.size if isinstance(ground, Ground) else list(ground)
         if len(grounds) != self.size:
             raise InvalidValueError("ground", f"{len(grounds)} grounds", f"one or {self.size}")
@@ -143,11 +143,11 @@ class Fleet(Bodies):
         self._lay_friction(np.arange(self.size))
 
     def command(self, omega: ArrayLike) -> None:
-        """Set points of the sprockets, (N, 2) or (2,) [rad/s]; they hold until the next."""
+        """Set the set points of the sprockets, (N, 2) or (2,) [rad/s]; they hold until the next call."""
         self.drive.command(np.broadcast_to(np.asarray(omega, float), (self.size, 2)))
 
     def advance(self, duration: float) -> None:
-        """Let `duration` [s] pass; raises InvalidValueError unless it is a multiple of the servo period."""
+        """Simulate `duration` [s]; raises InvalidValueError unless it is a multiple of the servo period."""
         periods = round(duration / self.period)
         if abs(periods * self.period - duration) > 1e-9:
             raise InvalidValueError("duration", duration, f"a multiple of the servo period, {self.period} s")
@@ -171,14 +171,14 @@ class Fleet(Bodies):
     def _run(self, rows: Rows, mean: Array) -> Array:
         """Run the belts of the robots `rows` (R,) at mean sprocket speeds (P, R, 2) [rad/s] for P periods.
 
-        Returns the mean tractions (P, R, 2) in them.
+        Returns the mean tractions (P, R, 2) of each period [N].
         """
-        # the lower side of a belt runs backwards when the robot goes forwards
+        # the lower side of a belt moves backwards when the robot drives forwards
         belts = (-self._radius[rows] * mean)[..., self.robot.pad_side] * self.robot.pad_sign
         forces = np.empty((*mean.shape[:2], self._sensors.shape[1]))
         forward = np.empty((*mean.shape[:2], 2))
         steady = not self._friction.varies and bool((mean == mean[0]).all())
-        at_once = self._unwrap_every if steady else 1  # the engine is faster without pauses
+        at_once = self._unwrap_every if steady else 1  # the engine is faster without interruptions
         for first in range(0, len(mean), at_once):
             end = min(first + at_once, len(mean))
             if self._friction.varies:
@@ -189,13 +189,14 @@ class Fleet(Bodies):
             if end % self._unwrap_every == 0:
                 self._follow_heading()
         self._follow_heading()
-        # grip follows the belts within a period: only the mean of the forces is their impulse
+        # grip builds up within a period, so that only the mean force gives the impulse
         return along_robot(forces / self._substeps, forward)
 
     def _step(self, rows: Rows, forces: Array, forward: Array) -> None:
-        """Let the engine step the robots `rows` (R,) for P periods.
+        """Step the robots `rows` (R,) for P periods.
 
-        Tells the sums of the forces on their tracks (P, R, 6) in each period, and where they point (P, R, 2) after it.
+        Writes the sums of the forces on their tracks in each period to `forces` (P, R, 6), and the directions in which
+        the robots point at its end to `forward` (P, R, 2).
         """
         periods = len(forces)
         record = _FORCES_AND_AXES if periods > 1 else _FORCES
@@ -210,10 +211,10 @@ class Fleet(Bodies):
             forward[0] = self._forward[rows]
 
     def _advance_within_limits(self, rows: np.ndarray, drive: DriveState) -> None:
-        """One period of the robots `rows` (R,), in which some motor of theirs may be too weak to follow its servo.
+        """Simulate one period of the robots `rows` (R,), whose motors may be too weak to follow the servos.
 
-        Its sprocket then ends at a speed for which it has just enough torque. What the ground makes of a speed is found
-        by trying it.
+        The sprocket of such a motor ends the period at a speed for which the torque is just sufficient. How the ground
+        responds to a speed is found by trial.
         """
         before = self._snapshot(rows)
         search = SpeedSearch(drive, self.robot.mass, float(np.linalg.norm(self.robot.model.opt.gravity)))
@@ -222,16 +223,16 @@ class Fleet(Bodies):
             self._periods -= 1
 
     def friction(self) -> Array:
-        """Friction coefficients (N, 2) along and across the tracks, mean over the pads [-]."""
+        """Friction coefficients (N, 2) along and across the tracks, averaged over the pads [-]."""
         return self._pad_friction.mean(axis=1)
 
     def _lay_friction(self, rows: Rows) -> None:
-        """Give every pad of the robots `rows` (R,) the friction of the place and the time."""
+        """Set the friction of every pad of the robots `rows` (R,) for its present place and time."""
         time = (self._periods - self._began) * self.period
         self._pad_friction[rows] = self._friction.at(time, self.batch.qpos[:, :2], self._wrapped_heading())[rows]
 
     def _lay_gravity(self, rows: np.ndarray) -> None:
-        """Give the robots `rows` (R,) the gravity of their slopes."""
+        """Tilt the gravity of the robots `rows` (R,) as their grounds slope."""
         if self._gravity is None and any(self.ground[k].slope != 0 for k in rows):
             self._gravity = self.batch.expand("opt.gravity")
         if self._gravity is not None:
@@ -239,11 +240,11 @@ class Fleet(Bodies):
             self._gravity[rows] = [self.ground[k].gravity(size) for k in rows]
 
     def _settle(self, rows: np.ndarray, start: Array, duration: float) -> None:
-        """Let the robots `rows` (R,) come to rest on the ground in `duration` [s], at the poses `start` (R, 3)."""
+        """Let the robots `rows` (R,) come to rest for `duration` [s], and put them at the poses `start` (R, 3)."""
         qpos = self.batch.qpos
         self.batch.step(ids=rows, nstep=round(duration / self.robot.model.opt.timestep))
         self._require_rest(rows, start)
-        # settling moves it by less than a micrometre; start exactly where asked
+        # settling moves a robot by less than a micrometre: undo even that
         qpos[rows, :2] = start[:, :2]
         half_turn = (start[:, 2] - self._wrapped_heading()[rows]) / 2
         cos, sin = np.cos(half_turn), np.sin(half_turn)
@@ -255,12 +256,12 @@ class Fleet(Bodies):
         self._follow_heading()
 
     def _require_parking(self, rows: np.ndarray, start: Array) -> None:
-        """Raise InvalidValueError for robots `rows` (R,) that friction can't hold at the poses `start` (R, 3)."""
+        """Raise InvalidValueError if friction can't hold one of the robots `rows` (R,) at its pose `start` (R, 3)."""
         for k, heading in zip(rows, start[:, 2], strict=True):
             self.ground[k].require_parking(self._pad_friction[k].mean(axis=0), float(heading))
 
     def _require_rest(self, rows: np.ndarray, start: Array) -> None:
-        """Raise InvalidValueError for robots that slide, or have tipped over, where they were set down."""
+        """Raise InvalidValueError if one of the robots slides or has tipped over where it was put."""
         sliding = ~(np.hypot(*self.batch.qvel[rows, :2].T) < _AT_REST)
         tipped = ~(np.abs(self.attitude()[rows, 1:]).max(axis=1) < _UPRIGHT)
         for k in np.flatnonzero(sliding | tipped)[:1]:

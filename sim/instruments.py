@@ -1,4 +1,4 @@
-"""What only a simulator can tell: force and sliding of every point of contact."""
+"""Force and sliding velocity at every contact point, which only a simulator can measure."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from trackslip.kinematics import Array
 
 @dataclass(frozen=True)
 class Contacts:
-    """Forces of the ground at K points of N robots, and how the belts slide over it, one physics step ago."""
+    """Contact forces and sliding at K points of N robots, one physics step ago."""
 
     load: Array  # (N, K) normal force [N]
-    force: Array  # (N, K, 2) tangential force on the robot, along a pad's own axis and across it [N]
-    velocity: Array  # (N, K, 2) of the robot's points over the ground, likewise [m/s]
-    rising: Array  # (N, K) speed off the ground [m/s]
-    belt: Array  # (N, K) speed of the belt relative to the robot, along the pad's axis [m/s]
+    force: Array  # (N, K, 2) tangential force on the robot, along and across the pad [N]
+    velocity: Array  # (N, K, 2) of the robot's points relative to the ground, likewise [m/s]
+    rising: Array  # (N, K) vertical speed, positive upwards [m/s]
+    belt: Array  # (N, K) speed of the belt relative to the robot, along the pad [m/s]
     position: Array  # (N, K, 2) in the robot's frame [m]
 
     @property
     def sliding(self) -> Array:
-        """Velocity of the belts over the ground (N, K, 2) [m/s]."""
+        """Sliding velocity of the belts relative to the ground (N, K, 2) [m/s]."""
         return self.velocity + np.stack([self.belt, np.zeros_like(self.belt)], axis=-1)
 
 
 def read_contacts(fleet: Fleet) -> Contacts:
-    """The contacts of a fleet whose robot was loaded with contact sensors."""
+    """Contacts of a fleet whose robot was loaded with contact sensors."""
     pads = len(fleet.robot.pad_side)
     sensed = fleet.batch.bind("sensordata")[:, -pads * POINTS * WIDTH :].reshape(fleet.size, pads * POINTS, WIDTH)
     pose = fleet.pose()
@@ -48,7 +48,7 @@ def read_contacts(fleet: Fleet) -> Contacts:
 
 
 def pad_forces(fleet: Fleet) -> Array:
-    """Forces (N, P, 3) of the ground on the pads, forwards, to the left and up [N], one physics step ago.
+    """Forces (N, P, 3) of the ground on the pads one physics step ago: forward, to the left, up [N].
 
     The fleet's robot must have been loaded with contact sensors.
     """
@@ -59,7 +59,7 @@ def pad_forces(fleet: Fleet) -> Array:
 
 
 def use_default_contact(robot: Robot) -> None:
-    """Make the contacts those that MuJoCo has where nobody says otherwise; the friction coefficients stay."""
+    """Replace the contact parameters by MuJoCo's defaults, except the friction coefficients."""
     model, plain = robot.model, mujoco.MjSpec().option
     model.pair_solref[:] = [0.02, 1.0]
     model.pair_solreffriction[:] = 0.0

@@ -1,7 +1,7 @@
-"""A trained policy: a small network from observations to actions, in NumPy, and the controller that it makes.
+"""Trained policies: a small NumPy network from observations to actions, and a controller that uses it.
 
-The network corrects the reference's twist: action = twist now + authority * tanh-network(features), cut off at [-1, 1].
-Features are the observation with its errors drawn out by arsinh, so that millimetres and decimetres both count.
+The network corrects the reference's twist: action = twist now + authority * network(features), clipped to [-1, 1]. The
+features are the observation with its errors compressed by arsinh, which resolves both millimetres and decimetres.
 """
 
 from __future__ import annotations
@@ -28,26 +28,26 @@ _DAMAGED = (
     *(KeyError, ValueError, TypeError, AttributeError),
     *(EOFError, NotImplementedError, zipfile.BadZipFile, zlib.error),
 )
-"""What reading a file that holds no policy may raise."""
+"""Exceptions raised when reading a file that is not a policy."""
 _ERRORS, _TWIST_NOW = slice(0, 3), slice(3, 5)  # of an observation
-_FINE = np.array([0.02, 0.02, 0.02])  # errors, in the observation's units, that are neither small nor large
+_FINE = np.array([0.02, 0.02, 0.02])  # errors at which the compression sets in, in the observation's units
 
 
 def features(observation: Array) -> Array:
-    """What the network sees (..., n) of observations (..., n)."""
+    """Inputs (..., n) of the network for observations (..., n)."""
     seen = np.array(observation, float)
     seen[..., _ERRORS] = np.arcsinh(seen[..., _ERRORS] / _FINE)
     return seen
 
 
 def corrected(observation: Array, correction: Array, authority: ArrayLike) -> Array:
-    """Actions (N, 2): the reference's twist now, of observations (N, n), and corrections (N, 2) in [-1, 1] of it."""
+    """Actions (N, 2): the reference's present twist in observations (N, n), plus corrections (N, 2) in [-1, 1]."""
     return np.clip(observation[:, _TWIST_NOW] + np.clip(correction, -1.0, 1.0) * np.asarray(authority), -1.0, 1.0)
 
 
 @dataclass(frozen=True)
 class Network:
-    """Layers of tanh, the last one without; rows don't depend on each other, not in a bit."""
+    """Layers with tanh, except the last, which is linear. Rows are bitwise independent."""
 
     weights: tuple[Array, ...]  # (in, out) each
     biases: tuple[Array, ...]  # (out,) each
@@ -64,13 +64,14 @@ class Network:
 
 @dataclass(frozen=True)
 class Policy:
-    """What a training leaves: the network, how far it may correct, and the observations that it was trained on."""
+    """The result of a training: the network, its authority, and the environment that it was trained in."""
 
     network: Network
+    """From features to corrections in [-1, 1]."""
     authority: tuple[float, float]
     """Largest correction of (v, w), in units of the environment's `twist_scale` [-]."""
     options: dict[str, Any]
-    """Of the environment: those of `EnvConfig` that shape observations and actions."""
+    """Fields of `EnvConfig` on which observations and actions depend."""
 
     def action(self, observation: ArrayLike) -> Array:
         """Actions (N, 2) in [-1, 1] for observations (N, n)."""
@@ -87,7 +88,7 @@ class Policy:
 
     @classmethod
     def load(cls, path: Path) -> Policy:
-        """Read what `save` wrote, or the policy.npz in a folder; raises LogError for what is none."""
+        """Read a file written by `save`, or policy.npz in a folder; raises LogError for any other file."""
         file = policy_file(path)
         try:
             with file.open("rb") as opened, np.load(opened, allow_pickle=False) as stored:
@@ -107,15 +108,15 @@ class Policy:
 
 
 def policy_file(path: Path) -> Path:
-    """The file of a policy, which may be given by the folder that `trackslip train` left it in."""
+    """The file of a policy, given by its path or by the folder that `trackslip train` wrote."""
     return path / "policy.npz" if path.is_dir() else path
 
 
 class PolicyController:
-    """A policy as a controller of `trackslip.controllers`: builds observations from poses, as the environment does."""
+    """A policy as a controller, which builds the environment's observations from poses."""
 
     def __init__(self, policy: Policy, top_speed: float) -> None:
-        """`top_speed` of the sprockets [rad/s]."""
+        """`top_speed`: of the sprockets [rad/s]."""
         config = EnvConfig.of(policy.options)
         self._policy, self._layout = policy, Layout(config, top_speed)
         self._scale = np.array(config.twist_scale)
@@ -123,15 +124,15 @@ class PolicyController:
         self._action: Array | None = None
 
     def reset(self) -> None:
-        """The sprockets stand, and nothing has been asked for."""
+        """Start with sprockets at rest and no previous action."""
         self._omega = self._action = None
 
     def sense(self, omega: Array) -> None:
-        """Sprocket speeds (N, 2) [rad/s], as the encoders counted them over the last period."""
+        """Set the measured sprocket speeds (N, 2), mean over the last period [rad/s]."""
         self._omega = omega
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Twists (N, 2) for measured poses (N, 3)."""
+        """Twists (N, 2) for measured poses (N, 3) [m/s, rad/s]."""
         error = body_errors(pose, reference.pose(time))
         if self._action is None:
             self._action = np.zeros((len(error), 2))

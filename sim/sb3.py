@@ -1,4 +1,4 @@
-"""The vector environment as Stable-Baselines3 has them; needs the extra `rl`."""
+"""The vector environment for Stable-Baselines3; needs the extra `rl`."""
 
 from __future__ import annotations
 
@@ -20,17 +20,23 @@ except ImportError as error:
 
 
 class PathTrackingVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
-    """A PathTrackingVectorEnv, which resets in the same step as Stable-Baselines3 wants it."""
+    """PathTrackingVectorEnv with the interface of Stable-Baselines3, which resets in the same step."""
 
     def __init__(self, num_envs: int = 1, threads: int = 0, **options: Any) -> None:
-        """`num_envs` robots, on worker threads (0: one per processor), with the fields of `EnvConfig`."""
+        """Build the simulator.
+
+        Args:
+            num_envs: number N of robots.
+            threads: worker threads, 0 for one per processor.
+            options: the fields of `EnvConfig`.
+        """
         self.env = PathTrackingVectorEnv(num_envs, autoreset_mode=AutoresetMode.SAME_STEP, threads=threads, **options)
         self.render_mode = self.env.render_mode
         super().__init__(num_envs, self.env.single_observation_space, self.env.single_action_space)
         self._actions: np.ndarray = np.zeros((num_envs, 2))
 
     def reset(self) -> np.ndarray:
-        """Begin episodes, with the seeds and options given before, if any; observations (N, n)."""
+        """Begin episodes with the seeds and options set before, if any; returns observations (N, n)."""
         given = any(self._options)
         options = {key: [one.get(key) for one in self._options] for key in self._options[0]} if given else None
         observation, info = self.env.reset(seed=list(self._seeds), options=options)
@@ -40,11 +46,11 @@ class PathTrackingVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         return observation
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Take actions (N, 2)."""
+        """Set the actions (N, 2)."""
         self._actions = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Let a control period pass: observations (N, n), rewards (N,), who has ended (N,), infos."""
+        """Simulate one control period; returns observations (N, n), rewards (N,), ends of episodes (N,) and infos."""
         observation, reward, terminated, truncated, info = self.env.step(self._actions)
         ended = terminated | truncated
         final, observations = info.pop("final_info", None), info.pop("final_obs", None)
@@ -59,35 +65,35 @@ class PathTrackingVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         return observation, reward.astype(np.float32), ended, infos
 
     def close(self) -> None:
-        """Close what draws."""
+        """Free the image buffers."""
         self.env.close()
 
     def get_images(self) -> Sequence[np.ndarray | None]:
-        """A picture (H, W, 3) of each robot."""
+        """Images (H, W, 3), one per robot."""
         return self.env.render()
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """An attribute of the vector environment, once for each robot."""
+        """An attribute of the vector environment, repeated for each robot."""
         return [getattr(self.env, attr_name)] * len(list(self._get_indices(indices)))
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Refused: robots of one batch have no attributes of their own."""
+        """Raise InvalidValueError: the robots of a batch have no attributes of their own."""
         raise InvalidValueError("attr_name", attr_name, "set on `env`, for all robots")
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """Refused: robots of one batch have no methods of their own."""
+        """Raise InvalidValueError: the robots of a batch have no methods of their own."""
         raise InvalidValueError("method_name", method_name, "called on `env`, for all robots")
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
-        """No robot is wrapped."""
+        """False for each robot: none is wrapped."""
         return [False] * len(list(self._get_indices(indices)))
 
 
 class Corrections(VecEnvWrapper):  # type: ignore[misc, unused-ignore]
-    """Actions correct the reference's twist, and observations are a policy's features: see `sim.policy`."""
+    """Actions are corrections of the reference's twist, observations are a policy's features: see `sim.policy`."""
 
     def __init__(self, robots: PathTrackingVecEnv, authority: tuple[float, float]) -> None:
-        """`authority`: largest correction of (v, w), in units of the environment's `twist_scale`."""
+        """`authority`: largest correction of (v, w), in units of the environment's `twist_scale` [-]."""
         box: Any = robots.observation_space
         low, high = features(box.low).astype(np.float32), features(box.high).astype(np.float32)
         super().__init__(robots, gymnasium.spaces.Box(low, high, dtype=np.float32), robots.action_space)
@@ -95,16 +101,16 @@ class Corrections(VecEnvWrapper):  # type: ignore[misc, unused-ignore]
         self._seen: np.ndarray = np.zeros((robots.num_envs, *box.shape))
 
     def reset(self) -> np.ndarray:
-        """Begin episodes; features (N, n)."""
+        """Begin episodes; returns features (N, n)."""
         self._seen = self._robots.reset()
         return features(self._seen).astype(np.float32)
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Take corrections (N, 2) in [-1, 1]."""
+        """Set the corrections (N, 2) in [-1, 1]."""
         self._robots.step_async(corrected(self._seen, actions, self._authority))
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
-        """Let a control period pass."""
+        """Simulate one control period; returns features (N, n), rewards (N,), ends of episodes (N,) and infos."""
         self._seen, reward, ended, infos = self._robots.step_wait()
         for row in np.flatnonzero(ended):
             infos[row]["terminal_observation"] = features(infos[row]["terminal_observation"]).astype(np.float32)
@@ -112,6 +118,6 @@ class Corrections(VecEnvWrapper):  # type: ignore[misc, unused-ignore]
 
 
 def _by_robot(info: dict[str, Any], n: int) -> list[dict[str, Any]]:
-    """Infos (N, ...) as one dictionary for each robot."""
+    """Infos (N, ...) as one dictionary per robot."""
     names: Iterable[str] = [name for name in info if not name.startswith("_")]
     return [{name: info[name][row] for name in names} for row in range(n)]

@@ -1,4 +1,4 @@
-"""Random numbers that depend on the root seed and on what a run is, not on its place in a list."""
+"""Random numbers that depend on the root seed and on what a run is, not on its position in a list."""
 
 from __future__ import annotations
 
@@ -8,6 +8,6 @@ import numpy as np
 
 
 def generator(seed: int, key: str) -> np.random.Generator:
-    """A generator for the run described by `key` under the root `seed` (>= 0)."""
+    """Random number generator of the run described by `key`, for the root `seed` (>= 0)."""
     words = np.frombuffer(hashlib.sha256(key.encode()).digest(), dtype="<u4")
     return np.random.default_rng([seed, *(int(word) for word in words)])

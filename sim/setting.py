@@ -1,4 +1,4 @@
-"""What is a robot's own in a run."""
+"""The setting of a robot's run."""
 
 from __future__ import annotations
 
@@ -10,14 +10,15 @@ from sim.ground.ground import Ground
 
 @dataclass(frozen=True)
 class Setting:
-    """How a robot's run begins, and what is its own in it."""
+    """Start and properties of one robot in one run."""
 
     start: tuple[float, float, float]
-    """Pose [m, m, rad]."""
+    """Start pose (x, y, phi) [m, m, rad]."""
     ground: Ground = field(default_factory=Ground)
+    """Ground under the robot."""
     radius_error: float = RADIUS_ERROR
-    """Of the effective sprocket radius [-]."""
+    """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     lag: float = Drive.lag
     """Time constant of the servos [s]."""
     weight: tuple[float, float] = (0.0, 0.0)
-    """Where the centre of mass is, forward and to the left of where the model has it [m]."""
+    """Offset of the centre of mass from the model's, forward and to the left [m]."""

@@ -1,4 +1,4 @@
-"""Where the time of a command goes."""
+"""Time spent in the stages of a computation."""
 
 from __future__ import annotations
 
@@ -10,13 +10,14 @@ from dataclasses import dataclass, field
 
 @dataclass
 class Stopwatch:
-    """Seconds spent in each stage, added up."""
+    """Total time spent in each stage."""
 
     stages: dict[str, float] = field(default_factory=dict)
+    """Stage -> wall-clock time [s]."""
 
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
-        """Add the time that the block takes to the stage called `name`."""
+        """Add the time spent in the `with` block to the stage `name`."""
         began = time.perf_counter()
         try:
             yield

@@ -1,4 +1,4 @@
-"""Path tracking of N robots, natively in one batch: the vector environment trackslip/PathTracking."""
+"""The vector environment trackslip/PathTracking-v0: path tracking of N robots in one batch."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from sim.env import METADATA, require_render_mode, spaces
 from sim.path_tracking.config import EnvConfig
+from sim.path_tracking.renderer import Renderer
 from sim.path_tracking.tracking import PathTracking
-from sim.path_tracking.view import View
 from trackslip.errors import InvalidValueError, TrackslipError
 
 Observations = NDArray[np.float32]
@@ -22,10 +22,10 @@ Rows = NDArray[np.int_]
 
 
 class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
-    """N robots, each on its own ground and reference.
+    """N robots, each with its own ground and reference.
 
-    Row i is, bit for bit, the environment `sim.env.PathTrackingEnv` with the seed of row i, as it would be in
-    gymnasium's SyncVectorEnv: same spaces, autoreset modes, infos.
+    Row i is bitwise identical to the environment `sim.env.PathTrackingEnv` with the seed of row i in gymnasium's
+    SyncVectorEnv, with the same spaces, autoreset modes and infos.
     """
 
     def __init__(
@@ -39,9 +39,9 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         """Build the simulator.
 
         Args:
-            num_envs: N, robots.
+            num_envs: number N of robots.
             render_mode: None or "rgb_array".
-            autoreset_mode: of gymnasium.
+            autoreset_mode: gymnasium's.
             threads: worker threads, 0 for one per processor.
             options: the fields of `EnvConfig`.
 
@@ -62,9 +62,9 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self._generators: list[np.random.Generator | None] = [None] * num_envs
-        self._ended = np.ones(num_envs, bool)  # who waits for a new episode
+        self._ended = np.ones(num_envs, bool)  # whether each robot needs a new episode
         self._begun = False
-        self._view = View(self.tracking) if render_mode is not None else None
+        self._renderer = Renderer(self.tracking) if render_mode is not None else None
 
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
@@ -72,13 +72,13 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         """Begin episodes.
 
         Args:
-            seed: s gives row i the generator that the single environment has after reset(seed=s + i); a sequence, one
-                each, None for who keeps theirs.
-            options: `reset_mask`, (N,) bool, for some robots only; the others as for the single environment, of all
-                robots, or a list of one each.
+            seed: an integer s seeds row i as reset(seed=s + i) seeds the single environment; or a sequence with one
+                seed per robot, None to keep a robot's generator.
+            options: `reset_mask`, (N,) bool, resets some robots only; the others are those of the single environment,
+                each a value for all robots or a list with one per robot.
 
         Raises:
-            InvalidValueError: for unknown options, and values out of range.
+            InvalidValueError: for unknown options and values out of range.
         """
         options = dict(options or {})
         rows = self._masked(options.pop("reset_mask", None))
@@ -96,11 +96,11 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         return self.tracking.observation(), self._infos(self.tracking.info(), self._mask(rows))
 
     def step(self, actions: Observations) -> tuple[Observations, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
-        """Let a control period pass with actions (N, 2).
+        """Simulate one control period with actions (N, 2).
 
         Raises:
             InvalidValueError: for actions that aren't finite.
-            TrackslipError: without autoreset, while someone waits for a new episode.
+            TrackslipError: before the first reset; without autoreset, while a robot needs a new episode.
         """
         if not self._begun:
             raise TrackslipError("step: reset() comes first")
@@ -110,10 +110,10 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         tracking = self.tracking
         tracking.step(actions)
         if self.autoreset_mode is AutoresetMode.NEXT_STEP:
-            # those who had ended began anew in the meantime
+            # robots that ended in the previous step are reset instead of stepped
             self._begin(np.flatnonzero(self._ended), {})
-        if self._view is not None:
-            self._view.follow()
+        if self._renderer is not None:
+            self._renderer.follow()
         reward, terminated, truncated = tracking.reward.copy(), tracking.terminated.copy(), tracking.truncated.copy()
         self._ended = terminated | truncated
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._ended.any():
@@ -126,19 +126,19 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         return tracking.observation(), reward, terminated, truncated, infos
 
     def render(self) -> tuple[Any, ...]:
-        """A picture (480, 640, 3) of each robot.
+        """Images (480, 640, 3), one per robot.
 
         Raises:
-            TrackslipError: where nothing can be drawn.
+            TrackslipError: if nothing can be drawn.
         """
-        if self._view is None:
+        if self._renderer is None:
             raise InvalidValueError("render_mode", None, "given to gymnasium.make_vec, to render")
-        return tuple(self._view.picture(row) for row in range(self.num_envs))
+        return tuple(self._renderer.picture(row) for row in range(self.num_envs))
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Close what draws."""
-        if self._view is not None:
-            self._view.close()
+        """Free the image buffers."""
+        if self._renderer is not None:
+            self._renderer.close()
 
     def _masked(self, mask: Any) -> Rows:
         """Rows (R,) of a mask (N,)."""
@@ -149,7 +149,7 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         return np.flatnonzero(mask)
 
     def _begin(self, rows: Rows, options: Mapping[str, Any]) -> None:
-        """Begin episodes of the robots `rows` (R,), which no longer wait."""
+        """Begin episodes of the robots `rows` (R,)."""
         for name, value in options.items():
             if isinstance(value, list) and len(value) != self.num_envs:
                 raise InvalidValueError(f"options[{name!r}]", value, f"a value, or a list of {self.num_envs}")
@@ -161,11 +161,11 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
             episodes.append(self.tracking.draw(generator, own))
         self.tracking.begin(rows.tolist(), episodes)
         self._ended[rows] = False
-        if self._view is not None:
-            self._view.begin(rows.tolist())
+        if self._renderer is not None:
+            self._renderer.begin(rows.tolist())
 
     def _final(self, ended: NDArray[np.bool_]) -> dict[str, Any]:
-        """`final_obs` and `final_info` of who has ended (N,)."""
+        """`final_obs` and `final_info` of the robots whose episodes have ended (N,)."""
         observation = np.full(self.num_envs, None, dtype=object)
         for row, values in zip(np.flatnonzero(ended), self.tracking.observation()[ended], strict=True):
             observation[row] = values
@@ -173,7 +173,7 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         return {"final_obs": observation, "_final_obs": ended.copy(), "final_info": infos, "_final_info": ended.copy()}
 
     def _infos(self, info: Mapping[str, np.ndarray], whose: NDArray[np.bool_]) -> dict[str, Any]:
-        """Infos with masks, zero for all but those (N,) whose they are."""
+        """Infos with masks `whose` (N,); zero for the other robots."""
         infos: dict[str, Any] = {}
         for name, values in info.items():
             if not whose.all():

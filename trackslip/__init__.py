@@ -30,10 +30,12 @@ if TYPE_CHECKING:
     from trackslip.identification.result import Identification
     from trackslip.kinematics import RobotGeometry
     from trackslip.localization.base import PoseEstimate
+    from trackslip.localization.plate import PlateLocator
     from trackslip.logs.logfile import load
     from trackslip.logs.runlog import RunLog
     from trackslip.metrics import TrackingErrors, body_errors, expense, tracking_errors
     from trackslip.slip.base import SlipLaw
+    from trackslip.slip.compensation import FixedLaw, OnlineIcr
     from trackslip.slip.constant import Constant, NoSlip
     from trackslip.slip.exponential import PUBLISHED, Exponential, ExponentialSpeed
     from trackslip.slip.hyperbola import Hyperbola
@@ -57,6 +59,7 @@ __all__ = [
     "Exponential",
     "ExponentialSpeed",
     "Feedforward",
+    "FixedLaw",
     "Hyperbola",
     "IcrFilter",
     "IcrSides",
@@ -69,7 +72,9 @@ __all__ = [
     "ModelPredictive",
     "NoSlip",
     "OffsetPoint",
+    "OnlineIcr",
     "OutputError",
+    "PlateLocator",
     "PoseEstimate",
     "Power",
     "PurePursuit",
@@ -97,6 +102,7 @@ __all__ = [
 ]
 
 _MODULE_OF = {
+    "PUBLISHED": "slip.exponential",
     "Constant": "slip.constant",
     "ConstantIcr": "slip.icr",
     "Controller": "controllers.base",
@@ -104,6 +110,7 @@ _MODULE_OF = {
     "Exponential": "slip.exponential",
     "ExponentialSpeed": "slip.exponential",
     "Feedforward": "controllers.feedforward",
+    "FixedLaw": "slip.compensation",
     "Hyperbola": "slip.hyperbola",
     "IcrFilter": "slip.online",
     "IcrSides": "slip.icr",
@@ -116,8 +123,9 @@ _MODULE_OF = {
     "ModelPredictive": "controllers.mpc",
     "NoSlip": "slip.constant",
     "OffsetPoint": "controllers.offset_point",
+    "OnlineIcr": "slip.compensation",
     "OutputError": "errors",
-    "PUBLISHED": "slip.exponential",
+    "PlateLocator": "localization.plate",
     "PoseEstimate": "localization.base",
     "Power": "slip.power",
     "PurePursuit": "controllers.pure_pursuit",

@@ -1,41 +1,41 @@
-"""Errors that a user can mend: each message is one line and says what is allowed."""
+"""Errors that a user can fix: each message is one line and says what is allowed."""
 
 from __future__ import annotations
 
 
 class TrackslipError(Exception):
-    """Base of every error that trackslip raises on purpose."""
+    """Base class of all errors that trackslip raises deliberately."""
 
 
 class InvalidValueError(TrackslipError, ValueError):
-    """A value outside what is allowed.
+    """A value that is not allowed.
 
     Args:
         field: name of the field or option.
-        value: what was given.
+        value: the value given.
         allowed: what is allowed, in words.
     """
 
     def __init__(self, field: str, value: object, allowed: str) -> None:
-        shown = float(value) if isinstance(value, float) else value  # NumPy's numbers show their type
+        shown = float(value) if isinstance(value, float) else value  # the repr of NumPy's numbers includes their type
         super().__init__(f"{field} = {shown!r}: must be {allowed}")
         self.field, self.value, self.allowed = field, value, allowed
 
 
 class LogError(TrackslipError, ValueError):
-    """A log file that can't be read; the message names the file, row and column."""
+    """A log that cannot be read or used; the message names the file, row and column where it can."""
 
 
 class SettingsFileError(TrackslipError, ValueError):
-    """A file of settings that can't be read; the message names the file and the field."""
+    """A file of settings that cannot be read; the message names the file and the field."""
 
 
 class ReferenceFileError(TrackslipError, ValueError):
-    """A file of way points that can't be read or driven; the message names the file, row and column."""
+    """A file of waypoints that cannot be read or driven; the message names the file, row and column."""
 
 
 class OutputError(TrackslipError, OSError):
-    """A result that can't be written."""
+    """A result that cannot be written."""
 
 
 def require_positive(field: str, value: float) -> None:
@@ -63,5 +63,5 @@ def require_finite(field: str, value: float) -> None:
 
 
 def first_line(error: Exception) -> str:
-    """What another library's error says, in a line."""
+    """The first line of an error message of another library."""
     return str(error).splitlines()[0] if str(error) else type(error).__name__

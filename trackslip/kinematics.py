@@ -15,12 +15,12 @@ from trackslip.errors import require_positive
 
 Array = NDArray[np.floating[Any]]
 
-SIDES = np.array([-1.0, 1.0])  # (2,) a track's speed is v + SIDES * b * w: the left one is slower when w > 0
+SIDES = np.array([-1.0, 1.0])  # (2,) track speeds are v + SIDES * b * w: the left track is slower when w > 0
 
 
 @dataclass(frozen=True)
 class RobotGeometry:
-    """What the kinematics need to know of a robot."""
+    """Geometry of a robot, as needed by the kinematics."""
 
     half_gauge: float
     """b: half the distance between the centre lines of the tracks [m]."""
@@ -33,32 +33,32 @@ class RobotGeometry:
 
 
 def track_speeds(twist: ArrayLike, half_gauge: float) -> Array:
-    """Real speeds (V_l, V_r) of the tracks' centres over the ground [m/s], (..., 2), of a twist (..., 2)."""
+    """Speeds (V_l, V_r) of the track centres over the ground (..., 2) [m/s] for a twist (..., 2)."""
     v, w = _split(twist)
     return v[..., None] + SIDES * half_gauge * w[..., None]
 
 
 def twist_of_tracks(speeds: ArrayLike, half_gauge: float) -> Array:
-    """Body twist (..., 2) of the real track speeds (V_l, V_r) (..., 2); Eq. 5."""
+    """Body twist (..., 2) from the real track speeds (V_l, V_r) (..., 2); Eq. 5."""
     left, right = _split(speeds)
     return np.stack([(right + left) / 2, (right - left) / (2 * half_gauge)], axis=-1)
 
 
 def body_twist(omega: ArrayLike, slip: ArrayLike, geometry: RobotGeometry) -> Array:
-    """Body twist (..., 2) of sprocket speeds omega (..., 2) [rad/s] and slips (..., 2); Eqs. 2 and 5."""
+    """Body twist (..., 2) from sprocket speeds omega (..., 2) [rad/s] and slips (..., 2); Eqs. 2 and 5."""
     speeds = geometry.sprocket_radius * np.asarray(omega, float) * (1 - np.asarray(slip, float))
     return twist_of_tracks(speeds, geometry.half_gauge)
 
 
 def sprocket_speeds(twist: ArrayLike, slip: ArrayLike, geometry: RobotGeometry) -> Array:
-    """Sprocket speeds (..., 2) [rad/s] that give a twist (..., 2) at known slips (..., 2) != 1; Eq. 15."""
+    """Sprocket speeds (..., 2) [rad/s] that produce a twist (..., 2) at known slips (..., 2) != 1; Eq. 15."""
     return track_speeds(twist, geometry.half_gauge) / (geometry.sprocket_radius * (1 - np.asarray(slip, float)))
 
 
 def track_slip(omega: ArrayLike, twist: ArrayLike, geometry: RobotGeometry) -> Array:
     """Slips (..., 2), i = 1 - V / (r omega), of a measured twist (..., 2); Eqs. 2-3.
 
-    A track whose sprocket stands still has no slip ratio: NaN there.
+    The slip of a track with a stationary sprocket is undefined: NaN.
     """
     commanded = geometry.sprocket_radius * np.asarray(omega, float)
     real = track_speeds(twist, geometry.half_gauge)
@@ -69,21 +69,21 @@ def track_slip(omega: ArrayLike, twist: ArrayLike, geometry: RobotGeometry) -> A
 
 
 def curvature(twist: ArrayLike) -> Array:
-    """Path curvature kappa = w / v [1/m], (...): signed infinity when turning in place, 0 when standing."""
+    """Path curvature kappa = w / v [1/m], (...): signed infinity when turning in place, 0 at rest."""
     v, w = _split(twist)
     safe = np.where(v == 0, 1.0, v)
     return np.where(v == 0, np.where(w == 0, 0.0, np.copysign(np.inf, w)), w / safe)
 
 
 def limit_sprocket_speeds(omega: ArrayLike, limit: float) -> Array:
-    """Scale both sprockets (..., 2) alike until neither exceeds `limit` [rad/s], so that curvature is kept."""
+    """Scale both sprocket speeds (..., 2) so that neither exceeds `limit` [rad/s] and the curvature is preserved."""
     omega = np.asarray(omega, float)
     largest = np.abs(omega).max(axis=-1, keepdims=True)
     return omega * (limit / np.maximum(largest, limit))
 
 
 def advance(pose: ArrayLike, twist: ArrayLike, duration: float | Array) -> Array:
-    """Poses (..., 3) after driving a constant twist (..., 2) for `duration` [s]: an arc, exactly (Eqs. 6-7)."""
+    """Poses (..., 3) after driving a constant twist (..., 2) for `duration` [s]: exact arcs (Eqs. 6-7)."""
     x, y, phi = np.moveaxis(np.asarray(pose, float), -1, 0)
     v, w = _split(twist)
     turn = w * duration

@@ -1,4 +1,4 @@
-"""Errors of tracking and what they cost, with units."""
+"""Tracking errors of a run and the effort of its drives."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from trackslip.logs.runlog import RunLog
 from trackslip.trajectory.base import Reference
 
 TRANSIENT = 12.0
-"""When the paper's arc begins and an initial error has died out [s]."""
+"""Time by which an initial error has decayed; the paper's arc begins then [s]."""
 LOST = 0.5
-"""Distance from the reference at which a robot has lost it [m]."""
-_TURNING = 1e-6  # yaw rate from which a reference turns [rad/s]
+"""Distance from the reference above which a run has failed [m]."""
+_TURNING = 1e-6  # yaw rate above which a reference turns [rad/s]
 
 
 def body_errors(pose: ArrayLike, desired: ArrayLike) -> Array:
@@ -28,48 +28,48 @@ def body_errors(pose: ArrayLike, desired: ArrayLike) -> Array:
 
 @dataclass(frozen=True)
 class TrackingErrors:
-    """How well a run followed its reference. Position errors are distances from where it should be at the time."""
+    """Tracking errors of a run. Position errors are distances from the reference pose of the same time."""
 
     rms_position: float
-    """[m]"""
+    """Root mean square of the position error [m]."""
     rms_position_after_12s: float
-    """The same from 12 s on, when the transient is over; NaN for a shorter run [m]."""
+    """The same from 12 s on, after the transient; NaN for a shorter run [m]."""
     rms_position_arc: float
-    """The same while the reference turns (the paper's: its arc); NaN for one that never does [m]."""
+    """The same while the reference turns (the arc of the paper's path); NaN if it never does [m]."""
     rms_heading: float
-    """[rad]"""
+    """Root mean square of the heading error [rad]."""
     cross_track: float
-    """Root mean square of the error across the reference's direction [m]."""
+    """Root mean square of the error across the direction of the reference [m]."""
     along_track: float
     """Root mean square of the error along it [m]."""
     max_position: float
-    """[m]"""
+    """Largest position error [m]."""
     final_position: float
-    """[m]"""
+    """Position error at the end [m]."""
     final_heading: float
-    """Absolute [rad]."""
+    """Absolute heading error at the end [rad]."""
     iae: float
     """Integral of the position error over time [m s]."""
     itae: float
     """Integral of time times the position error [m s^2]."""
     success: bool
-    """Whether the robot stayed within LOST of where it should be."""
+    """Whether the position error stayed within LOST."""
 
 
 @dataclass(frozen=True)
 class Expense:
-    """What a run asked of its drives."""
+    """Effort of the drives in a run."""
 
     effort: float
-    """Integral over time of the mean square of the two sprockets' set points [rad^2/s]."""
+    """Time integral of the mean square of the two sprockets' set points [rad^2/s]."""
     roughness: float
-    """Root mean square rate of the set points [rad/s^2]."""
+    """Root mean square rate of change of the set points [rad/s^2]."""
     saturation_s: float
-    """Time with a motor at its limit, or a sprocket commanded to its top speed [s]."""
+    """Time with a motor at its limit or a sprocket commanded to its top speed [s]."""
 
 
 def tracking_errors(time: ArrayLike, pose: ArrayLike, reference: Reference) -> TrackingErrors:
-    """Errors of the poses (T, 3) of a run at times (T,) [s] against `reference`."""
+    """Errors of poses (T, 3) at times (T,) [s] with respect to `reference`."""
     time, pose = np.asarray(time, float), np.asarray(pose, float)
     desired = reference.pose(time)
     away = pose - desired
@@ -92,15 +92,15 @@ def tracking_errors(time: ArrayLike, pose: ArrayLike, reference: Reference) -> T
 
 
 def expense(log: RunLog, top_speed: float) -> Expense:
-    """What a simulated run with commands asked of drives whose sprockets turn at most `top_speed` [rad/s].
+    """Effort of the drives in a simulated run, with sprockets limited to `top_speed` [rad/s].
 
     Raises:
-        ValueError: for a run without commands, or without the truth about its motors.
+        ValueError: if the run has no commands, or no truth about its motors.
     """
     if log.command is None or log.truth is None or log.truth.saturated is None:
         raise ValueError(f"run {log.run!r}: has no commands, or no truth about its motors")
     step = np.diff(log.time)
-    held = log.command[:-1]  # a row's command is driven until the next
+    held = log.command[:-1]  # a command holds until the next row
     at_top = np.abs(held).max(axis=1) > top_speed * (1 - 1e-9)
     saturated = np.maximum(log.truth.saturated[1:].max(axis=1), at_top)
     return Expense(
@@ -111,6 +111,6 @@ def expense(log: RunLog, top_speed: float) -> Expense:
 
 
 def rms(values: ArrayLike) -> float:
-    """Root mean square over all elements; NaN of none."""
+    """Root mean square of all elements; NaN if there are none."""
     values = np.asarray(values, float)
     return float(np.sqrt(np.mean(np.square(values)))) if values.size else float("nan")

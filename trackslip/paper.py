@@ -1,4 +1,4 @@
-"""The paper's experiment and its printed results: the numbers to stand beside."""
+"""The paper's experiment and its published results, for comparison."""
 
 from __future__ import annotations
 
@@ -9,4 +9,4 @@ SPEEDS = (0.05, 0.10, 0.15, 0.20, 0.25)
 """Speeds of the no-slip commands [m/s] (Eq. 9)."""
 
 OBSERVED_RADII = (0.62, 1.34, 2.05, 2.68, 3.12)
-"""Radii the robot drove for COMMANDED_RADII [m] (legend of Fig. 5)."""
+"""Radii driven by the robot for COMMANDED_RADII [m] (legend of Fig. 5)."""

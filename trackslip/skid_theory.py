@@ -1,7 +1,7 @@
-"""Quasi-static turning of a tracked robot on Coulomb ground: the yardstick for the simulator.
+"""Quasi-static turning of a tracked robot on Coulomb ground: the theory that the simulator is compared with.
 
-The ground pushes on each element of track that slides over it against its sliding velocity s, with a force inside an
-elliptic limit (mu_along along the track, mu_across across it) and of maximum dissipation:
+The ground acts on each sliding element of track against its sliding velocity s, with the force of maximum dissipation
+within an elliptic limit (mu_along along the track, mu_across across it):
 
     F = -N (mu_along^2 s_x, mu_across^2 s_y) / sqrt((mu_along s_x)^2 + (mu_across s_y)^2)
 
@@ -9,10 +9,10 @@ In a slow steady turn these forces balance. They are minus the gradient of the d
 
     P(v, u, w) = sum_k N_k sqrt((mu_along s_x,k)^2 + (mu_across s_y,k)^2)
 
-with respect to the body twist (v, lateral speed u, w), and P is convex: the turn is the twist that dissipates least.
-Force depends on the direction of sliding only, so slip depends on the path's radius only, not on speed, weight or the
-size of friction, but on mu_across / mu_along and the length of contact. After Moreau's principle of maximum
-dissipation; for skid steering see Wong and Chiang (2001), who add shear displacement, left out here.
+with respect to the body twist (v, lateral speed u, w). P is convex: the robot turns with the twist of least dissipation.
+Forces depend only on the direction of sliding, so slip depends on the radius of the path, on mu_across / mu_along and
+on the length of contact, but not on speed, weight or the magnitude of friction. After Moreau's principle of maximum
+dissipation; for skid steering see Wong and Chiang (2001), whose shear displacement is omitted here.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ from numpy.typing import ArrayLike
 from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array
 
-_SMOOTHING = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # of the corner of |s| at 0, relative to the track speed
+_SMOOTHING = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # of |s| at 0, relative to the track speed
 _ITERATIONS = 50
 _INERTIA_ITERATIONS = 6
 
 
 @dataclass(frozen=True)
 class Contact:
-    """Where the tracks touch the ground, with what friction, and where the weight is."""
+    """Contact points of the tracks, their friction, and the centre of mass."""
 
     x: Array  # (K,) along the robot [m]
-    y: Array  # (K,) to its left [m]; the left track is where y > 0
+    y: Array  # (K,) to its left [m]; points with y > 0 are on the left track
     along: float
     """Friction coefficient along the track [-]."""
     across: float
     """Friction coefficient across the track [-]."""
     centre_of_mass: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Forwards and to the left of the middle between the tracks, and above the ground [m]."""
+    """Position ahead and to the left of the middle between the tracks, and above the ground [m]."""
 
     def __post_init__(self) -> None:
         require_positive("along", self.along)
@@ -52,14 +52,14 @@ class Contact:
             raise InvalidValueError("centre_of_mass", self.centre_of_mass, "finite")
         if self.loads(np.zeros(2)).min() < 0:
             raise InvalidValueError(
-                "centre_of_mass", self.centre_of_mass, "near enough to the middle to load every point of the tracks"
+                "centre_of_mass", self.centre_of_mass, "close enough to the middle to load every point of the tracks"
             )
 
     def loads(self, acceleration: Array) -> Array:
-        """Fractions (..., K) of the weight that each point carries, at accelerations (..., 2) of the centre of mass
-        along and across the robot, in units of gravity.
+        """Fractions (..., K) of the weight on each point, at accelerations (..., 2) of the centre of mass along and
+        across the robot, in units of gravity.
 
-        A rigid robot on equal springs: the load is linear in place, and its moments are those of weight and inertia.
+        For a rigid robot on equal springs: the load is linear in position and balances the moments of weight and inertia.
         """
         forwards, left, height = self.centre_of_mass
         middle_x, middle_y = forwards - height * acceleration[..., :1], left - height * acceleration[..., 1:]
@@ -75,17 +75,17 @@ def line_contact(
     centre_of_mass: tuple[float, float, float] = (0.0, 0.0, 0.0),
     points: int = 200,
 ) -> Contact:
-    """Two tracks that press evenly on the ground, but for what the centre of mass changes.
+    """Two tracks with uniform pressure on the ground, apart from the effect of the centre of mass.
 
     Args:
         half_gauge: half the distance between the tracks [m].
-        half_length: half the length of contact [m].
+        half_length: half of the contact length [m].
         along, across: friction coefficients [-].
         centre_of_mass: see `Contact` [m].
-        points: points per track, at the middle of equal segments.
+        points: number of points per track, in the middle of equal segments.
 
     Raises:
-        InvalidValueError: for values that aren't positive, or a centre of mass that lifts part of a track.
+        InvalidValueError: if a value is not positive, or the centre of mass lifts part of a track.
     """
     require_positive("half_gauge", half_gauge)
     require_positive("half_length", half_length)
@@ -96,11 +96,11 @@ def line_contact(
 
 
 def steady_twist(surface_speeds: ArrayLike, contact: Contact, gravity: float = np.inf) -> Array:
-    """Twists (..., 3), (v, lateral u, w) [m/s, m/s, rad/s], of tracks that run at (left, right) (..., 2) [m/s].
+    """Twists (..., 3), (v, lateral u, w) [m/s, m/s, rad/s], for track surface speeds (left, right) (..., 2) [m/s].
 
-    With a finite `gravity` [m/s^2] the ground also turns the robot's momentum: the centripetal force, and the load that
-    it moves to the outer track, are found by fixed-point iteration. Without, inertia counts for nothing, and slip does
-    not depend on speed. Raises InvalidValueError for speeds that are not finite.
+    With a finite `gravity` [m/s^2] the ground also provides the centripetal force, which shifts load to the outer track;
+    both are found by fixed-point iteration. By default inertia is neglected and slip does not depend on speed. Raises
+    InvalidValueError for speeds that are not finite.
     """
     speeds = np.asarray(surface_speeds, float)
     if not np.isfinite(speeds).all():
@@ -117,14 +117,14 @@ def steady_twist(surface_speeds: ArrayLike, contact: Contact, gravity: float = n
 
 
 def _acceleration(twist: Array, contact: Contact) -> Array:
-    """Of the centre of mass in a steady turn, along and across the robot, (M, 2) [m/s^2]."""
+    """Acceleration of the centre of mass in a steady turn, along and across the robot, (M, 2) [m/s^2]."""
     v, u, w = twist.T
     forwards, left, _ = contact.centre_of_mass
     return np.stack([-w * (u + w * forwards), w * (v - w * left)], axis=1)
 
 
 def _balance(speeds: Array, contact: Contact, acceleration: Array) -> Array:
-    """Twists (M, 3) at which the ground's forces give accelerations (M, 2), in units of gravity."""
+    """Twists (M, 3) at which the forces of the ground produce accelerations (M, 2), in units of gravity."""
     scale = np.abs(speeds).max(axis=1)
     forwards, left, _ = contact.centre_of_mass
     moment = forwards * acceleration[:, 1] - left * acceleration[:, 0]
@@ -133,7 +133,7 @@ def _balance(speeds: Array, contact: Contact, acceleration: Array) -> Array:
 
 
 def _minimise(speeds: Array, contact: Contact, load: Array, inertia: Array) -> Array:
-    """Twists (M, 3) of least power: dissipated under loads (M, K), and spent on forces `inertia` (M, 3).
+    """Twists (M, 3) of least power, dissipated under loads (M, K) or spent on the forces `inertia` (M, 3).
 
     Track speeds (M, 2) are of order one, loads and forces in units of the weight.
     """
@@ -141,7 +141,7 @@ def _minimise(speeds: Array, contact: Contact, load: Array, inertia: Array) -> A
     belt = np.where(y > 0, speeds[:, :1], speeds[:, 1:])  # (M, K)
     gauge = np.abs(y).mean()
     twist = np.stack([speeds.mean(axis=1), np.zeros(len(speeds)), (speeds[:, 1] - speeds[:, 0]) / (4 * gauge)], axis=1)
-    # sliding velocity, weighted by friction, is linear in the twist: a = A twist - belt
+    # the sliding velocity, weighted by friction, is linear in the twist: a = A twist - belt
     along = contact.along * np.stack([np.ones_like(x), np.zeros_like(x), -y], axis=1)  # (K, 3)
     across = contact.across * np.stack([np.zeros_like(x), np.ones_like(x), x], axis=1)  # (K, 3)
 
@@ -169,7 +169,7 @@ def _minimise(speeds: Array, contact: Contact, load: Array, inertia: Array) -> A
             step = np.linalg.solve(hessian, -gradient[..., None])[..., 0]
             decrement = -np.einsum("mi,mi->m", gradient, step)
             length = np.ones(len(twist))
-            for _ in range(30):  # backtrack until the power falls enough (Armijo)
+            for _ in range(30):  # backtrack until the power decreases sufficiently (Armijo)
                 trial = power(twist + length[:, None] * step, smoothing)[0]
                 high = trial > value - 0.25 * length * decrement + 1e-15
                 if not high.any():

@@ -7,19 +7,21 @@ from itertools import product
 from pathlib import Path
 from typing import Annotated, Literal
 
-from experiments.options.checks import default_is, refuse_unused, require_between, require_distinct, require_integer
-from experiments.options.track import WITHOUT_LAWS
+from experiments.options.checks import refuse_unused, require_between, require_distinct, require_integer
+from experiments.options.choices import (
+    COMPENSATIONS,
+    CONTROLLER_NAMES,
+    CONTROLLERS,
+    REFERENCE_NAMES,
+    REFERENCES,
+    WITHOUT_LAWS,
+)
+from experiments.options.help import default_is
 from experiments.options.world import MAX_JOBS, MAX_PREVIEW, Equipment, Simulation
 from trackslip.errors import InvalidValueError
 
 Start = Literal["zero", "paper", "random"]
-CONTROLLER_NAMES = (
-    *("feedforward", "linear", "samson", "kanayama", "dynamic_feedback", "offset_point"),
-    *("pure_pursuit", "stanley", "lqr", "mpc"),
-)
-"""The controllers of trackslip.controllers, listed here so that `--help` need not import them."""
-REFERENCE_NAMES = ("paper", "circle", "figure_eight", "slalom", "rounded_square", "clothoid", "spiral", "stop_and_go")
-"""The references of trackslip.trajectory, likewise."""
+_GROUNDS = "{stone,concrete,rubber,packed_soil,gravel,wet,ice,sticky,robot,FILE.toml} ..."
 
 
 @dataclass(frozen=True)
@@ -79,39 +81,36 @@ SUITES: dict[str, tuple[Factors, ...]] = {
 
 @dataclass(frozen=True)
 class BenchmarkConfig(Equipment):
-    """Compare controllers, with and without slip compensation, on paths and grounds, and print a leaderboard."""
+    """Compare controllers, with and without slip compensation, on paths and grounds, and print a leaderboard.
+
+    --suite chooses the runs; --controllers, --compensations, --references, --grounds, --starts and --seeds replace
+    parts of it. An interrupted benchmark resumes when it is run again with the same options.
+    """
 
     suite: Literal["paper", "quick", "full"] = "quick"
-    """Which runs: Sec. IV of the paper with five seeds (paper), every controller on one path (quick), or every
-    controller on every path and ground (full). The options below replace parts of the suite."""
-    controllers: Annotated[tuple[str, ...] | None, default_is("the suite's", "NAME ...")] = None
-    """Controllers: feedforward, linear, samson, kanayama, dynamic_feedback, offset_point, pure_pursuit, stanley, lqr,
-    mpc, ppo:FOLDER of a trained policy, or your own as MODULE:CLASS."""
-    compensations: Annotated[tuple[str, ...] | None, default_is("the suite's", "NAME ...")] = None
-    """Slip compensations: none, published, a law in --laws (exponential, icr, icr_radius, ...), or a law identified
-    while driving: online starts from the law icr_radius, online_cold from no law."""
-    references: Annotated[tuple[str, ...] | None, default_is("the suite's", "NAME|FILE ...")] = None
-    """Paths: paper, circle, figure_eight, slalom, rounded_square, clothoid, spiral, stop_and_go, or .csv files of way
-    points with the columns x, y."""
-    grounds: Annotated[tuple[str, ...] | None, default_is("the suite's", "NAME|FILE ...")] = None
-    """Grounds: stone, concrete, rubber, packed_soil, gravel, wet, ice, sticky (stone whose friction rises
-    after 20 s), .toml files, or robot, the ground of the --robot file."""
+    """Runs: Sec. IV of the paper with five seeds, all controllers on one path, or on all paths and three grounds."""
+    controllers: Annotated[tuple[str, ...] | None, default_is("the suite's", f"{CONTROLLERS} ...")] = None
+    """Controllers; ppo:FOLDER is a policy trained by train, MODULE:CLASS a controller of your own."""
+    compensations: Annotated[tuple[str, ...] | None, default_is("the suite's", f"{COMPENSATIONS} ...")] = None
+    """Slip compensations; LAW is one of --laws, online starts from icr_radius, online_cold from no slip."""
+    references: Annotated[tuple[str, ...] | None, default_is("the suite's", f"{REFERENCES} ...")] = None
+    """Paths; a .csv file lists way points in the columns x, y [m]."""
+    grounds: Annotated[tuple[str, ...] | None, default_is("the suite's", _GROUNDS)] = None
+    """Grounds; sticky is stone whose friction rises after 20 s, robot is the ground of the --robot file."""
     starts: Annotated[tuple[Start, ...] | None, default_is("the suite's", "{zero,paper,random} ...")] = None
-    """Where the robots start: at the start of the reference (zero), beside it as in the paper (0.36 m, 30 deg), or at
-    random, up to 0.15 m and 20 deg off."""
+    """Start poses: on the path, beside it as in the paper (0.36 m, 30 deg), or at random (up to 0.15 m, 20 deg)."""
     seeds: Annotated[tuple[int, ...] | None, default_is("the suite's", "INT ...")] = None
     """Seeds of the scanner's noise and of random starts, the same for all controllers and compensations."""
     localization: Literal["plate", "line", "truth"] = "plate"
     """How the controllers learn their pose: from scans by the plate or the line method, or the true pose."""
     preview: float = 0.0
-    """How far ahead of now the controllers track the reference; 0.075 s compensates for the lag of servo and
-    sampling [s]."""
+    """Time by which the controllers look ahead on the path; 0.075 s makes up for the lag of servo and sampling [s]."""
     laws: Annotated[Path | None, default_is("the laws shipped with trackslip", "PATH")] = None
     """Identified laws: a summary.json, or a folder that contains one."""
     jobs: int = 0
     """Number of processes, 0 for one per processor; the results don't depend on it."""
     out: Path = Path("out/benchmark")
-    """Folder for the results; an interrupted benchmark resumes when it is run again with the same options."""
+    """Folder for the results."""
     pdf: bool = False
     """Also write the figures as PDF."""
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from experiments.options.checks import default_is, require_distinct, require_integer
+from experiments.options.checks import require_distinct, require_integer
+from experiments.options.help import default_is
 from experiments.options.world import Repeatable
 from trackslip.errors import InvalidValueError
 
@@ -16,11 +17,13 @@ MAX_STARTS = 100
 
 @dataclass(frozen=True)
 class CalibrateConfig(Repeatable):
-    """Fit the simulated robot's parameters to slips and radii: the paper's, or those of a log."""
+    """Fit the simulated robot's parameters to slips and radii: the paper's, or those of a log.
+
+    A table of turns has the columns radius and speed (commanded, to the left), observed_radius, slip_outer, slip_inner.
+    """
 
     target: Annotated[str, default_is("published", "published|FILE")] = "published"
-    """What to fit: published (Eq. 11 and the radii of Fig. 5), a log or folder that identify accepts, or a .csv table
-    with the columns radius, speed (commanded, to the left), observed_radius, slip_outer, slip_inner."""
+    """What to fit: Eq. 11 and the radii of Fig. 5 (published), a log or folder for identify, or a .csv table."""
     free: tuple[Parameter, ...] = ("friction_ratio", "radius_error", "com_y")
     """Parameters to fit; friction_ratio is across / along."""
     robot: Annotated[Path | None, default_is("the shipped robot", "FILE")] = None

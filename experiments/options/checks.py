@@ -6,14 +6,7 @@ import dataclasses
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-import tyro
-
 from trackslip.errors import InvalidValueError
-
-
-def default_is(text: str, metavar: str) -> object:
-    """Annotation of an option that is None by default: what `--help` prints as its default, and for its value."""
-    return tyro.conf.arg(metavar=metavar, help_behavior_hint=f"(default: {text})")
 
 
 def require_integer(name: str, value: int, least: int = 0, most: int | None = None) -> None:

@@ -25,8 +25,7 @@ class CoverageConfig(RunsConfig):
     run_repeats: int = 400
     """Number of grids that are scanned and fitted."""
     drives: int = 20
-    """Number of grids that are driven for that, each with new random phases on the circles; each is scanned
-    run_repeats / drives times."""
+    """Number of grids that are driven, from new random points of the circles, for those run_repeats scans."""
     out: Path = Path("out/coverage")
     """Folder for the results."""
 

@@ -8,7 +8,8 @@ from typing import Annotated
 
 import tyro
 
-from experiments.options.checks import default_is, refuse_unused, require_distinct
+from experiments.options.checks import refuse_unused, require_distinct
+from experiments.options.help import default_is
 from trackslip.errors import InvalidValueError
 
 

@@ -7,13 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from experiments.options.checks import (
-    default_is,
-    refuse_unused,
-    require_between,
-    require_distinct,
-    require_integer,
-)
+from experiments.options.checks import refuse_unused, require_between, require_distinct, require_integer
+from experiments.options.help import default_is
 from experiments.options.world import (
     MAX_DURATION,
     MAX_JOBS,
@@ -63,8 +58,7 @@ class GridConfig(RunsConfig):
     motion: Annotated[
         Motion | None, default_is("the most accurate method the run allows", "{paper,butterworth,arc,bundle}")
     ] = None
-    """How a twist is estimated from a run. paper: the paper's filter as printed; butterworth: the same filter run in
-    both directions; arc: an arc of constant twist fitted to all poses; bundle: one fitted to all ranges."""
+    """How a run becomes a twist: the paper's filter, the filter both ways, an arc through all poses, or all ranges."""
     random_phase: bool = False
     """Start each run at a random point of its circle instead of the point nearest to the scanner."""
     out: Path = Path("out/grid")
@@ -89,8 +83,7 @@ class SweepConfig(GridConfig):
     vary: Annotated[tuple[str, ...] | None, default_is("nothing", "NAME=VALUE,... ...")] = None
     """Any other options, each with its values: scanner.noise=0.005,0.01 robot.half_gauge=0.15,0.2."""
     sweep: Annotated[Path | None, default_is("none", "FILE")] = None
-    """A .toml file with a list of values for each name: radius, speed, ground, friction_ratio, slope, seed, or any
-    name that --vary accepts."""
+    """A .toml file of lists of values by name: radius, speed, ground, friction_ratio, slope, seed, or as for --vary."""
     executor: Annotated[str, default_is("processes", "{processes,inline,mpi,dask://HOST:PORT}")] = "processes"
     """Where the runs are driven: in worker processes, in this process, with MPI, or on a Dask cluster."""
     jobs: int = 0

@@ -8,7 +8,8 @@ from typing import Annotated
 
 import tyro
 
-from experiments.options.checks import default_is, require_distinct
+from experiments.options.checks import require_distinct
+from experiments.options.help import default_is
 from experiments.options.world import Motion
 from trackslip.errors import require_at_most, require_non_negative, require_positive
 from trackslip.motion.steady import SETTLE
@@ -16,11 +17,13 @@ from trackslip.motion.steady import SETTLE
 
 @dataclass(frozen=True)
 class IdentifyConfig:
-    """Fit the slip laws to a stored grid or to the log of a real robot, and print and report them."""
+    """Fit the slip laws to a stored grid or to the log of a real robot, and print and report them.
+
+    A log has the columns run, t, omega_l, omega_r, x, y, phi (traces) or omega_l, omega_r, v, w (steady samples).
+    """
 
     path: tyro.conf.Positional[Path]
-    """Folder of a stored grid, or a .csv or .parquet log of traces (run, t, omega_l, omega_r, x, y, phi) or of steady
-    samples (omega_l, omega_r, v, w)."""
+    """Folder of a stored grid, or a .csv or .parquet log."""
     where: Annotated[tuple[str, ...] | None, default_is("all", "NAME=VALUE ...")] = None
     """Which runs of a sweep to use: ground=ice friction_ratio=1.2."""
     half_gauge: Annotated[float | None, default_is("the log's", "FLOAT")] = None

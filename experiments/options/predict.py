@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from experiments.options.checks import default_is, require_between
+from experiments.options.checks import require_between
+from experiments.options.help import default_is
 from experiments.options.world import MAX_RADIUS, MIN_FRICTION_RATIO, MIN_RADIUS
 from sim.drive.drive import MAX_RADIUS_ERROR
 from trackslip.errors import InvalidValueError, require_at_most, require_positive

@@ -6,32 +6,29 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
-from experiments.options.checks import default_is, refuse_unused, require_between
+import tyro
+
+from experiments.options.checks import refuse_unused, require_between
+from experiments.options.choices import COMPENSATIONS, CONTROLLERS, REFERENCES, WITHOUT_LAWS
+from experiments.options.help import default_is
 from experiments.options.world import MAX_COORDINATE, MAX_DURATION, MAX_PREVIEW, MAX_RADIUS, MIN_SPEED, Simulation
 from trackslip.errors import InvalidValueError, require_positive
-
-WITHOUT_LAWS = ("none", "published", "online_cold")
-"""Compensations that need no identified law."""
 
 
 @dataclass(frozen=True)
 class TrackConfig(Simulation):
     """Follow a path once in closed loop, localising with the scanner, and print the errors."""
 
-    controller: str = "linear"
-    """Controller: feedforward, linear (the paper's Eq. 31), samson, kanayama, dynamic_feedback, offset_point,
-    pure_pursuit, stanley, lqr, mpc, ppo:FOLDER of a trained policy, or your own as MODULE:CLASS."""
-    compensation: str = "icr_radius"
-    """Slip compensation: none, published, a law in --laws (exponential, icr, icr_radius, ...), or a law identified
-    while driving, online or online_cold (see benchmark)."""
+    controller: Annotated[str, tyro.conf.arg(metavar=CONTROLLERS)] = "linear"
+    """Controller: linear is the paper's Eq. 31, ppo:FOLDER a policy of train, MODULE:CLASS your own."""
+    compensation: Annotated[str, tyro.conf.arg(metavar=COMPENSATIONS)] = "icr_radius"
+    """Slip compensation; LAW is one of --laws, online starts from icr_radius, online_cold from no slip."""
     preview: float = 0.0
-    """How far ahead of now the controller tracks the reference; 0.075 s compensates for the lag of servo and
-    sampling [s]."""
+    """Time by which the controller looks ahead on the path; 0.075 s makes up for the lag of servo and sampling [s]."""
     localization: Literal["plate", "line", "truth"] = "plate"
     """How the controller learns its pose: from scans by the plate or the line method, or the true pose."""
-    reference: str = "paper"
-    """Path: the paper's (45.8 s), circle (in front of the scanner), figure_eight, slalom, rounded_square, clothoid,
-    spiral, stop_and_go, or a .csv file of way points with the columns x, y."""
+    reference: Annotated[str, tyro.conf.arg(metavar=REFERENCES)] = "paper"
+    """Path: the paper's takes 45.8 s, circle is in front of the scanner, a .csv file has way points x, y [m]."""
     circle_radius: float = 1.25
     """Radius of the circle, to the left; needs --reference circle [m]."""
     circle_speed: float = 0.15

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from experiments.options.checks import default_is
+from experiments.options.help import default_is
 from experiments.options.world import Repeatable
 
 

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import tyro
 
-from experiments.options.checks import default_is
+from experiments.options.help import default_is
 from trackslip.errors import InvalidValueError
 
 

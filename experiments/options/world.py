@@ -9,7 +9,8 @@ from typing import Annotated, Literal
 
 import tyro
 
-from experiments.options.checks import default_is, require_between, require_integer
+from experiments.options.checks import require_between, require_integer
+from experiments.options.help import default_is
 from sim.drive.drive import MAX_RADIUS_ERROR, Drive
 from sim.ground.ground import Ground
 from sim.scanner.scanner import LaserScanner

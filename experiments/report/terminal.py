@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import sys
+import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from datetime import timedelta
-from typing import TYPE_CHECKING
 
 import rich.box
 from rich.console import Console
@@ -24,72 +24,106 @@ from rich.progress import (
 from rich.table import Table
 from rich.text import Text
 
-if TYPE_CHECKING:
-    from sim.runs import Progress as Report
-
+_FIRST_LINE = 2.0  # how long a command may be silent in a log [s]
 _BETWEEN_LINES = 60.0  # [s]
-_RATED = ("s", "steps", "runs")  # units whose rates tell something
+_RATED = ("s", "steps", "runs")  # units whose rates mean something
+
+Advance = Callable[[float], None]
+"""Call it with what has been done since the last call."""
 
 
 class _Rate(ProgressColumn):
-    """How fast it goes."""
+    """The rate over the last half minute."""
 
     def __init__(self, unit: str) -> None:
         super().__init__()
         self._unit = unit
 
     def render(self, task: Task) -> Text:
-        """The rate of the last half minute."""
+        """The rate, empty at first."""
         return Text("" if task.speed is None else _rate(task.speed, self._unit))
 
 
 @contextlib.contextmanager
-def progress(stage: str, total: float, unit: str = "s", done: float = 0.0) -> Iterator[Report]:
-    """A progress bar on standard error, by default in simulated seconds; call what it yields to move it.
+def progress(stage: str, total: float, unit: str = "s", done: float = 0.0) -> Iterator[Advance]:
+    """A progress bar on standard error, by default in simulated seconds; call what it yields to advance it.
 
-    Where standard error is no terminal, a line a minute. `done` was there before.
+    Where standard error is no terminal, a line after two seconds and then one a minute. `done` counts as done before.
     """
-    columns = (
-        TextColumn("{task.description:<34}"),
-        BarColumn(),
+    count = (
         TextColumn("{task.completed:.0f}/{task.total:.0f} " + unit),
         *((_Rate(unit),) if unit in _RATED else ()),
         TimeElapsedColumn(),
         TimeRemainingColumn(),
     )
+    with _shown(stage, total, done, count, lambda now, elapsed: _line(now, total, unit, done, elapsed)) as advance:
+        yield advance
+
+
+@contextlib.contextmanager
+def busy(stage: str) -> Iterator[None]:
+    """The same for a stage of unknown progress."""
+    with _shown(stage, None, 0.0, (TimeElapsedColumn(),), lambda now, elapsed: f"{elapsed:.0f} s"):
+        yield
+
+
+@contextlib.contextmanager
+def _shown(
+    stage: str,
+    total: float | None,
+    done: float,
+    columns: Sequence[ProgressColumn],
+    text: Callable[[float, float], str],
+) -> Iterator[Advance]:
     console = Console(stderr=True)
     if not console.is_terminal:
-        yield _lines(stage, total, unit, done)
+        with _logged(stage, done, text) as advance:
+            yield advance
         return
-    with Progress(*columns, console=console) as bar:
-        task = bar.add_task(stage, total=total)
-        bar.update(task, completed=done)
+    with Progress(TextColumn("{task.description:<34}"), BarColumn(), *columns, console=console) as bar:
+        task = bar.add_task(stage, total=total, completed=done)
         try:
             yield lambda passed: bar.advance(task, passed)
         except BaseException:
             bar.live.transient = True  # leave the terminal to the error message
             raise
-        bar.update(task, completed=total)
+        bar.update(task, total=total or 1.0, completed=total or 1.0)
 
 
-def _lines(stage: str, total: float, unit: str, done: float) -> Report:
-    """Prints how far it is, for the logs of long jobs."""
-    began = printed = time.monotonic()
+@contextlib.contextmanager
+def _logged(stage: str, done: float, text: Callable[[float, float], str]) -> Iterator[Advance]:
+    """Lines for the log of a long command; `text` describes what is done after how many seconds."""
+    began = time.monotonic()
     now = done
+    finished = threading.Event()
 
-    def report(passed: float) -> None:
-        nonlocal now, printed
+    def advance(passed: float) -> None:
+        nonlocal now
         now += passed
-        elapsed = time.monotonic() - began
-        if time.monotonic() - printed >= _BETWEEN_LINES and now > done:
-            printed = time.monotonic()
-            rate = (now - done) / elapsed
-            left = timedelta(seconds=round((total - now) / rate))
-            speed = f"{_rate(rate, unit)}, " if unit in _RATED else ""
-            text = f"{stage}: {now:.0f}/{total:.0f} {unit}, {speed}{left} left"
-            print(text, file=sys.stderr, flush=True)
 
-    return report
+    def print_lines() -> None:
+        pause = _FIRST_LINE
+        while not finished.wait(pause):
+            print(f"{stage}: {text(now, time.monotonic() - began)}", file=sys.stderr, flush=True)
+            pause = _BETWEEN_LINES
+
+    printer = threading.Thread(target=print_lines, daemon=True)
+    printer.start()
+    try:
+        yield advance
+    finally:
+        finished.set()
+        printer.join()
+
+
+def _line(now: float, total: float, unit: str, done: float, elapsed: float) -> str:
+    """How far a stage is, and how long it will still take."""
+    text = f"{now:.0f}/{total:.0f} {unit}"
+    if now <= done:
+        return text
+    rate = (now - done) / elapsed
+    speed = f", {_rate(rate, unit)}" if unit in _RATED else ""
+    return f"{text}{speed}, {timedelta(seconds=round((total - now) / rate))} left"
 
 
 def _rate(rate: float, unit: str) -> str:
@@ -97,7 +131,7 @@ def _rate(rate: float, unit: str) -> str:
 
 
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table; every column but the first is right-aligned. Numbers that don't exist, NaN, are dashes."""
+    """Print a table; all columns but the first are right-aligned, and NaN is printed as a dash."""
     table = Table(
         title=title, title_justify="left", title_style="bold", box=rich.box.SIMPLE_HEAD, padding=(0, 0), pad_edge=False
     )
@@ -107,5 +141,5 @@ def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]
         table.add_row(*("-" if cell in ("nan", "+nan") else escape(cell) for cell in row))
     console = Console(highlight=False)
     if not console.is_terminal:
-        console.width = 160  # a file has no width: cut nothing
+        console.width = 160  # a file has no width, and nothing should be cut
     console.print(table)

@@ -1,4 +1,4 @@
-"""What a calibration aims at: slips and radii of steady turns, and how far a simulated robot is from them."""
+"""Targets of a calibration: slips and radii of steady turns, and the misfit of a simulated robot."""
 
 from __future__ import annotations
 
@@ -15,42 +15,42 @@ from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII, SPEEDS
 from trackslip.slip.exponential import PUBLISHED
 
 SLIP_SCALE = 0.007
-"""Misfit of slips [-] that counts as one: about what the best fit to the published ones leaves over."""
+"""Scale of the slip residuals [-]: about the residual of the best fit to the published slips."""
 RADIUS_SCALE = 0.07
-"""The same for published radii, relative [-]: about 0.05 is left over, and they count half as much as the slips."""
-_TOP_SPEED = 0.3  # of the paper's robot: it scales commands beyond it, for both tracks alike [m/s]
+"""Scale of the relative radius residuals [-]: the best fit leaves about 0.05, and radii count half as much as slips."""
+_TOP_SPEED = 0.3  # of the paper's robot, which scales faster commands by the same factor for both tracks [m/s]
 
 
 class Target(ABC):
-    """M steady turns."""
+    """M steady turns with measured or published slips."""
 
     independent: int
-    """Numbers among the residuals that are independent of each other."""
+    """Number of independent residuals."""
     of_plate: bool = False
-    """Whether the twists are those of the simulated robot's plate, seen by the scanner, not those of its tracks."""
+    """Whether the twists are those of the plate, as the scanner sees them, rather than those of the tracks."""
 
     @abstractmethod
     def omega(self, geometry: RobotGeometry) -> Array:
-        """Sprocket speeds (M, 2) [rad/s] that a robot of this geometry is given."""
+        """Sprocket speeds (M, 2) commanded to a robot of this geometry [rad/s]."""
 
     @abstractmethod
     def residual(self, twist: Array, geometry: RobotGeometry) -> Array:
-        """Weighted differences (n,) between steady twists (M, 2) and the target; their squares are summed."""
+        """Weighted residuals (n,) of steady twists (M, 2); the sum of their squares is minimized."""
 
     @abstractmethod
     def slip_rms(self, twist: Array, geometry: RobotGeometry) -> float:
-        """Distance in slip [-]."""
+        """RMS error of the slips [-]."""
 
     @abstractmethod
     def radius_rms(self, twist: Array, geometry: RobotGeometry) -> float | None:
-        """Distance in radius, relative [-]; None for a target without radii."""
+        """RMS relative error of the radii [-]; None for a target without radii."""
 
 
 @dataclass(frozen=True)
 class TurnTable(Target):
-    """Left turns commanded by radius and speed without regard to slip, and what slips and radii were published.
+    """Left turns, commanded by radius and speed without slip compensation, with published slips and radii.
 
-    Slips were measured against the nominal geometry, which is that of whichever robot is to explain them.
+    The slips refer to the nominal geometry, which is that of the robot being calibrated.
     """
 
     commanded_radius: Array  # (M,) [m]
@@ -58,35 +58,35 @@ class TurnTable(Target):
     observed_radius: Array  # (M,) [m]
     slip: Array  # (M, 2) of the left, inner, and the right, outer track [-]
     independent: int
-    """Numbers among the residuals that are independent of each other."""
+    """Number of independent residuals."""
     radius_scale: float = RADIUS_SCALE
-    """Weight of the radii: infinite for slips alone."""
+    """Scale of the relative radius residuals [-]; infinite to ignore the radii."""
 
     @classmethod
     def published(cls) -> TurnTable:
-        """The paper's 25 runs: Eq. 11 at the radii it observed. Its slips have no speed: five radii are independent."""
+        """The paper's 25 runs: Eq. 11 at the observed radii, independent of speed, so that five radii count."""
         radius, speed = np.array(list(itertools.product(COMMANDED_RADII, SPEEDS))).T
         observed = np.repeat(OBSERVED_RADII, len(SPEEDS))
         return cls(radius, speed, observed, PUBLISHED(1 / observed), 3 * len(COMMANDED_RADII))
 
     def omega(self, geometry: RobotGeometry) -> Array:
-        """Those of the kinematics without slip."""
+        """Sprocket speeds (M, 2) of the kinematics without slip [rad/s]."""
         twist = np.stack([self.speed, self.speed / self.commanded_radius], axis=-1)
         return limit_sprocket_speeds(sprocket_speeds(twist, 0.0, geometry), _TOP_SPEED / geometry.sprocket_radius)
 
     def residual(self, twist: Array, geometry: RobotGeometry) -> Array:
-        """Slips and logarithms of radii, each over its scale."""
+        """Residuals of slips and of logarithms of radii, each over its scale."""
         slip = (self._slip(twist, geometry) - self.slip) / SLIP_SCALE
         radius = np.log(twist[:, 0] / twist[:, 1] / self.observed_radius) / self.radius_scale
-        alike = slip.size + radius.size
-        return np.concatenate([slip.ravel(), radius]) * np.sqrt(self.independent / alike)
+        total = slip.size + radius.size
+        return np.concatenate([slip.ravel(), radius]) * np.sqrt(self.independent / total)
 
     def slip_rms(self, twist: Array, geometry: RobotGeometry) -> float:
-        """Of both tracks."""
+        """RMS error of the slips of both tracks [-]."""
         return rms(self._slip(twist, geometry) - self.slip)
 
     def radius_rms(self, twist: Array, geometry: RobotGeometry) -> float | None:
-        """Of all turns."""
+        """RMS relative error of the radii of all turns [-]."""
         return rms(twist[:, 0] / twist[:, 1] / self.observed_radius - 1)
 
     def _slip(self, twist: Array, geometry: RobotGeometry) -> Array:
@@ -95,35 +95,35 @@ class TurnTable(Target):
 
 @dataclass(frozen=True)
 class MeasuredTurns(Target):
-    """Steady samples of a robot: sprocket speeds and twists."""
+    """Steady samples of a real or simulated robot: sprocket speeds and twists."""
 
     samples: SlipSamples
     geometry: RobotGeometry
-    """With which slip is reckoned, whatever the geometry of the robot that is to explain it."""
+    """Geometry to which the slips refer, whatever that of the robot being calibrated."""
     of_plate: bool = False
     """See Target."""
 
     @property
     def independent(self) -> int:  # type: ignore[override]
-        """Two numbers a sample."""
+        """Two numbers per sample."""
         return int(self.samples.omega.size)
 
     def omega(self, geometry: RobotGeometry) -> Array:
-        """Those that were measured."""
+        """The measured sprocket speeds (M, 2) [rad/s]."""
         return self.samples.omega
 
     def residual(self, twist: Array, geometry: RobotGeometry) -> Array:
-        """Speeds of the tracks relative to the faster one: its slip, and no pole where the slower one stands."""
+        """Residuals of the track speeds over that of the faster track: no pole where the slower one is at rest."""
         difference = track_speeds(twist - self.samples.twist, self.geometry.half_gauge)
         fastest = np.abs(self.samples.omega).max(axis=1, keepdims=True) * self.geometry.sprocket_radius
         return (difference / fastest / SLIP_SCALE).ravel()
 
     def slip_rms(self, twist: Array, geometry: RobotGeometry) -> float:
-        """Of both tracks."""
+        """RMS error of the slips of both tracks [-]."""
         return rms(track_slip(self.samples.omega, twist, self.geometry) - self.samples.slip)
 
     def radius_rms(self, twist: Array, geometry: RobotGeometry) -> float | None:
-        """Of the turns that are no straight lines."""
+        """RMS relative error of the radii, without straight runs [-]; None if there are no turns."""
         w, measured = twist[:, 1], self.samples.twist[:, 1]
         turning = np.abs(measured) > 0.01 * np.abs(self.samples.omega).max(axis=1)
         turning &= self.samples.twist[:, 0] != 0

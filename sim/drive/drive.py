@@ -1,4 +1,4 @@
-"""The drives: set point -> sprocket speed, with a servo's lag, the motor's limits and an encoder."""
+"""The drives: set point -> sprocket speed, with servo lag, motor limits and encoders."""
 
 from __future__ import annotations
 
@@ -15,23 +15,25 @@ from trackslip.kinematics import Array
 RADIUS_ERROR = 0.0066
 """Default relative error of the effective sprocket radius, real / nominal - 1 [-]: tuned to the paper's slips."""
 MAX_RADIUS_ERROR = 0.5
+"""Largest magnitude of that error [-]."""
 
 
 @dataclass(frozen=True)
 class Drive:
-    """Servo and motor of a sprocket. All assumptions: the paper gives the top speed only."""
+    """Servo and motor of a sprocket. Only the top speed is the paper's; everything else is assumed."""
 
     lag: float = 0.05
-    """Time constant of the speed loop [s]."""
+    """Time constant of the speed controller [s]."""
     top_speed: float = 0.3
     """Largest speed of a track [m/s] (paper, Sec. II)."""
     torque_limit: float = 8.0
-    """Largest torque of the motor at the sprocket, set by the amplifier's current [N m]."""
+    """Largest torque of the motor at the sprocket, limited by the amplifier's current [N m]."""
     encoder_counts: int = 100_000
-    """Encoder counts per turn of a sprocket (motor encoder times gear)."""
+    """Encoder counts per revolution of the sprocket (motor encoder times gear)."""
     period: float = 0.01
-    """Sampling time of the servo [s]."""
+    """Sampling period of the servo [s]."""
     motor: Motor = field(default_factory=Motor)
+    """The motor."""
 
     def __post_init__(self) -> None:
         for name in ("lag", "top_speed", "torque_limit", "encoder_counts", "period"):
@@ -45,7 +47,7 @@ class Drive:
 
 
 def tireless(top_speed: float = Drive.top_speed) -> Drive:
-    """A drive that no robot brings to its limits, for questions to the ground alone; `top_speed` in m/s."""
+    """A drive that never saturates, to study the ground alone; `top_speed` in m/s."""
     return Drive(top_speed=top_speed, torque_limit=1e6, motor=Motor(no_load_speed=1e6, stall_torque=1e6))
 
 
@@ -55,54 +57,58 @@ _PARAMETERS = ("radius", "_decay", "_mean_decay")
 
 @dataclass(frozen=True)
 class Forecast:
-    """What the sprockets will do in the next P servo periods, torque permitting."""
+    """Motion of the sprockets in the next P servo periods, if the motors are strong enough."""
 
-    omega: Array  # (P + 1, N, 2) speeds now and at the end of each period [rad/s]
-    mean: Array  # (P, N, 2) mean speeds in them [rad/s]
-    error: Array  # (N, 2) of the last speeds, against the set points [rad/s]
+    omega: Array  # (P + 1, N, 2) present speeds, and those at the end of each period [rad/s]
+    mean: Array  # (P, N, 2) mean speeds in each period [rad/s]
+    error: Array  # (N, 2) last speeds minus set points [rad/s]
 
 
 class DriveState:
     """The sprockets of N robots, (N, 2) each.
 
-    The servo knows its load: as long as the motor is strong enough the speed follows the set point with a first-order
-    lag, exactly. So the speeds can be forecast, and what torque they took is found when the ground has answered.
+    The servo compensates its load: as long as the motor is strong enough, the speed follows the set point with an exact
+    first-order lag. Speeds can thus be forecast, and the torques follow once the ground's forces are known.
     """
 
     def __init__(self, drive: Drive, n: int, sprocket_radius: float, effective_radius: Array | None = None) -> None:
-        """N pairs of sprockets at rest, of a nominal radius [m] and the radii (N, 1) [m] at which they drive the belts.
+        """Start with sprockets at rest.
 
-        By default the belts run at the nominal radius.
+        Args:
+            drive: servo and motor of all sprockets.
+            n: number of robots.
+            sprocket_radius: nominal [m].
+            effective_radius: (N, 1), at which the sprockets drive the belts; by default the nominal one [m].
         """
         self._drive = drive
         self.radius = np.full((n, 1), sprocket_radius) if effective_radius is None else effective_radius
         """Effective radii of the sprockets (N, 1) [m]."""
         self.period = drive.period
-        """Sampling time of the servo [s]."""
+        """Sampling period of the servo [s]."""
         self.limit = drive.top_speed / sprocket_radius
         """Largest sprocket speed [rad/s]."""
         self.torque_limit = drive.torque_limit
         """Largest torque [N m]."""
         self.rotor_stiffness = drive.motor.inertia / drive.period
-        """Torque that it takes to change a sprocket's speed within a period [N m s/rad]."""
+        """Torque per change of a sprocket's speed within a period [N m s/rad]."""
         self._decay = np.full((n, 1), np.exp(-drive.period / drive.lag))
         self._mean_decay = np.full((n, 1), _mean_decay(drive.period, drive.lag))
         self.set_point = np.zeros((n, 2))
-        """[rad/s]"""
+        """Set points of the speeds [rad/s]."""
         self.omega = np.zeros((n, 2))
-        """True speed [rad/s]."""
-        self._error: Array = np.zeros((n, 2))  # kept beside the speed, for it decays without rounding
+        """True speeds [rad/s]."""
+        self._error: Array = np.zeros((n, 2))  # kept beside the speed because it decays without rounding errors
         self.angle: Array = np.zeros((n, 2))
-        """True angle [rad]."""
+        """True angles [rad]."""
         self.torque = np.zeros((n, 2))
-        """Of the motors, at the sprockets, in the last period [N m]."""
+        """Torques of the motors at the sprockets in the last period [N m]."""
         self.energy: Array = np.zeros((n, 2))
         """Electrical energy since the start [J]."""
         self.saturated_time = np.zeros((n, 2))
-        """Time since the start in which the motor was at its limit [s]."""
+        """Time since the start that the motors spent at their limits [s]."""
 
     def restart(self, rows: np.ndarray, lag: Sequence[float]) -> None:
-        """Sprockets of the robots `rows` (R,) as at the start, at rest, with servos of these lags (R,) [s]."""
+        """Reset the sprockets of the robots `rows` (R,) to rest, with servo lags (R,) [s]."""
         for name in _STATE:
             getattr(self, name)[rows] = 0.0
         for row, value in zip(rows, lag, strict=True):
@@ -110,19 +116,19 @@ class DriveState:
             self._mean_decay[row] = _mean_decay(self.period, value)
 
     def of(self, rows: np.ndarray) -> DriveState:
-        """The sprockets of the robots `rows` (R,), copied."""
+        """A copy of the sprockets of the robots `rows` (R,)."""
         part = copy.copy(self)
         for name in (*_STATE, *_PARAMETERS):
             setattr(part, name, getattr(self, name)[rows])
         return part
 
     def put(self, rows: np.ndarray, part: DriveState) -> None:
-        """Take the state of the sprockets of the robots `rows` (R,) from `part`."""
+        """Copy the state of the sprockets of the robots `rows` (R,) from `part`."""
         for name in _STATE:
             getattr(self, name)[rows] = getattr(part, name)
 
     def command(self, omega: Array) -> None:
-        """Set points (N, 2) [rad/s]; what is beyond the top speed is cut off."""
+        """Set the set points (N, 2) [rad/s], clipped to the top speed."""
         if not np.isfinite(omega).all():
             raise InvalidValueError("omega", omega, "finite")
         before = self.set_point.copy()
@@ -130,33 +136,33 @@ class DriveState:
         self._error += before - self.set_point
 
     def forecast(self, periods: int) -> Forecast:
-        """Speeds in the next `periods`, if the motors are strong enough."""
+        """Forecast the speeds in the next `periods`, if the motors are strong enough."""
         error = np.empty((periods + 1, *self.omega.shape))
         error[0], error[1:] = self._error, self._decay
-        np.multiply.accumulate(error, axis=0, out=error)  # the same bits in however many forecasts
+        np.multiply.accumulate(error, axis=0, out=error)  # the same bits for any number of forecasts
         return Forecast(error + self.set_point, error[:-1] * self._mean_decay + self.set_point, error[-1])
 
     def torque_for(self, forecast: Forecast, traction: Array) -> Array:
-        """Motor torques (P, N, 2) [N m] at the sprockets of a forecast, against traction (P, N, 2) [N]."""
+        """Motor torques (P, N, 2) at the sprockets that a forecast requires, for tractions (P, N, 2) [N] [N m]."""
         motor, omega = self._drive.motor, forecast.omega
         accelerating = np.diff(omega, axis=0) * (motor.inertia / self._drive.period)
         return accelerating + self.radius * traction + motor.loss(omega[1:])
 
     def torque_range(self, omega: Array) -> tuple[Array, Array]:
-        """Least and greatest torque (...) [N m] that a motor has at sprocket speeds (...) [rad/s].
+        """Smallest and largest torque (...) that a motor can exert at sprocket speeds (...) [rad/s] [N m].
 
-        Beyond its speed without load a motor brakes, whatever its voltage.
+        Above its no-load speed a motor brakes, whatever its voltage.
         """
         least, most = self._drive.motor.torque_range(omega)
         return least.clip(-self.torque_limit, self.torque_limit), most.clip(-self.torque_limit, self.torque_limit)
 
     def too_weak(self, forecast: Forecast, torque: Array) -> np.ndarray:
-        """(P, N, 2) whether the torques that a forecast takes are more than the motors have."""
+        """(P, N, 2) whether the torques (P, N, 2) [N m] of a forecast exceed those that the motors can exert."""
         least, most = self.torque_range(forecast.omega[1:])
         return (torque < least) | (torque > most)
 
     def accept(self, forecast: Forecast, torque: Array, saturated: Array | None = None) -> None:
-        """Let a forecast come true, with its torques (P, N, 2) and where (P, N, 2) they are at the motors' limits."""
+        """Advance as forecast, with torques (P, N, 2) [N m] that are limited where `saturated` (P, N, 2)."""
         period = self._drive.period
         self.omega, self.torque, self._error = forecast.omega[-1], torque[-1], forecast.error
         self.angle = _added(self.angle, forecast.mean * period)
@@ -165,16 +171,16 @@ class DriveState:
             self.saturated_time += saturated.sum(axis=0) * period
 
     def encoder_angle(self) -> Array:
-        """Angles (N, 2) as the encoders count them [rad]."""
+        """Angles (N, 2) in whole encoder counts [rad]."""
         count = 2 * np.pi / self._drive.encoder_counts
         return np.floor(self.angle / count) * count
 
 
 def _mean_decay(period: float, lag: float) -> float:
-    """Mean over a period [s] of what is left of an error of 1 at its start."""
+    """Mean over a period [s] of an error that is 1 at its start and decays with the time constant `lag` [s]."""
     return float(-np.expm1(-period / lag) * lag / period)
 
 
 def _added(total: Array, parts: Array) -> Array:
-    """A total (N, 2) plus parts (P, N, 2), one after the other: the same bits in however many calls."""
+    """A total (N, 2) plus parts (P, N, 2), added one by one: the same bits for any number of calls."""
     return np.cumsum(np.concatenate([total[None], parts]), axis=0)[-1]

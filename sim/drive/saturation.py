@@ -1,4 +1,4 @@
-"""The speeds that motors at their limits can hold."""
+"""The speeds that saturated motors can reach."""
 
 from __future__ import annotations
 
@@ -8,45 +8,45 @@ from sim.drive.drive import DriveState, Forecast
 from trackslip.kinematics import Array
 
 _ATTEMPTS = 40
-_TOLERANCE = 0.001  # of the torque at the limit, relative to the largest torque
-_ROUGHNESS = 0.0002  # of the ground's answer, for its forces are found by iteration, relative to the weight
-_FIERCEST = 3.0  # acceleration of a track that no ground or slope exceeds, in units of gravity
-# first guess of what the ground answers to a change of the belts' speeds: torque over mass, radius squared, speed [1/s]
-_ALIKE = 25.0  # both tracks alike: the robot is pushed along
-_OPPOSED = 12_000.0  # one against the other: friction holds the heading, until it slides
+_TOLERANCE = 0.001  # of a saturated torque, relative to the torque limit
+_ROUGHNESS = 0.0002  # noise of the ground's forces, which the engine finds by iteration, relative to the weight
+_MAX_ACCELERATION = 3.0  # of a track, on any ground and slope, in units of gravity
+# first guess of the ground's response to a change of belt speeds: torque over mass, radius squared and speed [1/s]
+_COMMON = 25.0  # the same change on both tracks: the robot accelerates
+_OPPOSITE = 12_000.0  # opposite changes: friction holds the heading until the tracks slide
 
 
 class SpeedSearch:
     """Finds, for one servo period, speeds at which the torques are within the motors' limits.
 
-    A robot whose motors are strong enough does what the servo wants. Another one's belts run at their sprockets' final
-    speeds all through the period, so that however stiff the grip nothing rings, and a sprocket whose motor is too weak
-    for what the servo wants is slower, by as much as it takes. Slower means less in the direction of the torque. What
-    torque a belt's speed takes is found by trying it on the ground.
+    A robot whose motors are strong enough moves as its servos demand. The belts of any other robot run at their
+    sprockets' final speeds for the whole period, so that nothing oscillates however stiff the grip, and a sprocket
+    whose motor is too weak is slowed down as far as necessary. Slower means less in the direction of the torque. The
+    torque that a belt speed requires is found by trying it on the ground.
 
-    A robot with one slow sprocket is searched along that track. With two, the searches are along their mean and half
-    their difference, which hardly depend on each other, whereas the tracks do: the ground answers a difference hundreds
-    of times more stiffly, until the robot begins to turn. Every robot's search depends on itself only.
+    With one slow sprocket, the search is along that track. With two, it is along their mean and half their difference,
+    which are nearly independent, whereas the tracks are not: until the robot begins to turn, the ground's response to a
+    difference is hundreds of times stiffer. The searches of different robots are independent.
     """
 
     def __init__(self, drive: DriveState, mass: float, gravity: float) -> None:
-        """Try what the servo wants first.
+        """Start with the speeds that the servos demand.
 
         Args:
-            drive: the sprockets, whose period comes true in the end.
+            drive: the sprockets, which are advanced by one period in the end.
             mass: of each robot [kg].
-            gravity: [m/s^2].
+            gravity: magnitude [m/s^2].
         """
         self._drive = drive
         self._wanted = drive.forecast(1)
         self._start, self._goal = self._wanted.omega
-        self._reach = np.abs(self._goal - self._start) + _FIERCEST * gravity * drive.period / drive.radius
+        self._reach = np.abs(self._goal - self._start) + _MAX_ACCELERATION * gravity * drive.period / drive.radius
         self._tolerance = _TOLERANCE * drive.torque_limit + _ROUGHNESS * mass * gravity * drive.radius
-        self._speed = self._goal  # of the sprockets at the end of the period
-        self._weak = np.zeros((len(self._goal), 1), bool)  # robots that can't do what the servo wants
-        self._side = np.zeros(self._goal.shape)  # of the limit that is reached: 1, -1, or 0 for none
+        self._speed = self._goal  # (N, 2) of the sprockets at the end of the period
+        self._weak = np.zeros((len(self._goal), 1), bool)  # robots that can't move as the servos demand
+        self._side = np.zeros(self._goal.shape)  # limit that is reached: 1 upper, -1 lower, 0 none
         self._slowed = np.zeros(self._goal.shape, bool)  # tracks whose speeds are being searched
-        self._stiffness = drive.rotor_stiffness + mass * drive.radius**2 * [_ALIKE, _OPPOSED]
+        self._stiffness = drive.rotor_stiffness + mass * drive.radius**2 * [_COMMON, _OPPOSITE]
         self._roots = _Roots(self._stiffness)
         self._attempts = 0
 
@@ -56,7 +56,7 @@ class SpeedSearch:
         return np.where(self._weak, self._speed, self._wanted.mean)
 
     def done(self, traction: Array) -> bool:
-        """Take the tractions (1, N, 2) [N] that the trial met; False if another trial is needed."""
+        """Evaluate a trial by its tractions (1, N, 2) [N]; False if another trial is needed."""
         drive, wished = self._drive, self._speed == self._goal
         trial = Forecast(np.stack([self._start, self._speed]), self.belt, self._error())
         torque = drive.torque_for(trial, traction)[0]
@@ -71,18 +71,18 @@ class SpeedSearch:
         if not going.any() or self._attempts == _ATTEMPTS:
             drive.accept(trial, np.clip(torque, least, most)[None], (side != 0)[None])
             return True
-        # finish with the tracks at hand before taking up others, for which a passing trial may be too fast
+        # finish the tracks being searched before adding others, whose speed may be too high only in this trial
         busy = (far & slowed).any(axis=1, keepdims=True)
         self._next(excess, going, np.where(busy, slowed, side != 0))
         return False
 
     def _next(self, excess: Array, going: np.ndarray, slowed: np.ndarray) -> None:
-        """Another trial, slowing the tracks `slowed` (N, 2) of the robots (N, 1) that are still going."""
+        """Choose the next trial, in which the robots `going` (N, 1) have the tracks `slowed` (N, 2) slowed down."""
         both = slowed.all(axis=1, keepdims=True)
         changed = (slowed != self._slowed).any(axis=1, keepdims=True)
         self._slowed = slowed
         self._roots.restart(changed, np.where(both, self._stiffness, self._stiffness.mean(axis=1, keepdims=True)))
-        if self._attempts == 1:  # set out from where the belts turn the robot no faster than they did
+        if self._attempts == 1:  # start where the belts turn the robot no faster than before
             self._weak = going
             guess = np.where(both, self._start, self._start + (self._goal - self._start)[:, ::-1])
         else:
@@ -94,18 +94,18 @@ class SpeedSearch:
         self._speed = np.where(going, np.where(slowed, guess, self._goal), self._speed)
 
     def _error(self) -> Array:
-        """Of the speeds (N, 2), against the set points [rad/s]."""
+        """Speeds minus set points (N, 2) [rad/s]."""
         return np.where(self._speed == self._goal, self._wanted.error, self._speed - self._drive.set_point)
 
 
 class _Roots:
-    """Where rising functions, of a variable each, are zero: the secant method within brackets, halved when it is slow.
+    """Roots of increasing functions of one variable each: bracketed secant method, with bisection when it is slow.
 
-    Each function may depend a little on the other variables: a bracket that can't be one any more is dropped.
+    Each function may depend slightly on the other variables, so a bracket that is no longer one is dropped.
     """
 
     def __init__(self, slope: Array) -> None:
-        """`slope` (N, 2): a first guess; the largest of a row is what no function of it exceeds by far."""
+        """`slope` (N, 2): a first guess; no function of a row is much steeper than its largest slope."""
         self._slope = slope
         self._steepest = slope.max(axis=1, keepdims=True)
         self._low: Array = np.full(slope.shape, -np.inf)
@@ -115,21 +115,21 @@ class _Roots:
         self._f: Array = np.zeros(slope.shape)
 
     def restart(self, rows: np.ndarray, slope: Array) -> None:
-        """Forget what is known of some rows (N, 1)."""
+        """Restart the search in some rows (N, 1), with slopes (N, 2)."""
         self._slope = np.where(rows, slope, self._slope)
         self._low, self._high = np.where(rows, -np.inf, self._low), np.where(rows, np.inf, self._high)
         self._width = np.where(rows, np.inf, self._width)
         self._x = np.where(rows, np.nan, self._x)
 
     def next(self, x: Array, f: Array) -> Array:
-        """Where to look next, knowing that the functions are f (N, 2) at x (N, 2)."""
+        """The next trial (N, 2), given that the functions are f (N, 2) at x (N, 2)."""
         low, high = np.where(f < 0, x, self._low), np.where(f > 0, x, self._high)
         outside = np.abs(f) > 4 * self._steepest * (high - low)
         low, high = np.where(outside & (f > 0), -np.inf, low), np.where(outside & (f <= 0), np.inf, high)
         run, rise = x - self._x, f - self._f
-        rising, falling = run * rise > 0, (run * rise <= 0) & (f * self._f > 0)  # neither without a point before
+        rising, falling = run * rise > 0, (run * rise <= 0) & (f * self._f > 0)  # neither, without a previous point
         self._slope = np.where(rising, rise / np.where(rising, run, 1.0), self._slope)
-        self._slope = np.where(falling, self._slope / 3, self._slope)  # the ground slides: look further away
+        self._slope = np.where(falling, self._slope / 3, self._slope)  # the tracks slide: take a larger step
         guess = x - f / self._slope
         bracketed = np.isfinite(low) & np.isfinite(high)
         slow = np.isfinite(self._width) & (high - low > self._width / 2)
@@ -140,7 +140,7 @@ class _Roots:
 
 
 def _modes(tracks: Array) -> Array:
-    """Mean and half difference (N, 2) of the (left, right) tracks (N, 2)."""
+    """Mean and half the difference (N, 2) of the (left, right) tracks (N, 2)."""
     left, right = tracks.T
     return np.stack([left + right, right - left], axis=-1) / 2
 

@@ -1,1 +1,1 @@
-"""The ground: friction, slope, patches, names and files."""
+"""The ground: friction, slope, patches, named grounds and ground files."""

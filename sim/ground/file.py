@@ -1,4 +1,4 @@
-"""A ground by its name or from a TOML file."""
+"""Grounds by name, or from a TOML file."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from trackslip.errors import InvalidValueError, SettingsFileError
 
 
 def load_ground(source: str) -> Ground:
-    """A named ground, or the one in a TOML file: the fields of `Ground`, and `base`, a named ground that they change.
+    """Load a named ground, or a TOML file with fields of `Ground` and, as `base`, the named ground that they change.
 
     Raises:
-        InvalidValueError: for what is neither.
-        SettingsFileError: for a file that can't be read.
+        InvalidValueError: for a source that is neither.
+        SettingsFileError: for a file that can't be read or has invalid fields.
     """
     if source in NAMED_GROUNDS:
         return NAMED_GROUNDS[source].ground

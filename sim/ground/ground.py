@@ -1,4 +1,4 @@
-"""What the tracks stand on: friction, its patches and changes, and the slope."""
+"""The ground under the tracks: friction, its patches and changes, and the slope."""
 
 from __future__ import annotations
 
@@ -12,20 +12,21 @@ from trackslip.errors import InvalidValueError, require_at_most, require_finite,
 from trackslip.kinematics import Array
 
 MAX_FRICTION = 10.0
+"""Largest friction coefficient [-]."""
 MAX_SLOPE = 1.5
-"""[rad]"""
+"""Largest slope [rad]."""
 MAX_PATCHES = 10_000
-"""Patches of a ground, and changes."""
+"""Largest number of patches of a ground, and of changes."""
 
 
 @dataclass(frozen=True)
 class Patch:
-    """A rectangle of other friction, its sides along the world's axes. A pad is on it when the pad's middle is."""
+    """A rectangle with another friction, aligned with the world's axes. It acts on pads whose centres are on it."""
 
     x: tuple[float, float]
-    """From, to [m]; may be infinite."""
+    """From, to, along the world's x axis [m]; may be infinite."""
     y: tuple[float, float]
-    """From, to [m]; may be infinite."""
+    """From, to, along the world's y axis [m]; may be infinite."""
     along: float
     """Friction coefficient along the track [-]."""
     across: float
@@ -40,10 +41,10 @@ class Patch:
 
 @dataclass(frozen=True)
 class Change:
-    """From a time on, the friction of all ground that no patch covers is another."""
+    """A change of friction at a time, everywhere but on patches."""
 
     time: float
-    """Since the start of the run [s]."""
+    """Time since the start of the run [s]."""
     along: float
     """Friction coefficient along the track [-]."""
     across: float
@@ -58,8 +59,8 @@ class Change:
 class Ground:
     """Coulomb friction, along and across the tracks, on a plane.
 
-    Slip depends on the ratio of the two, not on their size. The default is stone paving under tracks whose treads grip
-    better sideways; its ratio is tuned so that the robot drives the radii that the paper observed.
+    Slip depends on the ratio of the two coefficients, not on their magnitude. The default is stone paving under tracks
+    whose treads grip better sideways; its ratio is tuned so that the robot drives the radii observed in the paper.
     """
 
     along: float = 0.70
@@ -67,13 +68,13 @@ class Ground:
     across: float = 0.778
     """Friction coefficient across the track [-]."""
     slope: float = 0.0
-    """Angle of the plane to the horizontal [rad]. Poses and scans are those in the plane."""
+    """Angle of the plane to the horizontal [rad]. Poses and scans are measured in the plane."""
     uphill: float = 0.0
     """Heading of a robot that drives straight up the slope [rad]."""
     patches: tuple[Patch, ...] = ()
-    """Where the friction is another; the last of overlapping patches counts."""
+    """Areas with another friction; where patches overlap, the last one applies."""
     changes: tuple[Change, ...] = ()
-    """When the friction becomes another, in order of time."""
+    """Changes of friction, in order of time."""
 
     def __post_init__(self) -> None:
         _require_friction(self.along, self.across)
@@ -84,17 +85,17 @@ class Ground:
             require_at_most(f"number of {name}", len(getattr(self, name)), MAX_PATCHES)
         times = [change.time for change in self.changes]
         if times != sorted(set(times)):
-            raise InvalidValueError("changes", times, "in order of time, each at a time of its own")
+            raise InvalidValueError("changes", times, "in ascending order, all different")
 
     def gravity(self, size: float) -> tuple[float, float, float]:
-        """Gravity of `size` [m/s^2] in the frame of the plane: x and y along it, z off it."""
+        """Gravity of magnitude `size` [m/s^2] in the plane's frame: x and y in the plane, z along its normal."""
         downhill = size * math.sin(self.slope)
         return -downhill * math.cos(self.uphill), -downhill * math.sin(self.uphill), -size * math.cos(self.slope)
 
     def require_parking(self, friction: Sequence[float] | Array, heading: float) -> None:
         """Raise InvalidValueError if a robot with this heading [rad] would slide down from rest.
 
-        `friction` (2,): along and across, mean over the pads where the robot stands.
+        `friction` (2,): along and across the tracks, averaged over the pads where the robot stands.
         """
         steepest = friction_angle(friction, self.uphill - heading)
         if self.slope >= steepest:
@@ -106,9 +107,9 @@ class Ground:
 
 
 def friction_angle(friction: Sequence[float] | Array, uphill: float) -> float:
-    """Steepest slope [rad] that holds a robot, if it rises in direction `uphill` [rad], counted from its nose.
+    """Steepest slope [rad] on which a robot doesn't slide, if uphill is in the direction `uphill` [rad] in its frame.
 
-    The friction limit is an ellipse with half axes `friction` (2,), along and across the tracks.
+    The friction limit is an ellipse with the semi-axes `friction` (2,), along and across the tracks.
     """
     along, across = friction
     return float(np.arctan(1 / np.hypot(np.cos(uphill) / along, np.sin(uphill) / across)))

@@ -1,7 +1,7 @@
-"""Grounds by name. Only their friction along the track has a source where one is given; across is assumed.
+"""Named grounds. A source, where there is one, is that of the friction along the track; that across is assumed.
 
-Slip follows from across / along alone, so the ratios matter more than the sizes: 0.778 / 0.70 for hard ground, where
-treads grip sideways a little better, more where the track must push loose ground aside, 1 on ice.
+Slip depends only on the ratio across / along: 0.778 / 0.70 for hard ground, on which treads grip slightly better
+sideways, more on loose ground, which the track must push aside, and 1 on ice.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ _NOON = "R. K. Noon, Engineering Analysis of Vehicular Accidents (1994), of tyre
 
 @dataclass(frozen=True)
 class NamedGround:
-    """A ground and where its numbers come from."""
+    """A ground and the source of its numbers."""
 
     ground: Ground
     source: str
-    """Of the friction along; that across is assumed, unless said otherwise."""
+    """Source of the friction along the track; that across is assumed, unless stated otherwise."""
 
 
 def _hard(along: float) -> Ground:

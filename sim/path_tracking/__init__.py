@@ -1,1 +1,1 @@
-"""Path tracking as a task to learn: what the environments of `sim.env` and `sim.vector_env` are made of."""
+"""Path tracking as a learning task: the parts of the environments in `sim.env` and `sim.vector_env`."""

@@ -1,4 +1,4 @@
-"""Options of the environments: what `gymnasium.make` takes."""
+"""Options of the environments, the keyword arguments of `gymnasium.make`."""
 
 from __future__ import annotations
 
@@ -14,40 +14,43 @@ from trackslip.errors import InvalidValueError, require_at_most, require_non_neg
 from trackslip.slip.base import SlipLaw
 
 PERIOD = 0.05
-"""Between actions, and between scans [s]."""
+"""Control period: time between actions, and between scans [s]."""
 ACTIONS = ("sprockets", "twist")
+"""Kinds of actions."""
 POSE_SOURCES = ("truth", "noisy", "scanner")
+"""Sources of the observed pose."""
 MAX_PREVIEWS = 100
+"""Largest number of previews."""
 MAX_PREVIEW = 20.0
-"""How far a preview may look ahead [s]."""
+"""Longest time that previews may look ahead [s]."""
 
 
 @dataclass(frozen=True)
 class Reward:
-    """What a step is worth: a sum of terms, each named in `info`.
+    """The reward of a step: a sum of terms, each of which is given by name in `info`.
 
         alive               weight_alive
         position            -weight_position s(d / position_scale)
         heading             -weight_heading s(e_phi / heading_scale)
         change              -weight_change mean((a - a_before)^2) / 4
-        termination         -weight_termination, on leaving the path or tipping over
+        termination         -weight_termination, when the robot leaves the path or tips over
 
-    with s(z) = z^2 / (1 + z^2), d the distance of the true pose from where it should be now, e_phi the error of its
-    heading and a the actions in [-1, 1]. s is quadratic for small errors and never exceeds 1: a step is worth between
-    weight_alive less the other weights and weight_alive. By default that is from 0 to 1, so that no step on the path is
-    worse than leaving it.
+    with s(z) = z^2 / (1 + z^2), d the distance of the true position from the reference's present one, e_phi the true
+    heading error and a the actions in [-1, 1]. s is quadratic for small errors and never exceeds 1, so the reward is
+    between weight_alive minus the other weights and weight_alive. By default that is from 0 to 1: no step on the path
+    is worse than leaving it.
     """
 
     weight_alive: float = 1.0
-    """For every step [-]."""
+    """Reward of every step [-]."""
     weight_position: float = 0.7
-    """Of the position error [-]."""
+    """Weight of the position error [-]."""
     weight_heading: float = 0.2
-    """Of the heading error [-]."""
+    """Weight of the heading error [-]."""
     weight_change: float = 0.1
-    """Of the change of action [-]."""
+    """Weight of the change of the action [-]."""
     weight_termination: float = 10.0
-    """Once, for an episode that ends off the path [-]."""
+    """Penalty, once, for an episode that ends off the path [-]."""
     position_scale: float = 0.05
     """Position error that costs half of its weight [m]."""
     heading_scale: float = 0.2
@@ -61,38 +64,38 @@ class Reward:
 
 @dataclass(frozen=True)
 class EnvConfig:
-    """A task of path tracking."""
+    """A path-tracking task."""
 
     reference: str | tuple[str, ...] = "paper"
-    """Name of a reference, or a .csv file of way points; of several, each episode draws one."""
+    """Name of a reference, or a .csv file of way points; if there are several, each episode draws one."""
     ground: str | tuple[str, ...] = "stone"
-    """Name of a ground, or a .toml file; of several, each episode draws one."""
+    """Name of a ground, or a .toml file; if there are several, each episode draws one."""
     action: str = "sprockets"
-    """What actions in [-1, 1] are: "sprockets", set points (left, right) in units of the top speed; "twist", body
+    """Meaning of the actions in [-1, 1]: "sprockets", set points (left, right) in units of the top speed; "twist", body
     twists (v, w) in units of `twist_scale`."""
     twist_scale: tuple[float, float] = (0.3, 1.0)
     """Unit of twists, in actions and observations [m/s, rad/s]."""
     compensation: str | SlipLaw = "none"
-    """How twists become sprocket speeds: a slip law, or its name: "none", "published", or one of the shipped laws."""
+    """Slip law that converts twists into sprocket speeds, or its name: "none", "published", or a shipped law."""
     previews: int = 5
-    """Number of reference twists ahead that are observed."""
+    """Number of future reference twists in the observation."""
     preview_spacing: float = 0.2
-    """Time between them, a multiple of the control period [s]."""
+    """Time between previews, a multiple of the control period [s]."""
     pose_source: str = "truth"
-    """Where the observed pose comes from: "truth"; "noisy", the truth and Gaussian noise; "scanner", the plate in the
-    laser range finder's scans, the start being known."""
+    """Source of the observed pose: "truth"; "noisy", the truth plus Gaussian noise; "scanner", the plate in the laser
+    range finder's scans, tracked from the known start."""
     position_noise: float = 0.002
     """Standard deviation of noisy positions, in x and in y [m]."""
     heading_noise: float = math.radians(0.25)
     """Standard deviation of noisy headings [rad]."""
     off_path: float = 0.5
-    """Distance from where it should be beyond which an episode terminates [m]."""
+    """Distance from the reference beyond which an episode terminates [m]."""
     reward: Reward = field(default_factory=Reward)
-    """What a step is worth."""
+    """The reward of a step."""
     randomization: Randomization | str | None = None
-    """What differs from episode to episode; "typical" for Randomization.typical()."""
+    """Properties that vary between episodes; "typical" for Randomization.typical()."""
     robot: RobotParameters = field(default_factory=RobotParameters)
-    """Shape and weight of the robot."""
+    """Shape and mass of the robot."""
     drive: Drive = field(default_factory=Drive)
     """Servos and motors."""
 
@@ -130,7 +133,7 @@ class EnvConfig:
 
     @classmethod
     def of(cls, options: dict[str, Any]) -> EnvConfig:
-        """From keyword arguments; raises InvalidValueError for names that it doesn't have."""
+        """Create the configuration from keyword arguments; raises InvalidValueError for unknown names."""
         known = [f.name for f in fields(cls)]
         for name in options:
             if name not in known:
@@ -144,22 +147,22 @@ class EnvConfig:
 
     @property
     def references(self) -> tuple[str, ...]:
-        """The references that episodes draw from."""
+        """References from which episodes draw."""
         return _several(self.reference)
 
     @property
     def grounds(self) -> tuple[str, ...]:
-        """The grounds that episodes draw from."""
+        """Grounds from which episodes draw."""
         return _several(self.ground)
 
     @property
     def stride(self) -> int:
-        """Control periods between previews."""
+        """Number of control periods between previews."""
         return round(self.preview_spacing / PERIOD)
 
     @property
     def drawn(self) -> Randomization:
-        """What differs from episode to episode."""
+        """Properties that vary between episodes."""
         if isinstance(self.randomization, Randomization):
             return self.randomization
         return Randomization() if self.randomization is None else Randomization.typical()

@@ -1,4 +1,4 @@
-"""An episode: what is drawn, or asked for, before it begins."""
+"""Episodes: their properties, drawn or given, before they begin."""
 
 from __future__ import annotations
 
@@ -21,38 +21,38 @@ from trackslip.kinematics import Array
 
 OPTIONS = ("reference", "ground", "start_error", "radius_error", "com", "lag", "latency")
 """Keys of `reset(options=...)`."""
-_PARKING = 0.6  # of the least friction angle: how steep a drawn slope may be
+_PARKING = 0.6  # steepest slope that is drawn, as a fraction of the smallest friction angle
 
 
 @dataclass(frozen=True)
 class Episode:
-    """One robot's task."""
+    """One robot's task in one episode."""
 
     reference: int
-    """Index in the table of references."""
+    """Index in the reference table."""
     setting: Setting
-    """How its run begins."""
+    """Start, ground and properties of the robot."""
     latency: int
-    """Control periods after which an action reaches the servos."""
+    """Delay until an action reaches the servos [control periods]."""
     noise: int
-    """Seed of the noise of measurement."""
+    """Seed of the measurement noise."""
 
 
 def draw(
     config: EnvConfig, table: ReferenceTable, generator: np.random.Generator, options: Mapping[str, Any]
 ) -> Episode:
-    """Draw an episode; what `options` ask for takes the place of what was drawn.
+    """Draw an episode; values in `options` replace the drawn ones.
 
     Args:
         config: of the environment.
-        table: of references; one that is asked for and new is added.
+        table: of references, to which a new one is added.
         generator: the same numbers are drawn from it whatever the options.
-        options: by name. `reference`: a name; `ground`: a name or a Ground, on which nothing is randomised;
-            `start_error`: (3,) forward, to the left, heading, from the reference's start [m, m, rad]; `radius_error`
-            [-]; `com`: (2,) forward, to the left [m]; `lag` [s]; `latency` [control periods].
+        options: by name. `reference`: a name; `ground`: a name or a Ground, which is not randomized; `start_error`:
+            (3,) offset from the reference's start, forward, to the left, heading [m, m, rad]; `radius_error` [-];
+            `com`: (2,) offset of the centre of mass, forward, to the left [m]; `lag` [s]; `latency` [control periods].
 
     Raises:
-        InvalidValueError: for unknown options, and values out of range.
+        InvalidValueError: for unknown options and values out of range.
     """
     for name in options:
         if name not in OPTIONS:
@@ -88,7 +88,7 @@ def draw(
 
 
 def _ground(config: EnvConfig, base: Ground, path: Array, generator: np.random.Generator) -> Ground:
-    """A named ground with another friction across, slope and patches."""
+    """Randomize the friction across, slope and patches of a ground."""
     drawn = config.drawn
     across = base.across * _uniform(generator, drawn.friction_ratio, 1.0)
     count = int(generator.integers(drawn.patches[0], drawn.patches[1], endpoint=True))
@@ -114,7 +114,7 @@ def _start(pose: Array, error: tuple[float, ...]) -> tuple[float, float, float]:
 
 
 def _finite(name: str, values: Any, n: int) -> Any:
-    """Values (n,) as floats; raises InvalidValueError for others."""
+    """Values (n,) as floats; raises InvalidValueError unless they are n finite numbers."""
     try:
         numbers = tuple(float(value) for value in values)
     except (TypeError, ValueError):
@@ -131,6 +131,6 @@ def _choice(generator: np.random.Generator, names: tuple[str, ...]) -> str:
 
 
 def _uniform(generator: np.random.Generator, ends: Range | None, otherwise: float) -> float:
-    """A number from a range, or another without one; as much is drawn in either case."""
+    """A number drawn from a range, or `otherwise` without one; either draws once from the generator."""
     low, high = (otherwise, otherwise) if ends is None else ends
     return low + (high - low) * float(generator.random())

@@ -1,6 +1,6 @@
-"""What an agent sees and does: the layout of observations and actions.
+"""Layout of the observations.
 
-An observation is float32, (9 + 2 K,) for K previews, each element divided by its scale and cut off at its bound:
+An observation is float32, (9 + 2 K,) for K previews; each element is divided by its scale and clipped to its bound:
 
     element     what                                                       scale                 bound
     0, 1        position error (e_x, e_y) in the robot's frame [m]         off_path              2
@@ -8,12 +8,12 @@ An observation is float32, (9 + 2 K,) for K previews, each element divided by it
     3, 4        reference twist (v, w) now [m/s, rad/s]                    twist_scale           2
     5, 6        reference twist one preview_spacing ahead                  twist_scale           2
     ...         and so on, K previews                                      twist_scale           2
-    5 + 2K ..   sprocket speeds (left, right), as the encoders counted     top speed of          2
-                them over the last control period [rad/s]                  the sprockets
-    7 + 2K ..   the last action, as it was asked for                       1                     1
+    5 + 2K ..   sprocket speeds (left, right), from the encoders, mean     top speed of          2
+                over the last control period [rad/s]                       the sprockets
+    7 + 2K ..   the last action                                            1                     1
 
-Errors are those of the observed pose (Eq. 18 of the paper): what is still to go. At the start of an episode the
-sprockets stand, and the last action is zero.
+The errors are those of the observed pose, reference minus robot (Eq. 18 of the paper). At the start of an episode the
+sprockets are at rest and the last action is zero.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ import numpy as np
 from sim.path_tracking.config import EnvConfig
 from trackslip.kinematics import Array
 
-_WIDE = 2.0
+_BOUND = 2.0
 
 
 class Layout:
     """Scales and bounds of an observation, (9 + 2K,) each."""
 
     def __init__(self, config: EnvConfig, top_speed: float) -> None:
-        """`top_speed` of the sprockets [rad/s]."""
+        """`top_speed`: of the sprockets [rad/s]."""
         previews = config.previews
         self.steps = np.arange(previews + 1) * config.stride
-        """Control periods (K + 1,) from now to the reference's twists."""
+        """Control periods (K + 1,) from now to the observed twists of the reference."""
         self.scale = np.array(
             [
                 *(config.off_path, config.off_path, np.pi),
@@ -41,7 +41,7 @@ class Layout:
                 *(top_speed, top_speed, 1.0, 1.0),
             ]
         )
-        self.bound = np.array([_WIDE, _WIDE, 1.0, *[_WIDE] * (2 * previews + 4), 1.0, 1.0], np.float32)
+        self.bound = np.array([_BOUND, _BOUND, 1.0, *[_BOUND] * (2 * previews + 4), 1.0, 1.0], np.float32)
 
     def observation(self, error: Array, twist: Array, omega: Array, action: Array) -> Array:
         """Observations (N, n) of errors (N, 3), twists (N, K + 1, 2), sprocket speeds (N, 2) and actions (N, 2)."""

@@ -1,4 +1,4 @@
-"""Where the observed pose comes from: truth, truth with noise, or the scanner."""
+"""Sources of the observed pose: the truth, the truth with noise, or the scanner."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from trackslip.localization.tracker import Tracker
 
 
 class PoseSource(Protocol):
-    """Tells where N robots are."""
+    """Observes the poses of N robots."""
 
     def begin(self, rows: Index, seeds: Sequence[int], last: Index) -> None:
-        """New episodes of the robots `rows` (R,): seeds (R,) of their noise, and control periods (R,) in them."""
+        """Begin episodes of the robots `rows` (R,), with noise seeds (R,) and lengths (R,) [control periods]."""
         ...
 
     def start(self, rows: Index) -> Array:
-        """Poses (R, 3) of the robots `rows` (R,) at the start of their episodes."""
+        """Observed poses (R, 3) of the robots `rows` (R,) at the start of their episodes."""
         ...
 
     def pose(self, k: Index, omega: Array, true: Array) -> Array:
-        """Poses (N, 3) now.
+        """Observed poses (N, 3) now.
 
         Args:
             k: control periods (N,) since the episodes began.
-            omega: (N, 2) at which the sprockets ran for the last of them [rad/s].
-            true: poses (N, 3).
+            omega: mean sprocket speeds (N, 2) in the last one [rad/s].
+            true: true poses (N, 3) [m, m, rad].
         """
         ...
 
 
 class TruePose:
-    """The truth."""
+    """The true pose."""
 
     def __init__(self, fleet: Fleet) -> None:
         self._fleet = fleet
@@ -58,7 +58,7 @@ class TruePose:
 
 
 class NoisyPose:
-    """The truth and Gaussian noise, which is drawn for a whole episode at its start."""
+    """The true pose plus Gaussian noise, which is drawn for a whole episode at its start."""
 
     def __init__(self, fleet: Fleet, config: EnvConfig) -> None:
         self._fleet = fleet
@@ -85,16 +85,16 @@ class NoisyPose:
 
 
 class ScannedPose:
-    """The plate in the scans of the laser range finder, tracked from a known start."""
+    """The pose of the plate in the scans of the laser range finder, tracked from the known start."""
 
     def __init__(self, fleet: Fleet) -> None:
         self._fleet = fleet
-        self._feed = ScannerFeed(LaserScanner(rate=1 / PERIOD), fleet, [np.random.default_rng(0)] * fleet.size)
+        self._feed = ScannerFeed(LaserScanner(rate=1 / PERIOD), fleet)
         self._locator = PlateLocator(fleet.robot.plate)
         self._tracker = Tracker(fleet.pose(), fleet.robot.geometry)
 
     def begin(self, rows: Index, seeds: Sequence[int], last: Index) -> None:
-        """New streams of noise, new tracks."""
+        """Restart the noise and the tracker."""
         self._feed.restart(rows, [np.random.default_rng(seed) for seed in seeds])
         self._tracker.restart(rows, self._fleet.pose()[rows])
 
@@ -110,7 +110,7 @@ class ScannedPose:
 
 
 def pose_source(config: EnvConfig, fleet: Fleet) -> PoseSource:
-    """The one that a configuration names."""
+    """The pose source of a configuration."""
     if config.pose_source == "truth":
         return TruePose(fleet)
     return NoisyPose(fleet, config) if config.pose_source == "noisy" else ScannedPose(fleet)

@@ -1,4 +1,4 @@
-"""What differs from episode to episode."""
+"""Randomization: properties that vary between episodes."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from sim.robot.parameters import RobotParameters
 from trackslip.errors import InvalidValueError
 
 Range = tuple[float, float]
-"""From, to: drawn uniformly."""
+"""From, to; values are drawn uniformly."""
 
 MAX_LATENCY = 2
-"""Of commands [control periods]."""
+"""Largest latency of commands [control periods]."""
 MAX_PATCHES = 10
+"""Largest number of patches."""
 _LIMITS: dict[str, Range] = {
     "friction_ratio": (0.1, 10.0),
     "radius_error": (-MAX_RADIUS_ERROR, MAX_RADIUS_ERROR),
@@ -35,33 +36,33 @@ _LIMITS: dict[str, Range] = {
 
 @dataclass(frozen=True)
 class Randomization:
-    """Ranges (from, to) of what is drawn for each episode. By default every episode is like the first."""
+    """Ranges (from, to) from which each episode draws. By default all episodes are the same."""
 
     friction_ratio: Range = (1.0, 1.0)
-    """Factor on the friction across the tracks, and so on the ratio across / along [-]."""
+    """Factor on the friction across the tracks, and thus on the ratio across / along [-]."""
     radius_error: Range | None = None
-    """Of the effective sprocket radius; None for the robot's own [-]."""
+    """Relative error of the effective sprocket radius; None for the robot's own [-]."""
     com_x: Range = (0.0, 0.0)
-    """Centre of mass, forward of where the robot has it [m]."""
+    """Offset of the centre of mass from the robot's own, forward [m]."""
     com_y: Range = (0.0, 0.0)
-    """Centre of mass, to the left of where the robot has it [m]."""
+    """Offset of the centre of mass from the robot's own, to the left [m]."""
     slope: Range | None = None
-    """Of the ground, rising in any direction; None for the ground's own. At most 0.6 of the least friction angle, so
-    that the robot can be parked [rad]."""
+    """Slope of the ground, uphill in any direction; None for the ground's own. It is limited to 0.6 times the smallest
+    friction angle, so that the robot can be parked [rad]."""
     patches: tuple[int, int] = (0, 0)
-    """Number of square patches of other friction on the path."""
+    """Number of square patches with another friction on the path."""
     patch_size: Range = (0.3, 1.0)
-    """Their sides [m]."""
+    """Side length of the patches [m]."""
     patch_friction: Range = (0.5, 1.0)
-    """Their friction, as a fraction of the ground's around them; across is multiplied by `friction_ratio` anew [-]."""
+    """Friction of the patches over that of the ground; across is also multiplied by another `friction_ratio` [-]."""
     lag: Range | None = None
     """Time constant of the servos; None for the drive's own [s]."""
     latency: tuple[int, int] = (0, 0)
-    """Control periods after which an action reaches the servos."""
+    """Delay until an action reaches the servos [control periods]."""
     start_distance: Range = (0.0, 0.0)
     """Distance from the path's start, in any direction [m]."""
     start_heading: Range = (0.0, 0.0)
-    """Error of the heading at the start [rad]."""
+    """Heading error at the start [rad]."""
 
     def __post_init__(self) -> None:
         for field in dataclasses.fields(self):
@@ -72,7 +73,7 @@ class Randomization:
 
     @classmethod
     def typical(cls) -> Randomization:
-        """What a robot may meet outdoors."""
+        """Typical outdoor conditions."""
         return cls(
             friction_ratio=(0.8, 1.5),
             radius_error=(-0.02, 0.03),
@@ -87,7 +88,7 @@ class Randomization:
         )
 
     def require_standing(self, robot: RobotParameters) -> None:
-        """Raise InvalidValueError if a robot with these centres of mass wouldn't stand on its tracks."""
+        """Raise InvalidValueError if a robot with one of these centres of mass would not stand on its tracks."""
         for x in self.com_x:
             for y in self.com_y:
                 dataclasses.replace(robot, com_x=robot.com_x + x, com_y=robot.com_y + y)

@@ -1,4 +1,4 @@
-"""References at the instants of control, looked up for many robots at once."""
+"""References, tabulated at the control periods and looked up for many robots at once."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ Index = NDArray[np.int_]
 
 
 class ReferenceTable:
-    """Poses and twists of R references, a row each, at multiples of the control period."""
+    """Poses and twists of R references, one row each, at multiples of the control period."""
 
     def __init__(self, names: Iterable[str], ahead: int) -> None:
-        """`names`: of references; `ahead`: control periods that are looked up beyond a reference's end."""
+        """`names`: of the references; `ahead`: number of control periods tabulated beyond a reference's end."""
         self._ahead = ahead
         self.names: list[str] = []
-        """Of the references, in order of their indices."""
+        """Names of the references, in order of their indices."""
         self.last: Index = np.empty(0, int)
-        """Control period (R,) in which each ends."""
+        """Control period (R,) in which each reference ends."""
         self._pose: Array = np.empty((0, 1, 3))
         self._twist: Array = np.empty((0, 1, 2))
         for name in names:
             self.index(name)
 
     def index(self, name: str) -> int:
-        """Of a reference, which is added if it is new; raises TrackslipError for what is none."""
+        """Index of a reference, which is added if it is new; raises TrackslipError for an unknown name."""
         if name not in self.names:
             reference = load_reference(name)
             last = math.ceil(reference.duration / PERIOD - 1e-9)
@@ -47,11 +47,11 @@ class ReferenceTable:
         return self._pose[index, : self.last[index] + 1]
 
     def pose(self, index: Index, k: Index) -> Array:
-        """Poses (...) + (3,) of references (...) in control periods (...)."""
+        """Poses (..., 3) of references (...) in control periods (...)."""
         return self._pose[index, self._clipped(index, k)]
 
     def twist(self, index: Index, k: Index) -> Array:
-        """Twists (...) + (2,) of references (...) in control periods (...)."""
+        """Twists (..., 2) of references (...) in control periods (...)."""
         return self._twist[index, self._clipped(index, k)]
 
     def _clipped(self, index: Index, k: Index) -> Index:
@@ -59,7 +59,7 @@ class ReferenceTable:
 
 
 def _stacked(table: Array, row: Array) -> Array:
-    """A table (R, T, n) with one more row (t, n), whichever is shorter padded with zeros."""
+    """Append a row (t, n) to a table (R, T, n); the shorter of the two is padded with zeros."""
     length = max(table.shape[1], len(row))
     longer = np.zeros((len(table) + 1, length, table.shape[2]))
     longer[:-1, : table.shape[1]], longer[-1, : len(row)] = table, row

@@ -1,4 +1,4 @@
-"""Path tracking of N robots, a row each: actions in, observations and rewards out."""
+"""Path tracking of N robots, one row each: actions in, observations and rewards out."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ from trackslip.slip.constant import NoSlip
 from trackslip.slip.exponential import PUBLISHED
 from trackslip.slip.law_file import load_laws
 
-_TIPPED = np.cos(0.5)  # of the lean from which a robot has tipped over
-_STANDING = 0.05  # sprocket speed below which a track has no slip to speak of [rad/s]
+_TIPPED = np.cos(0.5)  # cosine of the lean beyond which a robot has tipped over
+_STANDING = 0.05  # sprocket speed below which the slip of a track is taken as 0 [rad/s]
 TERMS = ("alive", "position", "heading", "change", "termination")
-"""Of the reward."""
+"""Names of the terms of the reward."""
 
 
 class PathTracking:
-    """The task, whatever interface it is offered through. Rows don't depend on each other, not in a bit."""
+    """The task, independent of the interface that offers it. Rows are bitwise independent."""
 
     def __init__(self, config: EnvConfig, size: int, threads: int = 0) -> None:
-        """`size` robots, whose episodes are still to begin, on `threads` worker threads (0: one per processor)."""
+        """Prepare `size` robots on `threads` worker threads (0: one per processor); `begin` starts their episodes."""
         robot = load_robot(parameters=config.robot)
         self.config = config
         self.size = size
@@ -45,11 +45,11 @@ class PathTracking:
         self._source = pose_source(config, self.fleet)
         self._to_omega = _action_map(config, self.fleet)
         self._reference: Index = np.zeros(size, int)
-        self._k: Index = np.zeros(size, int)  # control periods since the episode's start
+        self._k: Index = np.zeros(size, int)  # control periods since the start of the episode
         self._latency: Index = np.zeros(size, int)
         self._line = np.zeros((size, MAX_LATENCY + 1, 2))  # set points, the newest first [rad/s]
         self._action: Array = np.zeros((size, 2))
-        self._angle: Array = np.zeros((size, 2))  # of the encoders, at the last control
+        self._angle: Array = np.zeros((size, 2))  # of the encoders, in the last control period [rad]
         self._omega: Array = np.zeros((size, 2))
         self._noisy = config.pose_source != "truth"
         self._pose: Array = np.zeros((size, 3))  # true
@@ -60,15 +60,15 @@ class PathTracking:
         self._success = np.ones(size, bool)
         self._terms: dict[str, Array] = {name: np.zeros(size) for name in TERMS}
         self.reward: Array = np.zeros(size)
-        """Of the last step (N,)."""
+        """Rewards (N,) of the last step."""
         self.terminated: np.ndarray = np.zeros(size, bool)
         """Whether each robot has left its path or tipped over (N,)."""
         self.truncated: np.ndarray = np.zeros(size, bool)
-        """Whether each reference has come to its end (N,)."""
+        """Whether each reference has ended (N,)."""
 
     @property
     def last(self) -> Index:
-        """Steps (N,) in each robot's episode."""
+        """Number of steps (N,) in each robot's episode."""
         return self.table.last[self._reference]
 
     @property
@@ -77,14 +77,14 @@ class PathTracking:
         return self._reference.copy()
 
     def draw(self, generator: np.random.Generator, options: Mapping[str, Any]) -> Episode:
-        """An episode for a robot, from its own generator; see `episode.draw`."""
+        """Draw a robot's episode from its own generator; see `episode.draw`."""
         return draw(self.config, self.table, generator, options)
 
     def begin(self, rows: Sequence[int], episodes: Sequence[Episode]) -> None:
-        """Begin episodes with the robots `rows` (R,), one each; the others' go on where they are.
+        """Begin episodes with the robots `rows` (R,), one each; the other robots' episodes continue.
 
         Raises:
-            InvalidValueError: for a ground on which a robot can't be parked.
+            InvalidValueError: for a ground that is too steep to park on.
         """
         where = np.asarray(rows, int)
         if not where.size:
@@ -103,10 +103,10 @@ class PathTracking:
         self._success[where] = self._distance()[where] <= LOST
 
     def step(self, actions: ArrayLike) -> None:
-        """Let a control period pass with actions (N, 2) in [-1, 1]; what is beyond is cut off.
+        """Simulate one control period with actions (N, 2), clipped to [-1, 1].
 
         Raises:
-            InvalidValueError: for actions that aren't finite, or of another shape.
+            InvalidValueError: for actions that aren't finite or have another shape.
         """
         action = _checked(actions, self.size)
         self._line[:, 1:] = self._line[:, :-1].copy()
@@ -126,7 +126,7 @@ class PathTracking:
         self._judge(change)
 
     def _judge(self, change: Array) -> None:
-        """End episodes and give rewards, after a change (N, 2) of actions."""
+        """Compute rewards and ends of episodes, after a change (N, 2) of actions."""
         distance = self._distance()
         self._success &= distance <= LOST
         tipped = ~(self.fleet.upright() > _TIPPED)
@@ -137,12 +137,12 @@ class PathTracking:
         self.reward = sum((self._terms[name] for name in TERMS), np.zeros(self.size))
 
     def observation(self) -> Array:
-        """Observations (N, n), see `observation`."""
+        """Observations (N, n), see `path_tracking.observation`."""
         twist = self.table.twist(self._reference[:, None], self._k[:, None] + self.layout.steps)
         return self.layout.observation(self._seen_error, twist, self._omega, self._action)
 
     def info(self) -> dict[str, Array]:
-        """What is known beyond the observation, by name; arrays (N, ...), the same keys at every time."""
+        """Further quantities by name, as arrays (N, ...); the keys are always the same."""
         twist, omega = self.fleet.twist(), self.fleet.drive.omega
         driven = np.where(np.abs(omega) < _STANDING, 0.0, omega)
         slip = track_slip(driven, twist[:, ::2], self.fleet.robot.geometry)
@@ -152,12 +152,12 @@ class PathTracking:
             "true_pose": self._pose.copy(),  # (N, 3) [m, m, rad]
             "true_twist": twist,  # (N, 3) forward, to the left [m/s], yaw rate [rad/s]
             "true_error": self._error.copy(),  # (N, 3) in the robot's frame [m, m, rad]
-            "true_slip": np.where(driven == 0, 0.0, slip),  # (N, 2); 0 where a sprocket stands [-]
+            "true_slip": np.where(driven == 0, 0.0, slip),  # (N, 2); 0 where a sprocket is at rest [-]
             "measured_pose": self._measured.copy(),  # (N, 3) [m, m, rad]
             "measured_omega": self._omega.copy(),  # (N, 2) [rad/s]
             "set_point": self.fleet.drive.set_point.copy(),  # (N, 2) [rad/s]
-            "friction": self.fleet.friction(),  # (N, 2) along and across, mean over the pads [-]
-            "success": self._success.copy(),  # whether it has been within metrics.LOST of the reference all along
+            "friction": self.fleet.friction(),  # (N, 2) along and across, averaged over the pads [-]
+            "success": self._success.copy(),  # whether the robot has always been within metrics.LOST of the reference
             **{f"reward_{name}": self._terms[name].copy() for name in TERMS},
         }
 
@@ -172,10 +172,10 @@ def reward_terms(
 
     Args:
         reward: weights and scales.
-        distance: from where the robots should be (N,) [m].
-        heading: errors (N,) [rad].
+        distance: from the reference (N,) [m].
+        heading: heading errors (N,) [rad].
         change: of the actions (N, 2) [-].
-        terminated: who has left the path (N,).
+        terminated: whether each episode has terminated (N,).
     """
     return {
         "alive": np.full(len(distance), reward.weight_alive),
@@ -203,7 +203,7 @@ def _checked(actions: ArrayLike, size: int) -> Array:
 
 
 def _action_map(config: EnvConfig, fleet: Fleet) -> Callable[[Array], Array]:
-    """What turns actions (N, 2) into set points (N, 2) of the sprockets [rad/s]."""
+    """The function from actions (N, 2) to set points (N, 2) of the sprockets [rad/s]."""
     limit, geometry = fleet.drive.limit, fleet.robot.geometry
     if config.action == "sprockets":
         return lambda action: action * limit

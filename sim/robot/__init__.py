@@ -1,1 +1,1 @@
-"""The robot: its model, its parameters and its file."""
+"""The robot: model, parameters and robot files."""

@@ -1,4 +1,4 @@
-"""Contact sensors of the pads: an addition to the model that `sim.instruments` reads."""
+"""Contact sensors at the pads, an addition to the model that `sim.instruments` reads."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import mujoco
 
 _FORCE, _POSITION, _VELOCITY = 1, 4, 7  # bits of a contact sensor's data specification
 WIDTH = 9
-"""Numbers for a point: force, velocity (normal, along the pad, across it) around its position in the world."""
+"""Numbers per point, in this order: force, position in the world, velocity; force and velocity are normal to the
+ground, along the pad and across it."""
 POINTS = 2
-"""Points at which a pad touches the ground."""
+"""Number of points at which a pad touches the ground."""
 
 
 def add_contact_sensors(spec: mujoco.MjSpec) -> None:
-    """Give every pad of a model a sensor of its contact with the ground."""
+    """Add a sensor of the contact with the ground to every pad of a model."""
     for geom in spec.geoms:
         if "_pad" in geom.name:
             spec.add_sensor(

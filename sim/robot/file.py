@@ -11,12 +11,12 @@ from sim.toml_file import build, read_toml
 
 
 def load_robot_file(path: Path | None) -> tuple[RobotParameters, Ground]:
-    """The fields of RobotParameters, and in a table `ground` those of Ground; what is missing is the default.
+    """Load the fields of RobotParameters and, from the table `ground`, those of Ground; missing ones are the defaults.
 
-    Without a file, all of it is: the shipped robot on its ground.
+    Without a file, this is the shipped robot on its ground.
 
     Raises:
-        SettingsFileError: for a file that can't be read, naming the field.
+        SettingsFileError: for a file that can't be read or has invalid fields.
     """
     if path is None:
         return RobotParameters(), Ground()
@@ -26,7 +26,7 @@ def load_robot_file(path: Path | None) -> tuple[RobotParameters, Ground]:
 
 
 def robot_file_text(parameters: RobotParameters, ground: Ground, comment: str) -> str:
-    """The text of a robot file; `ground` must be the same everywhere, always, and level."""
+    """Text of a robot file; `ground` must be level, without patches and changes."""
     lines = [f"# {comment}", *_lines(dataclasses.asdict(parameters))]
     lines += ["", "[ground]", *_lines({"along": ground.along, "across": ground.across})]
     return "\n".join(lines) + "\n"

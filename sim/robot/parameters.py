@@ -1,4 +1,4 @@
-"""What of the robot can be changed without another MJCF file."""
+"""The parameters of the robot that can be changed without another MJCF file."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ if TYPE_CHECKING:
     import mujoco
 
 SINK = 0.002
-"""How far the weight presses the tracks into level ground [m]: the contact recipe's, whatever the robot."""
+"""Sinkage of the tracks into level ground under the robot's weight, set by the contact recipe for any robot [m]."""
 _MIN_SIZE = 1e-3  # length [m] and mass [kg]
-_FIRM = 0.25  # share of the moment with which the ground rights a leaning robot that its weight may take away
+_FIRM = 0.25  # largest part of the ground's righting moment that the weight of a leaning robot may cancel
 
 
 @dataclass(frozen=True)
 class RobotParameters:
-    """Shape and weight of the robot. The defaults are those of models/tracked_robot.xml."""
+    """Shape and mass of the robot. The defaults are those of models/tracked_robot.xml."""
 
     half_gauge: float = 0.168
     """Half the distance between the tracks [m]."""
     contact_length: float = 0.34
-    """Length of track on the ground [m]."""
+    """Length of the tracks' contact with the ground [m]."""
     sprocket_radius: float = 0.06
     """Nominal radius of the sprockets [m]."""
     radius_error: float = RADIUS_ERROR
     """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     mass: float = 25.0
-    """[kg]"""
+    """Mass of the robot [kg]."""
     com_x: float = 0.0
-    """Centre of mass, forward of the middle of the tracks [m]."""
+    """Centre of mass, forward of the centre of the tracks [m]."""
     com_y: float = 0.0
-    """Centre of mass, to the left of the middle [m]."""
+    """Centre of mass, to the left of the centre of the tracks [m]."""
     com_height: float = 0.12
     """Centre of mass above the ground [m]."""
 
@@ -54,8 +54,8 @@ class RobotParameters:
         self._require_standing()
 
     def _require_standing(self) -> None:
-        """Raise InvalidValueError for a weight so high, or so far off the middle, that part of a track lifts."""
-        # squares of where the ground's springs are, mean; they give way by SINK, so that what is high leans further
+        """Raise InvalidValueError if the centre of mass is so high, or so far off centre, that a track lifts off."""
+        # mean squares of the coordinates of the ground's springs; they yield by SINK, so that a high robot leans more
         spread_x, spread_y = self.contact_length**2 / 12, self.half_gauge**2
         highest = _FIRM * min(spread_x, spread_y) / SINK
         if self.com_height > highest:
@@ -69,11 +69,11 @@ class RobotParameters:
                 raise InvalidValueError(name, getattr(self, name), f"between -{reach:.4g} and {reach:.4g} m")
         if abs(self.com_x) / reach_x + abs(self.com_y) / reach_y >= 1:
             raise InvalidValueError(
-                "com_x, com_y", (self.com_x, self.com_y), "nearer to the middle, to load every point of the tracks"
+                "com_x, com_y", (self.com_x, self.com_y), "closer to the centre, to load every point of the tracks"
             )
 
     def apply(self, spec: mujoco.MjSpec) -> None:
-        """Change a model: move its tracks, stretch their contact, place the weight."""
+        """Apply the parameters to a model: move the tracks, stretch their contact, set mass, inertia and its centre."""
         default = RobotParameters()
         if self == default:
             return
@@ -95,7 +95,7 @@ class RobotParameters:
         for name in ("left_sprocket", "right_sprocket"):
             spec.geom(name).size[0] = self.sprocket_radius
         chassis.ipos = [self.com_x, self.com_y, self.com_height]
-        # the mass spreads as the shape does: its second moments grow with the squares of length, gauge and height
+        # the mass distribution scales with the shape: its second moments with the squares of length, gauge and height
         growth = np.array([stretch, self.half_gauge / default.half_gauge, self.com_height / default.com_height]) ** 2
         inertia = np.array(chassis.inertia) * (self.mass / chassis.mass)
         moments = (inertia.sum() / 2 - inertia) * growth

@@ -1,4 +1,4 @@
-"""MJCF -> compiled model, and what the rest of the simulator reads from it."""
+"""MJCF -> compiled model, and the numbers that the rest of the simulator reads from it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FIELD = Path(models.__file__).parent / "field.xml"
 SCANNED_GROUP = 0
 """Geom group that the laser range finder sees."""
 VISUAL_GROUP = 1
-"""Geoms that are only looked at; they are left out of the physics."""
+"""Geom group of the visuals, which are left out of the physics."""
 
 
 @dataclass(frozen=True)
@@ -30,35 +30,40 @@ class Robot:
 
     model: mujoco.MjModel
     geometry: RobotGeometry
+    """Half gauge and nominal sprocket radius."""
     contact_half_length: float
-    """Half the length of track that carries load [m]."""
+    """Half the length of the tracks' contact with the ground [m]."""
     mass: float
-    """[kg]"""
+    """Mass of the robot [kg]."""
     plate: Plate
+    """The plate that the laser range finder sees."""
     plate_radius: float
-    """Of the sphere around the plate [m]."""
-    pads: slice  # of the geoms: the contact capsules, each lying along its own z axis
+    """Radius of the sphere around the plate [m]."""
+    pads: slice  # of the geoms: the contact capsules, each along its own z axis
     pad_side: np.ndarray  # (P,) 0 left, 1 right
-    pad_sign: Array  # (P,) 1 where a pad's own z axis points forwards, -1 where backwards
-    pad_position: Array  # (P, 2) middle of each pad, in the chassis' frame [m]
+    pad_sign: Array  # (P,) 1 where a pad's z axis points forward, -1 where it points backward
+    pad_position: Array  # (P, 2) centre of each pad, in the chassis' frame [m]
     pad_pairs: slice  # of the contact pairs, in the order of the pads
-    contact_points: Array  # (K, 2) places where the tracks touch the ground [m]
-    lrf_mount: Array  # (3,) pose of the laser range finder in the world
+    contact_points: Array  # (K, 2) points where the tracks touch the ground, in the chassis' frame [m]
+    lrf_mount: Array  # (3,) pose of the laser range finder in the world [m, m, rad]
     lrf_height: float
-    """[m]"""
+    """Height of the scan plane above the ground [m]."""
     digest: str
-    """SHA-256 of the model, visuals and contact sensors aside."""
+    """SHA-256 of the model, without visuals and contact sensors."""
     contact_sensors: bool = False
-    """Whether it has a sensor at every pad; its runs are then recorded with the pads' forces and with whole scans."""
+    """Whether there is a sensor at every pad; runs are then recorded with the pads' forces and complete scans."""
 
 
 def load_robot(path: Path = FIELD, parameters: RobotParameters | None = None, contact_sensors: bool = False) -> Robot:
-    """Compile a model without its visuals, changed to `parameters`, and read its geometry.
+    """Compile a model and read its numbers.
 
-    With contact sensors, `sim.instruments` can tell the force at every point of contact, and `sim.runs` records it.
+    Args:
+        path: MJCF file.
+        parameters: changes to the model; None for none.
+        contact_sensors: whether to add a sensor at every pad, for `sim.instruments` to read and runs to record.
 
     Raises:
-        TrackslipError: for a file that doesn't compile or lacks a named part.
+        TrackslipError: for a file that doesn't compile or lacks a required part.
     """
     try:
         spec = mujoco.MjSpec.from_file(str(path))
@@ -91,10 +96,10 @@ def _read(model: mujoco.MjModel, sprocket_radius: float, digest: str) -> Robot:
     plate = model.geom("plate").id
     plate_size = model.geom_size[plate]
     if np.any(model.geom_pos[plate, :2] != 0) or list(np.flatnonzero(model.geom_group == SCANNED_GROUP)) != [plate]:
-        raise ValueError(f"geom group {SCANNED_GROUP} must hold the plate alone, above the middle of the tracks")
+        raise ValueError(f"geom group {SCANNED_GROUP} must contain only the plate, above the centre of the tracks")
     lrf = model.body("lrf")
     heading = _rotation(model.body_quat[lrf.id])[:, 0]
-    model.flg_surfacevel = 1  # compiled with standing tracks, the engine would ignore later writes
+    model.flg_surfacevel = 1  # compiled with tracks at rest, the engine would ignore later writes
     return Robot(
         model=model,
         geometry=RobotGeometry(round(float(np.abs(points[:, 1]).mean()), 9), sprocket_radius),
@@ -115,9 +120,9 @@ def _read(model: mujoco.MjModel, sprocket_radius: float, digest: str) -> Robot:
 
 
 def _consecutive(ids: np.ndarray, what: str) -> slice:
-    """Ids (n,) as a slice, through which arrays are viewed and written without copying."""
+    """Ids (n,) as a slice, so that arrays can be viewed and written without copying."""
     if not np.array_equal(ids, np.arange(ids[0], ids[0] + len(ids))):
-        raise ValueError(f"the {what} must stand one after the other, in the order of the geoms")
+        raise ValueError(f"the {what} must be consecutive, in the order of the geoms")
     return slice(int(ids[0]), int(ids[-1]) + 1)
 
 

@@ -1,1 +1,1 @@
-"""The laser range finder and what it sees."""
+"""The laser range finder: beams, errors, obstacles, scans of a fleet."""

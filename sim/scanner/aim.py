@@ -1,4 +1,4 @@
-"""Which beams are worth casting at the plates: those that pass a plate by needn't be."""
+"""Selection of the beams that can hit a plate; the others need not be cast."""
 
 from __future__ import annotations
 
@@ -9,28 +9,28 @@ import numpy as np
 from trackslip.kinematics import Array, wrap_angle
 
 SLACK = 0.2
-"""Around the plate, so that the beams to cast needn't be chosen anew for every scan [m]."""
+"""Margin around the plate, so that the beams need not be selected again for every scan [m]."""
 
 
 @dataclass(frozen=True)
 class Aim:
-    """The beams that can meet plates which stay near `centre`, whatever their headings; as many for every robot."""
+    """The beams that can hit plates near `centre`, whatever their headings; the same number for every robot."""
 
-    centre: Array  # (N, 3) of the plates, when these beams were chosen [m]
+    centre: Array  # (N, 3) of the plates, when the beams were selected [m]
     beams: np.ndarray  # (N, W) among the B of all
-    place: np.ndarray  # (N, W) among the N x B of all robots
+    place: np.ndarray  # (N, W) the same among the N x B beams of all robots
 
     @classmethod
     def at(cls, centre: Array, origin: Array, heading: float, radius: float, bearings: Array, width: float) -> Aim:
-        """The beams to cast at plates about `centre` (N, 3).
+        """Select the beams to cast at plates around `centre` (N, 3).
 
         Args:
-            centre: of the plates, in the world [m].
+            centre: centres (N, 3) of the plates in the world [m].
             origin: (3,) where the beams start [m].
-            heading: of bearing 0, in the world [rad].
-            radius: of the sphere that holds a plate wherever it is when the beams are cast, SLACK not counted [m].
+            heading: world direction of bearing 0 [rad].
+            radius: of the sphere around `centre` that contains the plate while the beams are cast, without SLACK [m].
             bearings: (B,) of all beams, equally spaced, ascending [rad].
-            width: of a beam [rad].
+            width: angular width of a beam [rad].
         """
         radius += SLACK
         x, y = (centre - origin)[:, :2].T
@@ -41,7 +41,7 @@ class Aim:
         last = len(bearings) - 1
         step = (bearings[-1] - bearings[0]) / last
         low, high = ((edge - bearings[0]) / step for edge in (bearing - spread, bearing + spread))
-        around = np.abs(bearing) + spread > np.pi  # behind the scanner, where the bearing jumps
+        around = np.abs(bearing) + spread > np.pi  # behind the scanner, where the bearing wraps
         low, high = np.where(around, 0, np.clip(low, 0, last)), np.where(around, last, np.clip(high, 0, last))
         first = np.floor(low).astype(int)
         count = min(int((np.ceil(high) - first).max()), last) + 1
@@ -49,5 +49,5 @@ class Aim:
         return cls(centre, beams, np.arange(len(centre))[:, None] * len(bearings) + beams)
 
     def holds(self, centre: Array) -> bool:
-        """Whether plates about `centre` (N, 3) are still near enough to where they were."""
+        """Whether the selection is still valid for plates around `centre` (N, 3)."""
         return bool(np.abs(centre - self.centre).max() <= SLACK / 2)

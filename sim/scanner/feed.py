@@ -1,4 +1,4 @@
-"""The laser range finder in front of a fleet: rays, noise, limits -> Scan."""
+"""Scans of a fleet: rays, noise and limits of the laser range finder -> Scan."""
 
 from __future__ import annotations
 
@@ -14,24 +14,37 @@ from sim.scanner.footprint import echo, footprint
 from sim.scanner.obstacles import Obstacles
 from sim.scanner.scan_motion import moved_back
 from sim.scanner.scanner import LaserScanner
+from sim.seeds import generator
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Scan
 
 
 class ScannerFeed:
-    """The scanner in front of a fleet: every robot is watched by an LRF of its own, among obstacles of its own."""
+    """The scanner in front of a fleet: every robot is observed by its own LRF, in its own world."""
 
     def __init__(
         self,
         scanner: LaserScanner,
         fleet: Fleet,
-        generators: Sequence[np.random.Generator],
+        generators: Sequence[np.random.Generator] | int = 0,
         obstacles: Obstacles | None = None,
     ) -> None:
-        """`generators`: one for each robot, so that its noise doesn't depend on what else is simulated."""
+        """Set up the scanner.
+
+        Args:
+            scanner: its properties.
+            fleet: N robots.
+            generators: one per robot, so that its noise doesn't depend on what else is simulated; or the seed of them.
+            obstacles: in the field, the same for all robots; by default there are none.
+
+        Raises:
+            InvalidValueError: for a wrong number of generators, and an obstacle on the scanner.
+        """
+        if isinstance(generators, int):
+            generators = [generator(generators, f"robot {k}") for k in range(fleet.size)]
         if len(generators) != fleet.size:
-            raise InvalidValueError("generators", len(generators), f"{fleet.size}, one for each robot")
+            raise InvalidValueError("generators", len(generators), f"{fleet.size}, one per robot")
         self._scanner, self._fleet = scanner, fleet
         self._noise, self._dropout = (list(g) for g in zip(*(g.spawn(2) for g in generators), strict=True))
         robot = fleet.robot
@@ -45,9 +58,9 @@ class ScannerFeed:
         obstacles = obstacles or Obstacles()
         obstacles.require_clear(self._origin[:2])
         self._walking = obstacles.walking
-        # (B, K) [m]: what stands is met once, for good
+        # (B, K) [m], computed once
         self._standing = self._to_obstacles(obstacles.standing, 0.0) if obstacles else None
-        # a plate moves for half the sweep after the scan's time and before it: as much again to spare
+        # a plate moves for half the sweep before the scan's time and half of it after: twice that is safe
         top_speed = fleet.drive.limit * robot.geometry.sprocket_radius
         self._reach = robot.plate_radius + top_speed * scanner.sweep_time
         self._aim: Aim | None = None
@@ -64,7 +77,7 @@ class ScannerFeed:
         self._lrf = robot.model.body("lrf").id
 
     def restart(self, robots: np.ndarray, generators: Sequence[np.random.Generator]) -> None:
-        """Give some robots (R,) new streams of noise."""
+        """Restart the noise of some robots (R,), with one generator each."""
         for robot, g in zip(robots, generators, strict=True):
             self._noise[robot], self._dropout[robot] = g.spawn(2)
 
@@ -79,7 +92,7 @@ class ScannerFeed:
         return self._template.bearings
 
     def true_ranges(self) -> Array:
-        """Ranges (N, B) of the echoes, without errors of measurement, NaN where nothing is within range [m]."""
+        """Ranges (N, B) without measurement errors, NaN where nothing is within reach [m]."""
         aim = self._aimed()
         plate = self._to_plates(aim)
         if self._standing is None:
@@ -92,7 +105,7 @@ class ScannerFeed:
         return ranges
 
     def _aimed(self) -> Aim:
-        """The beams to cast now."""
+        """The beams to cast at the plates now."""
         centre = self._fleet.plate
         if self._aim is None or not self._aim.holds(centre):
             self._aim = Aim.at(
@@ -107,7 +120,7 @@ class ScannerFeed:
         return self._aim
 
     def _to_plates(self, aim: Aim) -> Array:
-        """Distances (N, W, K) along the rays of the beams aimed, NaN for a miss: one call for all robots [m]."""
+        """Distances (N, W, K) along the rays of the selected beams, NaN for a miss [m]."""
         fleet, rays, origin = self._fleet, self._aimed_rays, self._origin
         if self._scanner.sweep_time > 0:
             origin, rays = moved_back(origin, rays, fleet.pose(), fleet.twist(), self._lag[aim.beams])
@@ -119,19 +132,19 @@ class ScannerFeed:
         return self._within_reach(distance.reshape(rays.shape[:-1]))
 
     def _to_obstacles(self, obstacles: Obstacles, time: float) -> Array:
-        """Distances (B, K) along the rays of all beams, NaN for a miss, in the scan at a time [s] of the fleet [m]."""
+        """Distances (B, K) along the rays of all beams, in a scan at `time` [s], NaN for a miss [m]."""
         return self._within_reach(obstacles.ranges(self._origin[:2], self._rays[..., :2], time + self._lag[:, None]))
 
     def _within_reach(self, distance: Array) -> Array:
-        """Distances with NaN for those beyond the scanner's reach, in place."""
+        """Distances, set to NaN in place where they are beyond the scanner's reach."""
         distance[distance > self._scanner.max_range] = np.nan
         return distance
 
     def measure(self, true_ranges: Array) -> Scan:
-        """Scans (N, T, B) as measured, of true ranges (N, T, B): the next T of each robot's stream."""
+        """Add measurement errors to true ranges (N, T, B) [m]: the next T scans of each robot."""
         n, t, beams = true_ranges.shape
         ranges = np.empty_like(true_ranges)
-        for k in range(n):  # a stream of random numbers per robot
+        for k in range(n):  # each robot has its own stream of random numbers
             np.multiply(self._noise[k].standard_normal((t, beams)), self._scanner.noise, out=ranges[k])
         ranges += true_ranges
         ranges += self._scanner.range_bias
@@ -143,5 +156,5 @@ class ScannerFeed:
         return self.scan(ranges)
 
     def scan(self, ranges: Array) -> Scan:
-        """Ranges (..., B) as a Scan of this LRF."""
+        """Ranges (..., B) [m] as a Scan of this LRF."""
         return dataclasses.replace(self._template, ranges=ranges)

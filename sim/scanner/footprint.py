@@ -1,13 +1,13 @@
-"""The footprint of a beam, and what a scanner makes of one that meets more than one thing: mixed pixels.
+"""Mixed pixels: the range that a scanner measures when a beam's footprint covers several surfaces.
 
-A beam of a SICK LMS 200 widens by 4.4 mrad. Where its footprint straddles an edge, part of the light comes back from
-the thing in front and part from the one behind, and the range is neither's (C. Ye and J. Borenstein, Characterization
-of a 2-D Laser Scanner for Mobile Robot Obstacle Negotiation, ICRA 2002). The model here is one of pulses:
+A beam of a SICK LMS 200 diverges by 4.4 mrad. Where its footprint straddles an edge, part of the light returns from the
+surface in front and part from the one behind, and the measured range is that of neither (C. Ye and J. Borenstein,
+Characterization of a 2-D Laser Scanner for Mobile Robot Obstacle Negotiation, ICRA 2002). The model describes pulses:
 
-- the footprint is as bright everywhere, and every surface scatters back alike: a share of it returns light in
-  proportion to the share and to 1 / range^2;
-- echoes less than a pulse apart run into one, whose range is their mean, weighted with that light;
-- of echoes farther apart the first that fills enough of the footprint is taken, weaker ones go unnoticed.
+- the footprint is uniformly bright and all surfaces are equally reflective: a fraction of it returns light in
+  proportion to the fraction and to 1 / range^2;
+- echoes closer together than a pulse merge into one, whose range is their mean, weighted by that light;
+- of separate echoes, the first that fills enough of the footprint is measured; weaker ones are missed.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ import numpy as np
 from trackslip.kinematics import Array
 
 PULSE = 0.5
-"""Ranges nearer to each other than this run into one echo [m]: pulses of 3.3 ns, assumed."""
+"""Echoes closer together than this merge [m]: pulses of 3.3 ns, assumed."""
 MIN_SHARE = 0.25
-"""Of a footprint, which an echo must fill to be noticed [-], assumed."""
+"""Fraction of the footprint that an echo must fill to be detected [-], assumed."""
 SUBRAYS = 9
-"""Rays that stand for a footprint."""
-_MIN_RANGE = 1e-3  # so that the light from something at the scanner itself is finite [m]
+"""Number of rays that represent a footprint."""
+_MIN_RANGE = 1e-3  # keeps the light from a surface at the scanner finite [m]
 
 
 def footprint(divergence: float) -> Array:
-    """Angles (K,) [rad] between a beam's middle and the rays that stand for it; without divergence, one ray."""
+    """Angles (K,) between a beam's axis and the rays that represent it [rad]; a single ray without divergence."""
     if divergence == 0:
         return np.zeros(1)
     return ((np.arange(SUBRAYS) + 0.5) / SUBRAYS - 0.5) * divergence
 
 
 def echo(ranges: Array) -> Array:
-    """Ranges (...) of the echoes taken, of beams whose rays have ranges (..., K), NaN where nothing comes back [m]."""
+    """Measured ranges (...) of beams whose rays have ranges (..., K), NaN for no echo [m]."""
     if ranges.shape[-1] == 1:
         return ranges[..., 0]
     first = np.fmin.reduce(ranges, axis=-1)

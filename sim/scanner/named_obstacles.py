@@ -1,7 +1,7 @@
-"""Obstacles by name, placed about the circles that the grid drives in front of the scanner.
+"""Named obstacles, placed around the circles that the robots of a grid drive in front of the scanner.
 
 The scanner stands at (-1.5, -1.5) and looks along +y. The circles touch each other at (-1.5, 0) and lie beyond it,
-the widest from x = -4.7 to 1.7 and up to y = 6.3. No obstacle stands where a robot of the grid drives.
+the largest from x = -4.7 to 1.7 and up to y = 6.3. No obstacle stands in the way of a robot of the grid.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from sim.scanner.obstacles import Obstacles, Post, Walker, Wall
 
 NAMED_OBSTACLES: dict[str, Obstacles] = {
-    # beside and behind the circles, two of them nearer to the widest than a plate is long
+    # beside and behind the circles, two of them closer to the largest one than a plate is long
     "posts": Obstacles(
         posts=(Post(2.3, 2.0), Post(-5.3, 4.0), Post(1.6, 6.0), Post(-1.5, 7.2, 0.15), Post(-3.5, -0.8))
     ),
@@ -21,8 +21,8 @@ NAMED_OBSTACLES: dict[str, Obstacles] = {
             Wall(3.0, -2.0, -6.0, -2.0),
         )
     ),
-    # between the scanner and the circles, so that the plate is hidden for moments
+    # between the scanner and the circles, so that the plate is hidden at times
     "walker": Obstacles(walkers=(Walker(-4.5, -0.7, 1.0, 0.0, turns_after=6.0),)),
-    # its shadow falls on a part of every circle
+    # it hides a part of every circle
     "occluded": Obstacles(posts=(Post(-1.61, -0.71),)),
 }

@@ -1,4 +1,4 @@
-"""Obstacles by name or from a TOML file."""
+"""Obstacles by name, or from a TOML file."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from trackslip.errors import InvalidValueError
 
 
 def load_obstacles(source: str) -> Obstacles:
-    """Named obstacles, or those in a TOML file: tables `[[posts]]`, `[[walls]]` and `[[walkers]]` with their fields.
+    """Load named obstacles, or those of a TOML file with tables `[[posts]]`, `[[walls]]` and `[[walkers]]`.
 
     Raises:
-        InvalidValueError: for what is neither.
-        SettingsFileError: for a file that can't be read.
+        InvalidValueError: for a source that is neither.
+        SettingsFileError: for a file that can't be read or has invalid fields.
     """
     if source in NAMED_OBSTACLES:
         return NAMED_OBSTACLES[source]

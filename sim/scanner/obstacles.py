@@ -1,6 +1,6 @@
-"""What stands and walks in the field besides the robot, in the plane of the scan.
+"""Obstacles in the plane of the scan: posts, walls and people.
 
-The scanner alone meets it: it hides the plate and returns beams of its own. Robots drive through it.
+Only the scanner sees them: they reflect beams and hide the plate. Robots drive through them.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from trackslip.kinematics import Array
 MAX_COORDINATE = 1000.0
 """Largest coordinate [m]."""
 MAX_RADIUS = 10.0
-"""Of a post or a person [m]."""
+"""Largest radius of a post or a person [m]."""
 MAX_SPEED = 20.0
-"""Speed of a person along either axis [m/s]."""
+"""Largest speed of a person along either axis [m/s]."""
 PERSON = 0.25
 """Radius of a person [m]."""
 MAX_STANDING = 10_000
-"""Number of posts, and of walls."""
+"""Largest number of posts, and of walls."""
 MAX_WALKERS = 100
-"""Number of walkers: unlike the others they are met anew in every scan."""
+"""Largest number of walkers, whose ranges must be computed for every scan."""
 MIN_DISTANCE = 0.01
-"""From the scanner [m]."""
+"""Smallest distance of an obstacle from the scanner [m]."""
 
 
 @dataclass(frozen=True)
@@ -34,9 +34,9 @@ class Post:
     """An upright cylinder."""
 
     x: float
-    """Of its middle, in the world [m]."""
+    """Centre, in the world [m]."""
     y: float
-    """Of its middle, in the world [m]."""
+    """Centre, in the world [m]."""
     radius: float = 0.05
     """[m]"""
 
@@ -58,13 +58,13 @@ class Wall:
     """A thin straight wall."""
 
     x0: float
-    """Of one end, in the world [m]."""
+    """One end, in the world [m]."""
     y0: float
-    """Of one end, in the world [m]."""
+    """One end, in the world [m]."""
     x1: float
-    """Of the other end [m]."""
+    """Other end, in the world [m]."""
     y1: float
-    """Of the other end [m]."""
+    """Other end, in the world [m]."""
 
     def __post_init__(self) -> None:
         _require_coordinates(self, "x0", "y0", "x1", "y1")
@@ -72,7 +72,7 @@ class Wall:
             raise InvalidValueError("x1, y1", (self.x1, self.y1), "another place than x0, y0")
 
     def ranges(self, origin: Array, direction: Array, time: Array) -> Array:
-        """See `Obstacles.ranges`; a beam along the wall doesn't meet it."""
+        """See `Obstacles.ranges`; a beam parallel to the wall misses it."""
         start = np.array([self.x0, self.y0]) - origin
         side = np.array([self.x1 - self.x0, self.y1 - self.y0])
         # range * direction = start + share * side
@@ -91,20 +91,20 @@ class Wall:
 
 @dataclass(frozen=True)
 class Walker:
-    """A person, as an upright cylinder that walks straight on, or to and fro."""
+    """A person: an upright cylinder that walks in a straight line, or to and fro."""
 
     x: float
-    """At the start, in the world [m]."""
+    """Start of the centre, in the world [m]."""
     y: float
-    """At the start, in the world [m]."""
+    """Start of the centre, in the world [m]."""
     vx: float
-    """Along the world's x [m/s]."""
+    """Velocity along the world's x axis [m/s]."""
     vy: float
-    """Along the world's y [m/s]."""
+    """Velocity along the world's y axis [m/s]."""
     radius: float = PERSON
     """[m]"""
     turns_after: float = math.inf
-    """Time after which the person turns back, again and again [s]."""
+    """Time after which the person turns round, again and again [s]."""
 
     def __post_init__(self) -> None:
         _require_coordinates(self, "x", "y")
@@ -113,10 +113,10 @@ class Walker:
             if not abs(getattr(self, name)) <= MAX_SPEED:
                 raise InvalidValueError(name, getattr(self, name), f"from {-MAX_SPEED:g} to {MAX_SPEED:g} m/s")
         if not self.turns_after > 0:
-            raise InvalidValueError("turns_after", self.turns_after, "a number > 0, or inf for straight on")
+            raise InvalidValueError("turns_after", self.turns_after, "a number > 0, or inf to walk straight on")
 
     def place(self, time: Array) -> Array:
-        """Middle (..., 2) at times (...) [s] since the start of the run [m]."""
+        """Centre (..., 2) at times (...) since the start of the run [s] [m]."""
         time = np.asarray(time, float)
         if math.isfinite(self.turns_after):
             there_and_back = 2 * self.turns_after
@@ -165,7 +165,7 @@ class Obstacles:
         Args:
             origin: (2,) where the beams start [m].
             direction: (..., 2) unit vectors.
-            time: when each beam is measured, since the start of the run; broadcasts against (...) [s].
+            time: of each beam, since the start of the run; broadcasts against (...) [s].
         """
         nearest = np.full(direction.shape[:-1], np.nan)
         everything: tuple[Post | Wall | Walker, ...] = (*self.posts, *self.walls, *self.walkers)
@@ -185,7 +185,7 @@ class Obstacles:
 
 
 def _to_circle(centre: Array, radius: float, direction: Array) -> Array:
-    """Distances (...) along unit vectors (..., 2) to circles about `centre` (..., 2), seen from the origin."""
+    """Distances (...) along unit vectors (..., 2) from the origin to circles around `centre` (..., 2), or NaN."""
     along = np.sum(centre * direction, axis=-1)
     across = _cross(direction, centre)
     half_chord = np.sqrt(np.maximum(radius**2 - across**2, 0.0))

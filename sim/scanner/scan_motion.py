@@ -1,7 +1,7 @@
-"""A scan takes time, and the robot moves on meanwhile: each beam sees it where it is at that beam's moment.
+"""Motion of the robot during a scan: each beam sees the robot where it is at that beam's time.
 
-Instead of the plate, the beams are moved: a ray that is given the inverse of the plate's motion meets the plate, as it
-stands at the scan's time, at the range at which the true ray meets the plate that has moved on.
+Instead of the plate, the beams are moved: a ray transformed by the inverse of the plate's motion hits the plate at its
+pose at the scan's time, at the same range at which the true ray hits the plate at its pose at the beam's time.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ from trackslip.kinematics import Array
 
 
 def moved_back(origin: Array, rays: Array, pose: Array, twist: Array, lag: Array) -> tuple[Array, Array]:
-    """Origins and directions (N, W, K, 3) of rays, moved against robots whose twist is constant during the sweep.
+    """Origins and directions (N, W, K, 3) of rays, relative to robots whose twist is constant during the scan.
 
     Args:
-        origin: (3,) of all rays [m].
+        origin: (3,) common to all rays [m].
         rays: (N, W, K, 3) directions.
-        pose: (N, 3) of the robots at the scan's time [m, m, rad].
-        twist: (N, 3) forward and lateral speed [m/s], yaw rate [rad/s].
-        lag: (N, W) time of each beam after the scan's [s].
+        pose: of the robots at the scan's time (N, 3) [m, m, rad].
+        twist: of the robots (N, 3), forward and lateral speed [m/s], yaw rate [rad/s].
+        lag: time of each beam (N, W), relative to the scan's [s].
     """
     forward, left, yaw_rate = (part[:, None] for part in twist.T)
     turn = -yaw_rate * lag
     cos, sin = np.cos(turn), np.sin(turn)
-    # the way of a constant twist over the time -lag, in the robot's frame
+    # displacement by a constant twist in the time -lag, in the robot's frame
     ahead, aside = np.sinc(turn / np.pi), np.sin(turn / 2) * np.sinc(turn / (2 * np.pi))
     way = -lag[..., None] * np.stack([ahead * forward - aside * left, aside * forward + ahead * left], axis=-1)
 

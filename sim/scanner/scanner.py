@@ -10,20 +10,20 @@ from trackslip.errors import InvalidValueError, require_at_most, require_non_neg
 from trackslip.kinematics import Array
 
 MAX_BEAMS = 20_000
-"""Beams in a scan, at most."""
+"""Largest number of beams in a scan."""
 MIN_RATE = 5.0
-"""Scans per second, at least [Hz]."""
+"""Smallest scan rate [Hz]."""
 MAX_ERROR = 0.5
-"""Of a range, from any one cause [m]."""
+"""Largest error of a range from a single cause [m]."""
 MIN_STEP = 1e-6
-"""Quantisation of ranges, at least [m]."""
+"""Finest quantisation of ranges [m]."""
 MAX_BEAM = 0.1
-"""Divergence, at most [rad]."""
+"""Largest divergence of a beam [rad]."""
 
 
 @dataclass(frozen=True)
 class LaserScanner:
-    """A line scanner in the manner of the SICK LMS 200; the paper doesn't name its own."""
+    """A line scanner modelled on the SICK LMS 200; the paper doesn't name its scanner."""
 
     field_of_view: float = float(np.pi)
     """Angle between the first and the last beam [rad]."""
@@ -34,17 +34,17 @@ class LaserScanner:
     noise: float = 0.005
     """Standard deviation of a range [m]."""
     max_range: float = 20.0
-    """Beyond it nothing comes back [m]."""
+    """Surfaces farther away return no echo [m]."""
     dropout: float = 0.0
-    """Probability that a beam doesn't come back though it hit something [-]."""
+    """Probability that a beam that hits a surface returns no echo [-]."""
     quantisation: float = 0.0
-    """Ranges, noise included, are rounded to multiples of it; 0 for not at all [m]."""
+    """Noisy ranges are rounded to multiples of this; 0 for no rounding [m]."""
     range_bias: float = 0.0
-    """Error that all ranges share [m]."""
+    """Error common to all ranges [m]."""
     divergence: float = 0.0
-    """Angle by which a beam widens, 4.4 mrad for the LMS 200: its footprint mixes pixels at edges [rad]."""
+    """Angle by which a beam widens, 4.4 mrad for the LMS 200; it causes mixed pixels at edges [rad]."""
     sweep_time: float = 0.0
-    """Time from the first beam to the last, in the middle of which is the scan's own time [s]."""
+    """Time from the first beam to the last; the scan's own time is in the middle [s]."""
 
     def __post_init__(self) -> None:
         for name in ("field_of_view", "resolution", "rate", "max_range"):
@@ -63,7 +63,7 @@ class LaserScanner:
             raise InvalidValueError("rate", self.rate, f"at least {MIN_RATE:g} Hz")
         if self.field_of_view / self.resolution > MAX_BEAMS:
             raise InvalidValueError(
-                "resolution", self.resolution, f"at least field_of_view / {MAX_BEAMS}: that many beams at most"
+                "resolution", self.resolution, f"at least field_of_view / {MAX_BEAMS}, for at most that many beams"
             )
         if self.field_of_view > 2 * np.pi or self.resolution >= self.field_of_view:
             raise InvalidValueError("field_of_view", self.field_of_view, "greater than the resolution, at most 2 pi")
@@ -84,11 +84,11 @@ class LaserScanner:
 
     @property
     def lag(self) -> Array:
-        """Times (B,) of the beams after the scan's [s]."""
+        """Times (B,) of the beams, relative to the scan's [s]."""
         beams = len(self.bearings)
         return (np.arange(beams) / (beams - 1) - 0.5) * self.sweep_time
 
     @property
     def range_std(self) -> float:
-        """Standard deviation of a range, from noise and rounding [m]."""
+        """Standard deviation of a range from noise and rounding [m]."""
         return float(np.hypot(self.noise, self.quantisation / np.sqrt(12)))

@@ -1,35 +1,90 @@
 import importlib.util
+import re
 from pathlib import Path
 
 import pytest
 
+from trackslip.slip.families import FAMILIES
+
 FOLDER = Path(__file__).parents[2] / "examples"
 
 
-def main_of(name):
-    spec = importlib.util.spec_from_file_location(name, FOLDER / f"{name}.py")
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.main
+@pytest.fixture
+def run(capsys):
+    """Call an example's main() and return what it printed."""
+
+    def call(name, *arguments, **options):
+        spec = importlib.util.spec_from_file_location(name, FOLDER / f"{name}.py")
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        module.main(*arguments, **options)
+        return capsys.readouterr().out
+
+    return call
 
 
-def test_a_controller_on_the_environment(capsys):
-    main_of("controller_on_env")()
-    printed = capsys.readouterr().out
+def numbers(pattern, text):
+    return [float(number) for number in re.findall(pattern, text)]
+
+
+def test_drive_a_fleet(run, tmp_path):
+    printed = run("drive_a_fleet", tmp_path / "fleet.parquet", duration=4.0)
+    assert printed.count("<RunLog 'run") == 3
+    radii = numbers(r"radius (\S+) m", printed)
+    assert len(radii) == 3
+    assert 0.9 < radii[0] < radii[1]
+
+
+def test_identify_from_python(run, tmp_path):
+    printed = run("identify_from_python", tmp_path)
+    assert printed.startswith("Slip laws from 8 runs")
+    ((low, high),) = re.findall(r"offset is between (\S+) and (\S+)", printed)
+    assert 0 < float(low) < float(high)
+    assert (tmp_path / "laws.json").is_file()
+    assert (tmp_path / "report.html").is_file()
+
+
+def test_own_slip_law(run):
+    try:
+        printed = run("own_slip_law")
+    finally:
+        FAMILIES.pop("linear", None)
+    errors = dict(re.findall(r"^(\w+) misses the slip by (\S+) rms", printed, re.M))
+    assert float(errors["linear"]) < float(errors["constant"]) < float(errors["none"])
+    assert "Linear(offset=" in printed
+
+
+def test_own_controller(run):
+    errors = dict(re.findall(r"^(\w+) +(\S+) mm", run("own_controller"), re.M))
+    assert set(errors) == {"Proportional", "LinearTimeVarying", "Samson", "PurePursuit"}
+    assert float(errors["Proportional"]) < 20
+
+
+def test_closed_loop(run):
+    none, identified, online = numbers(r"(\S+) mm rms", run("closed_loop"))
+    assert max(identified, online) < none
+
+
+def test_environment(run):
+    printed = run("environment")
     assert "on the path: True" in printed
-    assert float(printed.split()[3]) < 40.0
+    assert numbers(r"error (\S+) mm", printed)[0] < 40
+    assert numbers(r"actions (\S+) per", printed)
 
 
-def test_random_policies_on_many_robots(capsys):
-    main_of("vector_rollout")(robots=4, steps=60)
-    assert "times real time" in capsys.readouterr().out
+def test_training(run):
+    pytest.importorskip("stable_baselines3", reason="Stable-Baselines3 is not installed")
+    assert "after 2,048 periods" in run("training", steps=2048, robots=8)
 
 
-def test_training_with_stable_baselines(capsys):
-    pytest.importorskip("stable_baselines3")
-    main_of("train_sb3")(steps=512, robots=4)
-    assert "mean reward" in capsys.readouterr().out
+def test_read_a_sweep(run, tmp_path):
+    pytest.importorskip("polars", reason="polars is not installed")
+    printed = run("read_a_sweep", tmp_path)
+    assert printed.count("stone") == printed.count("ice") == 3
 
 
-def test_every_example_is_tested():
-    assert {path.stem for path in FOLDER.glob("*.py")} == {"controller_on_env", "vector_rollout", "train_sb3"}
+def test_every_example_is_tested_and_short():
+    tested = set(re.findall(r'run\(\s*"(\w+)"', Path(__file__).read_text()))
+    assert {path.stem for path in FOLDER.glob("*.py")} == tested
+    for path in FOLDER.glob("*.py"):
+        assert len(path.read_text().splitlines()) <= 40, path

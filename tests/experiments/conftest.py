@@ -34,8 +34,8 @@ def trackslip(tmp_path, capsys):
 
 
 @pytest.fixture
-def refused(capsys, tmp_path, monkeypatch):
-    """Runs a command that must fail: exit code 2, one line, nothing written; returns the line."""
+def failing(capsys, tmp_path, monkeypatch):
+    """Runs a command that must fail: exit code 2, nothing printed but an error, nothing written; returns the error."""
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments: str) -> str:
@@ -46,9 +46,30 @@ def refused(capsys, tmp_path, monkeypatch):
         assert stop.value.code == 2
         assert sorted(tmp_path.rglob("*")) == before
         assert captured.out == ""
-        lines = captured.err.strip().splitlines()
-        assert len(lines) == 1
-        assert lines[0].startswith("trackslip: ")
-        return lines[0].removeprefix("trackslip: ")
+        return captured.err
+
+    return run
+
+
+@pytest.fixture
+def refused(failing):
+    """Runs a command that must fail with one line of ours; returns the line."""
+
+    def run(*arguments: str) -> str:
+        (line,) = failing(*arguments).strip().splitlines()
+        assert line.startswith("trackslip: ")
+        return line.removeprefix("trackslip: ")
+
+    return run
+
+
+@pytest.fixture
+def rejected(failing):
+    """Runs a command that tyro must reject; returns its explanation as a line."""
+
+    def run(*arguments: str) -> str:
+        text = failing(*arguments)
+        assert not text.startswith("trackslip: ")
+        return " ".join(text.replace("│", " ").split())
 
     return run

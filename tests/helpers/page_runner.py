@@ -1,7 +1,7 @@
 """Run the code blocks of a page and compare what they print with what it shows.
 
-`python tests/helpers/page_runner.py docs/coverage.md` runs a page, slow commands included, and writes what is printed
-now into it, for the lines whose words are the same and whose numbers aren't.
+`python tests/helpers/page_runner.py docs/coverage.md` runs a page, slow commands included, and replaces the lines it
+shows by those that are printed now.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ import os
 import re
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -93,24 +94,31 @@ def refreshed(page: str, runner: PageRunner) -> str:
     lines = page.splitlines()
     for block in blocks(page):
         if block.language == "text" and runner.printed is not None:
-            there = iter(runner.printed.splitlines())
+            printed = [line.rstrip() for line in runner.printed.splitlines() if line.strip()]
             for k in range(block.line, block.line + len(block.text.splitlines())):
-                lines[k] = _as_printed(lines[k], there)
+                lines[k] = _as_printed(lines[k], printed)
         else:
             runner.run(block)
     return "\n".join(lines) + "\n"
 
 
-def _as_printed(line: str, there: Iterator[str]) -> str:
-    """The next printed line whose words are the shown line's, or the shown line where there is none."""
+def _as_printed(line: str, printed: list[str]) -> str:
+    """The first printed line with the shown line's words, else the most similar one; printed loses what is used up."""
     words = line.removesuffix("…").split()
-    for found in there if words else ():
-        now = found.split()[: len(words)] if line.endswith("…") else found.split()
-        if now == words:
-            return line
-        if [_NUMBER.sub("#", word) for word in now] == [_NUMBER.sub("#", word) for word in words]:
-            return found.rstrip() if not line.endswith("…") else " ".join(now) + " …"
-    return line
+    cut = len(words) if line.endswith("…") else None
+    pattern = _pattern(words)
+    same = [found for found in printed if _pattern(found.split()[:cut]) == pattern]
+    nearest = same[:1] or get_close_matches(line, printed, 1, 0.7)
+    if not words or not nearest:
+        return line
+    (found,) = nearest
+    del printed[: printed.index(found) + 1]
+    now = found.split()[:cut]
+    return line if now == words else found if cut is None else " ".join(now) + " …"
+
+
+def _pattern(words: list[str]) -> list[str]:
+    return [_NUMBER.sub("#", word) for word in words]
 
 
 def _refresh(path: Path) -> None:

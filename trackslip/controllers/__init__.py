@@ -1,1 +1,1 @@
-"""Path-tracking controllers, a file each behind the protocol of `base`."""
+"""Path-tracking controllers, one per file, that follow the protocol in `base`."""

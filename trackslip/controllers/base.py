@@ -1,4 +1,4 @@
-"""What a path-tracking controller is."""
+"""The protocol of path-tracking controllers."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from trackslip.trajectory.base import Reference
 
 
 class Controller(Protocol):
-    """Turns a pose into the body twist to drive. Slip is none of its business: see `slip.SlipLaw`.
+    """Converts a pose into the body twist to drive. It does not handle slip: see `SlipLaw` and `compensation`.
 
-    A controller takes the poses of any number of robots at once, so state is kept per robot, if at all.
+    A controller is given the poses of any number of robots at once, so any state it has is per robot.
     """
 
     def reset(self) -> None:
-        """Forget the past: a new run begins."""
+        """Discard the state, because a new run begins."""
         ...
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
@@ -27,8 +27,8 @@ class Controller(Protocol):
 
 @runtime_checkable
 class SensesSprockets(Protocol):
-    """A controller that also wants to know how fast the sprockets turn."""
+    """A controller that also uses the sprocket speeds."""
 
     def sense(self, omega: Array) -> None:
-        """Sprocket speeds (N, 2) [rad/s], as the encoders counted them over the last period, before `twist`."""
+        """Take the sprocket speeds (N, 2) [rad/s] measured over the last period; called before `twist`."""
         ...

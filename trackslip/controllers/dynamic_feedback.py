@@ -18,31 +18,32 @@ from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
 
 ACCELERATION_STEP = 0.01
-"""Half the time over which the reference's acceleration is taken [s]."""
+"""Half of the time over which the acceleration of the reference is estimated [s]."""
 
 
 @dataclass
 class _State:
-    """What is kept from one call to the next."""
+    """The state between calls."""
 
     time: float | None = None
-    """Of the last call [s]; None before the first."""
+    """Time of the last call [s]; None before the first."""
     speed: Array = field(default_factory=lambda: np.zeros(()))
-    """xi, driven since then [m/s] (...)."""
+    """xi, driven since the last call [m/s] (...)."""
     static_speed: Array = field(default_factory=lambda: np.zeros(()))
-    """What the static law asked for then [m/s] (...)."""
+    """Speed demanded by the static law in that call [m/s] (...)."""
 
 
 @dataclass(frozen=True)
 class DynamicFeedback:
-    """Makes the robot's position two double integrators, by a speed xi that is a state of the controller.
+    """Turns the position into two double integrators, with the speed xi as a state of the controller.
 
     With u = p_d'' + k_d (p_d' - p') + k_p (p_d - p), xi' = u_1 cos(phi) + u_2 sin(phi) and
-    w = (u_2 cos(phi) - u_1 sin(phi)) / xi, each axis' error obeys e'' + k_d e' + k_p e = 0, forwards and in reverse.
+    w = (u_2 cos(phi) - u_1 sin(phi)) / xi, the error of each axis obeys e'' + k_d e' + k_p e = 0 in both
+    directions.
 
-    At xi = 0 that is singular. Below `least_speed`, of xi in the reference's direction or of the reference, a static
-    law drives and xi follows the speed it drives; from there to 1.5 times as much the two are mixed. What xi differs
-    from the static law's speed by when that takes over dies out with `handover_time`: the speed driven never jumps.
+    The law is singular at xi = 0. If the speed of the reference, or xi in its direction, is below `least_speed`, a
+    static law takes over and xi follows its speed; between there and 1.5 times as much the two are blended. When the
+    static law takes over, its speed difference from xi decays with `handover_time`, so the speed never jumps.
     """
 
     stiffness: float = 1.0
@@ -50,11 +51,11 @@ class DynamicFeedback:
     damping: float = 1.4
     """k_d [1/s]."""
     least_speed: float = 0.03
-    """Below it the static law drives [m/s]."""
+    """Speed below which the static law is used [m/s]."""
     handover_time: float = 0.3
-    """Time constant of handing over to the static law [s]."""
+    """Time constant of the transition to the static law [s]."""
     static: Samson = field(default_factory=Samson)
-    """The law that drives near standstill."""
+    """The law used near standstill."""
     _state: _State = field(default_factory=_State, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -64,11 +65,11 @@ class DynamicFeedback:
         require_positive("handover_time", self.handover_time)
 
     def reset(self) -> None:
-        """Forget the speeds: the next call sizes them anew."""
+        """Discard the speeds; the next call may be for another number of robots."""
         self._state.time = None
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Twists (..., 2) from measured poses (..., 3); as many as in the first call since `reset`."""
+        """Twists (..., 2) from measured poses (..., 3), of the same shape as in the first call since `reset`."""
         v_d, w_d = reference.twist(time)
         e_x, e_y, e_phi = np.moveaxis(body_errors(pose, reference.pose(time)), -1, 0)
         cos, sin = np.cos(e_phi), np.sin(e_phi)
@@ -88,7 +89,7 @@ class DynamicFeedback:
         return np.stack([v, w], axis=-1)
 
     def _since_last_call(self, time: float, static_speed: Array) -> tuple[float, Array, Array]:
-        """Time since the last call [s], xi then, and by how much it differed from the static law's speed, (...)."""
+        """Time since the last call [s], xi then, and its difference from the speed of the static law, (...)."""
         last = self._state
         if last.time is None:
             return 0.0, static_speed, np.zeros_like(static_speed)
@@ -97,7 +98,7 @@ class DynamicFeedback:
         return max(time - last.time, 0.0), last.speed, last.speed - last.static_speed
 
     def _share(self, desired_speed: float, speed: Array) -> Array:
-        """How much of the dynamic law drives (...): 0 up to `least_speed`, 1 from 1.5 times as much on."""
+        """Share of the dynamic law (...): 0 up to `least_speed`, 1 from 1.5 times as much."""
         least = np.minimum(np.abs(desired_speed), np.sign(desired_speed) * speed)
         return np.clip(2 * (least / self.least_speed - 1), 0.0, 1.0)
 

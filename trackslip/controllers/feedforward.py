@@ -1,4 +1,4 @@
-"""Feedforward (Sec. IV-B): the reference's own twist, whatever the pose."""
+"""Feedforward (Sec. IV-B): the twist of the reference, regardless of the pose."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from trackslip.trajectory.base import Reference
 
 @dataclass(frozen=True)
 class Feedforward:
-    """Drives the reference's twist open loop."""
+    """Drives the twist of the reference in open loop."""
 
     def reset(self) -> None:
-        """Nothing to forget."""
+        """Nothing to reset."""
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """The reference's twist, for each of the poses (..., 3): (..., 2)."""
+        """The twist of the reference for each of the poses (..., 3), (..., 2)."""
         return np.broadcast_to(reference.twist(time), (*np.shape(pose)[:-1], 2)).copy()

@@ -21,8 +21,8 @@ from trackslip.trajectory.base import Reference
 class Kanayama:
     """Feedback v = v_d cos(e_phi) + K_x e_x, w = w_d + v_d K_y e_y + |v_d| K_phi sin(e_phi).
 
-    The paper has v_d (K_y e_y + K_phi sin(e_phi)) and drives forwards only; the absolute value keeps the Lyapunov
-    function (e_x^2 + e_y^2) / 2 + (1 - cos(e_phi)) / K_y falling in reverse too.
+    Their paper has v_d (K_y e_y + K_phi sin(e_phi)) and only drives forwards; with the absolute value the Lyapunov
+    function (e_x^2 + e_y^2) / 2 + (1 - cos(e_phi)) / K_y decreases in reverse too.
     """
 
     along: float = 1.0
@@ -38,7 +38,7 @@ class Kanayama:
         require_positive("heading", self.heading)
 
     def reset(self) -> None:
-        """Nothing to forget."""
+        """Nothing to reset."""
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """Twists (..., 2) from measured poses (..., 3)."""

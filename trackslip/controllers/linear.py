@@ -16,7 +16,7 @@ from trackslip.trajectory.base import Reference
 
 @dataclass(frozen=True)
 class LinearTimeVarying:
-    """Feedforward plus linear feedback of the body-frame error, with gains that follow the reference's twist.
+    """Feedforward plus linear feedback of the body-frame error, with gains scheduled by the twist of the reference.
 
     Around the reference the closed loop has the characteristic polynomial
     (s + 2 xi a)(s^2 + 2 xi a s + a^2) with a = sqrt(w_d^2 + g v_d^2) (Eqs. 25-30).
@@ -32,7 +32,7 @@ class LinearTimeVarying:
         require_positive("stiffness", self.stiffness)
 
     def reset(self) -> None:
-        """Nothing to forget."""
+        """Nothing to reset."""
 
     def gains(self, twist: ArrayLike) -> Array:
         """(k1, k2, k3) (..., 3) at reference twists (..., 2); Eqs. 29-30."""

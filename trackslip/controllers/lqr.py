@@ -1,7 +1,7 @@
 """Linear-quadratic regulator along a reference, in discrete time.
 
 B. D. O. Anderson and J. B. Moore, "Optimal Control: Linear Quadratic Methods", Prentice-Hall 1990; weights by Bryson's
-rule: the square of an error or a correction counts as much as that of another when both are at their scales.
+rule: errors and corrections contribute equally to the cost when they are equal to their scales.
 """
 
 from __future__ import annotations
@@ -18,27 +18,27 @@ from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
 
 STANDING = 5.0
-"""How long the robot is thought to stand at the end of the reference, so that gains don't fade before it [s]."""
+"""Assumed time at rest after the end of the reference, so that the gains do not fade before the end [s]."""
 
 
 @dataclass(frozen=True)
 class Lqr:
-    """Feedforward plus the feedback (v, w) = (v_d cos(e_phi), w_d) - K_k e that minimises a sum of squares.
+    """Feedforward plus feedback, (v, w) = (v_d cos(e_phi), w_d) - K_k e, that minimises a sum of squares.
 
     The body-frame error e obeys e_{k+1} = A_k e_k + B_k u_k to first order, u being the correction of the twist,
     held for a period; K_k follows from the Riccati recursion backwards from the end of the reference.
     """
 
     position_scale: float = 0.1
-    """Of e_x and e_y [m]."""
+    """Scale of e_x and e_y [m]."""
     heading_scale: float = 0.3
-    """Of e_phi [rad]."""
+    """Scale of e_phi [rad]."""
     speed_scale: float = 0.1
-    """Of a correction of v [m/s]."""
+    """Scale of a correction of v [m/s]."""
     yaw_rate_scale: float = 0.3
-    """Of a correction of w [rad/s]."""
+    """Scale of a correction of w [rad/s]."""
     period: float = 0.05
-    """Between two commands [s]."""
+    """Time between two commands [s]."""
     _gains: OncePerReference[Array] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -51,12 +51,12 @@ class Lqr:
 
     @property
     def weights(self) -> tuple[Array, Array]:
-        """Q (3, 3) of the errors and R (2, 2) of the corrections, in the units of the scales to the power -2."""
+        """Q (3, 3) of the errors and R (2, 2) of the corrections, in reciprocal squares of the units of the scales."""
         errors = np.array([self.position_scale, self.position_scale, self.heading_scale])
         return np.diag(errors**-2), np.diag(np.array([self.speed_scale, self.yaw_rate_scale]) ** -2)
 
     def reset(self) -> None:
-        """Nothing to forget: the gains kept are the reference's."""
+        """Nothing to reset: the cached gains depend only on the reference."""
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """Twists (..., 2) from measured poses (..., 3)."""
@@ -64,12 +64,12 @@ class Lqr:
         k = min(max(int(np.floor(time / self.period + 1e-6)), 0), len(gains) - 1)
         v_d, w_d = reference.twist(time)
         e_x, e_y, e_phi = np.moveaxis(body_errors(pose, reference.pose(time)), -1, 0)
-        # Sums written out: a matrix product's rounding depends on how many robots there are.
+        # Sums are written out because the rounding of a matrix product depends on the number of robots.
         along, turning = (row[0] * e_x + row[1] * e_y + row[2] * e_phi for row in gains[k])
         return np.stack([v_d * np.cos(e_phi) - along, w_d - turning], axis=-1)
 
     def gains(self, reference: Reference) -> Array:
-        """K_k (S, 2, 3) of each period from 0 to the first one after the end of `reference`."""
+        """K_k (S, 2, 3) of every period from 0 to the first one after the end of `reference`."""
         moving = int(np.ceil(reference.duration / self.period)) + 1
         steps = moving + int(np.ceil(STANDING / self.period))
         middles = (np.arange(steps) + 0.5) * self.period
@@ -85,7 +85,7 @@ class Lqr:
 def error_dynamics(twist: ArrayLike, period: float) -> tuple[Array, Array]:
     """A (..., 3, 3) and B (..., 3, 2) of the body-frame error over `period` [s] at reference twists (..., 2).
 
-    Exact for a reference of constant twist: the matrix exponential of Eq. 20 linearised, inputs held.
+    Exact for a reference of constant twist: the matrix exponential of the linearised Eq. 20 with inputs held.
     """
     v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
     turn = w * period
@@ -109,7 +109,7 @@ def _lag_of_sine(angle: Array) -> Array:
 
 
 def riccati_step(a: Array, b: Array, q: Array, r: Array, cost: Array) -> tuple[Array, Array]:
-    """Gain K (2, 3) and cost-to-go (3, 3) one step earlier, of the `cost` to go (3, 3) afterwards."""
+    """Gain K (2, 3) and cost-to-go (3, 3) one step before the cost-to-go `cost` (3, 3)."""
     gain = np.linalg.solve(r + b.T @ cost @ b, b.T @ cost @ a)
     earlier = q + a.T @ cost @ (a - b @ gain)
     return gain, (earlier + earlier.T) / 2

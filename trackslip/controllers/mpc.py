@@ -1,4 +1,4 @@
-"""Nonlinear model predictive control of the unicycle, by CasADi (optional: `pip install "trackslip[mpc]"`).
+"""Nonlinear model predictive control of the unicycle, with CasADi (optional: `pip install "trackslip[mpc]"`).
 
 M. Diehl, H. G. Bock and J. P. Schlöder, "A real-time iteration scheme for nonlinear optimization in optimal feedback
 control", SIAM J. Control and Optimization 43(5), 2005.
@@ -19,48 +19,48 @@ from trackslip.trajectory.base import Reference
 
 @dataclass
 class _Memory:
-    """What is kept from one call to the next."""
+    """The state between calls."""
 
     program: _Program | None = None
-    """Built by the first call, which is when CasADi is needed."""
+    """Built in the first call, which needs CasADi."""
     leading: tuple[int, ...] | None = None
-    """Shape of the robots; None before the first call."""
+    """Leading shape of the poses; None before the first call."""
     time: float = 0.0
-    """Of the last call [s]."""
+    """Time of the last call [s]."""
     plans: list[Array] = field(default_factory=list)
-    """Track speeds (K, 2) [m/s] of each robot, from that time on."""
+    """Planned track speeds (K, 2) [m/s] of each robot from that time on."""
 
 
 @dataclass(frozen=True)
 class ModelPredictive:
-    """Minimises the errors to come over a horizon, with the limit on the speed of both tracks.
+    """Minimises the predicted errors over a horizon, subject to the speed limit of both tracks.
 
-    The state is the pose, the inputs are the speeds of the tracks (v -+ half_gauge w), held for an interval: on a
-    robot without slip the motion is then an arc, and the limits are bounds. Least squares of position, heading and
-    track speeds about the reference's, by multiple shooting; each call takes a few Gauss-Newton steps from the plan of
-    the one before, shifted (real-time iteration), and drives the first twist of the new plan.
+    The state is the pose; the inputs are the track speeds (v -+ half_gauge w), held for an interval, so that without
+    slip the motion is an arc and the limits are bounds. The deviations of position, heading and track speeds from the
+    reference are minimised by least squares with multiple shooting. Each call takes a few Gauss-Newton steps from the
+    shifted plan of the previous call (real-time iteration) and drives the first twist of the new plan.
 
-    A robot whose problem can't be solved goes on with its shifted plan, or, without one, with the reference's twist.
+    If the problem of a robot cannot be solved, it keeps its shifted plan or, without one, the twist of the reference.
     """
 
     intervals: int = 15
-    """K [-]."""
+    """K, number of intervals in the horizon [-]."""
     interval: float = 0.2
-    """Duration of each [s]."""
+    """Duration of an interval [s]."""
     position_scale: float = 0.1
-    """An error in x or y that costs as much as one in the others at their scales [m]."""
+    """Error in x or y that costs as much as the other quantities at their scales [m]."""
     heading_scale: float = 0.6
-    """The same of heading [rad]."""
+    """Error of the heading that costs as much [rad]."""
     speed_scale: float = 0.12
-    """The same of a track's speed about the reference's [m/s]."""
+    """Deviation of a track speed from the reference that costs as much [m/s]."""
     final_weight: float = 10.0
-    """How many times as much the errors at the end of the horizon count as those before [-]."""
+    """Factor on the cost of the errors at the end of the horizon [-]."""
     track_speed: float = 0.295
-    """Limit of each track's speed [m/s]: a little below the sprockets' 0.3 m/s."""
+    """Speed limit of each track, slightly below the 0.3 m/s of the sprockets [m/s]."""
     half_gauge: float = 0.213
-    """b + D, where compensation of slip puts the tracks [m]; half the gauge is enough without it."""
+    """b + D, the effective half gauge with slip compensation; half the gauge without it [m]."""
     iterations: int = 3
-    """Gauss-Newton steps a call [-]."""
+    """Gauss-Newton steps per call [-]."""
     _memory: _Memory = field(default_factory=_Memory, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -76,13 +76,13 @@ class ModelPredictive:
         require_positive("half_gauge", self.half_gauge)
 
     def reset(self) -> None:
-        """Forget the plans: the next call sizes them anew."""
+        """Discard the plans; the next call may be for another number of robots."""
         self._memory.leading = None
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Twists (..., 2) from measured poses (..., 3); as many as in the first call since `reset`.
+        """Twists (..., 2) from measured poses (..., 3), of the same shape as in the first call since `reset`.
 
-        Raises TrackslipError without CasADi.
+        Raises TrackslipError if CasADi is not installed.
         """
         memory = self._memory
         if memory.program is None:
@@ -113,7 +113,7 @@ class ModelPredictive:
         return reference.pose(nodes), track_speeds(reference.twist(middles), self.half_gauge)
 
     def _shifted(self, plan: Array, elapsed: float) -> Array:
-        """A plan (K, 2) as seen `elapsed` [s] later; its last speeds go on."""
+        """A plan (K, 2), shifted by `elapsed` [s]; its last speeds are held."""
         nodes = np.arange(self.intervals)
         later = nodes + max(elapsed, 0.0) / self.interval
         return np.stack([np.interp(later, nodes, side) for side in plan.T], axis=-1)
@@ -121,7 +121,7 @@ class ModelPredictive:
     def _improved(
         self, program: _Program, plan: Array, pose: Array, wanted_poses: Array, wanted_speeds: Array
     ) -> Array:
-        """The plan (K, 2) after Gauss-Newton steps from `pose` (3,), or as it was if one of them fails."""
+        """The plan (K, 2) after Gauss-Newton steps from `pose` (3,), unchanged if one of them fails."""
         if not np.isfinite(pose).all():
             return plan
         origin = np.array([*wanted_poses[0, :2], 2 * np.pi * np.round((pose[2] - wanted_poses[0, 2]) / (2 * np.pi))])
@@ -143,7 +143,7 @@ class ModelPredictive:
 
 
 class _Program:
-    """The quadratic program of a Gauss-Newton step; its unknowns are (V_l, V_r, x, y, phi) interval by interval."""
+    """The quadratic program of a Gauss-Newton step; its unknowns are (V_l, V_r, x, y, phi) of each interval."""
 
     def __init__(self, controller: ModelPredictive) -> None:
         try:
@@ -193,7 +193,7 @@ class _Program:
 
 
 def _arc(casadi: Any, pose: Any, speeds: Any, half_gauge: float, interval: float) -> Any:
-    """`kinematics.advance` in symbols; the chord's sinc as a series, within 2e-8 of it for turns up to 0.4 rad."""
+    """`kinematics.advance` symbolically, with sinc as a series: within 2e-8 of it for turns up to 0.4 rad."""
     half_turn = (speeds[1] - speeds[0]) / (2 * half_gauge) * interval / 2
     chord = (speeds[0] + speeds[1]) / 2 * interval * (1 - half_turn**2 / 6 + half_turn**4 / 120)
     heading = pose[2] + half_turn

@@ -26,4 +26,4 @@ CONTROLLERS: dict[str, type[Controller]] = {
     "lqr": Lqr,
     "mpc": ModelPredictive,
 }
-"""Every controller by the name it has on the command line."""
+"""Controllers by their names on the command line."""

@@ -22,13 +22,13 @@ from trackslip.trajectory.base import Reference
 class OffsetPoint:
     """Steers a point ahead of the robot (behind it in reverse) onto the same point of the reference.
 
-    Twist and velocity of that point are in one-to-one relation, so its error E obeys E' = -k E exactly. The heading is
-    not controlled: it follows as a trailer's does, at the rate |v_d| / distance, which is why the point has to change
-    sides with the direction of travel; where the reference stands it is ahead.
+    The twist and the velocity of that point determine each other, so its error E obeys E' = -k E exactly. The heading
+    is not controlled: it follows like that of a trailer, at the rate |v_d| / distance, which is why the point changes
+    sides with the direction of travel. At standstill of the reference it is ahead.
     """
 
     distance: float = 0.2
-    """From the robot's centre to the point [m]."""
+    """Distance of the point from the centre of the robot [m]."""
     gain: float = 1.0
     """k [1/s]."""
 
@@ -37,7 +37,7 @@ class OffsetPoint:
         require_positive("gain", self.gain)
 
     def reset(self) -> None:
-        """Nothing to forget."""
+        """Nothing to reset."""
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """Twists (..., 2) from measured poses (..., 3)."""

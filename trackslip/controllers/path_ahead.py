@@ -1,4 +1,4 @@
-"""Points of a reference by distance along its path rather than by time."""
+"""Points on a reference by distance along its path instead of by time."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from trackslip.kinematics import Array, advance
 from trackslip.trajectory.base import Reference
 
 STEP = 0.01
-"""About the time between the samples of a reference's speed [s]."""
+"""Approximate time between samples of the speed of a reference [s]."""
 
 
 class PathAhead:
-    """The path of a reference, cut where it changes direction or stops."""
+    """The path of a reference, divided where it changes direction or stops."""
 
     def __init__(self, reference: Reference) -> None:
         self._reference = reference
@@ -25,9 +25,9 @@ class PathAhead:
         self._cut = cuts[np.searchsorted(cuts, np.arange(cells), side="right")]  # (C,)
 
     def point(self, time: float, distance: float) -> Array:
-        """The pose (3,) of the path `distance` [m] further than at `time` [s], in its direction of travel.
+        """The pose (3,) on the path `distance` [m] beyond that at `time` [s], in the direction of travel.
 
-        Beyond a cusp, a stop or the end the path goes on along its tangent.
+        Beyond a cusp, a stop or the end, the path continues along its tangent.
         """
         now = float(np.clip(time, 0.0, self._reference.duration))
         cell = min(int(np.searchsorted(self._times, now, side="right")) - 1, len(self._direction) - 1)

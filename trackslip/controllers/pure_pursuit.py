@@ -21,15 +21,15 @@ from trackslip.trajectory.base import Reference
 
 @dataclass(frozen=True)
 class PurePursuit:
-    """Drives the arc through a goal that lies `look_ahead` further along the path than the reference is now.
+    """Drives the arc through a goal that is `look_ahead` further along the path than the reference.
 
-    The arc's curvature is 2 y / d^2, with the goal at (x, y) in the body frame, d away; on an arc without errors it is
-    the arc's own. On a straight line the closed loop is that of Eq. 31 with g = 2 / look_ahead^2 and xi = 1 / sqrt(2).
-    The robot never drives against the reference's direction: it waits there.
+    The curvature of the arc is 2 y / d^2 for a goal at (x, y) in the body frame, at distance d; without errors it
+    equals that of the path. On a straight line the closed loop is that of Eq. 31 with g = 2 / look_ahead^2 and
+    xi = 1 / sqrt(2). The robot never drives against the direction of the reference; it waits instead.
     """
 
     look_ahead: float = 0.3
-    """Along the path [m]."""
+    """Distance of the goal along the path [m]."""
     damping: float = 0.7
     """xi of the speed law, of gain 2 xi sqrt(w_d^2 + g v_d^2) [-]."""
     stiffness: float = 10.0
@@ -44,7 +44,7 @@ class PurePursuit:
         require_positive("stiffness", self.stiffness)
 
     def reset(self) -> None:
-        """Nothing to forget: the path kept is the reference's."""
+        """Nothing to reset: the cached path depends only on the reference."""
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """Twists (..., 2) from measured poses (..., 3)."""
@@ -52,6 +52,6 @@ class PurePursuit:
         gain = 2 * self.damping * natural_frequency(desired, self.stiffness)
         v = speed_to_keep_up(desired, body_errors(pose, reference.pose(time)), gain)
         goal = body_errors(pose, self._path(reference).point(time, self.look_ahead))
-        # A goal that a robot far ahead of the reference has nearly reached must not make it spin.
+        # A robot far ahead of the reference that has nearly reached the goal must not spin.
         distance_squared = np.maximum(goal[..., 0] ** 2 + goal[..., 1] ** 2, (self.look_ahead / 2) ** 2)
         return np.stack([v, v * 2 * goal[..., 1] / distance_squared], axis=-1)

@@ -22,8 +22,9 @@ from trackslip.trajectory.base import Reference
 class Samson:
     """Feedback v = v_d cos(e_phi) + k1 e_x, w = w_d + k2 v_d sin(e_phi) / e_phi e_y + k3 e_phi.
 
-    V = k2 (e_x^2 + e_y^2) / 2 + e_phi^2 / 2 falls as -k1 k2 e_x^2 - k3 e_phi^2: stable from any error while the
-    reference moves, either way. With k1 = k3 = 2 xi sqrt(w_d^2 + g v_d^2) and k2 = g it is Eq. 31 to first order.
+    V = k2 (e_x^2 + e_y^2) / 2 + e_phi^2 / 2 decreases at the rate k1 k2 e_x^2 + k3 e_phi^2: the loop is stable from any
+    error while the reference moves, forwards or in reverse. With k1 = k3 = 2 xi sqrt(w_d^2 + g v_d^2) and k2 = g it
+    equals Eq. 31 to first order.
     """
 
     damping: float = 0.7
@@ -36,7 +37,7 @@ class Samson:
         require_positive("stiffness", self.stiffness)
 
     def reset(self) -> None:
-        """Nothing to forget."""
+        """Nothing to reset."""
 
     def gains(self, twist: ArrayLike) -> Array:
         """(k1, k2, k3) (..., 3) [1/s, 1/m^2, 1/s] at reference twists (..., 2)."""

@@ -20,22 +20,22 @@ from trackslip.trajectory.base import Reference
 
 @dataclass(frozen=True)
 class Stanley:
-    """Steers a virtual axle, `wheelbase` ahead of the robot (behind it in reverse), onto that axle's own path.
+    """Steers a virtual axle, `wheelbase` ahead of the robot (behind it in reverse), onto the path of that axle.
 
     The steering angle is delta = psi + atan(k e / (k_s + |v|)): psi is the direction of the path of the axle relative
     to the robot, which for a reference of curvature kappa_d is e_phi + atan(wheelbase kappa_d), and e its distance to
-    the left of the axle. So there is no steady-state error on arcs. Then w = |v| tan(delta) / wheelbase. A steered
-    axle has no say at standstill, and none in going backwards to a reference that drives forwards: it waits there.
+    the left of the axle. There is thus no steady-state error on arcs. Then w = |v| tan(delta) / wheelbase. A steered
+    axle has no effect at standstill and cannot back up to a reference that drives forwards, so the robot waits there.
     """
 
     wheelbase: float = 0.2
-    """From the robot's centre to the virtual axle [m]."""
+    """Distance of the virtual axle from the centre of the robot [m]."""
     gain: float = 1.0
     """k [1/s]."""
     softening: float = 0.1
-    """k_s, which keeps the angle calm at low speed [m/s]."""
+    """k_s, which limits the angle at low speed [m/s]."""
     steering_limit: float = np.pi / 3
-    """Largest |delta| [rad]."""
+    """Maximum |delta| [rad]."""
     damping: float = 0.7
     """xi of the speed law, of gain 2 xi sqrt(w_d^2 + g v_d^2) [-]."""
     stiffness: float = 10.0
@@ -51,7 +51,7 @@ class Stanley:
             raise InvalidValueError("steering_limit", self.steering_limit, "between 0 and pi/2 rad")
 
     def reset(self) -> None:
-        """Nothing to forget."""
+        """Nothing to reset."""
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """Twists (..., 2) from measured poses (..., 3)."""

@@ -1,1 +1,1 @@
-"""One scan -> pose of the plate, with covariance (paper, Sec. III-B)."""
+"""From one scan to the pose of the plate, with covariance (paper, Sec. III-B)."""

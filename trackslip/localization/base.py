@@ -1,4 +1,4 @@
-"""What a locator is and returns."""
+"""The protocol of locators, and what they return."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ class PoseEstimate:
     """Poses of the robot in the world."""
 
     pose: Array  # (S, 3) [m, m, rad]
-    covariance: Array  # (S, 3, 3) of (x, y, phi); of a locator NaN where not valid
-    valid: np.ndarray  # (S,) bool; where false, a locator's pose means nothing, a tracker's is a prediction
+    covariance: Array  # (S, 3, 3) of (x, y, phi); NaN where a locator found no valid pose
+    valid: np.ndarray  # (S,) bool; where false, the pose of a locator is meaningless, that of a tracker is predicted
 
 
 class Locator(Protocol):
-    """Finds the plate in scans, each on its own: the heading is known only up to half a turn (see `Tracker`)."""
+    """Finds the plate in each scan independently, so the heading is known only up to half a turn (see `Tracker`)."""
 
     def locate(self, scan: Scan, predicted: Array | None = None) -> PoseEstimate:
         """Poses of the plate in scans with ranges (S, B).
 
         Args:
             scan: the scans.
-            predicted: poses (S, 3) in the world where the robot is expected, if anything is known.
+            predicted: expected poses (S, 3) of the robot in the world, if known.
         """
         ...

@@ -1,29 +1,29 @@
-r"""How well a pose can be told from one scan: the Cramer-Rao bound of the ray model, with the silhouette's edges.
+r"""How accurately one scan determines a pose: the Cramer-Rao bound of the ray model and the silhouette's edges.
 
 A beam u from the LRF meets the face m.p = m.c - s of a plate centred on c, with outward normal -m and half size s, at
 
     r = (m.c - s) / (m.u),    dr/dc = m / (m.u),    dr/dphi = m'.(c - r u) / (m.u),
 
-where m' = dm/dphi, so that m'.(c - r u) is how far along the face from its middle the beam hits. With independent
-normal errors of standard deviation sigma, Fisher's information of the beams that hit is J^T J / sigma^2, J having a row
-(dr/dx, dr/dy, dr/dphi) a beam.
+where m' = dm/dphi, so that m'.(c - r u) is the distance along the face from its middle to where the beam hits. With
+independent normal errors of standard deviation sigma, the Fisher information of the beams that hit is J^T J / sigma^2,
+where J has one row (dr/dx, dr/dy, dr/dphi) per beam.
 
-Seen broadside, only the long face is hit, and every row's (dr/dx, dr/dy) is a multiple of the same m: sliding the plate
-along itself changes no range, and the information is singular in that direction. (Across, with n beams near the face's
-normal, it is n / sigma^2.) What holds the plate there is which beams hit it. The corner that is the silhouette's edge
-lies anywhere, uniformly, between the last beam that hit and the first that missed: a measurement of its bearing b whose
-error is uniform over the beam step delta, of variance
+When the plate is seen broadside, only the long face is hit, and (dr/dx, dr/dy) of every row is a multiple of the same
+m: sliding the plate along itself changes no range, and the information is singular in that direction. (Across, with n
+beams near the normal of the face, it is n / sigma^2.) That direction is fixed only by which beams hit the plate. The
+corner that forms the edge of the silhouette is uniformly distributed between the last beam that hit and the first that
+missed: a measurement of its bearing b with an error that is uniform over the beam step delta and has the variance
 
     integral of e^2 / delta over -delta/2..delta/2  =  delta^2 / 12,
 
 with db = (-y dx + x dy + (x d_x + y d_y) dphi) / (x^2 + y^2) for a corner at (x, y) that lies (d_x, d_y) from c.
 Each of the two edges adds its 12 / delta^2 to the information, unless it lies outside the field of view.
 
-It isn't a true Cramer-Rao bound. A uniform error has no Fisher information in the usual sense, for its support moves
-with the pose; many such edges taken as intervals tell more than their squares do, though of two whose distance is
-known the middle of the intersection is the mean of the middles, and its mean square error the same. Nor does the bound
-hold where the ranges aren't smooth in the pose: within a few degrees of edge-on, where which face a beam meets tells
-the heading.
+This is not a true Cramer-Rao bound. A uniform error has no Fisher information in the usual sense because its support
+moves with the pose. Many such edges, treated as intervals, contain more information than their squares, although for
+two edges at a known distance the middle of the intersection is the mean of the middles and has the same mean square
+error. The bound does not hold either where the ranges are not smooth functions of the pose: within a few degrees of
+edge-on, where the face that a beam meets determines the heading.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ from trackslip.kinematics import Array
 from trackslip.localization.scan import Plate, Scan
 
 MIN_ANGLE = np.radians(3.0)
-"""Nearer to edge-on than this the bound means little [rad]."""
-_AT_ONCE = 1000  # poses, to bound the memory
+"""The bound means little at smaller angles from edge-on [rad]."""
+_AT_ONCE = 1000  # poses, which bounds the memory
 
 
 def pose_bound(pose: Array, plate: Plate, bearings: Array, noise: float) -> Array:
-    """Covariances (S, 3, 3) of (x, y, phi) that no unbiased estimator from a scan beats; NaN where none holds a pose.
+    """Covariances (S, 3, 3) of (x, y, phi) that no unbiased estimator from one scan beats; NaN if undetermined.
 
     Args:
         pose: true poses (S, 3) of the plate in the LRF's frame [m, m, rad].
-        plate: what is seen.
+        plate: the plate in the scan.
         bearings: of the beams (B,), equally spaced, ascending [rad].
         noise: standard deviation of a range [m].
     """
@@ -66,10 +66,10 @@ def viewing_angle(pose: Array) -> Array:
 
 
 def ratio_to_bound(error: Array, bound: Array) -> Array:
-    """Root mean square errors (3,) over the root mean bounds, of x, y and heading.
+    """Ratios (3,) of the root mean square errors of x, y and heading to the root of the mean bound.
 
     Args:
-        error: of poses, (S, 3), the heading's without half turns.
+        error: pose errors (S, 3), those of the heading without half turns.
         bound: covariances (S, 3, 3) in the same frame as the errors.
     """
     return np.sqrt(np.mean(error**2, axis=0) / np.mean(np.einsum("sii->si", bound), axis=0))
@@ -81,7 +81,7 @@ def scan_ratio_to_bound(pose: Array, true_pose: Array, plate: Plate, scan: Scan)
     Args:
         pose: estimated poses (S, 3) in the world, for example those that are valid.
         true_pose: the true ones (S, 3).
-        plate: what is seen.
+        plate: the plate in the scan.
         scan: its bearings, noise and mount are used, not its ranges.
     """
     local = scan.from_world(true_pose)
@@ -94,7 +94,7 @@ def scan_ratio_to_bound(pose: Array, true_pose: Array, plate: Plate, scan: Scan)
 
 
 def _towards(pose: Array, plate: Plate, bearings: Array) -> Array:
-    """Those of the bearings (B,) that can meet each of the plates at poses (S, 3), and as many for all: (S, W)."""
+    """The bearings out of (B,) that can meet the plates at poses (S, 3), equally many for all of them: (S, W)."""
     distance, sight = np.hypot(pose[:, 0], pose[:, 1]), np.arctan2(pose[:, 1], pose[:, 0])
     radius = np.hypot(plate.length, plate.thickness) / 2
     spread = np.arcsin(np.minimum(radius / np.maximum(distance, radius), 1.0))
@@ -107,7 +107,7 @@ def _towards(pose: Array, plate: Plate, bearings: Array) -> Array:
 
 
 def _range_jacobian(pose: Array, plate: Plate, bearings: Array) -> Array:
-    """Derivatives (S, W, 3) of the ranges of beams with bearings (S, W) by x, y and phi; zero where one misses."""
+    """Derivatives (S, W, 3) of ranges at bearings (S, W) with respect to x, y and phi; zero where a beam misses."""
     centre, phi = pose[:, None, :2], pose[:, None, 2]
     u = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
     axes = (np.stack([np.cos(phi), np.sin(phi)], axis=-1), np.stack([-np.sin(phi), np.cos(phi)], axis=-1))
@@ -128,7 +128,7 @@ def _range_jacobian(pose: Array, plate: Plate, bearings: Array) -> Array:
 
 
 def _edge_jacobian(pose: Array, plate: Plate, bearings: Array) -> Array:
-    """Derivatives (S, 2, 3) of the silhouette's bearings over their standard deviation; zero outside the field."""
+    """Derivatives (S, 2, 3) of the edges' bearings over their standard deviation; zero outside the field of view."""
     phi, sight = pose[:, 2, None], np.arctan2(pose[:, 1], pose[:, 0])
     cos, sin = np.cos(sight)[:, None], np.sin(sight)[:, None]
     along, across = np.array([1, 1, -1, -1]) * plate.length / 2, np.array([1, -1, 1, -1]) * plate.thickness / 2

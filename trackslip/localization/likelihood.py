@@ -1,20 +1,20 @@
 """Likelihood of the known rectangle, given the ranges of a scan.
 
-A beam with direction u meets a face whose plane is m.p = h at range h / (m.u). Two faces at most are turned to the LRF,
-one long and one short; together they are a wedge, and a beam meets it where it enters the second of the two
+A beam with direction u meets a face whose plane is m.p = h at range h / (m.u). At most two faces point towards the LRF,
+one long and one short; together they form a wedge, which a beam meets where it enters the second of the two
 half-planes. The likelihood has two parts:
 
-- every return's range, with the scanner's noise, under a Huber loss;
-- the two edges of the silhouette: the plate's outermost corners lie somewhere between the last beam that missed it and
-  the first that hit it, uniformly, so the middle of that gap measures the corner's bearing with variance step^2 / 12.
-  Without them nothing would hold the plate along its own direction when it is seen broadside on. An edge of the field
-  of view, or of the scanner's reach, is no edge of the plate and measures nothing; and where beams inside the cluster
-  are missing, at a rate p, beams beyond its last return may be too, p / (1 - p) of them with variance p / (1 - p)^2.
-  An edge made by something that stands in front is none of the plate's either: the corner may lie anywhere behind it,
-  and only a pose whose corner sticks out on the far side, or isn't reached by the last return, pays for it.
+- the range of every return, with the scanner's noise, under a Huber loss;
+- the two edges of the silhouette: the outermost corners of the plate are uniformly distributed between the last beam
+  that missed it and the first that hit it, so the middle of that gap measures the bearing of the corner with variance
+  step^2 / 12. Without the edges, a plate seen broadside could slide freely along itself. An edge of the field of view
+  or of the scanner's reach is not an edge of the plate and measures nothing. If beams inside the cluster are missing
+  at a rate p, beams beyond its last return may be missing too: p / (1 - p) of them, with variance p / (1 - p)^2. An
+  edge made by an object in front of the plate is not the plate's either: the corner may be anywhere behind the object,
+  and only a pose whose corner sticks out beyond it, or does not reach the last return, adds to the cost.
 
-Thus a beam that passed where the pose says the plate is costs by the edges, and a return where the pose says there is
-nothing costs as much as if it had been measured at the plate's near or far end.
+Thus a beam that passes through the supposed plate adds to the cost by way of the edges, and a return where the pose
+leaves nothing to hit costs as much as if it had been measured at the near or far end of the plate.
 """
 
 from __future__ import annotations
@@ -28,26 +28,26 @@ from trackslip.kinematics import Array
 from trackslip.localization.scan import MIN_NOISE, Cluster, Plate, Scan
 
 _ALONG, _ACROSS = np.array([1.0, 1.0, -1.0, -1.0]), np.array([1.0, -1.0, 1.0, -1.0])  # of the plate's corners
-_MARGIN = 0.1  # returns this near to the scanner's reach may be cut off by it [m]
+_MARGIN = 0.1  # the scanner's reach may cut off returns this close to it [m]
 
 
 @dataclass(frozen=True)
 class PlateLikelihood:
-    """Minus the log likelihood of poses, with its derivatives."""
+    """Negative log likelihood of poses, with its derivatives."""
 
     plate: Plate
     huber: float
-    """Residual beyond which a range counts linearly only [standard deviations]."""
+    """Residual above which the loss of a range is linear [standard deviations]."""
 
-    def evaluate(self, view: View, pose: Array, turn: bool) -> Fit:
-        """Cost, gradient and Gauss-Newton Hessian at poses (M, 3); without `turn` as if the heading were known."""
-        meeting = self._meeting(view, pose)
-        residual, weight, cost = self._misses(view, meeting)
+    def evaluate(self, beams: Beams, pose: Array, turn: bool) -> Evaluation:
+        """Cost, gradient and Gauss-Newton Hessian at poses (M, 3); without `turn`, the heading is fixed."""
+        meeting = self._meeting(beams, pose)
+        residual, weight, cost = self._misses(beams, meeting)
         cos, sin, predicted, on_long = meeting.cos, meeting.sin, meeting.predicted, meeting.on_long
 
         # dr/dcentre = m / (m.u); dr/dphi = how far along the face the beam hits, over m.u
         m_u = np.where(on_long, meeting.u_n, meeting.u_e)
-        slope = np.where(meeting.on_plate & view.hit, 1.0 / (np.where(m_u == 0, 1.0, m_u) * view.noise), 0.0)
+        slope = np.where(meeting.on_plate & beams.hit, 1.0 / (np.where(m_u == 0, 1.0, m_u) * beams.noise), 0.0)
         from_middle = np.where(on_long, meeting.u_e, -meeting.u_n)
         from_middle *= predicted
         from_middle += np.where(on_long, -meeting.along, meeting.across)
@@ -61,30 +61,30 @@ class PlateLikelihood:
         gradient = (weighted @ residual[..., None])[..., 0]
         hessian = weighted @ jacobian.swapaxes(1, 2)
 
-        edge_residual, edge_jacobian = self._edges(view, pose, cos, sin)
+        edge_residual, edge_jacobian = self._edges(beams, pose, cos, sin)
         cost += _squares(edge_residual) / 2
         gradient += np.einsum("mei,me->mi", edge_jacobian, edge_residual)
         hessian += edge_jacobian.swapaxes(1, 2) @ edge_jacobian
-        misfit = np.sqrt(_squares(residual) / np.maximum(view.hit.sum(axis=1), 1))
+        misfit = np.sqrt(_squares(residual) / np.maximum(beams.hit.sum(axis=1), 1))
         if not turn:
             gradient[:, 2] = 0.0
             hessian[:, 2, :] = hessian[:, :, 2] = 0.0
             hessian[:, 2, 2] = 1.0
-        return Fit(pose, cost, gradient, hessian, misfit)
+        return Evaluation(pose, cost, gradient, hessian, misfit)
 
-    def cost(self, view: View, pose: Array) -> Array:
-        """The cost (M,) alone at poses (M, 3)."""
-        meeting = self._meeting(view, pose)
-        edge_residual, _ = self._edges(view, pose, meeting.cos, meeting.sin)
-        return self._misses(view, meeting)[2] + _squares(edge_residual) / 2
+    def cost(self, beams: Beams, pose: Array) -> Array:
+        """Only the cost (M,) at poses (M, 3)."""
+        meeting = self._meeting(beams, pose)
+        edge_residual, _ = self._edges(beams, pose, meeting.cos, meeting.sin)
+        return self._misses(beams, meeting)[2] + _squares(edge_residual) / 2
 
-    def _meeting(self, view: View, pose: Array) -> _Meeting:
+    def _meeting(self, beams: Beams, pose: Array) -> _Meeting:
         """Where beams meet plates at poses (M, 3)."""
         x, y, phi = pose[:, :1], pose[:, 1:2], pose[:, 2:]
         cos, sin = np.cos(phi), np.sin(phi)  # (M, 1)
         along, across = cos * x + sin * y, cos * y - sin * x
-        u_e = cos * view.u_x + sin * view.u_y  # (M, W)
-        u_n = cos * view.u_y - sin * view.u_x
+        u_e = cos * beams.u_x + sin * beams.u_y  # (M, W)
+        u_n = cos * beams.u_y - sin * beams.u_x
 
         # range to the long and to the short face, whichever is turned to the LRF; -inf for one that isn't entered
         half_length, half_thickness = self.plate.length / 2, self.plate.thickness / 2
@@ -97,29 +97,29 @@ class PlateLikelihood:
         within = np.minimum(np.maximum(predicted, distance - reach), distance + reach)
         return _Meeting(cos, sin, along, across, u_e, u_n, on_long, within == predicted, within)
 
-    def _misses(self, view: View, meeting: _Meeting) -> tuple[Array, Array, Array]:
-        """Residuals (M, W) of the ranges [standard deviations], their weights (M, W), and what they cost (M,)."""
-        residual = np.where(view.hit, (meeting.predicted - view.range) / view.noise, 0.0)
+    def _misses(self, beams: Beams, meeting: _Meeting) -> tuple[Array, Array, Array]:
+        """Residuals (M, W) of the ranges [standard deviations], their weights (M, W) and costs (M,)."""
+        residual = np.where(beams.hit, (meeting.predicted - beams.range) / beams.noise, 0.0)
         size = np.abs(residual)
         weight = self.huber / np.maximum(size, self.huber)
         cost = np.einsum("mw,mw->m", weight * size, size - weight * size / 2)
         return residual, weight, cost
 
-    def _edges(self, view: View, pose: Array, cos: Array, sin: Array) -> tuple[Array, Array]:
-        """Residuals (M, 2) of the silhouette's two edges and their Jacobian (M, 2, 3)."""
+    def _edges(self, beams: Beams, pose: Array, cos: Array, sin: Array) -> tuple[Array, Array]:
+        """Residuals (M, 2) of the two edges of the silhouette, and their Jacobian (M, 2, 3)."""
         along, across = self.plate.length / 2 * _ALONG, self.plate.thickness / 2 * _ACROSS
         d_x, d_y = along * cos - across * sin, along * sin + across * cos  # (M, 4)
         x, y = pose[:, :1] + d_x, pose[:, 1:2] + d_y
-        ahead, aside = view.ahead[:, :1], view.ahead[:, 1:]  # bearings from the middle: no wrap there
+        ahead, aside = beams.ahead[:, :1], beams.ahead[:, 1:]  # bearings from the middle: no wrap there
         bearing = np.arctan2(ahead * y - aside * x, ahead * x + aside * y)
         rows = np.arange(len(pose))[:, None]
         outermost = np.empty((len(pose), 2), np.intp)
         bearing.argmin(axis=1, out=outermost[:, 0])
         bearing.argmax(axis=1, out=outermost[:, 1])
         x, y, d_x, d_y = x[rows, outermost], y[rows, outermost], d_x[rows, outermost], d_y[rows, outermost]
-        off = bearing[rows, outermost] - view.edges
-        residual = off - np.minimum(np.maximum(off, -view.slack), view.slack)
-        weight = np.where((view.slack == 0) | (residual != 0), view.edge_weight, 0.0)
+        off = bearing[rows, outermost] - beams.edges
+        residual = off - np.minimum(np.maximum(off, -beams.slack), beams.slack)
+        weight = np.where((beams.slack == 0) | (residual != 0), beams.edge_weight, 0.0)
         per_square = weight / np.maximum(x * x + y * y, 1e-12)
         jacobian = np.empty((len(pose), 2, 3))
         jacobian[..., 0], jacobian[..., 1], jacobian[..., 2] = -y, x, x * d_x + y * d_y
@@ -129,7 +129,7 @@ class PlateLikelihood:
 
 @dataclass(frozen=True)
 class _Meeting:
-    """Beams that meet plates."""
+    """Where beams meet plates."""
 
     cos: Array  # (M, 1) of the heading
     sin: Array  # (M, 1)
@@ -139,12 +139,12 @@ class _Meeting:
     u_n: Array  # (M, W)
     on_long: np.ndarray  # (M, W) bool: the long face is met, else the short one
     on_plate: np.ndarray  # (M, W) bool
-    predicted: Array  # (M, W) range [m]; of a beam that misses, that of the plate's near or far end
+    predicted: Array  # (M, W) range [m]; that of the near or far end of the plate for a beam that misses
 
 
 @dataclass(frozen=True)
-class View:
-    """What is measured of the plate in M scans."""
+class Beams:
+    """The beams of M scans that measure the plate."""
 
     u_x: Array  # (M, W) directions of the beams
     u_y: Array  # (M, W)
@@ -152,20 +152,20 @@ class View:
     hit: np.ndarray  # (M, W) bool
     ahead: Array  # (M, 2) direction of the middle, half-way between the outermost returns
     edges: Array  # (M, 2) bearings of the silhouette's edges, from the middle [rad]
-    edge_weight: Array  # (M, 2) one over their standard deviation, 0 for what is no edge [1/rad]
-    slack: Array  # (M, 2) how far an edge that is hidden may be off and cost nothing [rad]
+    edge_weight: Array  # (M, 2) reciprocal of their standard deviation, 0 if not an edge of the plate [1/rad]
+    slack: Array  # (M, 2) deviation of a hidden edge that costs nothing [rad]
     noise: float  # of a range [m]
 
     @classmethod
-    def of(cls, scan: Scan, cluster: Cluster) -> View:
-        """What a scan shows of each cluster."""
+    def of(cls, scan: Scan, cluster: Cluster) -> Beams:
+        """The beams of each cluster of a scan."""
         step = scan.beam_step
         low = np.min(cluster.bearing, axis=1, where=cluster.hit, initial=np.inf)
         high = np.max(cluster.bearing, axis=1, where=cluster.hit, initial=-np.inf)
         middle = (low + high) / 2
         missed = cluster.lost / np.maximum(cluster.lost + cluster.count, 1)  # of the beams inside the cluster
         lost = np.maximum(missed, scan.dropout)
-        beyond = lost / (1 - lost)  # beams missed beyond it, expected
+        beyond = lost / (1 - lost)  # expected number of beams missed beyond it
         slack = np.where(np.isfinite(cluster.hidden), cluster.hidden, 0.0) / 2
         reach = (high - low)[:, None] / 2 + (0.5 + beyond)[:, None] * step + slack
         spread = step * np.sqrt(1 / 12 + beyond / (1 - lost))
@@ -180,8 +180,8 @@ class View:
         ahead = np.stack([np.cos(middle), np.sin(middle)], axis=1)
         return cls(u_x, u_y, cluster.range, cluster.hit, ahead, edges, weight, slack, noise)
 
-    def thinned(self, most: int) -> View:
-        """Every so many beams only, so that at most about `most` are left; the edges stay."""
+    def thinned(self, most: int) -> Beams:
+        """Only every n-th beam, so that at most about `most` are left; the edges are kept."""
         every = max(1, self.u_x.shape[1] // most)
         return replace(
             self,
@@ -191,9 +191,9 @@ class View:
             hit=self.hit[:, ::every],
         )
 
-    def take(self, rows: np.ndarray) -> View:
-        """The scans `rows`, in that order, repeated where asked."""
-        return View(
+    def take(self, rows: np.ndarray) -> Beams:
+        """The scans `rows`, in that order, possibly repeated."""
+        return Beams(
             self.u_x[rows],
             self.u_y[rows],
             self.range[rows],
@@ -207,27 +207,27 @@ class View:
 
 
 @dataclass(frozen=True)
-class Fit:
-    """A point on the climb."""
+class Evaluation:
+    """The likelihood at M poses."""
 
     pose: Array  # (M, 3) in the LRF's frame
-    cost: Array  # (M,) minus log likelihood
+    cost: Array  # (M,) negative log likelihood
     gradient: Array  # (M, 3)
     hessian: Array  # (M, 3, 3)
     misfit: Array  # (M,) rms residual of the ranges [standard deviations]
 
-    def take(self, rows: np.ndarray) -> Fit:
+    def take(self, rows: np.ndarray) -> Evaluation:
         """The rows `rows`."""
-        return Fit(self.pose[rows], self.cost[rows], self.gradient[rows], self.hessian[rows], self.misfit[rows])
+        return Evaluation(self.pose[rows], self.cost[rows], self.gradient[rows], self.hessian[rows], self.misfit[rows])
 
-    def put(self, rows: np.ndarray, other: Fit) -> None:
-        """Overwrite the rows `rows` (R,) with `other`, R of them."""
+    def put(self, rows: np.ndarray, other: Evaluation) -> None:
+        """Overwrite the rows `rows` (R,) with the R rows of `other`."""
         self.pose[rows], self.cost[rows], self.gradient[rows] = other.pose, other.cost, other.gradient
         self.hessian[rows], self.misfit[rows] = other.hessian, other.misfit
 
 
 def _range_to(face: Array, m_u: Array) -> Array:
-    """Range (M, W) at which beams enter the half-plane behind a face m.p = h (M, 1); -inf where they don't."""
+    """Range (M, W) at which beams enter the half-plane behind a face m.p = h (M, 1); -inf where they do not."""
     entering = (face * m_u) > 0
     return np.where(entering, face / np.where(entering, m_u, 1.0), -np.inf)
 
@@ -238,9 +238,9 @@ def _squares(array: Array) -> Array:
 
 
 def inverses(matrix: Array) -> tuple[Array, np.ndarray]:
-    """Inverses of symmetric (M, 3, 3) matrices by cofactors, and which of them (M,) are positive definite.
+    """Inverses of symmetric matrices (M, 3, 3) by cofactors, and a mask (M,) of the positive definite ones.
 
-    Written out because numpy's inverse takes a call into LAPACK for each matrix.
+    Written out because NumPy's inverse calls LAPACK for each matrix.
     """
     xx, xy, xz = matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 0, 2]
     yy, yz, zz = matrix[:, 1, 1], matrix[:, 1, 2], matrix[:, 2, 2]

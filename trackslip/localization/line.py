@@ -1,4 +1,4 @@
-"""The paper's localisation: a line through the plate's points (Sec. III-B), mended where it must be."""
+"""The paper's localization: a line through the points on the plate (Sec. III-B), with two corrections."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from trackslip.localization.scan import Cluster, Plate, Scan, extract_plate
 class LineLocator:
     """Total-least-squares line through the cluster: its slope is the heading, its mid-point the position.
 
-    Two things the paper leaves out. The points lie on the plate's face, half its thickness nearer to the LRF than its
-    centre. And twice per turn the plate is seen edge-on, when the line fits the thin face, off by 90 degrees: a cluster
-    shorter than `min_extent` is refused.
+    Corrected are two points that the paper does not mention. The points lie on the face of the plate, half its
+    thickness closer to the LRF than its centre. And twice per turn the plate is seen edge-on, so that the line fits the
+    thin face, 90 degrees off: clusters shorter than `min_extent` are rejected.
     """
 
     plate: Plate = field(default_factory=Plate)
     min_extent: float = 0.35
-    """Shortest line that is believed [m]."""
+    """Minimum length of a valid line [m]."""
 
     def locate(self, scan: Scan, predicted: Array | None = None) -> PoseEstimate:
         """Poses of the plate in scans with ranges (S, B); see `Locator`."""
@@ -48,7 +48,7 @@ class Line:
 
 
 def fit_line(cluster: Cluster) -> Line:
-    """Total least squares through the returns of each cluster; any line where there are none."""
+    """Total-least-squares line through the returns of each cluster; arbitrary for an empty one."""
     x = cluster.range * np.cos(cluster.bearing)
     y = cluster.range * np.sin(cluster.bearing)
     n = np.maximum(cluster.count, 1)
@@ -72,7 +72,7 @@ def fit_line(cluster: Cluster) -> Line:
 def _covariance(scan: Scan, cluster: Cluster, line: Line, plate: Plate, valid: np.ndarray) -> Array:
     """Covariance (S, 3, 3) of a line fit: noise across the line, the silhouette's beam spacing along it, model error.
 
-    The model is wrong where both faces are seen, for the line is drawn through the returns from both.
+    The model is wrong where both faces are visible, because one line is fitted to the returns from both.
     """
     n = np.maximum(cluster.count, 3)
     distance = np.maximum(np.hypot(line.middle[:, 0], line.middle[:, 1]), 1e-3)

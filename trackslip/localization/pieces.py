@@ -1,4 +1,4 @@
-"""Returns of a laser range finder as points, and the pieces that they fall into."""
+"""Returns of a laser range finder as points, and the pieces they form."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from trackslip.kinematics import Array
 
 @dataclass(frozen=True)
 class Returns:
-    """What came back, beam after beam and scan after scan."""
+    """Returns in the order of scans and beams."""
 
     row: np.ndarray  # (H,) the scan
     beam: np.ndarray  # (H,)
@@ -20,13 +20,13 @@ class Returns:
 
     @classmethod
     def of(cls, ranges: Array, bearings: Array, back: np.ndarray) -> Returns:
-        """Those of scans with ranges (S, B) that are marked `back` (S, B), the beams having `bearings` (B,)."""
+        """The returns marked `back` (S, B) of scans with ranges (S, B) at `bearings` (B,)."""
         row, beam = np.nonzero(back)
         distance = ranges[row, beam]
         return cls(row, beam, distance * np.cos(bearings[beam]), distance * np.sin(bearings[beam]))
 
     def split(self, gap: float) -> Pieces:
-        """Pieces parted where neighbours lie more than `gap` [m] apart."""
+        """Pieces, separated where neighbours lie more than `gap` [m] apart."""
         starts = np.ones(len(self.row), bool)
         starts[1:] = (np.diff(self.row) != 0) | (np.hypot(np.diff(self.x), np.diff(self.y)) > gap)
         first = np.flatnonzero(starts)
@@ -52,7 +52,7 @@ class Pieces:
 
 
 def best_of_each(row: np.ndarray, score: Array) -> np.ndarray:
-    """Which of the pieces (P,) has the highest score of its row; the last of equals."""
+    """Mask (P,) of the piece with the highest score of each row; the last of equal ones."""
     order = np.lexsort((score, row))
     best = np.zeros(len(row), bool)
     best[order[np.append(np.diff(row[order]) != 0, True)[: len(order)]]] = True

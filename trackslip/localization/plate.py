@@ -1,9 +1,9 @@
-"""Maximum likelihood of the known rectangle on the ranges of a scan (see `likelihood`).
+"""Maximum-likelihood fit of the known rectangle to the ranges of a scan (see `likelihood`).
 
-The likelihood has several maxima (a plate seen nearly edge-on, and its mirror image about the line of sight, look much
-the same), so it is climbed from several starts at once, by Levenberg-Marquardt over all scans and starts together. Only
-where the climb from an expected pose explains the scan as well as noise allows, no other is tried. Where the likelihood
-is no bell, pose and covariance are the posterior's mean and covariance: see `edge_on` and `corner`.
+The likelihood has several maxima (a plate seen nearly edge-on looks much like its mirror image about the line of
+sight), so it is maximised from several starts, by Levenberg-Marquardt over all scans and starts at once. If the climb
+from an expected pose explains the scan as well as the noise allows, no other start is tried. Where the likelihood is
+not normal, pose and covariance are the mean and covariance of the posterior: see `edge_on` and `corner`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from trackslip.localization.base import PoseEstimate
 from trackslip.localization.climb import climb
 from trackslip.localization.corner import FROM_SIDE, along_plate
 from trackslip.localization.edge_on import EDGE_ON, EDGE_ON_BY_FEW, FEW, GRID, integrate
-from trackslip.localization.likelihood import Fit, PlateLikelihood, View, inverses
+from trackslip.localization.likelihood import Beams, Evaluation, PlateLikelihood, inverses
 from trackslip.localization.pieces import best_of_each
 from trackslip.localization.scan import (
     FINER_GAPS,
@@ -32,31 +32,31 @@ from trackslip.localization.scan import (
 from trackslip.localization.solution import UNKNOWN, Solution
 from trackslip.localization.starts import MAX_STARTS, chunks, starts
 
-_STRAINED = 4.0  # standard deviations of the misfit beyond which something else is among the returns
-_EXPLAINED = 7.0  # log likelihood that a return gains by being the plate's, not any thing's within some metres
-_MIN_PLATE_RETURNS = 8  # returns, fewer of which may look like a plate by chance
-_ROUNDS = 2  # of choosing the returns by the pose
-_SCREENED = 24  # beams of a cluster that the starts are screened on
-_MIN_DROPOUT = 0.02  # probability that a beam isn't stopped by a plate that is in its way
+_STRAINED = 4.0  # standard deviations of the misfit above which the returns include something else
+_EXPLAINED = 7.0  # gain in log likelihood of a return from the plate over one from anything within a few metres
+_MIN_PLATE_RETURNS = 8  # fewer returns may look like a plate by chance
+_ROUNDS = 2  # of selecting the returns by the pose
+_SCREENED = 24  # beams of a cluster used to screen the starts
+_MIN_DROPOUT = 0.02  # probability that a beam passes a plate in its way
 
 
 @dataclass(frozen=True)
 class PlateLocator:
-    """Fits the plate's rectangle to each scan; valid where the fit explains the returns and fixes the heading."""
+    """Fits the rectangle to each scan; a pose is valid if it explains the returns and its heading is determined."""
 
     plate: Plate = field(default_factory=Plate)
     huber: float = 3.0
-    """Residual beyond which a range counts linearly only [standard deviations]."""
+    """Residual above which the loss of a range is linear [standard deviations]."""
     screening: int = 4
-    """Iterations from every start, after which the best is kept."""
+    """Iterations from every start before the best one is selected [-]."""
     iterations: int = 8
-    """Most iterations from the best start."""
+    """Maximum number of iterations from the best start [-]."""
     max_misfit: float = 3.0
-    """Largest root mean square residual that is believed [standard deviations]."""
+    """Maximum root mean square residual of a valid pose [standard deviations]."""
     max_heading_error: float = np.radians(3.0)
-    """Largest standard error of the heading that is believed [rad]."""
+    """Maximum standard error of the heading of a valid pose [rad]."""
     max_position_error: float = 0.05
-    """Largest standard error of the position that is believed [m]."""
+    """Maximum standard error of the position of a valid pose [m]."""
 
     @property
     def _likelihood(self) -> PlateLikelihood:
@@ -65,9 +65,9 @@ class PlateLocator:
     def locate(self, scan: Scan, predicted: Array | None = None) -> PoseEstimate:
         """Poses of the plate in scans with ranges (S, B); see `Locator`.
 
-        Without an expected pose every cluster that could be a plate is tried, and the one kept that explains most.
-        Where something else may be among a cluster's returns, or some are missing from it, they are chosen anew by the
-        pose found.
+        Without an expected pose every cluster that could be a plate is tried, and the one that explains most is kept.
+        If a cluster may contain returns from something else, or lack some of its own, its returns are selected again
+        by the pose found.
         """
         if predicted is None:
             near = None
@@ -87,7 +87,7 @@ class PlateLocator:
         return PoseEstimate(scan.to_world(found.pose), scan.covariance_to_world(covariance), valid)
 
     def _sort_out(self, scan: Scan, found: Solution, rows: np.ndarray, near: Array | None) -> None:
-        """Improve what was `found` in the scans `rows` where it pays to choose the returns by the pose."""
+        """Improve the solutions `found` for the scans `rows` where selecting the returns by the pose explains more."""
         part = replace(scan, ranges=scan.ranges[rows])
         for _ in range(_ROUNDS):
             pose = found.pose[rows]
@@ -96,7 +96,7 @@ class PlateLocator:
             found.improve(rows, self._solve(part, returns_at(part, self.plate, pose), pose))
 
     def _best(self, scan: Scan, gap: float) -> Solution:
-        """What the best of the clusters says that are parted by more than `gap` [m]."""
+        """The solution of the best cluster of each scan, clusters being separated by more than `gap` [m]."""
         cluster, row = plate_candidates(scan, self.plate, gap)
         tried = self._solve(scan, cluster, None)
         best = np.flatnonzero(best_of_each(row, tried.score))
@@ -117,23 +117,23 @@ class PlateLocator:
         """The pose that explains each cluster best."""
         found = Solution.none(len(cluster.count))
         for rows in chunks(cluster, MAX_STARTS):
-            view = View.of(scan, part := cluster.take(rows))
-            fit = self._fit(view, part, scan.beam_step, None if near is None else near[rows])
+            beams = Beams.of(scan, part := cluster.take(rows))
+            fit = self._fit(beams, part, scan.beam_step, None if near is None else near[rows])
             inverse, regular = inverses(fit.hessian)
             covariance = np.where(regular[:, None, None], inverse, UNKNOWN)
-            misfit = np.sqrt(2 * fit.cost / part.count)  # the edges count
+            misfit = np.sqrt(2 * fit.cost / part.count)  # edges included
             strained = _strained(misfit, part.count)
             cut = (part.hidden > 0).any(axis=1)
             covariance *= np.where(strained, misfit**2, 1.0)[:, None, None]
             score = _EXPLAINED * part.count - fit.cost
             score += np.log(max(scan.dropout, _MIN_DROPOUT)) * part.lost
             found.put(rows, Solution(fit.pose, covariance, misfit, score, strained | cut))
-        self._mend(scan, cluster, found)
+        self._correct(scan, cluster, found)
         found.covariance[(cluster.hidden > 0).any(axis=1) & (cluster.count < _MIN_PLATE_RETURNS)] = UNKNOWN
         return found
 
-    def _mend(self, scan: Scan, cluster: Cluster, found: Solution) -> None:
-        """Pose and covariance where the likelihood is no bell: nearly edge-on and nearly broadside."""
+    def _correct(self, scan: Scan, cluster: Cluster, found: Solution) -> None:
+        """Correct pose and covariance where the likelihood is not normal: nearly edge-on and nearly broadside."""
         sight = np.arctan2(found.pose[:, 1], found.pose[:, 0])
         off = np.abs((found.pose[:, 2] - sight + np.pi / 2) % np.pi - np.pi / 2)
         fits = found.misfit < self.max_misfit
@@ -142,33 +142,33 @@ class PlateLocator:
             pose, covariance = integrate(self._likelihood, scan, cluster.take(rows), sight[rows])
             found.pose[rows], found.covariance[rows] = pose, covariance
         for rows in chunks(cluster, 1, (off > FROM_SIDE) & fits):
-            view = View.of(scan, cluster.take(rows))
-            pose, covariance = along_plate(self._likelihood, view, found.pose[rows], found.covariance[rows])
+            beams = Beams.of(scan, cluster.take(rows))
+            pose, covariance = along_plate(self._likelihood, beams, found.pose[rows], found.covariance[rows])
             found.pose[rows], found.covariance[rows] = pose, covariance
 
-    def _fit(self, view: View, cluster: Cluster, beam_step: float, near: Array | None) -> Fit:
-        """The best fit to each cluster; from where the plate is expected alone, if that explains all there is."""
+    def _fit(self, beams: Beams, cluster: Cluster, beam_step: float, near: Array | None) -> Evaluation:
+        """The best fit to each cluster; only from the expected pose if that explains the returns."""
         if near is None:
-            return self._screened(view, starts(cluster, self.plate, beam_step, None))
-        fit = climb(self._likelihood, view, near, self.iterations)
+            return self._screened(beams, starts(cluster, self.plate, beam_step, None))
+        fit = climb(self._likelihood, beams, near, self.iterations)
         explained = ~_strained(np.sqrt(2 * fit.cost / cluster.count), cluster.count) & (
             cluster.count >= _MIN_PLATE_RETURNS
         )
         rest = np.flatnonzero(~explained)
         if rest.size:
             first = starts(cluster.take(rest), self.plate, beam_step, near[rest])
-            fit.put(rest, self._screened(view.take(rest), first))
+            fit.put(rest, self._screened(beams.take(rest), first))
         return fit
 
-    def _screened(self, view: View, first: Array) -> Fit:
-        """The best fits (S,) of those climbed to from the poses `first` (S, K, 3)."""
+    def _screened(self, beams: Beams, first: Array) -> Evaluation:
+        """The best fits (S,) reached from the poses `first` (S, K, 3)."""
         scans, k, _ = first.shape
-        thinned = view.thinned(_SCREENED).take(np.repeat(np.arange(scans), k))
+        thinned = beams.thinned(_SCREENED).take(np.repeat(np.arange(scans), k))
         screened = climb(self._likelihood, thinned, first.reshape(-1, 3), self.screening)
         best = np.argmin(screened.cost.reshape(scans, k), axis=1) + k * np.arange(scans)
-        return climb(self._likelihood, view, screened.pose[best], self.iterations)
+        return climb(self._likelihood, beams, screened.pose[best], self.iterations)
 
 
 def _strained(misfit: Array, count: np.ndarray) -> np.ndarray:
-    """Whether `count` returns (S,) scatter more about the plate than noise explains."""
+    """Whether `count` returns (S,) scatter about the plate by more than noise explains."""
     return misfit - 1 > _STRAINED / np.sqrt(2 * count)

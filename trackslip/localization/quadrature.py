@@ -1,4 +1,4 @@
-"""Sums over posteriors at points of one's choice."""
+"""Quadrature of posteriors at arbitrary points."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from trackslip.kinematics import Array
 
 
 def spans(points: Array) -> Array:
-    """What each of the points (S, K), in any order, stands for in the trapezoidal rule over its row, (S, K)."""
+    """Widths (S, K) of the points (S, K), in any order, in the trapezoidal rule over their row."""
     order = np.argsort(points, axis=1, kind="stable")
     ordered = np.take_along_axis(points, order, axis=1)
     share = np.empty_like(ordered)
@@ -20,6 +20,6 @@ def spans(points: Array) -> Array:
 
 
 def weights(cost: Array, span: Array) -> Array:
-    """Probabilities (S, K) of points that stand for `span` (S, K), from minus their log likelihoods `cost` (S, K)."""
+    """Probabilities (S, K) of points with widths `span` (S, K) and negative log likelihoods `cost` (S, K)."""
     weight = np.exp(cost.min(axis=1, keepdims=True) - cost) * span
     return weight / weight.sum(axis=1, keepdims=True)

@@ -1,4 +1,4 @@
-"""Scans of a laser range finder (LRF), real or simulated, and the cluster of points that is the plate."""
+"""Scans of a laser range finder (LRF), real or simulated, and the cluster of points on the plate."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from trackslip.kinematics import Array
 from trackslip.localization.pieces import Returns, best_of_each
 
 MAX_GAP = 0.7
-"""Neighbouring returns farther apart than this belong to different things [m]: longer than the plate, which seen
-nearly edge-on returns points as far apart as its whole length."""
+"""Neighbouring returns farther apart than this belong to different objects [m]. It exceeds the length of the plate,
+whose returns can be that far apart when it is seen nearly edge-on."""
 FINER_GAPS = (0.25, 0.1)
-"""Where MAX_GAP doesn't part the plate from something else near it, these may [m]."""
+"""Tried where MAX_GAP does not separate the plate from something close to it [m]."""
 MIN_RETURNS = 3
-"""Fewer returns than this don't make a pose."""
+"""Minimum number of returns for a pose."""
 MIN_NOISE = 0.5e-3
-"""What a perfect scanner is taken to have, for the plate is never a perfect rectangle [m]."""
-_ABOUT = 0.15  # how far from where the plate is expected its returns may lie: more than a tracker is wrong by [m]
-_ON_PLATE = 0.03  # a return at the plate lies no farther from it than this, or five standard deviations [m]
-_HOUSING = 0.05  # from nearer than this comes the LRF's own housing, or what it stands in [m]
-_STATIC = 5.0  # returns as far as the background are of it, to within so many standard deviations
-_IN_FRONT = 0.05  # a return nearer than the plate's by this is of something else [m]
-_CANDIDATES = 4  # of a scan, at most
-_PADDING = 16  # widths of clusters are multiples of this
+"""Noise assumed for a perfect scanner, because the plate is never a perfect rectangle [m]."""
+_ABOUT = 0.15  # distance of returns from the expected plate: more than the error of a tracker [m]
+_ON_PLATE = 0.03  # maximum distance of a return from its plate, or five standard deviations if that is more [m]
+_HOUSING = 0.05  # closer returns are from the LRF's own housing or whatever it stands in [m]
+_STATIC = 5.0  # returns this close to the background belong to it [standard deviations]
+_IN_FRONT = 0.05  # a return this much closer than the plate is from something else [m]
+_CANDIDATES = 4  # per scan, at most
+_PADDING = 16  # cluster widths are multiples of this
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Plate:
             raise InvalidValueError("thickness", self.thickness, f"less than length = {self.length}")
 
     def outside(self, pose: Array, x: Array, y: Array) -> Array:
-        """How far (H,) points lie outside of the plate at poses (H, 3), less than 0 inside [m]."""
+        """Distances (H,) of points from the plates at poses (H, 3), negative inside [m]."""
         cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
         x, y = x - pose[:, 0], y - pose[:, 1]
         along = np.abs(cos * x + sin * y) - self.length / 2
@@ -55,7 +55,7 @@ class Plate:
 
 @dataclass(frozen=True)
 class Scan:
-    """One or more scans of an LRF that stands still."""
+    """One or more scans of a stationary LRF."""
 
     bearings: Array  # (B,) of the beams in the LRF's frame, equally spaced, ascending [rad]
     ranges: Array  # (..., B), NaN where nothing came back [m]
@@ -63,11 +63,11 @@ class Scan:
     """Standard deviation of a range [m]."""
     mount: Array  # (3,) pose of the LRF in the world
     max_range: float = np.inf
-    """Beyond it nothing comes back [m]."""
+    """Nothing farther away gives a return [m]."""
     dropout: float = 0.0
-    """Probability that a beam doesn't come back though it hit something, where that is known [-]."""
+    """Probability that a beam that hits something gives no return, if known [-]."""
     background: Array | None = None
-    """Ranges (B,) of the field without the robot, NaN where nothing comes back [m]; None for a field not known."""
+    """Ranges (B,) of the field without the robot, NaN for no return [m]; None for an unknown field."""
 
     @property
     def beam_step(self) -> float:
@@ -75,7 +75,7 @@ class Scan:
         return float((self.bearings[-1] - self.bearings[0]) / (len(self.bearings) - 1))
 
     def to_world(self, pose: Array) -> Array:
-        """Poses (..., 3) given in the LRF's frame, in the world."""
+        """Convert poses (..., 3) from the LRF's frame to the world frame."""
         x, y, phi = self.mount
         cos, sin = np.cos(phi), np.sin(phi)
         return np.stack(
@@ -88,14 +88,14 @@ class Scan:
         )
 
     def from_world(self, pose: Array) -> Array:
-        """Poses (..., 3) given in the world, in the LRF's frame."""
+        """Convert poses (..., 3) from the world frame to the LRF's frame."""
         x, y, phi = self.mount
         cos, sin = np.cos(phi), np.sin(phi)
         dx, dy = pose[..., 0] - x, pose[..., 1] - y
         return np.stack([cos * dx + sin * dy, -sin * dx + cos * dy, pose[..., 2] - phi], axis=-1)
 
     def covariance_to_world(self, covariance: Array) -> Array:
-        """Covariances (..., 3, 3) of (x, y, phi) given in the LRF's frame, in the world."""
+        """Convert covariances (..., 3, 3) of (x, y, phi) from the LRF's frame to the world frame."""
         cos, sin = np.cos(self.mount[2]), np.sin(self.mount[2])
         turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1.0]])
         return turn @ covariance @ turn.T
@@ -103,16 +103,14 @@ class Scan:
 
 @dataclass(frozen=True)
 class Cluster:
-    """The returns of scans that are taken for the plate, gathered into rows of equal width."""
+    """The returns of each scan that are attributed to the plate, in rows of equal width."""
 
     bearing: Array  # (S, W) of the beams from the cluster's first to its last [rad]
     range: Array  # (S, W) [m]; 1 where `hit` is false
-    hit: np.ndarray  # (S, W) bool: the beam came back, and from the plate
+    hit: np.ndarray  # (S, W) bool: the beam gave a return from the plate
     count: np.ndarray  # (S,) number of returns; 0 where no cluster was found
-    lost: np.ndarray  # (S,) beams between the first and the last return that nothing stopped
-    hidden: (
-        Array  # (S, 2) angle beyond the first and last return that things nearer hide; inf to the field's edge [rad]
-    )
+    lost: np.ndarray  # (S,) beams between the first and the last return that nothing in front explains
+    hidden: Array  # (S, 2) angle hidden by closer objects beyond the first and last return; inf up to the edge [rad]
 
     @property
     def width(self) -> np.ndarray:
@@ -121,7 +119,7 @@ class Cluster:
 
     @property
     def padded_width(self) -> np.ndarray:
-        """(S,) the width rounded up, so that few different ones occur."""
+        """(S,) the width, rounded up so that few distinct values occur."""
         return -(-self.width // _PADDING) * _PADDING
 
     def take(self, rows: np.ndarray) -> Cluster:
@@ -154,16 +152,16 @@ class Cluster:
 
 
 def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluster:
-    """The cluster of points (paper, Sec. III-B) that is the plate, for scans with ranges (S, B).
+    """The cluster of points on the plate (paper, Sec. III-B), for scans with ranges (S, B).
 
-    Where the plate is expected, the pieces are taken that lie about there, more than one if something in front cuts it.
-    Else, or where there are none, it is the piece nearest to `near`, or with most returns, that is no larger than a
-    plate, returns being split where neighbours lie more than MAX_GAP apart.
+    If an expected pose is given, all pieces around it are taken: more than one if something in front divides the plate.
+    Otherwise, or if there are none, it is the piece nearest to `near`, or the one with most returns, among those no
+    larger than the plate; pieces are split where neighbours lie more than MAX_GAP apart.
 
     Args:
         scan: ranges (S, B).
-        plate: what is looked for.
-        near: where the plate is expected, poses (S, 3) in the LRF's frame.
+        plate: the plate to look for.
+        near: expected poses (S, 3) of the plate in the LRF's frame.
     """
     returns = _returns(scan)
     mine = np.zeros(len(returns.row), bool)
@@ -181,9 +179,9 @@ def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluste
 
 
 def plate_candidates(scan: Scan, plate: Plate, gap: float) -> tuple[Cluster, np.ndarray]:
-    """The clusters of scans (S, B) that could be the plate, C of them, and which scan (C,) each is of.
+    """The C clusters in scans (S, B) that could be the plate, and the scan (C,) of each.
 
-    Of each scan these are the largest pieces no larger than a plate, split where neighbours lie more than `gap` apart.
+    These are the largest pieces of each scan that are no larger than the plate, split at gaps above `gap` [m].
     """
     returns = _returns(scan)
     pieces = returns.split(gap)
@@ -200,7 +198,7 @@ def plate_candidates(scan: Scan, plate: Plate, gap: float) -> tuple[Cluster, np.
 
 
 def returns_at(scan: Scan, plate: Plate, pose: Array) -> Cluster:
-    """The returns of scans (S, B) that lie on plates at poses (S, 3) in the LRF's frame, as nearly as noise allows."""
+    """The returns of scans (S, B) that lie, within the noise, on plates at poses (S, 3) in the LRF's frame."""
     returns = _returns(scan)
     outside = plate.outside(pose[returns.row], returns.x, returns.y)
     mine = np.abs(outside) < max(_ON_PLATE, 5 * scan.noise)
@@ -208,7 +206,7 @@ def returns_at(scan: Scan, plate: Plate, pose: Array) -> Cluster:
 
 
 def gather(scan: Scan, rows: np.ndarray, cluster: np.ndarray, beam: np.ndarray) -> Cluster:
-    """Clusters of the scans `rows` (C,) from their returns: (H,) which cluster each belongs to, and of which beam."""
+    """Clusters of the scans `rows` (C,) from returns, given by their cluster (H,) and beam (H,)."""
     clusters, beams = len(rows), scan.ranges.shape[1]
     count = np.bincount(cluster, minlength=clusters)
     low, high = np.full(clusters, beams), np.full(clusters, -1)
@@ -230,7 +228,7 @@ def gather(scan: Scan, rows: np.ndarray, cluster: np.ndarray, beam: np.ndarray) 
 
 
 def _returns(scan: Scan) -> Returns:
-    """What came back, but for the background."""
+    """All returns except those of the background."""
     back = scan.ranges > _HOUSING  # false for NaN
     if scan.background is not None:
         back &= ~(np.abs(scan.ranges - scan.background) < _STATIC * max(scan.noise, MIN_NOISE))
@@ -238,10 +236,11 @@ def _returns(scan: Scan) -> Returns:
 
 
 def _hidden(scan: Scan, rows: np.ndarray, edge: np.ndarray, way: int) -> Array:
-    """Angle (C,) beyond the beams `edge` (C,) of the scans `rows` that something nearer hides, going one `way`.
+    """Angle (C,) hidden by something closer, beyond the beams `edge` (C,) of the scans `rows`, in the direction `way`.
 
-    It is inf where that ends at the edge of the field of view, or at a return that may be the plate's again; so it is
-    where nothing hides it, but two returns follow that may be. (One may be of plate and background, mixed.)
+    It is inf if the hidden part ends at the edge of the field of view or at a return that may be from the plate again,
+    and also if nothing hides the plate but two returns follow that may be from it. (A single one may be a mixture of
+    plate and background.)
     """
     last = scan.ranges.shape[1] - 1
     own = scan.ranges[rows, edge]
@@ -263,7 +262,7 @@ def _hidden(scan: Scan, rows: np.ndarray, edge: np.ndarray, way: int) -> Array:
 
 
 def _about(returns: Returns, plate: Plate, near: Array) -> np.ndarray:
-    """Which returns (H,) belong to pieces that lie for the most part about the plates expected at `near` (S, 3)."""
+    """Mask (H,) of the returns in pieces that lie mostly around the plates expected at `near` (S, 3)."""
     pieces = returns.split(FINER_GAPS[-1])
     close = plate.outside(near[returns.row], returns.x, returns.y) < _ABOUT
     share = np.bincount(pieces.label, weights=close, minlength=len(pieces.count)) / np.maximum(pieces.count, 1)

@@ -1,4 +1,4 @@
-"""Poses to climb from, and the chunks of scans that are climbed together."""
+"""Starting poses, and the chunks of scans that are fitted together."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from trackslip.localization.line import fit_line
 from trackslip.localization.scan import MIN_RETURNS, Cluster, Plate
 
 MAX_STARTS = 6
-"""Starts of a cluster, at most: with an expected pose."""
-_BESIDE = np.radians(2.0)  # the two starts beside the line of sight
+"""Maximum number of starts per cluster, reached with an expected pose."""
+_BESIDE = np.radians(2.0)  # angle between the line of sight and the two starts beside it
 _FROM_SIDE = np.sin(np.radians(30.0))  # of the angle between line and sight
-_WHOLE = 0.8  # of a side: one seen for more of its length than this is placed by both its ends
-_CHUNK = 60_000  # elements (starts x beams) worked on at a time, so that they stay in the cache
+_WHOLE = 0.8  # fraction of a side above which both of its visible ends locate it
+_CHUNK = 60_000  # elements (starts x beams) processed at a time, so that they stay in the cache
 
 
 def starts(cluster: Cluster, plate: Plate, beam_step: float, near: Array | None) -> Array:
-    """Poses (S, K, 3) to climb from.
+    """Poses (S, K, 3) to start from.
 
-    They are those of the line's heading, its mirror image, then both sides of edge-on, and the expected pose. Where the
-    line is seen from the side, in place of edge-on they are a little to both ends of the line's, or, where part of the
-    plate is out of sight, as far to both ends as it may be.
+    These have the heading of the line, its mirror image, and headings on both sides of edge-on; then follows the
+    expected pose. If the line is seen from the side, the edge-on starts are replaced by the pose of the line, shifted
+    slightly towards both ends or, if part of the plate is out of sight, as far as it may extend.
     """
     line = fit_line(cluster)
     distance = np.hypot(line.middle[:, 0], line.middle[:, 1])
@@ -42,7 +42,7 @@ def starts(cluster: Cluster, plate: Plate, beam_step: float, near: Array | None)
 
 
 def place(cluster: Cluster, heading: Array, middle: Array, plate: Plate) -> Array:
-    """Poses (S, 3) of plates with `heading` (S,) whose nearer faces touch the returns about `middle` (S, 2)."""
+    """Poses (S, 3) of plates with `heading` (S,) whose near faces touch the returns around `middle` (S, 2)."""
     x = cluster.range * np.cos(cluster.bearing)
     y = cluster.range * np.sin(cluster.bearing)
     e = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
@@ -61,10 +61,9 @@ def place(cluster: Cluster, heading: Array, middle: Array, plate: Plate) -> Arra
 
 
 def chunks(cluster: Cluster, starts_each: int, among: np.ndarray | None = None) -> Iterator[np.ndarray]:
-    """Rows of clusters with MIN_RETURNS or more, some at a time: all of a chunk padded to the same width.
+    """Rows of clusters with MIN_RETURNS or more returns, in chunks that are padded to the same width.
 
-    The width is a matter of the cluster alone, not of its neighbours, so that sums over beams round alike in any
-    company.
+    The width depends on the cluster alone, so that the rounding of sums over beams is independent of its neighbours.
     """
     wanted = cluster.count >= MIN_RETURNS if among is None else among & (cluster.count >= MIN_RETURNS)
     padded = cluster.padded_width

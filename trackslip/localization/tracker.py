@@ -1,4 +1,4 @@
-"""Poses of single scans -> one track: half turns resolved, wild poses refused, gaps bridged by the encoders."""
+"""From poses of single scans to a track: half turns resolved, outliers rejected, gaps bridged by the encoders."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from trackslip.localization.base import PoseEstimate
 
 @dataclass(frozen=True)
 class Gate:
-    """How far a pose may lie from its prediction to be believed. It widens with the way driven blind."""
+    """Maximum distance of a valid pose from its prediction. It grows with the distance driven without a pose."""
 
     position: float = 0.10
     """[m]"""
     heading: float = np.radians(20.0)
     """[rad]"""
     growth: float = 0.3
-    """Error of dead reckoning, as a fraction of the way and turn since the last valid pose [-]."""
+    """Error of dead reckoning relative to the distance and turn since the last valid pose [-]."""
     blind_turn: float = np.radians(60.0)
-    """Error of the predicted heading beyond which a plate can't be told from its opposite: the robot is lost [rad]."""
+    """Error of the predicted heading above which half turns are ambiguous, so that the robot is lost [rad]."""
 
     def __post_init__(self) -> None:
         for name in ("position", "heading", "growth", "blind_turn"):
@@ -34,8 +34,8 @@ class Gate:
 class Tracker:
     """Follows N robots from scan to scan.
 
-    The heading of a plate is known up to half a turn; the one nearest to the prediction is taken. The prediction is the
-    last pose carried on by the encoders without slip, which over one scan is off by less than a millimetre.
+    The heading of a plate is known up to half a turn; the one nearest to the prediction is taken. The prediction
+    propagates the last pose by the encoders without slip, which is off by less than a millimetre over one scan.
     """
 
     def __init__(self, start: Array, geometry: RobotGeometry, gate: Gate | None = None) -> None:
@@ -43,24 +43,24 @@ class Tracker:
         self._pose = np.array(start, float)
         self._geometry = geometry
         self._gate = gate or Gate()
-        self._blind = np.zeros((len(self._pose), 2))  # way [m] and turn [rad] since the last valid pose
+        self._blind = np.zeros((len(self._pose), 2))  # distance [m] and turn [rad] since the last valid pose
         self._last = np.zeros((len(self._pose), 3, 3))  # covariance of the last valid pose
 
     def restart(self, robots: np.ndarray, start: Array) -> None:
-        """Forget the past of some robots (R,), whose poses are known anew (R, 3)."""
+        """Restart some robots (R,) at known poses (R, 3)."""
         self._pose[robots] = start
         self._blind[robots] = 0.0
         self._last[robots] = 0.0
 
     def predict(self, omega: Array, duration: float) -> Array:
-        """Carry the poses on by sprocket speeds (N, 2) [rad/s] held for `duration` [s]; the new poses (N, 3)."""
+        """Propagate the poses by sprocket speeds (N, 2) [rad/s] held for `duration` [s]; returns them (N, 3)."""
         twist = body_twist(omega, 0.0, self._geometry)
         self._pose = advance(self._pose, twist, duration)
         self._blind += np.abs(twist) * duration
         return self._pose.copy()
 
     def believes(self, estimate: PoseEstimate) -> np.ndarray:
-        """Which of N estimates, one a robot, are valid and lie so near to the prediction that they would be taken."""
+        """Mask (N,) of the estimates, one per robot, that are valid and close enough to the prediction."""
         away = self._unwrapped(estimate.pose) - self._pose
         growth = self._gate.growth * self._blind
         far = np.hypot(away[:, 0], away[:, 1]) > self._gate.position + growth[:, 0]
@@ -69,7 +69,7 @@ class Tracker:
         return estimate.valid & ~far & ~turned & ~lost
 
     def update(self, estimate: PoseEstimate) -> PoseEstimate:
-        """The estimate of N poses, one a robot, put in track; where refused, the prediction, marked not valid."""
+        """Continue the tracks with one estimate per robot; a rejected one is replaced by the prediction, not valid."""
         valid = self.believes(estimate)
         pose = self._unwrapped(estimate.pose)
         self._pose[valid] = pose[valid]
@@ -78,14 +78,14 @@ class Tracker:
         return PoseEstimate(self._pose.copy(), self._covariance(), valid)
 
     def _unwrapped(self, pose: Array) -> Array:
-        """Poses (N, 3) with the headings, known up to half turns, that are nearest to the predictions."""
+        """Poses (N, 3) with headings shifted by half turns to be nearest to the predictions."""
         half_turns = np.round((pose[:, 2] - self._pose[:, 2]) / np.pi)
         return np.column_stack([pose[:, :2], pose[:, 2] - half_turns * np.pi])
 
     def _covariance(self) -> Array:
-        """Covariance (N, 3, 3): that of the last valid pose, and of the way driven blind since.
+        """Covariance (N, 3, 3) of the last valid pose, plus that of the distance driven since.
 
-        Slip is not noise: its error grows with the way, and a heading that is wrong leads the way astray.
+        Slip is not noise: its error grows with distance, and an error of the heading adds a lateral error.
         """
         way, turn = self._blind.T
         heading = self._gate.growth * turn

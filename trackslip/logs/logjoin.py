@@ -52,7 +52,7 @@ class StoredRuns:
         try:
             self._file = pa.parquet.ParquetFile(path, page_checksum_verification=True)
             self._metadata = json.loads(stored_text(self._file.schema_arrow.metadata))["runs"]
-        except (pa.ArrowException, OSError, ValueError, KeyError, TypeError) as error:
+        except (pa.ArrowException, OSError, ValueError, RecursionError, KeyError, TypeError) as error:
             raise LogError(f"{path}: {first_line(error)}") from error
         if self._file.num_row_groups != len(self._metadata):
             raise LogError(f"{path}: its runs have no row groups of their own")

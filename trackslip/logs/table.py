@@ -241,6 +241,6 @@ def _stored_metadata(table: pa.Table, source: str) -> dict[str, dict[str, Any]]:
         runs: dict[str, dict[str, Any]] = content["runs"]
     except LogError:
         raise
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, RecursionError, KeyError, TypeError, AttributeError) as error:
         raise LogError(f"{source}: its metadata is damaged ({first_line(error)})") from error
     return runs

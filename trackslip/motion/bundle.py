@@ -12,7 +12,7 @@ import numpy as np
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
-from trackslip.localization.likelihood import Fit, PlateLikelihood, View
+from trackslip.localization.likelihood import Beams, Evaluation, PlateLikelihood
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.arc import CHOSEN, MIN_ARC_POSES, fit_arc, poses_on_arc
 from trackslip.motion.base import SteadyTwist, long_run_covariance
@@ -48,18 +48,18 @@ def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     parameters = fit_arc(log.time[valid] - centre, scans.scan.from_world(log.pose[valid]))[0]
     seen = np.flatnonzero(rows & (scans.cluster.count >= 3))
     time = log.time[seen] - centre
-    view = View.of(scans.scan, scans.cluster.take(seen))
+    beams = Beams.of(scans.scan, scans.cluster.take(seen))
     likelihood = PlateLikelihood(scans.plate, _HUBER)
-    fit = likelihood.evaluate(view, poses_on_arc(parameters, time)[0], turn=True)
-    explained = (fit.misfit < _MISFIT) & (fit.cost < _COSTLY * (view.hit.sum(axis=1) + 2))
+    fit = likelihood.evaluate(beams, poses_on_arc(parameters, time)[0], turn=True)
+    explained = (fit.misfit < _MISFIT) & (fit.cost < _COSTLY * (beams.hit.sum(axis=1) + 2))
     kept = np.flatnonzero(explained)
     if kept.size < MIN_ARC_POSES:
         raise LogError(f"run {log.run!r}: its ranges don't fit its poses")
-    time, view = time[kept], view.take(kept)
+    time, beams = time[kept], beams.take(kept)
 
-    def climbed_from(parameters: Array) -> tuple[Fit, Array, Array, Array]:
+    def climbed_from(parameters: Array) -> tuple[Evaluation, Array, Array, Array]:
         pose, jacobian = poses_on_arc(parameters, time)
-        fit = likelihood.evaluate(view, pose, turn=True)
+        fit = likelihood.evaluate(beams, pose, turn=True)
         scores = np.einsum("tki,tk->ti", jacobian, fit.gradient)
         hessian = np.einsum("tki,tkl,tlj->ij", jacobian, fit.hessian, jacobian)
         return fit, scores, hessian, scores.sum(axis=0)

@@ -1,7 +1,7 @@
-"""Slip laws: motion -> slip of the (left, right) tracks.
+"""Slip laws: from the motion of the robot to the slip of its (left, right) tracks.
 
-Most laws take a path's curvature alone: on a slow robot slip depends on the path's radius only (paper, Sec. III-C).
-Curvature is signed, kappa = w / v (positive: counter-clockwise when driving forwards), so that a straight path is
-kappa = 0 and nothing special. Right turns mirror left turns, but for `IcrSides`: the inner law goes to the inner track.
-A law's parameters may be arrays, any shape that broadcasts against the curvatures: many laws at once.
+Most laws depend on the curvature of the path alone, because the slip of a slow robot depends on the radius only (paper,
+Sec. III-C). Curvature is signed, kappa = w / v (positive: counter-clockwise when driving forwards), so that a straight
+path, kappa = 0, is not a special case. Right turns mirror left turns except for `IcrSides`: the inner track follows the
+law of the inner track. The parameters of a law may be arrays that broadcast against the curvatures: many laws at once.
 """

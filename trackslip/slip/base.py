@@ -1,4 +1,4 @@
-"""What a slip law is, and the twist that given sprocket speeds drive under one."""
+"""The base class of slip laws, and the twist that results from sprocket speeds."""
 
 from __future__ import annotations
 
@@ -12,30 +12,30 @@ from trackslip.kinematics import Array, RobotGeometry, body_twist, curvature, sp
 
 _ITERATIONS = 12
 _CONVERGED = 1e-12  # relative error of the sprocket speeds
-_SLOPES = (0.2, 5.0)  # of the commanded direction by the real one, within which a step is believed
+_SLOPES = (0.2, 5.0)  # of the commanded direction over the real one, to which a step is limited
 
 
 class SlipLaw(ABC):
-    """Curvature (...) [1/m] -> slip (..., 2) of the left and right track."""
+    """Maps curvature (...) [1/m] to the slip (..., 2) of the left and right track [-]."""
 
     @abstractmethod
     def __call__(self, kappa: ArrayLike) -> Array:
         """Slips (..., 2) at curvatures (...); infinite curvature is turning in place."""
 
     def slip(self, twist: ArrayLike) -> Array:
-        """Slips (..., 2) in motion with a twist (..., 2); laws that know of speed say more here than when called."""
+        """Slips (..., 2) at twists (..., 2); laws that depend on speed override this."""
         return self(curvature(twist))
 
     def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
-        """Sprocket speeds (..., 2) [rad/s] that drive a twist (..., 2) under this law; Eq. 15."""
+        """Sprocket speeds (..., 2) [rad/s] that produce a twist (..., 2) under this law; Eq. 15."""
         return sprocket_speeds(twist, self.slip(twist), geometry)
 
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
-        """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] drive: `sprocket_speeds` undone, by secants.
+        """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce: the inverse of `sprocket_speeds`.
 
-        Both are points in the plane (v, b w): the real one is turned and scaled until the law's command for it is the
-        given one. Where a law knows no such twist (one with a jump between left and right turns in place), one that
-        comes near.
+        The secant method rotates and scales the real twist, a point in the plane (v, b w), until the law's command for
+        it matches `omega`. If no such twist exists (for a law with a jump between left and right turns in place), the
+        result is close to a solution.
         """
         omega = np.asarray(omega, float)
         commanded = _plane(body_twist(omega, 0.0, geometry), geometry)
@@ -63,20 +63,20 @@ def _plane(twist: Array, geometry: RobotGeometry) -> np.ndarray:
 
 
 def by_side(kappa: ArrayLike, inner: Array, outer: Array) -> Array:
-    """Slips (..., 2) of (left, right) from those of the inner and outer track (...); the mean of both on a straight."""
+    """Slips (..., 2) of (left, right) from those of the inner and outer track (...); their mean on a straight path."""
     side = np.sign(np.asarray(kappa, float))
     mean, half = (inner + outer) / 2, (inner - outer) / 2
     return np.stack(np.broadcast_arrays(mean + side * half, mean - side * half), axis=-1)
 
 
 def radius_of(kappa: ArrayLike) -> Array:
-    """Radii (...) >= 0 [m] of curvatures (...)."""
+    """Radii (...) >= 0 [m] for curvatures (...)."""
     with np.errstate(divide="ignore", over="ignore"):
         return 1 / np.abs(np.asarray(kappa, float))
 
 
 def require_within(name: str, value: ArrayLike, low: float, high: float, allowed: str, *, closed: bool = False) -> None:
-    """Raise InvalidValueError unless all of `value` lies between `low` and `high`, or on them if `closed`."""
+    """Raise InvalidValueError unless all of `value` is between `low` and `high`, inclusively if `closed`."""
     array = np.asarray(value, float)
     inside = (array >= low) & (array <= high) if closed else (array > low) & (array < high)
     if not inside.all():

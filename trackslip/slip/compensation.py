@@ -1,4 +1,4 @@
-"""Compensation of slip: the one place where a twist becomes sprocket speeds, with or without a law of slip."""
+"""Slip compensation: which law converts twists into sprocket speeds, fixed or learnt while driving."""
 
 from __future__ import annotations
 
@@ -15,29 +15,29 @@ from trackslip.slip.online import FilterTuning, IcrFilter
 
 
 class Compensation(Protocol):
-    """Knows, or learns, how N robots slip."""
+    """Provides the slip laws of N robots."""
 
     def reset(self, start: Array) -> None:
-        """A new run begins, at poses (N, 3)."""
+        """Start a new run at poses (N, 3)."""
         ...
 
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
-        """Sprockets ran at mean speeds (N, 2) [rad/s] for `duration` [s]; then these N poses were measured."""
+        """Take the mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the N poses measured afterwards."""
         ...
 
     def law(self) -> SlipLaw:
-        """The slip law in use now, of each robot where they differ."""
+        """The current slip law, with one set of parameters per robot where they differ."""
         ...
 
 
 @dataclass(frozen=True)
 class FixedLaw:
-    """One law for all robots, as it was identified; without one the tracks are taken not to slip."""
+    """A fixed law for all robots; by default no slip, which means no compensation."""
 
     known: SlipLaw = field(default_factory=NoSlip)
 
     def reset(self, start: Array) -> None:
-        """Nothing to forget."""
+        """Nothing to reset."""
 
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
         """Nothing to learn."""
@@ -48,7 +48,7 @@ class FixedLaw:
 
 
 class OnlineIcr:
-    """Constant ICRs, found while driving (see `estimation`), beginning with those of `prior`, or with nothing."""
+    """Constant ICRs, learnt while driving by an `IcrFilter`, from those of `prior` or without prior knowledge."""
 
     def __init__(
         self, geometry: RobotGeometry, prior: ConstantIcr | None = None, tuning: FilterTuning | None = None
@@ -57,19 +57,19 @@ class OnlineIcr:
         self._filter: IcrFilter | None = None
 
     def reset(self, start: Array) -> None:
-        """A new run begins, at poses (N, 3)."""
+        """Start a new run at poses (N, 3)."""
         self._filter = IcrFilter(start, self._geometry, self._prior, self._tuning)
 
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
-        """Learn from what the robots drove."""
+        """Update the filters with the motion of the robots."""
         self._running.update(omega, duration, estimate)
 
     def law(self) -> ConstantIcr:
-        """The laws found so far, their parameters (N,)."""
+        """The current estimates, with parameters (N,)."""
         return self._running.law
 
     @property
     def _running(self) -> IcrFilter:
         if self._filter is None:
-            raise TrackslipError("compensation: reset() comes before the first run")
+            raise TrackslipError("compensation: call reset() before the first run")
         return self._filter

@@ -1,4 +1,4 @@
-"""Slip that doesn't depend on the path, and none at all."""
+"""Slip that does not depend on the path, and no slip."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class NoSlip(SlipLaw):
 
 @dataclass(frozen=True)
 class Constant(SlipLaw):
-    """The same slip at every radius; it jumps where the inner track becomes the outer, through the mean of both."""
+    """The same slip at every radius, with a jump at the straight path, where it is the mean of both tracks."""
 
     slip_outer: float
     """Slip of the outer track [-]."""

@@ -1,4 +1,4 @@
-"""The paper's exponential law, and the same with a term of speed."""
+"""The paper's exponential law, and an extension that depends on speed."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class ExponentialSpeed(Exponential):
             require_within(name, getattr(self, name), -np.inf, np.inf, "finite")
 
     def slip(self, twist: ArrayLike) -> Array:
-        """Slips (..., 2) in motion with a twist (..., 2); calling the law gives those of creeping, |v| = 0."""
+        """Slips (..., 2) at twists (..., 2); calling the law gives the limit |v| = 0."""
         kappa, speed = curvature(twist), np.abs(np.asarray(twist, float)[..., 0])
         radius = radius_of(kappa)
         inner = (self.alpha_inner + self.gamma_inner * speed) * np.exp(self.beta_inner * radius)

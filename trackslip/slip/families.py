@@ -1,6 +1,6 @@
-"""The families of slip laws that are fitted: which parameters are free, within which limits, and where to start.
+"""The families of slip laws that can be fitted: free parameters, limits and starting values.
 
-A new family is a law in `trackslip.slip` and an entry here.
+To add a family, write a law in `trackslip.slip` and an entry here.
 """
 
 from __future__ import annotations
@@ -26,24 +26,27 @@ class Parameter:
     """A free parameter of a family."""
 
     starts: tuple[float, ...]
-    """Where to start from; every family tries the first of each parameter, then the second of each, and so on."""
+    """Starting values: fits start from the first of each parameter, then from the second of each, and so on."""
     low: float
+    """Lower limit."""
     high: float
+    """Upper limit."""
     scale: float
-    """Size of a change that matters."""
+    """Size of a significant change."""
     unit: str
-    """As printed; empty for a pure number. Lengths (m) are given in half gauges above."""
+    """Unit as printed; empty for a pure number. For lengths (m) the values above are in half gauges."""
 
 
 @dataclass(frozen=True)
 class LawFamily:
-    """Slip laws that differ in the values of their parameters."""
+    """Slip laws that differ only in the values of their parameters."""
 
     title: str
-    """What it is, in a few words."""
+    """A short description."""
     parameters: Mapping[str, Parameter]
+    """Free parameters by name, in the order of their values in arrays."""
     build: Callable[[Mapping[str, Any], RobotGeometry], SlipLaw]
-    """A law from values, numbers or arrays of any one shape, of the parameters."""
+    """Builds a law from values of the parameters: numbers, or arrays of one shape."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -51,18 +54,18 @@ class LawFamily:
         return tuple(self.parameters)
 
     def limits(self, half_gauge: float) -> Array:
-        """(3, p): lowest, highest values and scales for a robot of that half gauge [m]."""
+        """Lower limits, upper limits and scales (3, p) for a robot with this half gauge [m]."""
         rows = [(p.low, p.high, p.scale) for p in self.parameters.values()]
         return (np.array(rows).reshape(-1, 3) * self._units(half_gauge)[:, None]).T
 
     def starts(self, half_gauge: float) -> Array:
-        """(K, p): values to start fits from."""
+        """Starting values (K, p) of fits."""
         most = max((len(p.starts) for p in self.parameters.values()), default=1)
         rows = [[p.starts[k % len(p.starts)] for p in self.parameters.values()] for k in range(most)]
         return np.array(rows, float).reshape(most, -1) * self._units(half_gauge)
 
     def law(self, values: Array, geometry: RobotGeometry) -> SlipLaw:
-        """The law of values (..., p), many laws at once if there are more than one; their shape is (...)."""
+        """The law with parameters (..., p): many laws of shape (...) at once."""
         return self.build({name: values[..., k] for k, name in enumerate(self.names)}, geometry)
 
     def _units(self, half_gauge: float) -> Array:
@@ -128,20 +131,20 @@ FAMILIES: dict[str, LawFamily] = {
         lambda p, geometry: IcrSides(**p, half_gauge=geometry.half_gauge),
     ),
 }
-"""Simple ones first."""
+"""Families by name, simple ones first."""
 TWO_SIDED = ("icr_sides",)
-"""Families that ask for turns to the left and to the right."""
+"""Families that need turns to both sides."""
 
 
 def family(name: str) -> LawFamily:
-    """The family called `name`; raises InvalidValueError for one that isn't there."""
+    """The family called `name`; raises InvalidValueError if there is none."""
     if name not in FAMILIES:
         raise InvalidValueError("law", name, f"one of {', '.join(FAMILIES)}")
     return FAMILIES[name]
 
 
 def law_from_values(name: str, values: Mapping[str, Any], half_gauge: float) -> SlipLaw:
-    """A law of FAMILIES from stored values; raises InvalidValueError for what isn't there."""
+    """A law of FAMILIES from stored values; raises InvalidValueError for missing or invalid ones."""
     model = family(name)
     given = {key: values.get(key) for key in model.names}
     missing = [key for key, value in given.items() if isinstance(value, bool) or not isinstance(value, int | float)]

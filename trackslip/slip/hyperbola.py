@@ -1,4 +1,4 @@
-"""A hyperbola in radius whose pole is free."""
+"""A hyperbola in radius with a free pole."""
 
 from __future__ import annotations
 
@@ -15,13 +15,14 @@ from trackslip.slip.base import SlipLaw, require_within
 class Hyperbola(SlipLaw):
     """i = a / (R + p) outside and -a / (R - p) inside; the constant ICR is the special case p = b + a.
 
-    In curvature i = +-a kappa / (1 +- p kappa), regular but for the pole of the inner track at R = p.
+    As a function of curvature, i = +-a kappa / (1 +- p kappa), which is regular except for the pole of the inner track at
+    R = p.
     """
 
     size: float
-    """a: slip times radius on wide turns [m]."""
+    """a: slip times radius in wide turns [m]."""
     pole: float
-    """p: radius at which the inner track's slip has its pole [m], >= 0."""
+    """p: radius of the pole of the inner track's slip [m], >= 0."""
 
     def __post_init__(self) -> None:
         require_within("size", self.size, -np.inf, np.inf, "finite")
@@ -29,7 +30,7 @@ class Hyperbola(SlipLaw):
 
     def __call__(self, kappa: ArrayLike) -> Array:
         """Slips (..., 2) at curvatures (...)."""
-        direction = np.arctan(np.asarray(kappa, float))[..., None]  # so that infinite curvature is a number
+        direction = np.arctan(np.asarray(kappa, float))[..., None]  # finite for infinite curvature
         along, turning = np.cos(direction), np.sin(direction)
         size, pole = np.asarray(self.size)[..., None], np.asarray(self.pole)[..., None]
         with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,4 +1,4 @@
-"""Tracks whose instantaneous centres of rotation (ICRs) stay where they are."""
+"""Tracks with constant instantaneous centres of rotation (ICRs)."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from trackslip.slip.base import SlipLaw, require_within
 
 
 class _Icr(SlipLaw):
-    """Commanded track speeds linear in the twist: (1 + epsilon) V = v -+ (b + D) w, exactly and at every radius.
+    """Surface speeds that are linear in the twist, v -+ (b + D) w, at every radius, with D and epsilon of each track.
 
-    The slip ratio has a pole where a sprocket stands still; sprocket speeds and twists have none, and are computed
-    without it. Written for D and epsilon of either track.
+    The slip ratio has a pole where a sprocket stands still. Sprocket speeds and twists have none and are computed
+    without the slip ratio.
     """
 
     half_gauge: float
@@ -26,7 +26,7 @@ class _Icr(SlipLaw):
 
     def __call__(self, kappa: ArrayLike) -> Array:
         """Slips (..., 2) at curvatures (...)."""
-        direction = np.arctan(np.asarray(kappa, float))[..., None]  # so that infinite curvature is a number
+        direction = np.arctan(np.asarray(kappa, float))[..., None]  # finite for infinite curvature
         along, turning = np.cos(direction), np.sin(direction)
         reach, scale = self._tracks()
         real = along + SIDES * self.half_gauge * turning
@@ -35,13 +35,13 @@ class _Icr(SlipLaw):
             return 1 - scale * real / commanded
 
     def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
-        """Sprocket speeds (..., 2) [rad/s] that drive a twist (..., 2): regular at every radius."""
+        """Sprocket speeds (..., 2) [rad/s] that produce a twist (..., 2); regular at every radius."""
         twist = np.asarray(twist, float)
         reach, scale = self._tracks()
         return (twist[..., :1] + SIDES * reach * twist[..., 1:]) / (geometry.sprocket_radius * scale)
 
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
-        """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] drive: regular at every radius."""
+        """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce; regular at every radius."""
         reach, scale = self._tracks()
         surface = geometry.sprocket_radius * scale * np.asarray(omega, float)
         w = (surface[..., 1] - surface[..., 0]) / (reach[..., 0] + reach[..., 1])
@@ -50,14 +50,14 @@ class _Icr(SlipLaw):
 
 @dataclass(frozen=True)
 class ConstantIcr(_Icr):
-    """Both ICRs D outside their tracks: what rigid Coulomb friction gives in a slow turn.
+    """Both ICRs at a distance D outside their tracks, as Coulomb friction predicts for slow turns.
 
     i = 1 - (1 + epsilon) (1 -+ b kappa) / (1 -+ (b + D) kappa): for epsilon = 0, D / (R + b + D) outside and
     -D / (R - b - D) inside.
     """
 
     offset: float
-    """D: how far the centres lie outside the tracks' centre lines [m]."""
+    """D: distance of the ICRs outside the centre lines of the tracks [m]."""
     half_gauge: float
     """b: half the distance between the tracks' centre lines [m]."""
     radius_error: float = 0.0
@@ -75,9 +75,9 @@ class ConstantIcr(_Icr):
 
 @dataclass(frozen=True)
 class IcrSides(_Icr):
-    """A constant ICR whose sides differ, as of a robot with its weight to one side or unlike tracks.
+    """Constant ICRs that differ between left and right, for an off-centre mass or unequal tracks.
 
-    A motion reversed reverses all friction forces, so D and epsilon belong to a side of the robot, not of the turn.
+    Reversing the motion reverses all friction forces, so D and epsilon belong to a side of the robot, not of the turn.
     """
 
     offset_left: float

@@ -1,21 +1,20 @@
-"""Slip estimated while driving: an extended Kalman filter on pose and the constants D and epsilon of constant ICRs.
+"""Online slip estimation: an extended Kalman filter for the pose and the constants D and epsilon of constant ICRs.
 
-Between two scans the encoders tell how far the belts ran, and the robot drives an arc with the rates of constant ICRs,
-exactly:
+Between two scans the encoders measure how far the belts moved. With constant ICRs the robot drives an arc, exactly:
 
     v = (1 + epsilon) (s_r + s_l) / 2        w = (1 + epsilon) g (s_r - s_l) / (2 b)        g = b / (b + D)
 
-with belt speeds s = r omega. The centre of a turn needn't lie abreast of the robot's middle: with a weight ahead of it,
-or where a slippery ground hardly bends the way of a fast robot, it lies c ahead, and the middle drifts sideways with
--c w. A scan measures the pose. The state is (x, y, phi, g, epsilon, c): the rates are linear in the yaw gain g, whereas
-a filter that is linearised in D loses its way when D is far off. The constants wander with the way and the turn driven,
-not with time: what a motion doesn't show (D on a straight, all when standing) stays what it was, and how well it is
-known too. Where a robot turns so slowly that it may be chance, g and c are considered, but not learnt: a controller
-answers the noise of scans with small turns, and noise that isn't as it is said to be would pass for slip.
+with belt speeds s = r omega. The centre of a turn is not always beside the middle of the robot: with the centre of mass
+ahead, or when a fast robot skids on slippery ground, it lies c ahead, and the middle drifts sideways at -c w. A scan
+measures the pose. The state is (x, y, phi, g, epsilon, c): the rates are linear in the yaw gain g, whereas a filter
+linearised in D diverges when D is far off. The process noise of the constants grows with the distance and turn driven,
+not with time: what a motion does not excite (D on a straight path, everything at rest) keeps its value and its
+uncertainty. While a robot turns so slowly that it may be by chance, g and c are considered but not updated: a controller
+responds to scan noise with small turns, and a misspecified noise model would be mistaken for slip.
 
-Two gates watch the innovations. One too large for a scan's noise is a wrong pose and is left out; several in a row mean
-that the filter is wrong. Innovations that lean one way for a while, each small, mean that the ground has changed. In
-either case the filter begins anew, from the scanned pose and with constants as uncertain as at the start.
+Two gates monitor the innovations. A pose whose innovation is too large for the noise of a scan is rejected; several in
+a row mean that the filter is wrong. Small innovations with a persistent bias mean that the ground has changed. In either
+case the filter restarts from the scanned pose, with the constants as uncertain as at the start.
 """
 
 from __future__ import annotations
@@ -30,45 +29,45 @@ from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.localization.base import PoseEstimate
 from trackslip.slip.icr import ConstantIcr
 
-_GAINS = (0.05, 10.0)  # yaw gains that are believed
-_MAX_ERROR = 0.5  # of the sprocket radius, relative
-_MAX_CENTRE = 1.0  # [m]
+_GAINS = (0.05, 10.0)  # limits of the yaw gain [-]
+_MAX_ERROR = 0.5  # relative error of the sprocket radius [-]
+_MAX_CENTRE = 1.0  # limit of c [m]
 
 
 @dataclass(frozen=True)
 class FilterTuning:
-    """What the filter takes for granted."""
+    """Assumptions of the filter."""
 
     gain_spread: float = 0.3
-    """Standard deviation of g where nothing is known [-]."""
+    """Standard deviation of g without prior knowledge [-]."""
     radius_error_spread: float = 0.02
-    """Standard deviation of epsilon where nothing is known [-]."""
+    """Standard deviation of epsilon without prior knowledge [-]."""
     centre_spread: float = 0.03
-    """Standard deviation of c where nothing is known [m]."""
+    """Standard deviation of c without prior knowledge [m]."""
     known: float = 0.15
-    """Share of these that is left at the start where a law is known [-]."""
+    """Factor on these at the start if a law is given [-]."""
     least_turn: float = 0.015
-    """Mean yaw rate from which g and c are learnt [rad/s]."""
+    """Mean yaw rate above which g and c are updated [rad/s]."""
     gain_walk: float = 0.003
-    """Wander of g [1/sqrt(rad) turned]."""
+    """Process noise of g [1/sqrt(rad) turned]."""
     radius_error_walk: float = 0.0005
-    """Wander of epsilon [1/sqrt(m) driven]."""
+    """Process noise of epsilon [1/sqrt(m) driven]."""
     centre_walk: float = 0.003
-    """Wander of c [m per sqrt(rad) turned]."""
+    """Process noise of c [m per sqrt(rad) turned]."""
     position_walk: float = 0.002
-    """What the motion model misses, in position [m per sqrt(m) driven]."""
+    """Process noise of the position [m per sqrt(m) driven]."""
     heading_walk: float = 0.003
-    """What it misses, in heading [rad per sqrt(rad) turned, and per sqrt(m) driven]."""
+    """Process noise of the heading [rad per sqrt(rad) turned, and per sqrt(m) driven]."""
     floor: float = 1e-4
-    """Least error of a measured pose [m and rad]."""
+    """Minimum standard deviation of a measured pose [m and rad]."""
     outlier: float = 30.0
-    """Squared innovation, in its own covariance, from which a pose is left out (chi-square, 3 degrees) [-]."""
+    """Normalised squared innovation above which a pose is rejected (chi-square, 3 degrees of freedom) [-]."""
     patience: int = 5
-    """Poses left out in a row after which they are believed [-]."""
+    """Number of poses rejected in a row after which the filter restarts [-]."""
     change: float = 60.0
-    """Squared mean of innovations, in its own covariance, from which the ground has changed (likewise) [-]."""
+    """Normalised squared mean innovation above which the ground has changed (likewise) [-]."""
     memory: float = 10.0
-    """Scans over which that mean is taken [-]."""
+    """Number of scans over which that mean is taken [-]."""
 
     def __post_init__(self) -> None:
         for name in ("gain_spread", "radius_error_spread", "centre_spread", "outlier", "change", "known", "floor"):
@@ -82,12 +81,12 @@ class FilterTuning:
 
     @property
     def spreads(self) -> tuple[float, float, float]:
-        """Of (g, epsilon, c)."""
+        """Standard deviations of (g, epsilon, c) without prior knowledge."""
         return self.gain_spread, self.radius_error_spread, self.centre_spread
 
 
 class IcrFilter:
-    """Pose, D and epsilon of N robots; each robot's bits are its own, whatever the others do."""
+    """Estimates pose, D and epsilon of N robots, which are bitwise independent of each other."""
 
     def __init__(
         self,
@@ -96,29 +95,29 @@ class IcrFilter:
         law: ConstantIcr | None = None,
         tuning: FilterTuning | None = None,
     ) -> None:
-        """Begin at known poses `start` (N, 3) with the D and epsilon of `law`, or with D = epsilon = 0 and no idea."""
+        """Start at known poses (N, 3) from the D and epsilon of `law`, or from D = epsilon = 0 without prior knowledge."""
         self._geometry, self._tuning = geometry, tuning or FilterTuning()
         pose = np.atleast_2d(np.asarray(start, float))
         n = len(pose)
         self.state = np.zeros((n, 6))
-        """x, y [m], phi [rad], g, epsilon [-], c [m]."""
+        """State (N, 6): x, y [m], phi [rad], g, epsilon [-], c [m]."""
         self.state[:, :3], self.state[:, 3] = pose, 1.0
         if law is not None:
             self.state[:, 3] = geometry.half_gauge / (geometry.half_gauge + law.offset)
             self.state[:, 4] = law.radius_error
         self.covariance = np.zeros((n, 6, 6))
-        """Of the state."""
+        """Covariance (N, 6, 6) of the state."""
         self.restarts = np.zeros(n, int)
-        """How often the filter began anew."""
-        self._lean = np.zeros((n, 3))  # sum of whitened innovations, fading
+        """Number of restarts (N,)."""
+        self._lean = np.zeros((n, 3))  # exponentially weighted sum of whitened innovations
         self._weight = np.zeros(n)  # variance of that sum
-        self._refused = np.zeros(n, int)  # poses left out in a row
-        self._turning = np.zeros(n)  # mean yaw rate of late [rad/s]
+        self._refused = np.zeros(n, int)  # number of poses rejected in a row
+        self._turning = np.zeros(n)  # recent mean yaw rate [rad/s]
         self._begin(np.arange(n), pose, np.zeros((n, 3, 3)), 1.0 if law is None else self._tuning.known)
 
     @property
     def law(self) -> ConstantIcr:
-        """The slip laws found so far, their parameters (N,)."""
+        """The current estimates as slip laws, with parameters (N,)."""
         return ConstantIcr(self.offset, self._geometry.half_gauge, self.state[:, 4].copy())  # type: ignore[arg-type]
 
     @property
@@ -132,7 +131,7 @@ class IcrFilter:
         return self._geometry.half_gauge / self.state[:, 3] ** 2 * np.sqrt(self.covariance[:, 3, 3])
 
     def update(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
-        """Sprockets ran at mean speeds (N, 2) [rad/s] for `duration` [s]; then poses were measured, where valid."""
+        """Take mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the poses measured afterwards, where valid."""
         self._predict(omega, duration)
         rows = np.flatnonzero(estimate.valid)
         if rows.size:
@@ -163,7 +162,7 @@ class IcrFilter:
         )
         self.covariance[:, np.arange(6), np.arange(6)] += spread
         for k, most in enumerate(tuning.spreads, 3):
-            over = self.covariance[:, k, k] > most**2  # no less is known than at the start
+            over = self.covariance[:, k, k] > most**2  # never less certain than at the start
             shrink = np.where(over, most / np.sqrt(self.covariance[:, k, k]), 1.0)
             self.covariance[:, k, :] *= shrink[:, None]
             self.covariance[:, :, k] *= shrink[:, None]
@@ -185,11 +184,11 @@ class IcrFilter:
         self._begin(rows[again], pose[again], noise[again], 1.0)
 
     def _learn(self, rows: np.ndarray, white: Array, root: Array) -> None:
-        """Take up innovations (R, 3), whitened by the roots (R, 3, 3) of their covariances."""
+        """Update the state with innovations (R, 3), whitened by the roots (R, 3, 3) of their covariances."""
         half = _solve_lower(root[:, None], self.covariance[rows, :, :3])  # (R, 6, 3)
         taken = half.copy()
         slow = np.abs(self._turning[rows]) < self._tuning.least_turn
-        taken[np.ix_(slow, [3, 5])] = 0.0  # considered, not learnt
+        taken[np.ix_(slow, [3, 5])] = 0.0  # considered, not updated
         self.state[rows] += np.einsum("nij,nj->ni", taken, white)
         crossed = np.einsum("nik,njk->nij", taken, half)
         covariance = self.covariance[rows] - crossed - crossed.swapaxes(1, 2)
@@ -203,11 +202,11 @@ class IcrFilter:
         self._weight[rows] = fade**2 * self._weight[rows] + 1
 
     def _leaning(self, rows: np.ndarray) -> Array:
-        """How far the latest innovations (R,) of the robots `rows` lean one way (chi-square, 3 degrees)."""
+        """Bias (R,) of the recent innovations of the robots `rows` (chi-square, 3 degrees of freedom)."""
         return np.einsum("ni,ni->n", self._lean[rows], self._lean[rows]) / np.maximum(self._weight[rows], 1.0)
 
     def _begin(self, rows: np.ndarray, pose: Array, noise: Array, share: float) -> None:
-        """Begin anew at poses (R, 3) with covariances (R, 3, 3), and a `share` of the spreads of the constants."""
+        """(Re)start at poses (R, 3) with covariances (R, 3, 3), and a `share` of the spreads of the constants."""
         self.state[rows, :3] = pose
         self.covariance[rows] = 0.0
         self.covariance[rows[:, None, None], np.arange(3)[:, None], np.arange(3)] = noise
@@ -216,9 +215,10 @@ class IcrFilter:
 
 
 def icr_motion(law: Array, omega: Array, geometry: RobotGeometry) -> tuple[Array, Array]:
-    """Velocities (N, 3) that sprockets at omega (N, 2) [rad/s] drive under (g, epsilon, c) (N, 3), and derivatives.
+    """Velocities (N, 3) from sprocket speeds omega (N, 2) [rad/s] under (g, epsilon, c) (N, 3), and derivatives.
 
-    A velocity is (forward speed, lateral speed to the left, yaw rate); the derivatives (N, 3, 3) are by the law.
+    A velocity is (forward speed, lateral speed to the left, yaw rate); the derivatives (N, 3, 3) are with respect to
+    (g, epsilon, c).
     """
     gain, scale, centre = law[:, 0], 1 + law[:, 1], law[:, 2]
     left, right = (geometry.sprocket_radius * omega).T
@@ -237,10 +237,10 @@ def drive_arc(pose: Array, motion: Array) -> tuple[Array, Array, Array]:
 
     Args:
         pose: (N, 3) before.
-        motion: ways forwards and to the left along the curve, and turns, (N, 3) [m, m, rad].
+        motion: distances forwards and to the left along the curve, and turns, (N, 3) [m, m, rad].
 
     Returns:
-        The poses, and their derivatives by the poses before (N, 3, 3) and by the motion (N, 3, 3).
+        The poses, and their derivatives with respect to the poses before (N, 3, 3) and the motion (N, 3, 3).
     """
     forward, leftward, turn = motion.T
     half = turn / 2

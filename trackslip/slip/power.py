@@ -1,4 +1,4 @@
-"""A power of radius."""
+"""A power law in radius."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""References: what a controller is asked to follow, as pose and twist over time."""
+"""References: pose and twist over time for a controller to follow."""

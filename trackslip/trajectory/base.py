@@ -10,11 +10,11 @@ from trackslip.kinematics import Array
 
 
 class Reference(Protocol):
-    """A path in time. Before 0 it stands at its start, after `duration` at its end."""
+    """A trajectory. It rests at its start before time 0 and at its end after `duration`."""
 
     @property
     def duration(self) -> float:
-        """When the reference stops [s]."""
+        """Time at which the reference ends [s]."""
         ...
 
     def pose(self, time: ArrayLike) -> Array:

@@ -1,4 +1,4 @@
-"""Paths whose curvature changes evenly with the length, piece by piece: straights, arcs and clothoids."""
+"""Paths of piecewise linear curvature: straights, arcs and clothoids."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ class Piece:
     """A straight, an arc or a clothoid."""
 
     length: float
-    """[m]"""
+    """Arc length [m]."""
     start_curvature: float = 0.0
-    """[1/m], positive to the left."""
+    """Curvature at its start, positive to the left [1/m]."""
     end_curvature: float = 0.0
-    """[1/m]"""
+    """Curvature at its end [1/m]."""
 
     def __post_init__(self) -> None:
         require_positive("length", self.length)
@@ -35,10 +35,10 @@ class Piece:
 
 
 class ClothoidPath:
-    """Pieces one after the other. The heading is quadratic in the length, the position its Gauss-Legendre integral."""
+    """Pieces in sequence. The heading is quadratic in the arc length, the position its Gauss-Legendre integral."""
 
     def __init__(self, start: ArrayLike, pieces: Sequence[Piece]) -> None:
-        """`start` is the first pose (3,); raises InvalidValueError without pieces, or for more than MAX_LENGTH."""
+        """`start` is the first pose (3,); raises InvalidValueError without pieces or above MAX_LENGTH."""
         if not pieces:
             raise InvalidValueError("pieces", pieces, "at least one piece")
         require_length(sum(piece.length for piece in pieces))
@@ -57,7 +57,7 @@ class ClothoidPath:
 
     @property
     def knots(self) -> Array:
-        """Arc lengths (K,) from 0 to the path's length, at most STEP apart; the curvature is smooth between them."""
+        """Arc lengths (K,) from 0 to the path's length, at most STEP apart, with smooth curvature between them."""
         return self._s
 
     def pose(self, s: Array) -> Array:
@@ -74,7 +74,7 @@ class ClothoidPath:
         return self._curvature[k] + self._sharpness[k] * (s - self._s[k])
 
     def _chord(self, k: np.ndarray, way: Array) -> Complex:
-        """From knots k (...) to points (...) further along the path."""
+        """Vectors from knots k (...) to points `way` (...) further along the path."""
         at = way[..., None] * _NODES
         heading = self._heading[k, None] + at * (self._curvature[k, None] + self._sharpness[k, None] * at / 2)
         return way * (np.exp(1j * heading) @ _WEIGHTS)
@@ -88,15 +88,15 @@ def clothoid(
     arc: float = 0.5,
     limits: Limits = LIMITS,
 ) -> ProfiledReference:
-    """An S of a left and a right bend without a jump of curvature: clothoids join its straights and arcs.
+    """A left and a right bend of continuous curvature: clothoids join the straights and arcs.
 
     Args:
         start: first pose (3,).
         straight: length of the first and the last piece [m].
-        transition: length of the clothoid between a straight and an arc [m]; between the arcs lies one twice as long.
+        transition: length of the clothoid between a straight and an arc [m]; the one between the arcs is twice as long.
         radius: of the arcs [m].
         arc: length of each arc [m].
-        limits: of the speeds.
+        limits: of speeds and acceleration.
     """
     require_positive("radius", radius)
     bend = 1 / radius
@@ -115,13 +115,13 @@ def clothoid(
 def rounded_square(
     start: ArrayLike, side: float = 2.0, radius: float = 0.4, limits: Limits = LIMITS
 ) -> ProfiledReference:
-    """A square with arcs for corners, once round to the left, from the middle of a side.
+    """Once around a square with rounded corners, to the left, from the middle of a side.
 
     Args:
         start: pose (3,), along the side.
-        side: [m]
+        side: length of a side [m].
         radius: of the corners [m], less than half a side.
-        limits: of the speeds.
+        limits: of speeds and acceleration.
     """
     require_positive("side", side)
     if not 0 < radius < side / 2:

@@ -12,12 +12,12 @@ from trackslip.trajectory.profile import LIMITS, Limits, ProfiledReference
 
 
 def figure_eight(start: ArrayLike, half_width: float = 1.5, limits: Limits = LIMITS) -> ProfiledReference:
-    """Bernoulli's lemniscate, once round, from its crossing: first the left turn, then the right one.
+    """Once around Bernoulli's lemniscate, from its crossing: first the left turn, then the right one.
 
     Args:
         start: pose (3,) at the crossing; the long axis lies 45 deg to the left of its heading.
-        half_width: from the crossing to either tip [m]; the tightest radius is a third of it.
-        limits: of the speeds.
+        half_width: distance from the crossing to either tip [m]; the smallest radius is a third of it.
+        limits: of speeds and acceleration.
     """
     require_positive("half_width", half_width)
 
@@ -40,14 +40,14 @@ def slalom(
     periods: int = 2,
     limits: Limits = LIMITS,
 ) -> ProfiledReference:
-    """A sine about a line, left first, from one of its lowest points.
+    """A sine wave about a line, from one of its minima, first to the left.
 
     Args:
         start: pose (3,), along the line.
-        amplitude: half the width [m]; the tightest radius is (wavelength / 2 pi)^2 / amplitude.
-        wavelength: [m]
-        periods: how many, at least 1.
-        limits: of the speeds.
+        amplitude: half the width [m]; the smallest radius is (wavelength / 2 pi)^2 / amplitude.
+        wavelength: of the sine [m].
+        periods: number of periods, at least 1.
+        limits: of speeds and acceleration.
     """
     require_positive("amplitude", amplitude)
     require_positive("wavelength", wavelength)
@@ -73,14 +73,14 @@ def spiral(
     turns: float = 1.5,
     limits: Limits = LIMITS,
 ) -> ProfiledReference:
-    """Archimedes' spiral, inwards to the left: the distance to its centre falls evenly with the angle.
+    """Archimedes' spiral, inwards to the left: the radius decreases linearly with the angle.
 
     Args:
         start: pose (3,) at its outer end.
         outer_radius: distance to the centre at the start [m].
         inner_radius: distance to the centre at the end [m].
-        turns: about the centre, at most 50.
-        limits: of the speeds.
+        turns: number of turns about the centre, at most 50.
+        limits: of speeds and acceleration.
     """
     require_positive("inner_radius", inner_radius)
     if not inner_radius < outer_radius < np.inf:

@@ -1,4 +1,4 @@
-"""References by name, placed before the shipped field's scanner; any other by its file of way points."""
+"""References by name, placed in view of the default scanner, or read from a file of waypoints."""
 
 from __future__ import annotations
 
@@ -20,27 +20,28 @@ from trackslip.trajectory.waypoints import read_waypoints
 
 @dataclass(frozen=True)
 class NamedReference:
-    """A reference that can be put anywhere, and the place where it is by default."""
+    """A reference that can start anywhere, with its default start."""
 
     make: Callable[[ArrayLike], Reference]
-    """From its first pose (3,)."""
+    """Makes the reference from its first pose (3,)."""
     start: tuple[float, float, float]
-    """Its first pose by default [m, m, rad]."""
+    """Default first pose [m, m, rad]."""
     about: str
+    """Description for help texts."""
 
     def __call__(self, start: ArrayLike | None = None) -> Reference:
-        """The reference from `start` (3,), or from its own start."""
+        """The reference from `start` (3,), or from its default start."""
         return self.make(self.start if start is None else start)
 
 
 def _lap(start: ArrayLike) -> Reference:
-    """Once round a circle of 1 m, at constant speed."""
+    """Once around a circle of 1 m radius at constant speed."""
     radius, speed = 1.0, 0.15
     return circle(radius, speed, 2 * np.pi * radius / speed, start)
 
 
-# The field's scanner stands at (-1.5, -1.5) and sees what lies above y = -1.5. From these starts a plate stays more
-# than 1 m from it and within its field of view with an error of 0.4 m, too.
+# The scanner is at (-1.5, -1.5) and sees everything with y > -1.5. From these starts the plate stays more than 1 m from
+# it and within its field of view, even with an error of 0.4 m.
 REFERENCES: dict[str, NamedReference] = {
     "paper": NamedReference(paper_reference, PAPER_START, "straight, arc, straight: the paper's Sec. IV-A"),
     "circle": NamedReference(_lap, (-1.5, 0.4, 0.0), "a circle at constant speed"),
@@ -55,10 +56,10 @@ REFERENCES: dict[str, NamedReference] = {
 
 
 def named_reference(name: str, start: ArrayLike | None = None) -> Reference:
-    """The reference called `name` in REFERENCES, from `start` (3,) or from its own start.
+    """The reference called `name` in REFERENCES, from `start` (3,) or from its default start.
 
     Raises:
-        InvalidValueError: for other names.
+        InvalidValueError: if there is no such reference.
     """
     if name not in REFERENCES:
         raise InvalidValueError("reference", name, f"one of {', '.join(REFERENCES)}")
@@ -66,11 +67,11 @@ def named_reference(name: str, start: ArrayLike | None = None) -> Reference:
 
 
 def load_reference(name_or_path: str | Path) -> Reference:
-    """A reference by its name in REFERENCES, or through the way points in a `.csv` file.
+    """A reference by its name in REFERENCES, or through the waypoints in a `.csv` file.
 
     Raises:
-        InvalidValueError: for what is neither.
-        ReferenceFileError: for a file that can't be read or driven.
+        InvalidValueError: if it is neither.
+        ReferenceFileError: if the file cannot be read or the path cannot be driven.
     """
     if Path(name_or_path).suffix.lower() == ".csv":
         return read_waypoints(Path(name_or_path))

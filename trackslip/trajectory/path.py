@@ -1,4 +1,4 @@
-"""Paths by arc length. Points of the plane are complex numbers here, x + iy [m]: a turn is a product."""
+"""Paths by arc length. Points are complex numbers x + iy [m], so that a rotation is a product."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from trackslip.kinematics import Array
 Complex = NDArray[np.complexfloating[Any, Any]]
 
 MAX_LENGTH = 1000.0
-"""Length of a path, at most [m]."""
+"""Maximum length of a path [m]."""
 STEP = 0.005
-"""Between the knots of a path, at most [m]."""
-_MIN_KNOT_SPACING = 1e-6  # between knots: a curve that needs them closer has a cusp [m]
-_MAX_TURN = 0.1  # between knots [rad]
+"""Maximum spacing of the knots of a path [m]."""
+_MIN_KNOT_SPACING = 1e-6  # a curve that needs closer knots has a cusp [m]
+_MAX_TURN = 0.1  # between neighbouring knots [rad]
 _CLOSE = 1e-12  # error of the arc length between knots [m]
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
 class PlanarPath(Protocol):
-    """A path by arc length s, from 0 to its length."""
+    """A path parametrised by arc length s, from 0 to its length."""
 
     @property
     def knots(self) -> Array:
-        """Arc lengths (K,) from 0 to the path's length, at most STEP apart; the curvature is smooth between them.
+        """Arc lengths (K,) from 0 to the path's length, at most STEP apart, with smooth curvature between them.
 
         There are at least three, so that a path can be driven from rest to rest.
         """
@@ -43,18 +43,18 @@ class PlanarPath(Protocol):
 
 
 class Curve(Protocol):
-    """A curve by any parameter, called like the splines of SciPy."""
+    """A curve with an arbitrary parameter, called like the splines of SciPy."""
 
     def __call__(self, u: Array, nu: int, /) -> Complex:
-        """Points (...) at parameters (...) for nu = 0, their first and second derivatives for nu = 1 and 2."""
+        """Points (...) at parameters (...) for nu = 0, first and second derivatives for nu = 1 and 2."""
         ...
 
 
 class ParametricPath:
-    """A smooth curve by arc length.
+    """A smooth curve parametrised by arc length.
 
-    The arc length between knots is a Gauss-Legendre integral of the curve's speed, its inverse a cubic Hermite
-    polynomial. Knots are as close as that takes for an error of 1e-12 m, so pose and curvature are the curve's own.
+    The arc length between knots is a Gauss-Legendre integral of the parametric speed, its inverse a cubic Hermite
+    polynomial. The knots are close enough for an error of 1e-12 m, so pose and curvature are those of the curve itself.
     """
 
     def __init__(self, curve: Curve, breaks: ArrayLike, start: ArrayLike | None = None) -> None:
@@ -63,10 +63,10 @@ class ParametricPath:
         Args:
             curve: twice differentiable, without cusps; any derivative may jump at the breaks.
             breaks: (B,) parameters, ascending.
-            start: pose (3,) to which the curve is moved; by default it stays where it is.
+            start: pose (3,) to which the curve is moved; by default it is not moved.
 
         Raises:
-            InvalidValueError: for cusps, and paths longer than MAX_LENGTH.
+            InvalidValueError: if the curve has a cusp or is longer than MAX_LENGTH.
         """
         self._curve = curve
         self._u, lengths = _cells(curve, np.asarray(breaks, float))
@@ -76,7 +76,7 @@ class ParametricPath:
         heading = np.angle(self._velocity[0]) + np.concatenate([[0.0], np.cumsum(turns)])
         slope = 1 / np.abs(self._velocity)  # du/ds
         mean = np.diff(self._u) / lengths
-        self._inverse = np.stack(  # (4, K - 1) coefficients of u, by powers of the way since the knot
+        self._inverse = np.stack(  # (4, K - 1) coefficients of u by powers of the distance from the knot
             [
                 self._u[:-1],
                 slope[:-1],
@@ -94,7 +94,7 @@ class ParametricPath:
 
     @property
     def knots(self) -> Array:
-        """Arc lengths (K,) from 0 to the path's length, at most STEP apart; the curvature is smooth between them."""
+        """Arc lengths (K,) from 0 to the path's length, at most STEP apart, with smooth curvature between them."""
         return self._s
 
     def pose(self, s: Array) -> Array:
@@ -118,7 +118,7 @@ class ParametricPath:
 
 
 def cell(knots: Array, at: Array) -> NDArray[np.intp]:
-    """Index (...) of the knot (K,) below `at` (...), at most K - 2: the cell that reaches to the next one."""
+    """Index (...) of the last of the knots (K,) below `at` (...), at most K - 2: the start of its cell."""
     k = np.searchsorted(knots, at, side="right") - 1
     return np.minimum(np.maximum(k, 0), len(knots) - 2)
 
@@ -141,13 +141,13 @@ def _arc_length(curve: Curve, start: Array, end: Array) -> Array:
 
 
 def _cells(curve: Curve, breaks: Array) -> tuple[Array, Array]:
-    """Parameters (K,) of the knots and lengths (K - 1,) between them: cells are halved until they're fine enough."""
+    """Parameters (K,) of the knots and lengths (K - 1,) between them; cells are halved until they are fine enough."""
     u = breaks
     require_length(float(_arc_length(curve, u[:-1], u[1:]).sum()))
     while True:
         lengths = _arc_length(curve, u[:-1], u[1:])
         velocity = curve(u, 1)
-        with np.errstate(divide="ignore", invalid="ignore"):  # a cusp's speed is zero; NaN isn't close
+        with np.errstate(divide="ignore", invalid="ignore"):  # the speed is zero at a cusp, and NaN is not close
             slope = 1 / np.abs(velocity)
             middle = (u[:-1] + u[1:]) / 2 + lengths * (slope[:-1] - slope[1:]) / 8  # of the inverse's polynomial
             miss = np.abs(_arc_length(curve, u[:-1], middle) - lengths / 2)

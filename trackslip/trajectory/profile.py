@@ -1,4 +1,4 @@
-"""How fast a path is driven: limits, and the quickest speeds within them."""
+"""Speed profiles: the fastest one along a path within limits."""
 
 from __future__ import annotations
 
@@ -12,31 +12,31 @@ from trackslip.kinematics import Array
 from trackslip.trajectory.path import PlanarPath, cell
 
 MIN_SPEED = 1e-3
-"""Speed that a path's tightest bend must allow, at least [m/s]."""
-_GENTLEST = 1e-4  # acceleration, at least [m/s^2]
-_WITHIN = np.array([1e-6, 0.25, 0.5, 0.75, 1 - 1e-6])  # of a cell; not its ends, where the curvature may jump
+"""Minimum speed that the tightest bend of a path must allow [m/s]."""
+_MIN_ACCELERATION = 1e-4  # [m/s^2]
+_WITHIN = np.array([1e-6, 0.25, 0.5, 0.75, 1 - 1e-6])  # points of a cell without its ends, where the curvature may jump
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What a reference may ask of the robot."""
+    """Limits of the motion along a reference."""
 
     speed: float = 0.15
-    """[m/s]"""
+    """Maximum speed [m/s]."""
     acceleration: float = 0.05
-    """Along the path [m/s^2]."""
+    """Maximum acceleration along the path [m/s^2]."""
     yaw_rate: float = 0.3
-    """[rad/s]"""
+    """Maximum yaw rate [rad/s]."""
     track_speed: float = 0.27
-    """Of the faster track's surface [m/s]."""
+    """Maximum surface speed of the faster track [m/s]."""
     half_gauge: float = 0.215
-    """From the middle to where a track's surface moves as the ground does: half the gauge, and what slip adds [m]."""
+    """Distance of a track's ICR from the middle of the robot: half the gauge plus the effect of slip [m]."""
 
     def __post_init__(self) -> None:
         require_non_negative("half_gauge", self.half_gauge)
         for name, least, unit in (
             ("speed", MIN_SPEED, "m/s"),
-            ("acceleration", _GENTLEST, "m/s^2"),
+            ("acceleration", _MIN_ACCELERATION, "m/s^2"),
             ("yaw_rate", 0.0, "rad/s"),
             ("track_speed", MIN_SPEED, "m/s"),
         ):
@@ -46,7 +46,7 @@ class Limits:
                 raise InvalidValueError(name, value, f"at least {least:g} {unit}")
 
     def speed_at(self, curvature: ArrayLike) -> Array:
-        """Largest speeds (...) at curvatures (...) [m/s]."""
+        """Maximum speeds (...) at curvatures (...) [m/s]."""
         bend = np.abs(np.asarray(curvature, float))
         by_track = self.track_speed / (1 + self.half_gauge * bend)
         by_yaw_rate = self.yaw_rate / np.maximum(bend, self.yaw_rate / self.speed)
@@ -54,14 +54,14 @@ class Limits:
 
 
 LIMITS = Limits()
-"""Within reach of the shipped robot's drives, slip included."""
+"""Limits that the drives of the default robot can follow, slip included."""
 
 
 class ProfiledReference:
-    """A path driven as fast as limits allow, from rest to rest, at constant acceleration between the path's knots."""
+    """A path driven as fast as the limits allow, from rest to rest, at constant acceleration between its knots."""
 
     def __init__(self, path: PlanarPath, limits: Limits = LIMITS) -> None:
-        """Raises InvalidValueError for a path so tight that it couldn't be driven at MIN_SPEED."""
+        """Raises InvalidValueError for a path too tight to be driven at MIN_SPEED."""
         self._path = path
         self._speeds = _speeds(path, limits)  # (K,)
         steps = np.diff(path.knots)
@@ -72,7 +72,7 @@ class ProfiledReference:
 
     @property
     def duration(self) -> float:
-        """When the reference stops [s]."""
+        """Time at which the reference ends [s]."""
         return self._duration
 
     @property
@@ -105,7 +105,7 @@ class ProfiledReference:
 
 
 def _speeds(path: PlanarPath, limits: Limits) -> Array:
-    """The largest speeds (K,) at the path's knots, zero at both ends; their squares change evenly between knots."""
+    """The maximum speeds (K,) at the knots of the path, zero at both ends; their squares are linear in between."""
     s = path.knots
     within = s[:-1, None] + np.diff(s)[:, None] * _WITHIN
     curvature = path.curvature(within)
@@ -119,7 +119,7 @@ def _speeds(path: PlanarPath, limits: Limits) -> Array:
             f"large enough to drive at {MIN_SPEED:g} m/s within the limits of yaw rate and track speed",
         )
     square = np.minimum(np.append(allowed, 0.0), np.insert(allowed, 0, 0.0)) ** 2
-    # v^2 may grow by 2 a per metre, forwards, then backwards from the end
+    # v^2 may grow by 2 a per metre, forwards from the start and backwards from the end
     growth = 2 * limits.acceleration * s
     square = np.minimum.accumulate(square - growth) + growth
     square = np.minimum.accumulate((square + growth)[::-1])[::-1] - growth

@@ -1,4 +1,4 @@
-"""Straight lines and arcs, driven at piecewise constant acceleration: the paper's path, circles."""
+"""Straight lines and arcs at piecewise constant acceleration: the paper's path, circles."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from trackslip.kinematics import Array, advance
 
 @dataclass(frozen=True)
 class Segment:
-    """A piece of path of constant curvature, driven at constant acceleration."""
+    """A piece of constant curvature, driven at constant acceleration."""
 
     duration: float
-    """[s]"""
+    """Time from its start to its end [s]."""
     start_speed: float
-    """[m/s]"""
+    """Speed at its start [m/s]."""
     end_speed: float
-    """[m/s]"""
+    """Speed at its end [m/s]."""
     curvature: float = 0.0
-    """[1/m], positive to the left."""
+    """Curvature, positive to the left [1/m]."""
 
     def __post_init__(self) -> None:
         require_positive("duration", self.duration)
@@ -35,7 +35,7 @@ class Segment:
 
 
 class SegmentedReference:
-    """Straight lines and arcs, one after the other; pose and twist in closed form."""
+    """Straight lines and arcs in sequence, with pose and twist in closed form."""
 
     def __init__(self, start: ArrayLike, segments: Sequence[Segment]) -> None:
         """`start` is the first pose (3,); raises InvalidValueError without segments."""
@@ -53,7 +53,7 @@ class SegmentedReference:
 
     @property
     def duration(self) -> float:
-        """When the reference stops [s]."""
+        """Time at which the reference ends [s]."""
         return float(self._start_times[-1])
 
     @property
@@ -85,13 +85,13 @@ class SegmentedReference:
 
 
 PAPER_START = (0.0, 0.0, np.pi / 2)
-"""Where the paper's path begins."""
+"""First pose of the paper's path [m, m, rad]."""
 
 
 def paper_reference(start: ArrayLike = PAPER_START) -> SegmentedReference:
     """The verification path of Sec. IV-A: 45.8 s, from `start` (3,).
 
-    The five segments are those described in words; Eqs. 14c-14e contradict them (see the README's deviations).
+    The five segments follow the description in words, which Eqs. 14c-14e contradict.
     """
     speed, yaw_rate = 0.15, 0.12
     turn = 4 * np.pi / 3 - np.pi / 2

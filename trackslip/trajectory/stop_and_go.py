@@ -20,15 +20,15 @@ def stop_and_go(
     dwell: float = 2.0,
     limits: Limits = LIMITS,
 ) -> SegmentedReference:
-    """Forwards, stop, backwards on an arc about a point to the left, stop, forwards.
+    """Forwards, a stop, backwards on an arc about a point to the left, a stop, forwards.
 
     Args:
         start: first pose (3,).
         straight: length of the first and the last piece [m].
         radius: of the arc [m].
-        arc: its length [m].
-        dwell: how long each stop is [s].
-        limits: of the speeds.
+        arc: length of the arc [m].
+        dwell: duration of each stop [s].
+        limits: of speeds and acceleration.
     """
     for name, value in (("straight", straight), ("radius", radius), ("arc", arc), ("dwell", dwell)):
         require_positive(name, value)
@@ -38,7 +38,7 @@ def stop_and_go(
 
 
 def _leg(length: float, curvature: float, direction: float, limits: Limits) -> list[Segment]:
-    """From rest to rest: accelerate, cruise if the leg is long enough, brake."""
+    """Segments from rest to rest: accelerate, cruise if the leg is long enough, brake."""
     acceleration = limits.acceleration
     speed = min(float(limits.speed_at(curvature)), float(np.sqrt(acceleration * length)))
     cruise = length / speed - speed / acceleration

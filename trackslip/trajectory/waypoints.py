@@ -1,4 +1,4 @@
-"""A reference through way points, given as an array or a CSV file."""
+"""A reference through waypoints from an array or a CSV file."""
 
 from __future__ import annotations
 
@@ -17,25 +17,25 @@ from trackslip.trajectory.profile import LIMITS, Limits, ProfiledReference
 
 COLUMNS = ("x", "y")
 MIN_POINTS, MAX_POINTS = 3, 10_000
-"""How many way points there may be."""
+"""Allowed number of waypoints."""
 MAX_COORDINATE = 100.0
-"""Coordinates of a way point are at most that large [m]."""
-CLOSEST = 1e-3
-"""Between neighbouring way points, at least [m]."""
+"""Maximum absolute coordinate of a waypoint [m]."""
+MIN_SPACING = 1e-3
+"""Minimum distance between neighbouring waypoints [m]."""
 
 
 def waypoints(points: ArrayLike, limits: Limits = LIMITS) -> ProfiledReference:
-    """Smoothly through all points, in their order: a natural cubic spline over the length of the chords.
+    """A smooth reference through all points in order: a natural cubic spline parametrised by chord length.
 
-    Curvature is continuous, and zero at both ends. Of the usual parameters the chords' length gives the widest bends
-    where points are unevenly spaced.
+    The curvature is continuous and zero at both ends. Among the usual parameters, chord length gives the widest bends
+    for unevenly spaced points.
 
     Args:
         points: (N, 2) in the world [m].
-        limits: of the speeds.
+        limits: of speeds and acceleration.
 
     Raises:
-        InvalidValueError: for points that are too few, too far or too close, and bends too tight to drive.
+        InvalidValueError: if there are too few points, points too far away or too close, or bends too tight to drive.
     """
     points = np.asarray(points, float)
     if points.ndim != 2 or points.shape[1] != 2:
@@ -47,8 +47,8 @@ def read_waypoints(path: Path, limits: Limits = LIMITS) -> ProfiledReference:
     """The reference through the points in a CSV file of columns x and y [m]; a header is optional.
 
     Raises:
-        ReferenceFileError: names the file, and the row and column of what can't be read or driven; rows of data count
-            from 1.
+        ReferenceFileError: if the file cannot be read or driven; names the row, counted from 1 without the header, and
+            the column.
     """
     points = read_points(path)
     try:
@@ -102,10 +102,10 @@ def _through(points: Array, label: str, limits: Limits) -> ProfiledReference:
         allowed = f"from {-MAX_COORDINATE:g} to {MAX_COORDINATE:g} m"
         raise InvalidValueError(f"{label} {row + 1}, column {COLUMNS[column]}", float(points[row, column]), allowed)
     chords = np.hypot(*np.diff(points, axis=0).T)
-    if chords.min() < CLOSEST:
+    if chords.min() < MIN_SPACING:
         k = int(np.argmin(chords))
         raise InvalidValueError(
-            f"{label} {k + 2}", tuple(points[k + 1].tolist()), f"at least {CLOSEST:g} m from {label} {k + 1}"
+            f"{label} {k + 2}", tuple(points[k + 1].tolist()), f"at least {MIN_SPACING:g} m from {label} {k + 1}"
         )
     if chords.sum() > MAX_LENGTH:
         raise InvalidValueError("way through all points", float(chords.sum().round(3)), f"at most {MAX_LENGTH:g} m")

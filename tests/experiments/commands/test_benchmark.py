@@ -18,7 +18,8 @@ from experiments.benchmark.rows import CaseRow, Measures, board, bootstrap95, lo
 from experiments.benchmark.setup import Setup, start
 from experiments.cli import main
 from experiments.commands.benchmark import PARTS
-from experiments.options.benchmark import CONTROLLER_NAMES, REFERENCE_NAMES, BenchmarkConfig, Case
+from experiments.options.benchmark import BenchmarkConfig, Case
+from experiments.options.choices import CONTROLLER_NAMES, REFERENCE_NAMES
 from experiments.storage.manifest import digest, made_by
 from experiments.storage.parts import Parts
 from trackslip.controllers.named import CONTROLLERS

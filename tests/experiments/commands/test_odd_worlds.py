@@ -38,7 +38,7 @@ def test_options(refused, arguments, message):
         ("--robot", "half_gauge = 0.01", "com_height = 0.12: must be at most 0.0125 m, to stand on tracks"),
         ("--robot", "contact_length = 1e-6", "contact_length = 1e-06: must be at least 0.001 m"),
         ("--robot", "com_x = 0.0566", "com_x = 0.0566: must be between -0.05525 and 0.05525 m"),
-        ("--robot", "com_x = 0.04\ncom_y = 0.1", "com_x, com_y = (0.04, 0.1): must be nearer to the middle"),
+        ("--robot", "com_x = 0.04\ncom_y = 0.1", "com_x, com_y = (0.04, 0.1): must be closer to the centre"),
         ("--robot", "mass = 1e300", "mass = 1e+300: must be at most 1000 kg"),
         ("--robot", "[ground]\nbase = 'ice'", "ground: base is unknown"),
         ("--robot", "[ground]\nslope = 0.9", "slope = 0.9: must be less than the friction angle"),

@@ -3,13 +3,29 @@ import pytest
 from experiments.report import terminal as console
 
 
-def test_a_log_gets_a_line_a_minute(monkeypatch, capsys):
-    clock = iter((0.0, 30.0, 30.0, 61.0, 61.0, 61.0, 70.0, 70.0))
-    monkeypatch.setattr("experiments.report.terminal.time.monotonic", lambda: next(clock))
-    report = console._lines("10 runs", 300.0, "s", 100.0)
-    for passed in (20.0, 41.0, 5.0):
-        report(passed)
-    assert capsys.readouterr().err == "10 runs: 161/300 s, 1 x real time, 0:02:19 left\n"
+def test_a_line_says_how_far_it_is_and_how_long_it_takes():
+    assert console._line(161.0, 300.0, "s", 100.0, 61.0) == "161/300 s, 1 x real time, 0:02:19 left"
+    assert console._line(5.0, 10.0, "fits", 0.0, 10.0) == "5/10 fits, 0:00:10 left"
+    assert console._line(100.0, 300.0, "s", 100.0, 61.0) == "100/300 s"
+
+
+def test_a_log_gets_a_line_once_a_command_takes_long(monkeypatch, capsys):
+    """Whether it reports progress or not; a quick one prints nothing."""
+    with console.progress("quick", 10.0) as advance:
+        advance(10.0)
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr(console, "_FIRST_LINE", 0.01)
+    said = ""
+    with console.progress("slow", 10.0) as advance:
+        advance(4.0)
+        while not said:
+            said = capsys.readouterr().err
+    assert said.startswith("slow: 4/10 s, ")
+    said = ""
+    with console.busy("laws"):
+        while not said:
+            said = capsys.readouterr().err
+    assert said == "laws: 0 s\n"
 
 
 @pytest.mark.parametrize(("unit", "text"), [("s", "1,234 x real time"), ("steps", "1,234 steps/s")])

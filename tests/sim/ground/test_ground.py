@@ -132,7 +132,10 @@ def test_names():
         ),
         ("[[patches]]\nx = [1, 0]\ny = [0, 1]\nalong = 0.5\nacross = 0.5", "x = (1.0, 0.0): must be two ascending"),
         ("[[changes]]\ntime = -1\nalong = 0.5\nacross = 0.5", "time = -1.0: must be a finite number >= 0"),
-        ("changes = [{time = 2, along = 1, across = 1}, {time = 1, along = 1, across = 1}]", "in order of time"),
+        (
+            "changes = [{time = 2, along = 1, across = 1}, {time = 1, along = 1, across = 1}]",
+            "changes = [2.0, 1.0]: must be in ascending order",
+        ),
         ("patches = [3]", "patches[0]: 3 is not a table"),
     ],
 )

@@ -1,9 +1,12 @@
-"""Pictures of the robots, with their paths and trails."""
+"""Rendering of the robots with their paths and trails: images, and a window."""
 
 from __future__ import annotations
 
+import atexit
 import os
 import sys
+import threading
+import warnings
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any
@@ -17,38 +20,38 @@ from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array
 
 WIDTH, HEIGHT = 640, 480
-_BACKENDS = ("egl", "osmesa")  # that need no display
-_SPACING = 0.03  # between the ends of a drawn line's pieces, at least [m]
+_BACKENDS = ("egl", "osmesa")  # which need no display
+_SPACING = 0.03  # smallest length of a segment of a drawn line [m]
 _PATH, _TRAIL = (0.10, 0.36, 0.85, 1.0), (0.95, 0.45, 0.08, 1.0)
 _PATH_WIDTH, _TRAIL_WIDTH = 0.012, 0.008  # [m]
 _DISTANCE, _AZIMUTH, _ELEVATION = 2.6, 140.0, -35.0  # of the camera that follows a robot [m, deg, deg]
 
 
-class View:
-    """Draws a robot with its looks, its reference's path (blue) and where it has been (orange)."""
+class Renderer:
+    """Draws a robot with its visuals, its reference path (blue) and its trail (orange)."""
 
     def __init__(self, tracking: PathTracking) -> None:
         self._tracking = tracking
         self._model: Any = None
         self._data: Any = None
         self._renderer: Any = None
-        self._window: Any = None
+        self._window: _Window | None = None
         self._trails: list[list[Array]] = [[] for _ in range(tracking.size)]
 
     def begin(self, rows: Sequence[int]) -> None:
-        """New trails for the robots `rows`."""
+        """Start new trails for the robots `rows`."""
         pose = self._tracking.fleet.pose()
         for row in rows:
             self._trails[row] = [pose[row, :2]]
 
     def follow(self) -> None:
-        """Lengthen the trails."""
+        """Extend the trails to the present positions."""
         for trail, position in zip(self._trails, self._tracking.fleet.pose()[:, :2], strict=True):
             if not trail or np.linalg.norm(position - trail[-1]) > _SPACING:
                 trail.append(position)
 
     def picture(self, row: int) -> np.ndarray:
-        """Robot `row`, (HEIGHT, WIDTH, 3) uint8; raises TrackslipError where OpenGL doesn't work."""
+        """Image (HEIGHT, WIDTH, 3) uint8 of robot `row`; raises TrackslipError if OpenGL doesn't work."""
         if self._renderer is None:
             self._renderer = _renderer(self._load())
         self._renderer.update_scene(self._posed(row), camera=self._camera(row))
@@ -56,17 +59,18 @@ class View:
         return np.array(self._renderer.render())
 
     def show(self) -> None:
-        """Robot 0 in a window; raises TrackslipError where there is no display."""
+        """Show robot 0 in a window; raises TrackslipError if there is no display."""
         if self._window is None:
-            self._window = _window(self._load(), self._posed(0))
-        with self._window.lock():
+            self._window = _Window(self._load(), self._posed(0))
+        viewer = self._window.viewer
+        with viewer.lock():
             self._posed(0)
-            self._window.user_scn.ngeom = 0
-            self._draw(self._window.user_scn, 0)
-        self._window.sync()
+            viewer.user_scn.ngeom = 0
+            self._draw(viewer.user_scn, 0)
+        viewer.sync()
 
     def close(self) -> None:
-        """Close what is open."""
+        """Close the window and free the image buffers."""
         for opened in (self._renderer, self._window):
             if opened is not None:
                 opened.close()
@@ -81,7 +85,7 @@ class View:
         return self._model
 
     def _posed(self, row: int) -> Any:
-        """Data of the model with its looks, in the state of robot `row`."""
+        """Data of the model with visuals, in the state of robot `row`."""
         self._load()
         self._data.qpos[:] = self._tracking.fleet.batch.qpos[row]
         for compute in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight):
@@ -112,7 +116,7 @@ class View:
 
 
 def _thinned(points: Array) -> Iterator[Array]:
-    """Points (T, 2) at least _SPACING apart."""
+    """Points (2,) of a line (T, 2) that are at least _SPACING apart."""
     last = points[0]
     yield last
     for point in points[1:]:
@@ -122,7 +126,7 @@ def _thinned(points: Array) -> Iterator[Array]:
 
 
 def _renderer(model: Any) -> Any:
-    """MuJoCo's renderer with the first OpenGL that works: the one MUJOCO_GL names, or one that needs no display."""
+    """MuJoCo's renderer with the OpenGL backend named by MUJOCO_GL, or the first without a display that works."""
     from mujoco.rendering.classic import gl_context
 
     problems = []
@@ -132,20 +136,36 @@ def _renderer(model: Any) -> Any:
             if backend is not None:
                 gl_context.GLContext = __import__(f"mujoco.{backend}", fromlist=["GLContext"]).GLContext
             return mujoco.Renderer(model, HEIGHT, WIDTH)
-        except Exception as error:  # whatever a machine without OpenGL comes up with
+        except Exception as error:  # whatever a machine without OpenGL raises
             problems.append(f"{backend or os.environ.get('MUJOCO_GL')}: {' '.join(str(error).split())}")
         finally:
             gl_context.GLContext = chosen
-    raise TrackslipError(f"rendering: no OpenGL works here ({'; '.join(problems)}); MUJOCO_GL chooses egl or osmesa")
+    raise TrackslipError(f"rendering: no OpenGL works here ({'; '.join(problems)}); set MUJOCO_GL to egl or osmesa")
 
 
-def _window(model: Any, data: Any) -> Any:
-    """MuJoCo's viewer, passive."""
-    if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-        raise TrackslipError('rendering: "human" needs a display, and there is none; "rgb_array" does without')
-    try:
-        from mujoco import viewer
+class _Window:
+    """MuJoCo's viewer, which renders in threads of its own."""
 
-        return viewer.launch_passive(model, data)
-    except Exception as error:  # whatever a display that doesn't work comes up with
-        raise TrackslipError(f"rendering: no window opens here: {' '.join(str(error).split())}") from error
+    def __init__(self, model: Any, data: Any) -> None:
+        if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+            raise TrackslipError('rendering: "human" needs a display, and there is none; "rgb_array" needs none')
+        try:
+            import glfw
+            from mujoco import viewer
+
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                glfw.init()  # a failure raises here; in the viewer's thread it would end the process
+            others = threading.enumerate()
+            self.viewer = viewer.launch_passive(model, data)
+        except Exception as error:  # whatever a broken display raises
+            raise TrackslipError(f"rendering: no window opens here: {' '.join(str(error).split())}") from error
+        self._threads = [thread for thread in threading.enumerate() if thread not in others]
+        atexit.register(self.close)
+
+    def close(self) -> None:
+        """Close the window and wait until it is gone: a thread that still renders crashes the interpreter at exit."""
+        atexit.unregister(self.close)
+        self.viewer.close()
+        for thread in self._threads:
+            thread.join(timeout=5.0)

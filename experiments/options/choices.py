@@ -1,0 +1,17 @@
+"""Controllers, references and compensations that options name, listed so that `--help` need not import them."""
+
+from __future__ import annotations
+
+CONTROLLER_NAMES = (
+    *("feedforward", "linear", "samson", "kanayama", "dynamic_feedback", "offset_point"),
+    *("pure_pursuit", "stanley", "lqr", "mpc"),
+)
+"""The controllers of trackslip.controllers."""
+REFERENCE_NAMES = ("paper", "circle", "figure_eight", "slalom", "rounded_square", "clothoid", "spiral", "stop_and_go")
+"""The references of trackslip.trajectory."""
+WITHOUT_LAWS = ("none", "published", "online_cold")
+"""Compensations that need no identified law."""
+CONTROLLERS = f"{{{','.join(CONTROLLER_NAMES)},ppo:FOLDER,MODULE:CLASS}}"
+REFERENCES = f"{{{','.join(REFERENCE_NAMES)},FILE.csv}}"
+COMPENSATIONS = "{none,published,LAW,online,online_cold}"
+"""What `--help` prints for the value of an option."""

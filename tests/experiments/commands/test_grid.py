@@ -1,0 +1,126 @@
+"""`trackslip grid`: what it stores, repeats exactly, and leaves when it is interrupted."""
+
+import json
+import shutil
+import typing
+
+import numpy as np
+import pytest
+
+from experiments.cli import main
+from experiments.options.world import Motion
+from trackslip.logs.logfile import read_runs, write_csv
+from trackslip.motion.methods import MOTION_METHODS
+
+SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8")
+GEOMETRY = ("--half-gauge", "0.168", "--sprocket-radius", "0.06")
+
+
+def test_small_grid_then_identify_then_csv(trackslip, tmp_path, capsys):
+    grid = trackslip("grid", *SMALL, "--seed", "3")
+    assert {path.name for path in grid.folder.iterdir()} == {
+        "manifest.json",
+        "runs.parquet",
+        "summary.json",
+        "table.parquet",
+    }
+    assert "4 runs of 8 s" in grid.printed
+    assert grid.manifest["seed"] == 3
+    assert grid.summary["radius"]["commanded"] == [0.6, 1.5]
+    assert grid.summary["radius"]["published"] == [None, 2.05]
+    runs = read_runs(grid.folder / "runs.parquet")
+    assert [log.run for log in runs] == [f"radius={r} speed={v}" for r in (0.6, 1.5) for v in (0.1, 0.2)]
+
+    found = trackslip("identify", str(grid.folder))
+    assert (found.folder / "report.html").read_text().startswith("<!")
+    offset = found.summary["slip_laws"]["icr_radius"]["values"]["offset"]
+    assert offset == pytest.approx(0.0445, abs=0.005)
+    assert "icr_radius" in found.printed
+
+    # a real robot's log: the same without truth and metadata
+    write_csv([log for log in runs], tmp_path / "full.csv")
+    rows = (tmp_path / "full.csv").read_text().splitlines()
+    header = rows[0].replace('"', "").split(",")
+    wanted = [header.index(name) for name in ("run", "t", "omega_l", "omega_r", "x", "y", "phi")]
+    (tmp_path / "real.csv").write_text("\n".join(",".join(row.split(",")[k] for k in wanted) for row in rows))
+    real = trackslip("identify", str(tmp_path / "real.csv"), *GEOMETRY)
+    for name in ("exponential", "icr", "icr_radius"):
+        ours, theirs = (s.summary["slip_laws"][name]["values"] for s in (real, found))
+        for key in ours:
+            # without the flag every pose counts as measured: the few bridged ones change little
+            assert ours[key] == pytest.approx(theirs[key], rel=0.05, abs=0.002)
+    capsys.readouterr()
+
+
+def test_every_motion_method_is_an_option_and_has_its_errors(trackslip):
+    assert set(typing.get_args(Motion)) == set(MOTION_METHODS)
+    result = trackslip("grid", *SMALL[:-1], "20", "--motion", "butterworth")
+    errors = result.summary["slip_error"]
+    assert set(errors) == {"outer", "inner", *MOTION_METHODS}
+    assert errors["outer"] == errors["butterworth"]["outer"]
+    for name, most in (("arc", 0.0006), ("butterworth", 0.004)):
+        for track in ("outer", "inner"):
+            assert abs(errors[name][track]["bias"]) + errors[name][track]["std"] < most
+    offsets = [
+        trackslip("identify", str(result.folder), "--motion", name).summary["slip_laws"]["icr_radius"]["values"][
+            "offset"
+        ]
+        for name in ("arc", "butterworth")
+    ]
+    assert offsets[0] == pytest.approx(offsets[1], abs=0.003)
+
+
+def test_same_seed_same_files_another_seed_others(trackslip, tmp_path):
+    tables = []
+    for seed, threads in ((5, 1), (5, 2), (6, 1)):
+        grid = trackslip("grid", *SMALL, "--seed", str(seed), "--threads", str(threads))
+        tables.append((grid.folder / "runs.parquet").read_bytes())
+        shutil.rmtree(grid.folder)
+    one, two, other = tables
+    assert one == two
+    assert one != other
+
+
+def test_a_run_does_not_depend_on_its_neighbours(trackslip):
+    both = read_runs(trackslip("grid", *SMALL).folder / "runs.parquet")
+    alone = read_runs(trackslip("grid", "--radii", "0.6", "--speeds", "0.2", "--duration", "8").folder / "runs.parquet")
+    np.testing.assert_array_equal(alone[0].pose, both[1].pose)
+    np.testing.assert_array_equal(alone[0].covariance, both[1].covariance)
+
+
+def test_runs_that_cannot_be_used_are_stored_and_named(trackslip):
+    """A short-sighted scanner loses the faster run before it is steady."""
+    grid = ("--radii", "3.0", "--speeds", "0.05", "0.25", "--duration", "10")
+    result = trackslip("grid", *grid, "--scanner.max-range", "1.5")
+    assert len(read_runs(result.folder / "runs.parquet")) == 2
+    (warning,) = result.summary["warnings"]
+    assert "speed=0.25" in warning
+    assert warning in result.printed
+    assert None in result.summary["radius"]["observed"]
+
+
+def test_an_interrupted_command_leaves_nothing(tmp_path, monkeypatch, capsys):
+    def interrupt(*_args, **_options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("experiments.driving.grid_runs.open_loop", interrupt)
+    with pytest.raises(SystemExit) as stop:
+        main(["grid", *SMALL, "--out", str(tmp_path / "a" / "b")])
+    assert stop.value.code == 130
+    assert list(tmp_path.iterdir()) == []
+    assert "interrupted" in capsys.readouterr().err
+
+
+def test_older_results_are_replaced_and_other_files_left(trackslip, tmp_path):
+    (tmp_path / "grid").mkdir()
+    (tmp_path / "grid" / "notes.txt").write_text("mine")
+    (tmp_path / "grid" / "summary.json").write_text("old")
+    result = trackslip("grid", *SMALL)
+    assert (result.folder / "notes.txt").read_text() == "mine"
+    assert json.loads((result.folder / "summary.json").read_text())["radius"]
+
+
+def test_nothing_old_is_left_beside_new_results(trackslip, tmp_path):
+    (tmp_path / "grid").mkdir()
+    (tmp_path / "grid" / "report.html").write_text("of another command")
+    assert not (trackslip("grid", *SMALL).folder / "report.html").exists()
