@@ -35,7 +35,7 @@ def run(config: CoverageConfig) -> None:
         repeats: list[tuple[SlipSamples, SlipSamples]] = []
         size = len(cells_of(config))
         with progress(
-            f"{config.drives} grids of {size} runs, {config.run_repeats} scans", 2 * config.drives, "steps"
+            f"{config.drives} grids of {size} runs, {config.run_repeats} scans", 2 * config.drives, "stages"
         ) as step:
             for k, count in enumerate(config.shares()):
                 logs = drive_grid(config.grid(k), world)

@@ -37,7 +37,7 @@ from trackslip.slip.families import FAMILIES
 def run(config: IdentifyConfig) -> None:
     """Fit the laws, store and print them."""
     began = time.perf_counter()
-    with results_folder(config.out) as folder, progress("identification", 3, "steps") as report:
+    with results_folder(config.out) as folder, progress("identification", 3, "stages") as report:
         source = source_of(config)
         report(1)
         found = identified(source)

@@ -46,7 +46,7 @@ def run(config: ReproduceConfig) -> None:
         cells = cells_of(config)
         with progress(f"{len(cells)} runs, scans and poses", config.duration) as report:
             grid_logs = drive_grid(config, world, report, watch)
-        with progress("slips and laws", 3, "steps") as report:
+        with progress("slips and laws", 3, "stages") as report:
             with watch.stage("slips"):
                 sampling = usable_samples(grid_logs, geometry, method=config.motion)
                 report(1)

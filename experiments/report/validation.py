@@ -74,10 +74,10 @@ def table_of(found: Validation, summary: ValidationSummary) -> list[tuple[str, .
     error = found.convergence.step_error.get(step, math.nan)
     after = f"after {convergence.DURATION:g} s"
     table = [
-        ("b + D, relative error", "0", *(_worst_and_median(100 * t.icr_error, "%") for t in (turns, naive))),
-        ("D alone, relative error", "0", *(_worst_and_median(100 * error, "%") for error in offset)),
-        ("slip of a track, error", "0", *(_worst_and_median(t.slip_error) for t in (turns, naive))),
-        ("lateral speed, error", "0",
+        ("b + D, worst | median error", "0", *(_worst_and_median(100 * t.icr_error, "%") for t in (turns, naive))),
+        ("D alone, worst | median error", "0", *(_worst_and_median(100 * error, "%") for error in offset)),
+        ("slip, worst | median error", "0", *(_worst_and_median(t.slip_error) for t in (turns, naive))),
+        ("lateral speed, worst | median error", "0",
          *(_worst_and_median(1e3 * (t.lateral - t.expected_lateral), "mm/s") for t in (turns, naive))),
         ("load of a contact point, largest deviation from theory", "0", *(percent(value) for value in spread)),
         ("sink on level ground", significant(1e3 * SINK, "mm"),
