@@ -142,7 +142,8 @@ class RunRecorder:
         for i in np.flatnonzero(~np.isfinite(twist).all(axis=1)):
             name = self.name(robots[int(i)])
             raise RunFailedError(
-                f"run {name!r}: its controller asks for the twist {tuple(twist[i].tolist())} at {self.time[k]:g} s"
+                f"run {name!r}: its controller returns the twist {tuple(twist[i].tolist())} at {self.time[k]:g} s: "
+                f"must be finite"
             )
         self._twist_command[k, robots] = twist
         if isinstance(law, ConstantIcr):

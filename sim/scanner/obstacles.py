@@ -38,7 +38,7 @@ class Post:
     y: float
     """Centre, in the world [m]."""
     radius: float = 0.05
-    """[m]"""
+    """Radius [m]."""
 
     def __post_init__(self) -> None:
         _require_coordinates(self, "x", "y")
@@ -92,7 +92,7 @@ class Walker:
     vy: float
     """Velocity along the world's y axis [m/s]."""
     radius: float = PERSON
-    """[m]"""
+    """Radius [m]."""
     turns_after: float = math.inf
     """Time after which the person turns round, again and again [s]."""
 

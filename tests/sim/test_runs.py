@@ -161,6 +161,21 @@ def test_a_controller_that_fails_at_once_leaves_no_log(robot):
     assert failure.value.logs == []
 
 
+@pytest.mark.parametrize(
+    ("twist", "message"),
+    [
+        ([[np.nan, 0.0]], "run 'run 0': its controller returns the twist (nan, 0.0) at 0 s: must be finite"),
+        ([0.0, 0.0], "run 'run 0': its controller's twists have the shape (2,): must be (1, 2), one per pose"),
+    ],
+)
+def test_twists_that_are_none_are_refused(robot, monkeypatch, twist, message):
+    reference = short_path()
+    monkeypatch.setattr(Feedforward, "twist", lambda *_: np.array(twist))
+    with pytest.raises(RunFailedError) as failure:
+        closed_loop(Fleet(robot, reference.pose([0.0])), Feedforward(), reference)
+    assert str(failure.value) == message
+
+
 def test_runs_without_a_scanner_log_the_true_poses(robot):
     fleet = Fleet(robot, START)
     (one, two) = open_loop(fleet, OMEGA[0], 1.0)

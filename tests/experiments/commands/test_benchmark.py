@@ -192,7 +192,7 @@ def test_a_twist_that_is_no_number_fails_its_run_alone(trackslip, short, tmp_pat
     assert 0 < row["failed"] < 4
     assert len(read_runs(result.folder / "runs.parquet")) == 4 - row["failed"]
     assert len(result.summary["failures"]) == row["failed"]
-    assert "asks for the twist (nan, nan) at 2.05 s" in result.summary["failures"][0]["error"]
+    assert "returns the twist (nan, nan) at 2.05 s: must be finite" in result.summary["failures"][0]["error"]
 
 
 @pytest.mark.parametrize(
