@@ -60,12 +60,14 @@ def drive_and_store(config: SweepConfig) -> SweepSummary:
             summary = _drive_and_gather(config, runs, parts, folder)
             wall = time.perf_counter() - began
             summary = replace(summary, timing=replace(summary.timing, wall_s=wall))
+            failed = len(summary.failures) == len(runs)
+            manifest = world.manifest("grid", wall) | ({"error": _all_failed(summary.failures)} if failed else {})
             write_json(folder / SUMMARY_FILE, summary.to_json())
-            write_json(folder / MANIFEST_FILE, world.manifest("grid", wall))
+            write_json(folder / MANIFEST_FILE, manifest)
     except (KeyboardInterrupt, WorkersFailedError, OutputError) as stop:
         same = "the same command" if config.resume else "the same command without --no-resume"
         raise resumable(stop, sum(run.id in parts for run in runs), len(runs), same) from None
-    if len(summary.failures) == len(runs):
+    if failed:
         raise TrackslipError(f"{_all_failed(summary.failures)}; see {config.out / RECORDINGS_FOLDER}")
     return summary
 

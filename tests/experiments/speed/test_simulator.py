@@ -139,7 +139,6 @@ def test_rates_are_compared_within_a_turn():
         (("--sizes", "0"), "sizes = 0: must be an integer from 1 to 10000"),
         (("--sizes", "1", "20000"), "sizes = 20000: must be an integer from 1 to 10000"),
         (("--sizes", "2", "2"), "sizes = (2, 2): must be all different"),
-        (("--sizes", "1.5"), "1.5"),
         (("--thread-counts", "0"), "thread_counts = 0: must be an integer from 1 to 1024"),
         (("--thread-counts", "1", "1"), "thread_counts = (1, 1): must be all different"),
         (("--seconds", "0"), "seconds = 0.0: must be a finite number > 0"),

@@ -152,7 +152,7 @@ def test_a_full_disk_leaves_whole_parts_or_nothing(capsys, tmp_path, monkeypatch
         main([*SHORT, "--out", str(out)])
     assert stopped.value.code == 2
     line = f"trackslip: out = {str(out)!r}: can't be written (No space left on device){says}"
-    assert capsys.readouterr().err.splitlines() == [line]
+    assert capsys.readouterr().err.splitlines()[-1] == line
     assert out.exists() == bool(says)
     assert {path.suffix for path in contents(out)} == ({".json", ".parquet"} if says else set())
 

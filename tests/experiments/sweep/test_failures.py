@@ -1,5 +1,7 @@
 """Runs that fail, among others and alone."""
 
+import json
+
 import pyarrow.parquet as pq
 import pytest
 
@@ -85,7 +87,8 @@ def test_recordings_are_left_even_if_every_run_fails(tmp_path, monkeypatch, caps
         main(["grid", "--radii", "1.5", *ONE[2:], "--rrd", "--out", str(tmp_path / "out")])
     assert stop.value.code == 2
     recordings = tmp_path / "out" / "recordings"
-    (line,) = capsys.readouterr().err.splitlines()
+    *_, line = capsys.readouterr().err.splitlines()
     assert line == f"trackslip: run 'radius=1.5 speed=0.2': the robot tips over; see {recordings}"
     assert [path.name for path in recordings.iterdir()] == ["radius=1.5_speed=0.2.rrd"]
+    assert "tips over" in json.loads((tmp_path / "out" / "manifest.json").read_text())["error"]
     assert not (tmp_path / "out" / "runs.parquet").exists()
