@@ -1,4 +1,4 @@
-"""Runs that share a reference, driven as one fleet, and what is measured of them."""
+"""Runs that share a reference, driven as one fleet, and their measurements."""
 
 from __future__ import annotations
 
@@ -12,33 +12,33 @@ import numpy as np
 from experiments.benchmark.latency import step_times
 from experiments.benchmark.rows import CaseRow, Measures
 from experiments.benchmark.setup import Setup
+from experiments.driving.failures import failure_text, logs_until
 from experiments.driving.lookup import reference
 from experiments.options.benchmark import Case
 from experiments.storage.plain_json import plain
-from trackslip.errors import TrackslipError
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import expense, tracking_errors
 
 GROUP_SIZE = 32
-"""Robots in a fleet, from which on it hardly gains by being larger, whereas more processes can share smaller ones."""
-
-
-TOO_MANY = 3 * GROUP_SIZE
-"""Robots of one controller on one reference, beyond which they are more than one fleet."""
+"""Robots in a fleet: larger fleets hardly gain speed, and smaller ones are shared better between processes."""
+MAX_GROUP = 3 * GROUP_SIZE
+"""Robots of one controller on one reference that are still driven as one fleet."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a case."""
+    """Result of a case."""
 
     case: Case
     log: RunLog | None = None
     error: str | None = None
     """Why there is no log."""
+    unfinished: Sequence[RunLog] = ()
+    """What was recorded of a run that failed, until it did."""
 
 
 def groups(cases: Sequence[Case]) -> list[tuple[Case, ...]]:
-    """Cases by reference, in order, whole controllers at a time: as many as make a fleet of about GROUP_SIZE."""
+    """Cases by reference, in order: whole controllers, up to about GROUP_SIZE robots per group."""
     paths: dict[str, dict[str, list[Case]]] = {}
     for case in cases:
         paths.setdefault(case.reference, {}).setdefault(case.controller, []).append(case)
@@ -50,7 +50,7 @@ def groups(cases: Sequence[Case]) -> list[tuple[Case, ...]]:
                 found.append(tuple(group))
                 group = []
             group += same
-            while len(group) > TOO_MANY:
+            while len(group) > MAX_GROUP:
                 found.append(tuple(group[:GROUP_SIZE]))
                 group = group[GROUP_SIZE:]
         found.append(tuple(group))
@@ -58,14 +58,13 @@ def groups(cases: Sequence[Case]) -> list[tuple[Case, ...]]:
 
 
 def drive(setup: Setup, cases: Sequence[Case]) -> list[Outcome]:
-    """Drive the cases of a group; where a fleet fails, its halves are driven, until the runs that fail stand alone."""
+    """Drive the cases of a group; where a fleet fails, drive its halves, until the runs that fail are isolated."""
     try:
         logs = setup.drive(cases)
         return [Outcome(case, log) for case, log in zip(cases, logs, strict=True)]
-    except (Exception, SystemExit) as error:  # a controller's, too: one failed run is a row
+    except (Exception, SystemExit) as error:  # a user's controller may raise anything; a failed run becomes a row
         if len(cases) == 1:
-            said = str(error) if isinstance(error, TrackslipError) else f"{type(error).__name__}: {error}"
-            return [Outcome(cases[0], error=" ".join(said.split()))]
+            return [Outcome(cases[0], error=failure_text(error), unfinished=logs_until(error))]
     middle = len(cases) // 2
     return drive(setup, cases[:middle]) + drive(setup, cases[middle:])
 

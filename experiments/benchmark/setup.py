@@ -1,4 +1,4 @@
-"""What a benchmark's names stand for: robots, grounds, laws, references, controllers."""
+"""A benchmark's names resolved to objects: robot, grounds, laws, references, controllers."""
 
 from __future__ import annotations
 
@@ -9,16 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.driving.grid_runs import make_locator
+from experiments.driving.closed_loop import ClosedLoopRun, drive_closed_loops
 from experiments.driving.lookup import compensation, controller, reference
 from experiments.driving.world import World
 from experiments.options.benchmark import BenchmarkConfig, Case
-from experiments.storage.plain_json import plain
-from sim.fleet import Fleet
 from sim.ground.file import load_ground
 from sim.ground.ground import Ground
-from sim.run_recorder import Description
-from sim.runs import Pilot, closed_loop
 from sim.seeds import generator
 from trackslip.controllers.base import Controller
 from trackslip.errors import InvalidValueError
@@ -27,28 +23,28 @@ from trackslip.logs.runlog import RunLog
 from trackslip.slip.compensation import Compensation
 from trackslip.trajectory.base import Reference
 
-_PAPER_OFFSET = (-0.2, -0.3, -np.pi / 6)  # ahead, to the left, turned: Sec. IV-C, (0.3, -0.2, pi/3) from (0, 0, pi/2)
-_MAX_OFFSET, _MAX_TURNED = 0.15, np.radians(20)  # of a random start [m, rad]
+_PAPER_OFFSET = (-0.2, -0.3, -np.pi / 6)  # forward, left, heading: Sec. IV-C, (0.3, -0.2, pi/3) from (0, 0, pi/2)
+_MAX_OFFSET, _MAX_ROTATION = 0.15, np.radians(20)  # of a random start [m, rad]
 
 
 @dataclass(frozen=True)
 class Setup:
-    """A benchmark's world."""
+    """The world of a benchmark."""
 
     config: BenchmarkConfig
     world: World
 
     @classmethod
     def of(cls, config: BenchmarkConfig) -> Setup:
-        """The world of a configuration; raises TrackslipError for files and names that aren't there."""
+        """The setup of a configuration; raises TrackslipError for a file or name that does not exist."""
         return cls(config, World.of(config.simulation()))
 
     def check(self, cases: Sequence[Case]) -> None:
-        """Raise TrackslipError for a name that stands for nothing, before anything is driven."""
+        """Raise TrackslipError for an unknown name, before anything is driven."""
         try:
             self._look_up(cases)
         except InvalidValueError as error:
-            if error.field in ("controller", "compensation", "reference", "ground"):  # the options are plural
+            if error.field in ("controller", "compensation", "reference", "ground"):  # the options' names are plural
                 raise InvalidValueError(f"{error.field}s", error.value, error.allowed) from error
             raise
 
@@ -63,70 +59,60 @@ class Setup:
             self.ground(name)
 
     def ground(self, name: str) -> Ground:
-        """A ground by name or from a file; `robot` is that of the robot's own file."""
+        """A ground by name or from a file; `robot` is the ground in the robot's file."""
         return self.world.ground if name == "robot" else load_ground(name)
 
     def controller(self, name: str) -> Controller:
-        """A new controller of that name."""
+        """A new controller by name."""
         return controller(name, self.world.robot.geometry, self.config.drive.top_speed)
 
     def compensation(self, name: str) -> Compensation:
-        """A new compensation of that name."""
+        """A new compensation by name."""
         return compensation(name, self.world.robot.geometry, self.config.laws)
 
     def drive(self, cases: Sequence[Case]) -> list[RunLog]:
-        """Cases that share a reference, driven as one fleet."""
+        """Drive cases that share a reference, as one fleet."""
         path = reference(cases[0].reference)
-        grounds = [self.ground(case.ground) for case in cases]
-        world = self.world
-        fleet = Fleet(
-            world.robot,
-            np.array([start(case, path) for case in cases]),
-            grounds,
-            world.radius_error,
-            self.config.drive,
-            threads=1,
-        )
-        feed = world.feed(fleet, [generator(case.seed, f"benchmark {_key(case.reference)}") for case in cases])
-        steered: dict[tuple[str, str], list[int]] = {}
-        for k, case in enumerate(cases):
-            steered.setdefault((case.controller, case.compensation), []).append(k)
-        pilots = [
-            Pilot(self.controller(pilot), robots, self.compensation(law), self.config.preview)
-            for (pilot, law), robots in steered.items()
+        runs = [
+            ClosedLoopRun(
+                name=case.run,
+                key=f"benchmark {_key(case.reference)}",
+                seed=case.seed,
+                controller=case.controller,
+                compensation=case.compensation,
+                start=start(case, path),
+                ground=self.ground(case.ground),
+                metadata={"reference": case.reference, "ground_name": case.ground, "start": case.start},
+            )
+            for case in cases
         ]
-        locator = None if self.config.localization == "truth" else make_locator(self.config.localization, world.robot)
-        common = world.metadata(self.config.localization)
-        descriptions = [
-            Description(case.run, common | vars(case) | {"ground": plain(on), "ground_name": case.ground})
-            for case, on in zip(cases, grounds, strict=True)
-        ]
-        return closed_loop(fleet, pilots, path, feed, locator, descriptions)
+        config = self.config
+        return drive_closed_loops(runs, self.world, path, config.localization, self.compensation, config.preview)
 
 
 def _key(reference_name: str) -> str:
-    """What a reference's random numbers depend on: its name, however the path to its file is written."""
+    """What a reference's random numbers depend on: its name, without the folder of its file."""
     return Path(reference_name).stem
 
 
 def start(case: Case, path: Reference) -> Array:
-    """Where the robot of a case is set down (3,)."""
+    """Start pose (3,) of a case [m, m, rad]."""
     offset = np.zeros(3)
     if case.start == "paper":
         offset = np.array(_PAPER_OFFSET)
     elif case.start == "random":
         rng = generator(case.seed, f"start {_key(case.reference)}")
         away, bearing = _MAX_OFFSET * np.sqrt(rng.uniform()), rng.uniform(-np.pi, np.pi)
-        offset = np.array([away * np.cos(bearing), away * np.sin(bearing), rng.uniform(-_MAX_TURNED, _MAX_TURNED)])
+        offset = np.array([away * np.cos(bearing), away * np.sin(bearing), rng.uniform(-_MAX_ROTATION, _MAX_ROTATION)])
     pose = path.pose(0.0)
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     return pose + np.array([cos * offset[0] - sin * offset[1], sin * offset[0] + cos * offset[1], offset[2]])
 
 
 def without_missing(config: BenchmarkConfig) -> tuple[list[Case], list[str]]:
-    """A configuration's cases but for a suite's controllers whose library isn't installed, and a line on each of those.
+    """The cases of a configuration without a suite's controllers whose library is missing, and a note on each of these.
 
-    A controller that is asked for by name isn't left out: it is refused.
+    A controller named explicitly is not left out; `Setup.check` refuses it.
     """
     cases, notes = config.cases(), []
     if "mpc" not in (config.controllers or ()) and importlib.util.find_spec("casadi") is None:

@@ -1,20 +1,22 @@
-"""`trackslip calibrate`: the simulated robot tuned to published or measured slips and radii."""
+"""`trackslip calibrate`: tune the simulated robot to published or measured slips and radii."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from experiments.driving.sample_runs import record_turns
+from experiments.driving.grid_runs import sample_runs
 from experiments.options.calibrate import CalibrateConfig
+from experiments.recording import record_all
 from experiments.report.terminal import print_table, progress
 from experiments.storage.manifest import command_line, make_manifest
-from experiments.storage.plain_json import write_json
+from experiments.storage.plain_json import plain, write_json
 from experiments.storage.results import MANIFEST_FILE, SUMMARY_FILE, results_folder
 from sim.calibration.calibration import Candidate, Fit, calibrate, floor, simulated_twist, starts
 from sim.calibration.target import MeasuredTurns, Target, TurnTable
@@ -40,14 +42,16 @@ def run(config: CalibrateConfig) -> None:
         target = read_target(config.target, base.geometry)
         twist = partial(simulated_twist, along=ground.along, threads=config.threads)
         further = starts(config.free, config.starts, generator(config.seed, "calibrate"))
-        with progress(f"calibration to {config.target}", 1 + config.starts, "starts") as report:
+        with progress(f"calibration to {config.target}", 3 + config.starts, "fits") as report:
             best = calibrate(base, config.free, target, twist, further, report)
-        centred = centred_fit(base, config.free, target, twist)
-        lowest = floor(best, target)
+            centred = centred_fit(base, config.free, target, twist)
+            report(1)
+            lowest = floor(best, target)
+            report(1)
         wall = time.perf_counter() - began
-        summary = fit_summary(best) | {
+        summary = plain(FitSummary.of(best)) | {
             "floor": {"slip_rms": lowest.slip_rms, "values": values(lowest, lowest.candidate)},
-            "centred": None if centred is None else fit_summary(centred),
+            "centred": None if centred is None else FitSummary.of(centred),
             "starts": [{"cost": cost, "values": values(best, end)} for end, cost in best.ends],
             "wall_s": wall,
             "timing": {"wall_s": wall},
@@ -58,15 +62,15 @@ def run(config: CalibrateConfig) -> None:
         write_json(folder / SUMMARY_FILE, summary)
         write_json(folder / MANIFEST_FILE, make_manifest("calibrate", config, wall, seed=config.seed))
         if config.rrd:
-            record_turns(folder, folder / ROBOT, config)
+            record_all(folder, sample_runs(folder / ROBOT, config))
     _print(config, best, centred, lowest, wall)
 
 
 def read_target(name: str, geometry: RobotGeometry) -> Target:
-    """The published target, or the one in a file; `geometry` is that of a log which doesn't say its own.
+    """The published target, or the one in a file; `geometry` is used for a log that contains none.
 
     Raises:
-        LogError: for a file that can't be used.
+        LogError: for a file that cannot be used.
     """
     if name == "published":
         return TurnTable.published()
@@ -77,7 +81,7 @@ def read_target(name: str, geometry: RobotGeometry) -> Target:
             return _turn_table(read_columns(table, TABLE_COLUMNS, name), name)
     try:
         source = read_source(path)
-    except InvalidValueError:  # it does not state its geometry
+    except InvalidValueError:  # the log contains no geometry
         source = read_source(path, Reading(geometry.half_gauge, geometry.sprocket_radius))
     simulated = all("plate" in log.metadata for log in source.logs) and len(source.logs) > 0
     return MeasuredTurns(source.sampling.samples, source.geometry, of_plate=simulated)
@@ -97,7 +101,7 @@ def _turn_table(columns: Any, name: str) -> TurnTable:
 
 
 def centred_fit(base: Candidate, free: Sequence[str], target: Target, twist: Any) -> Fit | None:
-    """The same with the centre of mass midway between the tracks, if that was free."""
+    """The fit with the centre of mass midway between the tracks; None unless com_y and something else are free."""
     rest = [name for name in free if name != "com_y"]
     if not rest or len(rest) == len(free):
         return None
@@ -105,24 +109,43 @@ def centred_fit(base: Candidate, free: Sequence[str], target: Target, twist: Any
 
 
 def values(fit: Fit, candidate: Candidate) -> dict[str, float]:
-    """What was free in a fit, of a candidate."""
+    """A candidate's values of the parameters that were free in a fit [SI]."""
     return {name: candidate.value(name) for name in fit.free}
 
 
-def fit_summary(fit: Fit) -> dict[str, Any]:
-    """A fit as it stands in a summary."""
-    return {
-        "parameters": {
-            name: {"value": value, "stderr": fit.stderr.get(name), "identifiable": name not in fit.tied}
+@dataclass(frozen=True)
+class ParameterEstimate:
+    """A calibrated parameter [SI]."""
+
+    value: float
+    stderr: float | None
+    """Standard error; None where the target does not determine the parameter."""
+    identifiable: bool
+    """Whether the target determines the parameter separately from the others."""
+
+
+@dataclass(frozen=True)
+class FitSummary:
+    """A calibration as an entry of the summary."""
+
+    parameters: Mapping[str, ParameterEstimate]
+    slip_rms: float
+    """Root mean square of the slip's residual [-]."""
+    radius_rms: float | None
+    """Root mean square of the radius' relative residual [-]; None for a target without radii."""
+
+    @classmethod
+    def of(cls, fit: Fit) -> FitSummary:
+        """Of a fit."""
+        parameters = {
+            name: ParameterEstimate(value, fit.stderr.get(name), name not in fit.tied)
             for name, value in values(fit, fit.candidate).items()
-        },
-        "slip_rms": fit.slip_rms,
-        "radius_rms": fit.radius_rms,
-    }
+        }
+        return cls(parameters, fit.slip_rms, fit.radius_rms)
 
 
 def disagreement(fit: Fit) -> float:
-    """Largest distance of a parameter from the best one, over the starts, in standard errors."""
+    """Largest distance of a parameter from its best value, over all starts, in standard errors [-]."""
     best, *others = (end for end, _ in fit.ends)
     return max(
         (abs(end.value(name) - best.value(name)) / error for end in others for name, error in fit.stderr.items()),
@@ -153,7 +176,7 @@ def _print(config: CalibrateConfig, best: Fit, centred: Fit | None, lowest: Fit,
         rows.append(("radius, rms", *(f"{fit.radius_rms:.2%}" for fit in columns.values())))
     print_table(f"Calibrated to {config.target}", ("parameter", *columns), rows)
     if best.tied:
-        print(f"not identifiable one by one: {', '.join(best.tied)}; the target leaves their values open")
+        print(f"not identifiable separately: {', '.join(best.tied)}; the target leaves their values open")
     if len(best.ends) > 1:
         print(f"{len(best.ends)} starts end within {disagreement(best):.1g} standard errors of each other")
     print(f"{config.out / ROBOT}: {wall:.1f} s; use it with --robot {config.out / ROBOT}")

@@ -43,7 +43,7 @@ def run(config: PredictConfig) -> None:
 
 
 def predicted_robot(config: PredictConfig) -> tuple[RobotParameters, float]:
-    """The robot and the ratio of friction across to along; a centre of mass to one side is left out."""
+    """The robot, its centre of mass midway between the tracks, and the ratio of friction across to along [-]."""
     robot, ground = load_robot_file(config.robot)
     given = {name: getattr(config, name) for name in ("half_gauge", "contact_length", "com_x", "sprocket_radius")}
     robot = replace(robot, com_y=0.0, **{name: value for name, value in given.items() if value is not None})
@@ -51,7 +51,7 @@ def predicted_robot(config: PredictConfig) -> tuple[RobotParameters, float]:
 
 
 def predict(config: PredictConfig) -> ConstantIcr:
-    """The constant ICR that theory gives: the same for every radius and speed.
+    """The constant ICR of quasi-static theory, the same for every radius and speed.
 
     Raises:
         InvalidValueError: for a centre of mass that would lift part of a track.
@@ -60,6 +60,6 @@ def predict(config: PredictConfig) -> ConstantIcr:
     contact = line_contact(
         robot.half_gauge, robot.contact_length / 2, along=1.0, across=ratio, centre_of_mass=(robot.com_x, 0.0, 0.0)
     )
-    left, right = 1.0, 1.4  # any turn will do
+    left, right = 1.0, 1.4  # the result does not depend on the turn
     yaw_rate = steady_twist([left, right], contact)[2]
     return ConstantIcr((right - left) / (2 * yaw_rate) - robot.half_gauge, robot.half_gauge, config.radius_error)

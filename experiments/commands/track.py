@@ -3,33 +3,26 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from experiments.driving.grid_runs import (
-    before_scanner,
-    localization_summary,
-    make_locator,
-    simulated_seconds,
-)
-from experiments.driving.lookup import compensation, controller, reference
+from experiments.driving.closed_loop import ClosedLoopRun, drive_closed_loops, start_pose
+from experiments.driving.grid_runs import before_scanner
+from experiments.driving.lookup import compensation, reference
 from experiments.driving.world import World
+from experiments.measuring.grid import LocalizationErrors, simulated_seconds
+from experiments.measuring.tracking import tracking_results
 from experiments.options.track import TrackConfig
-from experiments.options.world import LINEAR_START
 from experiments.recording import record_all
+from experiments.recording.failed_runs import results_or_failed_runs
 from experiments.report.terminal import print_table, progress
+from experiments.report.tracking import TRACKING_HEADER, tracking_table
 from experiments.storage.plain_json import plain
-from experiments.storage.results import RUNS_FILE, results_folder, write_results
+from experiments.storage.results import RUNS_FILE, write_results
 from sim.robot.robot import Robot
-from sim.run_recorder import Description
-from sim.runs import Pilot, closed_loop
-from sim.seeds import generator
-from trackslip.errors import LogError
-from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
-from trackslip.metrics import tracking_errors
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.segmented import circle
 
@@ -37,51 +30,38 @@ from trackslip.trajectory.segmented import circle
 def run(config: TrackConfig) -> None:
     """Drive once, store the run and print its errors."""
     began = time.perf_counter()
-    with results_folder(config.out) as folder:
-        world = World.of(config)
-        path = make_reference(config, world.robot)
+    world = World.of(config)
+    path = make_reference(config, world.robot)
+    with results_or_failed_runs(config.out, "track", world) as folder:
         logs = drive(config, world, path)
         wall = time.perf_counter() - began
-        rows = tracking_summary(logs, path)
-        found = localization_summary(logs)
+        results, poses = tracking_results(logs, path), LocalizationErrors.of(logs)
         summary = {
-            "tracking": rows,
-            "localization": found,
+            "tracking": [result.to_json() for result in results],
+            "localization": poses,
             "timing": {"wall_s": wall, "simulated_s": simulated_seconds(logs), "stages": {"track": wall}},
         }
-        about = world.manifest("track", wall)
-        write_results(folder, logs, summary, about)
+        write_results(folder, logs, summary, world.manifest("track", wall))
         if config.rrd:
             record_all(folder, logs)
-    print_table("Tracking errors of the true pose", TRACKING_HEADER, tracking_rows(rows))
-    print(f"{found['valid_fraction']:.1%} of the scans gave a valid pose; the rest was dead reckoning")
+    print_table("Tracking errors of the true pose", TRACKING_HEADER, tracking_table(results))
+    print(f"{poses.valid_fraction:.1%} of the scans gave a valid pose; odometry bridged the rest")
     print(f"{config.out / RUNS_FILE}: {wall:.1f} s")
 
 
 def drive(config: TrackConfig, world: World, path: Reference) -> list[RunLog]:
-    """The run, as a list of one."""
-    robot = world.robot
-    pilot = Pilot(
-        controller(config.controller, robot.geometry, config.drive.top_speed),
-        [0],
-        compensation(config.compensation, robot.geometry, config.laws),
-        config.preview,
-    )
-    start = start_pose(config, path)
+    """Drive the run; a list of one."""
     name = f"{config.controller} {config.compensation}"
-    fleet = world.fleet(start[None])
-    feed = world.feed(fleet, [generator(config.seed, f"track {name}")])
-    locator = None if config.localization == "truth" else make_locator(config.localization, robot)
-    metadata = world.metadata(config.localization) | {
-        "controller": config.controller,
-        "compensation": config.compensation,
-        "reference": config.reference,
-        "start": start.tolist(),
-    }
+    metadata: dict[str, Any] = {"reference": config.reference}
     if config.reference == "circle":
-        metadata["circle"] = plain(circle_options(config, robot))
+        metadata["circle"] = plain(circle_options(config, world.robot))
+    start = start_pose(config.controller, config.reference, path) if config.start is None else np.array(config.start)
+    one = ClosedLoopRun(
+        name, f"track {name}", config.seed, config.controller, config.compensation, start, metadata=metadata
+    )
+    law = partial(compensation, robot=world.robot.geometry, laws=config.laws)
     with progress(name, path.duration) as report:
-        return closed_loop(fleet, [pilot], path, feed, locator, [Description(name, metadata)], report)
+        return drive_closed_loops([one], world, path, config.localization, law, config.preview, report)
 
 
 def circle_options(config: TrackConfig, robot: Robot) -> dict[str, Any]:
@@ -95,52 +75,7 @@ def circle_options(config: TrackConfig, robot: Robot) -> dict[str, Any]:
 
 
 def make_reference(config: TrackConfig, robot: Robot) -> Reference:
-    """The configured path; a circle is one in front of the scanner, as the options say."""
+    """The configured path; a circle lies in front of the scanner."""
     if config.reference != "circle":
         return reference(config.reference)
     return circle(**circle_options(config, robot))
-
-
-def start_pose(config: TrackConfig, reference: Reference) -> Array:
-    """Where the robot is set down (3,)."""
-    if config.start is not None:
-        return np.array(config.start)
-    if config.controller == "linear" and config.reference == "paper":
-        return np.array(LINEAR_START)
-    return reference.pose(0.0)
-
-
-def tracking_summary(logs: Sequence[RunLog], reference: Reference) -> list[dict[str, Any]]:
-    """Errors of each run's true pose against the reference [m, rad]."""
-    rows = []
-    for log in logs:
-        if log.truth is None:
-            raise LogError(f"run {log.run!r}: has no truth")
-        named = {key: log.metadata[key] for key in ("controller", "compensation", "localization")}
-        rows.append(named | plain(tracking_errors(log.time, log.truth.pose, reference)))
-    return rows
-
-
-TRACKING_HEADER = (
-    "controller",
-    "compensation",
-    "rms [mm]",
-    "> 12 s [mm]",
-    "max [mm]",
-    "end [mm]",
-    "end [deg]",
-)
-
-
-def tracking_rows(tracking: Sequence[Mapping[str, Any]]) -> list[tuple[str, ...]]:
-    """A summary's `tracking` as rows of text."""
-    keys = ("rms_position", "rms_position_after_12s", "max_position", "final_position")
-    return [
-        (
-            row["controller"],
-            row["compensation"],
-            *("-" if row[key] is None else f"{1e3 * row[key]:.1f}" for key in keys),
-            f"{np.degrees(row['final_heading']):.2f}",
-        )
-        for row in tracking
-    ]

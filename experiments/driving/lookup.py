@@ -1,4 +1,4 @@
-"""What the names of controllers, compensations and references on the command line stand for."""
+"""Names on the command line resolved to objects: references, compensations, controllers, localisation methods."""
 
 from __future__ import annotations
 
@@ -9,11 +9,15 @@ import sys
 from pathlib import Path
 
 from sim.policy import Policy, PolicyController, policy_file
+from sim.robot.robot import Robot
 from trackslip.controllers.base import Controller
 from trackslip.controllers.mpc import ModelPredictive
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import RobotGeometry
+from trackslip.localization.base import Locator
+from trackslip.localization.line import LineLocator
+from trackslip.localization.plate import PlateLocator
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.compensation import Compensation, FixedLaw, OnlineIcr
 from trackslip.slip.constant import NoSlip
@@ -24,26 +28,26 @@ from trackslip.trajectory.base import Reference
 from trackslip.trajectory.named import load_reference
 
 KNOWN_LAWS: dict[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}
-"""Laws that needn't be identified."""
+"""Slip laws that need no identification."""
 _ONLINE, _ONLINE_COLD = "online", "online_cold"
 _POLICY = "ppo:"
-_MARGIN = 0.98  # of the top speed, that is planned with
-_REACH = 1.27  # b + D over b on hard ground: how far out compensation of slip puts the tracks
-_PRIOR = "icr_radius"  # the law that `online` begins with
+_MARGIN = 0.98  # share of the top speed that the MPC plans with
+_REACH = 1.27  # (b + D) / b on hard ground: how far out slip compensation places the tracks
+_PRIOR = "icr_radius"  # the law that `online` starts from
 
 
 @functools.lru_cache(maxsize=64)
 def reference(name: str) -> Reference:
-    """A reference by name or from a file; raises TrackslipError for what is neither."""
+    """A reference by name or from a file; raises TrackslipError for anything else."""
     return load_reference(name)
 
 
 def compensation(name: str, robot: RobotGeometry, laws: Path | None) -> Compensation:
-    """A new compensation of that name, with the laws in a file, by default the shipped ones.
+    """A new compensation by name, using the laws in a file (default: those in the package).
 
     Raises:
-        InvalidValueError: for a name that stands for nothing.
-        LogError: for a file that can't be read, or was made for another robot.
+        InvalidValueError: for an unknown name.
+        LogError: for a file that cannot be read or was made for another robot.
     """
     if name in KNOWN_LAWS:
         return FixedLaw(KNOWN_LAWS[name])
@@ -60,15 +64,15 @@ def compensation(name: str, robot: RobotGeometry, laws: Path | None) -> Compensa
 
 
 def controller(name: str, robot: RobotGeometry, top_speed: float) -> Controller:
-    """A new controller: of CONTROLLERS, ppo:PATH of a trained policy, or what MODULE:CLASS makes when called.
+    """A new controller: one of CONTROLLERS, a trained policy (ppo:PATH), or an instance of a user's MODULE:CLASS.
 
     Args:
-        name: of the controller.
-        robot: whose limits a controller that knows of limits is to respect.
-        top_speed: of its tracks [m/s].
+        name: as given on the command line.
+        robot: geometry of the robot, for controllers that respect its limits.
+        top_speed: of the tracks [m/s].
 
     Raises:
-        InvalidValueError: for what is neither.
+        InvalidValueError: for any other name.
     """
     if name == "mpc":
         return ModelPredictive(track_speed=_MARGIN * top_speed, half_gauge=_REACH * robot.half_gauge)
@@ -86,15 +90,20 @@ def controller(name: str, robot: RobotGeometry, top_speed: float) -> Controller:
     return made
 
 
+def locator(name: str, robot: Robot) -> Locator:
+    """The localisation method called `name`: plate or line."""
+    return LineLocator(robot.plate) if name == "line" else PlateLocator(robot.plate)
+
+
 def user_modules() -> list[str]:
-    """Files of the modules that have been imported from here, by a user's controllers or for them."""
+    """Files of all modules imported from the current folder, such as a user's controllers."""
     here = os.getcwd() + os.sep
     files = {getattr(module, "__file__", None) or "" for module in list(sys.modules.values())}
     return sorted(file for file in files if file.startswith(here) and "site-packages" not in file)
 
 
 def policy_path(name: str) -> Path | None:
-    """The file of a policy, if the controller called `name` is one."""
+    """The policy file of a controller ppo:PATH; None for other controllers."""
     return policy_file(Path(name.removeprefix(_POLICY))) if name.startswith(_POLICY) else None
 
 
@@ -106,7 +115,7 @@ def _call(name: str, module: str, attribute: str) -> Controller:
         made: Controller = getattr(importlib.import_module(module), attribute)()
     except TrackslipError:
         raise
-    except (Exception, SystemExit) as error:  # whatever a user's module does
+    except (Exception, SystemExit) as error:  # a user's module may raise anything
         raise InvalidValueError(
             "controller", name, f"MODULE:CLASS that can be imported and called ({type(error).__name__}: {error})"
         ) from error

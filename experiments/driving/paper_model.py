@@ -1,6 +1,6 @@
-"""What the paper's own equations say that its robot does: Eqs. 5-7 and 15 with slips by Eq. 11, and no simulator.
+"""The paper's robot by the paper's own equations, without a simulator: Eqs. 5-7 and 15, with the slip of Eq. 11.
 
-The paper prints no numbers of its Figs. 4, 8 and 10 to 12, but all that they follow from.
+The paper prints no numbers for its Figs. 4, 8 and 10 to 12, but everything they follow from.
 """
 
 from __future__ import annotations
@@ -21,13 +21,13 @@ from trackslip.trajectory.segmented import paper_reference
 PERIOD = 0.05
 """Time between two commands [s]."""
 TOP_SPEED = 0.3
-"""Of the paper's robot (Sec. III) [m/s]."""
+"""Top speed of the paper's robot (Sec. III) [m/s]."""
 COMPENSATIONS: Mapping[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}
-"""Those of the paper."""
+"""The paper's compensations."""
 
 
 def published_poses(log: RunLog) -> Array:
-    """Poses (T, 3) on the circle that a steady run's sprocket speeds drive if slip is Eq. 11's, from where it began."""
+    """Poses (T, 3) [m, m, rad] on the circle that a steady run's sprocket speeds give with the slip of Eq. 11."""
     geometry = geometry_of(log.metadata)
     assert geometry is not None
     begin = log.pose[int(np.argmax(log.is_valid))] if log.truth is None else log.truth.pose[0]
@@ -36,32 +36,32 @@ def published_poses(log: RunLog) -> Array:
 
 
 def published_runs(controller: str, start: Array, geometry: RobotGeometry) -> dict[str, RunLog]:
-    """Compensation -> run along the paper's path of a robot whose slip is Eq. 11's, from a pose (3,)."""
+    """Compensation -> run along the paper's path, with the slip of Eq. 11, from the pose `start` (3,) [m, m, rad]."""
     return {
         name: published_run(controller, start, law, geometry, paper_reference()) for name, law in COMPENSATIONS.items()
     }
 
 
 def published_run(controller: str, start: Array, law: SlipLaw, geometry: RobotGeometry, reference: Reference) -> RunLog:
-    """One run: `law` compensates, and the slip is Eq. 11's at the curvature that is really driven."""
+    """One run compensated with `law`; the robot slips as in Eq. 11 at the curvature that it actually drives."""
     driver = CONTROLLERS[controller]()
     driver.reset()
     time = np.arange(0, reference.duration + PERIOD / 2, PERIOD)
     poses = [np.asarray(start, float)]
-    asked, omegas = [], []
+    commanded, omegas = [], []
     for now in time:
-        asked.append(driver.twist(float(now), poses[-1], reference))
-        omega = law.sprocket_speeds(asked[-1], geometry)
+        commanded.append(driver.twist(float(now), poses[-1], reference))
+        omega = law.sprocket_speeds(commanded[-1], geometry)
         omegas.append(limit_sprocket_speeds(omega, TOP_SPEED / geometry.sprocket_radius))
         poses.append(advance(poses[-1], PUBLISHED.twist(omegas[-1], geometry), PERIOD))
     return RunLog(
         f"{controller}, by the paper's equations", time, np.array(omegas), np.array(poses[:-1]),
-        twist_command=np.array(asked),
+        twist_command=np.array(commanded),
     )  # fmt: skip
 
 
 def geometry_of(metadata: Mapping[str, object]) -> RobotGeometry | None:
-    """A run's geometry, if it is known."""
+    """The geometry in a run's metadata; None where there is none."""
     known = metadata.get("geometry")
     if not isinstance(known, Mapping):
         return None

@@ -1,4 +1,4 @@
-"""The simulated world that a command's options describe: robot, ground, drives, scanner."""
+"""The simulated world that a command's options describe: robot, ground, drives, scanner, obstacles."""
 
 from __future__ import annotations
 
@@ -26,16 +26,17 @@ from trackslip.kinematics import Array
 
 @dataclass(frozen=True)
 class Specification:
-    """A world whose files are read and whose names are looked up; nothing is compiled."""
+    """A world with its files read and its names resolved, but no model compiled."""
 
     parameters: RobotParameters
     ground: Ground
     radius_error: float
+    """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     obstacles: Obstacles
 
     @classmethod
     def of(cls, config: Simulation) -> Specification:
-        """What a command is to simulate; raises TrackslipError for files and names that aren't there."""
+        """Read the files that the options name; raises TrackslipError for a file or name that does not exist."""
         parameters, ground = load_robot_file(config.robot)
         if config.ground.source is not None:
             ground = load_ground(config.ground.source)
@@ -53,25 +54,27 @@ class World:
     robot: Robot
     ground: Ground
     radius_error: float
+    """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     obstacles: Obstacles
 
     @classmethod
     def of(cls, config: Simulation, specification: Specification | None = None) -> World:
-        """What a command is to simulate; raises TrackslipError for files and names that aren't there."""
+        """Build the world of a command; raises TrackslipError for a file or name that does not exist."""
         given = specification or Specification.of(config)
         robot = _compiled(given.parameters, config.rrd)
         return cls(config, given.parameters, robot, given.ground, given.radius_error, given.obstacles)
 
-    def fleet(self, start: Array) -> Fleet:
-        """Robots at the poses `start` (N, 3)."""
-        return Fleet(self.robot, start, self.ground, self.radius_error, self.config.drive, self.config.threads)
+    def fleet(self, start: Array, grounds: Sequence[Ground] | None = None) -> Fleet:
+        """Robots at the poses `start` (N, 3) [m, m, rad], each on the world's ground or on its own of `grounds`."""
+        config = self.config
+        return Fleet(self.robot, start, grounds or self.ground, self.radius_error, config.drive, config.threads)
 
     def feed(self, fleet: Fleet, generators: Sequence[np.random.Generator]) -> ScannerFeed:
-        """The scanner in front of a fleet, with a generator of random numbers for each robot."""
+        """The scanner in front of a fleet, with one random number generator per robot."""
         return ScannerFeed(self.config.scanner, fleet, generators, self.obstacles)
 
     def metadata(self, localization: str) -> dict[str, Any]:
-        """What every simulated run remembers."""
+        """The metadata of every run simulated in this world."""
         metadata: dict[str, Any] = plain(
             {
                 "geometry": self.robot.geometry,
@@ -90,11 +93,14 @@ class World:
         )
         return metadata
 
-    def manifest(self, command: str, wall_s: float) -> dict[str, Any]:
-        """The manifest of a command that drove in this world."""
+    def manifest(self, command: str, wall_s: float, config: Any = None) -> dict[str, Any]:
+        """The manifest of a command that simulated in this world and took `wall_s` [s].
+
+        `config` is the command's configuration if it isn't that of the world.
+        """
         return make_manifest(
             command,
-            self.config,
+            config or self.config,
             wall_s,
             seed=self.config.seed,
             model_sha256=self.robot.digest,

@@ -1,4 +1,4 @@
-"""Steady slip by a track's role in the turn, (inner, outer), with its errors; and slip laws seen the same way."""
+"""Slip of the inner and the outer track in steady turns, with standard errors; and slip laws seen the same way."""
 
 from __future__ import annotations
 
@@ -10,12 +10,13 @@ from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import SIDES, Array, RobotGeometry
 from trackslip.slip.base import SlipLaw
 
-ROLES = ("inner", "outer")
+TRACKS = ("inner", "outer")
+"""Order of the tracks on the last axis, here and in the figures."""
 _STRAIGHT = 20.0  # radius from which a run counts as straight [m]
 
 
 @dataclass(frozen=True)
-class RoleErrors:
+class StandardErrors:
     """Standard errors of measurement, propagated linearly from those of the twists."""
 
     speed: Array  # (n,) [m/s]
@@ -24,24 +25,23 @@ class RoleErrors:
 
 
 @dataclass(frozen=True)
-class RoleSamples:
-    """Steady turns, seen from their centres: a straight run has none and isn't here."""
+class InnerOuterSamples:
+    """Steady turns by inner and outer track. Straight runs have neither and are left out."""
 
     twist: Array  # (n, 2) [m/s, rad/s]
     radius: Array  # (n,) of the observed path [m], >= 0
-    left: np.ndarray  # (n,) bool: the turn's centre is to the left, and so is the inner track
+    left: np.ndarray  # (n,) bool: a left turn, whose inner track is the left one
     slip: Array  # (n, 2) of the inner and outer track [-]
-    errors: RoleErrors | None
-    """None where the samples don't know theirs."""
+    errors: StandardErrors | None
+    """None where the samples have none."""
 
     @classmethod
-    def of(cls, samples: SlipSamples, geometry: RobotGeometry) -> RoleSamples:
+    def of(cls, samples: SlipSamples, geometry: RobotGeometry) -> InnerOuterSamples:
         """The left track is the inner one where the curvature is positive, the right one elsewhere."""
-        turning = np.abs(samples.radius) < _STRAIGHT
-        some = samples.take(turning)
-        left = some.curvature > 0
-        radius = np.abs(some.radius)
-        return cls(some.twist, radius, left, by_role(some.slip, left), _errors(some, left, geometry))
+        turning = samples.take(np.abs(samples.radius) < _STRAIGHT)
+        left = turning.curvature > 0
+        slip = inner_outer(turning.slip, left)
+        return cls(turning.twist, np.abs(turning.radius), left, slip, _errors(turning, left, geometry))
 
     def __len__(self) -> int:
         return len(self.radius)
@@ -53,12 +53,12 @@ class RoleSamples:
 
     def residual(self, law: SlipLaw) -> Array:
         """Measured slip minus the law's at the measured motion, (n, 2) of the inner and outer track [-]."""
-        return self.slip - by_role(law.slip(self.twist), self.left)
+        return self.slip - inner_outer(law.slip(self.twist), self.left)
 
     def curves(self, law: SlipLaw, radius: Array) -> list[Array]:
         """Slips (m, 2) of the inner and outer track at radii (m,) [m] > 0 and the median speed.
 
-        One curve if the law takes turns to both sides alike, else one for each side that was driven to.
+        One curve if left and right turns have the same slip, else one for each side that was driven.
         """
         speed = float(np.median(self.speed)) or 1.0
         sides = [side for side in (True, False) if (self.left == side).any()]
@@ -66,8 +66,8 @@ class RoleSamples:
         return drawn[:1] if np.allclose(drawn[0], drawn[-1], equal_nan=True) else drawn
 
 
-def by_role(values: Array, left: np.ndarray) -> Array:
-    """Values (n, 2) of the left and right track as those of the inner and outer one, (n, 2)."""
+def inner_outer(values: Array, left: np.ndarray) -> Array:
+    """Values (n, 2) of the left and right track as those of the inner and outer one, (n, 2); `left` is (n,) bool."""
     return np.where(left[:, None], values, values[:, ::-1])
 
 
@@ -79,20 +79,20 @@ def slip_at(law: SlipLaw, radius: Array, speed: Array | float, *, left: bool = T
     return slip[:, ::side]
 
 
-def _errors(samples: SlipSamples, left: np.ndarray, geometry: RobotGeometry) -> RoleErrors | None:
+def _errors(samples: SlipSamples, left: np.ndarray, geometry: RobotGeometry) -> StandardErrors | None:
     if samples.covariance is None:
         return None
     v, w = samples.twist.T
     commanded = geometry.sprocket_radius * samples.omega  # (n, 2)
     of_slip = -np.stack([1 / commanded, SIDES * geometry.half_gauge / commanded], axis=-1)  # (n, 2, 2)
     of_radius = np.column_stack([1 / w, -v / w**2])
-    return RoleErrors(
+    return StandardErrors(
         speed=np.sqrt(samples.covariance[:, 0, 0]),
         radius=_propagated("ni,nij,nj->n", of_radius, samples.covariance),
-        slip=by_role(_propagated("nki,nij,nkj->nk", of_slip, samples.covariance), left),
+        slip=inner_outer(_propagated("nki,nij,nkj->nk", of_slip, samples.covariance), left),
     )
 
 
-def _propagated(path: str, gradient: Array, covariance: Array) -> Array:
-    variance: Array = np.einsum(path, gradient, covariance, gradient)
+def _propagated(subscripts: str, gradient: Array, covariance: Array) -> Array:
+    variance: Array = np.einsum(subscripts, gradient, covariance, gradient)
     return np.sqrt(np.maximum(variance, 0.0))

@@ -1,4 +1,4 @@
-"""The page of a benchmark: leaderboard, where paths are lost, figures, all rows."""
+"""The page of a benchmark: leaderboard, lost paths, figures, all rows."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from experiments.options.benchmark import Case
 from experiments.report.figures import leaderboard as figures
 from experiments.report.figures.style import law_line
 from experiments.report.page import Drawing, Page, conditions, file_name, render_page
+from experiments.storage.manifest import relative
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.table import runs_from_table
 
@@ -24,8 +25,8 @@ _FAVOURITES = (
     "icr",
     "published",
     "none",
-)  # with which controllers are compared, if it is there
-_REPRESENTATIVES = ("linear", "feedforward")  # with which compensations are compared
+)  # compensations to compare controllers with, the first available one
+_REPRESENTATIVES = ("linear", "feedforward")  # controllers to compare compensations with
 
 
 @dataclass(frozen=True)
@@ -44,16 +45,16 @@ def render(
     manifest: Mapping[str, Any],
     command: str,
 ) -> Page:
-    """The page and its figures.
+    """Draw the figures and fill in the template.
 
     Args:
         runs_file: the Parquet file with the runs.
         entries: of the leaderboard.
-        lost: where paths were lost, in sentences.
+        lost: sentences on lost paths.
         rows: means over seeds.
-        runs: what is known of each run.
-        manifest: how they were made.
-        command: the same, in one line.
+        runs: one row per run.
+        manifest: how the results were made.
+        command: the command line.
     """
     shown = list(_path_figures(runs_file, [run.case for run in runs if run.error is None]))
     drawings = [Drawing("leaderboard", figures.board(rows)), *(figure.drawing for figure in shown)]
@@ -75,7 +76,7 @@ def render(
 
 
 def _path_figures(runs_file: Path, cases: Sequence[Case]) -> Iterator[_Figure]:
-    """For each reference: controllers side by side, and a controller with each compensation; first ground and seed."""
+    """Per reference: controllers side by side, and one controller with each compensation; first ground and seed."""
     for name in dict.fromkeys(case.reference for case in cases):
         here = [case for case in cases if case.reference == name]
         here = [case for case in here if (case.ground, case.seed) == (here[0].ground, here[0].seed)]
@@ -89,24 +90,29 @@ def _path_figures(runs_file: Path, cases: Sequence[Case]) -> Iterator[_Figure]:
             )
             style = {key: figures.controller_line(k) for k, key in enumerate(controllers)}
             yield _figure(
-                runs_file, chosen, style, f"{name}: controllers", f"All with {figures.compensation_name(favourite)}"
+                runs_file,
+                chosen,
+                style,
+                f"{relative(name)}: controllers",
+                f"All with {figures.compensation_name(favourite)}",
             )
         if len(compensations) > 1:
             for controller in [c for c in (*_REPRESENTATIVES, *controllers) if c in controllers][:2]:
                 one = [case for case in here if case.controller == controller]
                 chosen = _first([case for case in one if case.start == one[0].start], "compensation")
                 line = {key: law_line(key) for key in chosen}
-                yield _figure(runs_file, chosen, line, f"{name}: {controller} with each compensation", "")
+                heading = f"{relative(name)}: {relative(controller)} with each compensation"
+                yield _figure(runs_file, chosen, line, heading, "")
 
 
 def _commonest_start(cases: Sequence[Case]) -> str:
-    """The start from which most controllers drive."""
+    """The start with the most controllers."""
     controllers = {case.start: len({c.controller for c in cases if c.start == case.start}) for case in cases}
     return max(controllers, key=lambda start: controllers[start])
 
 
 def _first(cases: Sequence[Case], key: str) -> dict[str, Case]:
-    """The first of the cases by what their field `key` is."""
+    """The first case for each value of the field `key`."""
     found: dict[str, Case] = {}
     for case in cases:
         found.setdefault(getattr(case, key), case)
@@ -119,11 +125,11 @@ def _figure(
     logs = {log.run: log for log in _read(runs_file, [case.run for case in chosen.values()])}
     one = next(iter(chosen.values()))
     lines = {figures.compensation_name(key): (logs[case.run], dict(style[key])) for key, case in chosen.items()}
-    caption = f"{what + ', o' if what else 'O'}n {one.ground}, start {one.start}, seed {one.seed}."
+    caption = f"{what + ', o' if what else 'O'}n {relative(one.ground)}, start {one.start}, seed {one.seed}."
     return _Figure(Drawing(f"paths_{file_name(heading)}", figures.paths(one.reference, lines)), heading, caption)
 
 
 def _read(path: Path, names: Sequence[str]) -> list[RunLog]:
-    """Some of the runs in a file."""
+    """Read some of the runs in a file."""
     table = pyarrow.parquet.read_table(path, filters=[("run", "in", list(names))])
     return runs_from_table(table, str(path))

@@ -1,12 +1,12 @@
-"""Colours and names that mean the same in every figure and recording."""
+"""Colours and names, the same in every figure and recording."""
 
 from __future__ import annotations
 
 BLUE, ORANGE, GREEN, RED, BLACK = "#0072B2", "#C98200", "#009E73", "#C1272D", "#1a1a1a"
 VERMILLION = "#D55E00"
-"""Red on the dark ground of a viewer."""
+"""Red on a viewer's dark background."""
 GREY, SHADE = "#8a8a8a", "#efefef"
-"""Lines, and areas, that are there to compare with."""
+"""Lines and areas for comparison."""
 COLOURS = {
     "none": RED,
     "published": BLACK,
@@ -21,8 +21,8 @@ COLOURS = {
     "online": "#117733",
     "online_cold": "#999933",
 }
-"""The same colour for the same slip law in every figure: after Okabe and Ito's palette, each at least 3 : 1 against the
-card behind it, on the light page and on the dark one, where the style sheet inverts figures."""
+"""Colours of slip laws and compensations, after Okabe and Ito's palette. Each has a contrast of at least 3 : 1 against
+the card behind it, on the light page and on the dark one, where the style sheet inverts figures."""
 LABELS = {
     "none": "no slip assumed",
     "published": "published law (Eq. 11)",
@@ -37,4 +37,4 @@ LABELS = {
     "online": "online",
     "online_cold": "online, from nothing",
 }
-"""What a law, or a compensation by it, is called."""
+"""Printed names of slip laws and compensations."""

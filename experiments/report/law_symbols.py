@@ -1,4 +1,4 @@
-"""How the parameters of slip laws are written."""
+"""Symbols, formulas and units of slip laws, as printed."""
 
 from __future__ import annotations
 
@@ -6,24 +6,21 @@ import math
 
 from trackslip.slip.families import FAMILIES
 
-SYMBOLS = {
-    "alpha_outer": "α outer",
-    "beta_outer": "β outer",
-    "alpha_inner": "α inner",
-    "beta_inner": "β inner",
-    "gamma_outer": "γ outer",
-    "gamma_inner": "γ inner",
-    "slip_outer": "i outer",
-    "slip_inner": "i inner",
+_LETTERS = {
+    "alpha": "α",
+    "beta": "β",
+    "gamma": "γ",
+    "slip": "i",
     "size": "a",
     "pole": "p",
     "offset": "D",
     "radius_error": "ε",
-    "offset_left": "D left",
-    "offset_right": "D right",
-    "radius_error_left": "ε left",
-    "radius_error_right": "ε right",
 }
+_TRACKS = ("", " outer", " inner", " left", " right")
+SYMBOLS = {
+    f"{name}{track.replace(' ', '_')}": f"{letter}{track}" for name, letter in _LETTERS.items() for track in _TRACKS
+}
+"""Parameter -> its symbol, such as "α outer" for alpha_outer."""
 FORMULAS = {
     "none": ("i = 0",),
     "constant": ("i the same at every radius",),
@@ -35,12 +32,12 @@ FORMULAS = {
     "icr_radius": ("outer: 1 − (1 + ε)(R + b) / (R + b + D)", "inner: 1 − (1 + ε)(R − b) / (R − b − D)"),
     "icr_sides": ("as above, with D and ε", "of the left and the right track"),
 }
-"""Law -> lines of its formula."""
+"""Law -> the lines of its formula."""
 _MAX_DIGITS = 7
 
 
 def unit_of(law: str, parameter: str) -> tuple[float, str]:
-    """Factor from SI and unit of a law's parameter, as printed: mm for lengths, % for errors of the radius."""
+    """Factor from SI and unit in which a parameter is printed: mm for lengths, % for errors of the radius."""
     if parameter.startswith("radius_error"):
         return 1e2, "%"
     unit = FAMILIES[law].parameters[parameter].unit
@@ -50,8 +47,3 @@ def unit_of(law: str, parameter: str) -> tuple[float, str]:
 def digits_for(error: float) -> int:
     """Decimals that show two digits of an error."""
     return min(_MAX_DIGITS, max(0, 1 - math.floor(math.log10(error)))) if error > 0 else _MAX_DIGITS
-
-
-def fixed(value: float, digits: int) -> str:
-    """A number with that many decimals and a proper minus sign; a dash for none."""
-    return f"{value:.{digits}f}".replace("-", "−") if math.isfinite(value) else "–"

@@ -7,7 +7,6 @@ from experiments.storage.manifest import versions
 from experiments.storage.plain_json import plain
 from trackslip.identification.result import Identification
 from trackslip.identification.source import origin
-from trackslip.identification.summary import identification_to_json
 
 
 def identification_page(found: Identification) -> str:
@@ -17,7 +16,6 @@ def identification_page(found: Identification) -> str:
         title="Slip laws",
         command="trackslip.identify(...).report(...)",
         manifest=plain(about),
-        summary=plain(identification_to_json(found)),
         grid_logs=found.logs,
         identification=found,
     )

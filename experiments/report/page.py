@@ -1,10 +1,11 @@
-"""What every page is made with: templates, figures as inline SVG and as files, a manifest as a list."""
+"""Pages: templates, figures as inline SVG and as files, and how the results were made."""
 
 from __future__ import annotations
 
 import functools
 import io
 import re
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,21 +16,21 @@ import matplotlib
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
+from experiments.report.formats import MISSING
+from experiments.storage.manifest import relative
 from experiments.storage.results import FIGURES_FOLDER, REPORT_FILE
-
-MISSING = "–"
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure and its name, which says what is in it: letters, digits and underscores."""
+    """A figure and its descriptive name of letters, digits and underscores."""
 
     name: str
     figure: Figure
 
     @functools.cached_property
     def svg(self) -> str:
-        """The text of an SVG file, the same every time; its letters are outlines, so that it needs no font."""
+        """The text of an SVG file, reproducible, with letters as outlines so that it needs no font."""
         buffer = io.StringIO()
         with matplotlib.rc_context({"svg.hashsalt": self.name, "svg.fonttype": "path"}):
             self.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
@@ -37,7 +38,7 @@ class Drawing:
 
     @property
     def inline(self) -> Markup:
-        """An <svg> element, whose ids differ from those of other figures on the page."""
+        """An <svg> element whose ids are unique on the page."""
         text = self.svg[self.svg.index("<svg") :]
         text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text, flags=re.DOTALL)
         text = re.sub(r'((?:\bid|xlink:href)="#?|url\(#)(?=[^"#)])', rf"\g<1>{self.name}-", text)
@@ -47,13 +48,13 @@ class Drawing:
 
 @dataclass(frozen=True)
 class Page:
-    """A report: the page that needs no other file, and its figures, which are files as well."""
+    """A self-contained HTML page and its figures, which are also written as files."""
 
     html: str
     drawings: Sequence[Drawing]
 
     def write(self, folder: Path, pdf: bool = False) -> None:
-        """Write REPORT and each figure as FIGURES/NAME.svg, with `pdf` as NAME.pdf too."""
+        """Write the page and each figure as figures/NAME.svg, with `pdf` also as NAME.pdf."""
         (folder / REPORT_FILE).write_text(self.html, encoding="utf-8")
         (folder / FIGURES_FOLDER).mkdir()
         for drawing in self.drawings:
@@ -65,14 +66,14 @@ class Page:
 
 
 def render_page(template: str, *, title: str, command: str, manifest: Mapping[str, Any], **context: Any) -> str:
-    """A template that extends base.html.j2, as HTML that needs no other file.
+    """Fill in a template that extends base.html.j2; the HTML needs no other file.
 
     Args:
-        template: its file's name.
-        title: of the page.
-        command: how it was made, in one line.
-        manifest: whatever fits into JSON; listed at the end.
-        context: what the template itself wants.
+        template: name of its file.
+        title: title of the page.
+        command: command line that made the results.
+        manifest: anything that fits into JSON; listed at the end of the page.
+        context: further variables of the template.
     """
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("experiments.report", "templates"),
@@ -82,25 +83,32 @@ def render_page(template: str, *, title: str, command: str, manifest: Mapping[st
         lstrip_blocks=True,
     )
     return environment.get_template(template).render(
-        title=title, command=command, manifest=list(_flatten(manifest)), **context
+        title=title, command=relative_command(command), manifest=list(_flatten(manifest)), **context
     )
 
 
+def relative_command(command: str) -> str:
+    """A command line with all its paths relative to the current folder."""
+    words = shlex.split(command)
+    relatives = list(map(relative, words))
+    return command if relatives == words else shlex.join(relatives)
+
+
 def conditions(manifest: Mapping[str, Any], command: str) -> str:
-    """Seed, ground and command in a line, for captions; what the manifest doesn't know is said to be unknown."""
+    """Seed, ground and command on one line, for captions; what the manifest lacks is called unknown."""
     seed, ground = manifest.get("seed"), manifest.get("ground")
     seeds = seed if isinstance(seed, list | tuple) else [seed]
     parts = [
         "seed unknown" if seed is None else f"seed{'s' if len(seeds) > 1 else ''} {', '.join(map(str, seeds))}",
         "ground unknown" if not isinstance(ground, Mapping) else _ground(ground),
     ]
-    return " · ".join([*parts, command] if command else parts)
+    return " · ".join([*parts, relative_command(command)] if command else parts)
 
 
 def _ground(ground: Mapping[str, Any]) -> str:
-    """A ground, or several by their names."""
+    """One ground, or several by their names."""
     if "along" not in ground:
-        return "; ".join(f"{name} {_ground(one)}" for name, one in ground.items() if isinstance(one, Mapping))
+        return "; ".join(f"{relative(name)} {_ground(one)}" for name, one in ground.items() if isinstance(one, Mapping))
     text = f"ground: friction {ground['along']:g} along, {ground['across']:g} across"
     if ground.get("slope"):
         text += f", slope {ground['slope']:.3g} rad, uphill {ground.get('uphill', 0.0):.3g} rad"
@@ -108,19 +116,19 @@ def _ground(ground: Mapping[str, Any]) -> str:
 
 
 def file_name(text: str) -> str:
-    """A title as the name of a file: lower-case letters and digits, the rest underscores."""
+    """A title as the name of a file: lower-case letters and digits, everything else underscores."""
     return re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
 
 
 def _flatten(value: Any, path: str = "") -> Iterator[tuple[str, str]]:
-    """Dotted names and printed values of everything in nested mappings; lists of plain values stay in one."""
+    """Dotted names and printed values of everything in nested mappings; a list of plain values is one value."""
     if isinstance(value, Mapping) and value:
         for key, item in value.items():
-            yield from _flatten(item, f"{path}.{key}" if path else str(key))
+            yield from _flatten(item, f"{path}.{relative(str(key))}" if path else str(key))
     elif isinstance(value, list | tuple) and any(isinstance(item, Mapping) for item in value):
-        for number, item in enumerate(value):
-            yield from _flatten(item, f"{path}[{number}]")
+        for index, item in enumerate(value):
+            yield from _flatten(item, f"{path}[{index}]")
     elif isinstance(value, list | tuple):
-        yield path, ", ".join(map(str, value)) or MISSING
+        yield path, ", ".join(relative(str(item)) for item in value) or MISSING
     elif path:
-        yield path, MISSING if value is None or value == {} else str(value)
+        yield path, MISSING if value is None or value == {} else relative(str(value))

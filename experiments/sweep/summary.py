@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.driving.grid_runs import grid_summary, published_radii
+from experiments.measuring.grid import ErrorStatistics, GridSummary, OuterInner, grid_summary, published_radii
 from experiments.options.grid import SweepConfig
 from experiments.report.terminal import print_table
 from experiments.storage.plain_json import plain
@@ -57,37 +57,6 @@ class Radii:
 
 
 @dataclass(frozen=True)
-class OuterInner:
-    """Mean slip (R,) of the outer and the inner track at each commanded radius [-]."""
-
-    outer: list[float]
-    inner: list[float]
-
-
-@dataclass(frozen=True)
-class ErrorStatistics:
-    """Errors of the measured slip of one track over the runs of a grid."""
-
-    bias: float
-    """Mean [-]."""
-    std: float
-    """Standard deviation [-]."""
-
-
-@dataclass(frozen=True)
-class SlipErrors:
-    """Errors of the measured slip of both tracks."""
-
-    outer: ErrorStatistics
-    inner: ErrorStatistics
-
-    @property
-    def rms(self) -> float:
-        """Root mean square over both tracks [-]."""
-        return float(np.sqrt(np.mean([e.bias**2 + e.std**2 for e in (self.outer, self.inner)])))
-
-
-@dataclass(frozen=True)
 class PoseErrors:
     """Root mean square errors of the poses."""
 
@@ -110,8 +79,9 @@ class Grid:
     runs: int
     failed: int
     radius: Radii
-    slip_by_radius: OuterInner
-    slip_error: SlipErrors
+    slip_by_radius: OuterInner[list[float]]
+    """Mean slip (R,) at each commanded radius [-]."""
+    slip_error: OuterInner[ErrorStatistics]
     localization: PoseErrors
 
 
@@ -121,8 +91,8 @@ class SweepSummary:
 
     grids: list[Grid]
     warnings: list[str]
-    in_full: dict[str, Any]
-    """Further numbers of a grid that is the only one."""
+    in_full: GridSummary | None
+    """All numbers of a grid that is the only one, and not too large."""
     runs: list[RunRow]
     made_by: Mapping[str, Any]
     """Code, models and libraries that drove the runs, by their digest."""
@@ -137,7 +107,7 @@ class SweepSummary:
         """The content of the file."""
         content: dict[str, Any] = plain(
             {"grids": self.grids, "warnings": self.warnings}
-            | self.in_full
+            | ({} if self.in_full is None else self.in_full.to_json())
             | {
                 "runs": [row.to_json() for row in self.runs],
                 "made_by": self.made_by,
@@ -174,11 +144,11 @@ def numbers_in_full(
     rows: Sequence[RunRow],
     read: Callable[[], Sequence[RunLog]],
     watch: Stopwatch,
-) -> dict[str, Any]:
-    """Further numbers of a sweep that is a single grid, not too large; `read` gives the logs of its runs."""
+) -> GridSummary | None:
+    """All numbers of a sweep that is a single grid, not too large; `read` gives the logs of its runs."""
     measured = [row for row in rows if row.v is not None]
     if len({run.grid for run in runs}) > 1 or len(runs) > IN_FULL or not measured:
-        return {}
+        return None
     omega = np.array([(row.omega_l, row.omega_r) for row in measured])
     twist = np.array([(row.v, row.w) for row in measured])
     slip = np.array([(row.slip_l, row.slip_r) for row in measured])
@@ -207,7 +177,7 @@ def _grid(axes: Mapping[str, Any], rows: Sequence[RunRow]) -> Grid:
         slip_by_radius=OuterInner(
             [_mean(outer[radius == r]) for r in radii], [_mean(inner[radius == r]) for r in radii]
         ),
-        slip_error=SlipErrors(_statistics(outer_error), _statistics(inner_error)),
+        slip_error=OuterInner(_statistics(outer_error), _statistics(inner_error)),
         localization=PoseErrors(
             rms(_known(_values(rows, lambda row: row.rmse_x))),
             rms(_known(_values(rows, lambda row: row.rmse_y))),
@@ -217,11 +187,11 @@ def _grid(axes: Mapping[str, Any], rows: Sequence[RunRow]) -> Grid:
     )
 
 
-def print_out(runs: Sequence[Run], summary: SweepSummary) -> None:
+def print_out(config: SweepConfig, summary: SweepSummary) -> None:
     """Print a single grid radius by radius, or one line for each of several."""
     if len(summary.grids) == 1:
         print_table(
-            f"{len(runs)} runs of {runs[0].config.duration:g} s",
+            f"{len(summary.runs)} runs of {summary.runs[0].axes.get('duration', config.duration):g} s",
             ("commanded radius [m]", "observed [m]", "outer slip", "inner slip"),
             _radius_lines(summary.grids[0]),
         )
@@ -231,7 +201,7 @@ def print_out(runs: Sequence[Run], summary: SweepSummary) -> None:
             *("runs", "failed", "tightest [m]", "observed [m]", "outer slip", "inner slip", "slip error, rms"),
         )
         lines = [_line(grid) for grid in summary.grids[:_MAX_LINES]]
-        print_table(f"{len(runs)} runs in {len(summary.grids)} grids", header, lines)
+        print_table(f"{len(summary.runs)} runs in {len(summary.grids)} grids", header, lines)
         if len(summary.grids) > _MAX_LINES:
             print(f"and {len(summary.grids) - _MAX_LINES} more grids; {TABLE_FILE} has a row for each run")
     _print_some([f"warning: {warning}" for warning in summary.warnings], f"warnings in {SUMMARY_FILE}")
@@ -258,7 +228,8 @@ def _line(grid: Grid) -> tuple[str, ...]:
     lines = _radius_lines(grid)
     tightest = lines[grid.radius.commanded.index(min(grid.radius.commanded))]
     values = (str(value) for value in grid.axes.values())
-    return (*values, str(grid.runs), str(grid.failed), *tightest, f"{grid.slip_error.rms:.5f}")
+    error = np.sqrt(np.mean([e.bias**2 + e.std**2 for e in (grid.slip_error.outer, grid.slip_error.inner)]))
+    return (*values, str(grid.runs), str(grid.failed), *tightest, f"{error:.5f}")
 
 
 def _values(rows: Sequence[RunRow], number: _Number) -> Array:

@@ -1,4 +1,4 @@
-"""Do step length and solver matter? The same random commands, stepped in other ways."""
+"""Effect of physics step and solver: the same random commands, integrated in different ways."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ from sim.robot.robot import load_robot
 from trackslip.kinematics import Array
 
 DURATION = 30.0
-"""Of the random commands [s]."""
+"""Duration of the random commands [s]."""
 ROBOTS = 8
 HOLD = 1.0
-"""Time that a random command holds [s]."""
+"""Time for which each random command is held [s]."""
 STEPS = (0.0005, 0.001, 0.002, 0.005, 0.01)
-"""Physics steps that are compared [s]."""
+"""Physics steps to compare [s]."""
 REFERENCE_STEP = 0.00025
-"""Physics step that they are compared with [s]."""
+"""Physics step that serves as the reference [s]."""
 
 
 @dataclass(frozen=True)
 class Convergence:
-    """Largest distances between robots after DURATION."""
+    """Largest distances over all robots after DURATION."""
 
     step_error: dict[float, float]
-    """Physics step [s] -> distance from where REFERENCE_STEP leads [m]."""
+    """Physics step [s] -> distance from the end point with REFERENCE_STEP [m]."""
     solver_difference: float
-    """Distance of the solver CG from Newton, at the model's own step [m]."""
+    """Distance between the solvers CG and Newton, at the model's own step [m]."""
     travelled: float
-    """Way that the robots went, on average [m]."""
+    """Mean distance travelled [m]."""
 
 
 def random_commands(generator: np.random.Generator, limit: float) -> Array:
-    """Sprocket speeds (C, ROBOTS, 2) [rad/s], one set for each HOLD, evenly within the limit."""
+    """Sprocket speeds (C, ROBOTS, 2) [rad/s], one set per HOLD, uniform within +-`limit` [rad/s]."""
     return generator.uniform(-limit, limit, (round(DURATION / HOLD), ROBOTS, 2))
 
 
@@ -50,7 +50,7 @@ def converge(
     threads: int,
     progress: Callable[[float], None],
 ) -> Convergence:
-    """Drive the same commands with every step and both solvers."""
+    """Drive the same commands with every step and both solvers; `progress` is called with shares that add up to 1."""
     commands = random_commands(generator, Drive().top_speed / parameters.sprocket_radius)
     own_step = load_robot(parameters=parameters).model.opt.timestep
     cases = [("CG", step) for step in (REFERENCE_STEP, *STEPS)] + [("CG", own_step), ("Newton", own_step)]
@@ -75,7 +75,7 @@ def converge(
 def _drive(
     parameters: RobotParameters, ground: Ground, commands: Array, case: tuple[str, float], threads: int
 ) -> tuple[Array, float]:
-    """Positions (ROBOTS, 2) at the end, and the mean way [m]."""
+    """Final positions (ROBOTS, 2) [m] and the mean distance travelled [m]."""
     solver, step = case
     robot = load_robot(parameters=parameters)
     robot.model.opt.timestep = step

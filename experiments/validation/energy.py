@@ -1,4 +1,4 @@
-"""Where does the energy go? What the belts put in is lost in friction or moves the robot."""
+"""Energy balance: what the belts put in is lost in friction or stored in the moving robot."""
 
 from __future__ import annotations
 
@@ -16,35 +16,35 @@ from sim.robot.robot import load_robot
 from trackslip.kinematics import Array
 
 DURATION = 10.0
-"""Of the random commands [s]."""
+"""Duration of the random commands [s]."""
 ROBOTS = 4
 
 
 @dataclass(frozen=True)
 class Energy:
-    """Energies of ROBOTS together since the start, after every physics step [J]."""
+    """Energies since the start, summed over ROBOTS, after every physics step [J]."""
 
     time: Array  # (T,) [s]
-    traction: Array  # (T,) put in by the belts
-    friction: Array  # (T,) lost where belts slide
-    coulomb: Array  # (T,) the same by Coulomb's law, from the loads and sliding speeds alone
-    damping: Array  # (T,) lost where the ground gives way
-    kinetic: Array  # (T,) of the robots, potential energy included
+    traction: Array  # (T,) work of the belts
+    friction: Array  # (T,) friction loss of sliding belts
+    coulomb: Array  # (T,) the same by Coulomb's law, from loads and sliding speeds alone
+    damping: Array  # (T,) loss from vertical motion of the contacts
+    kinetic: Array  # (T,) kinetic and potential energy of the robots
 
     @property
     def residual(self) -> float:
-        """Largest difference of what is put in and what became of it, over the most that was ever stored [-]."""
+        """Largest imbalance, relative to the largest energy stored [-]."""
         difference = self.traction - self.friction - self.damping - self.kinetic
         return float(np.abs(difference).max() / np.abs(self.kinetic).max())
 
     @property
     def coulomb_error(self) -> float:
-        """How far the friction's loss is from Coulomb's law in the end, relative [-]."""
+        """Relative difference of the final friction loss from Coulomb's law [-]."""
         return float(self.coulomb[-1] / self.friction[-1] - 1)
 
 
 def account(parameters: RobotParameters, ground: Ground, generator: np.random.Generator, threads: int) -> Energy:
-    """Drive at random and keep accounts, every term from another source.
+    """Drive random commands and account for the energy, each term from an independent source.
 
     Forces and sliding speeds come from contact sensors, energies from the engine. Over a step, a force acts at the mean
     of the velocities before and after it.
@@ -82,5 +82,5 @@ def account(parameters: RobotParameters, ground: Ground, generator: np.random.Ge
 
 
 def _between(values: Array) -> Array:
-    """Means (T, ...) of neighbouring rows of (T + 1, ...)."""
+    """Means (T, ...) of neighbouring rows of `values` (T + 1, ...)."""
     return (values[:-1] + values[1:]) / 2

@@ -1,9 +1,8 @@
-"""Everything that a validation measured, and its numbers."""
+"""What a validation measured, and its summary."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from trackslip.kinematics import Array
 
 @dataclass(frozen=True)
 class Validation:
-    """Everything that was measured."""
+    """All measurements."""
 
     parameters: RobotParameters
     ground: Ground
@@ -30,40 +29,98 @@ class Validation:
     creep: Creep
     slide: Slide
     drift: float
-    """To the side after 10 m straight on [m]."""
+    """Sideways after 10 m straight on [m]."""
     convergence: Convergence
     energy: Energy
 
 
-def summarise(found: Validation) -> dict[str, Any]:
-    """The numbers of a validation."""
-    at_reference = int(np.argmin(np.abs(ANGLES - REFERENCE_ANGLE)))
-    sliding = found.slide.acceleration / found.slide.expected - 1
-    return {
-        "icr_error": _extent(found.turns.icr_error),
-        "naive_icr_error": _extent(found.naive_turns.icr_error),
-        "slip_error": _extent(found.turns.slip_error),
-        "naive_slip_error": _extent(found.naive_turns.slip_error),
-        "lateral_speed_error_mm_per_s": 1e3 * _extent(found.turns.lateral - found.turns.expected_lateral)["worst"],
-        "turns": len(found.turns.radius),
-        "pad_load_spread": np.abs(found.loads.load - found.loads.expected).max(),
-        "naive_pad_load_spread": np.abs(found.naive_loads.load - 1).max(),
-        "sink_mm": 1e3 * found.loads.sink.mean(),
-        "roll_deg": np.degrees(np.abs(found.loads.roll).max()),
-        "pitch_deg": np.degrees(np.abs(found.loads.pitch).max()),
-        "creep_angle_deg": np.degrees(found.creep.angle[:, at_reference].min()),
-        "creep_mm_per_s": 1e3 * found.creep.speed[:, at_reference].max(),
-        "sliding_acceleration_error": np.abs(sliding).max(),
-        "straight_drift_mm": 1e3 * found.drift,
-        "solver_difference_mm": 1e3 * found.convergence.solver_difference,
-        "timestep": [
-            {"dt": step, "position_error_mm": 1e3 * error} for step, error in found.convergence.step_error.items()
-        ],
-        "energy_residual": found.energy.residual,
-        "friction_loss_error": found.energy.coulomb_error,
-    }
+@dataclass(frozen=True)
+class Extent:
+    """Absolute errors [unit of the quantity]."""
+
+    worst: float
+    median: float
+
+    @classmethod
+    def of(cls, error: Array) -> Extent:
+        """Of errors of any shape."""
+        size = np.abs(error)
+        return cls(float(size.max()), float(np.median(size)))
 
 
-def _extent(error: Array) -> dict[str, float]:
-    size = np.abs(error)
-    return {"worst": float(size.max()), "median": float(np.median(size))}
+@dataclass(frozen=True)
+class StepError:
+    """Error of a physics step after the random commands."""
+
+    dt: float
+    """[s]"""
+    position_error_mm: float
+    """Largest distance from where the reference step leads [mm]."""
+
+
+@dataclass(frozen=True)
+class ValidationSummary:
+    """The numbers of a validation; "naive" is MuJoCo's default contact."""
+
+    icr_error: Extent
+    """Of half the distance between the ICRs, relative [-]."""
+    naive_icr_error: Extent
+    slip_error: Extent
+    """Of both tracks [-]."""
+    naive_slip_error: Extent
+    lateral_speed_error_mm_per_s: float
+    """Largest [mm/s]."""
+    turns: int
+    """Number of steady turns."""
+    pad_load_spread: float
+    """Largest deviation of a contact point's load from theory, relative to the mean load [-]."""
+    naive_pad_load_spread: float
+    """Largest deviation from the mean load, relative [-]."""
+    sink_mm: float
+    """Mean sink on level ground [mm]."""
+    roll_deg: float
+    """Largest in turns [deg]."""
+    pitch_deg: float
+    """Largest in turns [deg]."""
+    creep_angle_deg: float
+    """Slope on which creep is reported [deg]."""
+    creep_mm_per_s: float
+    """Largest on that slope [mm/s]."""
+    sliding_acceleration_error: float
+    """Largest, relative to Coulomb's law [-]."""
+    straight_drift_mm: float
+    """Sideways after 10 m straight on [mm]."""
+    solver_difference_mm: float
+    """Distance between the solvers CG and Newton after the random commands [mm]."""
+    timestep: tuple[StepError, ...]
+    energy_residual: float
+    """Energy not accounted for, relative to the largest energy stored [-]."""
+    friction_loss_error: float
+    """Relative difference of the friction loss from Coulomb's law [-]."""
+
+    @classmethod
+    def of(cls, found: Validation) -> ValidationSummary:
+        """The numbers of everything that was measured."""
+        at_reference = int(np.argmin(np.abs(ANGLES - REFERENCE_ANGLE)))
+        turns, naive = found.turns, found.naive_turns
+        return cls(
+            icr_error=Extent.of(turns.icr_error),
+            naive_icr_error=Extent.of(naive.icr_error),
+            slip_error=Extent.of(turns.slip_error),
+            naive_slip_error=Extent.of(naive.slip_error),
+            lateral_speed_error_mm_per_s=1e3 * Extent.of(turns.lateral - turns.expected_lateral).worst,
+            turns=len(turns.radius),
+            pad_load_spread=Extent.of(found.loads.load - found.loads.expected).worst,
+            naive_pad_load_spread=Extent.of(found.naive_loads.load - 1).worst,
+            sink_mm=1e3 * float(found.loads.sink.mean()),
+            roll_deg=float(np.degrees(np.abs(found.loads.roll).max())),
+            pitch_deg=float(np.degrees(np.abs(found.loads.pitch).max())),
+            creep_angle_deg=float(np.degrees(found.creep.angle[:, at_reference].min())),
+            creep_mm_per_s=1e3 * float(found.creep.speed[:, at_reference].max()),
+            sliding_acceleration_error=Extent.of(found.slide.acceleration / found.slide.expected - 1).worst,
+            straight_drift_mm=1e3 * found.drift,
+            solver_difference_mm=1e3 * found.convergence.solver_difference,
+            timestep=tuple(StepError(dt, 1e3 * error) for dt, error in found.convergence.step_error.items()),
+            energy_residual=found.energy.residual,
+            friction_loss_error=found.energy.coulomb_error,
+        )

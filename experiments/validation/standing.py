@@ -1,4 +1,4 @@
-"""How the robot stands: load of its pads, sink, lean; does it creep on a slope, and slide as it should?"""
+"""The standing robot: contact loads, sink and lean; creep on slopes that hold it, sliding on those that do not."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ from trackslip.kinematics import Array, limit_sprocket_speeds, sprocket_speeds
 from trackslip.paper import COMMANDED_RADII, SPEEDS
 from trackslip.skid_theory import Contact
 
-_SETTLE, _WATCH = 1.0, 5.0  # on a slope: time that the lean takes to settle, and in which creep is measured, then [s]
-_TILTED, _SLIDE = 0.3, 0.3  # beyond the friction angle: the same for the acceleration [s]
+_SETTLE, _WATCH = 1.0, 5.0  # on a slope: settling time of the lean, and duration of the creep measurement after it [s]
+_TILTED, _SLIDE = 0.3, 0.3  # beyond the friction angle: the same for acceleration [s]
 HEADINGS = (0.0, np.pi / 4, np.pi / 2)
-"""Of the robots that creep: straight uphill, oblique, across the slope [rad]."""
+"""Headings of the parked robots: straight uphill, oblique, across the slope [rad]."""
 ANGLES = np.radians([1.0, 2.0, 5.0, 10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 50.0, 60.0])
-"""Of the slopes on which robots creep, as far as friction holds [rad]."""
+"""Slopes of the parked robots, as far as friction holds [rad]."""
 REFERENCE_ANGLE = float(np.radians(10.0))
-"""The one that a summary tells of [rad]."""
+"""The slope whose creep the summary reports [rad]."""
 NEARLY = 0.97
-"""The steepest slope that robots creep on, relative to the friction angle."""
+"""Steepest slope of the parked robots, relative to the friction angle [-]."""
 SLIDING_HEADINGS = (0.0, np.pi / 2)
-"""Of the robots that slide, straight down [rad]."""
+"""Headings of the sliding robots; they slide straight down the slope [rad]."""
 EXCESS = np.radians([1.0, 2.0, 4.0, 8.0])
-"""Of the slopes on which robots slide, over the friction angle [rad]."""
+"""Excess of the sliding robots' slopes over the friction angle [rad]."""
 
 
 @dataclass(frozen=True)
 class Loads:
-    """Normal forces in the 25 steady turns, and how the chassis lies."""
+    """Normal forces and attitude of the chassis in the 25 steady turns."""
 
-    position: Array  # (K, 2) of the points of contact, in the robot's frame, where all touch the ground [m]
-    load: Array  # (M, K) relative to their mean [-]
-    expected: Array  # (M, K) by theory: rigid robots on even springs, weight and momentum [-]
+    position: Array  # (K, 2) of the contact points in the robot's frame [m]
+    load: Array  # (M, K) relative to the mean [-]
+    expected: Array  # (M, K) by theory: weight and momentum of a rigid robot on uniform springs [-]
     sink: Array  # (M,) [m]
     roll: Array  # (M,) [rad]
     pitch: Array  # (M,) [rad]
@@ -47,23 +47,23 @@ class Loads:
 
 @dataclass(frozen=True)
 class Creep:
-    """Robots parked on slopes that hold them."""
+    """Creep of robots parked on slopes that hold them."""
 
-    angle: Array  # (H, A) of the slopes, for each of HEADINGS [rad]
-    speed: Array  # (H, A) at which the robots creep [m/s]
+    angle: Array  # (H, A) of the slopes, one row per heading [rad]
+    speed: Array  # (H, A) [m/s]
 
 
 @dataclass(frozen=True)
 class Slide:
-    """Robots on slopes that don't hold them."""
+    """Acceleration of robots on slopes that do not hold them."""
 
-    angle: Array  # (2, E) of the slopes, for each of SLIDING_HEADINGS [rad]
+    angle: Array  # (2, E) of the slopes, one row per sliding heading [rad]
     acceleration: Array  # (2, E) downhill [m/s^2]
     expected: Array  # (2, E) by Coulomb's law [m/s^2]
 
 
 def loads(parameters: RobotParameters, ground: Ground, threads: int, default_contact: bool) -> Loads:
-    """Loads in the paper's 25 turns."""
+    """Measure loads in the paper's 25 turns."""
     robot = load_robot(parameters=parameters, contact_sensors=True)
     if default_contact:
         use_default_contact(robot)
@@ -77,7 +77,7 @@ def loads(parameters: RobotParameters, ground: Ground, threads: int, default_con
     position = contacts.position.mean(axis=0)
     centre = (parameters.com_x, parameters.com_y, parameters.com_height)
     x, y = robot.contact_points.T
-    # the same points in the order of the contacts: each beside the nearest
+    # the model's points in the order of the contacts, matched by distance
     order = np.argmin(np.hypot(position[:, None, 0] - x, position[:, None, 1] - y), axis=1)
     theory = Contact(x[order], y[order], ground.along, ground.across, centre)
     v, u, w = fleet.twist().T
@@ -93,7 +93,7 @@ def loads(parameters: RobotParameters, ground: Ground, threads: int, default_con
 
 
 def creep(parameters: RobotParameters, ground: Ground, threads: int) -> Creep:
-    """Tilt the ground under parked robots, up to nearly the friction angle, and see how fast they creep."""
+    """Tilt the ground under parked robots, up to nearly the friction angle, and measure how fast they creep."""
     limit = np.array([[friction_angle((ground.along, ground.across), heading)] for heading in HEADINGS])
     angle = np.minimum(ANGLES, NEARLY * limit)
     fleet = _parked(parameters, ground, np.repeat(HEADINGS, len(ANGLES)), threads)
@@ -105,7 +105,7 @@ def creep(parameters: RobotParameters, ground: Ground, threads: int) -> Creep:
 
 
 def slide(parameters: RobotParameters, ground: Ground, threads: int) -> Slide:
-    """Tilt the ground beyond the friction angle; almost that far first, for a sudden tilt makes a robot rock."""
+    """Tilt the ground beyond the friction angle, in two steps because a sudden tilt makes a robot rock."""
     limit = np.array([[friction_angle((ground.along, ground.across), heading)] for heading in SLIDING_HEADINGS])
     angle = limit + EXCESS
     fleet = _parked(parameters, ground, np.repeat(SLIDING_HEADINGS, len(EXCESS)), threads)
@@ -132,7 +132,7 @@ def _tilt(fleet: Fleet, ground: Ground, angle: Array) -> None:
 
 
 def straight_drift(parameters: RobotParameters, ground: Ground, threads: int) -> float:
-    """How far a robot that drives straight on is to the side after 10 m, with its radius errors equal [m]."""
+    """Sideways drift after 10 m straight on, with equal radius errors of both sprockets [m]."""
     robot = load_robot(parameters=parameters)
     heading = 0.3
     fleet = Fleet(robot, [(0.0, 0.0, heading)], ground, parameters.radius_error, tireless(), threads)

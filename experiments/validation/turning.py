@@ -1,4 +1,4 @@
-"""Does the robot turn as theory says? Slip and ICRs over radius, speed, friction, contact length and centre of mass."""
+"""Steady turns against theory: slip and ICRs over radius, speed, friction, contact length and centre of mass."""
 
 from __future__ import annotations
 
@@ -21,15 +21,15 @@ from trackslip.paper import COMMANDED_RADII, SPEEDS
 from trackslip.skid_theory import line_contact, steady_twist
 
 RATIOS = (0.7, 0.9, 1.4)
-"""Friction across / along, besides the ground's own."""
+"""Friction across / along, in addition to the ground's own [-]."""
 LENGTHS = (0.75, 1.0, 1.25)
-"""Contact lengths, relative to the robot's."""
+"""Contact lengths relative to the robot's [-]."""
 CENTRES_OF_MASS = ((0.0, 0.0), (0.05, 0.0), (0.0, 0.1), (-0.05, 0.1))
-"""Forwards, relative to the contact length, and to the left, relative to the half gauge; besides the robot's own."""
+"""Shifts of the centre of mass: forward / contact length, and left / half gauge [-]."""
 STEADY = 1.5
-"""Time after which the robots turn steadily [s]."""
+"""Time until the robots turn steadily [s]."""
 WATCH = 0.5
-"""Time over which their twists are averaged, then [s]: MuJoCo's default contact shakes."""
+"""Time over which their twists are then averaged, because MuJoCo's default contact shakes [s]."""
 _SHIPPED = RobotParameters()
 
 
@@ -41,8 +41,8 @@ class Turns:
     speed: Array  # (M,) commanded [m/s]
     ratio: Array  # (M,) friction across / along [-]
     length: Array  # (M,) of contact [m]
-    centre_of_mass: Array  # (M, 2) forwards, to the left [m]
-    half_width: Array  # (M,) b + D: half the distance between the ICRs of the tracks [m]
+    centre_of_mass: Array  # (M, 2) forward and left [m]
+    half_width: Array  # (M,) b + D, half the distance between the tracks' ICRs [m]
     expected_half_width: Array  # (M,) by theory [m]
     slip: Array  # (M, 2) [-]
     expected_slip: Array  # (M, 2) by theory [-]
@@ -51,12 +51,12 @@ class Turns:
 
     @property
     def icr_error(self) -> Array:
-        """(M,) of b + D, relative [-]."""
+        """Relative error of b + D, (M,) [-]."""
         return self.half_width / self.expected_half_width - 1
 
     @property
     def slip_error(self) -> Array:
-        """(M, 2) [-]"""
+        """Error of the slip, (M, 2) [-]."""
         return self.slip - self.expected_slip
 
     @classmethod
@@ -68,9 +68,9 @@ class Turns:
 def turn(
     parameters: RobotParameters, ground: Ground, threads: int, default_contact: bool, progress: Callable[[float], None]
 ) -> Turns:
-    """The grid of turns of a robot and of its variants in length and centre of mass; see the constants above.
+    """Turn a robot and its variants in length and centre of mass on the grid given by the constants above.
 
-    The radii are the paper's for a robot as wide as the shipped one, and in proportion for others.
+    The radii are the paper's, scaled with the robot's width. `progress` is called with shares that add up to 1.
     """
     robots = list(variants(parameters))
     parts = []
@@ -81,7 +81,7 @@ def turn(
 
 
 def variants(parameters: RobotParameters) -> Iterator[RobotParameters]:
-    """The robot with other lengths and centres of mass, those aside with which part of a track would lift."""
+    """The robot with other lengths and centres of mass, without those that would lift part of a track."""
     for length, (forwards, left) in itertools.product(LENGTHS, CENTRES_OF_MASS):
         contact_length = length * parameters.contact_length
         com_x = parameters.com_x + forwards * contact_length
@@ -126,7 +126,7 @@ def _turn_variant(parameters: RobotParameters, ground: Ground, threads: int, def
 
 
 def _theory(parameters: RobotParameters, along: float, ratio: Array, belts: Array) -> Array:
-    """Twists (M, 3) by theory: an evenly loaded line, but for momentum and the centre of mass."""
+    """Twists (M, 3) by theory, of line contacts loaded by weight and momentum."""
     centre = (parameters.com_x, parameters.com_y, parameters.com_height)
     twist = np.empty((len(ratio), 3))
     for value in np.unique(ratio):

@@ -74,9 +74,7 @@ def test_an_arc_is_many_small_steps(twist, duration):
     pose = np.array([[0.3, -0.2, 1.0]] * 3)
     steps = 4000
     h = duration / steps
-    middle = pose[:, 2] + twist[:, 1] * h * (
-        np.arange(steps)[:, None] + 0.5
-    )  # mid-point rule
+    middle = pose[:, 2] + twist[:, 1] * h * (np.arange(steps)[:, None] + 0.5)  # mid-point rule
     x, y = (h * twist[:, 0] * part(middle).sum(axis=0) for part in (np.cos, np.sin))
     expected = pose + np.stack([x, y, twist[:, 1] * duration], axis=-1)
     np.testing.assert_allclose(advance(pose, twist, duration), expected, atol=1e-4)

@@ -1,7 +1,8 @@
-"""Figures of the slip laws fitted to steady runs: all of them through the samples, and what each leaves over."""
+"""Figures of fitted slip laws: curves, residuals, criteria, and correlations of the parameters."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -9,52 +10,57 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.measuring.inner_outer import ROLES, RoleSamples
+from experiments.measuring.inner_outer import TRACKS, InnerOuterSamples
 from experiments.measuring.value_groups import repeated
-from experiments.report.figures.axes import curve_radii, show_radii
-from experiments.report.figures.error_bars import bar_factor, bar_key, draw_bars, with_bars
-from experiments.report.figures.style import BAND, INNER, LABELS, OUTER, law_line, limits_around, styled
+from experiments.report.colours import COLOURS, GREEN, LABELS
+from experiments.report.figures.axes import bar_factor, bar_key, curve_radii, draw_bars, show_radii, with_bars
+from experiments.report.figures.style import BAND, INNER, OUTER, law_line, limits_around, styled
+from experiments.report.law_symbols import SYMBOLS
 from trackslip.identification.comparison import Comparison
+from trackslip.identification.fitted import FittedLaw
 from trackslip.kinematics import Array
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.exponential import PUBLISHED
 
-_POLE = 0.5  # beyond it a law is near its pole [-]
+_POLE = 0.5  # slip beyond which a law is near its pole [-]
 _STRONG = ("published", "exponential", "icr_radius")
 _COLUMNS = 3
+_INDISTINCT = 2.0  # difference of AICc that decides nothing
+_DECIDED = 10.0  # difference of AICc up to which the axis is linear
+_DARK = 0.6  # correlation whose cell is too dark for black text
 _RUN = "#444444"
-_ROLE_STYLE: dict[str, dict[str, Any]] = {
+_TRACK_STYLE: dict[str, dict[str, Any]] = {
     "outer": {"color": OUTER, "marker": "o", "ms": 3.6},
     "inner": {"color": INNER, "marker": "s", "ms": 3.6, "mfc": "none"},
 }
 
 
 def shown_laws(comparison: Comparison) -> dict[str, SlipLaw]:
-    """The fitted laws, those with the smallest AICc first, and the published one."""
+    """The fitted laws, smallest AICc first, and the published one."""
     return {name: comparison.laws[name].law for name in comparison.ranking} | {"published": PUBLISHED}
 
 
 @styled
-def fitted_laws(runs: RoleSamples, comparison: Comparison) -> Figure:
-    """Fig. 6: slip against observed radius with every law, the best, the paper's and icr_radius drawn strongest."""
+def fitted_laws(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
+    """Fig. 6: slip against observed radius with every law; thick: the best, the paper's, and icr_radius."""
     figure = Figure(figsize=(9.0, 5.4), layout="constrained")
     axes = figure.subplots(1, 2)
     laws = shown_laws(comparison)
     radius = curve_radii(runs)
     factor = bar_factor(runs)
     strong = {*_STRONG, comparison.best}
-    for axis, name in zip(axes, reversed(ROLES), strict=True):
-        role = ROLES.index(name)
-        slip = runs.slip[:, role]
-        near = [(runs.slip - runs.residual(law))[:, role] for key, law in laws.items() if key in strong]
+    for axis, name in zip(axes, reversed(TRACKS), strict=True):
+        track = TRACKS.index(name)
+        slip = runs.slip[:, track]
+        near = [(runs.slip - runs.residual(law))[:, track] for key, law in laws.items() if key in strong]
         known = [value[np.abs(value) < _POLE] for value in near]  # the laws at the runs' radii
-        limits = limits_around(np.concatenate([with_bars(runs, role, factor), *known]))
+        limits = limits_around(np.concatenate([with_bars(runs, track, factor), *known]))
         for key, law in laws.items():
             for curve in runs.curves(law, radius):
-                _line(axis, radius, curve[:, role], limits, key, strong=key in strong)
+                _line(axis, radius, curve[:, track], limits, key, strong=key in strong)
         axis.plot(runs.radius, slip, "o", color=_RUN, ms=4, mew=0, zorder=6)
         if runs.errors is not None:
-            draw_bars(axis, runs.radius, slip, factor * runs.errors.radius, factor * runs.errors.slip[:, role])
+            draw_bars(axis, runs.radius, slip, factor * runs.errors.radius, factor * runs.errors.slip[:, track])
         axis.set(title=f"{name.capitalize()} track", ylim=limits)
         show_radii(axis, runs)
     axes[0].set_ylabel("slip i [–]")
@@ -68,7 +74,7 @@ def fitted_laws(runs: RoleSamples, comparison: Comparison) -> Figure:
 
 
 def _line(axis: Axes, radius: Array, slip: Array, limits: tuple[float, float], key: str, *, strong: bool) -> None:
-    """A law's curve, interrupted where it is far outside, near its pole."""
+    """Draw a law's curve, interrupted where it is far outside the axes, near its pole."""
     low, high = limits
     inside = np.where((slip > 2 * low - high) & (slip < 2 * high - low), slip, np.nan)
     axis.plot(radius, inside, **_style(key, "", strong=strong))
@@ -80,8 +86,8 @@ def _style(key: str, best: str, *, strong: bool) -> dict[str, Any]:
 
 
 @styled
-def residuals(runs: RoleSamples, comparison: Comparison) -> Figure:
-    """What each law leaves over of every run, a panel each on a common scale, linear within the band of errors."""
+def residuals(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
+    """Residuals of every run, one panel per law on a common scale that is linear within the band of errors."""
     laws = shown_laws(comparison)
     rows = -(-len(laws) // _COLUMNS)
     figure = Figure(figsize=(9.0, 0.7 + 1.75 * rows), layout="constrained")
@@ -107,33 +113,131 @@ def residuals(runs: RoleSamples, comparison: Comparison) -> Figure:
     for axis in axes[::_COLUMNS]:
         axis.set_ylabel("measured − law [–]")
     handles = [
-        *(Line2D([], [], ls="none", label=f"{name} track", **_ROLE_STYLE[name]) for name in reversed(ROLES)),
+        *(Line2D([], [], ls="none", label=f"{name} track", **_TRACK_STYLE[name]) for name in reversed(TRACKS)),
         Line2D([], [], color=BAND, lw=7, label=f"±{band:.1g}: {meaning}"),
     ]
     figure.legend(handles=handles, ncols=3, loc="outside lower center")
     return figure
 
 
-def _residual_panel(axis: Axes, runs: RoleSamples, residual: Array) -> None:
-    """Every run's residual with its error, and the means of repeated radii joined by a line."""
+def _residual_panel(axis: Axes, runs: InnerOuterSamples, residual: Array) -> None:
+    """Draw the residual of every run with its error, and a line through the means of repeated radii."""
     axis.axhline(0, color="#888888", lw=0.8)
-    for role, name in enumerate(ROLES):
-        style = _ROLE_STYLE[name]
-        errors = None if runs.errors is None else runs.errors.slip[:, role]
-        axis.errorbar(runs.radius, residual[:, role], yerr=errors, ls="none", elinewidth=0.8, mew=0.8, **style)
-        means = [(runs.radius[group].mean(), residual[group, role].mean()) for group in repeated(runs.radius)]
+    for track, name in enumerate(TRACKS):
+        style = _TRACK_STYLE[name]
+        errors = None if runs.errors is None else runs.errors.slip[:, track]
+        axis.errorbar(runs.radius, residual[:, track], yerr=errors, ls="none", elinewidth=0.8, mew=0.8, **style)
+        means = [(runs.radius[group].mean(), residual[group, track].mean()) for group in repeated(runs.radius)]
         if means:
             axis.plot(*np.transpose(means), color=style["color"], lw=0.8)
 
 
-def residual_band(runs: RoleSamples, comparison: Comparison) -> tuple[float, str]:
-    """Half width of the residuals that need no other law to explain them [-], and what it is."""
+def residual_band(runs: InnerOuterSamples, comparison: Comparison) -> tuple[float, str]:
+    """Half width of the residuals that need no better law to explain them [-], and its meaning."""
     if runs.errors is not None:
         return 2 * float(np.median(runs.errors.slip)), "two standard errors of measurement"
     return 2 * max(comparison.laws[comparison.best].scatter, 1e-9), "twice the scatter about the best law"
 
 
 def _ticks(threshold: float, largest: float) -> list[float]:
-    """Zero, and of both signs the powers of ten above the threshold, where the scale is logarithmic."""
+    """Zero, and the powers of ten of both signs above the threshold, where the scale is logarithmic."""
     powers = threshold * 10.0 ** np.arange(1, max(1.0, np.log10(1.5 * largest / threshold)) + 1e-9)
     return [*(-powers[::-1]), 0.0, *powers]
+
+
+@styled
+def criteria(comparison: Comparison) -> Figure:
+    """AICc above the smallest, and errors of predicting left-out radii and speeds; one row per law, the best on top."""
+    names = comparison.ranking
+    validation = comparison.validation
+    figure = Figure(figsize=(9.0, 1.7 + 0.27 * len(names)), layout="constrained")
+    axes = figure.subplots(1, 4, sharey=True)
+    known = [value for value in comparison.aicc.values() if value is not None]
+    above = {name: None if value is None else value - min(known) for name, value in comparison.aicc.items()}
+    fitted = {name: law.rms for name, law in comparison.laws.items()}
+    _dots(axes[0], {name: above[name] for name in names})
+    axes[0].axvspan(0, _INDISTINCT, color=BAND, lw=0, zorder=0)
+    axes[0].set_xscale("symlog", linthresh=_DECIDED)
+    axes[0].set_xlim(-0.8, None)
+    for axis, values, more in (
+        (axes[1], {name: validation[name].radius for name in names}, fitted),
+        (axes[2], {name: validation[name].speed for name in names}, fitted),
+        (axes[3], {name: _milli(validation[name].yaw_rate) for name in names}, {}),
+    ):
+        _dots(axis, values, more)
+        if any(value is not None and value > 0 for value in values.values()):
+            axis.set_xscale("log")
+            axis.margins(x=0.12)
+    for axis, title, label in (
+        (axes[0], "Criterion", "AICc − smallest [–]"),
+        (axes[1], "Radius left out", "slip, rms [–]"),
+        (axes[2], "Speed left out", "slip, rms [–]"),
+        (axes[3], "Radius left out", "yaw rate, rms [mrad/s]"),
+    ):
+        axis.set(title=title, xlabel=label)
+    axes[0].set_yticks(range(len(names)), [LABELS.get(name, name) for name in names])
+    axes[0].set_ylim(len(names) - 0.4, -0.6)
+    axes[0].get_yticklabels()[names.index(comparison.best)].set_fontweight("bold")
+    handles = [
+        Line2D([], [], marker="o", ls="none", color="#555555", label="of runs left out of the fit"),
+        Line2D([], [], marker="o", ls="none", mfc="none", color="#555555", label="of the runs fitted"),
+        Line2D([], [], color=BAND, lw=7, label="indistinguishable from the best"),
+    ]
+    figure.legend(handles=handles, ncols=3, loc="outside lower center")
+    return figure
+
+
+def _milli(value: float | None) -> float | None:
+    return None if value is None else 1e3 * value
+
+
+def _dots(axis: Axes, values: Mapping[str, float | None], hollow: Mapping[str, float] | None = None) -> None:
+    """Draw one dot per law at its value, and a hollow one at a second value; a note where there is none."""
+    for row, (name, value) in enumerate(values.items()):
+        colour = COLOURS.get(name, GREEN)
+        if value is None:
+            beside = axis.get_yaxis_transform()
+            axis.text(0.5, row, "not known", transform=beside, va="center", ha="center", fontsize=7.5, color="#666666")
+            continue
+        axis.plot(value, row, "o", color=colour, ms=6)
+        if hollow:
+            axis.plot(hollow[name], row, "o", color=colour, ms=8.5, mfc="none")
+
+
+def correlated_laws(comparison: Comparison) -> list[FittedLaw]:
+    """The best law and the paper's, if they have several parameters."""
+    names = dict.fromkeys([comparison.best, "exponential", "icr_radius"])
+    several = [
+        comparison.laws[name] for name in names if name in comparison.laws and len(comparison.laws[name].values) > 1
+    ]
+    return several[:2]
+
+
+@styled
+def correlations(laws: list[FittedLaw]) -> Figure:
+    """Correlation matrices of the parameters of up to two laws."""
+    figure = Figure(figsize=(9.0, 3.7), layout="constrained")
+    for axis, law in zip(figure.subplots(1, 2), laws, strict=False):
+        _matrix(axis, law)
+    for axis in figure.axes[len(laws) :]:
+        axis.set_visible(False)
+    return figure
+
+
+def _matrix(axis: Axes, law: FittedLaw) -> None:
+    """Draw a cell for each pair of parameters, red for positive correlation, blue for negative."""
+    # polygons, because a bitmap would blur on the page
+    axis.pcolormesh(law.correlation, cmap="RdBu_r", vmin=-1, vmax=1, edgecolors="white", linewidth=1.5)
+    names = [SYMBOLS.get(key, key) for key in law.values]
+    places = np.arange(len(names)) + 0.5
+    axis.set_xticks(places, names)
+    axis.set_yticks(places, names)
+    axis.tick_params(length=0)
+    axis.invert_yaxis()
+    axis.set(aspect="equal", title=f"Correlations [–], {LABELS.get(law.name, law.name)}")
+    axis.grid(visible=False)
+    axis.spines[:].set_visible(False)
+    for (row, column), value in np.ndenumerate(law.correlation):
+        text = "1" if row == column else f"{value:+.2f}".replace("-", "−")
+        colour = "white" if abs(value) > _DARK else "black"
+        axis.text(column + 0.5, row + 0.5, text, ha="center", va="center", color=colour)

@@ -1,4 +1,4 @@
-"""Figures of a benchmark: the leaderboard at a glance, and on every reference paths and errors over time."""
+"""Figures of a benchmark: the leaderboard at a glance; paths and errors over time on a reference."""
 
 from __future__ import annotations
 
@@ -11,42 +11,31 @@ from matplotlib.figure import Figure
 
 from experiments.benchmark.rows import BenchmarkRow, settled_error
 from experiments.driving.lookup import reference
-from experiments.report.figures.style import (
-    BLACK,
-    BLUE,
-    DESIRED,
-    GREEN,
-    GREY,
-    LABELS,
-    ORANGE,
-    RED,
-    law_line,
-    styled,
-    thin,
-)
-from experiments.report.figures.tracking import driven
+from experiments.report.colours import BLACK, BLUE, GREEN, GREY, LABELS, ORANGE, RED
+from experiments.report.figures.style import law_line, styled
+from experiments.report.figures.tracking import draw_paths
+from experiments.storage.manifest import relative
 from trackslip.logs.runlog import RunLog
-from trackslip.metrics import LOST, body_errors
+from trackslip.metrics import LOST
 
 _PALETTE = (BLUE, RED, GREEN, "#CC79A7", BLACK, ORANGE, "#3A93C9", "#6A3D9A", "#8C510A", GREY)
 _DASHES: tuple[Any, ...] = ("-", "--", "-.", (0, (2, 1)), (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)), (0, (3, 1, 1, 1)))
-_CLOSEST = 3e-4  # distance below which an error is a zero crossing, not news [m]
 _MARKERS = ("o", "s", "D", "^", "v", "P", "X", "<", ">", "p", "h", "*")
 
 
 def controller_line(number: int, **more: Any) -> dict[str, Any]:
-    """Keywords of a line that stands for the `number`-th controller: colour and dashes, the first 70 all different."""
+    """Keywords of the `number`-th controller's line: colour and dashes; the first 70 are all different."""
     return {"color": _PALETTE[number % len(_PALETTE)], "linestyle": _DASHES[number % len(_DASHES)], **more}
 
 
 def compensation_name(name: str) -> str:
-    """What a compensation is called in figures."""
-    return LABELS.get(name, name)
+    """Name of a compensation in figures."""
+    return LABELS.get(name, relative(name))
 
 
 @styled
 def board(rows: Sequence[BenchmarkRow]) -> Figure:
-    """Position error once the transient is over, for each controller (lines) and ground (panels), on a log axis."""
+    """Position error after the transient, by controller (rows) and ground (panels), on a logarithmic axis."""
     grounds, compensations, starts = (
         list(dict.fromkeys(getattr(row, key) for row in rows)) for key in ("ground", "compensation", "start")
     )
@@ -63,10 +52,10 @@ def board(rows: Sequence[BenchmarkRow]) -> Figure:
                     if (row.ground, row.controller, row.start, row.compensation) == (ground, *line, compensation)
                 ]
                 _dots(axis, some, n + place, law_line(compensation)["color"], _MARKERS[k % len(_MARKERS)])
-        axis.set_title(f"on {ground}")
+        axis.set_title(f"on {relative(ground)}")
         axis.set_xscale("log")
         axis.set_xlabel("rms position error [mm], log scale")
-    labels = [name if len(starts) == 1 else f"{name}, start {start}" for name, start in lines]
+    labels = [relative(name) if len(starts) == 1 else f"{relative(name)}, start {start}" for name, start in lines]
     panels[0].set_yticks(range(len(lines)), labels)
     panels[0].set_ylim(len(lines) - 0.5, -0.5)
     for k, compensation in enumerate(compensations):
@@ -78,7 +67,7 @@ def board(rows: Sequence[BenchmarkRow]) -> Figure:
 
 
 def _dots(axis: Axes, rows: Sequence[BenchmarkRow], place: float, colour: Any, marker: str) -> None:
-    """The mean over rows, filled if none lost the path; a line from the best row to the worst."""
+    """Draw the mean over rows, filled if none lost the path, and a line from the best row to the worst."""
     values = [1e3 * value for row in rows if (value := settled_error(row.means)) < float("inf")]
     if not values:
         return
@@ -89,34 +78,10 @@ def _dots(axis: Axes, rows: Sequence[BenchmarkRow], place: float, colour: Any, m
 
 @styled
 def paths(name: str, lines: Mapping[str, tuple[RunLog, dict[str, Any]]]) -> Figure:
-    """On the reference `name`: where runs went, and how far they were from where they should be over time.
-
-    `lines` are runs by the label, with the keywords of their line.
-    """
-    path = reference(name)
-    figure = Figure(figsize=(9.0, 4.6), layout="constrained")
-    plane, distance = figure.subplots(1, 2, width_ratios=(1.15, 1))
-    desired = path.pose(np.linspace(0, path.duration, 600))
-    plane.plot(desired[:, 0], desired[:, 1], **DESIRED)
-    for label, (log, style) in lines.items():
-        pose = driven(log)
-        some = thin(len(log.time))
-        plane.plot(pose[some, 0], pose[some, 1], label=label, lw=1.2, **style)
-        error = body_errors(pose, path.pose(log.time))
-        norm = np.maximum(np.hypot(error[:, 0], error[:, 1]), _CLOSEST)
-        distance.semilogy(log.time[some], 1e3 * norm[some], lw=1.1, **style)
-    start = driven(next(iter(lines.values()))[0])[0]
-    plane.plot(*start[:2], "o", ms=8, mfc="white", mec=BLACK, mew=1.5, zorder=6)
-    plane.annotate("start", start[:2], xytext=(10, -4), textcoords="offset points", fontsize=8.5, annotation_clip=False)
-    plane.set_aspect("equal", adjustable="datalim")
-    plane.set(xlabel="x [m]", ylabel="y [m]", title="Path")
+    """Paths on the reference `name`, and distances from it over time; `lines` are runs and line keywords by label."""
+    figure, plane, distance = draw_paths(reference(name), lines)
     distance.axhline(1e3 * LOST, color=GREY, lw=0.8, ls=":")
-    distance.annotate(
-        "lost", (0.99, 1e3 * LOST), xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=8
-    )
-    distance.set(
-        xlabel="time [s]", ylabel="distance from the desired position [mm]", title="Position error (log scale)"
-    )
-    distance.set_xlim(0, path.duration)
+    place = (0.99, 1e3 * LOST)
+    distance.annotate("lost", place, xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=8)
     figure.legend(handles=plane.get_legend_handles_labels()[0], ncols=4, loc="outside lower center")
     return figure

@@ -1,4 +1,4 @@
-"""The error of localisation against the angle at which the scanner sees the plate, beside the Cramer-Rao bound."""
+"""Localisation error against the angle at which the scanner sees the plate, with the Cramér-Rao bound."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from experiments.report.figures.style import BLUE, GREEN, ORANGE, mark_span, styled
+from experiments.report.colours import BLUE, GREEN, ORANGE
+from experiments.report.figures.style import mark_span, styled
 from sim.scanner.scanner import LaserScanner
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.localization.bound import MIN_ANGLE, pose_bound, viewing_angle
@@ -18,9 +19,9 @@ from trackslip.localization.scan import Plate, Scan
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import rms
 
-_MAX_POSES = 5000  # poses that are looked at
+_MAX_POSES = 5000  # poses that are evaluated
 _EDGES = np.radians([0, 1, 2, 3, 5, 8, 12, 18, 26, 34, 42, 50, 58, 66, 74, 82, 90])
-_MIN_POSES = 10  # poses in a bin that make a mean
+_MIN_POSES = 10  # poses per bin, at least
 _COMPONENTS = (
     ("along the line of sight", BLUE, "o"),
     ("across the line of sight", ORANGE, "s"),
@@ -30,19 +31,19 @@ _COMPONENTS = (
 
 @dataclass(frozen=True)
 class Sightings:
-    """Poses of the plate as one scanner saw it, turned so that the first axis is the line of sight."""
+    """Poses of the plate seen by one scanner, rotated so that the first axis is the line of sight."""
 
-    angle: Array  # (n,) between plate and line of sight, 0..pi/2 [rad]
-    error: Array  # (n, 3) along, across the line of sight [m], heading [rad]; NaN where nothing was measured
-    bound: Array  # (n, 3) smallest standard deviations of the same; NaN where unbounded
+    angle: Array  # (n,) between plate and line of sight, 0 to pi/2 [rad]
+    error: Array  # (n, 3) along and across the line of sight [m], heading [rad]; NaN where nothing was measured
+    bound: Array  # (n, 3) smallest possible standard deviations; NaN where unbounded
 
     @property
     def measured(self) -> np.ndarray:
-        """(n,) bool."""
+        """Whether a pose was measured, (n,) bool."""
         return np.asarray(np.isfinite(self.error).all(axis=1))
 
     def facts(self) -> dict[str, str]:
-        """For the caption: poses looked at and missed, their errors over the bound, and where that means little."""
+        """Facts for the caption: poses evaluated and missed, their errors over the bound, and where the bound ends."""
         missed = self.angle[~self.measured]
         clear = self.measured & np.isfinite(self.bound).all(axis=1) & (self.angle > MIN_ANGLE)
         ratio = [rms(self.error[clear, k]) / rms(self.bound[clear, k]) for k in range(3)] if clear.any() else []
@@ -56,7 +57,7 @@ class Sightings:
 
 
 def sightings(logs: Sequence[RunLog]) -> Sightings | None:
-    """Of about _MAX_POSES poses of those runs whose truth, plate, scanner and its mount are known; None without any."""
+    """About _MAX_POSES poses of the runs whose truth, plate, scanner and mount are known; None without any."""
     known = [log for log in logs if log.truth is not None and _seen_by(log.metadata) is not None]
     if not known:
         return None
@@ -66,7 +67,7 @@ def sightings(logs: Sequence[RunLog]) -> Sightings | None:
 
 
 def _seen_by(metadata: Mapping[str, Any]) -> tuple[Plate, Scan] | None:
-    """The plate, and a scan without ranges of the scanner that saw it; None where the metadata don't say."""
+    """The plate, and a scan without ranges of the scanner that saw it; None where the metadata lack them."""
     plate, scanner, lrf = (metadata.get(key) for key in ("plate", "scanner", "lrf"))
     if not (isinstance(plate, Mapping) and isinstance(scanner, Mapping) and isinstance(lrf, Mapping)):
         return None
@@ -93,7 +94,7 @@ def _of(log: RunLog, step: int) -> Sightings | None:
 
 
 def _turned(angle: Array) -> Array:
-    """(n, 3, 3): what turns the first two of (x, y, phi) by angles (n,)."""
+    """Matrices (n, 3, 3) that rotate the first two of (x, y, phi) by angles (n,) [rad]."""
     cos, sin, nil, one = np.cos(angle), np.sin(angle), np.zeros_like(angle), np.ones_like(angle)
     return np.stack([cos, -sin, nil, sin, cos, nil, nil, nil, one], axis=-1).reshape(-1, 3, 3)
 

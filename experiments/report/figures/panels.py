@@ -1,4 +1,4 @@
-"""Panels: the parts of a figure, each a drawing of its own, so that they stack where the page is narrow."""
+"""Panels: parts of a figure that are drawn separately, so that they stack on a narrow page."""
 
 from __future__ import annotations
 
@@ -7,19 +7,19 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.report.figures.style import BLACK, BLUE, RED
+from experiments.report.colours import BLACK, BLUE, RED
 
 RECIPE: dict[str, Any] = {"color": BLUE, "marker": "o"}
-"""The contacts of the model, in every figure."""
+"""Look of the model's contacts in every figure."""
 DEFAULT: dict[str, Any] = {"color": RED, "marker": "^"}
-"""MuJoCo's default contact."""
+"""Look of MuJoCo's default contact."""
 THEORY: dict[str, Any] = {"color": BLACK, "lw": 1.0}
 
 Panels = tuple[Figure, ...]
 
 
 def panel(title: str, xlabel: str, ylabel: str) -> tuple[Figure, Axes]:
-    """A figure of one set of axes, about as wide as a phone."""
+    """A figure with one set of axes, about as wide as a phone."""
     figure = Figure(figsize=(4.6, 3.6), layout="constrained")
     axes = figure.subplots()
     axes.set(title=title, xlabel=xlabel, ylabel=ylabel)

@@ -1,7 +1,4 @@
-"""Figures of steady runs: one run's pose and velocity, and slip against speed and radius.
-
-Every function returns a new Figure that no window or global state knows of. They resemble Figs. 4 and 5 of the paper.
-"""
+"""Figures of steady runs, after Figs. 4 and 5 of the paper: pose and velocity, and slip against speed and radius."""
 
 from __future__ import annotations
 
@@ -14,24 +11,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from experiments.driving.paper_model import geometry_of, published_poses
-from experiments.measuring.inner_outer import ROLES, RoleSamples, slip_at
-from experiments.measuring.value_groups import alike, narrow, span
-from experiments.report.figures.axes import curve_radii, show_radii
-from experiments.report.figures.error_bars import bar_factor, bar_key, draw_bars, with_bars
-from experiments.report.figures.style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    ORANGE,
-    POINTS,
-    RADII_SHADES,
-    RED,
-    SPEED_SHADES,
-    limits_around,
-    shade,
-    styled,
-    thin,
-)
+from experiments.measuring.inner_outer import TRACKS, InnerOuterSamples, slip_at
+from experiments.measuring.value_groups import group_label, is_narrow, value_groups
+from experiments.report.colours import BLACK, BLUE, GREEN, ORANGE, RED
+from experiments.report.figures.axes import bar_factor, bar_key, curve_radii, draw_bars, show_radii, with_bars
+from experiments.report.figures.style import POINTS, RADII_SHADES, SPEED_SHADES, limits_around, shade, styled, thin
 from trackslip.identification.fitted import FittedLaw
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
@@ -40,11 +24,11 @@ from trackslip.paper import OBSERVED_RADII
 from trackslip.slip.exponential import PUBLISHED
 
 _MARKERS = "osD^vP*X"
-_BY_PAPER: dict[str, Any] = {"color": RED, "lw": 1.4, "ls": "--"}  # what the paper's law says
+_BY_PAPER: dict[str, Any] = {"color": RED, "lw": 1.4, "ls": "--"}  # the circle of the paper's law
 
 
 def typical_run(logs: Sequence[RunLog], radius: float = 1.5, speed: float = 0.15) -> RunLog:
-    """The run commanded nearest `radius` [m] and `speed` [m/s]; the first if no metadata says what was."""
+    """The run commanded nearest to `radius` [m] and `speed` [m/s]; the first if no metadata has the commands."""
 
     def distance(log: RunLog) -> float:
         r, v = log.metadata.get("radius"), log.metadata.get("speed")
@@ -57,7 +41,7 @@ def typical_run(logs: Sequence[RunLog], radius: float = 1.5, speed: float = 0.15
 
 @styled
 def pose_and_velocity(log: RunLog) -> Figure:
-    """Fig. 4: pose of one run over time, and its derivatives after smoothing, in the frame of the field."""
+    """Fig. 4: pose of one run over time and its smoothed derivatives, in the world frame."""
     motion = butterworth_motion(log)
     v, w = motion.twist.T
     phi = motion.pose[:, 2]
@@ -101,7 +85,7 @@ def pose_and_velocity(log: RunLog) -> Figure:
         if by_paper:
             handles.append(Line2D([], [], **_BY_PAPER, label="by Eq. 11"))
         axis.set(ylabel=label, title=title)
-        # beside the title, since a turning robot's traces visit every corner of the axes
+        # beside the title, because the traces of a turning robot visit every corner of the axes
         axis.legend(
             handles=handles,
             ncols=4,
@@ -118,14 +102,14 @@ def pose_and_velocity(log: RunLog) -> Figure:
 
 
 def _with_derivatives(log: RunLog, pose: Array) -> Array:
-    """(T, 6): poses (T, 3) at a log's times and their derivatives, headings near the log's own."""
+    """Poses (T, 3) at a log's times and their derivatives, (T, 6), with headings close to the log's."""
     pose = pose.copy()
     pose[:, 2] += 2 * np.pi * np.round(np.nanmedian(log.pose[:, 2] - pose[:, 2]) / (2 * np.pi))
     return np.column_stack([pose, np.gradient(pose, log.time, axis=0)])
 
 
 def _true_traces(log: RunLog) -> Array:
-    """(T, 6): true pose and its derivatives in the frame of the field."""
+    """True poses and their derivatives in the world frame, (T, 6)."""
     assert log.truth is not None
     pose = log.truth.pose.copy()
     pose[:, 2] += 2 * np.pi * np.round(np.nanmedian(log.pose[:, 2] - pose[:, 2]) / (2 * np.pi))
@@ -135,14 +119,14 @@ def _true_traces(log: RunLog) -> Array:
 
 
 @styled
-def slip_against_speed_and_radius(runs: RoleSamples, best: FittedLaw) -> Figure:
+def slip_against_speed_and_radius(runs: InnerOuterSamples, best: FittedLaw) -> Figure:
     """Fig. 5: slip of the inner (top) and outer track (bottom) against speed (left) and radius (right)."""
     figure = Figure(figsize=(9.0, 6.8), layout="constrained")
     axes = figure.subplots(2, 2, sharey="row", sharex="col")
     curve = curve_radii(runs)
-    by_radius, by_speed = alike(runs.radius), alike(runs.speed)
+    by_radius, by_speed = value_groups(runs.radius), value_groups(runs.speed)
     factor = bar_factor(runs)
-    for row, name in enumerate(ROLES):
+    for row, name in enumerate(TRACKS):
         against_speed, against_radius = axes[row]
         slip = runs.slip[:, row]
         at_observed = slip_at(PUBLISHED, np.array(OBSERVED_RADII), 1.0)[:, row]
@@ -150,9 +134,9 @@ def slip_against_speed_and_radius(runs: RoleSamples, best: FittedLaw) -> Figure:
             against_speed.axhline(value, color=_shade(radius, runs), ls="--", lw=0.8)
         for marker, group in zip(_MARKERS, by_radius, strict=False):
             colour = _shade(float(runs.radius[group].mean()), runs)
-            label = span(runs.radius[group], "m")
+            label = group_label(runs.radius[group], "m")
             against_speed.plot(runs.speed[group], slip[group], marker, color=colour, ms=4.5, label=label)
-            if narrow(runs.radius[group]) and runs.radius[group].min() > 0:
+            if is_narrow(runs.radius[group]) and runs.radius[group].min() > 0:
                 speeds = np.linspace(0.8 * runs.speed[group].min(), 1.1 * runs.speed[group].max(), 30)
                 at = np.full(speeds.size, runs.radius[group].mean())
                 left = bool(runs.left[group].mean() >= 0.5)
@@ -160,8 +144,8 @@ def slip_against_speed_and_radius(runs: RoleSamples, best: FittedLaw) -> Figure:
         against_radius.plot(curve, slip_at(PUBLISHED, curve, 1.0)[:, row], color=BLACK, ls="--", lw=1.2)
         for number, (marker, group) in enumerate(zip(_MARKERS, by_speed, strict=False)):
             colour = shade(SPEED_SHADES, number / max(len(by_speed) - 1, 1))
-            size = 9.0 - 1.1 * min(number, 4)  # runs at one radius nearly coincide: the first look out around
-            label = span(runs.speed[group], "m/s")
+            size = 9.0 - 1.1 * min(number, 4)  # runs at one radius nearly coincide: draw the first ones larger
+            label = group_label(runs.speed[group], "m/s")
             against_radius.plot(
                 runs.radius[group], slip[group], marker, color=colour, ms=size, mfc="none", mew=1.1, label=label
             )
@@ -175,7 +159,7 @@ def slip_against_speed_and_radius(runs: RoleSamples, best: FittedLaw) -> Figure:
     fastest = 1.1 * float(runs.speed.max()) + 0.01
     axes[1, 0].set(xlabel="measured speed v [m/s]", xlim=(-0.03 * fastest, fastest))
     show_radii(axes[1, 1], runs)
-    lines = any(narrow(runs.radius[group]) for group in by_radius)
+    lines = any(is_narrow(runs.radius[group]) for group in by_radius)
     best_line = [Line2D([], [], color="#777777", lw=1.0, label="best law")] if lines else []
     dashed = Line2D([], [], color="#777777", ls="--", lw=0.9, label="Eq. 11 at the paper's radii")
     curve_line = Line2D([], [], color=BLACK, ls="--", lw=1.2, label="Eq. 11")
@@ -184,7 +168,7 @@ def slip_against_speed_and_radius(runs: RoleSamples, best: FittedLaw) -> Figure:
     return figure
 
 
-def _shade(radius: float, runs: RoleSamples) -> tuple[float, float, float, float]:
+def _shade(radius: float, runs: InnerOuterSamples) -> tuple[float, float, float, float]:
     """A colour for a radius [m], on a logarithmic scale from the smallest to the largest."""
     least, most = float(runs.radius[runs.radius > 0].min(initial=min(OBSERVED_RADII))), float(runs.radius.max())
     share = np.log(max(radius, least) / least) / np.log(max(most, max(OBSERVED_RADII)) / least)
@@ -194,7 +178,7 @@ def _shade(radius: float, runs: RoleSamples) -> tuple[float, float, float, float
 def _legend_below(
     figure: Figure, axis: Axes, more: Sequence[Line2D], title: str, where: Literal["left", "right"]
 ) -> None:
-    """A legend of `axis` and further lines, under one half of the figure."""
+    """Put a legend of `axis` and further lines under one half of the figure."""
     handles = [*axis.get_legend_handles_labels()[0], *more]
     figure.legend(
         handles=handles,

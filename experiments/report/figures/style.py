@@ -1,4 +1,4 @@
-"""How all figures look: the same colour and line for the same slip law everywhere."""
+"""The look of all figures: one colour and one line style per slip law everywhere."""
 
 from __future__ import annotations
 
@@ -8,15 +8,7 @@ import matplotlib
 from matplotlib.axes import Axes
 from matplotlib.patheffects import withStroke
 
-from experiments.report.colours import BLACK as BLACK
-from experiments.report.colours import BLUE as BLUE
-from experiments.report.colours import COLOURS as COLOURS
-from experiments.report.colours import GREEN as GREEN
-from experiments.report.colours import GREY as GREY
-from experiments.report.colours import LABELS as LABELS
-from experiments.report.colours import ORANGE as ORANGE
-from experiments.report.colours import RED as RED
-from experiments.report.colours import SHADE as SHADE
+from experiments.report.colours import BLUE, COLOURS, GREEN, GREY, ORANGE, SHADE
 from trackslip.kinematics import Array
 
 DASHES = {
@@ -33,11 +25,11 @@ DASHES = {
     "online": (0, (5, 1)),
     "online_cold": (0, (5, 1, 1, 1)),
 }
-"""Line styles, all different, so that the laws can be told apart without colour too."""
+"""Line styles, all different, so that the laws can also be told apart without colour."""
 INNER, OUTER = ORANGE, BLUE
-"""Colours of the tracks by their role in the turn."""
+"""Colours of the inner and the outer track."""
 BAND = "#d5e6d5"
-"""Colour behind values that say nothing, being too small."""
+"""Background of values too small to matter."""
 STYLE: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.titlesize": 9.5,
@@ -55,7 +47,7 @@ STYLE: dict[Any, Any] = {
     "path.simplify_threshold": 0.3,
 }
 RADII_SHADES, SPEED_SHADES = ("viridis", 0.6), ("plasma", 0.6)
-"""Colour maps, and how far up they are dark enough to be seen."""
+"""Colour maps, and the share of each that is dark enough to be seen."""
 DESIRED: dict[str, Any] = {
     "color": "#e3e3e3",
     "lw": 3.6,
@@ -63,36 +55,36 @@ DESIRED: dict[str, Any] = {
     "label": "desired",
     "path_effects": [withStroke(linewidth=5.2, foreground=GREY)],
 }
-"""Keywords of the line that a reference is: a road."""
+"""Keywords of the line of a reference, drawn like a road."""
 POINTS = 500
-"""Points of a line that the eye can still tell apart at the figures' width."""
+"""Points of a line that can be told apart at the figures' width."""
 
 styled = matplotlib.rc_context(STYLE)
 
 
 def thin(rows: int, most: int = POINTS) -> slice:
-    """Every n-th of `rows` rows, so that about `most` are left."""
+    """Every n-th of `rows` rows, so that about `most` remain."""
     return slice(None, None, max(1, rows // most))
 
 
 def limits_around(values: Array) -> tuple[float, float]:
-    """Limits of an axis that shows values (n,) and zero, and leaves a law's pole outside."""
+    """Limits of an axis that shows values (n,) and zero."""
     low, high = min(0.0, float(values.min())), max(0.0, float(values.max()))
     room = 0.12 * (high - low) + 1e-4
     return low - room, high + room
 
 
 def shade(map_and_top: tuple[str, float], share: float) -> tuple[float, float, float, float]:
-    """The colour at a share from 0 to 1 of what is used of a colour map."""
+    """The colour at a share, 0 to 1, of the used part of a colour map."""
     name, top = map_and_top
     return matplotlib.colormaps[name](top * share)
 
 
 def mark_span(axis: Axes, begin: float, end: float) -> None:
-    """Shade a stretch of the horizontal axis, with an edge that can be seen."""
+    """Shade a span of the horizontal axis, with a visible edge."""
     axis.axvspan(begin, end, facecolor=SHADE, edgecolor=GREY, lw=0.8, ls=":", zorder=0)
 
 
 def law_line(name: str, **more: object) -> dict[str, object]:
-    """Keywords of a line that stands for the slip law or compensation `name`."""
+    """Keywords of the line of the slip law or compensation `name`."""
     return {"color": COLOURS.get(name, GREEN), "linestyle": DASHES.get(name, "-"), **more}

@@ -1,7 +1,6 @@
-"""Figures of the tracking experiments, after Figs. 7, 8, 10, 11 and 12 of the paper.
+"""Figures of the tracking experiments, after Figs. 7 to 12 of the paper.
 
-Every function returns a new Figure. A run is drawn where it really was if its log knows (a simulator's does),
-else where it was estimated to be.
+Runs are drawn at their true poses where the log has them, as a simulator's has, else at their estimated poses.
 """
 
 from __future__ import annotations
@@ -13,21 +12,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Arc
 
 from experiments.driving.paper_model import geometry_of
-from experiments.report.figures.style import (
-    BLACK,
-    BLUE,
-    COLOURS,
-    DESIRED,
-    GREEN,
-    LABELS,
-    ORANGE,
-    law_line,
-    mark_span,
-    styled,
-    thin,
-)
+from experiments.report.colours import BLACK, BLUE, COLOURS, GREEN, GREY, LABELS, ORANGE
+from experiments.report.figures.style import DESIRED, law_line, mark_span, styled, thin
 from trackslip.identification.fitted import FittedLaw
 from trackslip.kinematics import Array, curvature, track_slip
 from trackslip.logs.runlog import RunLog
@@ -37,12 +26,14 @@ from trackslip.slip.exponential import PUBLISHED
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.segmented import paper_reference
 
-_MIN_SPROCKET_SPEED = 0.3  # sprocket speed below which a measured slip is a quotient of noise [rad/s]
-_SMOOTH = 0.5  # length of the moving average over the true slip [s]
-_CLOSEST = 3e-4  # distance below which an error is a zero crossing, not news [m]
-_POLE = 0.5  # beyond it a law is near its pole, and a line across it would be no datum [-]
+_MIN_SPROCKET_SPEED = 0.3  # sprocket speed below which measured slip is noise [rad/s]
+_SMOOTH = 0.5  # window of the moving average over the true slip [s]
+_CLOSEST = 3e-4  # distances below this are zero crossings [m]
+_POLE = 0.5  # slip beyond which a law is near its pole, where no line is drawn [-]
 _SLIP_RANGE = (-0.15, 0.10)  # of Fig. 12
-_EVERY = 20  # steps of a run by the paper's equations from one cross to the next: 1 s
+_EVERY = 20  # steps between crosses of a run by the paper's equations: 1 s
+_ROBOT_POSE = np.array([0.2, 0.15, np.radians(20)])  # of Fig. 9
+_DESIRED_POSE = np.array([1.5, 1.2, np.radians(55)])
 _SIDES = {1: ORANGE, 0: BLUE}  # tracks
 _LAW: dict[str, Any] = {"lw": 2.2, "ls": (0, (3, 1.2))}
 _TRUE: dict[str, Any] = {"lw": 0.8}
@@ -60,7 +51,7 @@ def runs_of(logs: Sequence[RunLog], controller: str) -> dict[str, RunLog]:
 
 
 def driven(log: RunLog) -> Array:
-    """(T, 3) the true poses, or without truth the estimated ones, NaN where there is none."""
+    """True poses (T, 3) [m, m, rad], or without truth the estimated ones, NaN where there is none."""
     if log.truth is not None:
         return log.truth.pose
     return np.where(log.is_valid[:, None], log.pose, np.nan)
@@ -91,40 +82,42 @@ def planned_trajectory() -> Figure:
     return figure
 
 
-@styled
-def paths(runs: Mapping[str, RunLog], published: Mapping[str, RunLog] | None = None) -> Figure:
-    """Figs. 8 and 10: the paths with each compensation, and the distance from the reference over time.
-
-    `published` are runs by the paper's equations, drawn as crosses.
-    """
-    reference = paper_reference()
-    figure = Figure(figsize=(9.0, 4.5), layout="constrained")
-    plane, distance = figure.subplots(1, 2, width_ratios=(1.25, 1))
-    desired = reference.pose(np.linspace(0, reference.duration, 300))
+def draw_paths(reference: Reference, runs: Mapping[str, tuple[RunLog, Mapping[str, Any]]]) -> tuple[Figure, Axes, Axes]:
+    """Paths beside the reference, and distances from it over time; `runs` are logs with line keywords, by label."""
+    figure = Figure(figsize=(9.0, 4.6), layout="constrained")
+    plane, distance = figure.subplots(1, 2, width_ratios=(1.2, 1))
+    desired = reference.pose(np.linspace(0, reference.duration, 600))
     plane.plot(desired[:, 0], desired[:, 1], **DESIRED)
-    for name, log in runs.items():
+    for label, (log, style) in runs.items():
         pose = driven(log)
         rows = thin(len(log.time))
-        style = law_line(name, lw=1.3, label=LABELS.get(name, name))
-        plane.plot(pose[rows, 0], pose[rows, 1], **style)
-        plane.plot(*pose[-1, :2], "s", ms=4, color=style["color"])
-        error = body_errors(pose, reference.pose(log.time))
-        norm = np.hypot(error[:, 0], error[:, 1])
-        distance.semilogy(log.time[rows], 1e3 * np.maximum(norm[rows], _CLOSEST), **style)
+        plane.plot(pose[rows, 0], pose[rows, 1], label=label, lw=1.2, **style)
+        norm = np.hypot(*body_errors(pose, reference.pose(log.time))[:, :2].T)
+        distance.semilogy(log.time[rows], 1e3 * np.maximum(norm[rows], _CLOSEST), lw=1.2, **style)
+    start = driven(next(iter(runs.values()))[0])[0]
+    plane.plot(*start[:2], "o", ms=8, mfc="white", mec=BLACK, mew=1.5, zorder=6)
+    plane.annotate("start", start[:2], xytext=(12, -3), textcoords="offset points", fontsize=8.5, annotation_clip=False)
+    plane.set_aspect("equal", adjustable="datalim")
+    plane.set(xlabel="x [m]", ylabel="y [m]", title="Path")
+    distance.set(xlabel="time [s]", ylabel="distance from the desired position [mm]")
+    distance.set(title="Position error (log scale)", xlim=(0, reference.duration))
+    return figure, plane, distance
+
+
+@styled
+def paths(runs: Mapping[str, RunLog], published: Mapping[str, RunLog] | None = None) -> Figure:
+    """Figs. 8 and 10: paths with each compensation, and distances over time; crosses: `published`, by equations."""
+    reference = paper_reference()
+    lines = {LABELS.get(name, name): (log, law_line(name)) for name, log in runs.items()}
+    figure, plane, distance = draw_paths(reference, lines)
+    for name, log in runs.items():
+        plane.plot(*driven(log)[-1, :2], "s", ms=4, color=law_line(name)["color"])
     for name, log in (published or {}).items():
         rows = slice(None, None, _EVERY)
         norm = np.hypot(*body_errors(log.pose, reference.pose(log.time))[rows, :2].T)
         plane.plot(log.pose[rows, 0], log.pose[rows, 1], **_crosses(name))
         seen = norm > _CLOSEST
         distance.semilogy(log.time[rows][seen], 1e3 * norm[seen], **_crosses(name))
-    start = driven(next(iter(runs.values())))[0]
-    plane.plot(*start[:2], "o", ms=8, mfc="white", mec=BLACK, mew=1.5, zorder=6)
-    plane.annotate("start", start[:2], xytext=(12, -3), textcoords="offset points", fontsize=8.5, annotation_clip=False)
-    plane.set_aspect("equal", adjustable="datalim")
-    plane.set(xlabel="x [m]", ylabel="y [m]", title="Path")
-    distance.set(
-        xlabel="time [s]", ylabel="distance from the desired position [mm]", title="Position error (log scale)"
-    )
     distance.set_ylim(bottom=1e3 * _CLOSEST)
     mark_span(distance, TRANSIENT, _arc_end())
     figure.legend(handles=plane.get_legend_handles_labels()[0], ncols=3, loc="outside lower center")
@@ -132,14 +125,14 @@ def paths(runs: Mapping[str, RunLog], published: Mapping[str, RunLog] | None = N
 
 
 def _crosses(name: str) -> dict[str, Any]:
-    """Keywords of what the paper's equations say of a compensation."""
+    """Keywords of the crosses that stand for the paper's equations with a compensation."""
     label = f"{LABELS[name]}: by the paper's equations"
     look = {"marker": {"none": "x", "published": "+"}[name], "ms": 5.5, "mew": 1.1}
     return {"color": COLOURS[name], "ls": "none", "label": label, **look}
 
 
 def _arc_end() -> float:
-    """When the reference's arc ends [s]."""
+    """Time at which the reference's arc ends [s]."""
     reference = paper_reference()
     time = np.arange(0, reference.duration, 0.05)
     return float(time[np.flatnonzero(reference.twist(time)[:, 1])[-1]])
@@ -147,10 +140,7 @@ def _arc_end() -> float:
 
 @styled
 def tracking_errors_over_time(runs: Mapping[str, RunLog], published: Mapping[str, RunLog] | None = None) -> Figure:
-    """Fig. 11: position errors in the body frame and their norm; on the right from 12 s on, in mm.
-
-    `published` are runs by the paper's equations, drawn as crosses.
-    """
+    """Fig. 11: body-frame position errors and their norm, right from 12 s on; crosses: `published`, by equations."""
     reference = paper_reference()
     figure = Figure(figsize=(9.0, 6.0), layout="constrained")
     axes = figure.subplots(3, 2, sharex="col", width_ratios=(1, 1.35))
@@ -185,7 +175,7 @@ def tracking_errors_over_time(runs: Mapping[str, RunLog], published: Mapping[str
 
 
 def _error_traces(log: RunLog, reference: Reference) -> Array:
-    """(T, 3): the errors forward and to the left, and their norm [m]."""
+    """Errors forward and to the left, and their norm, (T, 3) [m]."""
     error = body_errors(driven(log), reference.pose(log.time))[:, :2]
     return np.column_stack([error, np.hypot(error[:, 0], error[:, 1])])
 
@@ -194,10 +184,10 @@ def _error_traces(log: RunLog, reference: Reference) -> Array:
 def slip_during_tracking(
     runs: Mapping[str, RunLog], laws: Mapping[str, FittedLaw], published: Mapping[str, RunLog] | None = None
 ) -> Figure | None:
-    """Fig. 12: the slip that a law gave the controller at each step, and where truth is known, the real one.
+    """Fig. 12: the slip that the law predicted at each step and, where it is known, the true one.
 
-    Up to two compensations, one above the other, with the same by the paper's equations as crosses where `published`
-    has it; None if no run has commanded twists and a law that is known.
+    Up to two compensations, one above the other, with crosses for the paper's equations where `published` has them;
+    None if no run has commanded twists and a known law.
     """
     known: dict[str, SlipLaw] = {"published": PUBLISHED, **{name: fit.law for name, fit in laws.items()}}
     names = [n for n in ("published", "icr_radius", "icr", "exponential") if n in runs and n in known]
@@ -222,7 +212,7 @@ def slip_during_tracking(
 
 
 def _slip_panel(axis: Axes, log: RunLog, law: SlipLaw) -> None:
-    """Slip of both tracks over time: from the law thick, true thin."""
+    """Draw the slip of both tracks over time: thick from the law, thin the true one."""
     assert log.twist_command is not None
     mark_span(axis, TRANSIENT, _arc_end())
     axis.axhline(0, color="#888888", lw=0.7, zorder=1)
@@ -237,7 +227,7 @@ def _slip_panel(axis: Axes, log: RunLog, law: SlipLaw) -> None:
 
 
 def _slip_crosses(axis: Axes, log: RunLog, law: SlipLaw) -> None:
-    """Slip of both tracks by the paper's equations."""
+    """Draw the slip of both tracks by the paper's equations."""
     assert log.twist_command is not None
     slip = law(curvature(log.twist_command))[::_EVERY]
     for track, colour in _SIDES.items():
@@ -245,7 +235,7 @@ def _slip_crosses(axis: Axes, log: RunLog, law: SlipLaw) -> None:
 
 
 def _true_slip(log: RunLog) -> Array | None:
-    """(T, 2) smoothed true slip, NaN where a sprocket hardly turns; None without truth or geometry."""
+    """Smoothed true slip (T, 2) [-], NaN where a sprocket hardly turns; None without truth or geometry."""
     robot = geometry_of(log.metadata)
     if log.truth is None or robot is None:
         return None
@@ -256,3 +246,44 @@ def _true_slip(log: RunLog) -> Array | None:
     omega = np.column_stack(smooth[:2])
     slip = track_slip(omega, np.column_stack(smooth[2:]), robot)
     return np.where(np.abs(omega) > _MIN_SPROCKET_SPEED, slip, np.nan)
+
+
+@styled
+def errors_defined() -> Figure:
+    """Fig. 9: the errors of Eq. 18 between a robot and its desired pose, in the robot's frame."""
+    e_x, e_y, e_phi = body_errors(_ROBOT_POSE, _DESIRED_POSE)
+    forward, left = (
+        np.array([np.cos(_ROBOT_POSE[2]), np.sin(_ROBOT_POSE[2])]),
+        np.array([-np.sin(_ROBOT_POSE[2]), np.cos(_ROBOT_POSE[2])]),
+    )
+    corner = _ROBOT_POSE[:2] + e_x * forward
+    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
+    axis = figure.subplots()
+    _robot(axis, _ROBOT_POSE, BLACK, "robot (x, y, φ)")
+    _robot(axis, _DESIRED_POSE, GREY, "desired (x$_d$, y$_d$, φ$_d$)")
+    axis.plot(*np.transpose([_ROBOT_POSE[:2], corner]), color=BLUE, lw=2.2)
+    axis.plot(*np.transpose([corner, corner + e_y * left]), color=ORANGE, lw=2.2, ls="--")
+    axis.annotate(
+        "e$_x$, forward", (_ROBOT_POSE[:2] + corner) / 2, xytext=(8, -14), textcoords="offset points", color=BLUE
+    )
+    axis.annotate("e$_y$, to the left", corner + e_y / 2 * left, xytext=(8, -4), textcoords="offset points")
+    ahead = _DESIRED_POSE[:2] + 0.7 * forward
+    axis.plot(*np.transpose([_DESIRED_POSE[:2], ahead]), color=GREY, lw=1.0, ls=":")
+    angles = np.degrees([_ROBOT_POSE[2], _ROBOT_POSE[2] + e_phi])
+    axis.add_patch(Arc(tuple(_DESIRED_POSE[:2]), 1.0, 1.0, theta1=angles[0], theta2=angles[1], color=GREEN, lw=2.2))
+    middle = _DESIRED_POSE[:2] + 0.56 * np.array([np.cos(np.radians(angles.mean())), np.sin(np.radians(angles.mean()))])
+    axis.annotate("e$_φ$", (middle[0], middle[1]), color=GREEN, va="center")
+    axis.set_aspect("equal")
+    axis.set(xlabel="x [m]", ylabel="y [m]", xlim=(-1.2, 3.0), ylim=(-0.3, 1.9))
+    return figure
+
+
+def _robot(axis: Axes, pose: Array, colour: str, label: str) -> None:
+    """Draw a body with an arrow that points forward."""
+    x, y, phi = pose
+    turn = np.array([[np.cos(phi), -np.sin(phi)], [np.sin(phi), np.cos(phi)]])
+    corners = np.array([[0.2, 0.17], [-0.2, 0.17], [-0.2, -0.17], [0.2, -0.17], [0.2, 0.17]]) @ turn.T
+    axis.plot(x + corners[:, 0], y + corners[:, 1], color=colour, lw=1.5)
+    tip = pose[:2] + 0.38 * turn[:, 0]
+    axis.annotate("", (tip[0], tip[1]), (x, y), arrowprops={"arrowstyle": "->", "color": colour, "lw": 1.5})
+    axis.annotate(label, (x, y), xytext=(-44, 0), textcoords="offset points", ha="right", va="center")

@@ -1,4 +1,4 @@
-"""Figures of how the robot stands, slides and is stepped: loads, slopes, convergence, energy."""
+"""Figures of a validation other than turns: contact loads, slopes, convergence, energy."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator
 
+from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE, RED
 from experiments.report.figures.panels import DEFAULT, RECIPE, THEORY, Panels, panel
-from experiments.report.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, styled, thin
+from experiments.report.figures.style import styled, thin
 from experiments.validation import convergence
 from experiments.validation.convergence import Convergence
 from experiments.validation.energy import Energy
@@ -24,9 +25,9 @@ _NAMES = {0.0: "straight uphill", np.pi / 4: "oblique", np.pi / 2: "across the s
 
 @styled
 def pad_loads(loads: Loads, naive: Loads) -> Panels:
-    """Load along the track: of the pads with both contacts, and with the recipe of every point, enlarged."""
+    """Load along the track: of the pads with both contacts, and of every point with the recipe alone."""
     both, axes = panel("Pads, both contacts", "along the track, forwards [mm]", "load / mean load [–]")
-    # a sensor doesn't say which of a pad's points has lifted: take them together, where they are when both touch
+    # a sensor does not tell which of a pad's points has lifted, so show the mean of each pad
     x, y = _of_pads(loads.position.T)
     sides = [side[np.argsort(x[side])] for side in (np.flatnonzero(y > 0), np.flatnonzero(y < 0))]
     place = 1e3 * x[sides].mean(axis=0)
@@ -47,18 +48,18 @@ def pad_loads(loads: Loads, naive: Loads) -> Panels:
 
 
 def _of_pads(points: Array) -> Array:
-    """Means (..., P) over the points (..., K) of each pad."""
+    """Means (..., P) of values (..., K) over the points of each pad."""
     return points.reshape(*points.shape[:-1], -1, POINTS).mean(axis=-1)
 
 
 def _make_room(axes: Axes, share: float = 0.15) -> None:
-    """Raise the top of the axes by a share of their height, for a legend."""
+    """Raise the top of the axes by a share of their height to make room for a legend."""
     low, high = axes.get_ylim()
     axes.set_ylim(low, high + share * (high - low))
 
 
 def _reach(axes: Axes, x: Array, load: Array, colour: str, marker: str, name: str) -> None:
-    """Medians of loads (M, P) at places (P,); thick, the middle half of them; thin, from the least to the greatest."""
+    """Draw medians of loads (M, P) at places (P,); thick lines span the middle half, thin ones the whole range."""
     least, lower, middle, upper, greatest = np.quantile(load, [0.0, 0.25, 0.5, 0.75, 1.0], axis=0)
     axes.vlines(x, lower, upper, color=colour, lw=5.0)
     reach = [middle - least, greatest - middle]
@@ -67,7 +68,7 @@ def _reach(axes: Axes, x: Array, load: Array, colour: str, marker: str, name: st
 
 @styled
 def slopes(creep: Creep, slide: Slide, ground: Ground) -> Panels:
-    """Creep on slopes that hold the robot, and acceleration on those that don't."""
+    """Creep on slopes that hold the robot, and acceleration on those that do not."""
     held, axes = panel("Parked: creep", "slope [°]", "creep [mm/s]")
     for heading, angle, speed, (colour, marker, dash) in zip(
         HEADINGS, creep.angle, creep.speed, itertools.cycle(_LOOKS)
@@ -104,7 +105,7 @@ def _name(heading: float) -> str:
 
 @styled
 def steps_and_solvers(found: Convergence, own_step: float) -> Panels:
-    """Position error over the physics step, and the distance between the solvers."""
+    """Position error against the physics step, and the distance between the solvers."""
     figure, axes = panel("Error after the random commands", "physics step [ms]", "distance, largest of all robots [mm]")
     step, error = np.array(list(found.step_error.items())).T
     reference = convergence.REFERENCE_STEP
@@ -129,17 +130,17 @@ def steps_and_solvers(found: Convergence, own_step: float) -> Panels:
 
 @styled
 def energies(found: Energy) -> Panels:
-    """What the belts put in and friction takes, since the start; and the small difference, enlarged."""
+    """Work of the belts and friction loss since the start; and their small difference, enlarged."""
     rows = thin(len(found.time))
     time = found.time[rows]
     whole, axes = panel("Since the start", "time [s]", "energy [J]")
-    axes.plot(time, found.traction[rows], color=BLUE, lw=4.0, alpha=0.75, label="put in by the belts")
-    axes.plot(time, found.friction[rows], color=BLACK, lw=1.1, ls="--", label="lost where belts slide")
+    axes.plot(time, found.traction[rows], color=BLUE, lw=4.0, alpha=0.75, label="work of the belts")
+    axes.plot(time, found.friction[rows], color=BLACK, lw=1.1, ls="--", label="friction loss")
     axes.plot(time, found.kinetic[rows], color=GREEN, lw=1.3, label="kinetic and potential")
     axes.legend(loc="upper left")
     left, axes = panel("The difference, enlarged", "time [s]", "energy [J]")
     difference = found.traction - found.friction - found.damping
-    axes.plot(time, difference[rows], color=BLUE, lw=4.0, alpha=0.75, label="put in − all losses")
+    axes.plot(time, difference[rows], color=BLUE, lw=4.0, alpha=0.75, label="work − all losses")
     axes.plot(time, found.kinetic[rows], color=GREEN, lw=1.3, ls="--", label="kinetic and potential")
     axes.plot(time, (difference - found.kinetic)[rows], color=RED, ls="-.", lw=1.3, label="not accounted for")
     axes.axhline(0, color="#888888", lw=0.8, zorder=1)

@@ -1,4 +1,4 @@
-"""Figures of the turns: how far the ICRs and slips are from theory, and what drives what is left."""
+"""Figures of the turns: errors of ICRs and slips against theory, and what the remaining errors depend on."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy.interpolate import CubicSpline
 
+from experiments.report.colours import BLUE, GREEN, ORANGE, RED
 from experiments.report.figures.panels import DEFAULT, RECIPE, THEORY, Panels, panel
-from experiments.report.figures.style import BLUE, GREEN, ORANGE, RED, SPEED_SHADES, shade, styled
+from experiments.report.figures.style import SPEED_SHADES, shade, styled
 from experiments.validation.turning import Turns
 from sim.drive.drive import Drive
 from sim.ground.ground import Ground
@@ -25,22 +26,22 @@ _COLOURS = (BLUE, ORANGE, GREEN, RED, "#CC79A7")
 
 
 def own(turns: Turns, parameters: RobotParameters) -> np.ndarray:
-    """(M,) whether a turn is one of the robot itself, rather than of a variant in length or centre of mass."""
+    """Whether a turn is one of the robot itself, not of a variant in length or centre of mass, (M,) bool."""
     off = turns.centre_of_mass - [parameters.com_x, parameters.com_y]
     distance = np.hypot(np.hypot(*off.T), turns.length - parameters.contact_length)
     return distance <= distance.min() + 1e-9
 
 
 def nearest_ratio(turns: Turns, ground: Ground) -> float:
-    """The ratio of friction that comes nearest to a ground's."""
+    """The friction ratio nearest to a ground's [-]."""
     ratios = np.unique(turns.ratio)
     return float(ratios[np.argmin(np.abs(ratios - ground.across / ground.along))])
 
 
 def expected_twist(turns: Turns, parameters: RobotParameters) -> Array:
-    """(M, 2) by theory: forward speed [m/s] and yaw rate [rad/s].
+    """Forward speed [m/s] and yaw rate [rad/s] by theory, (M, 2).
 
-    From the ICRs and the outer track's slip, for an inner track may stand still and have none.
+    From the ICRs and the outer track's slip, because an inner track that stands still has no slip.
     """
     b, radius = parameters.half_gauge, parameters.sprocket_radius
     commanded = np.stack([turns.speed, turns.speed / turns.radius], axis=-1)
@@ -53,7 +54,7 @@ def expected_twist(turns: Turns, parameters: RobotParameters) -> Array:
 
 @styled
 def icr_and_slip(turns: Turns, naive: Turns, parameters: RobotParameters) -> Panels:
-    """Errors of the ICRs, as shares of the turns; and simulated slip against slip by theory."""
+    """Distribution of the ICRs' errors over the turns; and simulated slip against theoretical slip."""
     ratios = np.unique(turns.ratio)
     shares, axes = panel("Error of the ICRs' half width b + D", "size of the error [%]", "turns with less error [%]")
     for found, style, name in ((turns, RECIPE, "recipe"), (naive, DEFAULT, "default\ncontact")):
@@ -89,7 +90,7 @@ def _one_to_one(turns: Turns, naive: Turns, rows: np.ndarray) -> Figure:
                 label=f"{name}, {side} track",
             )
     ends = [np.nanmin(turns.expected_slip[rows]), np.nanmax(turns.expected_slip[rows])]
-    axes.plot(ends, ends, **THEORY, zorder=5, label="as by theory")
+    axes.plot(ends, ends, **THEORY, zorder=5, label="theory")
     _cross(axes)
     axes.legend(loc="lower right")
     return figure
@@ -97,7 +98,7 @@ def _one_to_one(turns: Turns, naive: Turns, rows: np.ndarray) -> Figure:
 
 @styled
 def what_is_left(turns: Turns, parameters: RobotParameters) -> Panels:
-    """Errors of the recipe: of the ICRs, against yaw rate and by the robot's shape, and of the lateral speed."""
+    """Errors of the recipe: of the ICRs, against yaw rate and by the robot's shape; and of the lateral speed."""
     rows = own(turns, parameters)
     v, w = expected_twist(turns, parameters).T
     by_rate, axes = panel("Half width, against yaw rate", "yaw rate [rad/s]", "error of b + D [%]")
@@ -117,7 +118,7 @@ def _by_ratio(axes: Axes, turns: Turns, rows: np.ndarray, x: Array, y: Array) ->
 
 
 def _by_shape(turns: Turns, parameters: RobotParameters) -> Figure:
-    """Least, median and greatest error for each centre of mass and length of contact."""
+    """Smallest, median and largest error for each centre of mass and contact length."""
     figure, axes = panel("Half width, by shape of the robot", "centre of mass", "error of b + D [%]")
     shift = turns.centre_of_mass - [parameters.com_x, parameters.com_y]
     place = np.round(100 * shift / np.column_stack([turns.length, np.full(len(shift), parameters.half_gauge)]))
@@ -149,7 +150,7 @@ def _place(forwards: float, left: float) -> str:
 
 @styled
 def slip_against_radius(turns: Turns, naive: Turns, parameters: RobotParameters, ground: Ground) -> Panels:
-    """Slip at the commanded radii and speeds, with the recipe and with the default contact."""
+    """Slip against commanded radius by speed, with the recipe and with the default contact."""
     rows = own(turns, parameters) & (turns.ratio == nearest_ratio(turns, ground))
     both = [found.slip[rows] for found in (turns, naive)]
     low, high = np.nanmin(both), np.nanmax(both)
@@ -168,7 +169,7 @@ def slip_against_radius(turns: Turns, naive: Turns, parameters: RobotParameters,
                     found.slip[chosen, track],
                     marker,
                     color=colour,
-                    ms=9.0 - 1.1 * k,  # the first look out around those that hide them
+                    ms=9.0 - 1.1 * k,  # draw the first ones larger, because they are hidden
                     mfc="none",
                     mew=1.1,
                     ls=":" if found is naive else "none",
@@ -183,7 +184,7 @@ def slip_against_radius(turns: Turns, naive: Turns, parameters: RobotParameters,
 
 
 def _theory_line(axes: Axes, turns: Turns, rows: np.ndarray) -> None:
-    """Slip by theory at the slowest speed, smooth between the radii: it is nearly straight over curvature."""
+    """Draw slip by theory at the slowest speed, interpolated over curvature, where it is nearly straight."""
     slowest = rows & (turns.speed == turns.speed.min())
     for track, label in ((1, "theory"), (0, None)):
         chosen = np.flatnonzero(slowest & np.isfinite(turns.expected_slip[:, track]))

@@ -1,12 +1,18 @@
-"""Logs as real robots make them, good and bad: identified rightly, or refused or listed in one line."""
+"""Logs as real robots make them, good and bad: identified correctly, or refused or listed in one line."""
 
 from __future__ import annotations
+
+import socket
+import sys
+from functools import partial
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
+from trackslip.identification.fitted import fit_law
+from trackslip.identification.identify import identify
 from trackslip.kinematics import RobotGeometry, advance
 from trackslip.slip.icr import ConstantIcr, IcrSides
 
@@ -44,8 +50,14 @@ def scaled(runs, **factors):
     return runs
 
 
-def found_law(result, name="icr_radius"):
-    return result.summary["laws"][name]["values"]
+@pytest.fixture(autouse=True)
+def few_resamples(monkeypatch):
+    """Their number does not matter here, and they take most of the time."""
+    monkeypatch.setattr("trackslip.identification.comparison.fit_law", partial(fit_law, bootstraps=20))
+
+
+def values_of(found, name="icr_radius"):
+    return found.comparison.laws[name].values
 
 
 def test_turns_either_way_forwards_backwards_and_in_place(trackslip, tmp_path):
@@ -56,26 +68,25 @@ def test_turns_either_way_forwards_backwards_and_in_place(trackslip, tmp_path):
     assert result.summary["outliers"] == []
     assert result.summary["samples"] == len(TWISTS) + 4
     assert result.summary["best"] == "icr_radius"
-    assert found_law(result)["offset"] == pytest.approx(0.09, abs=0.002)
-    assert found_law(result)["radius_error"] == pytest.approx(0.015, abs=0.002)
+    law = result.summary["laws"]["icr_radius"]
+    assert law["values"] == pytest.approx({"offset": 0.09, "radius_error": 0.015}, abs=0.002)
     keys = {"values", "stderr", "interval95", "rms", "aicc", "weight", "cv_radius", "cv_speed", "cv_yaw_rate"}
-    assert keys <= set(result.summary["laws"]["icr_radius"])
-    low, high = result.summary["laws"]["icr_radius"]["interval95"]["offset"]
+    assert keys <= set(law)
+    low, high = law["interval95"]["offset"]
     assert low < 0.09 < high
 
 
-def test_sides_that_differ(trackslip, tmp_path):
+def test_sides_that_differ(tmp_path):
     sides = IcrSides(0.07, 0.11, 0.0, 0.02, 0.3)
-    result = trackslip("identify", written(traces(sides), tmp_path / "log.csv"), *OPTIONS)
-    assert result.summary["best"] == "icr_sides"
-    assert "left and right turns differ" in result.printed
-    assert found_law(result, "icr_sides")["offset_right"] == pytest.approx(0.11, abs=0.004)
+    found = identify(written(traces(sides), tmp_path / "log.csv"), ROBOT)
+    assert found.best == "icr_sides"
+    assert "left and right turns differ" in "".join(found.warnings)
+    assert values_of(found, "icr_sides")["offset_right"] == pytest.approx(0.11, abs=0.004)
 
 
-def test_encoders_before_a_gear(trackslip, refused, tmp_path):
+def test_encoders_before_a_gear(refused, tmp_path):
     log = written(scaled(traces(), omega_l=30.0, omega_r=30.0), tmp_path / "log.csv")
-    result = trackslip("identify", log, *OPTIONS, "--gear", "30")
-    assert found_law(result)["offset"] == pytest.approx(0.09, abs=0.002)
+    assert values_of(identify(log, ROBOT, gear=30.0))["offset"] == pytest.approx(0.09, abs=0.002)
     assert "it looks like a gear of about 29.6" in refused("identify", log, *OPTIONS)
 
 
@@ -106,25 +117,25 @@ def test_swapped_tracks(refused, tmp_path):
     assert "none of the 10 runs can be used" in line
 
 
-def test_a_gear_that_is_a_little_wrong_is_doubted(trackslip, tmp_path):
+def test_a_gear_that_is_a_little_wrong_is_doubted(tmp_path):
     log = written(scaled(traces(), omega_l=1.2, omega_r=1.2), tmp_path / "log.csv")
-    assert "are gear and sprocket radius right?" in trackslip("identify", log, *OPTIONS).printed
+    assert "are gear and sprocket radius right?" in "".join(identify(log, ROBOT).warnings)
 
 
-def test_gaps_in_the_clock_and_poses_that_teleport_are_listed(trackslip, tmp_path):
+def test_gaps_in_the_clock_and_poses_that_teleport_are_listed(tmp_path):
     runs = traces()
     for row in runs[0][50:]:
         row[1] += 30.0
     for row in runs[1][20:]:
         row[4] += 4.0
     runs[2][100][5] += 3.0
-    result = trackslip("identify", written(runs, tmp_path / "log.csv"), *OPTIONS)
-    printed = " ".join(result.printed.split())
-    assert "run 'run 0': its clock has a gap from t = 4.9 s to 35 s" in printed
-    assert "run 'run 1': its pose jumps by" in printed
-    assert "run 'run 2': its pose jumps by" in printed
-    assert result.summary["samples"] == len(TWISTS)
-    assert found_law(result)["offset"] == pytest.approx(0.09, abs=0.003)
+    found = identify(written(runs, tmp_path / "log.csv"), ROBOT)
+    warnings = " ".join(found.warnings)
+    assert "run 'run 0': its clock has a gap from t = 4.9 s to 35 s" in warnings
+    assert "run 'run 1': its pose jumps by" in warnings
+    assert "run 'run 2': its pose jumps by" in warnings
+    assert len(found.samples) == len(TWISTS)
+    assert values_of(found)["offset"] == pytest.approx(0.09, abs=0.003)
 
 
 def test_duplicate_times_are_named(refused, tmp_path):
@@ -133,38 +144,46 @@ def test_duplicate_times_are_named(refused, tmp_path):
     assert "row 208, column t: 0.6 is not after 0.6" in refused("identify", written(runs, tmp_path / "l.csv"), *OPTIONS)
 
 
-def test_a_run_on_other_ground_is_an_outlier(trackslip, tmp_path):
+def test_a_run_on_other_ground_is_an_outlier(tmp_path):
     runs = traces()
     other = traces(ConstantIcr(0.2, 0.3, 0.015), twists=((0.5, 0.4),))[0]
     for row in other:
         row[0] = "ice"
-    result = trackslip("identify", written([*runs, other], tmp_path / "log.csv"), *OPTIONS)
-    assert [outlier["run"] for outlier in result.summary["outliers"]] == ["ice"]
-    assert "run 'ice' left out" in " ".join(result.printed.split())
-    assert found_law(result)["offset"] == pytest.approx(0.09, abs=0.002)
+    found = identify(written([*runs, other], tmp_path / "log.csv"), ROBOT)
+    assert [outlier.run for outlier in found.outliers] == ["ice"]
+    assert "run 'ice' left out" in " ".join(found.warnings)
+    assert values_of(found)["offset"] == pytest.approx(0.09, abs=0.002)
 
 
-def test_steady_samples(trackslip, tmp_path):
+def test_steady_samples_and_a_page_without_absolute_paths(trackslip, monkeypatch, tmp_path):
     twist = np.array([*TWISTS, (-0.3, 0.2), (0.0, 0.6)])
     omega = LAW.sprocket_speeds(twist, ROBOT) + np.random.default_rng(0).normal(0, 0.01, (len(twist), 2))
     rows = np.column_stack([30 * omega, twist])
     file = tmp_path / "samples.csv"
     file.write_text("\n".join(["omega_l,omega_r,v,w", *(",".join(map(str, row)) for row in rows)]))
-    result = trackslip("identify", str(file), *OPTIONS, "--gear", "30")
-    assert found_law(result)["offset"] == pytest.approx(0.09, abs=0.01)
+    monkeypatch.chdir(tmp_path)
+    arguments = ("identify", str(file), *OPTIONS, "--gear", "30", "--out", str(tmp_path / "here"))
+    monkeypatch.setattr(sys, "argv", ["trackslip", *arguments])
+    result = trackslip(*arguments)
+    assert result.summary["laws"]["icr_radius"]["values"]["offset"] == pytest.approx(0.09, abs=0.01)
     assert result.summary["best"] == "icr_radius"
+    page = (result.folder / "report.html").read_text(encoding="utf-8")
+    assert "<code>trackslip identify samples.csv --half-gauge 0.3" in page
+    assert "--out here</code>" in page
+    assert str(tmp_path) not in page
+    assert socket.gethostname() not in page
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
-def test_few_samples(trackslip, tmp_path, count):
+def test_few_samples(tmp_path, count):
     twist = np.array(TWISTS[: 2 * count : 2])
     rows = np.column_stack([LAW.sprocket_speeds(twist, ROBOT) * 1.001, twist])
     file = tmp_path / "samples.csv"
     file.write_text("\n".join(["omega_l,omega_r,v,w", *(",".join(map(str, row)) for row in rows)]))
-    result = trackslip("identify", str(file), *OPTIONS)
-    assert "law exponential" in " ".join(result.printed.split())  # which so few don't determine
+    found = identify(file, ROBOT)
+    assert "law exponential" in " ".join(found.warnings)  # which so few do not determine
     if count > 1:
-        assert found_law(result)["offset"] == pytest.approx(0.09, abs=0.01)
+        assert values_of(found)["offset"] == pytest.approx(0.09, abs=0.01)
 
 
 def test_units_in_a_parquet_file_are_checked(refused, tmp_path):

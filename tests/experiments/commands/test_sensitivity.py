@@ -6,18 +6,18 @@ import pytest
 from browser import assert_fits
 
 from experiments.commands import sensitivity
-from experiments.measuring.disturbances import EFFECTS, Effect
+from experiments.measuring.disturbances import DISTURBANCES, Disturbance
 
 SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "8")
 
 
-def test_a_row_for_each_effect(trackslip):
+def test_a_row_for_each_disturbance(trackslip):
     found = trackslip("sensitivity", *SMALL, "--seed", "2")
     assert {path.name for path in found.folder.iterdir()} == {"manifest.json", "summary.json", "report.html", "figures"}
     assert found.manifest["command"] == "sensitivity"
     assert found.manifest["seed"] == 2
     rows = {row["effect"]: row for row in found.summary["rows"]}
-    assert list(rows) == [effect.name for effect in EFFECTS]
+    assert list(rows) == [effect.name for effect in DISTURBANCES]
     for name, row in rows.items():
         assert name in found.printed
         assert row["runs"]["all"] == 2
@@ -37,15 +37,17 @@ def test_a_row_for_each_effect(trackslip):
 
 
 def test_same_seed_same_rows_at_any_number_of_threads(trackslip, monkeypatch):
-    monkeypatch.setattr(sensitivity, "EFFECTS", tuple(e for e in EFFECTS if e.scanner or e.obstacles == "walker"))
+    monkeypatch.setattr(
+        sensitivity, "DISTURBANCES", tuple(e for e in DISTURBANCES if e.scanner or e.obstacles == "walker")
+    )
     one, two = (trackslip("sensitivity", *SMALL, "--threads", threads).summary["rows"] for threads in ("1", "2"))
     assert one == two
 
 
 def test_where_nothing_can_be_seen_the_row_says_so(trackslip, monkeypatch, tmp_path):
     path = tmp_path / "blind.toml"
-    path.write_text("[[posts]]\nx = -1.5\ny = -1.5\nradius = 0.3\n")
-    monkeypatch.setattr(sensitivity, "EFFECTS", (EFFECTS[0], Effect("blind", obstacles=str(path))))
+    path.write_text("[[posts]]\nx = -1.5\ny = -1.1\nradius = 0.38\n")
+    monkeypatch.setattr(sensitivity, "DISTURBANCES", (DISTURBANCES[0], Disturbance("blind", obstacles=str(path))))
     found = trackslip("sensitivity", *SMALL)
     nominal, blind = found.summary["rows"]
     assert nominal["runs"] == {"used": 2, "all": 2}
@@ -58,7 +60,7 @@ def test_where_nothing_can_be_seen_the_row_says_so(trackslip, monkeypatch, tmp_p
 
 
 def test_the_page_needs_no_other_file_and_shows_the_table(trackslip, monkeypatch):
-    monkeypatch.setattr(sensitivity, "EFFECTS", EFFECTS[:2])
+    monkeypatch.setattr(sensitivity, "DISTURBANCES", DISTURBANCES[:2])
     found = trackslip("sensitivity", *SMALL)
     page = (found.folder / "report.html").read_text(encoding="utf-8")
     assert page.count("<svg ") == 1
@@ -69,7 +71,8 @@ def test_the_page_needs_no_other_file_and_shows_the_table(trackslip, monkeypatch
         assert needle not in page
     for row in found.summary["rows"]:
         assert f'<th scope="row">{row["effect"]}</th>' in page
-        assert f'<td class="n">{row["slip_error"]["outer"]["bias"]:+.5f}</td>' in page
+        bias = f"{row['slip_error']['outer']['bias']:+.5f}".replace("-", "−")
+        assert f'<td class="n">{bias}</td>' in page
     assert_fits(page)  # last: it skips the test where there is no browser
 
 

@@ -1,4 +1,4 @@
-"""Effects of evaluation against closed forms, on runs that keep exactly to a circle."""
+"""Disturbances of the evaluation against closed forms, on runs exactly along a circle."""
 
 import dataclasses
 
@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from pages import ROOT, shown
 
-from experiments.commands.sensitivity import slip_errors, statistics
-from experiments.measuring.disturbances import EFFECTS, Effect
+from experiments.measuring.disturbances import DISTURBANCES, Disturbance
+from experiments.measuring.sensitivity import SlipErrors, slip_errors
 from experiments.options.grid import GridConfig
 from sim.scanner.named_obstacles import NAMED_OBSTACLES
 from trackslip.kinematics import advance, sprocket_speeds, track_slip
@@ -25,58 +25,58 @@ def circle(geometry):
     return RunLog("circle", time, rows * sprocket_speeds(TWIST, SLIP, geometry), pose, truth=truth)
 
 
-def error(effect, geometry):
-    slip, warnings = slip_errors([effect.evaluated(circle(geometry))], geometry, "arc")
-    assert warnings == []
+def error(disturbance, geometry):
+    slip, warnings = slip_errors([disturbance.evaluated(circle(geometry))], geometry, "arc")
+    assert warnings == ()
     return slip[0]
 
 
 def test_nothing_wrong_no_error(geometry):
-    np.testing.assert_allclose(error(Effect("nominal"), geometry), 0.0, atol=1e-9)
+    np.testing.assert_allclose(error(Disturbance("nominal"), geometry), 0.0, atol=1e-9)
 
 
 def test_a_fast_clock_makes_the_robot_look_slow(geometry):
     fast = 0.001
-    np.testing.assert_allclose(error(Effect("", clock=fast), geometry), (1 - SLIP) * fast / (1 + fast), atol=1e-9)
+    np.testing.assert_allclose(error(Disturbance("", clock=fast), geometry), (1 - SLIP) * fast / (1 + fast), atol=1e-9)
 
 
 def test_a_plate_to_the_left_sees_another_speed(geometry):
     aside = 0.002
     omega = sprocket_speeds(TWIST, SLIP, geometry)
     seen = track_slip(omega, TWIST - [TWIST[1] * aside, 0.0], geometry)
-    np.testing.assert_allclose(error(Effect("", plate_left=aside), geometry), seen - SLIP, atol=1e-9)
-    shifted = Effect("", plate_left=aside).evaluated(circle(geometry)).pose - circle(geometry).pose
+    np.testing.assert_allclose(error(Disturbance("", plate_left=aside), geometry), seen - SLIP, atol=1e-9)
+    shifted = Disturbance("", plate_left=aside).evaluated(circle(geometry)).pose - circle(geometry).pose
     np.testing.assert_allclose(np.hypot(shifted[:, 0], shifted[:, 1]), aside)
 
 
 def test_statistics_are_those_of_the_runs():
-    found = statistics(np.array([0.01, -0.03]))
+    found = vars(SlipErrors.of(np.array([0.01, -0.03])))
     assert found == pytest.approx({"bias": -0.01, "std": 0.02, "largest": 0.03})
 
 
-def test_an_effect_changes_what_it_says_and_nothing_else():
+def test_a_disturbance_changes_what_it_names_and_nothing_else():
     config = GridConfig(seed=3)
-    assert EFFECTS[0].driven(config) == config
-    for effect in EFFECTS[1:]:
-        changed = effect.driven(config)
-        assert (changed == config) == bool(effect.plate_left or effect.clock)
-        for name, value in effect.scanner.items():
+    assert DISTURBANCES[0].driven(config) == config
+    for disturbance in DISTURBANCES[1:]:
+        changed = disturbance.driven(config)
+        assert (changed == config) == bool(disturbance.plate_left or disturbance.clock)
+        for name, value in disturbance.scanner.items():
             assert getattr(changed.scanner, name) == value != getattr(config.scanner, name)
-        assert effect.obstacles is None or effect.obstacles in NAMED_OBSTACLES
-        assert changed.obstacles == effect.obstacles
-        undone = {name: getattr(config.scanner, name) for name in effect.scanner}
+        assert disturbance.obstacles is None or disturbance.obstacles in NAMED_OBSTACLES
+        assert changed.obstacles == disturbance.obstacles
+        undone = {name: getattr(config.scanner, name) for name in disturbance.scanner}
         restored = dataclasses.replace(changed, scanner=dataclasses.replace(changed.scanner, **undone), obstacles=None)
         assert restored == config
 
 
 def test_every_row_has_a_name_of_its_own_and_stands_on_the_page():
-    assert len({effect.name for effect in EFFECTS}) == len(EFFECTS)
+    assert len({disturbance.name for disturbance in DISTURBANCES}) == len(DISTURBANCES)
     rows = shown(ROOT / "docs" / "sensitivity.md", "nominal").splitlines()
-    for effect in EFFECTS:
-        assert sum(row.startswith(f" {effect.name}  ") for row in rows) == 1
+    for disturbance in DISTURBANCES:
+        assert sum(row.startswith(f" {disturbance.name}  ") for row in rows) == 1
 
 
-def test_obstacles_of_the_user_stay_where_the_effect_has_none():
+def test_the_users_obstacles_stay_where_the_disturbance_has_none():
     config = GridConfig(obstacles="posts")
-    assert Effect("", {"noise": 0.01}).driven(config).obstacles == "posts"
-    assert Effect("", obstacles="room").driven(config).obstacles == "room"
+    assert Disturbance("", {"noise": 0.01}).driven(config).obstacles == "posts"
+    assert Disturbance("", obstacles="room").driven(config).obstacles == "room"

@@ -1,4 +1,4 @@
-"""Tracks by their role in the turn, errors propagated to slip and radius, groups of runs."""
+"""Inner and outer track, errors propagated to slip and radius, groups of runs."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from identified import GEOMETRY, driven, grid
 
-from experiments.measuring.inner_outer import RoleSamples, slip_at
-from experiments.measuring.value_groups import alike, repeated, span
-from experiments.report.figures.error_bars import bar_factor, bar_key
+from experiments.measuring.inner_outer import InnerOuterSamples, slip_at
+from experiments.measuring.value_groups import group_label, repeated, value_groups
+from experiments.report.figures.axes import bar_factor, bar_key
 from trackslip.slip.exponential import PUBLISHED
 from trackslip.slip.icr import IcrSides
 
 
-def test_left_and_right_turns_have_the_same_roles():
-    left, right = (RoleSamples.of(driven(grid(side=side)), GEOMETRY) for side in (1, -1))
+def test_left_and_right_turns_have_the_same_inner_and_outer_slips():
+    left, right = (InnerOuterSamples.of(driven(grid(side=side)), GEOMETRY) for side in (1, -1))
     assert left.left.all()
     assert not right.left.any()
     for turns in (left, right):
@@ -23,25 +23,25 @@ def test_left_and_right_turns_have_the_same_roles():
     np.testing.assert_allclose(left.residual(PUBLISHED), right.residual(PUBLISHED), atol=0.02)
 
 
-def test_straight_runs_have_no_role_and_turns_on_the_spot_have_radius_zero():
-    turns = RoleSamples.of(driven([(0.1, 0.0), (0.1, 0.1), (0.0, 0.4), (0.0, -0.4)]), GEOMETRY)
+def test_straight_runs_are_left_out_and_turns_on_the_spot_have_radius_zero():
+    turns = InnerOuterSamples.of(driven([(0.1, 0.0), (0.1, 0.1), (0.0, 0.4), (0.0, -0.4)]), GEOMETRY)
     assert len(turns) == 3
     np.testing.assert_allclose(turns.radius, [1, 0, 0], atol=0.02)
 
 
 def test_errors_are_the_scatter_of_many_measurements():
     twist = np.array([[0.15, 0.12]])
-    many = [RoleSamples.of(driven(twist, seed=seed), GEOMETRY) for seed in range(3000)]
+    many = [InnerOuterSamples.of(driven(twist, seed=seed), GEOMETRY) for seed in range(3000)]
     errors = many[0].errors
     assert errors is not None
     assert np.std([one.radius[0] for one in many]) == pytest.approx(errors.radius[0], rel=0.06)
-    for role in range(2):
-        assert np.std([one.slip[0, role] for one in many]) == pytest.approx(errors.slip[0, role], rel=0.06)
+    for track in range(2):
+        assert np.std([one.slip[0, track] for one in many]) == pytest.approx(errors.slip[0, track], rel=0.06)
 
 
 def test_residuals_are_zero_on_the_law_that_drives():
     radius = np.array([0.5, 1.0, 2.0])
-    turns = RoleSamples.of(driven(grid()), GEOMETRY)
+    turns = InnerOuterSamples.of(driven(grid()), GEOMETRY)
     (curve,) = turns.curves(PUBLISHED, radius)
     np.testing.assert_allclose(curve[:, 0], PUBLISHED.alpha_inner * np.exp(PUBLISHED.beta_inner * radius))
     np.testing.assert_allclose(curve, slip_at(PUBLISHED, radius, 0.1, left=False))
@@ -49,13 +49,13 @@ def test_residuals_are_zero_on_the_law_that_drives():
 
 def test_a_law_of_both_sides_has_a_curve_for_each_that_was_driven():
     law = IcrSides(0.03, 0.07, 0.0, 0.01, GEOMETRY.half_gauge)
-    both = RoleSamples.of(driven([*grid(), *grid(side=-1)]), GEOMETRY)
+    both = InnerOuterSamples.of(driven([*grid(), *grid(side=-1)]), GEOMETRY)
     assert len(both.curves(law, np.array([0.5, 1.0]))) == 2
-    assert len(RoleSamples.of(driven(grid()), GEOMETRY).curves(law, np.array([0.5, 1.0]))) == 1
+    assert len(InnerOuterSamples.of(driven(grid()), GEOMETRY).curves(law, np.array([0.5, 1.0]))) == 1
 
 
 def test_error_bars_are_enlarged_until_they_show_and_say_so():
-    known, unknown = (RoleSamples.of(driven(grid(), errors=errors), GEOMETRY) for errors in (True, False))
+    known, unknown = (InnerOuterSamples.of(driven(grid(), errors=errors), GEOMETRY) for errors in (True, False))
     factor = bar_factor(known)
     assert factor >= 1
     assert known.errors is not None
@@ -67,12 +67,12 @@ def test_error_bars_are_enlarged_until_they_show_and_say_so():
 
 def test_groups_of_a_grid_and_parts_of_scattered_values():
     values = np.array([0.62, 3.1, 0.63, 3.0, 0.61])
-    assert [sorted(group) for group in alike(values)] == [[0, 2, 4], [1, 3]]
+    assert [sorted(group) for group in value_groups(values)] == [[0, 2, 4], [1, 3]]
     assert len(repeated(values)) == 2
     scattered = np.linspace(0.5, 5, 40)
-    parts = alike(scattered)
+    parts = value_groups(scattered)
     assert len(parts) == 5
     assert repeated(scattered) == []
-    assert span(scattered[parts[0]], "m") == "0.50–1.31 m"
-    assert span(np.array([0.1, 0.1]), "m/s") == "0.10 m/s"
-    assert alike(np.array([])) == []
+    assert group_label(scattered[parts[0]], "m") == "0.50–1.31 m"
+    assert group_label(np.array([0.1, 0.1]), "m/s") == "0.10 m/s"
+    assert value_groups(np.array([])) == []

@@ -11,11 +11,15 @@ from identified import GEOMETRY, driven, grid, identified
 from spin import spun_before_the_scanner
 
 from experiments.driving.paper_model import published_runs
-from experiments.report.reproduction import ComparisonRow, Report, render
+from experiments.measuring.grid import RadiusSummary
+from experiments.measuring.paper_comparison import Quantity
+from experiments.measuring.tracking import TrackingResult
+from experiments.report.reproduction import Report, render
+from trackslip.metrics import tracking_errors
 from trackslip.trajectory.segmented import paper_reference
 
 STONE = {"along": 0.7, "across": 0.778}
-RADII = {"commanded": [0.5, 1.0, None], "observed": [0.6, 1.2, None]}
+RADII = RadiusSummary((0.5, 1.0), np.array([0.6, np.nan]), np.array([0.62, 1.34]), 0.05)
 
 
 def tracked():
@@ -31,16 +35,18 @@ def tracked():
 
 @pytest.fixture(scope="module")
 def page():
-    row = {"controller": "linear", "compensation": "none", "localization": "plate", "rms_position": 0.01}
+    logs = tracked()
+    log = logs[-1]
     report = Report(
         title="A whole report",
         command="trackslip reproduce --out " + "a_long_name_without_a_space" * 5,
         manifest={"seed": 3, "ground": STONE, "versions": {"a" * 60: "b" * 200}},
-        summary={"radius": RADII, "tracking": [row]},
-        comparison=[ComparisonRow("slip law, outer track", "0.07 exp(-0.68 R)", "0.08 exp(-0.9 R)")] * 5,
+        comparison=[Quantity("slip law, outer track", "0.07 exp(-0.68 R)", "0.08 exp(-0.9 R)")] * 5,
+        radius=RADII,
         grid_logs=[spun_before_the_scanner(400)],
         identification=identified(driven(grid()), ("exponential", "icr_radius")),
-        tracking_logs=tracked(),
+        tracking=[TrackingResult("linear", "none", "plate", tracking_errors(log.time, log.pose, paper_reference()))],
+        tracking_logs=logs,
     )
     return render(report)
 

@@ -1,19 +1,22 @@
-"""The page of an identification: tables, words and figures for whatever there is data for."""
+"""The page of an identification: tables, text and figures of whatever there is data for."""
 
 from __future__ import annotations
 
 import html
 import re
 
+import numpy as np
 import pytest
 from identified import driven, grid, identified
 from spin import spun_before_the_scanner
 
-from experiments.measuring.inner_outer import RoleSamples
+from experiments.measuring.grid import RadiusSummary
+from experiments.measuring.inner_outer import InnerOuterSamples
+from experiments.measuring.paper_comparison import Quantity
+from experiments.report.colours import LABELS
 from experiments.report.figures.laws import fitted_laws
 from experiments.report.figures.steady_runs import slip_against_speed_and_radius
-from experiments.report.figures.style import LABELS
-from experiments.report.reproduction import ComparisonRow, Report, render
+from experiments.report.reproduction import Report, render
 from trackslip.slip.exponential import PUBLISHED
 
 OF_LAWS = (
@@ -31,7 +34,6 @@ def page_of(found, **more):
             title="Laws",
             command="trackslip identify",
             manifest={},
-            summary={},
             identification=found,
             **more,
         )
@@ -78,8 +80,10 @@ def test_tables_show_every_law_with_errors_intervals_and_criteria(page):
 def test_words_carry_the_numbers_of_the_data(page):
     words = text_of(page)
     assert "Each of 8 runs" in words
-    assert re.search(r"The best here: constant ICR with ε , with 2 parameters\. It leaves 0\.\d+ of slip", words)
-    assert re.search(r"drawn \d+ times as large", words)
+    assert re.search(
+        r"best law here is constant ICR with ε , with 2 parameters\. It leaves a residual of 0\.\d+", words
+    )
+    assert re.search(r"enlarged \d+ times", words)
     assert re.search(r"multiplied by \d", words)
     assert "run 9 : it is 0.3 off." in words
     assert words.count("it is 0.3 off") == 1  # not among the warnings as well
@@ -88,7 +92,7 @@ def test_words_carry_the_numbers_of_the_data(page):
 
 def test_samples_without_errors_say_so():
     words = text_of(page_of(identified(driven(grid(), errors=False))))
-    assert "No error bars: the samples came without errors of measurement." in words
+    assert "There are no error bars because the samples came without errors of measurement." in words
     assert "twice the scatter about the best law" in words
 
 
@@ -96,7 +100,7 @@ def test_few_samples_render_without_criteria_bootstrap_or_test():
     samples = driven([(0.1, 0.1), (0.1, 0.2)], errors=False)
     found = identified(samples, ("constant", "icr", "icr_radius"), determined=False)
     words = text_of(page_of(found))
-    assert "Whether a law lacks fit can't be told here" in words
+    assert "Lack of fit cannot be tested here" in words
     assert "too few samples for the criterion" in words
     assert "nan" not in words.lower().split()
 
@@ -126,17 +130,14 @@ def test_straight_runs_alone_have_tables_but_no_axis_of_radii():
 @pytest.mark.parametrize("twists", [grid(), [(0.1, 0.1 / radius) for radius in (0.5, 1.0, 2.0, 3.0)]])
 def test_published_and_simulated_says_how_far_runs_are_apart(twists):
     found = identified(driven(twists))
-    radius = {"commanded": [0.5, 1.0], "observed": [0.63, None], "published": [0.62, 1.34]}
-    rows = [ComparisonRow("slip minus Eq. 11, rms", "-", "0.01"), ComparisonRow("  at other radii", "-", "0.02")]
-    page = render(
-        Report(title="", command="", manifest={}, summary={"radius": radius}, comparison=rows, identification=found)
-    ).html
+    radius = RadiusSummary((0.5, 1.0), np.array([0.63, np.nan]), np.array([0.62, 1.34]), 0.01)
+    rows = [Quantity("slip minus Eq. 11, rms", (), (0.01,)), Quantity("  at other radii", (), (0.02,))]
+    page = render(Report(title="", command="", manifest={}, radius=radius, comparison=rows, identification=found)).html
     words = text_of(page)
-    apart = re.findall(r"at most (0\.\d+) \(inner track\) and (0\.\d+) \(outer track\) apart", words)
+    apart = re.findall(r"differ by at most (0\.\d+) \(inner track\) and (0\.\d+) \(outer track\)\.", words)
     again = re.findall(r"differs between runs by at most (0\.\d+) \(inner\) and (0\.\d+) \(outer\)", words)
     assert apart == again
     assert len(apart) == (len(twists) > 4)  # only where runs share a radius
-    assert "lie on top of each other" not in words
     assert '<th scope="row">  at other radii' in page
     assert re.search(r"\.indented tbody th { white-space: pre-wrap; }", page)
 
@@ -144,14 +145,14 @@ def test_published_and_simulated_says_how_far_runs_are_apart(twists):
 def test_one_run_is_spoken_of_as_one():
     found = identified(driven([(0.1, 0.08)]), ("icr",), best="icr", determined=False)
     words = text_of(page_of(found))
-    assert "Its one run gives one mean slip per track, at observed radii of 1.25 m and speeds of 0.10 m/s" in words
-    assert "tracks of the one run at once" in words
+    assert "The only run gives one mean slip per track, at observed radii of 1.25 m and speeds of 0.10 m/s" in words
+    assert "tracks of the only run at once" in words
     assert "the radii are scattered" not in words
-    turns = RoleSamples.of(found.samples, found.geometry)
+    turns = InnerOuterSamples.of(found.samples, found.geometry)
     names = [text.get_text() for legend in slip_against_speed_and_radius(turns, found.comparison.laws["icr"]).legends
              for text in legend.get_texts()]  # fmt: skip
     assert "best law" in names
-    for axis, role in zip(fitted_laws(turns, found.comparison).axes, (1, 0), strict=False):
+    for axis, track in zip(fitted_laws(turns, found.comparison).axes, (1, 0), strict=False):
         low, high = axis.get_ylim()
         for law in (found.comparison.laws["icr"].law, PUBLISHED):
-            assert low < (turns.slip - turns.residual(law))[0, role] < high
+            assert low < (turns.slip - turns.residual(law))[0, track] < high

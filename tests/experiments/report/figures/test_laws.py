@@ -5,11 +5,11 @@ from __future__ import annotations
 import pytest
 from identified import GEOMETRY, driven, grid, identified
 
-from experiments.measuring.inner_outer import RoleSamples
-from experiments.report.figures import comparison as comparison_figures
+from experiments.measuring.inner_outer import InnerOuterSamples
+from experiments.report.colours import COLOURS, LABELS
 from experiments.report.figures import laws as law_figures
 from experiments.report.figures import steady_runs as figures
-from experiments.report.figures.style import COLOURS, DASHES, LABELS
+from experiments.report.figures.style import DASHES
 from experiments.report.law_symbols import FORMULAS, SYMBOLS, unit_of
 from trackslip.slip.families import FAMILIES
 
@@ -25,7 +25,7 @@ def unknown():
 
 
 def turns_of(found):
-    return RoleSamples.of(found.samples, GEOMETRY)
+    return InnerOuterSamples.of(found.samples, GEOMETRY)
 
 
 def bars(figure):
@@ -98,7 +98,7 @@ def test_residuals_have_a_panel_for_each_law(known, unknown):
 
 
 def test_criteria_stand_side_by_side(known):
-    figure = comparison_figures.criteria(known.comparison)
+    figure = law_figures.criteria(known.comparison)
     assert len(figure.axes) == 4
     assert_units(figure)
     names = [text.get_text() for text in figure.axes[0].get_yticklabels()]
@@ -109,15 +109,15 @@ def test_criteria_stand_side_by_side(known):
 
 def test_criteria_that_are_not_known_are_said_to_be():
     found = identified(driven(grid()[:4], errors=False), ("constant", "icr", "icr_radius"), determined=False)
-    figure = comparison_figures.criteria(found.comparison)
+    figure = law_figures.criteria(found.comparison)
     said = [text.get_text() for axis in figure.axes for text in axis.texts]
     assert said == ["not known"] * 12
 
 
 def test_correlations_of_the_best_law_and_the_paper_s(known):
-    laws = comparison_figures.correlated_laws(known.comparison)
+    laws = law_figures.correlated_laws(known.comparison)
     assert [law.name for law in laws] == ["icr_radius", "exponential"]
-    figure = comparison_figures.correlations(laws)
+    figure = law_figures.correlations(laws)
     written = [[text.get_text() for text in axis.texts] for axis in figure.axes]
     assert [len(texts) for texts in written] == [4, 16]
     assert written[0][0] == "1"
@@ -126,4 +126,4 @@ def test_correlations_of_the_best_law_and_the_paper_s(known):
 
 def test_a_law_of_one_parameter_has_no_correlations():
     found = identified(driven(grid()), ("icr",), best="icr")
-    assert comparison_figures.correlated_laws(found.comparison) == []
+    assert law_figures.correlated_laws(found.comparison) == []

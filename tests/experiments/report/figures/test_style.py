@@ -11,9 +11,10 @@ import pytest
 from matplotlib.colors import to_rgb
 
 import experiments
-from experiments.report.figures import style as figure_style
+from experiments.report import colours
+from experiments.report.colours import COLOURS, LABELS
 from experiments.report.figures.leaderboard import controller_line
-from experiments.report.figures.style import COLOURS, DASHES, LABELS, RADII_SHADES, SPEED_SHADES, shade
+from experiments.report.figures.style import DASHES, RADII_SHADES, SPEED_SHADES, shade
 
 MIN_CONTRAST = 3.0  # WCAG 2.1, success criterion 1.4.11: graphical objects
 TEMPLATE = (Path(experiments.__file__).parent / "report" / "templates" / "base.html.j2").read_text(encoding="utf-8")
@@ -51,7 +52,7 @@ def test_a_figures_white_becomes_the_dark_cards_colour():
 @pytest.mark.parametrize(
     "colour",
     [
-        *(value for name in ("BLUE", "ORANGE", "GREEN", "RED", "BLACK", "GREY") if (value := vars(figure_style)[name])),
+        *(value for name in ("BLUE", "ORANGE", "GREEN", "RED", "BLACK", "GREY") if (value := vars(colours)[name])),
         *COLOURS.values(),
         *(controller_line(k)["color"] for k in range(10)),
         *(shade(shades, share) for shades in (RADII_SHADES, SPEED_SHADES) for share in np.linspace(0, 1, 9)),

@@ -1,0 +1,100 @@
+"""Closed-loop runs of a fleet in front of the scanner, by the names of controller and compensation."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from experiments.driving.lookup import controller, locator
+from experiments.driving.world import World
+from experiments.options.world import LINEAR_START
+from experiments.storage.plain_json import plain
+from sim.ground.ground import Ground
+from sim.run_recorder import Description
+from sim.runs import Pilot, Progress, closed_loop
+from sim.seeds import generator
+from trackslip.kinematics import Array
+from trackslip.logs.runlog import RunLog
+from trackslip.slip.compensation import Compensation
+from trackslip.trajectory.base import Reference
+
+
+@dataclass(frozen=True)
+class ClosedLoopRun:
+    """One run of a fleet in closed loop."""
+
+    name: str
+    key: str
+    """What the run's random numbers depend on, besides `seed`."""
+    seed: int
+    """Root of the run's random numbers."""
+    controller: str
+    """Name of a controller, as in `lookup.controller`."""
+    compensation: str
+    """Name of a slip compensation; runs that share both names share one controller and one compensation."""
+    start: Array
+    """Start pose (3,) [m, m, rad]."""
+    ground: Ground | None = None
+    """The run's own ground; None for the world's."""
+    metadata: Mapping[str, Any] = field(default_factory=dict)
+    """Further metadata of the run."""
+
+
+def drive_closed_loops(
+    runs: Sequence[ClosedLoopRun],
+    world: World,
+    path: Reference,
+    localization: str,
+    compensation: Callable[[str], Compensation],
+    preview: float = 0.0,
+    progress: Progress = lambda seconds: None,
+) -> list[RunLog]:
+    """Drive all runs along one path, as one fleet.
+
+    Args:
+        runs: the N runs.
+        world: robot, scanner, drives; and the ground of all runs that have none of their own.
+        path: the reference.
+        localization: how the controllers learn their pose: plate, line or truth.
+        compensation: makes a compensation from its name.
+        preview: how far ahead of the present the controllers are evaluated [s].
+        progress: called with the simulated seconds since the last call, counted once for the whole fleet.
+
+    Raises:
+        InvalidValueError: for an unknown controller or compensation.
+        TrackslipError: when a robot tips over or a controller fails.
+    """
+    geometry, top_speed = world.robot.geometry, world.config.drive.top_speed
+    driven_by: dict[tuple[str, str], list[int]] = {}
+    for k, run in enumerate(runs):
+        driven_by.setdefault((run.controller, run.compensation), []).append(k)
+    pilots = [
+        Pilot(controller(name, geometry, top_speed), robots, compensation(law), preview)
+        for (name, law), robots in driven_by.items()
+    ]
+    fleet = world.fleet(np.array([run.start for run in runs]), [run.ground or world.ground for run in runs])
+    feed = world.feed(fleet, [generator(run.seed, run.key) for run in runs])
+    common = world.metadata(localization)
+    descriptions = [
+        Description(
+            run.name,
+            common
+            | {"controller": run.controller, "compensation": run.compensation, "start": run.start.tolist()}
+            | ({} if run.ground is None else {"ground": plain(run.ground)})
+            | {"seed": run.seed, **run.metadata},
+        )
+        for run in runs
+    ]
+    method = None if localization == "truth" else locator(localization, world.robot)
+    return closed_loop(fleet, pilots, path, feed, method, descriptions, progress)
+
+
+def start_pose(controller: str, reference: str, path: Reference) -> Array:
+    """The default start (3,) [m, m, rad] of a run on the reference called `reference`: where that begins.
+
+    The linear controller starts beside the paper's path, as in the paper (Sec. IV-C).
+    """
+    return np.array(LINEAR_START) if (controller, reference) == ("linear", "paper") else path.pose(0.0)

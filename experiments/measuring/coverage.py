@@ -1,0 +1,164 @@
+"""How often 95 % intervals cover the truth: with samples drawn from every law, and with grids scanned repeatedly."""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from experiments.options.coverage import CoverageConfig
+from experiments.parallel.workers import deaf_children, processes
+from experiments.storage.plain_json import plain
+from sim.seeds import generator
+from trackslip.identification.comparison import Comparison
+from trackslip.identification.coverage import coverage, noise_coverage
+from trackslip.identification.fitted import fit_law
+from trackslip.identification.samples import SlipSamples
+from trackslip.kinematics import RobotGeometry
+from trackslip.logs.runlog import RunLog
+from trackslip.motion.methods import MOTION_METHODS
+from trackslip.motion.steady import steady_part
+from trackslip.slip.families import FAMILIES
+
+RUN_LAW = "icr_radius"
+"""The law that is fitted to runs scanned repeatedly."""
+DRAWN_LAWS = tuple(name for name in FAMILIES if FAMILIES[name].names)
+"""The laws that samples are drawn from."""
+_MOTION = "bundle"  # takes ranges, to which noise can be added again and again
+
+Shares = Mapping[str, float]
+"""Parameter -> share of the repeats whose interval covers it [-]."""
+
+
+@dataclass(frozen=True)
+class RunCoverage:
+    """Coverage with grids scanned repeatedly."""
+
+    repeats: int
+    law: str
+    noise: Shares
+    """With intervals from the measurement noise alone."""
+    interval95: Shares
+    """With the whole 95 % intervals."""
+    bias_by_lean: Mapping[str, float]
+    """How much larger each parameter is when fitted to the plate's true motion instead of the robot's [SI]."""
+
+    @classmethod
+    def of(
+        cls, repeats: Sequence[tuple[SlipSamples, SlipSamples]], robot_truth: SlipSamples, geometry: RobotGeometry
+    ) -> RunCoverage:
+        """Evaluate repeats.
+
+        Args:
+            repeats: measured samples of a grid, and the true samples of its plates.
+            robot_truth: the true samples of the robots in the last repeat.
+            geometry: of the robot.
+        """
+        noise, whole = noise_coverage(RUN_LAW, repeats, geometry)
+        design = repeats[0][0]
+        plate, robot = (
+            fit_law(RUN_LAW, replace(design, twist=true.twist, slip=true.slip), geometry, bootstraps=0).values
+            for true in (repeats[-1][1], robot_truth)
+        )
+        return cls(len(repeats), RUN_LAW, noise, whole, {key: plate[key] - robot[key] for key in plate})
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """Coverage of the 95 % intervals."""
+
+    repeats: int
+    """Sets of samples drawn from each law."""
+    laws: Mapping[str, Shares]
+    """Law -> shares where the fits know the errors of measurement."""
+    laws_errors_unknown: Mapping[str, Shares]
+    """Law -> shares where they estimate the scatter from the samples."""
+    runs: RunCoverage
+    values: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    """Law -> parameters that the samples were drawn with [SI]."""
+
+    def to_json(self) -> dict[str, Any]:
+        """The entries of a summary.json."""
+        found: dict[str, Any] = plain(self)
+        del found["values"]
+        return found
+
+
+def drawn_coverage(
+    config: CoverageConfig,
+    design: SlipSamples,
+    fitted: Comparison,
+    geometry: RobotGeometry,
+    step: Callable[[float], None],
+) -> tuple[dict[str, Shares], dict[str, Shares]]:
+    """Shares for samples drawn from every law, with known and with unknown errors of measurement.
+
+    `step(1.0)` is called after each law, 2 len(DRAWN_LAWS) times in all.
+    """
+    shares: dict[bool, dict[str, Shares]] = {True: {}, False: {}}
+    for name, known in itertools.product(DRAWN_LAWS, (True, False)):
+        rng = generator(config.seed, f"coverage {name} {known}")
+        values = generating_values(name, fitted)
+        shares[known][name] = coverage(name, values, design, geometry, config.repeats, rng, known)
+        step(1.0)
+    return shares[True], shares[False]
+
+
+def generating_values(name: str, fitted: Comparison) -> Mapping[str, float]:
+    """Parameters to draw with: those of the grid, or for a two-sided law, which left turns leave open, the ICR's."""
+    if name in fitted.laws:
+        return fitted.laws[name].values
+    both = fitted.laws["icr_radius"].values
+    return {key: both[key.rsplit("_", 1)[0]] for key in FAMILIES[name].names}
+
+
+def scanned_again(
+    logs: Sequence[RunLog],
+    geometry: RobotGeometry,
+    config: CoverageConfig,
+    repeats: int,
+    step: Callable[[float], None],
+) -> list[SlipSamples]:
+    """Samples of runs whose true ranges get new noise in each repeat, computed by several processes.
+
+    `step(1.0)` is called after each run.
+    """
+    jobs = [(log, geometry, config.scanner.noise, config.seed, repeats) for log in logs]
+    omega = np.array([log.omega[steady_part(log, geometry).rows].mean(axis=0) for log in logs])
+    found = []
+    with processes(config.threads or os.cpu_count() or 1) as pool:
+        with deaf_children():
+            results = pool.map(_bundled, jobs)
+        for twist, covariance in results:
+            found.append((twist, covariance))
+            step(1.0)
+    names = [log.run for log in logs]
+    return [
+        SlipSamples.of(
+            omega,
+            np.array([twist[k] for twist, _ in found]),
+            geometry,
+            names,
+            np.array([covariance[k] for _, covariance in found]),
+        )
+        for k in range(repeats)
+    ]
+
+
+def _bundled(job: tuple[RunLog, RobotGeometry, float, int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """Twists (repeats, 2) and covariances (repeats, 2, 2) of one run, with new noise in each repeat."""
+    log, geometry, noise, seed, repeats = job
+    assert log.scans is not None
+    rng = generator(seed, f"coverage {log.run}")
+    part = steady_part(log, geometry)
+    cluster = log.scans.cluster
+    found = []
+    for _ in range(repeats):
+        ranges = np.where(cluster.hit, cluster.range + rng.normal(0.0, noise, cluster.range.shape), 1.0)
+        scans = replace(log.scans, scan=replace(log.scans.scan, noise=noise), cluster=replace(cluster, range=ranges))
+        found.append(MOTION_METHODS[_MOTION](replace(part.log, scans=scans), part.window))
+    return np.array([one.twist for one in found]), np.array([one.covariance for one in found])

@@ -1,0 +1,230 @@
+"""The numbers of a grid of steady left turns: radii, slips, and the errors of slip and localisation."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+
+from experiments.options.grid import GridConfig
+from experiments.storage.plain_json import plain
+from sim.stopwatch import Stopwatch
+from trackslip.errors import LogError
+from trackslip.identification.samples import SlipSamples, slip_samples, true_samples
+from trackslip.kinematics import Array, RobotGeometry, wrap_angle
+from trackslip.localization.bound import scan_ratio_to_bound
+from trackslip.logs.runlog import RunLog
+from trackslip.metrics import rms
+from trackslip.motion.methods import MOTION_METHODS
+from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII
+from trackslip.slip.exponential import PUBLISHED
+
+T = TypeVar("T")
+_OUTER, _INNER = 1, 0  # the runs turn left
+
+
+@dataclass(frozen=True)
+class OuterInner(Generic[T]):
+    """A quantity of the outer and of the inner track."""
+
+    outer: T
+    inner: T
+
+
+@dataclass(frozen=True)
+class ErrorStatistics:
+    """Errors of slip over the runs of a grid."""
+
+    bias: float
+    """Mean [-]."""
+    std: float
+    """Standard deviation [-]."""
+
+    @classmethod
+    def of(cls, error: Array) -> OuterInner[ErrorStatistics]:
+        """Of errors (n, 2) in left turns, left track first."""
+        outer, inner = (cls(float(error[:, k].mean()), float(error[:, k].std())) for k in (_OUTER, _INNER))
+        return OuterInner(outer, inner)
+
+
+@dataclass(frozen=True)
+class RadiusSummary:
+    """Radii of a grid, one value per commanded radius [m]."""
+
+    commanded: tuple[float, ...]
+    observed: Array  # (R,) of the mean curvature over the speeds; NaN where a run gave no sample
+    published: Array  # (R,) the paper's; NaN where it has none
+    rms_vs_published: float | None
+    """Root mean square of observed / published - 1 [-]; None without a published radius."""
+
+
+@dataclass(frozen=True)
+class RatioToBound:
+    """Root mean square errors of the measured poses over their Cramér-Rao bound [-]."""
+
+    x: float
+    y: float
+    heading: float
+
+
+@dataclass(frozen=True)
+class LocalizationErrors:
+    """Root mean square errors of all poses, gaps bridged by odometry included."""
+
+    rmse_x: float
+    """[m]"""
+    rmse_y: float
+    """[m]"""
+    rmse_heading: float
+    """[rad]"""
+    valid_fraction: float
+    """Share of the scans that gave a pose [-]."""
+    rate_hz: float
+    """Valid poses per second [1/s]."""
+
+    @classmethod
+    def of(cls, logs: Sequence[RunLog]) -> LocalizationErrors:
+        """Of simulated runs with one sampling period."""
+        error = np.concatenate([log.pose - log.truth.pose for log in logs if log.truth is not None])
+        valid = float(np.concatenate([log.is_valid for log in logs]).mean())
+        period = float(np.median(np.diff(logs[0].time)))
+        return cls(rms(error[:, 0]), rms(error[:, 1]), rms(wrap_angle(error[:, 2])), valid, valid / period)
+
+
+@dataclass(frozen=True)
+class GridLocalization(LocalizationErrors):
+    """How well the poses of a grid were found, and how fast."""
+
+    ratio_to_bound: RatioToBound | None
+    """None for runs without scans."""
+    scans_per_s: float | None
+    """Scans localised per second of computing [1/s]; None where the time was not measured."""
+
+
+@dataclass(frozen=True)
+class GridSummary:
+    """The numbers of a grid. Where one needs a run that gave no sample, it is NaN."""
+
+    radius: RadiusSummary
+    slip_by_radius: OuterInner[Array]  # (R,) each, mean slip over the speeds [-]
+    slip_rms_vs_published: float | None
+    """Root mean square of slip minus Eq. 11 at the paper's radii [-]; None without a published radius."""
+    slip_rms_vs_published_at_simulated_radii: float
+    """The same at the radii driven here [-]."""
+    speed_spread: OuterInner[float]
+    """Largest difference of true slip between the speeds of one radius [-]."""
+    localization: GridLocalization
+    slip_error: OuterInner[ErrorStatistics]
+    """Errors of slip with the chosen motion method."""
+    slip_error_by_method: Mapping[str, OuterInner[ErrorStatistics] | None]
+    """Errors of slip with every motion method; None for a method that suits no run."""
+
+    def to_json(self) -> dict[str, Any]:
+        """The entries of a summary.json."""
+        found: dict[str, Any] = plain(self)
+        found["slip_error"] |= found.pop("slip_error_by_method")
+        return found
+
+
+def grid_summary(
+    config: GridConfig,
+    names: Sequence[str],
+    logs: Sequence[RunLog],
+    samples: SlipSamples,
+    geometry: RobotGeometry,
+    watch: Stopwatch,
+) -> GridSummary:
+    """Evaluate a grid.
+
+    Args:
+        config: radii and speeds of the grid.
+        names: of all its runs, radius by radius.
+        logs: the runs that were driven.
+        samples: their slips, one per run that gave any.
+        geometry: of the robot.
+        watch: knows how long localisation took.
+    """
+    sampled_logs = [log for log in logs if log.run in samples.run]
+    truth = true_samples(sampled_logs, geometry)
+    sampled = np.isin(names, samples.run)
+    slip, true_slip = (np.full((len(names), 2), np.nan) for _ in range(2))
+    radius = np.full(len(names), np.nan)
+    slip[sampled], true_slip[sampled], radius[sampled] = samples.slip, truth.slip, samples.radius
+    by_radius = (len(config.radii), len(config.speeds))
+    mean_slip = slip.reshape(*by_radius, 2).mean(axis=1)
+    spread = np.ptp(true_slip.reshape(*by_radius, 2), axis=1).max(axis=0)
+    published = published_radii(config.radii)
+    at_published = np.repeat(published, len(config.speeds))
+    known = ~np.isnan(at_published)
+    observed = 1 / (1 / radius).reshape(by_radius).mean(axis=1)
+    relative = (observed / published - 1)[~np.isnan(published)]
+    seconds = watch.stages.get("localization")
+    return GridSummary(
+        radius=RadiusSummary(config.radii, observed, published, rms(relative) if relative.size else None),
+        slip_by_radius=OuterInner(mean_slip[:, _OUTER], mean_slip[:, _INNER]),
+        slip_rms_vs_published=rms(slip[known] - PUBLISHED(1 / at_published[known])) if known.any() else None,
+        slip_rms_vs_published_at_simulated_radii=rms(samples.slip - PUBLISHED(samples.curvature)),
+        speed_spread=OuterInner(float(spread[_OUTER]), float(spread[_INNER])),
+        localization=GridLocalization(
+            **vars(LocalizationErrors.of(logs)),
+            ratio_to_bound=ratio_to_bound(logs),
+            scans_per_s=sum(len(log.time) for log in logs) / seconds if seconds else None,
+        ),
+        slip_error=ErrorStatistics.of(samples.slip - truth.slip),
+        slip_error_by_method=errors_by_method(sampled_logs, geometry),
+    )
+
+
+def errors_by_method(logs: Sequence[RunLog], geometry: RobotGeometry) -> dict[str, OuterInner[ErrorStatistics] | None]:
+    """Errors of slip with every motion method, over the runs that it suits; None where it suits none."""
+    errors: dict[str, OuterInner[ErrorStatistics] | None] = {}
+    for name in MOTION_METHODS:
+        parts = []
+        for log in logs:
+            with contextlib.suppress(LogError):
+                parts.append(slip_samples([log], geometry, method=name).slip - true_samples([log], geometry).slip)
+        errors[name] = ErrorStatistics.of(np.concatenate(parts)) if parts else None
+    return errors
+
+
+def published_radii(commanded: Sequence[float]) -> Array:
+    """The paper's observed radius for each commanded one, (n,) [m]; NaN where the paper has none."""
+    printed = dict(zip(COMMANDED_RADII, OBSERVED_RADII, strict=True))
+    return np.array([printed.get(radius, np.nan) for radius in commanded])
+
+
+def ratio_to_bound(logs: Sequence[RunLog]) -> RatioToBound | None:
+    """Errors of the measured poses over their bound, leaving out views close to edge-on; None for runs without scans.
+
+    The scanner sees the plate, so the reference is the plate's true place on the leaning robot.
+    """
+    estimated, true = [], []
+    for log in logs:
+        if log.scans is None or log.truth is None or log.truth.lean is None:
+            return None
+        phi = log.truth.pose[:, 2]
+        left = np.column_stack([-np.sin(phi), np.cos(phi), np.zeros_like(phi)])
+        estimated.append(log.pose[log.is_valid])
+        true.append((log.truth.pose + log.truth.lean[:, None] * left)[log.is_valid])
+    scans = logs[0].scans
+    assert scans is not None
+    ratios = scan_ratio_to_bound(np.concatenate(estimated), np.concatenate(true), scans.plate, scans.scan)
+    return RatioToBound(*ratios.tolist())
+
+
+def simulated_seconds(logs: Sequence[RunLog]) -> float:
+    """Simulated time of all runs together [s]."""
+    return float(sum(log.time[-1] - log.time[0] for log in logs))
+
+
+def saturation_warnings(logs: Sequence[RunLog]) -> list[str]:
+    """A line for each run in which a motor reached its limit."""
+    warnings = []
+    for log in logs:
+        if log.truth is not None and log.truth.saturated is not None and log.truth.saturated.max() > 0:
+            share = log.truth.saturated.mean(axis=0).max()
+            warnings.append(f"run {log.run!r}: a motor is at its limit for {share:.1%} of the time")
+    return warnings

@@ -1,0 +1,42 @@
+"""How closely simulated closed-loop runs follow their reference."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from experiments.storage.plain_json import plain
+from trackslip.errors import LogError
+from trackslip.logs.runlog import RunLog
+from trackslip.metrics import TrackingErrors, tracking_errors
+from trackslip.trajectory.base import Reference
+
+
+@dataclass(frozen=True)
+class TrackingResult:
+    """One run and the errors of its true pose."""
+
+    controller: str
+    compensation: str
+    localization: str
+    errors: TrackingErrors
+
+    def to_json(self) -> dict[str, Any]:
+        """An entry of `tracking` in a summary.json."""
+        entry: dict[str, Any] = plain(vars(self))
+        return entry | entry.pop("errors")
+
+
+def tracking_results(logs: Sequence[RunLog], reference: Reference) -> list[TrackingResult]:
+    """Evaluate runs against their reference; raises LogError for a run without truth."""
+    results = []
+    for log in logs:
+        if log.truth is None:
+            raise LogError(f"run {log.run!r}: has no truth")
+        controller, compensation, localization = (
+            str(log.metadata[key]) for key in ("controller", "compensation", "localization")
+        )
+        errors = tracking_errors(log.time, log.truth.pose, reference)
+        results.append(TrackingResult(controller, compensation, localization, errors))
+    return results
