@@ -38,7 +38,7 @@ def require_plausible(omega: Array, twist: Array, slip: Array, geometry: RobotGe
         k = int(np.argmax(standing))
         raise LogError(
             f"run {run[k]!r}: one sprocket nearly stands ({omega[k].min():.3g} and {omega[k].max():.3g} rad/s): "
-            "its slip says nothing, leave the run out"
+            "its slip is meaningless, leave the run out"
         )
     speed = geometry.sprocket_radius * omega * (1 - slip)  # (n, 2) of the tracks over the ground
     swift = np.abs(speed) > _SWIFT * np.abs(speed).max(axis=1, keepdims=True)

@@ -22,7 +22,7 @@ Each of the two edges adds its 12 / delta^2 to the information, unless it lies o
 This is not a true Cramer-Rao bound. A uniform error has no Fisher information in the usual sense because its support
 moves with the pose. Many such edges, treated as intervals, contain more information than their squares, although for
 two edges at a known distance the middle of the intersection is the mean of the middles and has the same mean square
-error. The bound does not hold either where the ranges are not smooth functions of the pose: within a few degrees of
+error. Nor does the bound apply where the ranges are not smooth functions of the pose: within a few degrees of
 edge-on, where the face that a beam meets determines the heading.
 """
 

@@ -86,7 +86,7 @@ class PlateLikelihood:
         u_e = cos * beams.u_x + sin * beams.u_y  # (M, W)
         u_n = cos * beams.u_y - sin * beams.u_x
 
-        # range to the long and to the short face, whichever is turned to the LRF; -inf for one that isn't entered
+        # ranges to the long and the short face that point towards the LRF; -inf if not entered
         half_length, half_thickness = self.plate.length / 2, self.plate.thickness / 2
         long_face = np.where(np.abs(across) > half_thickness, across - np.sign(across) * half_thickness, 0.0)
         short_face = np.where(np.abs(along) > half_length, along - np.sign(along) * half_length, 0.0)

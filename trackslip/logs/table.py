@@ -1,6 +1,6 @@
 """RunLogs and steady samples as tables, and back.
 
-A table holds any number of runs, told apart by the column `run`. The log of a real robot needs only the columns
+A table contains any number of runs, distinguished by the column `run`. The log of a real robot needs only the columns
 REQUIRED; samples of steady driving without a trace need SAMPLE_COLUMNS.
 """
 
@@ -161,7 +161,7 @@ def read_samples(table: pa.Table, source: str) -> tuple[Array, Array]:
 
 
 def read_columns(table: pa.Table, names: Sequence[str], source: str) -> Array:
-    """Columns of numbers (T, len(names)); raises LogError naming the row and column of what can't be read."""
+    """Columns of numbers (T, len(names)); raises LogError naming the row and column that cannot be read."""
     columns = Columns(table, source)
     columns.require(names)
     values = columns.numbers(names)
