@@ -1,1 +1,1 @@
-"""What a user runs: the `trackslip` commands."""
+"""The `trackslip` command line and the experiments that it runs."""

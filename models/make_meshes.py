@@ -27,7 +27,7 @@ class Mesh:
         self.polygons: list[Points] = []  # each (N, 3), counter-clockwise seen from outside [m]
 
     def prism(self, section: Points, right: float, left: float) -> None:
-        """Extrude a convex section (N, 2) in (x, z), counter-clockwise seen from the right, from y = right to y = left."""
+        """Extrude a convex section (N, 2) in (x, z), counter-clockwise from the right, from y = right to y = left."""
         near, far = np.insert(section, 1, right, axis=-1), np.insert(section, 1, left, axis=-1)
         after = [*range(1, len(section)), 0]
         sides = np.stack([near[after], near, far, far[after]], axis=1)  # (N, 4, 3)

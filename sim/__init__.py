@@ -13,7 +13,7 @@ trackslip/PathTracking-v0: `gymnasium.make("sim:trackslip/PathTracking-v0")`.
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import gymnasium
 
@@ -48,31 +48,33 @@ __all__ = [
 ]
 
 _MODULE_OF = {
-    "Description": "sim.run_recorder",
-    "Drive": "sim.drive.drive",
-    "Fleet": "sim.fleet",
-    "Ground": "sim.ground.ground",
-    "LaserScanner": "sim.scanner.scanner",
-    "Pilot": "sim.runs",
-    "RobotParameters": "sim.robot.parameters",
-    "RunFailedError": "sim.run_recorder",
-    "ScannerFeed": "sim.scanner.feed",
-    "closed_loop": "sim.runs",
-    "load_ground": "sim.ground.file",
-    "load_obstacles": "sim.scanner.obstacle_file",
-    "load_robot": "sim.robot.robot",
-    "open_loop": "sim.runs",
+    "Description": "run_recorder",
+    "Drive": "drive.drive",
+    "Fleet": "fleet",
+    "Ground": "ground.ground",
+    "LaserScanner": "scanner.scanner",
+    "Pilot": "runs",
+    "RobotParameters": "robot.parameters",
+    "RunFailedError": "run_recorder",
+    "ScannerFeed": "scanner.feed",
+    "closed_loop": "runs",
+    "load_ground": "ground.file",
+    "load_obstacles": "scanner.obstacle_file",
+    "load_robot": "robot.robot",
+    "open_loop": "runs",
 }
 
+if not TYPE_CHECKING:
 
-def __getattr__(name: str) -> Any:
-    if name not in _MODULE_OF:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(_MODULE_OF[name]), name)
+    def __getattr__(name: str) -> object:
+        if name not in _MODULE_OF:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        globals()[name] = value = getattr(importlib.import_module(f"sim.{_MODULE_OF[name]}"), name)
+        return value
 
 
 def __dir__() -> list[str]:
-    return sorted([*globals(), *__all__])
+    return sorted({*globals(), *__all__})
 
 
 gymnasium.register(

@@ -25,7 +25,7 @@ from trackslip.trajectory.base import Reference
 
 _FORMAT = "trackslip policy 1"
 _DAMAGED = (
-    *(KeyError, ValueError, TypeError, AttributeError),
+    *(KeyError, ValueError, TypeError, AttributeError, RecursionError),
     *(EOFError, NotImplementedError, zipfile.BadZipFile, zlib.error),
 )
 """Exceptions raised when reading a file that is not a policy."""

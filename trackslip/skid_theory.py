@@ -9,10 +9,10 @@ In a slow steady turn these forces balance. They are minus the gradient of the d
 
     P(v, u, w) = sum_k N_k sqrt((mu_along s_x,k)^2 + (mu_across s_y,k)^2)
 
-with respect to the body twist (v, lateral speed u, w). P is convex: the robot turns with the twist of least dissipation.
-Forces depend only on the direction of sliding, so slip depends on the radius of the path, on mu_across / mu_along and
-on the length of contact, but not on speed, weight or the magnitude of friction. After Moreau's principle of maximum
-dissipation; for skid steering see Wong and Chiang (2001), whose shear displacement is omitted here.
+with respect to the body twist (v, lateral speed u, w). P is convex: the robot turns with the twist that dissipates
+least. Forces depend only on the direction of sliding, so slip depends on the radius of the path, on mu_across /
+mu_along and on the length of contact, but not on speed, weight or the magnitude of friction. After Moreau's principle
+of maximum dissipation; for skid steering see Wong and Chiang (2001), whose shear displacement is omitted here.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class Contact:
         """Fractions (..., K) of the weight on each point, at accelerations (..., 2) of the centre of mass along and
         across the robot, in units of gravity.
 
-        For a rigid robot on equal springs: the load is linear in position and balances the moments of weight and inertia.
+        A rigid robot on equal springs: the load is linear in position and balances the moments of weight and inertia.
         """
         forwards, left, height = self.centre_of_mass
         middle_x, middle_y = forwards - height * acceleration[..., :1], left - height * acceleration[..., 1:]
@@ -98,9 +98,9 @@ def line_contact(
 def steady_twist(surface_speeds: ArrayLike, contact: Contact, gravity: float = np.inf) -> Array:
     """Twists (..., 3), (v, lateral u, w) [m/s, m/s, rad/s], for track surface speeds (left, right) (..., 2) [m/s].
 
-    With a finite `gravity` [m/s^2] the ground also provides the centripetal force, which shifts load to the outer track;
-    both are found by fixed-point iteration. By default inertia is neglected and slip does not depend on speed. Raises
-    InvalidValueError for speeds that are not finite.
+    With a finite `gravity` [m/s^2] the ground also provides the centripetal force, which shifts load to the outer
+    track; both are found by fixed-point iteration. By default inertia is neglected and slip does not depend on speed.
+    Raises InvalidValueError for speeds that are not finite.
     """
     speeds = np.asarray(surface_speeds, float)
     if not np.isfinite(speeds).all():

@@ -12,10 +12,10 @@ import numpy as np
 from experiments.benchmark.latency import step_times
 from experiments.benchmark.rows import CaseRow, Measures
 from experiments.benchmark.setup import Setup
+from experiments.driving.failures import failure_text, logs_until
 from experiments.driving.lookup import reference
 from experiments.options.benchmark import Case
 from experiments.storage.plain_json import plain
-from trackslip.errors import TrackslipError
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import expense, tracking_errors
 
@@ -33,6 +33,8 @@ class Outcome:
     log: RunLog | None = None
     error: str | None = None
     """Why there is no log."""
+    unfinished: Sequence[RunLog] = ()
+    """What was recorded of a run that failed, until it did."""
 
 
 def groups(cases: Sequence[Case]) -> list[tuple[Case, ...]]:
@@ -62,8 +64,7 @@ def drive(setup: Setup, cases: Sequence[Case]) -> list[Outcome]:
         return [Outcome(case, log) for case, log in zip(cases, logs, strict=True)]
     except (Exception, SystemExit) as error:  # a user's controller may raise anything; a failed run becomes a row
         if len(cases) == 1:
-            said = str(error) if isinstance(error, TrackslipError) else f"{type(error).__name__}: {error}"
-            return [Outcome(cases[0], error=" ".join(said.split()))]
+            return [Outcome(cases[0], error=failure_text(error), unfinished=logs_until(error))]
     middle = len(cases) // 2
     return drive(setup, cases[:middle]) + drive(setup, cases[middle:])
 

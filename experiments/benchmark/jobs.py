@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from experiments.storage.manifest import content, digest
 from experiments.storage.parts import Part
 from experiments.storage.results import SUMMARY_FILE
 from trackslip.controllers.named import CONTROLLERS
+from trackslip.logs.runlog import RunLog
 from trackslip.slip.law_file import SHIPPED
 
 _SLOW = {"mpc": 4.0}  # how much longer a robot takes than under most controllers
@@ -45,7 +47,18 @@ def ids(setup: Setup, cases: Sequence[Case]) -> dict[Case, str]:
     return {case: digest([common, vars(case), files(case)]) for case in cases}
 
 
-def drive_groups(config: BenchmarkConfig, missing: Mapping[Case, str]) -> Iterator[tuple[tuple[Case, ...], Part]]:
+@dataclass(frozen=True)
+class DrivenGroup:
+    """What became of a group."""
+
+    cases: tuple[Case, ...]
+    part: Part
+    """Rows (of CaseRow) and logs of its runs."""
+    unfinished: list[RunLog]
+    """What was recorded of runs that failed, until they did; empty unless recordings are wanted."""
+
+
+def drive_groups(config: BenchmarkConfig, missing: Mapping[Case, str]) -> Iterator[DrivenGroup]:
     """Drive the cases, by their ids, in `config.jobs` processes, the longest groups first; each group when ready."""
     order = sorted(groups(list(missing)), key=_work, reverse=True)
     jobs = min(config.jobs or processors(), len(order))
@@ -54,12 +67,13 @@ def drive_groups(config: BenchmarkConfig, missing: Mapping[Case, str]) -> Iterat
         yield from pool.each(functools.partial(drive_group, config), tasks)
 
 
-def drive_group(config: BenchmarkConfig, wanted: Mapping[Case, str]) -> tuple[tuple[Case, ...], Part]:
+def drive_group(config: BenchmarkConfig, wanted: Mapping[Case, str]) -> DrivenGroup:
     """Drive and measure a group."""
     setup = _setup(config)
     outcomes = drive(setup, list(wanted))
     rows: list[dict[str, Any]] = [row.to_part(wanted[row.case]) for row in measure(setup, outcomes)]
-    return tuple(wanted), Part.of(rows, [outcome.log for outcome in outcomes if outcome.log is not None])
+    part = Part.of(rows, [outcome.log for outcome in outcomes if outcome.log is not None])
+    return DrivenGroup(tuple(wanted), part, [log for one in outcomes for log in one.unfinished if config.rrd])
 
 
 def seconds(cases: Sequence[Case]) -> float:

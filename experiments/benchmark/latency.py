@@ -1,4 +1,4 @@
-"""How long a controller takes for one step of one robot, compensation included."""
+"""The time that a controller with its compensation takes for one step of one robot."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from trackslip.kinematics import Array, limit_sprocket_speeds
 from trackslip.localization.base import PoseEstimate
 from trackslip.logs.runlog import RunLog
 
-_STEPS = 200  # measured, from the start of the run
+_STEPS = 200  # number measured, from the start of the run
 
 
 def step_times(setup: Setup, case: Case, log: RunLog) -> Array:
-    """Times (K,) [s] from a pose to sprocket set points, for the poses of a run, by a controller of its own."""
+    """Times (K,) [s] from pose to sprocket set points, at the poses of a run, measured with a controller of its own."""
     geometry, limit = setup.world.robot.geometry, setup.config.drive.top_speed
     path, pilot, compensation = (
         reference(case.reference),
@@ -41,4 +41,4 @@ def step_times(setup: Setup, case: Case, log: RunLog) -> Array:
         twist = pilot.twist(float(log.time[k]), estimate.pose, path)
         limit_sprocket_speeds(compensation.law().sprocket_speeds(twist, geometry), limit / geometry.sprocket_radius)
         times.append(time.perf_counter() - began)
-    return np.array(times[1:])  # the first call makes ready what the others use
+    return np.array(times[1:])  # the first call prepares what the others use

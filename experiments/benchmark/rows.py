@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from experiments.options.benchmark import Case
+from experiments.storage.manifest import relative
 from experiments.storage.plain_json import plain
 from sim.seeds import generator
 
@@ -230,9 +231,9 @@ def losses(rows: Sequence[BenchmarkRow]) -> list[str]:
         lost = sum(round((1 - row.success) * row.seeds) for row in same)
         if lost:
             failed = sum(row.failed for row in same)
-            where = ", ".join(dict.fromkeys(row.reference for row in same if row.success < 1))
+            where = ", ".join(dict.fromkeys(relative(row.reference) for row in same if row.success < 1))
             crashed = f", {failed} of them failed" if failed else ""
-            who = f"{controller} with {compensation} on {ground}"
+            who = f"{relative(controller)} with {compensation} on {relative(ground)}"
             lines.append(f"{who} loses the path in {lost} of {sum(row.seeds for row in same)} runs{crashed}: {where}")
     if len(lines) < len(found):
         lines.append("all others keep the path in every run" if lines else "every run keeps the path")

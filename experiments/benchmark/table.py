@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 from experiments.benchmark.rows import BenchmarkRow, BoardEntry, Measures
+from experiments.storage.manifest import relative
 
 _TEXT_COLUMNS = ("controller", "compensation", "reference", "ground", "start")
 _Row = BenchmarkRow | BoardEntry
@@ -34,7 +35,7 @@ _KEPT: _Cell = lambda row: f"{100 * row.success:.0f}"  # noqa: E731
 _HEADING = _measure(lambda means: means.rms_heading, math.degrees(1), 2)
 _MAX, _END = (_measure(lambda m: m.max_position, 1e3, 1), _measure(lambda m: m.final_position, 1e3, 1))
 _BOARD: Mapping[str, Callable[[BoardEntry], str]] = {
-    "controller": lambda row: row.controller,
+    "controller": lambda row: relative(row.controller),
     "compensation": lambda row: row.compensation,
     "start": lambda row: row.start,
     "kept [%]": _KEPT,
@@ -47,10 +48,10 @@ _BOARD: Mapping[str, Callable[[BoardEntry], str]] = {
     "step [ms]": lambda row: _number(row.compute_ms_p50, 1, 2),
 }
 _WHOLE: Mapping[str, _WholeCell] = {
-    "controller": lambda row: row.controller,
+    "controller": lambda row: relative(row.controller),
     "compensation": lambda row: row.compensation,
-    "reference": lambda row: row.reference,
-    "ground": lambda row: row.ground,
+    "reference": lambda row: relative(row.reference),
+    "ground": lambda row: relative(row.ground),
     "start": lambda row: row.start,
     "kept [%]": _KEPT,
     "failed": lambda row: f"{row.failed} of {row.seeds}",

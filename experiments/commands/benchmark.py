@@ -16,7 +16,7 @@ from experiments.recording import record_all
 from experiments.report.benchmark import render
 from experiments.report.formats import stages_text
 from experiments.report.terminal import print_table, progress
-from experiments.storage.manifest import command_line
+from experiments.storage.manifest import command_line, relative
 from experiments.storage.parts import Parts, resumable
 from experiments.storage.plain_json import plain, write_json
 from experiments.storage.results import (
@@ -48,7 +48,7 @@ def run(config: BenchmarkConfig) -> None:
         parts.take_current({*wanted.values()})
         try:
             with watch.stage("driving"):
-                _drive(config, parts, wanted)
+                unfinished = _drive(config, parts, wanted)
         except (KeyboardInterrupt, WorkersFailedError) as stop:
             raise resumable(stop, sum(id in parts for id in wanted.values()), len(wanted)) from None
         with watch.stage("gathering"):
@@ -58,10 +58,10 @@ def run(config: BenchmarkConfig) -> None:
             parts.gather([(id, case.run) for case, id in wanted.items()], folder / RUNS_FILE)
         if config.rrd:
             with watch.stage("recordings"):
-                _record(folder, cases)
-        about = setup.world.manifest("benchmark", time.perf_counter() - began) | {
-            "config": plain(config),
-            "ground": {name: plain(setup.ground(name)) for name in dict.fromkeys(case.ground for case in cases)},
+                _record(folder, cases, unfinished)
+        grounds = dict.fromkeys(case.ground for case in cases)
+        about = setup.world.manifest("benchmark", time.perf_counter() - began, config) | {
+            "ground": {relative(name): plain(setup.ground(name)) for name in grounds},
             "seed": sorted({case.seed for case in cases}),
         }
         with watch.stage("report"):
@@ -89,24 +89,29 @@ def run(config: BenchmarkConfig) -> None:
     print(f"{config.out / REPORT_FILE}: {len(runs)} runs in {wall:.1f} s; all {len(rows)} rows in {LEADERBOARD_FILE}")
 
 
-def _drive(config: BenchmarkConfig, parts: Parts, wanted: Mapping[Case, str]) -> None:
-    """Drive the runs that aren't there yet, and keep them."""
+def _drive(config: BenchmarkConfig, parts: Parts, wanted: Mapping[Case, str]) -> list[RunLog]:
+    """Drive the runs that aren't there yet, and keep them; what was recorded of runs that failed."""
+    unfinished = []
     missing = {case: id for case, id in wanted.items() if id not in parts}
     total = seconds(list(wanted))
     with progress(f"{len(wanted)} runs", total, done=total - seconds(list(missing))) as report:
-        for cases, part in drive_groups(config, missing) if missing else ():
-            parts.keep(part)
-            report(seconds(cases))
+        for group in drive_groups(config, missing) if missing else ():
+            parts.keep(group.part)
+            unfinished += group.unfinished
+            report(seconds(group.cases))
+    return unfinished
 
 
-def _record(folder: Path, cases: Sequence[Case]) -> None:
-    """For each reference, ground and start, compare all controllers and compensations with the first seed."""
-    if not (folder / RUNS_FILE).exists():
-        return
-    logs = {log.run: log for log in read_runs(folder / RUNS_FILE)}
+def _record(folder: Path, cases: Sequence[Case], unfinished: Sequence[RunLog]) -> None:
+    """For each reference, ground and start, compare all controllers and compensations with the first seed.
+
+    Runs that failed are recorded on their own, as far as they went.
+    """
+    logs = {log.run: log for log in read_runs(folder / RUNS_FILE)} if (folder / RUNS_FILE).exists() else {}
     compared: dict[str, list[RunLog]] = {}
     for case in cases:
         if case.seed == cases[0].seed and case.run in logs:
             name = f"{Path(case.reference).stem} {Path(case.ground).stem} {case.start} seed {case.seed}"
             compared.setdefault(name, []).append(logs[case.run])
-    record_all(folder, [], compared)
+    order = [case.run for case in cases]
+    record_all(folder, sorted(unfinished, key=lambda log: order.index(log.run)), compared)

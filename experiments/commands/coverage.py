@@ -19,7 +19,7 @@ from experiments.options.coverage import CoverageConfig
 from experiments.recording import record_all
 from experiments.report.law_symbols import SYMBOLS
 from experiments.report.terminal import print_table, progress
-from experiments.storage.plain_json import plain, write_json
+from experiments.storage.plain_json import write_json
 from experiments.storage.results import MANIFEST_FILE, SUMMARY_FILE, results_folder
 from trackslip.identification.comparison import compare_laws
 from trackslip.identification.samples import SlipSamples, true_samples
@@ -57,7 +57,7 @@ def run(config: CoverageConfig) -> None:
         wall = time.perf_counter() - began
         timing = {"wall_s": wall, "stages": {"coverage": wall}}
         write_json(folder / SUMMARY_FILE, found.to_json() | {"timing": timing})
-        write_json(folder / MANIFEST_FILE, world.manifest("coverage", wall) | {"config": plain(config)})
+        write_json(folder / MANIFEST_FILE, world.manifest("coverage", wall, config))
     print_table(
         f"Share of {config.repeats} repeats whose 95 % interval covers the parameter",
         ("law", "parameter", "drawn from", "errors known", "errors unknown"),

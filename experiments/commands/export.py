@@ -1,4 +1,4 @@
-"""`trackslip export`: stored runs as CSV, for spreadsheets and for programs that don't know Parquet."""
+"""`trackslip export`: stored runs as CSV, for spreadsheets and for programs without Parquet."""
 
 from __future__ import annotations
 
@@ -28,22 +28,22 @@ def run(config: ExportConfig) -> None:
         return
     file, about = config.file, config.file.with_suffix(".columns.csv")
     if file.exists() and file.samefile(config.path):
-        raise InvalidValueError("out", str(file), "another file than the one that is read")
+        raise InvalidValueError("out", str(file), "a file other than the one being read")
     for name in (file, about):
         if name.exists() and not config.overwrite:
-            raise OutputError(f"{name}: is there already; --overwrite replaces it")
+            raise OutputError(f"{name}: exists already; --overwrite replaces it")
     columns = to_table(logs).column_names
     _write({about: lambda path: _write_columns(columns, path), file: lambda path: write_csv(logs, path)})
     print(f"{file}: {len(logs)} run(s), {sum(len(log.time) for log in logs)} rows; units in {about.name}")
     geometry = logs[0].metadata.get("geometry")
-    steady = any(log.twist_command is None for log in logs)  # what controllers drive isn't
+    steady = any(log.twist_command is None for log in logs)  # runs under a controller aren't
     if isinstance(geometry, dict) and steady:
         options = " ".join(f"--{name.replace('_', '-')} {value:g}" for name, value in geometry.items())
         print(f"trackslip identify {file} {options}")
 
 
 def chosen(logs: Sequence[RunLog], names: Sequence[str]) -> list[RunLog]:
-    """The runs of these names, in their order, or all; raises InvalidValueError for a name that none has."""
+    """The runs with these names, in that order, or all runs; raises InvalidValueError for an unknown name."""
     known = {log.run: log for log in logs}
     for name in names:
         if name not in known:
@@ -64,7 +64,7 @@ def _write_columns(names: Sequence[str], path: Path) -> None:
 
 
 def _write(files: Mapping[Path, Callable[[Path], None]]) -> None:
-    """Write files, each by its own function, all whole or none at all."""
+    """Write each file with its own function: all of them complete, or none."""
     drafts = {path: path.with_name(f".partial-{os.getpid()}-{path.name}") for path in files}
     path = next(iter(files))
     try:

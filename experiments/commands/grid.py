@@ -16,7 +16,15 @@ from experiments.report.formats import stages_text
 from experiments.report.terminal import progress
 from experiments.storage.parts import Parts, resumable
 from experiments.storage.plain_json import write_json
-from experiments.storage.results import MANIFEST_FILE, RUNS_FILE, SUMMARY_FILE, TABLE_FILE, arrow_errors, results_folder
+from experiments.storage.results import (
+    MANIFEST_FILE,
+    RECORDINGS_FOLDER,
+    RUNS_FILE,
+    SUMMARY_FILE,
+    TABLE_FILE,
+    arrow_errors,
+    results_folder,
+)
 from experiments.sweep.drive import drive
 from experiments.sweep.plan import Run, fleets, plan
 from experiments.sweep.rows import RunRow, is_row
@@ -25,20 +33,31 @@ from experiments.sweep.table import write_table
 from sim.stopwatch import Stopwatch
 from trackslip.errors import OutputError, TrackslipError
 from trackslip.logs.logfile import read_runs
+from trackslip.logs.runlog import RunLog
 
 PARTS = ".grid-parts"
 
 
 def run(config: SweepConfig) -> None:
     """Drive, gather, store and print."""
+    summary = drive_and_store(config)
+    timing = summary.timing
+    print_out(config, summary)
+    print(stages_text(timing.stages))
+    already = f", {timing.taken} of them taken from before" if timing.taken else ""
+    driven = len(summary.runs) - len(summary.failures)
+    print(f"{config.out / RUNS_FILE}: {driven} runs in {timing.wall_s:.1f} s{already}")
+
+
+def drive_and_store(config: SweepConfig) -> SweepSummary:
+    """Drive what isn't driven yet, and store everything."""
     began = time.perf_counter()
-    watch = Stopwatch()
     runs = plan(config)
     world = World.of(config)  # before its files can change
     parts = Parts(config.out, PARTS, is_row)
     try:
         with results_folder(config.out, then=parts.discard) as folder:
-            summary = _drive_and_gather(config, runs, parts, folder, watch)
+            summary = _drive_and_gather(config, runs, parts, folder)
             wall = time.perf_counter() - began
             summary = replace(summary, timing=replace(summary.timing, wall_s=wall))
             write_json(folder / SUMMARY_FILE, summary.to_json())
@@ -46,34 +65,33 @@ def run(config: SweepConfig) -> None:
     except (KeyboardInterrupt, WorkersFailedError, OutputError) as stop:
         same = "the same command" if config.resume else "the same command without --no-resume"
         raise resumable(stop, sum(run.id in parts for run in runs), len(runs), same) from None
-    print_out(runs, summary)
-    print(stages_text(watch.stages))
-    already = f", {summary.timing.taken} of them taken from before" if summary.timing.taken else ""
-    print(f"{config.out / RUNS_FILE}: {len(runs) - len(summary.failures)} runs in {wall:.1f} s{already}")
+    if len(summary.failures) == len(runs):
+        raise TrackslipError(f"{_all_failed(summary.failures)}; see {config.out / RECORDINGS_FOLDER}")
+    return summary
 
 
-def _drive_and_gather(
-    config: SweepConfig, runs: Sequence[Run], parts: Parts, folder: Path, watch: Stopwatch
-) -> SweepSummary:
+def _drive_and_gather(config: SweepConfig, runs: Sequence[Run], parts: Parts, folder: Path) -> SweepSummary:
     """Logs and rows of all runs in `folder`, and their summary."""
+    watch = Stopwatch()
     if config.resume:
         parts.take({run.id for run in runs}, config.force)
     else:
         parts.discard()
     missing = [run for run in runs if run.id not in parts]
     began = time.perf_counter()
-    watch.stages |= _drive(config, parts, runs, missing)
+    stages, unfinished = _drive(config, parts, runs, missing)
     driving = time.perf_counter() - began
+    watch.stages |= stages
     stored = [parts[run.id] for run in runs]
     rows = [_row_of(run, RunRow.from_json(one.row)) for run, one in zip(runs, stored, strict=True)]
     failures = [row for row in rows if row.error is not None]
-    if len(failures) == len(rows):
+    if len(failures) == len(rows) and not unfinished:
         raise TrackslipError(_all_failed(failures))
     file = folder / RUNS_FILE
     with watch.stage("gathering"):
         parts.gather([(run.id, run.name) for run in runs], file)
         if config.rrd:
-            record_all(folder, read_runs(file))
+            record_all(folder, [*(read_runs(file) if file.exists() else ()), *unfinished])
         with arrow_errors(folder / TABLE_FILE):
             write_table(rows, list(runs[0].axes), folder / TABLE_FILE)
     made_by = {one.row["made_by"]: one.made_by for one in stored}
@@ -94,11 +112,17 @@ def _drive_and_gather(
     )
 
 
-def _drive(config: SweepConfig, parts: Parts, runs: Sequence[Run], missing: Sequence[Run]) -> dict[str, float]:
-    """Drive what is missing and keep it, part by part; work by stage, all workers together [s]."""
-    if not missing:
-        return {}
+def _drive(
+    config: SweepConfig, parts: Parts, runs: Sequence[Run], missing: Sequence[Run]
+) -> tuple[dict[str, float], list[RunLog]]:
+    """Drive what is missing and keep it, part by part.
+
+    Returns work by stage, all workers together [s], and what was recorded of runs that failed, until they did.
+    """
     stages: dict[str, float] = {}
+    unfinished: list[RunLog] = []
+    if not missing:
+        return stages, unfinished
     jobs = config.jobs or processors()
     jobs = min(jobs, len(fleets(missing, jobs)))
     total, left = (sum(one.config.duration for one in some) for some in (runs, missing))
@@ -113,9 +137,10 @@ def _drive(config: SweepConfig, parts: Parts, runs: Sequence[Run], missing: Sequ
             parts.keep(fleet.part)
             if not pool.inline:
                 report(fleet.duration)
+            unfinished += fleet.unfinished
             for name, seconds in fleet.stages.items():
                 stages[name] = stages.get(name, 0.0) + seconds
-    return stages
+    return stages, unfinished
 
 
 def _row_of(run: Run, row: RunRow) -> RunRow:

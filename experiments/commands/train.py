@@ -1,11 +1,11 @@
-"""`trackslip train`: PPO on the vector environment, by Stable-Baselines3, and the policy that it leaves."""
+"""`trackslip train`: train a policy with PPO from Stable-Baselines3 on the vector environment."""
 
 from __future__ import annotations
 
 import os
 import time
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,18 +20,29 @@ from experiments.storage.results import MANIFEST_FILE, SUMMARY_FILE, results_fol
 from sim.path_tracking.config import Reward
 from sim.path_tracking.randomization import Randomization
 from sim.policy import Network, Policy
+from sim.run_recorder import RunFailedError
 from trackslip.errors import LogError, TrackslipError
 from trackslip.logs.runlog import RunLog
 
 POLICY, CHECKPOINT = "policy.npz", "checkpoint.zip"
-_MIN_RATE = 0.05  # of the learning rate, at the end
+_MIN_RATE = 0.05  # final over initial learning rate
 _CHECKPOINT_EVERY = 20  # updates
 _RANDOMIZATION = Randomization(start_distance=(0.0, 0.2), start_heading=(-0.4, 0.4), friction_ratio=(0.9, 1.4))
 _REWARD = Reward(weight_position=0.8, weight_heading=0.2, weight_change=4.0, position_scale=0.02, heading_scale=0.2)
 
 
+@dataclass(frozen=True)
+class CurvePoint:
+    """A point of the learning curve."""
+
+    steps: int
+    """Control steps done so far, all robots together."""
+    reward: float
+    """Mean reward per step since the point before, at most 1 [-]."""
+
+
 def run(config: TrainConfig) -> None:
-    """Train, store the policy, and print what became of the reward."""
+    """Train, store the policy, and print the reward before and after."""
     began = time.perf_counter()
     with results_folder(config.out) as folder:
         model = _model(config)
@@ -41,21 +52,21 @@ def run(config: TrainConfig) -> None:
         except KeyboardInterrupt:
             if not (config.out / CHECKPOINT).is_file():
                 raise
-            raise KeyboardInterrupt("interrupted; with --resume it goes on from the last checkpoint") from None
+            raise KeyboardInterrupt("interrupted; --resume continues from the last checkpoint") from None
         policy_of(model, config).save(folder / POLICY)
         wall = time.perf_counter() - began
         timing = {"wall_s": wall, "steps_per_s": (model.num_timesteps - before) / wall}
         write_json(folder / SUMMARY_FILE, {"steps": model.num_timesteps, "curve": curve, "timing": timing})
         write_json(folder / MANIFEST_FILE, make_manifest("train", config, wall, seed=config.seed))
         if config.rrd:
-            record_all(folder, [_driven(config, folder / POLICY, name) for name in config.references])
+            record_all(folder, [log for name in config.references for log in _driven(config, folder / POLICY, name)])
     for point in (curve[0], curve[-1]) if curve else ():
-        print(f"{point['steps']:>10,} steps: {point['reward']:.3f} of 1 a step")
+        print(f"{point.steps:>10,} steps: {point.reward:.3f} of 1 per step")
     print(f"{config.out / POLICY}: {model.num_timesteps:,} steps in {wall:.0f} s")
 
 
-def _driven(config: TrainConfig, policy: Path, reference: str) -> RunLog:
-    """A run of the policy on a path, from where that begins, on the first of the grounds."""
+def _driven(config: TrainConfig, policy: Path, reference: str) -> list[RunLog]:
+    """Run the policy along a path, from its beginning, on the first of the grounds; as far as it gets if it fails."""
     from experiments.commands.track import drive, make_reference
     from experiments.driving.world import World
     from experiments.options.track import TrackConfig
@@ -71,13 +82,16 @@ def _driven(config: TrainConfig, policy: Path, reference: str) -> RunLog:
         rrd=True,
     )
     world = World.of(course)
-    log = drive(course, world, make_reference(course, world.robot))[0]
-    metadata = log.metadata | {"controller": f"ppo:{config.out}"}
-    return replace(log, run=f"policy {reference}", metadata=metadata)
+    try:
+        logs = drive(course, world, make_reference(course, world.robot))
+    except RunFailedError as error:
+        logs = error.logs
+    controller = {"controller": f"ppo:{config.out}"}
+    return [replace(log, run=f"policy {reference}", metadata=log.metadata | controller) for log in logs[:1]]
 
 
 def environment_options(config: TrainConfig) -> dict[str, Any]:
-    """What the environment is made with."""
+    """Keyword arguments of the environment."""
     return {
         "reference": config.references,
         "ground": config.grounds,
@@ -90,7 +104,7 @@ def environment_options(config: TrainConfig) -> dict[str, Any]:
 
 
 def policy_of(model: Any, config: TrainConfig) -> Policy:
-    """What a model of Stable-Baselines3 has learnt, as a policy of ours."""
+    """The learnt policy of a Stable-Baselines3 model, as a `sim.policy.Policy`."""
     network = model.policy
     layers = [layer for layer in [*network.mlp_extractor.policy_net, network.action_net] if hasattr(layer, "weight")]
     weights = tuple(layer.weight.detach().numpy().T.astype(float) for layer in layers)
@@ -99,7 +113,7 @@ def policy_of(model: Any, config: TrainConfig) -> Policy:
 
 
 def _model(config: TrainConfig) -> Any:
-    """PPO at its beginning, or at the last checkpoint."""
+    """A new PPO model, or the one of the last checkpoint."""
     try:
         import torch
         from stable_baselines3 import PPO
@@ -107,14 +121,14 @@ def _model(config: TrainConfig) -> Any:
         raise TrackslipError('train needs Stable-Baselines3: pip install "trackslip[rl]"') from error
     from sim.sb3 import Corrections, PathTrackingVecEnv
 
-    torch.set_num_threads(1)  # its threads would spin on the processors that the robots want
+    torch.set_num_threads(1)  # its threads would take processors from the simulation
     robots = PathTrackingVecEnv(config.robots, config.threads, **environment_options(config))
     corrections = Corrections(robots, config.authority)
     checkpoint = config.out / CHECKPOINT
     rate = _falling(config.learning_rate)
     if config.resume:
         if not checkpoint.is_file():
-            raise LogError(f"{checkpoint}: no such file; without --resume training begins anew")
+            raise LogError(f"{checkpoint}: no such file; training starts from scratch without --resume")
         try:
             return PPO.load(checkpoint, corrections, device="cpu", custom_objects={"learning_rate": rate})
         except Exception as error:  # whatever is wrong with the file
@@ -135,19 +149,18 @@ def _model(config: TrainConfig) -> Any:
 
 
 def _falling(rate: float) -> Callable[[float], float]:
-    """A learning rate as a function of the share of training that is left."""
+    """The learning rate as a function of the remaining share of the training."""
     return lambda left: rate * (_MIN_RATE + (1 - _MIN_RATE) * left)
 
 
-def _learn(model: Any, config: TrainConfig, drafts: Path) -> list[dict[str, float]]:
-    """Train until `config.steps`, with checkpoints, drafted in a folder of the same disk.
+def _learn(model: Any, config: TrainConfig, drafts: Path) -> list[CurvePoint]:
+    """Train until `config.steps`, with checkpoints, which are drafted in the folder `drafts` on the same disk.
 
-    Returns:
-        Mean reward a step, by the steps done.
+    Returns the mean reward per step over the steps done.
     """
     from stable_baselines3.common.callbacks import BaseCallback
 
-    curve: list[dict[str, float]] = []
+    curve: list[CurvePoint] = []
     with progress("training", config.steps, "steps", model.num_timesteps) as report:
 
         class Recorder(BaseCallback):  # type: ignore[misc, unused-ignore]
@@ -158,7 +171,7 @@ def _learn(model: Any, config: TrainConfig, drafts: Path) -> list[dict[str, floa
 
             def _on_rollout_end(self) -> None:
                 rewards = self.locals["rollout_buffer"].rewards
-                curve.append({"steps": self.num_timesteps, "reward": float(np.mean(rewards))})
+                curve.append(CurvePoint(self.num_timesteps, float(np.mean(rewards))))
                 report(rewards.size)
                 self.updates += 1
                 if self.updates % _CHECKPOINT_EVERY == 0:
@@ -170,6 +183,6 @@ def _learn(model: Any, config: TrainConfig, drafts: Path) -> list[dict[str, floa
 
 
 def _save(model: Any, folder: Path, drafts: Path) -> None:
-    """The checkpoint, whole or not at all."""
+    """Save the checkpoint, complete or not at all."""
     model.save(drafts / CHECKPOINT)
     os.replace(drafts / CHECKPOINT, folder / CHECKPOINT)

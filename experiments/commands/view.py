@@ -1,4 +1,4 @@
-"""`trackslip view`: stored runs in the rerun viewer, the browser, or a file."""
+"""`trackslip view`: show stored runs in the rerun viewer, in the browser, or in a file."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from trackslip.logs.logfile import load
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.law_file import load_laws
 
-_NAMED = 5  # runs that an error names
-_SHORT = 12  # characters of an id that are shown
+_NAMED = 5  # runs listed in an error message
+_SHORT = 12  # characters shown of an id
 _LOCAL = "127.0.0.1"
 _PAGE, _STREAM = 9090, 9876
-"""Usual ports of the viewer's page and of what it is sent."""
-_MAX_MESSAGE = 300  # characters of what the viewer said
-_PATIENCE, _BETWEEN = 30.0, 0.1  # with a viewer that starts, and between two looks at it [s]
+"""Default ports of the viewer's page and of its data."""
+_MAX_MESSAGE = 300  # characters quoted from the viewer's error
+_PATIENCE, _BETWEEN = 30.0, 0.1  # how long to wait for the viewer to start, and how often to look [s]
 
 
 def run(config: ViewConfig) -> None:
@@ -38,7 +38,7 @@ def run(config: ViewConfig) -> None:
     logs = load(config.path)
     chosen = choose(logs, config.run, config.path)
     if not config.run and len(logs) > 1:
-        print(f"{len(logs)} runs, shown is {chosen[0].run!r}; --run ID chooses, --run ID --run ID compares")
+        print(f"{len(logs)} runs; showing {chosen[0].run!r}. --run ID chooses one, --run ID ID compares")
     laws = config.path if _has_laws(config.path) else None
     if config.save is not None:
         record(config.save, chosen, laws)
@@ -51,7 +51,7 @@ def run(config: ViewConfig) -> None:
 
 
 def choose(logs: Sequence[RunLog], wanted: Sequence[str], path: Path) -> list[RunLog]:
-    """The runs that `wanted` says, in that order, or else the first; raises LogError unless each says one."""
+    """The wanted runs, in that order, by default the first; raises LogError unless each name or id matches one run."""
     chosen = [_find(logs, one, path) for one in wanted] or [logs[0]]
     if len({log.run for log in chosen}) < len(chosen):
         raise LogError(f"{path}: two of the runs {', '.join(map(repr, wanted))} are the same")
@@ -59,7 +59,7 @@ def choose(logs: Sequence[RunLog], wanted: Sequence[str], path: Path) -> list[Ru
 
 
 def _find(logs: Sequence[RunLog], wanted: str, path: Path) -> RunLog:
-    """The run of that name or, in a sweep, of that id or the only one whose id begins so."""
+    """The run with that name or, in a sweep, with that id or the only id that begins with it."""
     found = [log for log in logs if log.run == wanted]
     found = found or [log for log in logs if wanted and str(log.metadata.get("id", "")).startswith(wanted)]
     if len(found) != 1:
@@ -84,17 +84,17 @@ def _has_laws(path: Path) -> bool:
 
 
 def _open(file: Path, web: bool, begin: float) -> None:
-    """Show a recording in a new viewer, native or in the browser, until that is closed or interrupted.
+    """Show a recording in a new viewer, native or in the browser, until it is closed or interrupted.
 
-    The native one is put to `begin` [s]; that in the browser plays from the start until it comes to its loop.
+    The native viewer starts at `begin` [s]; in the browser, playback starts at zero and then repeats the loop.
 
     Raises:
-        TrackslipError: when there is no viewer, or it doesn't start.
+        TrackslipError: if there is no viewer, or it doesn't start.
     """
-    beside = Path(sys.executable).with_name("rerun")  # also in an environment that isn't active
+    beside = Path(sys.executable).with_name("rerun")  # found even if the environment isn't active
     viewer = str(beside) if beside.exists() else shutil.which("rerun")
     if viewer is None:
-        raise TrackslipError("the rerun viewer isn't installed; --save FILE writes what it would show")
+        raise TrackslipError("the rerun viewer isn't installed; --save FILE writes the recording to a file")
     port = free_port(_STREAM)
     stream = f"rerun+http://{_LOCAL}:{port}/proxy"
     command = [viewer, "--bind", _LOCAL, "--port", str(port), str(file)]
@@ -102,7 +102,7 @@ def _open(file: Path, web: bool, begin: float) -> None:
         page = free_port(_PAGE)
         command += ["--web-viewer", "--web-viewer-port", str(page)]
         source = urllib.parse.quote(stream, safe="")
-        print(f"in the browser, until interrupted: http://{_LOCAL}:{page}?url={source}", flush=True)
+        print(f"showing in the browser until interrupted: http://{_LOCAL}:{page}?url={source}", flush=True)
     quiet = {"RUST_LOG": "error", "RERUN_APP_ONLY": "true"}
     with subprocess.Popen(command, env={**quiet, **os.environ}, stderr=subprocess.PIPE, text=True) as process:
         if not web:
@@ -114,18 +114,18 @@ def _open(file: Path, web: bool, begin: float) -> None:
             raise
     if process.returncode != 0:
         why = next((line for line in said.splitlines() if line.startswith("Error: ")), said).removeprefix("Error: ")
-        why = re.sub(r"\S*/\S+: ", "", why)  # where in the viewer's source
+        why = re.sub(r"\S*/\S+: ", "", why)  # a place in the viewer's source
         other = "" if web else "--web, or "
         raise TrackslipError(f"the rerun viewer doesn't start; try {other}--save FILE ({why.strip()[:_MAX_MESSAGE]})")
 
 
 def put_time(stream: str, time: float, viewer: subprocess.Popen[str]) -> None:
-    """Put the viewer that listens at `stream` to a time [s] once it has opened its recording, which can't say so."""
+    """Move the viewer at `stream` to a time [s] once it has opened the recording, which cannot specify it itself."""
     from rerun.experimental import ViewerClient
 
     end = monotonic() + _PATIENCE
     while monotonic() < end and viewer.poll() is None:
-        with contextlib.suppress(Exception):  # not there yet; or another version of what is experimental
+        with contextlib.suppress(Exception):  # not ready yet, or this experimental interface has changed
             client = ViewerClient.connect(stream)
             if client.get_state().recordings:
                 client.set_time(duration=time)
@@ -134,10 +134,10 @@ def put_time(stream: str, time: float, viewer: subprocess.Popen[str]) -> None:
 
 
 def free_port(usual: int) -> int:
-    """The usual port, or where that is taken any other."""
+    """The usual port or, if it is taken, any free one."""
     for port in (usual, 0):
         with socket.socket() as test, contextlib.suppress(OSError):
             test.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as the viewer will
             test.bind((_LOCAL, port))
             return int(test.getsockname()[1])
-    raise TrackslipError("no port is free on this machine; --save FILE writes what the viewer would show")
+    raise TrackslipError("no free port on this machine; --save FILE writes the recording to a file")

@@ -93,11 +93,14 @@ class World:
         )
         return metadata
 
-    def manifest(self, command: str, wall_s: float) -> dict[str, Any]:
-        """The manifest of a command that simulated in this world and took `wall_s` [s]."""
+    def manifest(self, command: str, wall_s: float, config: Any = None) -> dict[str, Any]:
+        """The manifest of a command that simulated in this world and took `wall_s` [s].
+
+        `config` is the command's configuration if it isn't that of the world.
+        """
         return make_manifest(
             command,
-            self.config,
+            config or self.config,
             wall_s,
             seed=self.config.seed,
             model_sha256=self.robot.digest,

@@ -53,7 +53,7 @@ DISTURBANCES = (
     Disturbance("quantised to 1 cm", {"quantisation": 0.01}),
     Disturbance("range bias 10 mm", {"range_bias": 0.01}),
     Disturbance("mixed pixels, 4.4 mrad", {"divergence": 0.0044}),
-    Disturbance(f"sweep of {MIRROR_PERIOD * 1e3:.1f} ms", {"sweep_time": MIRROR_PERIOD}),
+    Disturbance(f"sweep of {MIRROR_PERIOD * 1e3:.1f} ms", {"scan_duration": MIRROR_PERIOD}),
     Disturbance("dropouts 20 %", {"dropout": 0.2}),
     Disturbance("posts around", obstacles="posts"),
     Disturbance("post in front", obstacles="occluded"),

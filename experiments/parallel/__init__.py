@@ -1,1 +1,1 @@
-"""Processes, clusters and interrupts."""
+"""Worker processes, clusters and interrupts."""

@@ -1,4 +1,4 @@
-"""Where parts of a sweep are driven: `concurrent.futures` executors by name."""
+"""`concurrent.futures` executors by name: this process, worker processes, MPI, Dask."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from typing import Any, TypeVar
 from experiments.parallel.workers import deaf_children, processes
 from trackslip.errors import TrackslipError, first_line
 
-_AHEAD = 2  # tasks handed out per worker, so that none waits for its next
+_AHEAD = 2  # submitted tasks per worker, so that no worker waits for its next one
 
 _PATIENCE = 10  # how long a scheduler may take to answer [s]
 _IMPORT_PATIENCE = 20  # how long a worker may take to import the simulator [s]
@@ -33,23 +33,23 @@ Result = TypeVar("Result")
 
 
 class WorkersFailedError(TrackslipError):
-    """What works off the tasks is gone; what it has done isn't."""
+    """Workers have died; the results they returned before are kept."""
 
 
 @dataclass(frozen=True)
 class Workers:
-    """An executor and how many tasks it does at once."""
+    """An executor and the number of tasks it runs at once."""
 
     executor: Executor
     count: int
 
     @property
     def inline(self) -> bool:
-        """Whether tasks are done in this process, one after another."""
+        """Whether tasks run in this process, one after another."""
         return isinstance(self.executor, InlineExecutor)
 
     def each(self, do: Callable[[Task], Result], tasks: Iterable[Task]) -> Iterator[Result]:
-        """`do` every task; results come as they are ready. Few tasks are handed out ahead of time.
+        """Yield the result of `do` for every task as soon as it is ready; only a few tasks are submitted ahead of time.
 
         Raises:
             WorkersFailedError: when a worker dies.
@@ -76,10 +76,10 @@ class Workers:
 
 
 class InlineExecutor(Executor):
-    """Does what it is given at once, in this process."""
+    """Runs each task in this process as soon as it is submitted."""
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """The future of what has already been done."""
+        """Run the call; the future that is returned is already done."""
         future: Future[Any] = Future()
         try:
             future.set_result(fn(*args, **kwargs))
@@ -90,10 +90,11 @@ class InlineExecutor(Executor):
 
 @contextlib.contextmanager
 def workers(name: str, jobs: int) -> Iterator[Workers]:
-    """Workers of the executor called `name`, `jobs` of them where that is ours to say.
+    """Workers of the executor called `name`; `jobs` is the number of processes of `processes`.
 
     Raises:
-        TrackslipError: when what it needs isn't installed, or can't be reached.
+        TrackslipError: when the executor's library isn't installed, its scheduler can't be reached, or its workers
+            can't import trackslip.
     """
     if name == "inline" or (name == "processes" and jobs <= 1):
         yield Workers(InlineExecutor(), 1)
@@ -109,7 +110,7 @@ def workers(name: str, jobs: int) -> Iterator[Workers]:
 
 
 def processors() -> int:
-    """How many this process may use."""
+    """Number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
@@ -120,7 +121,7 @@ def _mpi() -> Iterator[Any]:
         from mpi4py.futures import MPIPoolExecutor
     except (ImportError, RuntimeError) as error:
         raise TrackslipError(f'--executor mpi: {error}; pip install "trackslip[mpi]"') from error
-    if MPI.COMM_WORLD.Get_size() < 2:  # asked for workers, some MPIs would wait for them for ever
+    if MPI.COMM_WORLD.Get_size() < 2:  # some MPIs would wait for workers for ever
         how = "mpiexec -n N python -m mpi4py.futures -m experiments grid ..."
         raise TrackslipError(f"--executor mpi: there are no workers; start it with {how}")
     with MPIPoolExecutor() as pool:
@@ -157,13 +158,13 @@ def _dask(address: str) -> Iterator[tuple[Executor, int]]:
 
 
 def _require_trackslip(client: Any, addresses: Sequence[str], executor: str) -> None:
-    """Raise TrackslipError unless scheduler and workers can import trackslip; tasks they can't load are never done."""
+    """Raise TrackslipError unless scheduler and workers can import trackslip; tasks they can't load never finish."""
     pending = {client.submit(_import_simulator, workers=[one], pure=False): one for one in addresses}
     deadline = time.monotonic() + _IMPORT_PATIENCE
     for future, one in pending.items():
         try:
             future.result(timeout=max(0.0, deadline - time.monotonic()))
-        except Exception as error:  # whatever the cluster makes of it
+        except Exception as error:  # of whatever type the cluster reports
             raise TrackslipError(
                 f"{executor}: the scheduler or its worker {one} can't import trackslip; install it there"
                 f" ({type(error).__name__}: {first_line(error)})"
@@ -176,7 +177,7 @@ def _import_simulator() -> None:
 
 @contextlib.contextmanager
 def _silence() -> Iterator[None]:
-    """Nothing is logged: of a cluster that fails, distributed prints tracebacks of its own."""
+    """Suppress logging: distributed logs tracebacks of its own when a cluster fails."""
     logging.disable()
     try:
         yield

@@ -1,4 +1,4 @@
-"""Interrupts that wait until something short is done."""
+"""Interrupts that are postponed until a short operation is complete."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ from collections.abc import Iterator
 
 @contextlib.contextmanager
 def interrupts_later() -> Iterator[None]:
-    """Put off Ctrl-C and SIGTERM until the block ends; then raise KeyboardInterrupt if there was one."""
-    if threading.current_thread() is not threading.main_thread():  # others aren't interrupted
+    """Postpone Ctrl-C and SIGTERM until the block ends, then raise KeyboardInterrupt if there was one."""
+    if threading.current_thread() is not threading.main_thread():  # other threads aren't interrupted
         yield
         return
     caught: list[int] = []

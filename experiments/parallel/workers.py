@@ -1,4 +1,4 @@
-"""Worker processes that end with their parent and leave interrupts to it."""
+"""Worker processes that exit with their parent and ignore Ctrl-C, which the parent handles."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from concurrent.futures import ProcessPoolExecutor
 
 @contextlib.contextmanager
 def processes(count: int) -> Iterator[ProcessPoolExecutor]:
-    """A pool of processes; they are stopped at once when the block ends by an exception.
+    """A pool of processes, which are terminated if the block raises an exception.
 
-    Tasks must be submitted within `deaf_children`, which is when the processes start.
+    Tasks must be submitted within `deaf_children`, as that is when the processes start.
     """
-    # a fresh interpreter each: a forked one would share the threads of this one's engine
+    # fresh interpreters: forked ones would inherit the state of the engine's threads
     with ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), initializer=_begin) as pool:
         try:
             yield pool
@@ -30,7 +30,7 @@ def processes(count: int) -> Iterator[ProcessPoolExecutor]:
 
 @contextlib.contextmanager
 def deaf_children() -> Iterator[None]:
-    """Processes started in the block ignore Ctrl-C from their first moment; so does this one until the block ends."""
+    """Let processes that are started in the block ignore Ctrl-C from the start; this process ignores it meanwhile."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

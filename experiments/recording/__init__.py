@@ -1,4 +1,4 @@
-"""RunLogs to recordings for the rerun viewer. Importing this doesn't import rerun; recording does."""
+"""Record RunLogs for the rerun viewer. Importing this does not import rerun; recording does."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from experiments.storage.results import RECORDINGS_FOLDER
 from trackslip.errors import OutputError
 from trackslip.logs.runlog import RunLog
 
-_MAX_NAME = 120  # characters of a file's name
+_MAX_NAME = 120  # characters of a file name
 
 
 def record_all(folder: Path, logs: Sequence[RunLog], compared: Mapping[str, Sequence[RunLog]] | None = None) -> None:
-    """A recording of each run, and of each of the groups `compared`, into RECORDINGS_FOLDER in `folder`."""
+    """Record each run, and each of the groups `compared`, into RECORDINGS_FOLDER in `folder`."""
     for name, log in zip(file_names([log.run for log in logs]), logs, strict=True):
         record(folder / RECORDINGS_FOLDER / name, [log])
     groups = compared or {}
@@ -23,12 +23,12 @@ def record_all(folder: Path, logs: Sequence[RunLog], compared: Mapping[str, Sequ
 
 
 def record(file: Path, logs: Sequence[RunLog], laws: Path | None = None) -> float:
-    """A run, or several to compare, as a .rrd file, complete or not at all.
+    """Record a run, or several for comparison, as a .rrd file, complete or not at all.
 
-    Returns when it becomes interesting [s]; the viewer plays a loop from there on.
+    Returns the start of the loop that the viewer plays [s].
 
     Raises:
-        OutputError: when the file can't be written.
+        OutputError: if the file can't be written.
     """
     from experiments.recording import stream
 
@@ -50,12 +50,12 @@ def record(file: Path, logs: Sequence[RunLog], laws: Path | None = None) -> floa
 
 
 def title(logs: Sequence[RunLog]) -> str:
-    """What a recording is called."""
+    """The title of a recording."""
     return logs[0].run if len(logs) == 1 else f"{len(logs)} runs: {', '.join(log.run for log in logs)}"
 
 
 def file_names(names: Sequence[str]) -> list[str]:
-    """Names of files (n,) for runs, all different whatever is in theirs."""
+    """File names (n,) for runs, all different whatever the runs are called."""
     found: list[str] = []
     for name in names:
         plain = re.sub(r"[^\w.=+-]+", "_", name).strip("._")[:_MAX_NAME] or "run"

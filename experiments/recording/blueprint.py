@@ -1,4 +1,4 @@
-"""How the viewer opens: 3-D and plan on the left, plots over time on the right, around the interesting moment."""
+"""How the viewer opens: 3-D and plan on the left, plots over time on the right, around the moment of interest."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from experiments.recording.robot import CAMERA, ROBOT
 from experiments.recording.series import Panel
 from trackslip.kinematics import Array
 
-_BEHIND = np.array([-1.25, -1.1, 1.0])  # from where a robot is looked at [m]
-_FARTHER = 1.4  # times that several are looked at from
-_BEFORE, _LOOP = 1.0, 6.0  # how long before the moment the viewer begins, and how long it plays, again and again [s]
-_ASPECT = 1.9  # width of the plan to its height
-_LEGEND = 1.25  # of the plots' width to that of the data: legends stand beside these
+_BEHIND = np.array([-1.25, -1.1, 1.0])  # camera position relative to a robot [m]
+_FARTHER = 1.4  # factor on it for several robots
+_BEFORE, _LOOP = 1.0, 6.0  # start of the loop before the moment of interest, and length of the loop [s]
+_ASPECT = 1.9  # width over height of the plan
+_LEGEND = 1.25  # width of a plot over that of its data: the legend stands beside the data
 _BACKGROUND = (30, 32, 36)
 
 
 def begin_of_loop(moment: float, duration: float) -> float:
-    """Just before the interesting moment of runs of that duration [s]."""
+    """Just before the moment of interest, in runs of that duration [s]."""
     return max(0.0, min(moment - _BEFORE, duration - _LOOP))
 
 
@@ -36,15 +36,15 @@ def blueprint(
     begin: float,
     duration: float,
 ) -> rrb.Blueprint:
-    """The layout.
+    """The layout of the viewer.
 
     Args:
         roots: entities of the runs.
-        panels: plots; those of which nothing is there are left out.
-        sent: entities that there are.
-        within: points (n, 2) that the plan shows [m].
-        begin: of the loop that the viewer plays [s].
-        duration: of the runs [s].
+        panels: plots; those without any entity sent are left out.
+        sent: entities that were sent.
+        within: points (n, 2) to show in the plan [m].
+        begin: start of the loop that the viewer plays [s].
+        duration: length of the runs [s].
     """
     plots = [
         (panel, entities)
@@ -106,7 +106,7 @@ def blueprint(
 
 
 def _tabs(plots: Sequence[tuple[Panel, Sequence[str]]], duration: float) -> rrb.Container:
-    """Panels with their entities below each other, in tabs where there is more than one."""
+    """Panels with their entities below each other, in tabs if there is more than one."""
     tabs = []
     for name in dict.fromkeys(panel.tab for panel, _ in plots):
         inside = [(panel, entities) for panel, entities in plots if panel.tab == name]

@@ -1,4 +1,4 @@
-"""Runs to rerun, by columns: a call for each quantity, not for each row."""
+"""Send runs to rerun by columns: one call per quantity, not per row."""
 
 from __future__ import annotations
 
@@ -16,24 +16,24 @@ TIMELINE = "time"
 
 
 def send(stream: rr.RecordingStream, entity: str, time: Array, columns: Any) -> None:
-    """Columns of T rows at times (T,) [s] since the run's start."""
+    """Send columns of T rows at times (T,) [s] since the start of the run."""
     nanoseconds = np.rint(1e9 * time).astype("timedelta64[ns]")
     stream.send_columns(entity, [rr.TimeColumn(TIMELINE, duration=nanoseconds)], columns)
 
 
 def quaternion(heading: Array) -> Array:
-    """Turns (T, 4) about the vertical by `heading` (T,) [rad], as rerun takes them: xyzw."""
+    """Quaternions (T, 4), xyzw, of rotations about the vertical by `heading` (T,) [rad]."""
     zero = np.zeros_like(heading)
     return np.stack([zero, zero, np.sin(heading / 2), np.cos(heading / 2)], axis=-1)
 
 
 def at_height(pose: Array, height: float = 0.0) -> Array:
-    """Positions (T, 3) of poses (T, 3), so high above the ground [m]."""
+    """Positions (T, 3) of poses (T, 3) at a height above the ground [m]."""
     return np.column_stack([pose[:, :2], np.full(len(pose), height)])
 
 
 def send_poses(stream: rr.RecordingStream, entity: str, time: Array, pose: Array, height: float = 0.0) -> None:
-    """Poses (T, 3) of an entity, so high above the ground [m]."""
+    """Send poses (T, 3) of an entity at a height above the ground [m]."""
     columns = rr.Transform3D.columns(translation=at_height(pose, height), quaternion=quaternion(pose[:, 2]))
     send(stream, entity, time, columns)
 
@@ -46,7 +46,7 @@ def mesh(triangles: geometry.Triangles) -> rr.Mesh3D:
 
 
 def send_series(stream: rr.RecordingStream, entity: str, time: Array, series: Sequence[Series]) -> None:
-    """Lines over time with their names and colours."""
+    """Send lines over time with their names and colours."""
     for line in series:
         style = rr.SeriesLines(
             names=list(line.names),
@@ -60,14 +60,14 @@ def send_series(stream: rr.RecordingStream, entity: str, time: Array, series: Se
 
 
 def send_properties(stream: rr.RecordingStream, name: str, metadata: Mapping[str, Any]) -> None:
-    """A run's metadata as properties of the recording."""
+    """Send a run's metadata as properties of the recording."""
     flat = _flat(metadata)
     if flat:
         stream.send_property(name, rr.AnyValues(**flat))
 
 
 def _flat(metadata: Mapping[str, Any], before: str = "") -> dict[str, Any]:
-    """Nested mappings as one, with names joined by underscores; what is neither number nor text becomes text."""
+    """Flatten nested mappings, joining names by underscores; anything but numbers and text becomes text."""
     found: dict[str, Any] = {}
     for key, value in metadata.items():
         name = f"{before}{key}".replace(" ", "_")
@@ -79,5 +79,5 @@ def _flat(metadata: Mapping[str, Any], before: str = "") -> dict[str, Any]:
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
-    """Of '#rrggbb'."""
+    """Red, green and blue of '#rrggbb'."""
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)

@@ -1,4 +1,4 @@
-"""The field, the same all the time: ground, scanner, obstacles; of those, only people walk."""
+"""The field: ground, scanner and obstacles, of which only people move."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from sim.scanner.obstacles import Walker
 from trackslip.kinematics import Array
 
 FIELD = "field"
-_STONE = 0.5  # of the paving [m]
-_MARGIN = 3.0  # of ground around everything [m]
-_MAX_STONES = 100  # along a side
+_STONE = 0.5  # side of a paving stone [m]
+_MARGIN = 3.0  # ground around everything [m]
+_MAX_STONES = 100  # along one side
 _TONES = ((92, 90, 86, 255), (84, 82, 78, 255))
 _PATCH, _PATCH_COLOUR = 0.0005, "#4f6f78"  # half the thickness of a patch on the ground [m]
-_TALL = 1.0  # posts, walls and people [m]
+_TALL = 1.0  # height of posts, walls and people [m]
 
 
 def send_field(stream: rr.RecordingStream, traces: Traces, model: mujoco.MjModel, within: Array) -> None:
-    """Ground around the points `within` (n, 2), and what a run's log says of the scanner and of obstacles."""
+    """Send the ground around the points `within` (n, 2), and the scanner and obstacles that a run's log describes."""
     stream.log(f"{FIELD}/ground", mesh(_paving(within)), static=True)
     mount = mount_of(traces)
     if mount is not None:
@@ -40,7 +40,7 @@ def send_field(stream: rr.RecordingStream, traces: Traces, model: mujoco.MjModel
 
 
 def mount_of(traces: Traces) -> Array | None:
-    """The scanner's pose (3,), where the log says it."""
+    """The scanner's pose (3,), if the log has it."""
     if traces.log.scans is not None:
         return traces.log.scans.scan.mount
     scanner = traces.log.metadata.get("lrf")
@@ -65,7 +65,7 @@ def _paving(within: Array) -> geometry.Triangles:
 
 
 def _send_ground(stream: rr.RecordingStream, traces: Traces, within: Array) -> None:
-    """Where the log says that the friction is another, and which way is up."""
+    """Send patches with other friction and the uphill direction, if the log has them."""
     ground = traces.log.metadata.get("ground")
     if not isinstance(ground, Mapping):
         return
@@ -100,12 +100,12 @@ def _send_ground(stream: rr.RecordingStream, traces: Traces, within: Array) -> N
 
 
 def _ends(pair: Any) -> list[float]:
-    """From, to; JSON has no infinity."""
+    """Both ends; JSON has no infinity."""
     return [sign * np.inf if end is None else float(end) for sign, end in zip((-1, 1), pair, strict=True)]
 
 
 def _send_obstacles(stream: rr.RecordingStream, traces: Traces) -> None:
-    """What the log says stood and walked in the field."""
+    """Send the obstacles that the log describes."""
     known = traces.log.metadata.get("obstacles")
     if not isinstance(known, Mapping):
         return
@@ -127,7 +127,7 @@ def _send_obstacles(stream: rr.RecordingStream, traces: Traces) -> None:
 
 
 def _around(wall: Array) -> list[tuple[Array, float]]:
-    """Corners of an upright wall between two ends (2, 2), with their heights, once around."""
+    """The corners of an upright wall between two ends (2, 2), with their heights, once around."""
     return [(wall[0], 0.0), (wall[1], 0.0), (wall[1], _TALL), (wall[0], _TALL), (wall[0], 0.0)]
 
 
@@ -138,5 +138,5 @@ def _cylinders(centres: Any, radii: Any) -> rr.Cylinders3D:
 
 
 def _infinite(value: float | None) -> float:
-    """What JSON doesn't know."""
+    """The number; null stands for infinity in JSON."""
     return float("inf") if value is None else value

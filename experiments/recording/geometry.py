@@ -1,4 +1,4 @@
-"""The looks of the compiled model as coloured triangles, a mesh a body, and the shoes of its tracks apart."""
+"""The appearance of the compiled model: one mesh of coloured triangles per body, and the shoes of its tracks."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from trackslip.logs.runlog import RunLog
 
 CHASSIS, SCANNER = "chassis", "lrf"
 BELTS = ("left_belt", "right_belt")
-"""Geoms that are a belt with its shoes, in one mesh."""
+"""Geoms that are a belt with its shoes, as one mesh."""
 _SIDES = 20  # of a cylinder
 _LOOKS = (SCANNED_GROUP, VISUAL_GROUP)
 
@@ -41,13 +41,13 @@ class Triangles:
 
 @dataclass(frozen=True)
 class Belt:
-    """A track's shoes: all alike, in a closed loop around the wheels."""
+    """The shoes of a track: identical, in a closed loop around the wheels."""
 
-    shoe: Array  # (3 F, 3) vertices of one, about its middle, lying as it does under the robot [m]
-    place: Array  # (S, 3) their middles in the chassis' frame, backwards under the robot, forwards above [m]
-    angle: Array  # (S + 1,) each one's turn about the robot's y axis, unwrapped, and the first one's again [rad]
+    shoe: Array  # (3 F, 3) vertices of one shoe about its middle, as it lies under the robot [m]
+    place: Array  # (S, 3) middles of the shoes in the chassis frame, backwards under the robot, forwards above [m]
+    angle: Array  # (S + 1,) rotation of each about the robot's y axis, unwrapped, the first one repeated [rad]
     pitch: float
-    """From shoe to shoe, along the belt [m]."""
+    """Distance between shoes along the belt [m]."""
 
     def shoes(self, travel: Array) -> tuple[Array, Array]:
         """Middles (..., S, 3) [m] and quaternions (..., S, 4), xyzw, of the shoes when the belt has run `travel` (...).
@@ -67,14 +67,14 @@ class Belt:
 
 @functools.lru_cache(maxsize=8)
 def looks(parameters: RobotParameters) -> mujoco.MjModel:
-    """The compiled field with a robot of these parameters, looks included."""
+    """The compiled field with a robot of these parameters, visual geoms included."""
     spec = mujoco.MjSpec.from_file(str(FIELD))
     parameters.apply(spec)
     return spec.compile()
 
 
 def parameters_of(log: RunLog) -> RobotParameters:
-    """The robot that drove a run, as far as its log says; for the rest the shipped one."""
+    """The parameters of the robot that drove a run, as far as its log has them; the shipped robot's for the rest."""
     known = log.metadata.get("robot") or log.metadata.get("geometry")
     if not isinstance(known, Mapping):
         return RobotParameters()
@@ -86,7 +86,7 @@ def parameters_of(log: RunLog) -> RobotParameters:
 
 
 def body(model: mujoco.MjModel, name: str, without: Collection[str] = ()) -> Triangles:
-    """What is to be seen of a body, in its own frame."""
+    """The visible geoms of a body, in its frame."""
     owner = model.body(name).id
     parts = [
         _of_geom(model, i)
@@ -97,7 +97,7 @@ def body(model: mujoco.MjModel, name: str, without: Collection[str] = ()) -> Tri
 
 
 def belt(model: mujoco.MjModel, name: str) -> tuple[Triangles, Belt | None]:
-    """A geom that is a belt with its shoes, in two: what stays, and the shoes; None where they can't be told apart."""
+    """A geom that is a belt with its shoes, in two: the band, and the shoes; None if they cannot be separated."""
     whole = _of_geom(model, model.geom(name).id)
     corner = whole.vertices.reshape(-1, 3, 3)
     label = _connected(corner)
@@ -124,10 +124,10 @@ def belt(model: mujoco.MjModel, name: str) -> tuple[Triangles, Belt | None]:
 
 
 def _connected(corner: Array) -> np.ndarray:
-    """To which piece (F,) each of F triangles (F, 3, 3) belongs; those of a piece share corners."""
+    """The piece (F,) that each of F triangles (F, 3, 3) belongs to; triangles of a piece share corners."""
     _, vertex = np.unique(np.round(corner.reshape(-1, 3), 6), axis=0, return_inverse=True)
     face = vertex.reshape(-1, 3)
-    lowest = np.arange(face.max() + 1)  # corner known to be in the same piece as each
+    lowest = np.arange(face.max() + 1)  # a corner known to be in the same piece
     while np.ptp(lowest[face], axis=1).any():
         np.minimum.at(lowest, face, lowest[face].min(axis=1, keepdims=True))
         lowest = lowest[lowest]
@@ -135,7 +135,7 @@ def _connected(corner: Array) -> np.ndarray:
 
 
 def _of_geom(model: mujoco.MjModel, i: int) -> Triangles:
-    """A geom in its body's frame."""
+    """A geom in the frame of its body."""
     kind, size = model.geom_type[i], model.geom_size[i]
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
         mesh = model.geom_dataid[i]
@@ -143,7 +143,7 @@ def _of_geom(model: mujoco.MjModel, i: int) -> Triangles:
         corners = model.mesh_vert[model.mesh_vertadr[mesh] :][model.mesh_face[first : first + faces]].reshape(-1, 3)
     elif kind == mujoco.mjtGeom.mjGEOM_BOX:
         corners = _prism(np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * size[:2], size[2])
-    else:  # a cylinder, or a capsule, whose round ends are left out
+    else:  # a cylinder, or a capsule without its round ends
         angle = np.linspace(0, 2 * np.pi, _SIDES, endpoint=False)
         corners = _prism(size[0] * np.stack([np.cos(angle), np.sin(angle)], axis=-1), size[1])
     rotation = np.zeros(9)
@@ -155,7 +155,7 @@ def _of_geom(model: mujoco.MjModel, i: int) -> Triangles:
 
 
 def _prism(section: Array, half_height: float) -> Array:
-    """Corners (3 F, 3) of an upright prism over a convex section (K, 2), counter-clockwise."""
+    """The corners (3 F, 3) of an upright prism over a convex section (K, 2), counter-clockwise."""
     count = len(section)
     low = np.column_stack([section, np.full(count, -half_height)])
     high = low * [1, 1, -1]

@@ -1,4 +1,4 @@
-"""Paths on the ground: driven, measured, and asked for."""
+"""Paths on the ground: driven, measured, and desired."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from experiments.recording.traces import Traces
 from experiments.report.colours import BLUE
 
 TRUE_COLOUR, REFERENCE_COLOUR = BLUE, "#b8b8b8"
-_ABOVE = 0.004  # height of lines on the ground, and between them [m]
+_ABOVE = 0.004  # height of lines above the ground, and above each other [m]
 
 
 def send_paths(stream: rr.RecordingStream, entity: str, traces: Traces, colour: str, estimate: bool) -> None:
-    """Where the robot drove, and where it was measured to be."""
+    """Send the true path and the measured one."""
     known = traces.estimate[np.isfinite(traces.estimate).all(axis=1)]
     lines = [("true", traces.pose, colour, 0.008)] if traces.log.truth is not None else []
     if estimate or traces.log.truth is None:
@@ -28,7 +28,7 @@ def send_paths(stream: rr.RecordingStream, entity: str, traces: Traces, colour: 
 
 
 def send_reference(stream: rr.RecordingStream, entity: str, traces: Traces) -> None:
-    """The path that the run was to follow, and the place on it where the robot should be."""
+    """Send the reference of the run, and the place on it where the robot should be."""
     if traces.reference is None:
         return
     points = at_height(traces.reference, _ABOVE)

@@ -1,4 +1,4 @@
-"""The robot in a recording: its own geometry, where it is, and the forces on it."""
+"""The robot in a recording: its geometry, its pose, and the forces on it."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from trackslip.kinematics import Array
 ROBOT = "robot"
 """Entity of the robot, below that of the run."""
 CAMERA = "camera"
-_PHASES = 8  # places of a shoe between two, so that rows repeat and pack well
-_MARKED = 11  # every so many shoes is painted, to see the belt run
-_NEWTON = 0.004  # length of a force's arrow [m/N]
+_PHASES = 8  # places of a shoe between two neighbours, so that rows repeat and compress well
+_MARKED = 11  # one shoe in so many is painted, which shows the belt moving
+_NEWTON = 0.004  # length of a force arrow [m/N]
 _BESIDE = 0.06  # distance from a pad to its arrow, which the track would hide [m]
 
 
 def send_robot(stream: rr.RecordingStream, entity: str, traces: Traces, model: mujoco.MjModel) -> None:
-    """The robot's own geometry, its shoes moving, where it is."""
+    """Send the robot's geometry and pose, with moving shoes."""
     robot = f"{entity}/{ROBOT}"
     send_poses(stream, robot, traces.time, traces.pose)
     stream.log(f"{robot}/body", mesh(geometry.body(model, geometry.CHASSIS, without=geometry.BELTS)), static=True)
@@ -38,7 +38,7 @@ def send_robot(stream: rr.RecordingStream, entity: str, traces: Traces, model: m
 
 
 def _send_shoes(stream: rr.RecordingStream, entity: str, time: Array, travel: Array, belt: geometry.Belt) -> None:
-    """Shoes of a belt that has run `travel` (T,) [m]: all go on by a pitch at most, painted ones all around."""
+    """Send a belt's shoes after `travel` (T,) [m]: all of them within one pitch, painted ones all the way around."""
     step = np.rint(travel / belt.pitch * _PHASES) / _PHASES
     changed = np.flatnonzero(np.diff(step, prepend=np.nan) != 0)
     painted = np.arange(0, len(belt.place), _MARKED)
@@ -54,7 +54,7 @@ def _send_shoes(stream: rr.RecordingStream, entity: str, time: Array, travel: Ar
 
 
 def send_camera(stream: rr.RecordingStream, runs: Sequence[Traces]) -> None:
-    """Where a camera stands that goes with the middle of the robots, without turning."""
+    """Send the position of a camera that follows the middle of the robots without turning."""
     time = max((traces.time for traces in runs), key=lambda time: float(time[-1]))
     places = [[np.interp(time, traces.time, column) for column in traces.pose.T] for traces in runs]
     middle = np.mean(places, axis=0).T
@@ -64,7 +64,7 @@ def send_camera(stream: rr.RecordingStream, runs: Sequence[Traces]) -> None:
 def send_simple_robot(
     stream: rr.RecordingStream, entity: str, traces: Traces, model: mujoco.MjModel, colour: str
 ) -> None:
-    """The robot painted in one colour, its tracks at rest."""
+    """Send the robot painted in one colour, with tracks at rest."""
     robot = f"{entity}/{ROBOT}"
     send_poses(stream, robot, traces.time, traces.pose)
     body = geometry.body(model, geometry.CHASSIS, without=("left_wheels", "right_wheels"))
@@ -74,7 +74,7 @@ def send_simple_robot(
 
 
 def send_contacts(stream: rr.RecordingStream, entity: str, traces: Traces, model: mujoco.MjModel) -> None:
-    """Forces of the ground on the pads, if the log has them, as arrows beside the pads."""
+    """Send the contact forces on the pads, if the log has them, as arrows beside the pads."""
     pads = np.array([model.geom_pos[i] for i in range(model.ngeom) if "_pad" in model.geom(i).name])
     force = None if traces.log.truth is None else traces.log.truth.contact
     if force is None or force.shape[1] != len(pads):

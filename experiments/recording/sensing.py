@@ -14,15 +14,15 @@ from trackslip.logs.scanlog import ScanLog
 
 ESTIMATE_COLOUR, PLATE_COLOUR, OTHER_COLOUR = VERMILLION, "#ff3d7f", "#8d6bd1"
 MAGNIFIED = 30.0
-"""Times that the 3-sigma ellipses of covariance are drawn too large: they are of millimetres."""
+"""Magnification of the 3-sigma ellipses of covariance, which are millimetres in size."""
 _SIGMAS = 3.0
-_ON_TOP = 0.11  # of the plate, above its middle [m]
-_MAX_RAYS = 24  # to the plate, drawn of a scan
-_EVERY_OTHER = 4  # return that isn't the plate's
+_ON_TOP = 0.11  # top of the plate above its middle [m]
+_MAX_RAYS = 24  # drawn per scan
+_EVERY_OTHER = 4  # one return in so many is drawn of those that are not the plate's
 
 
 def send_estimate(stream: rr.RecordingStream, entity: str, traces: Traces, model: mujoco.MjModel) -> None:
-    """The plate and the magnified ellipse of its position's covariance, in the rows in which it was found."""
+    """Send the plate and the magnified ellipse of its position covariance, in the rows in which it was found."""
     log = traces.log
     known = np.isfinite(traces.estimate).all(axis=1)
     if not known.any():
@@ -52,7 +52,7 @@ def send_estimate(stream: rr.RecordingStream, entity: str, traces: Traces, model
 
 
 def send_scans(stream: rr.RecordingStream, entity: str, traces: Traces, height: float) -> None:
-    """The scans' returns by cluster, the plate's or not, and rays to the plate; none are its where it wasn't found."""
+    """Send the scans' returns, and rays to the plate; in rows where it wasn't found, no return is the plate's."""
     scans = traces.log.scans
     if scans is None:
         return
@@ -75,14 +75,14 @@ def send_scans(stream: rr.RecordingStream, entity: str, traces: Traces, height: 
 
 
 def _points(origin: Array, heading: float, bearing: Array, distance: Array) -> Array:
-    """Ends (..., 3) of beams."""
+    """The end points (..., 3) of beams."""
     angle = heading + bearing
     x, y = origin[0] + distance * np.cos(angle), origin[1] + distance * np.sin(angle)
     return np.stack([x, y, np.full_like(x, origin[2])], axis=-1)
 
 
 def _others(scans: ScanLog, hit: np.ndarray, origin: Array, heading: float) -> Array:
-    """Every few of the returns (T, B', 3) that aren't the plate's, those `hit` (T, W) of the cluster; NaN elsewhere."""
+    """Some of the returns (T, B', 3) other than the plate's, which `hit` (T, W) marks in the cluster; NaN elsewhere."""
     if scans.full is None:
         return np.empty((len(scans.cluster.count), 0, 3))
     rest = scans.full.copy()

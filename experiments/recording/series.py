@@ -14,20 +14,20 @@ from experiments.recording.traces import Traces
 from trackslip.kinematics import Array
 
 LEFT, RIGHT = "#56B4E9", "#E69F00"
-"""The tracks, in every panel: of Okabe and Ito's colours, as all here."""
+"""Colours of the tracks in every panel; all colours are from Okabe and Ito's palette."""
 _AHEAD, _SIDEWAYS, _TURNING = "#009E73", "#F0E442", "#CC79A7"
 _PALE = {LEFT: "#BFE3F8", RIGHT: "#FFE0A0", _AHEAD: "#9ADFCA", _TURNING: "#F2D5E4"}
 _DIM = {LEFT: "#2B5F7D", RIGHT: "#7A5400"}
-"""Not see-through: the viewer draws a line in pieces that overlap."""
+"""Opaque: the viewer draws a line in pieces that overlap."""
 _GREY = "#8a8a8a"
-_THICK, _LINE, _THIN = 4.5, 1.5, 0.8  # widths of lines
+_THICK, _LINE, _THIN = 4.5, 1.5, 0.8  # line widths [px]
 _RARE = 5.0  # share of the time, at either end, in which slips may be off their axis [%]
 _MAX_LABELS = 4.5  # along an axis
 
 
 @dataclass(frozen=True)
 class Series:
-    """A few lines of a panel."""
+    """Some lines of a panel."""
 
     entity: str
     values: Array  # (T, n), NaN for a gap
@@ -44,10 +44,10 @@ class Panel:
     entities: tuple[str, ...]
     range: tuple[float, float] | None = None
     height: float = 1.0
-    """Beside the others'."""
+    """Relative to the other panels."""
     legend: bool = True
     tab: str = "Slip and errors"
-    """Where there are others, the tab that the panel is in."""
+    """The tab with the panel, if there are several."""
 
 
 SLIP_LAW, SLIP_IDENTIFIED, SLIP_TRUE = "slip/by_law", "slip/identified", "slip/true"
@@ -57,27 +57,27 @@ _DISTANCE = "Distance from the reference [mm]"
 _MOTION = "Twist and forces"
 PANELS = (
     Panel("Slip [-]", (SLIP_LAW, SLIP_IDENTIFIED, SLIP_TRUE), _SLIP_RANGE, 1.9),
-    Panel("Sprocket speed [rad/s]", ("sprocket/asked", "sprocket/measured"), height=1.4),
+    Panel("Sprocket speed [rad/s]", ("sprocket/command", "sprocket/measured"), height=1.4),
     Panel(_POSITION, ("error/distance", "error/position"), height=1.2),
     Panel(_HEADING, ("error/heading",), height=0.9, legend=False),
-    Panel("Twist [m/s, rad/s]", ("twist/asked", "twist/true"), height=1.5, tab=_MOTION),
+    Panel("Twist [m/s, rad/s]", ("twist/command", "twist/true"), height=1.5, tab=_MOTION),
     Panel("Load on the tracks [N]", ("contact/load",), tab=_MOTION),
     Panel("Traction of the tracks [N]", ("contact/traction",), tab=_MOTION),
 )
-"""Of one run."""
+"""Panels of a single run."""
 COMPARED = (
     Panel(_DISTANCE, ("error/distance",), height=2.0),
     Panel(_HEADING, ("error/heading",), legend=False),
     Panel("True slip [-], pale: right track", (SLIP_TRUE,), _SLIP_RANGE, legend=False),
     Panel("Identified slip [-], pale: right track", (SLIP_IDENTIFIED,), _SLIP_RANGE, legend=False),
     Panel("Sprocket speed [rad/s], pale: right track", ("sprocket/measured",), legend=False),
-    Panel("Yaw rate [rad/s], pale: asked for", ("twist/yaw",), legend=False),
+    Panel("Yaw rate [rad/s], pale: commanded", ("twist/yaw",), legend=False),
 )
-"""Of several runs; their colours are the same in all."""
+"""Panels of several runs; each run has one colour in all of them."""
 
 
 def series_of(traces: Traces) -> list[Series]:
-    """All that there is to plot of a run."""
+    """Everything that can be plotted of a run."""
     log, found = traces.log, []
 
     def add(entity: str, values: Array | None, names: tuple[str, ...], colours: tuple[str, ...], width: float) -> None:
@@ -90,26 +90,26 @@ def series_of(traces: Traces) -> list[Series]:
     add(SLIP_LAW, traces.law, (f"left, law {law}", f"right, law {law}"), (_DIM[LEFT], _DIM[RIGHT]), _THICK)
     add(SLIP_IDENTIFIED, traces.identified, ("left, identified", "right, identified"), pale_sides, _THIN)
     add(SLIP_TRUE, traces.slip, ("left, true", "right, true"), sides, _LINE)
-    add("sprocket/asked", log.command, ("left, set point", "right, set point"), pale_sides, _THICK)
+    add("sprocket/command", log.command, ("left, set point", "right, set point"), pale_sides, _THICK)
     add("sprocket/measured", log.omega, ("left, measured", "right, measured"), sides, _LINE)
     if traces.error is not None and traces.distance is not None:
         millimetres = 1e3 * traces.error[:, :2]
         add("error/distance", 1e3 * traces.distance[:, None], ("distance",), (_GREY,), _THICK)
         add("error/position", millimetres, ("ahead", "to the left"), (_AHEAD, _SIDEWAYS), _LINE)
         add("error/heading", np.degrees(traces.error[:, 2:]), ("heading",), (_TURNING,), _LINE)
-    add("twist/asked", log.twist_command, ("v asked for [m/s]", "w asked for [rad/s]"), pale_ways, _THICK)
+    add("twist/command", log.twist_command, ("v commanded [m/s]", "w commanded [rad/s]"), pale_ways, _THICK)
     if log.truth is not None:
         add("twist/true", log.truth.twist[:, [0, 2]], ("v true [m/s]", "w true [rad/s]"), ways, _LINE)
         add("contact/traction", log.truth.traction, ("left, traction", "right, traction"), sides, _THIN)
         if log.truth.contact is not None:
-            left = log.truth.contact.shape[1] // 2  # the pads stand left before right
+            left = log.truth.contact.shape[1] // 2  # the left pads come before the right ones
             load = np.stack([part.sum(axis=1) for part in np.split(log.truth.contact[..., 2], [left], axis=1)], axis=-1)
             add("contact/load", load, ("left, load", "right, load"), sides, _LINE)
     return found
 
 
 def panels(runs: Sequence[Traces]) -> list[Panel]:
-    """PANELS of a run, or COMPARED of several, with ranges that can be read, those of errors after the transients."""
+    """PANELS of one run, or COMPARED of several, with readable ranges; those of errors leave out the transients."""
     chosen = PANELS if len(runs) == 1 else COMPARED
     late = [error for traces in runs if (error := traces.late_error) is not None]
     slip = _slip_range(runs)
@@ -124,7 +124,7 @@ def panels(runs: Sequence[Traces]) -> list[Panel]:
 
 
 def _range_of(panel: Panel, lines: Sequence[Series]) -> tuple[float, float] | None:
-    """A range that holds all values of those of the lines that a panel shows; None without any."""
+    """A range with all values that a panel shows of the lines; None without any."""
     shown = [line.values for line in lines if line.entity in panel.entities]
     values = np.concatenate([value.ravel() for value in shown]) if shown else np.empty(0)
     values = values[np.isfinite(values)]
@@ -132,12 +132,12 @@ def _range_of(panel: Panel, lines: Sequence[Series]) -> tuple[float, float] | No
 
 
 def _lines(traces: Traces, runs: int) -> list[Series]:
-    """What is plotted of one of so many runs."""
+    """The lines of one of several runs."""
     return series_of(traces) if runs == 1 else compared_series(traces, "", LEFT, LEFT)
 
 
 def _slip_range(runs: Sequence[Traces]) -> tuple[float, float]:
-    """_SLIP_RANGE, and farther where robots slip more than that for more than moments."""
+    """_SLIP_RANGE, extended if robots slip more than that for more than moments."""
     known = [slip for traces in runs if (slip := traces.identified if traces.slip is None else traces.slip) is not None]
     columns = [column[np.isfinite(column)] for slip in known for column in slip.T]
     shares = [np.percentile(column, (_RARE, 100 - _RARE)) for column in columns if column.size]
@@ -147,9 +147,9 @@ def _slip_range(runs: Sequence[Traces]) -> tuple[float, float]:
 
 
 def readable(values: Array) -> tuple[float, float]:
-    """The range of an axis with zero, all values, and at least two labels: the viewer has them at powers of ten only.
+    """The range of an axis with zero, all values, and at least two labels, which the viewer puts at powers of ten.
 
-    The same power's multiples all, and only so many that a low panel has room for them.
+    The labels are multiples of one power, few enough for a low panel.
     """
     low, high = min(float(values.min()), 0.0), max(float(values.max()), 0.0)
     margin = 0.08 * max(high - low, 1e-3)
@@ -161,7 +161,7 @@ def readable(values: Array) -> tuple[float, float]:
 
 
 def compared_series(traces: Traces, name: str, colour: str, pale: str) -> list[Series]:
-    """What is plotted of a run beside others, in its own colour."""
+    """The lines of a run beside others, in its own colour."""
     kept = {entity for panel in COMPARED for entity in panel.entities}
     found = []
     for series in series_of(traces):
@@ -171,7 +171,7 @@ def compared_series(traces: Traces, name: str, colour: str, pale: str) -> list[S
             found.append(Series(series.entity, series.values, names, (colour, pale) if two else (colour,)))
     truth, asked = traces.log.truth, traces.log.twist_command
     yaw = [(f"{name}, true", colour, truth.twist[:, 2])] if truth is not None else []
-    yaw += [(f"{name}, asked", pale, asked[:, 1])] if asked is not None else []
+    yaw += [(f"{name}, commanded", pale, asked[:, 1])] if asked is not None else []
     if yaw:
         names, colours, values = zip(*yaw, strict=True)
         found.append(Series("twist/yaw", np.stack(values, axis=-1), names, colours))

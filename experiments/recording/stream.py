@@ -1,4 +1,4 @@
-"""One run, or several side by side, into a stream of rerun's."""
+"""Send one run, or several side by side, to a rerun stream."""
 
 from __future__ import annotations
 
@@ -20,27 +20,27 @@ from trackslip.logs.runlog import RunLog
 
 APPLICATION = "trackslip"
 RUN = "run"
-"""Entity of a single run; of several, it holds an entity each."""
+"""Entity of a single run; it contains one entity per run if there are several."""
 _DISTINCT = (BLUE, "#D55E00", "#009E73", "#E69F00", "#CC79A7", "#56B4E9", "#F0E442", "#B8B8B8", "#8C510A", "#6A3D9A")
 
 
 def new_stream(title: str) -> rr.RecordingStream:
-    """A stream for a recording of its own."""
+    """A stream for a new recording."""
     stream = rr.RecordingStream(APPLICATION, recording_id=uuid4())
     stream.send_recording_name(title)
     return stream
 
 
 def send(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Path | None = None) -> float:
-    """A run, or several to compare; `laws` is a file of identified laws, by default the shipped one.
+    """Send a run, or several for comparison; `laws` is a file of identified laws, by default the shipped one.
 
-    Returns when it becomes interesting [s].
+    Returns the start of the loop that the viewer plays [s].
     """
     return send_run(stream, logs[0], laws) if len(logs) == 1 else send_comparison(stream, logs, laws)
 
 
 def send_run(stream: rr.RecordingStream, log: RunLog, laws: Path | None = None) -> float:
-    """Everything about a run; returns when it becomes interesting [s]."""
+    """Send everything about one run; returns the start of the loop to play [s]."""
     traces = traces_of(log, laws)
     model = looks(parameters_of(log))
     within = _within([traces])
@@ -63,7 +63,7 @@ def send_run(stream: rr.RecordingStream, log: RunLog, laws: Path | None = None) 
 
 
 def send_comparison(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Path | None = None) -> float:
-    """Several runs on the same time line, each in a colour of its own; returns when they become interesting [s]."""
+    """Send several runs on one time line, each in its own colour; returns the start of the loop to play [s]."""
     runs = [traces_of(log, laws) for log in logs]
     within = _within(runs)
     field.send_field(stream, runs[0], looks(parameters_of(logs[0])), within)
@@ -80,7 +80,7 @@ def send_comparison(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Pa
         columns.send_series(stream, root, traces.time, series)
         columns.send_properties(stream, f"{RUN}_{number}", {"name": traces.log.run, **traces.log.metadata})
         path = str([traces.log.metadata.get(key) for key in ("reference", "circle")])
-        if path not in drawn:  # runs that share a reference share its picture
+        if path not in drawn:  # runs with the same reference share its picture
             paths.send_reference(stream, f"reference/{len(drawn)}", traces)
             drawn.add(path)
         roots.append(root)
@@ -93,7 +93,7 @@ def send_comparison(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Pa
 
 
 def telling_names(names: Sequence[str]) -> list[str]:
-    """Names of runs without the words that all of them have."""
+    """The runs' names without the words that all of them share."""
     words = [name.split() for name in names]
     if len({len(name) for name in words}) > 1:
         return list(names)
@@ -102,7 +102,7 @@ def telling_names(names: Sequence[str]) -> list[str]:
 
 
 def run_colours(logs: Sequence[RunLog]) -> list[str]:
-    """A colour a run: that of its compensation, where no two have the same."""
+    """One colour per run: that of its compensation, if no two are the same."""
     names = [str(log.metadata.get("compensation")) for log in logs]
     if len(set(names)) == len(names) and set(names) <= set(COLOURS):
         on_dark = {"published": "#e6e6e6"}
@@ -116,7 +116,7 @@ def paler(colour: str) -> str:
 
 
 def _within(runs: Sequence[Traces]) -> Array:
-    """Points (n, 2) that everything of interest lies between."""
+    """Points (n, 2) that enclose everything of interest."""
     points = [traces.pose[:, :2] for traces in runs]
     points += [traces.reference[:, :2] for traces in runs if traces.reference is not None]
     points += [mount[None, :2] for traces in runs if (mount := field.mount_of(traces)) is not None]

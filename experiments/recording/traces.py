@@ -1,4 +1,4 @@
-"""What is shown of a run over time, from its log."""
+"""Quantities over time, derived from a run's log."""
 
 from __future__ import annotations
 
@@ -23,41 +23,41 @@ from trackslip.slip.law_file import SHIPPED, load_laws
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.segmented import circle
 
-_MIN_SPROCKET_SPEED = 0.3  # sprocket speed below which a slip is a quotient of noise [rad/s]
-_POLE = 0.5  # beyond it a law is near its pole [-]
-_BELOW_TOP = 1 - 1e-9  # of the top speed: what is below it wasn't scaled down to it
-_BY_DEFAULT = "icr_radius"  # the law shown of a run that was compensated by none
+_MIN_SPROCKET_SPEED = 0.3  # below it a slip is a quotient of noise [rad/s]
+_POLE = 0.5  # slip beyond which a law is near its pole [-]
+_BELOW_TOP = 1 - 1e-9  # factor on the top speed: slower set points were not scaled down to it
+_BY_DEFAULT = "icr_radius"  # law shown for a run without compensation
 
 
 @dataclass(frozen=True)
 class Traces:
-    """A run, ready to be drawn: T rows. What a log doesn't tell is None, what it doesn't tell in a row NaN."""
+    """A run of T rows, ready to be drawn. What a log doesn't have is None; what it lacks in a row is NaN."""
 
     log: RunLog
     time: Array  # (T,) since the first row [s]
-    pose: Array  # (T, 3) where the robot is: the true pose, or without truth the last one measured
-    estimate: Array  # (T, 3) where it was measured to be, NaN where it wasn't
-    reference: Array | None  # (T, 3) where it should be
-    error: Array | None  # (T, 3) the distance to there, in the body frame [m, m, rad]
+    pose: Array  # (T, 3) true pose, or the last one measured if there is no truth
+    estimate: Array  # (T, 3) measured pose, NaN where there is none
+    reference: Array | None  # (T, 3) desired pose
+    error: Array | None  # (T, 3) pose error in the body frame [m, m, rad]
     slip: Array | None  # (T, 2) true [-]
-    identified: Array | None  # (T, 2) of the measured poses, smoothed [-]
-    law: Array | None  # (T, 2) that a law gives at the curvature asked for, or else driven [-]
+    identified: Array | None  # (T, 2) from the smoothed measured poses [-]
+    law: Array | None  # (T, 2) by a law, at the commanded curvature, else at the one driven [-]
     law_name: str
 
     @property
     def distance(self) -> Array | None:
-        """(T,) from where the robot should be [m]."""
+        """(T,) distance from the desired position [m]."""
         return None if self.error is None else np.hypot(self.error[:, 0], self.error[:, 1])
 
     @property
     def late_error(self) -> Array | None:
-        """The error (T', 3) once the transient is over; None for a shorter run [m, m, rad]."""
+        """The error (T', 3) after the transient; None for a shorter run [m, m, rad]."""
         late = self.time >= TRANSIENT
         return None if self.error is None or not late.any() else self.error[late]
 
     @property
     def moment(self) -> float:
-        """When it is interesting: at the largest error once the transient is over, or else midway [s]."""
+        """The moment of interest: the largest error after the transient, else the middle of the run [s]."""
         late = self.late_error
         if late is None:
             return float(self.time[len(self.time) // 2])
@@ -65,7 +65,7 @@ class Traces:
 
 
 def traces_of(log: RunLog, laws: Path | None = None) -> Traces:
-    """What can be shown of a run; `laws` is a file of identified laws, by default the shipped one."""
+    """Derive the traces of a run; `laws` is a file of identified laws, by default the shipped one."""
     estimate = np.where(log.is_valid[:, None], log.pose, np.nan)
     pose = _held(estimate) if log.truth is None else log.truth.pose
     path = reference_of(log)
@@ -77,7 +77,7 @@ def traces_of(log: RunLog, laws: Path | None = None) -> Traces:
         identified, driven = _identified_slip(log, geometry)
         if log.truth is not None:
             twist = log.truth.twist[:, [0, 2]]
-            mean = (twist + np.concatenate([twist[:1], twist[:-1]])) / 2  # as measured sprocket speeds are means
+            mean = (twist + np.concatenate([twist[:1], twist[:-1]])) / 2  # measured sprocket speeds are means, too
             true, driven = _slip(log.omega, mean, geometry), mean
         law, name = _slip_by_law(log, geometry, driven if log.twist_command is None else log.twist_command, laws)
     return Traces(
@@ -95,7 +95,7 @@ def traces_of(log: RunLog, laws: Path | None = None) -> Traces:
 
 
 def geometry_of(log: RunLog) -> RobotGeometry | None:
-    """What a log says of its robot."""
+    """The robot's geometry, if the log has it."""
     known = log.metadata.get("geometry")
     try:
         return RobotGeometry(**known) if isinstance(known, Mapping) else None
@@ -104,7 +104,7 @@ def geometry_of(log: RunLog) -> RobotGeometry | None:
 
 
 def reference_of(log: RunLog) -> Reference | None:
-    """The path that a run was to follow, if its log says so and the path is still to be had."""
+    """The reference of a run, if the log names it and it still exists."""
     name, arc = log.metadata.get("reference"), log.metadata.get("circle")
     if name is None:
         return None
@@ -119,7 +119,7 @@ def _slip(omega: Array, twist: Array, geometry: RobotGeometry) -> Array:
 
 
 def _identified_slip(log: RunLog, geometry: RobotGeometry) -> tuple[Array | None, Array | None]:
-    """Slips (T, 2) of the smoothed measured poses, and the twists (T, 2) that these give; None without enough poses."""
+    """Slips (T, 2) from the smoothed measured poses, and their twists (T, 2); None if there are too few poses."""
     try:
         motion = smooth_motion(log)
     except TrackslipError:
@@ -134,7 +134,7 @@ def _identified_slip(log: RunLog, geometry: RobotGeometry) -> tuple[Array | None
 def _slip_by_law(
     log: RunLog, geometry: RobotGeometry, twist: Array | None, file: Path | None
 ) -> tuple[Array | None, str]:
-    """Slips (T, 2) by the law that compensated a run, or else by a constant ICR, and the law's name."""
+    """Slips (T, 2) by the law that compensated the run, else by a constant ICR, and the law's name."""
     if twist is None:
         return None, ""
     name = str(log.metadata.get("compensation", "none"))
@@ -156,9 +156,9 @@ def _slip_by_law(
 
 
 def _compensated(log: RunLog, geometry: RobotGeometry) -> Array | None:
-    """The slips (T, 2) between the twists asked for and the set points: what a law gave, wherever it came from.
+    """The slips (T, 2) between commanded twists and set points: those of the law, wherever it came from.
 
-    NaN where the set points were scaled down to the top speed; None where that isn't known.
+    NaN where the set points were scaled down to the top speed; None if that isn't known.
     """
     drive = log.metadata.get("drive")
     fastest = drive.get("top_speed") if isinstance(drive, Mapping) else None
@@ -170,7 +170,7 @@ def _compensated(log: RunLog, geometry: RobotGeometry) -> Array | None:
 
 
 def _held(pose: Array) -> Array:
-    """Poses (T, 3) with the last known one, at the start the first, in place of those that are NaN."""
+    """Poses (T, 3) with NaN replaced by the last known pose, or at the start by the first."""
     known = np.isfinite(pose).all(axis=1)
     if not known.any():
         return np.zeros_like(pose)

@@ -15,6 +15,7 @@ from experiments.options.benchmark import Case
 from experiments.report.figures import leaderboard as figures
 from experiments.report.figures.style import law_line
 from experiments.report.page import Drawing, Page, conditions, file_name, render_page
+from experiments.storage.manifest import relative
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.table import runs_from_table
 
@@ -89,14 +90,19 @@ def _path_figures(runs_file: Path, cases: Sequence[Case]) -> Iterator[_Figure]:
             )
             style = {key: figures.controller_line(k) for k, key in enumerate(controllers)}
             yield _figure(
-                runs_file, chosen, style, f"{name}: controllers", f"All with {figures.compensation_name(favourite)}"
+                runs_file,
+                chosen,
+                style,
+                f"{relative(name)}: controllers",
+                f"All with {figures.compensation_name(favourite)}",
             )
         if len(compensations) > 1:
             for controller in [c for c in (*_REPRESENTATIVES, *controllers) if c in controllers][:2]:
                 one = [case for case in here if case.controller == controller]
                 chosen = _first([case for case in one if case.start == one[0].start], "compensation")
                 line = {key: law_line(key) for key in chosen}
-                yield _figure(runs_file, chosen, line, f"{name}: {controller} with each compensation", "")
+                heading = f"{relative(name)}: {relative(controller)} with each compensation"
+                yield _figure(runs_file, chosen, line, heading, "")
 
 
 def _commonest_start(cases: Sequence[Case]) -> str:
@@ -119,7 +125,7 @@ def _figure(
     logs = {log.run: log for log in _read(runs_file, [case.run for case in chosen.values()])}
     one = next(iter(chosen.values()))
     lines = {figures.compensation_name(key): (logs[case.run], dict(style[key])) for key, case in chosen.items()}
-    caption = f"{what + ', o' if what else 'O'}n {one.ground}, start {one.start}, seed {one.seed}."
+    caption = f"{what + ', o' if what else 'O'}n {relative(one.ground)}, start {one.start}, seed {one.seed}."
     return _Figure(Drawing(f"paths_{file_name(heading)}", figures.paths(one.reference, lines)), heading, caption)
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import io
-import os
 import re
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,6 +17,7 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from experiments.report.formats import MISSING
+from experiments.storage.manifest import relative
 from experiments.storage.results import FIGURES_FOLDER, REPORT_FILE
 
 
@@ -85,14 +85,6 @@ def render_page(template: str, *, title: str, command: str, manifest: Mapping[st
     return environment.get_template(template).render(
         title=title, command=relative_command(command), manifest=list(_flatten(manifest)), **context
     )
-
-
-def relative(text: str) -> str:
-    """An absolute path, also one after NAME=, relative to the current folder; any other text unchanged."""
-    name, equals, path = text.partition("=")
-    if not equals:
-        name, path = "", text
-    return f"{name}{equals}{os.path.relpath(path)}" if os.path.isabs(path) else text
 
 
 def relative_command(command: str) -> str:

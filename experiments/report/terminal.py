@@ -81,7 +81,8 @@ def _shown(
             yield advance
         return
     with Progress(TextColumn("{task.description:<34}"), BarColumn(), *columns, console=console) as bar:
-        task = bar.add_task(stage, total=total, completed=done)
+        task = bar.add_task(stage, total=total)
+        bar.update(task, completed=done)
         try:
             yield lambda passed: bar.advance(task, passed)
         except BaseException:

@@ -1,22 +1,23 @@
-"""`trackslip bench --env`: what the learning environments cost, against the bare engine in the same motion.
+"""The cost of the learning environments, compared with the bare engine in the same motion.
 
-Robots follow their references, with actions made from observations by a line of arithmetic. A turn of the bare engine
-does what the vector environment did in the turn before: same robots, same start, same belt speeds in every control
-period. The single environments, in gymnasium's SyncVectorEnv, drive the same way.
+Robots follow their references; a line of arithmetic turns observations into actions. A turn of the bare engine repeats
+what the vector environment did in the turn before: same robots, same start, same belt speeds in every control period.
+The single environments, in gymnasium's SyncVectorEnv, drive the same way.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
 
 import gymnasium
 import numpy as np
-from mujoco import batch
 
 from experiments.options.bench import BenchConfig
+from experiments.speed.bare import bare_batch
 from sim.path_tracking.config import PERIOD
 from sim.vector_env import PathTrackingVectorEnv
 from trackslip.kinematics import Array
@@ -28,13 +29,31 @@ _OPTIONS: dict[str, Any] = {
     "action": "twist",
     "compensation": "icr_radius",
 }
-_BACK = np.array([0.5, 1.0, 1.0])  # of the errors, as they are observed, into the twist
+_BACK = np.array([0.5, 1.0, 1.0])  # gains from the observed errors to the twist
 _SINGLE_SHARE = 0.25  # of the control periods: single environments take so much longer
 _UNDER_WAY = 40  # control periods after which all robots drive
 
 
+@dataclass(frozen=True)
+class EnvSpeed:
+    """Speed of the environments."""
+
+    case: str
+    n: int
+    """Number of robots."""
+    threads: int
+    steps_per_s: float
+    """Physics steps per second, all robots together [1/s]."""
+    ratio_to_bare: float
+    """Speed over that of the bare engine [-]."""
+    ratio_to_single: float
+    """Speed over that of single environments [-]."""
+    real_time_factor: float
+    """Simulated robot-seconds per second [-]."""
+
+
 class EnvRig:
-    """N robots under way, natively and one by one, and the bare engine."""
+    """N robots under way, in the vector environment and in single ones, and the bare engine."""
 
     def __init__(self, size: int, threads: int, seed: int) -> None:
         """`size` robots on `threads` worker threads."""
@@ -44,9 +63,7 @@ class EnvRig:
         self._seen = {VECTOR: self._native.reset(seed=seed)[0], SINGLE: self._singles.reset(seed=seed)[0]}
         fleet = self._native.tracking.fleet
         self._fleet = fleet
-        self._bare = batch.Batch(fleet.robot.model, size, nthread=threads)
-        for name in ("geom_surfacevel", "pair_friction"):
-            self._bare.expand(name)[:] = fleet.batch.expand(name)
+        self._bare = bare_batch(fleet)
         self._surface = self._bare.expand("geom_surfacevel")[:, fleet.robot.pads, 2]  # live
         self.steps_per_period = round(PERIOD / fleet.robot.model.opt.timestep)
         self.drive(VECTOR, _UNDER_WAY)
@@ -54,7 +71,7 @@ class EnvRig:
         self._record(1)
 
     def rates(self, periods: int) -> dict[str, float]:
-        """Physics steps per second, all robots together, of every case in a turn."""
+        """Physics steps per second, all robots together, of every case in one turn."""
         few = max(1, math.ceil(_SINGLE_SHARE * periods))
         taken = {
             VECTOR: (periods, self._record(periods)),
@@ -64,7 +81,7 @@ class EnvRig:
         return {case: self.size * n * self.steps_per_period / seconds for case, (n, seconds) in taken.items()}
 
     def drive(self, case: str, periods: int) -> None:
-        """Let an environment follow its references."""
+        """Let the robots of an environment follow their references."""
         env = self._native if case == VECTOR else self._singles
         for _ in range(periods):
             seen = self._seen[case]
@@ -72,7 +89,7 @@ class EnvRig:
             self._seen[case] = env.step(np.clip(twist, -1, 1).astype(np.float32))[0]
 
     def _record(self, periods: int) -> float:
-        """Drive natively, remembering the belts; the time that it took, without that [s]."""
+        """Drive in the vector environment and record the belt speeds; the time that driving took [s]."""
         self._bare.state[:] = self._fleet.batch.state
         self._belts: list[Array] = []
         seconds = 0.0
@@ -82,14 +99,17 @@ class EnvRig:
         return seconds
 
     def _repeat(self) -> None:
-        """What was recorded, by the bare engine."""
+        """Repeat the recorded motion in the bare engine."""
         for belts in self._belts:
             self._surface[:] = belts
             self._bare.step(nstep=self.steps_per_period)
 
 
 def measure_env(config: BenchConfig, step: Callable[[str], None]) -> dict[tuple[str, int], Array]:
-    """Rates (R,) of every case and number of threads in R rounds; the first round isn't counted."""
+    """Rates (R,) of every case and number of threads in R rounds; the first round does not count.
+
+    `step` is called with a label after each round.
+    """
     rates: dict[tuple[str, int], list[float]] = {}
     periods = max(2, math.ceil(config.seconds / (config.env_size * PERIOD) - 1e-9))
     rigs = {threads: EnvRig(config.env_size, threads, config.seed) for threads in config.thread_counts}
@@ -102,18 +122,18 @@ def measure_env(config: BenchConfig, step: Callable[[str], None]) -> dict[tuple[
     return {key: np.array(measured) for key, measured in rates.items()}
 
 
-def env_rows(config: BenchConfig, rates: dict[tuple[str, int], Array], timestep: float) -> list[dict[str, Any]]:
-    """A row for each case; ratios are medians over those of the rounds."""
+def env_speeds(config: BenchConfig, rates: dict[tuple[str, int], Array], timestep: float) -> list[EnvSpeed]:
+    """One for each case; a physics step is `timestep` [s] long. Ratios are medians over those of the rounds."""
     return [
-        {
-            "case": case,
-            "n": config.env_size,
-            "threads": threads,
-            "steps_per_s": float(np.median(rates[case, threads])),
-            "ratio_to_bare": float(np.median(rates[case, threads] / rates[BARE, threads])),
-            "ratio_to_single": float(np.median(rates[case, threads] / rates[SINGLE, threads])),
-            "real_time_factor": float(np.median(rates[case, threads])) * timestep,
-        }
+        EnvSpeed(
+            case=case,
+            n=config.env_size,
+            threads=threads,
+            steps_per_s=float(np.median(rates[case, threads])),
+            ratio_to_bare=float(np.median(rates[case, threads] / rates[BARE, threads])),
+            ratio_to_single=float(np.median(rates[case, threads] / rates[SINGLE, threads])),
+            real_time_factor=float(np.median(rates[case, threads])) * timestep,
+        )
         for threads in config.thread_counts
         for case in ENV_CASES
     ]

@@ -1,12 +1,15 @@
-"""What is needed to make a result again: options, code, models, versions of the libraries, git state."""
+"""What is needed to reproduce a result: options, code, models, versions of the libraries, git state."""
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import hashlib
 import importlib.metadata
 import json
+import os
 import platform
+import re
 import shlex
 import subprocess
 import sys
@@ -27,12 +30,15 @@ _PACKAGES = ("trackslip", "mujoco", "numpy", "scipy", "pyarrow", "matplotlib", "
 
 
 def make_manifest(command: str, config: Any, wall_s: float, **more: Any) -> dict[str, Any]:
-    """What is needed to make a result again: resolved options, versions, git state, and what is in `more`."""
+    """What is needed to reproduce a result: resolved options, versions, git state, and what is in `more`.
+
+    Paths are relative to the current folder, so that a manifest says nothing about the machine's folders.
+    """
     return {
         "format": FORMAT,
         "command": command,
-        "arguments": sys.argv[1:],
-        "config": plain(config),
+        "arguments": [relative(argument) for argument in sys.argv[1:]],
+        "config": _relative_paths(plain(config)),
         "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "wall_s": round(wall_s, 3),
         "versions": versions(),
@@ -48,8 +54,27 @@ def versions() -> dict[str, str | None]:
 
 
 def command_line(command: str) -> str:
-    """The command as it was given."""
-    return shlex.join(["trackslip", *(sys.argv[1:] or [command])])
+    """The command as it was given, with all its paths relative to the current folder."""
+    return shlex.join(["trackslip", *(map(relative, sys.argv[1:] or [command]))])
+
+
+def relative(text: str) -> str:
+    """An absolute path, also one after NAME= or NAME:, relative to the current folder; any other text unchanged."""
+    path = re.sub(r"^[\w.-]+[=:](?=/[^/])", "", text)
+    if not os.path.isabs(path):
+        return text
+    with contextlib.suppress(ValueError):  # on another drive
+        return text.removesuffix(path) + os.path.relpath(path)
+    return text
+
+
+def _relative_paths(value: Any) -> Any:
+    """JSON whose texts are `relative`."""
+    if isinstance(value, dict):
+        return {key: _relative_paths(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_relative_paths(item) for item in value]
+    return relative(value) if isinstance(value, str) else value
 
 
 @functools.cache

@@ -1,4 +1,4 @@
-"""Where results go: one folder a command, complete or not at all."""
+"""Folders of results: one per command, complete or not at all."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ REPORT_FILE = "report.html"
 LEADERBOARD_FILE = "leaderboard.md"
 TABLE_FILE = "table.parquet"
 FIGURES_FOLDER = "figures"
-"""A folder of figures as files."""
+"""Folder of figures."""
 RECORDINGS_FOLDER = "recordings"
-"""A folder of recordings for the rerun viewer."""
+"""Folder of recordings for the rerun viewer."""
 
 FOLDERS = {FIGURES_FOLDER: (".svg", ".pdf"), RECORDINGS_FOLDER: (".rrd",)}
-"""Folders among the results, and how the names of what is in them end; the rest are files."""
+"""Folders among the results, and the suffixes of the files in them; everything else is a file."""
 
 _FILES = (SUMMARY_FILE, RUNS_FILE, REPORT_FILE, LEADERBOARD_FILE, TABLE_FILE)
 _PARTIAL, _OLD = ".partial-", ".old"
@@ -42,15 +42,14 @@ _PARTIAL, _OLD = ".partial-", ".old"
 
 @contextlib.contextmanager
 def results_folder(out: Path, then: Callable[[], None] = lambda: None) -> Iterator[Path]:
-    """A folder to write into, whose files are moved to `out` when the block ends well, else deleted.
+    """A folder to write into; its files are moved to `out` if the block succeeds, and deleted if it doesn't.
 
-    `then` is called once they are there, before another command can write to `out`.
-
-    Until the block ends no other command can write to `out`; what killed ones left there is deleted.
+    `then` is called once they are in place, before another command can write to `out`. Until then no other command can;
+    what killed commands left there is deleted.
 
     Raises:
-        OutputError: at once, before anything is computed, when `out` can't be written or another command writes to it;
-            later, when the disk is full.
+        OutputError: at once, before anything is computed, if `out` can't be written or another command is writing
+            there; later, if the disk is full.
     """
     made: list[Path] = []
     try:
@@ -82,7 +81,7 @@ def results_folder(out: Path, then: Callable[[], None] = lambda: None) -> Iterat
 
 
 def _reason(error: OSError) -> str:
-    """Why a file can't be written, in the system's words; pyarrow has longer ones."""
+    """Why a file cannot be written, in the system's words; pyarrow's are longer."""
     if isinstance(error, FileExistsError):
         return "it is not a folder"
     return os.strerror(error.errno) if error.errno else str(error)
@@ -95,9 +94,9 @@ def _require_files(out: Path, names: Iterable[str]) -> None:
 
 
 def _replace(staging: Path, out: Path) -> None:
-    """Put the new files in place of the old ones, the manifest last: what it stands beside is complete.
+    """Replace the old files by the new ones, the manifest last, which marks them as complete.
 
-    When that fails, the old ones are put back.
+    If that fails, the old ones are put back.
     """
     new = {file.name for file in staging.iterdir()}
     _require_files(out, sorted(new - set(FOLDERS)))
@@ -127,7 +126,7 @@ def _replace(staging: Path, out: Path) -> None:
 
 
 def _restore(left: Path, out: Path) -> None:
-    """Put back the results that a command had moved out of the way when it was killed."""
+    """Put back the results that a killed command had moved out of the way."""
     if not (left / _OLD / MANIFEST_FILE).exists() or (out / MANIFEST_FILE).exists():
         return
     for old in sorted((left / _OLD).iterdir(), key=lambda file: file.name == MANIFEST_FILE):
@@ -137,7 +136,7 @@ def _restore(left: Path, out: Path) -> None:
 
 
 def _require_own(out: Path, name: str, endings: tuple[str, ...]) -> None:
-    """Refuse a folder of FOLDERS that no command made: it would be deleted."""
+    """Refuse a folder of FOLDERS that no command has made, because it would be deleted."""
     folder = out / name
     if not folder.exists():
         return
@@ -145,11 +144,11 @@ def _require_own(out: Path, name: str, endings: tuple[str, ...]) -> None:
         raise OutputError(f"out = {str(out)!r}: {name} is a file there, and must be a folder or absent")
     files = list(folder.iterdir())
     if files and not ((out / MANIFEST_FILE).is_file() and all(file.suffix in endings for file in files)):
-        raise OutputError(f"out = {str(out)!r}: {name} there holds files that aren't of these results; move it away")
+        raise OutputError(f"out = {str(out)!r}: {name} there contains files that aren't part of results; move it away")
 
 
 def write_results(folder: Path, logs: Sequence[RunLog], summary: Mapping[str, Any], about: Mapping[str, Any]) -> None:
-    """Write what every command that drives leaves: RUNS_FILE, SUMMARY_FILE and MANIFEST_FILE."""
+    """Write what every command that drives leaves: runs, summary and manifest."""
     write_runs(folder, logs)
     write_json(folder / SUMMARY_FILE, summary)
     write_json(folder / MANIFEST_FILE, about)
@@ -181,7 +180,7 @@ def write_samples(folder: Path, samples: SlipSamples) -> None:
 
 @contextlib.contextmanager
 def arrow_errors(file: Path) -> Iterator[None]:
-    """Make OutputErrors of pyarrow's own errors, those that aren't the system's."""
+    """Turn pyarrow's own errors, unlike those of the system, into OutputErrors."""
     import pyarrow as pa
 
     try:

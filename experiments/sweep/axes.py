@@ -42,7 +42,7 @@ def axes_of(config: SweepConfig) -> dict[str, tuple[Any, ...]]:
         given[name] = _checked(name, tuple(part.strip() for part in listed.split(",")), f"vary {name}")
     from_file = {} if config.sweep is None else _flat(read_toml(config.sweep), str(config.sweep))
     if config.sweep is not None and not from_file:
-        raise SettingsFileError(f"{config.sweep}: it has no axis")
+        raise SettingsFileError(f"{config.sweep}: defines no axis")
     for name, values in from_file.items():
         _require_new(given, name, str(config.sweep))
         try:

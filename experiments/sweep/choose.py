@@ -1,4 +1,4 @@
-"""Some of the runs of a stored sweep, by what varies in it."""
+"""Choose runs of a stored sweep by the values of its axes."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def chosen(folder: Path, where: Sequence[str]) -> set[str]:
 
 
 def _is(value: Any, text: str) -> bool:
-    """Whether a value is what is written."""
+    """Whether a value equals its text."""
     if str(value) == text or (isinstance(value, bool) and str(value).lower() == text):
         return True
     with contextlib.suppress(ValueError):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from experiments.driving.failures import failure_text, logs_until
 from experiments.driving.grid_runs import drive_cells
 from experiments.measuring.grid import LocalizationErrors
 from experiments.storage.parts import Part
@@ -12,7 +13,7 @@ from experiments.sweep.plan import Run
 from experiments.sweep.rows import RunRow
 from sim.runs import Progress
 from sim.stopwatch import Stopwatch
-from trackslip.errors import LogError, TrackslipError
+from trackslip.errors import LogError
 from trackslip.identification.samples import true_samples, usable_samples
 from trackslip.logs.runlog import RunLog
 
@@ -23,6 +24,8 @@ class DrivenFleet:
 
     part: Part
     """Rows (of RunRow) and logs of its runs."""
+    unfinished: list[RunLog]
+    """What was recorded of runs that failed, until they did; empty unless recordings are wanted."""
     stages: dict[str, float]
     """Work by stage [s]."""
     duration: float
@@ -36,28 +39,28 @@ def drive(runs: Sequence[Run], threads: int = 1, report: Progress = lambda secon
     """
     watch = Stopwatch()
     outcomes = _outcomes(runs, threads, lambda seconds: report(seconds * len(runs)), watch)
-    rows = []
+    rows, logs, unfinished = [], [], []
     for run, outcome in zip(runs, outcomes, strict=True):
         row = RunRow(run.name, run.id, run.axes)
         if isinstance(outcome, RunLog):
             with watch.stage("slips"):
                 rows.append(_measured(outcome, run, row))
+            logs.append(outcome)
         else:
-            rows.append(replace(row, error=outcome))
-    logs = [outcome for outcome in outcomes if isinstance(outcome, RunLog)]
+            rows.append(replace(row, error=failure_text(outcome)))
+            unfinished += logs_until(outcome) if run.config.rrd else []
     with watch.stage("storing"):
         part = Part.of([row.to_json() for row in rows], logs)
-    return DrivenFleet(part, watch.stages, sum(run.config.duration for run in runs))
+    return DrivenFleet(part, unfinished, watch.stages, sum(run.config.duration for run in runs))
 
 
-def _outcomes(runs: Sequence[Run], threads: int, report: Progress, watch: Stopwatch) -> list[RunLog | str]:
+def _outcomes(runs: Sequence[Run], threads: int, report: Progress, watch: Stopwatch) -> list[RunLog | Exception]:
     try:
         worlds = [run.world(threads) for run in runs]
         return list(drive_cells([run.cell for run in runs], worlds, report, watch))
     except Exception as error:  # a run that fails is a row
         if len(runs) == 1:
-            said = str(error) if isinstance(error, TrackslipError) else f"{type(error).__name__}: {error}"
-            return [" ".join(said.split())]
+            return [error]
     middle = len(runs) // 2
     return [outcome for half in (runs[:middle], runs[middle:]) for outcome in _outcomes(half, threads, report, watch)]
 

@@ -1,4 +1,4 @@
-"""The runs of a sweep, each with all that its numbers depend on but for code and model."""
+"""The runs of a sweep, each with everything that its numbers depend on except code and model."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry
 
 _MIN_FLEET, _MAX_FLEET = 64, 128
-"""Robots in a fleet: with fewer it is slow, with more it hardly gains and more is lost when a worker is stopped."""
+"""Robots in a fleet: smaller fleets are slow; larger ones hardly gain, and lose more when a worker is stopped."""
 _EACH = 4
-"""Fleets for a worker, or more, so that all end at about the same time; unless they'd be too small."""
+"""Minimum number of fleets per worker, so that all end at about the same time, unless fleets would be too small."""
 _DRIVEN = ("radius", "speed")
 
 
@@ -30,16 +30,16 @@ class Run:
     """One run of a sweep."""
 
     name: str
-    """Its radius and speed, and where it isn't as the options say."""
+    """Its radius and speed, and every axis on which it differs from the options."""
     axes: Mapping[str, Any]
-    """The values of what varies."""
+    """Values of the axes, by name."""
     config: GridConfig
     """Its options, with one radius and one speed."""
     specification: Specification
 
     @functools.cached_property
     def id(self) -> str:
-        """Hash of what the run is and of how much of it is recorded, however it was asked for."""
+        """Hash of what the run is and of how much of it is recorded, however it was requested."""
         return digest([self.setting, self.config.radii, self.config.speeds, self.config.seed, self.config.rrd])
 
     @functools.cached_property
@@ -62,19 +62,19 @@ class Run:
         return Cell(self.name, key, radius, speed, {"id": self.id})
 
     def world(self, threads: int) -> World:
-        """Its world, compiled, for a fleet on that many worker threads."""
+        """Its compiled world, for a fleet on that many worker threads."""
         return World.of(replace(self.config, threads=threads), self.specification)
 
     @functools.cached_property
     def fleet(self) -> str:
-        """What the runs of a fleet have in common."""
+        """Hash of what the runs of a fleet share."""
         given, config = self.specification, self.config
         shape = replace(given.parameters, radius_error=0.0)
         return digest([shape, given.obstacles, {name: getattr(config, name) for name in _IN_COMMON}])
 
     @property
     def grid(self) -> tuple[tuple[str, Any], ...]:
-        """What varies but radius and speed: which grid the run belongs to."""
+        """The axes other than radius and speed: the grid that the run belongs to."""
         return tuple((name, value) for name, value in self.axes.items() if name not in _DRIVEN)
 
 
@@ -84,7 +84,7 @@ def _world_digest(config: GridConfig, specification: Specification) -> str:
 
 @functools.cache
 def _shipped_world_digest() -> str:
-    """Of the shipped robot, ground and scanner: in it a grid meets the scans of `reproduce`."""
+    """Of the shipped robot, ground and scanner, in which a grid meets the scans of `reproduce`."""
     return _world_digest(GridConfig(), Specification.of(GridConfig()))
 
 
@@ -92,7 +92,7 @@ _IN_COMMON = ("drive", "scanner", "duration", "localization", "motion", "random_
 
 
 def plan(config: SweepConfig) -> list[Run]:
-    """Every run; raises TrackslipError for values that make no sense, before anything is driven."""
+    """Every run; raises TrackslipError for invalid values, before anything is driven."""
     axes = axes_of(config)
     base = GridConfig(**{f.name: getattr(config, f.name) for f in dataclasses.fields(GridConfig)})
     usual = _usual(base)
@@ -105,13 +105,13 @@ def plan(config: SweepConfig) -> list[Run]:
         name = " ".join([Cell.at(taken["radius"], taken["speed"]).name, *sorted(unusual)])
         runs.append(Run(name, taken, own, specification))
     narrowest = min((run.specification.parameters for run in runs), key=lambda parameters: parameters.half_gauge)
-    for radius in axes["radius"]:  # one too tight for some of the robots is a run that fails
+    for radius in axes["radius"]:  # a radius too tight for only some of the robots is a run that fails
         require_radius(radius, RobotGeometry(narrowest.half_gauge, narrowest.sprocket_radius))
     return runs
 
 
 def fleets(runs: Sequence[Run], workers: int) -> list[tuple[Run, ...]]:
-    """Runs that can be driven as one fleet, for so many workers, in order."""
+    """Runs that can be driven as one fleet, sized for that many workers, in order."""
     size = min(max(_MIN_FLEET, -(-len(runs) // (_EACH * workers))), _MAX_FLEET)
     alike: dict[str, list[Run]] = {}
     for run in runs:
@@ -147,7 +147,7 @@ def _specification(config: GridConfig, taken: Mapping[str, Any]) -> Specificatio
 
 
 def _usual(base: GridConfig) -> Callable[[str], Any]:
-    """What an axis would be without the sweep."""
+    """The value of an axis without the sweep, as a function of its name."""
     given = Specification.of(base)
 
     def value(name: str) -> Any:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.measuring.grid import ErrorStatistics, OuterInner, grid_summary, published_radii
+from experiments.measuring.grid import ErrorStatistics, GridSummary, OuterInner, grid_summary, published_radii
 from experiments.options.grid import SweepConfig
 from experiments.report.terminal import print_table
 from experiments.storage.plain_json import plain
@@ -91,8 +91,8 @@ class SweepSummary:
 
     grids: list[Grid]
     warnings: list[str]
-    in_full: dict[str, Any]
-    """Further numbers of a grid that is the only one."""
+    in_full: GridSummary | None
+    """All numbers of a grid that is the only one, and not too large."""
     runs: list[RunRow]
     made_by: Mapping[str, Any]
     """Code, models and libraries that drove the runs, by their digest."""
@@ -107,7 +107,7 @@ class SweepSummary:
         """The content of the file."""
         content: dict[str, Any] = plain(
             {"grids": self.grids, "warnings": self.warnings}
-            | self.in_full
+            | ({} if self.in_full is None else self.in_full.to_json())
             | {
                 "runs": [row.to_json() for row in self.runs],
                 "made_by": self.made_by,
@@ -144,11 +144,11 @@ def numbers_in_full(
     rows: Sequence[RunRow],
     read: Callable[[], Sequence[RunLog]],
     watch: Stopwatch,
-) -> dict[str, Any]:
-    """Further numbers of a sweep that is a single grid, not too large; `read` gives the logs of its runs."""
+) -> GridSummary | None:
+    """All numbers of a sweep that is a single grid, not too large; `read` gives the logs of its runs."""
     measured = [row for row in rows if row.v is not None]
     if len({run.grid for run in runs}) > 1 or len(runs) > IN_FULL or not measured:
-        return {}
+        return None
     omega = np.array([(row.omega_l, row.omega_r) for row in measured])
     twist = np.array([(row.v, row.w) for row in measured])
     slip = np.array([(row.slip_l, row.slip_r) for row in measured])
@@ -158,9 +158,7 @@ def numbers_in_full(
     with watch.stage("errors of all methods"):
         names = [run.name for run in runs]
         geometry = runs[0].world(1).robot.geometry
-        return grid_summary(
-            replace(config, radii=radii, speeds=speeds), names, logs, samples, geometry, watch
-        ).to_json()
+        return grid_summary(replace(config, radii=radii, speeds=speeds), names, logs, samples, geometry, watch)
 
 
 def _grid(axes: Mapping[str, Any], rows: Sequence[RunRow]) -> Grid:
@@ -189,11 +187,11 @@ def _grid(axes: Mapping[str, Any], rows: Sequence[RunRow]) -> Grid:
     )
 
 
-def print_out(runs: Sequence[Run], summary: SweepSummary) -> None:
+def print_out(config: SweepConfig, summary: SweepSummary) -> None:
     """Print a single grid radius by radius, or one line for each of several."""
     if len(summary.grids) == 1:
         print_table(
-            f"{len(runs)} runs of {runs[0].config.duration:g} s",
+            f"{len(summary.runs)} runs of {summary.runs[0].axes.get('duration', config.duration):g} s",
             ("commanded radius [m]", "observed [m]", "outer slip", "inner slip"),
             _radius_lines(summary.grids[0]),
         )
@@ -203,7 +201,7 @@ def print_out(runs: Sequence[Run], summary: SweepSummary) -> None:
             *("runs", "failed", "tightest [m]", "observed [m]", "outer slip", "inner slip", "slip error, rms"),
         )
         lines = [_line(grid) for grid in summary.grids[:_MAX_LINES]]
-        print_table(f"{len(runs)} runs in {len(summary.grids)} grids", header, lines)
+        print_table(f"{len(summary.runs)} runs in {len(summary.grids)} grids", header, lines)
         if len(summary.grids) > _MAX_LINES:
             print(f"and {len(summary.grids) - _MAX_LINES} more grids; {TABLE_FILE} has a row for each run")
     _print_some([f"warning: {warning}" for warning in summary.warnings], f"warnings in {SUMMARY_FILE}")

@@ -1,4 +1,4 @@
-"""A row for each run of a sweep, as a table with units."""
+"""The table of a sweep: one row per run, with units."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _AXES = (
     Column("seed", NO_UNIT, "root of all random numbers"),
 )
 AXES = {column.name: column for column in _AXES}
-"""Those that have a name of their own; others are options, whose help is their description."""
+"""Axes with a name of their own; the others are options, described by their help."""
 _MAX_INTEGER = 2**63 - 1
-"""Integer of a column; larger ones, seeds, are text."""
+"""Largest integer of a column; larger ones (seeds) become text."""
 
 
 def write_table(rows: Sequence[RunRow], axes: Sequence[str], path: Path) -> None:
-    """Write the rows of a sweep to a Parquet file; units and meanings are in the columns' metadata."""
+    """Write the rows of a sweep to a Parquet file, with units and meanings in the columns' metadata."""
     first, last = [*COLUMNS.values()][:2], [*COLUMNS.values()][2:]
     about = [AXES.get(axis) or Column(axis, *explained(axis)) for axis in axes]
     columns = (*first, *about, *last)
@@ -42,7 +42,7 @@ def write_table(rows: Sequence[RunRow], axes: Sequence[str], path: Path) -> None
 
 
 def _array(values: list[Any], column: Column) -> pa.Array:
-    """A column of the type that its values have; text where there are none, or of several kinds."""
+    """A column of the values' common type; text if there are none, or several types."""
     kinds = {type(value) for value in values if value is not None}
     if kinds == {int} and max(value for value in values if value is not None) > _MAX_INTEGER:
         kinds = {str}

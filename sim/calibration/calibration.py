@@ -1,4 +1,4 @@
-"""Model parameters fitted to slips and radii, every evaluation driven by a fleet: all targets in one batch."""
+"""Calibration: robot parameters fitted to slips and radii, all turns of an evaluation simulated in one batch."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.skid_theory import line_contact, steady_twist
 
-_STEADY = 2.0  # time after which the robots drive steadily [s]
-_STEP = 0.005  # of a parameter in finite differences, relative to the width of its bounds
-_TOLERANCE = 1e-4  # of the parameters and the cost at the optimum, relative
-_SILENT = 1e-2  # effect of a parameter that has none, relative to that of the strongest
-_COLLINEAR = 100.0  # condition index from which parameters trade off against each other
-_PART = 0.3  # of a parameter in such a direction of unit length
+_STEADY = 2.0  # time until the motion is steady [s]
+_STEP = 0.005  # of finite differences, relative to the width of a parameter's bounds
+_TOLERANCE = 1e-4  # relative, of the parameters and the cost at the optimum
+_SILENT = 1e-2  # sensitivity below which a parameter has no effect, relative to the largest
+_COLLINEAR = 100.0  # condition index above which parameters can't be told apart
+_PART = 0.3  # smallest component of a parameter that takes part in such a direction of unit length
 NUMERICAL_ERROR = 2e-5
-"""Slip by which the simulator itself is uncertain [-]: standard errors are at least what it leads to."""
+"""Numerical error of simulated slips [-], a lower bound of the residuals that standard errors are based on."""
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A robot on a ground, of which slip sees the ratio of friction only."""
+    """A robot and a ground, of which only the ratio of friction affects slip."""
 
     robot: RobotParameters
     friction_ratio: float
@@ -40,17 +40,17 @@ class Candidate:
 
     @property
     def geometry(self) -> RobotGeometry:
-        """For the kinematics."""
+        """Geometry for the kinematics."""
         return RobotGeometry(self.robot.half_gauge, self.robot.sprocket_radius)
 
     def with_values(self, values: Mapping[str, float]) -> Candidate:
-        """Another candidate, with some parameters changed by name."""
+        """A candidate with some parameters changed, by name."""
         changed = dict(values)
         ratio = changed.pop("friction_ratio", self.friction_ratio)
         return Candidate(replace(self.robot, **changed), ratio)
 
     def value(self, name: str) -> float:
-        """Of a parameter by name."""
+        """Value of a parameter, by name."""
         return self.friction_ratio if name == "friction_ratio" else float(getattr(self.robot, name))
 
 
@@ -59,7 +59,7 @@ TwistOf = Callable[[Candidate, Target], Array]
 
 
 def bounds(base: Candidate) -> dict[str, tuple[float, float]]:
-    """What can be free, and between which values."""
+    """Bounds of the parameters that can be fitted, by name."""
     robot = base.robot
     return {
         "half_gauge": (0.6 * robot.half_gauge, 1.6 * robot.half_gauge),
@@ -72,7 +72,7 @@ def bounds(base: Candidate) -> dict[str, tuple[float, float]]:
 
 
 def simulated_twist(candidate: Candidate, target: Target, along: float = Ground().along, threads: int = 0) -> Array:
-    """Steady twists (M, 2) of a candidate, simulated, at a target's sprocket speeds."""
+    """Simulated steady twists (M, 2) of a candidate at a target's sprocket speeds [m/s, rad/s]."""
     robot = _compiled(replace(candidate.robot, radius_error=0.0))
     omega = target.omega(candidate.geometry)
     drive = tireless(max(Drive.top_speed, 1.01 * float(np.abs(omega).max()) * candidate.robot.sprocket_radius))
@@ -93,7 +93,7 @@ def _compiled(parameters: RobotParameters) -> Robot:
 
 
 def theoretical_twist(candidate: Candidate, target: Target) -> Array:
-    """The same by theory, without simulating."""
+    """Theoretical steady twists (M, 2) of a candidate at a target's sprocket speeds [m/s, rad/s]."""
     robot = candidate.robot
     contact = line_contact(
         robot.half_gauge,
@@ -112,20 +112,23 @@ class Fit:
     """The best candidate for a target."""
 
     candidate: Candidate
+    """The candidate itself."""
     free: tuple[str, ...]
+    """Names of the fitted parameters."""
     stderr: dict[str, float]
-    """Standard error of each parameter that is identifiable, from the scatter about the fit."""
+    """Standard error of each identifiable parameter, from the residuals."""
     tied: tuple[str, ...]
-    """Parameters that the target doesn't determine one by one."""
+    """Parameters that the target doesn't determine individually."""
     slip_rms: float
+    """RMS error of the slips [-]."""
     radius_rms: float | None
-    """Relative; None for a target without radii."""
+    """RMS relative error of the radii [-]; None for a target without radii."""
     ends: tuple[tuple[Candidate, float], ...]
-    """Where each start ended, the best first, with its sum of squared weighted residuals."""
+    """Optimum found from each start, with its sum of squared weighted residuals; the best first."""
 
 
 def starts(free: Sequence[str], count: int, generator: np.random.Generator) -> Array:
-    """Random starts (count, len(free)), from 0 to 1 between the bounds but not at them."""
+    """Random starts (count, len(free)), scaled to the bounds: from 0.1 to 0.9."""
     return generator.uniform(0.1, 0.9, (count, len(free)))
 
 
@@ -140,15 +143,15 @@ def calibrate(
     """Fit the parameters `free` of a candidate to a target.
 
     Args:
-        base: the first start, and the values of what isn't free.
-        free: names out of `bounds`.
-        target: what to come near to.
+        base: the first start, and the values of the other parameters.
+        free: names of the parameters to fit, see `bounds`.
+        target: the turns to reproduce.
         twist: `simulated_twist` or `theoretical_twist`.
-        further: starts (S, len(free)) besides, from 0 to 1 between the bounds.
+        further: more starts (S, len(free)), scaled to the bounds: from 0 to 1.
         progress: called with 1 after each start.
 
     Raises:
-        InvalidValueError: for a name that can't be free, one that is there twice, or too many for the target.
+        InvalidValueError: for an unknown name, a name given twice, or too many parameters for the target.
     """
     limits = bounds(base)
     for name in free:
@@ -161,7 +164,7 @@ def calibrate(
     problem = _Problem(base, tuple(free), target, twist, limits)
     first = problem.scaled(base)
     tied, held = undetermined(problem.jacobian(first))
-    # what is held is held at the same place for every start: the target doesn't say where
+    # parameters that the target doesn't determine are held at the same values for every start
     ends = []
     for start in (first, *further):
         ends.append(problem.minimum(np.where(held, first, start), held))
@@ -170,18 +173,18 @@ def calibrate(
 
 
 def floor(fit: Fit, target: Target) -> Fit:
-    """The nearest that quasi-static Coulomb theory comes to the slips of a target with the free parameters of a fit."""
+    """The best fit of quasi-static Coulomb theory to a target's slips, with the free parameters of another fit."""
     if isinstance(target, TurnTable):
         target = replace(target, radius_scale=np.inf)
     return calibrate(fit.candidate, fit.free, target, theoretical_twist, np.empty((0, len(fit.free))))
 
 
 def undetermined(jacobian: Array) -> tuple[np.ndarray, np.ndarray]:
-    """Which parameters (k,) residuals with this Jacobian (n, k) don't determine, and which to hold for the rest's sake.
+    """Parameters (k,) that residuals with this Jacobian (n, k) don't determine, and those of them to hold (k,).
 
-    A parameter that changes nothing, and those of a direction in which several cancel each other: where the condition
-    index of the Jacobian with columns of unit length is large (Belsley, Kuh and Welsch 1980). Of each such direction
-    the last parameter is held.
+    These are parameters without effect, and those that compensate each other: directions with a large condition index
+    of the Jacobian with columns of unit length (Belsley, Kuh and Welsch 1980). The last parameter of each such
+    direction is held.
     """
     length = np.linalg.norm(jacobian, axis=0)
     silent = length <= _SILENT * length.max()
@@ -198,7 +201,7 @@ def undetermined(jacobian: Array) -> tuple[np.ndarray, np.ndarray]:
 
 
 class _Problem:
-    """The residuals as a function of scaled parameters: 0 at the lower bound, 1 at the upper."""
+    """The residuals as a function of scaled parameters, 0 at the lower bound and 1 at the upper one."""
 
     def __init__(
         self,
@@ -212,22 +215,22 @@ class _Problem:
         self._low, self._high = np.array([limits[name] for name in free]).T
 
     def scaled(self, candidate: Candidate) -> Array:
-        """The parameters (k,) of a candidate."""
+        """Scaled parameters (k,) of a candidate."""
         values = np.array([candidate.value(name) for name in self._free])
         return np.clip((values - self._low) / (self._high - self._low), 0.0, 1.0)
 
     def candidate(self, scaled: Array) -> Candidate:
-        """The candidate with these parameters (k,)."""
+        """The candidate with scaled parameters (k,)."""
         values = self._low + scaled * (self._high - self._low)
         return self._base.with_values(dict(zip(self._free, map(float, values), strict=True)))
 
     def residual(self, scaled: Array) -> Array:
-        """(n,)"""
+        """Residuals (n,)."""
         candidate = self.candidate(scaled)
         return self._target.residual(self._twist(candidate, self._target), candidate.geometry)
 
     def jacobian(self, scaled: Array) -> Array:
-        """(n, k), by central differences inside the bounds."""
+        """Jacobian (n, k) of the residuals, by central differences within the bounds."""
         columns = []
         for step in _STEP * np.eye(len(scaled)):
             above, below = np.minimum(scaled + step, 1.0), np.maximum(scaled - step, 0.0)
@@ -235,7 +238,7 @@ class _Problem:
         return np.stack(columns, axis=-1)
 
     def minimum(self, start: Array, held: np.ndarray) -> tuple[Array, float]:
-        """The least squares nearest `start` (k,): parameters (k,) and the sum."""
+        """The local minimum found from `start` (k,): parameters (k,) and the sum of squares."""
 
         def inserted(varied: Array) -> Array:
             full = start.copy()
@@ -255,7 +258,7 @@ class _Problem:
         return inserted(result.x), 2 * float(result.cost)
 
     def described(self, ends: Sequence[tuple[Array, float]], tied: np.ndarray, held: np.ndarray) -> Fit:
-        """The best of the minima that were found, first among `ends`, as a Fit."""
+        """The best minimum, the first of `ends`, as a Fit."""
         best = ends[0][0]
         candidate = self.candidate(best)
         twist = self._twist(candidate, self._target)

@@ -60,9 +60,9 @@ class ScannerFeed:
         self._walking = obstacles.walking
         # (B, K) [m], computed once
         self._standing = self._to_obstacles(obstacles.standing, 0.0) if obstacles else None
-        # a plate moves for half the sweep before the scan's time and half of it after: twice that is safe
+        # a plate moves for half the scan before the scan's time and half of it after: twice that is safe
         top_speed = fleet.drive.limit * robot.geometry.sprocket_radius
-        self._reach = robot.plate_radius + top_speed * scanner.sweep_time
+        self._reach = robot.plate_radius + top_speed * scanner.scan_duration
         self._aim: Aim | None = None
         self._aimed_rays: Array = np.empty((fleet.size, 0, 1, 3))  # (N, W, K, 3)
         self._template = Scan(
@@ -122,7 +122,7 @@ class ScannerFeed:
     def _to_plates(self, aim: Aim) -> Array:
         """Distances (N, W, K) along the rays of the selected beams, NaN for a miss [m]."""
         fleet, rays, origin = self._fleet, self._aimed_rays, self._origin
-        if self._scanner.sweep_time > 0:
+        if self._scanner.scan_duration > 0:
             origin, rays = moved_back(origin, rays, fleet.pose(), fleet.twist(), self._lag[aim.beams])
             origin = origin.reshape(fleet.size, -1, 3)
         distance, _ = fleet.batch.ray(

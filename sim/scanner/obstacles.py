@@ -48,10 +48,6 @@ class Post:
         """See `Obstacles.ranges`."""
         return _to_circle(np.array([self.x, self.y]) - origin, self.radius, direction)
 
-    def distance(self, point: Array) -> float:
-        """Distance of a point (2,) from the surface, negative inside [m]."""
-        return math.hypot(self.x - point[0], self.y - point[1]) - self.radius
-
 
 @dataclass(frozen=True)
 class Wall:
@@ -81,12 +77,6 @@ class Wall:
             distance = _cross(start, side) / determinant
             share = _cross(start, direction) / determinant
         return np.where((distance >= 0) & (share >= 0) & (share <= 1), distance, np.nan)
-
-    def distance(self, point: Array) -> float:
-        """Distance of a point (2,) from the wall [m]."""
-        start, side = np.array([self.x0, self.y0]), np.array([self.x1 - self.x0, self.y1 - self.y0])
-        share = np.clip((point - start) @ side / (side @ side), 0.0, 1.0)
-        return float(np.linalg.norm(start + share * side - point))
 
 
 @dataclass(frozen=True)
@@ -126,10 +116,6 @@ class Walker:
     def ranges(self, origin: Array, direction: Array, time: Array) -> Array:
         """See `Obstacles.ranges`."""
         return _to_circle(self.place(time) - origin, self.radius, direction)
-
-    def distance(self, point: Array) -> float:
-        """Distance of a point (2,) from the surface at the start of the run, negative inside [m]."""
-        return Post(self.x, self.y, self.radius).distance(point)
 
 
 @dataclass(frozen=True)
@@ -175,10 +161,11 @@ class Obstacles:
 
     def require_clear(self, scanner: Array) -> None:
         """Raise InvalidValueError if an obstacle stands on the scanner (2,) [m]; a walker, at the start of the run."""
+        angle = np.linspace(0.0, 2 * np.pi, 360)
+        around = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
         for f in fields(self):
             for k, obstacle in enumerate(getattr(self, f.name)):
-                distance = obstacle.distance(scanner)
-                if distance < MIN_DISTANCE:
+                if (obstacle.ranges(scanner, around, np.zeros(1)) < MIN_DISTANCE).any():
                     x, y = np.round(scanner, 3) + 0.0
                     allowed = f"at least {MIN_DISTANCE:g} m away from the scanner, which is at ({x:g}, {y:g})"
                     raise InvalidValueError(f"{f.name}[{k}]", obstacle, allowed)

@@ -43,13 +43,13 @@ class LaserScanner:
     """Error common to all ranges [m]."""
     divergence: float = 0.0
     """Angle by which a beam widens, 4.4 mrad for the LMS 200; it causes mixed pixels at edges [rad]."""
-    sweep_time: float = 0.0
+    scan_duration: float = 0.0
     """Time from the first beam to the last; the scan's own time is in the middle [s]."""
 
     def __post_init__(self) -> None:
         for name in ("field_of_view", "resolution", "rate", "max_range"):
             require_positive(name, getattr(self, name))
-        for name in ("noise", "quantisation", "divergence", "sweep_time"):
+        for name in ("noise", "quantisation", "divergence", "scan_duration"):
             require_non_negative(name, getattr(self, name))
         for name in ("noise", "quantisation"):
             require_at_most(name, getattr(self, name), MAX_ERROR, "m")
@@ -69,7 +69,7 @@ class LaserScanner:
             raise InvalidValueError("field_of_view", self.field_of_view, "greater than the resolution, at most 2 pi")
         if not 0 <= self.dropout < 1:
             raise InvalidValueError("dropout", self.dropout, "at least 0 and less than 1")
-        require_at_most("sweep_time", self.sweep_time, self.period, "s, the time between scans")
+        require_at_most("scan_duration", self.scan_duration, self.period, "s, the time between scans")
 
     @property
     def period(self) -> float:
@@ -86,7 +86,7 @@ class LaserScanner:
     def lag(self) -> Array:
         """Times (B,) of the beams, relative to the scan's [s]."""
         beams = len(self.bearings)
-        return (np.arange(beams) / (beams - 1) - 0.5) * self.sweep_time
+        return (np.arange(beams) / (beams - 1) - 0.5) * self.scan_duration
 
     @property
     def range_std(self) -> float:

@@ -202,6 +202,17 @@ def test_blocks_that_are_wrong_fail(text, error, message, runner):
         runner.run(last)
 
 
+def test_slow_blocks_are_only_run_by_slow_tests(runner):
+    text = "<!-- slow: hours -->\n```python\nprint('a')\n```\n```text\nb\n```\n"
+    command, output = blocks(text)
+    runner.run(command)
+    runner.run(output)
+    runner.slow = True
+    runner.run(command)
+    with pytest.raises(AssertionError, match="not printed: b"):
+        runner.run(output)
+
+
 def test_blocks_that_are_right_pass(runner):
     text = (
         "```python\nx = 1\n```\n```python\nprint(f'a {x / 3:.4f} b')\n```\n```text\na 0.3333 …\n```\n"

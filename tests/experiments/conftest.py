@@ -73,3 +73,12 @@ def rejected(failing):
         return " ".join(text.replace("│", " ").split())
 
     return run
+
+
+@pytest.fixture
+def short(tmp_path, monkeypatch):
+    """Options of a benchmark that lasts seconds, in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "bend.csv").write_text("x,y\n0,0\n0.3,0.05\n0.6,0.2\n")
+    return ("--references", "bend.csv", "--starts", "zero", "--localization", "truth", "--jobs", "1")

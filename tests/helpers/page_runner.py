@@ -53,26 +53,21 @@ class PageRunner:
         self.printed = None
         if block.directive == "file":
             (self.folder / block.about).write_text(block.text, encoding="utf-8")
-        if block.language == "python":
+        if block.language == "python" and self._runs(block):
             self._python(block)
         elif block.language == "sh" and block.directive != "not run":
             given = [arguments(command) for command in commands(block.text)]
-            if not self._runs(block):
-                for words in given:
-                    parse(words)
-                return
             for words in given:
-                self._command(words, block.directive)
-        self.printed = self.captured()
+                self._command(words, block.directive) if self._runs(block) else parse(words)
+        if self._runs(block):
+            self.printed = self.captured()
 
     def _runs(self, block: Block) -> bool:
         if block.directive == "needs":
             return importlib.util.find_spec(block.about) is not None
-        return block.directive != "parsed only" and (self.slow or block.directive != "slow")
+        return block.directive not in ("parsed only", "not run") and (self.slow or block.directive != "slow")
 
     def _python(self, block: Block) -> None:
-        if block.directive == "slow" and not self.slow:
-            return
         try:
             exec(compile(block.text, f"line {block.line}", "exec"), self.names)
         except ModuleNotFoundError as error:

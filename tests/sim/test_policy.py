@@ -57,6 +57,7 @@ def test_what_is_no_policy_is_refused(tmp_path):
     np.savez(tmp_path / "other.npz", a=np.zeros(2))
     (tmp_path / "cut.npz").write_bytes(b"PK\x03\x04 and so on")
     np.savez(tmp_path / "newer.npz", about=np.array(json.dumps({"format": "trackslip policy 2"})))
+    np.savez(tmp_path / "deep.npz", about=np.array("[" * 100_000))
     (tmp_path / "text.npz").write_text("no zip")
     for name, message in (
         ("nowhere.npz", "No such file"),
@@ -64,6 +65,7 @@ def test_what_is_no_policy_is_refused(tmp_path):
         ("newer.npz", "its format is 'trackslip policy 2'"),
         ("text.npz", "not a policy"),
         ("cut.npz", "not a policy"),
+        ("deep.npz", "not a policy"),
     ):
         with pytest.raises(LogError, match=message):
             Policy.load(tmp_path / name)

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from slip_data import GEOMETRY, grid
+from slip_data import GEOMETRY
 
 import trackslip
-from trackslip.identification.result import Identification
 from trackslip.kinematics import advance
 
 ROOT = Path(trackslip.__file__).parents[1]
@@ -80,7 +79,7 @@ def test_runs_in_memory_in_a_folder_and_in_a_file_give_the_same_laws(runs, found
     write_parquet(runs, tmp_path / RUNS)
     write_csv(runs, tmp_path / "log.csv")
     assert found.best == "icr_radius"
-    for source in (tmp_path, str(tmp_path / RUNS), tmp_path / "log.csv"):
+    for source in (tmp_path, str(tmp_path / "log.csv")):
         assert trackslip.identify(source, GEOMETRY).laws == found.laws
 
 
@@ -169,13 +168,3 @@ def test_laws_are_saved_and_loaded(found, tmp_path):
         trackslip.save_laws(file, {"icr": LAW}, GEOMETRY)
     with pytest.raises(trackslip.OutputError, match="cannot be written"):
         trackslip.save_laws(tmp_path / "nowhere" / "laws.json", found.laws, GEOMETRY)
-
-
-def test_samples_identify_as_runs_do():
-    from trackslip.identification.identify import identify_samples
-    from trackslip.identification.samples import Sampling
-
-    samples = grid(LAW)
-    again = identify_samples(Sampling(samples, (), ()), GEOMETRY)
-    assert isinstance(again, Identification)
-    assert again.best == "icr_radius"

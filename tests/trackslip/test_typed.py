@@ -106,18 +106,29 @@ def python(tmp_path_factory):
     return python
 
 
-def check(python, program, folder):
-    (folder / "program.py").write_text(program)
-    return run(
-        *(sys.executable, "-m", "mypy", "--strict", "--python-executable", python, "--cache-dir", folder / "cache"),
-        "program.py",
-        cwd=folder,
-    )
+@pytest.fixture(scope="module")
+def checked(python, tmp_path_factory):
+    """What mypy prints of both programs."""
+    folder = tmp_path_factory.mktemp("programs")
+    (folder / "program.py").write_text(PROGRAM)
+    (folder / "wrong.py").write_text(WRONG)
+    options = ("--strict", "--python-executable", python, "--cache-dir", folder / "cache")
+    return run(sys.executable, "-m", "mypy", *options, "program.py", "wrong.py", cwd=folder).stdout
 
 
-def test_a_users_program_type_checks_and_runs(python, tmp_path):
-    checked = check(python, PROGRAM, tmp_path)
-    assert checked.stdout == "Success: no issues found in 1 source file\n", checked.stdout + checked.stderr
+def test_a_users_program_type_checks(checked):
+    assert "in 1 file (checked 2 source files)" in checked, checked
+    assert "program.py" not in checked, checked
+
+
+@pytest.mark.parametrize("line", [4, 5, 6, 7])
+def test_wrong_types_are_found(checked, line):
+    """So that the test above can fail: without py.typed everything is Any."""
+    assert f"wrong.py:{line}: error" in checked
+
+
+def test_a_users_program_runs(python, tmp_path):
+    (tmp_path / "program.py").write_text(PROGRAM)
     measured = ((1.7, 0.1095, 0.0421), (1.4, 0.1005, 0.0842), (1.0, 0.0887, 0.1403))
     rows = [f"{left},2.0,{v},{w}" for left, v, w in measured]
     (tmp_path / "samples.csv").write_text("\n".join(["omega_l,omega_r,v,w", *rows]) + "\n")
@@ -127,10 +138,3 @@ def test_a_users_program_type_checks_and_runs(python, tmp_path):
     assert (tmp_path / "report.html").read_text().startswith("<!DOCTYPE html>")
     where = run(python, "-c", "import trackslip; print(trackslip.__file__)", cwd=tmp_path)
     assert str(python.parents[1]) in where.stdout
-
-
-def test_wrong_types_are_found(python, tmp_path):
-    """So that the test above can fail: without py.typed everything is Any."""
-    found = check(python, WRONG, tmp_path).stdout
-    for line in (4, 5, 6, 7):
-        assert f"program.py:{line}: error" in found

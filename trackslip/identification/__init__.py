@@ -1,1 +1,1 @@
-"""Runs -> steady slip samples -> slip laws fitted to them, with intervals, compared."""
+"""From runs to steady slip samples, and from samples to fitted slip laws with intervals, compared."""

@@ -1,4 +1,4 @@
-"""All laws held against the same samples: information criterion, prediction of what was left out, lack of fit."""
+"""Comparison of laws on the same samples: information criterion, cross-validation, lack of fit."""
 
 from __future__ import annotations
 
@@ -17,39 +17,43 @@ from trackslip.kinematics import RobotGeometry, body_twist
 from trackslip.metrics import rms
 from trackslip.slip.families import FAMILIES, TWO_SIDED
 
-_INDISTINCT = 2.0  # difference of the criterion within which the simpler law is the best
+_INDISTINCT = 2.0  # difference of AICc within which the simpler law is preferred
 _BASELINES = ("none", "constant")
-_LARGE_RADIUS_ERROR = 0.1  # of a sprocket, beyond which gear or radius are more likely wrong [-]
+_LARGE_RADIUS_ERROR = 0.1  # radius error above which a wrong gear or sprocket radius is more likely [-]
 
 
 @dataclass(frozen=True)
 class CrossValidation:
-    """How well a law predicts runs that it wasn't fitted to; None where there are no two groups to part."""
+    """Prediction errors of a law for runs it was not fitted to; None if the runs do not form two groups."""
 
     radius: float | None
-    """Slip, rms, of runs of a radius left out [-]."""
+    """Rms error of the slip, leaving out one radius at a time [-]."""
     speed: float | None
-    """Slip, rms, of runs of a speed left out [-]."""
+    """Rms error of the slip, leaving out one speed at a time [-]."""
     yaw_rate: float | None
-    """Yaw rate, rms, of runs of a radius left out, from their sprocket speeds [rad/s]."""
+    """Rms error of the yaw rate predicted from sprocket speeds, leaving out one radius at a time [rad/s]."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Laws fitted to the same samples, those that could be determined."""
+    """The laws that the same samples determine."""
 
     laws: Mapping[str, FittedLaw]
+    """Fits by name of the law."""
     aicc: Mapping[str, float | None]
+    """Corrected Akaike information criterion; None for too few samples."""
     weight: Mapping[str, float | None]
-    """Akaike weights: the chance of each to be the one that predicts best, of those here [-]."""
+    """Akaike weights: the probability of each law to predict best among these [-]."""
     validation: Mapping[str, CrossValidation]
+    """Cross-validation by name of the law."""
     best: str
     """The law with the fewest parameters whose AICc is within 2 of the smallest."""
     warnings: tuple[str, ...]
+    """What a reader should know of the fits, one line each."""
 
     @property
     def ranking(self) -> tuple[str, ...]:
-        """Names of the laws, the smallest AICc first; those without one last, by their scatter."""
+        """Names of the laws in order of AICc, smallest first; those without one follow in order of scatter."""
 
         def key(name: str) -> tuple[bool, float]:
             value = self.aicc[name]
@@ -59,10 +63,10 @@ class Comparison:
 
 
 def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> Comparison:
-    """Fit every family that the samples determine, and compare them.
+    """Fit all families that the samples determine, and compare them.
 
     Raises:
-        LogError: when they determine none with a parameter.
+        LogError: if the samples determine no family with parameters.
     """
     laws: dict[str, FittedLaw] = {}
     warnings: list[str] = []
@@ -90,7 +94,7 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> Comparison:
 
 
 def cross_validate(law: FittedLaw, samples: SlipSamples, geometry: RobotGeometry) -> CrossValidation:
-    """Leave out every radius, then every speed, in turn, and predict it from the rest."""
+    """Leave out each radius, then each speed, in turn, and predict it from the rest."""
     ideal = body_twist(samples.omega, 0.0, geometry)
     radius = _left_out(law, samples, geometry, folds(by_command(samples.omega, geometry).astype(float)))
     speed = _left_out(law, samples, geometry, folds(np.abs(ideal[:, 0]) + geometry.half_gauge * np.abs(ideal[:, 1])))
@@ -104,7 +108,7 @@ def cross_validate(law: FittedLaw, samples: SlipSamples, geometry: RobotGeometry
 def _left_out(
     law: FittedLaw, samples: SlipSamples, geometry: RobotGeometry, labels: np.ndarray
 ) -> tuple[float, float] | None:
-    """rms errors of slip [-] and yaw rate [rad/s] of groups predicted by fits to the others."""
+    """Rms errors of slip [-] and yaw rate [rad/s] of the groups, each predicted by a fit to the others."""
     groups = int(labels.max()) + 1
     family = FAMILIES[law.name]
     kept = (labels != np.arange(groups)[:, None]).astype(float)  # (groups, n)
@@ -129,7 +133,7 @@ def _weights(aicc: Mapping[str, float | None]) -> dict[str, float | None]:
 
 def _best(laws: Mapping[str, FittedLaw], aicc: Mapping[str, float | None]) -> str:
     known = {name: value for name, value in aicc.items() if value is not None}
-    if not known:  # too few samples for the criterion: the law that leaves least per degree of freedom
+    if not known:  # too few samples for the criterion: the law with the least scatter
         return min(laws, key=lambda name: laws[name].scatter)
     least = min(known.values())
     near = [name for name, value in known.items() if value <= least + _INDISTINCT]
@@ -137,7 +141,7 @@ def _best(laws: Mapping[str, FittedLaw], aicc: Mapping[str, float | None]) -> st
 
 
 def _doubts(laws: Mapping[str, FittedLaw], best: str) -> list[str]:
-    """What a reader must know of the laws."""
+    """Warnings about the laws."""
     doubts = []
     for name, law in laws.items():
         lack = law.lack_of_fit
@@ -145,13 +149,13 @@ def _doubts(laws: Mapping[str, FittedLaw], best: str) -> list[str]:
             freedom = ", ".join(str(value) for value in lack.freedom)
             doubts.append(
                 f"law {name}: lacks fit ({lack.test}({freedom}) = {lack.statistic:.3g}, p = {lack.probability:.2g}): "
-                f"it misses the samples by {law.rms:.2g} rms, more than they scatter; its intervals are wider for it"
+                f"it misses the samples by {law.rms:.2g} rms, more than they scatter; its intervals are widened"
             )
     for key, value in laws[best].values.items():
         if key.startswith("radius_error") and abs(value) > _LARGE_RADIUS_ERROR:
             doubts.append(
-                f"law {best}: {key} = {value:+.0%} is more than a track's: are gear and sprocket radius right?"
+                f"law {best}: {key} = {value:+.0%} is implausible for a track: are gear and sprocket radius right?"
             )
     if best in TWO_SIDED:
-        doubts.append(f"turns to the left and to the right differ: {best} describes both, the other laws mirror them")
+        doubts.append(f"left and right turns differ: {best} describes both, the other laws assume symmetry")
     return doubts

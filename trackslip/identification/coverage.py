@@ -1,4 +1,4 @@
-"""Whether intervals cover: how often those of drawn samples hold the parameters that the samples were drawn with."""
+"""Coverage of intervals: how often those of simulated samples contain the parameters of the simulation."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from trackslip.identification.weighting import WeightedRuns
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.slip.families import FAMILIES
 
-_AT_ONCE = 100  # repeats fitted together, so that they stay in the cache
+_AT_ONCE = 100  # repeats fitted at once, so that they stay in the cache
 
 
 def drawn_twists(
@@ -26,9 +26,9 @@ def drawn_twists(
     repeats: int,
     rng: np.random.Generator,
 ) -> Array:
-    """Measured twists (repeats, n, 2) of a robot that obeys a law, at a design's sprocket speeds and with its errors.
+    """Measured twists (repeats, n, 2) of a robot that follows a law, with the sprocket speeds and errors of a design.
 
-    The errors are those of the twist, so slip and radius get theirs together, with their correlation.
+    The errors are those of the twist, so the errors of slip and radius are correlated as in a measurement.
     """
     law = FAMILIES[name].build(values, geometry)
     if design.covariance is None:
@@ -47,16 +47,16 @@ def coverage(
     rng: np.random.Generator,
     known_errors: bool = True,
 ) -> dict[str, float]:
-    """Share of the repeats in which each parameter's 95 % interval holds its value.
+    """Share of the repeats in which the 95 % interval of each parameter contains its value.
 
     Args:
-        name: of the family.
-        values: parameters that the samples are drawn with.
-        design: sprocket speeds and errors of measurement of n runs.
-        geometry: of the robot.
-        repeats: how often samples are drawn and fitted.
-        rng: for the draws.
-        known_errors: whether the fits are told the errors of measurement, or find the scatter from the samples alone.
+        name: name of the family.
+        values: parameters of the simulated samples.
+        design: sprocket speeds and measurement errors of n runs.
+        geometry: geometry of the robot.
+        repeats: number of simulated sets of samples.
+        rng: random numbers of the measurement errors.
+        known_errors: whether the fits know the measurement errors or estimate the scatter from the samples alone.
     """
     family = FAMILIES[name]
     truth = np.array([values[key] for key in family.names])
@@ -75,13 +75,13 @@ def coverage(
 def noise_coverage(
     name: str, repeats: Sequence[tuple[SlipSamples, SlipSamples]], geometry: RobotGeometry
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """How often fits to measured samples hold the fits to their true motions, which stand beside them in `repeats`.
+    """How often intervals from measured samples contain the values fitted to the true motions, given as pairs.
 
-    The true motion is fitted with the weights of each repeat, so that nothing but noise is between the two.
+    The true motion is fitted with the weights of each repeat, so that the two differ only by noise.
 
     Returns:
-        The shares of intervals from the noise's part of the standard errors alone, which should be 95 %, and of the
-        95 % intervals, which also answer for what the law doesn't know and hold it more often.
+        The shares for intervals from the noise part of the standard errors, which should be 95 %, and for the 95 %
+        intervals, which also allow for the errors of the law and therefore cover more often.
     """
     family = FAMILIES[name]
     by_noise, by_all = np.zeros(len(family.names)), np.zeros(len(family.names))

@@ -1,4 +1,4 @@
-"""Weighted fits of a family of laws: values, covariance, scatter; many sets of runs at once."""
+"""Weighted fits of a family of laws, with covariance and scatter, to many sets of runs at once."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from trackslip.kinematics import Array
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.families import LawFamily
 
-_FIRST_SCATTER = 0.003  # of slip, before anything is known
-_DIFFERENCE = 1e-5  # for derivatives, relative to the parameters' scales
-_ROUNDS = 8  # of fits and scatters in turn, at most
-_SETTLED = 1e-4  # relative change of the scatter
+_FIRST_SCATTER = 0.003  # initial guess of the scatter of slip [-]
+_DIFFERENCE = 1e-5  # step of differences, relative to the scales of the parameters
+_ROUNDS = 8  # maximum number of alternating fits and scatter estimates
+_SETTLED = 1e-4  # relative change of the scatter at convergence
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ class Fits:
     family: LawFamily
     runs: WeightedRuns
     values: Array  # (M, p)
-    scatter: Array  # (M,) tau, of slip beyond measurement [-]
+    scatter: Array  # (M,) tau, scatter of slip beyond the measurement errors [-]
     cost: Array  # (M,) chi-square
     hessian: Array  # (M, p, p) of half of it
 
@@ -42,12 +42,12 @@ class Fits:
 
     @property
     def covariance(self) -> Array:
-        """(M, p, p) of the values; infinite where they aren't determined."""
+        """Covariances (M, p, p) of the values; infinite where they are not determined."""
         return inverse(self.hessian)
 
     @cached_property
     def jacobian(self) -> Array:
-        """Derivatives (M, 2 n, p) of the predicted deviations, not weighted; for values at a limit, just inside it."""
+        """Derivatives (M, 2 n, p) of the deviations, unweighted; for values at a limit, taken just inside it."""
         runs, count = self.runs, len(self.values)
         low, high, scale = self.family.limits(runs.geometry.half_gauge)
         inside = np.clip(self.values, low + _DIFFERENCE * scale, high - _DIFFERENCE * scale)
@@ -63,23 +63,23 @@ class Fits:
 
     @property
     def _weighted_jacobian(self) -> Array:
-        """(M, 2 n, p) over the variances."""
+        """The Jacobian (M, 2 n, p), weighted by the reciprocal variances."""
         variance = (self.runs.eigenvalues + self.scatter[:, None, None] ** 2).reshape(len(self.values), -1, 1)
         return self.jacobian * np.repeat(self.runs.weight, 2, axis=-1)[..., None] / variance
 
     @property
     def noise_covariance(self) -> Array:
-        """(M, p, p) of what measurement alone adds to the values, the scatter being part of what is measured."""
+        """Covariances (M, p, p) of the values from measurement errors alone, the scatter being part of the signal."""
         weighted = self._weighted_jacobian
         middle = np.einsum("mki,mkj->mij", weighted * self.runs.eigenvalues.reshape(1, -1, 1), weighted)
         return self.covariance @ middle @ self.covariance
 
     @property
     def robust_covariance(self) -> Array:
-        """(M, p, p) of the values from the residuals themselves, however their sizes differ from run to run.
+        """Covariances (M, p, p) of the values from the residuals, valid for variances that differ from run to run.
 
-        The sandwich with a run's two tracks as a cluster, its residuals freed from the run's own pull on the fit
-        (HC3, MacKinnon and White, 1985).
+        The sandwich estimator with the two tracks of a run as a cluster, and residuals corrected for the leverage of
+        the run (HC3, MacKinnon and White, 1985).
         """
         weighted, jacobian = self._weighted_jacobian, self.jacobian
         sets, parameters = self.values.shape
@@ -98,7 +98,7 @@ class Fits:
 
 
 def inverse(hessian: Array) -> Array:
-    """Inverses (M, p, p) of symmetric matrices, scaled beforehand; infinite where they have none."""
+    """Inverses (M, p, p) of symmetric matrices, scaled beforehand; infinite if singular."""
     root = np.sqrt(np.maximum(np.einsum("mii->mi", hessian), 1e-300))
     scaled = hessian / root[:, :, None] / root[:, None, :]
     regular = np.linalg.cond(scaled) < 1e14 if scaled.shape[1] else np.ones(len(scaled), bool)
@@ -108,13 +108,13 @@ def inverse(hessian: Array) -> Array:
 
 
 def fit(family: LawFamily, runs: WeightedRuns, start: Array | None = None, scatter: Array | None = None) -> Fits:
-    """Least squares of the runs' residuals in units of their standard deviations, as `weighting` has it.
+    """Minimise the squared residuals of the runs, in units of their standard deviations (see `weighting`).
 
     Args:
-        family: what is fitted.
+        family: the family to fit.
         runs: M sets.
-        start: values (M, p) to start from; by default from each of the family's own, of which the best is kept.
-        scatter: tau (M,); by default estimated, in turn with the values.
+        start: starting values (M, p); by default the family's own, of which the best fit is kept.
+        scatter: tau (M,); by default estimated, alternating with the values.
     """
     sets = max(len(runs.speeds), len(runs.weight))
     if scatter is not None:
@@ -139,7 +139,7 @@ def minimise(
     sets: np.ndarray,
     held: np.ndarray | None = None,
 ) -> Minimum:
-    """Least squares of the problems (m,), problem k being set `sets[k]` of the runs, from `start` (m, p)."""
+    """Solve m problems from `start` (m, p), problem k being a fit to set `sets[k]` of the runs."""
     low, high, scale = family.limits(runs.geometry.half_gauge)
 
     def residual(values: Array, rows: np.ndarray) -> Array:
@@ -159,7 +159,7 @@ def _at(family: LawFamily, runs: WeightedRuns, scatter: Array, start: Array) -> 
 
 
 def _started(family: LawFamily, runs: WeightedRuns, scatter: Array) -> Array:
-    """The best values (M, p) of those reached from each of the family's starts."""
+    """The best values (M, p) reached from the starting values of the family."""
     starts = family.starts(runs.geometry.half_gauge)  # (K, p)
     k, sets = len(starts), len(scatter)
     reached = minimise(family, runs, scatter, np.tile(starts, (sets, 1)), np.repeat(np.arange(sets), k))

@@ -1,4 +1,4 @@
-"""One law identified from samples: values, errors, intervals, how well it fits."""
+"""One identified law: values, errors, intervals, goodness of fit."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ from trackslip.metrics import rms
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.families import family
 
-_MIN_DRAWN = 4  # runs that can be resampled
-_VAGUE = 5.0  # standard error of a parameter that the samples say nothing about [of its scale]
-_AT_LIMIT = 1e-3  # distance from a limit, relative to a range no longer than 1
-_COARSE = 60  # scatters tried, before the best is refined
-_HOPELESS = 0.3  # rms deviation of a fit that has gone astray
+_MIN_DRAWN = 4  # minimum number of runs for a bootstrap
+_VAGUE = 5.0  # standard error of an undetermined parameter, relative to its scale
+_AT_LIMIT = 1e-3  # distance from a limit, relative to a range of at most 1
+_COARSE = 60  # number of scatters tried before the best one is refined
+_HOPELESS = 0.3  # rms deviation of a failed fit [-]
 
 
 @dataclass(frozen=True)
@@ -36,33 +36,36 @@ class FittedLaw:
     """A law identified from samples."""
 
     name: str
+    """Name of the family."""
     law: SlipLaw
+    """The law."""
     values: dict[str, float]
+    """Parameters by name, in their units."""
     stderr: dict[str, float]
-    """Standard errors; where the law lacks fit, with what it lacks in them."""
+    """Standard errors of the values, inflated if the law lacks fit."""
     interval95: dict[str, tuple[float, float]]
-    """From the profile of the likelihood."""
+    """95 % intervals from the profile likelihood."""
     bootstrap95: dict[str, tuple[float, float]]
-    """From resampled runs, percentiles; empty where there are too few to resample."""
+    """95 % percentile intervals from resampled runs; empty if there are too few runs."""
     correlation: Array  # (p, p) of the values
     noise_stderr: dict[str, float]
-    """What the errors of measurement alone contribute to the standard errors; 0 where they weren't given."""
+    """Contribution of the measurement errors to the standard errors; 0 if these errors are not known."""
     rms: float
-    """Of the residual slip at the observed motion, both tracks [-]."""
+    """Root mean square residual slip of both tracks at the observed motion [-]."""
     scatter: float
-    """tau, scatter of slip about the law beyond measurement [-]."""
+    """tau, scatter of slip about the law beyond the measurement errors [-]."""
     likelihood: float
-    """-2 log of the likelihood at its maximum, scatter included."""
+    """-2 log likelihood at its maximum, scatter included [-]."""
     lack_of_fit: LackOfFit | None
-    """None where neither repeated runs nor errors of measurement tell."""
+    """Test for lack of fit; None without repeated runs and measurement errors."""
 
     @property
     def lacks_fit(self) -> bool:
-        """Whether the law is known to miss the samples by more than chance."""
+        """Whether the law significantly misses the samples."""
         return self.lack_of_fit is not None and self.lack_of_fit.significant
 
     def aicc(self, samples: int) -> float | None:
-        """Akaike's criterion corrected for few data: two from each sample; None where they are too few.
+        """Akaike's criterion, corrected for few data (two per sample); None if there are too few.
 
         The scatter counts as a parameter.
         """
@@ -73,17 +76,17 @@ class FittedLaw:
 
 
 def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, bootstraps: int = BOOTSTRAPS) -> FittedLaw:
-    """Weighted least squares of the measured motions, as `weighting` has it, with intervals.
+    """Weighted least-squares fit to the measured motions (see `weighting`), with intervals.
 
     Args:
-        name: of the family.
+        name: name of the family.
         samples: steady runs.
-        geometry: of the robot, nominal.
-        bootstraps: resamples of the runs; 0 for none.
+        geometry: nominal geometry of the robot.
+        bootstraps: number of resamples of the runs; 0 for none.
 
     Raises:
-        InvalidValueError: for an unknown law.
-        LogError: for samples that don't determine every parameter, or a fit that fails.
+        InvalidValueError: if the law is unknown.
+        LogError: if the samples do not determine every parameter, or the fit fails.
     """
     model = family(name)
     count, free = len(samples.run), len(model.names)
@@ -94,8 +97,7 @@ def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, bootstraps
     deviation = runs.deviation(fits.law)
     if rms(deviation) > _HOPELESS:
         raise LogError(
-            f"law {name}: misses the samples by {rms(deviation):.2g} rms: "
-            "are there runs as tight as the tracks are apart?"
+            f"law {name}: misses the samples by {rms(deviation):.2g} rms: do some runs turn about one of their tracks?"
         )
     measured = samples.covariance is not None
     tests = lack_of_fit(fits, measured)
@@ -130,12 +132,12 @@ def _require_determined(name: str, fits: Fits, error: Array) -> None:
         if at_limit or not spread < _VAGUE * scale:
             raise LogError(
                 f"law {name}: the {fits.runs.runs} samples don't determine {key} (the fit stopped at {value:.3g}); "
-                "it takes runs of different radii, in units of rad/s, m, rad and s"
+                "runs of different radii are needed, in rad/s, m, rad and s"
             )
 
 
 def _likelihood(fits: Fits, deviation: Array) -> float:
-    """-2 log likelihood of the measured motions (constants dropped) at the scatter that makes it largest."""
+    """-2 log likelihood of the measured motions, without constants, at the most likely scatter."""
     eigenvalues = fits.runs.eigenvalues
 
     def minus(log_scatter: float) -> float:

@@ -1,4 +1,4 @@
-"""Intervals of a law's parameters: from the profile of the likelihood, and from resampled runs."""
+"""Intervals of the parameters of a law: from the profile likelihood and from resampled runs."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ from trackslip.identification.replicates import LackOfFit
 from trackslip.kinematics import Array
 
 CONFIDENCE = 0.95
-"""Of all intervals."""
-_STEPS = 12  # towards the end of an interval, at most
-_NEAR = 1e-3  # error of a reached height, relative
-_STRETCH = (0.25, 4.0)  # of a step, from one to the next
+"""Confidence level of all intervals [-]."""
+_STEPS = 12  # maximum number of steps towards the end of an interval
+_NEAR = 1e-3  # relative error of the height at convergence
+_STRETCH = (0.25, 4.0)  # limits of the ratio of successive steps
 BOOTSTRAPS = 300
-"""Resamples of the runs, by default."""
+"""Default number of resamples of the runs."""
 
 
 def standard_errors(fits: Fits, lacks: Sequence[LackOfFit] | None, measured: bool) -> Array:
-    """(M, p) of the values.
+    """Standard errors (M, p) of the values.
 
-    Of runs that came with errors of measurement, those of least squares; else the robust ones, for nothing says that
-    all runs are equally good. Where a law lacks fit, larger by the inflation.
+    With known measurement errors these are the least-squares errors; otherwise the robust ones, because runs may differ
+    in quality. If a law lacks fit, they are multiplied by the inflation.
 
     Args:
         fits: a family fitted to M sets.
-        lacks: their tests for lack of fit, if there are any.
-        measured: whether the runs came with errors of measurement.
+        lacks: tests for lack of fit of the sets, if any.
+        measured: whether the measurement errors of the runs are known.
     """
     variance = np.einsum("mii->mi", fits.covariance if measured else fits.robust_covariance)
     inflation = np.array([lack.inflation for lack in lacks]) if lacks else np.ones(len(fits.values))
@@ -38,10 +38,10 @@ def standard_errors(fits: Fits, lacks: Sequence[LackOfFit] | None, measured: boo
 
 
 def heights(fits: Fits, lacks: Sequence[LackOfFit] | None, measured: bool) -> Array:
-    """How far chi-square may rise (M, p) within an interval.
+    """Rise of chi-square (M, p) that bounds an interval.
 
-    Student's quantile where the scatter was estimated, times the square of how much larger the standard errors are
-    than those of least squares; where a law lacks fit, the degrees of freedom are those of its misses.
+    The quantile (Student's, squared, if the scatter was estimated), times the squared ratio of the standard errors to
+    those of least squares. If a law lacks fit, the degrees of freedom are those of the lack of fit.
     """
     quantile = np.where(
         fits.scatter > 0, scipy.stats.f.ppf(CONFIDENCE, 1, fits.freedom), scipy.stats.chi2.ppf(CONFIDENCE, 1)
@@ -55,9 +55,9 @@ def heights(fits: Fits, lacks: Sequence[LackOfFit] | None, measured: bool) -> Ar
 
 
 def profile_intervals(fits: Fits, height: Array) -> Array:
-    """Intervals (M, p, 2) in which chi-square, minimised over all other parameters, rises less than `height` (M, p).
+    """Intervals (M, p, 2) in which chi-square, minimised over all other parameters, rises by less than `height` (M, p).
 
-    An interval that reaches a limit of the family ends there.
+    Intervals end at the limits of the family.
     """
     sets, parameters = fits.values.shape
     low, high, scale = fits.family.limits(fits.runs.geometry.half_gauge)
@@ -92,9 +92,9 @@ def profile_intervals(fits: Fits, height: Array) -> Array:
 
 
 def bootstrap_intervals(fits: Fits, count: int, rng: np.random.Generator) -> Array:
-    """Percentile intervals (p, 2) of the values from runs drawn again, with replacement, `count` times.
+    """Percentile intervals (p, 2) of the values from `count` resamples of the runs, with replacement.
 
-    A run's two tracks stay together. For a single set of runs.
+    The two tracks of a run stay together. Only for a single set of runs.
     """
     runs, n = fits.runs, fits.runs.runs
     drawn = rng.multinomial(n, np.full(n, 1 / n), size=count).astype(float)

@@ -1,4 +1,4 @@
-"""Runs that no law can be asked to explain."""
+"""Outliers: runs that no law should be fitted to."""
 
 from __future__ import annotations
 
@@ -11,23 +11,26 @@ from trackslip.identification.weighting import WeightedRuns
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.slip.families import FAMILIES
 
-_MIN_SAMPLES = 6  # samples that make a majority
-_MAX_OUTLIER_SHARE = 0.25  # share of outliers that is still a few
-_FAR = 6.0  # robust standard deviations that no good run is off
-_WORTH_MENTIONING = 0.005  # slip by which an outlier is off at least [-]
-_REPEATED = 3  # runs of one radius that have a median
+_MIN_SAMPLES = 6  # minimum number of samples to detect outliers
+_MAX_OUTLIER_SHARE = 0.25  # maximum share of outliers
+_FAR = 6.0  # deviation of an outlier [robust standard deviations]
+_WORTH_MENTIONING = 0.005  # minimum deviation of an outlier [-]
+_REPEATED = 3  # minimum number of runs of one radius for a median
 _ROUNDS = 15
-_TUKEY = 4.685  # where the biweight ends [robust standard deviations]
+_TUKEY = 4.685  # cutoff of the biweight [robust standard deviations]
 _LAWS = ("exponential", "hyperbola", "power", "icr_radius", "icr_sides")
 
 
 def split_outliers(samples: SlipSamples, geometry: RobotGeometry) -> tuple[SlipSamples, list[Refused]]:
-    """Samples without the outliers, and these: far off the law that fits most of the runs best.
+    """Separate outliers, which are far from the law that fits the majority of the runs best.
 
-    Every law is fitted robustly, with Tukey's biweight of a run's larger deviation; the law with the smallest median
-    deviation is the judge. Runs that repeat each other are held against their median, for what they share is the law's
-    fault, not theirs. Fewer than _MIN_SAMPLES samples have no outliers, and where more than a quarter seem to be, no
-    law fits and none is left out.
+    Every law is fitted robustly, with Tukey's biweight of the larger deviation of a run, and the law with the smallest
+    median deviation is used. Repeated runs are compared with their median, because a common deviation is an error of
+    the law. Nothing is excluded from fewer than _MIN_SAMPLES samples, or if more than a quarter of them appear to be
+    outliers: then no law fits.
+
+    Returns:
+        The samples without the outliers, and the outliers.
     """
     count = len(samples)
     if count < _MIN_SAMPLES:
@@ -48,7 +51,7 @@ def split_outliers(samples: SlipSamples, geometry: RobotGeometry) -> tuple[SlipS
     outliers = [
         Refused(
             samples.run[k],
-            f"its slip is {worst[k]:.3g} off what fits the other runs, which scatter by {spread:.2g}",
+            f"its slip deviates by {worst[k]:.3g} from what fits the other runs, which scatter by {spread:.2g}",
         )
         for k in np.flatnonzero(far)
     ]
@@ -70,5 +73,5 @@ def _robust_deviation(name: str, runs: WeightedRuns) -> tuple[Array, float]:
 
 
 def _spread(deviation: Array) -> float:
-    """Robust standard deviation of deviations (n, 2) about 0."""
+    """Robust standard deviation about 0 of deviations (n, 2)."""
     return max(1.4826 * float(np.median(np.abs(deviation))), 1e-6)

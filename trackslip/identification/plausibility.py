@@ -1,4 +1,4 @@
-"""Samples that can't be right, with a guess at what is wrong."""
+"""Detection of implausible samples, with a guess at the cause."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ import numpy as np
 from trackslip.errors import LogError
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 
-_NEARLY_STANDING = 0.02  # speed of the slower sprocket over that of the faster, below which its slip says nothing
-_WILD = 0.8  # slip of the faster track that no robot on wheels or tracks shows in steady motion
-_SWIFT = 0.4  # speed of a track over that of the faster, from which it can't move against its sprocket
-_TWICE = 3.0  # slip of a track that moves the other way, twice as fast as its sprocket says
-_NEAR = 1.4  # factor within which a ratio points to a unit
-_SLIPPING = 0.75  # usual real speed of a robot over the commanded one, when a gear is to be guessed
+_NEARLY_STANDING = 0.02  # ratio of the slower to the faster sprocket speed below which its slip is meaningless
+_WILD = 0.8  # slip of the faster track that no robot reaches in steady motion
+_SWIFT = 0.4  # ratio of track speeds above which a track cannot move against its sprocket
+_TWICE = 3.0  # slip of a track that moves in the opposite direction, twice as fast as its sprocket
+_NEAR = 1.4  # factor within which a ratio indicates a unit
+_SLIPPING = 0.75  # typical ratio of real to commanded speed, to guess a gear
 _FACTORS = (
     ("omega", np.degrees(1), "sprocket speeds in deg/s"),
     ("omega", 60 / (2 * np.pi), "sprocket speeds in rpm"),
@@ -28,7 +28,7 @@ _FACTORS = (
 
 
 def require_plausible(omega: Array, twist: Array, slip: Array, geometry: RobotGeometry, run: Sequence[str]) -> None:
-    """Raise LogError for samples (n, 2) whose slip is undefined or beyond belief, or that turn the wrong way round."""
+    """Raise LogError for samples (n, 2) with undefined or implausible slip, or that turn in the wrong direction."""
     undefined = ~np.isfinite(slip).all(axis=1)
     if undefined.any():
         raise LogError(f"run {run[int(np.argmax(undefined))]!r}: a sprocket stands still, its slip is undefined")
@@ -59,7 +59,7 @@ def require_plausible(omega: Array, twist: Array, slip: Array, geometry: RobotGe
     if wild.any() and not (backwards & wild & (np.abs(twist[:, 1]) < 2 * np.abs(ideal[:, 1]))).any():
         k = int(np.argmax(wild))
         raise LogError(
-            f"run {run[k]!r}: slip {of_faster[k]:.3g} of the faster track is beyond belief (over {_WILD}): "
+            f"run {run[k]!r}: slip {of_faster[k]:.3g} of the faster track is implausible (over {_WILD}): "
             f"check the units (rad/s, m, rad, s), the gear and sprocket_radius = {geometry.sprocket_radius:g} m"
             f"{_guess(ideal[k], twist[k])}"
         )
@@ -72,7 +72,7 @@ def require_plausible(omega: Array, twist: Array, slip: Array, geometry: RobotGe
 
 
 def _guess(ideal: Array, twist: Array) -> str:
-    """What the ratios of measured and commanded v and w (2,) look like, or nothing."""
+    """A guess at the cause from the ratios of measured to commanded v and w (2,), or an empty text."""
     with np.errstate(divide="ignore", invalid="ignore"):
         v, w = np.abs(twist / ideal)
 

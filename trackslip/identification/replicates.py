@@ -1,4 +1,4 @@
-"""Runs that repeat each other, and the test for lack of fit that they allow."""
+"""Groups of repeated runs, and the test for lack of fit that they allow."""
 
 from __future__ import annotations
 
@@ -10,35 +10,37 @@ import scipy
 from trackslip.identification.fit import Fits
 from trackslip.kinematics import Array, RobotGeometry, body_twist
 
-_ALIKE = 0.02  # relative difference of the commanded curvatures (or speeds) of runs that repeat each other
+_TOLERANCE = 0.02  # maximum relative difference of the commanded curvatures (or speeds) of repeated runs
 _MAX_FOLDS = 10
-_FOLDS = 5  # of values that don't come in groups
+_FOLDS = 5  # number of folds for values that do not form groups
 SIGNIFICANT = 0.01
-"""Probability below which lack of fit isn't put down to chance."""
+"""Significance level of lack of fit [-]."""
 
 
 @dataclass(frozen=True)
 class LackOfFit:
-    """Whether a law misses the runs by more than they miss each other, or than their measurement errors."""
+    """Test of whether a law misses the runs by more than their scatter or their measurement errors."""
 
     test: str
-    """F: against the scatter of repeated runs; chi2: against the errors of measurement."""
+    """F: relative to the scatter of repeated runs; chi2: relative to the measurement errors."""
     statistic: float
+    """The test statistic [-]."""
     freedom: tuple[int, ...]
+    """Degrees of freedom of the statistic."""
     probability: float
-    """Of a statistic as large by chance."""
+    """Probability of at least this statistic by chance, the p-value [-]."""
     inflation: float
-    """Factor on standard errors: the law's misses are shared by runs that repeat each other, so there are fewer
-    independent ones than runs; 1 where the law fits."""
+    """Factor on standard errors, because repeated runs share the errors of the law, which are therefore fewer than the
+    runs; 1 if the law fits [-]."""
 
     @property
     def significant(self) -> bool:
-        """Whether the law is to be doubted."""
+        """Whether the lack of fit is significant."""
         return self.probability < SIGNIFICANT
 
 
-def alike(values: Array, tolerance: float = _ALIKE) -> np.ndarray:
-    """Labels (n,) of values (n,) that are about the same: gaps in their order part them."""
+def group_labels(values: Array, tolerance: float = _TOLERANCE) -> np.ndarray:
+    """Group labels (n,) of values (n,), separated by gaps in their order."""
     order = np.argsort(values, kind="stable")
     ranked = values[order]
     gap = np.diff(ranked) > tolerance * np.maximum(np.abs(ranked[1:]), np.abs(ranked[:-1]))
@@ -48,15 +50,15 @@ def alike(values: Array, tolerance: float = _ALIKE) -> np.ndarray:
 
 
 def by_command(omega: Array, geometry: RobotGeometry) -> np.ndarray:
-    """Labels (n,) of runs whose sprocket speeds (n, 2) have the same ratio, and so the same radius."""
+    """Labels (n,) of runs with the same ratio of sprocket speeds (n, 2) and thus the same radius."""
     ideal = body_twist(omega, 0.0, geometry)
     direction = np.arctan2(geometry.half_gauge * ideal[:, 1], ideal[:, 0])
-    return alike(direction)
+    return group_labels(direction)
 
 
 def folds(values: Array) -> np.ndarray:
-    """Labels (n,) of groups to leave out one at a time: those that are alike, else neighbours in equal numbers."""
-    labels = alike(values)
+    """Labels (n,) of the folds of a cross-validation: groups of equal values, else equal numbers of neighbours."""
+    labels = group_labels(values)
     if labels.max(initial=0) < _MAX_FOLDS:
         return labels
     rank = np.argsort(np.argsort(values, kind="stable"), kind="stable")
@@ -64,15 +66,15 @@ def folds(values: Array) -> np.ndarray:
 
 
 def lack_of_fit(fits: Fits, measured: bool) -> list[LackOfFit] | None:
-    """Of each of M sets of runs; None where there is nothing to hold the law against.
+    """Tests for lack of fit of M sets of runs; None if there is nothing to compare the law with.
 
-    Where runs repeat each other: the F-test of what the law misses beyond the scatter of the repeats about a slip of
-    their own, all in the fit's own weights. Else, where the errors of measurement are known, whether these explain
-    the residuals.
+    With repeated runs: the F-test of the misfit of the law relative to the scatter of the repeats about their own mean
+    slip, with the weights of the fit. Otherwise, if the measurement errors are known, the chi-square test of whether
+    they explain the residuals.
 
     Args:
         fits: a family fitted to the sets.
-        measured: whether the runs came with errors of measurement.
+        measured: whether the measurement errors of the runs are known.
     """
     runs, parameters = fits.runs, fits.values.shape[1]
     labels = by_command(runs.omega, runs.geometry)
@@ -100,7 +102,7 @@ def lack_of_fit(fits: Fits, measured: bool) -> list[LackOfFit] | None:
 
 
 def _pure_error(fits: Fits, labels: np.ndarray) -> Array:
-    """Weighted squares (M,) of the runs' speeds about those of their group's best slips: the least a law can leave."""
+    """Weighted squares (M,) of the speeds about those of the best slips of each group: the minimum for any law."""
     runs, sets = fits.runs, len(fits.values)
     root = 1 / np.sqrt(runs.eigenvalues + fits.scatter[:, None, None] ** 2)  # (M, n, 2)
     design = root[..., None] * (runs.turn * (runs.geometry.sprocket_radius * runs.omega)[:, None, :])  # of 1 - slip

@@ -1,4 +1,4 @@
-"""Runs -> steady slip samples."""
+"""Steady slip samples from runs."""
 
 from __future__ import annotations
 
@@ -18,25 +18,25 @@ from trackslip.motion.steady import SETTLE, steady_part
 
 @dataclass(frozen=True)
 class SlipSamples:
-    """Mean slip of steady runs, one row a run."""
+    """Mean slip of steady runs, one row per run."""
 
     omega: Array  # (n, 2) measured sprocket speeds [rad/s]
     twist: Array  # (n, 2) [m/s, rad/s]
     slip: Array  # (n, 2)
     run: tuple[str, ...]  # (n,) names
-    covariance: Array | None = None  # (n, 2, 2) of the twists' errors, where known
+    covariance: Array | None = None  # (n, 2, 2) of the errors of the twists, if known
 
     def __len__(self) -> int:
         return len(self.run)
 
     @property
     def curvature(self) -> Array:
-        """(n,) of the observed paths [1/m]."""
+        """Curvatures (n,) of the observed paths [1/m]."""
         return curvature(self.twist)
 
     @property
     def radius(self) -> Array:
-        """(n,) of the observed paths [m], signed; infinite for a straight one."""
+        """Signed radii (n,) of the observed paths [m]; infinite for a straight one."""
         v, w = self.twist.T
         return np.divide(v, w, out=np.full(len(v), np.inf), where=w != 0)
 
@@ -52,7 +52,7 @@ class SlipSamples:
         """Samples from steady sprocket speeds and twists (n, 2), with covariances (n, 2, 2) if known; Eqs. 2-3.
 
         Raises:
-            LogError: where a sprocket stands still, which leaves its slip undefined, or a slip is beyond belief.
+            LogError: if a sprocket stands still, so that its slip is undefined, or a slip is implausible.
         """
         slip = track_slip(omega, twist, geometry)
         require_plausible(omega, twist, slip, geometry, run)
@@ -60,7 +60,7 @@ class SlipSamples:
 
     @classmethod
     def joined(cls, parts: Sequence[SlipSamples]) -> SlipSamples:
-        """All samples of the parts, in order."""
+        """Concatenate samples."""
         return cls(
             omega=np.concatenate([part.omega for part in parts]),
             twist=np.concatenate([part.twist for part in parts]),
@@ -85,10 +85,12 @@ class SlipSamples:
 
 @dataclass(frozen=True)
 class Refused:
-    """A run that gave no sample, or was left out of the fits."""
+    """A run that gave no sample or was excluded from the fits."""
 
     run: str
+    """Name of the run."""
     reason: str
+    """Why it was excluded."""
 
     def __str__(self) -> str:
         return f"run {self.run!r} left out: {self.reason}"
@@ -96,12 +98,14 @@ class Refused:
 
 @dataclass(frozen=True)
 class Sampling:
-    """Samples of those runs that gave one."""
+    """The samples of a set of runs, and why some runs gave none."""
 
     samples: SlipSamples
+    """One sample per usable run."""
     refused: tuple[Refused, ...]
+    """Runs without a sample."""
     notes: tuple[str, ...]
-    """What of the other runs was left out, a line each."""
+    """What was excluded from usable runs, one line each."""
 
 
 def slip_samples(
@@ -112,12 +116,12 @@ def slip_samples(
     Args:
         logs: runs with a stretch at constant sprocket speeds.
         geometry: the robot's nominal geometry.
-        settle: time after the sprockets have become steady that is left out [s].
-        method: name of a motion method, out of MOTION_METHODS; by default the most exact that each run allows.
+        settle: time excluded after the sprockets have become steady [s].
+        method: name of a method in MOTION_METHODS; by default the most accurate that each run allows.
 
     Raises:
-        InvalidValueError: for an unknown method.
-        LogError: for a run without a steady stretch, or with too few valid poses in it.
+        InvalidValueError: if the method is unknown.
+        LogError: if a run has no steady stretch, or too few valid poses in it.
     """
     return SlipSamples.joined([_sample(log, geometry, settle, method)[0] for log in logs])
 
@@ -125,11 +129,11 @@ def slip_samples(
 def usable_samples(
     logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE, method: str | None = None
 ) -> Sampling:
-    """The samples of those runs that give one, and why the others don't; see `slip_samples`.
+    """The samples of all usable runs, and why the others give none; see `slip_samples`.
 
     Raises:
-        InvalidValueError: for an unknown method.
-        LogError: when there is none.
+        InvalidValueError: if the method is unknown.
+        LogError: if no run is usable.
     """
     usable: list[SlipSamples] = []
     refused: list[Refused] = []
@@ -146,10 +150,10 @@ def usable_samples(
 
 
 def usable_rows(omega: Array, twist: Array, geometry: RobotGeometry) -> Sampling:
-    """Samples from steady sprocket speeds and twists (n, 2), those that can be used; they are called row 1, row 2, ...
+    """Samples from steady sprocket speeds and twists (n, 2), called row 1, row 2, ..., as far as they are usable.
 
     Raises:
-        LogError: when there is none.
+        LogError: if no run is usable.
     """
     usable, refused = [], []
     for k in range(len(omega)):
@@ -171,7 +175,7 @@ def _sampling(usable: list[SlipSamples], refused: list[Refused], notes: list[str
 def _sample(
     log: RunLog, geometry: RobotGeometry, settle: float, method: str | None
 ) -> tuple[SlipSamples, tuple[str, ...]]:
-    """One run's sample, and what was left out of the run."""
+    """The sample of a run, and notes on what was excluded from the run."""
     require_non_negative("settle", settle)
     method = method or best_method(log)
     if method not in MOTION_METHODS:
@@ -187,17 +191,17 @@ def _sample(
 def true_samples(
     logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE, of_plate: bool = False
 ) -> SlipSamples:
-    """The same from the truth of simulated runs.
+    """Samples from the true motion of simulated runs.
 
     Args:
         logs: simulated runs.
         geometry: the robot's nominal geometry.
-        settle: as for `slip_samples`.
-        of_plate: take the motion of what the scanner sees, the plate, which leans outwards with the robot: on a circle
-            it moves along a wider one, faster by the yaw rate times the lean.
+        settle: time excluded after the sprockets have become steady [s].
+        of_plate: use the motion of the scanned plate, which leans outwards with the robot: it moves along a wider
+            circle, faster by the yaw rate times the lean.
 
     Raises:
-        LogError: for a run without truth.
+        LogError: if a run has no truth.
     """
     omega, twist = [], []
     for log in logs:

@@ -1,7 +1,7 @@
-"""Many small nonlinear least-squares problems at once, by Levenberg and Marquardt's method.
+"""Many small nonlinear least-squares problems at once, by the Levenberg-Marquardt method.
 
-A bootstrap, a cross-validation, a profile and a coverage study are hundreds to thousands of fits of the same few
-parameters to the same few runs; together they take no longer than a few of them one by one.
+Bootstraps, cross-validations, profiles and coverage studies are hundreds to thousands of fits of the same few
+parameters to the same few runs. Solved together, they take no longer than a few of them one by one.
 """
 
 from __future__ import annotations
@@ -14,18 +14,18 @@ import numpy as np
 from trackslip.kinematics import Array
 
 Residual = Callable[[Array, np.ndarray], Array]
-"""Values (m, p) of the problems `rows` (m,) -> their residuals (m, K); what isn't finite is infinitely bad."""
+"""From values (m, p) of the problems `rows` (m,) to their residuals (m, K); values that are not finite are rejected."""
 
 _ITERATIONS = 40
-_CONVERGED = 1e-9  # fall of the cost, relative to it
-_MIN_STEP = 1e-10  # relative to the parameters' scales
-_DIFFERENCE = 1e-6  # for derivatives, relative to the parameters' scales
+_CONVERGED = 1e-9  # relative decrease of the cost at convergence
+_MIN_STEP = 1e-10  # relative to the scales of the parameters
+_DIFFERENCE = 1e-6  # step of differences, relative to the scales of the parameters
 _MAX_DAMPING = 1e12
 
 
 @dataclass(frozen=True)
 class Minimum:
-    """Where M problems have their least squares."""
+    """The minima of M problems."""
 
     values: Array  # (M, p)
     cost: Array  # (M,) sum of squares
@@ -38,11 +38,11 @@ def least_squares(
     """Minimise the sums of squares of M problems.
 
     Args:
-        residual: what is squared and summed.
-        start: values (M, p) to start from, within the limits.
-        low, high: limits (p,).
-        scale: sizes (p,) of changes that matter.
-        held: (M, p) bool, which parameters stay as they are.
+        residual: the residuals.
+        start: starting values (M, p) within the limits.
+        low, high: limits (p,) of the values.
+        scale: sizes (p,) of significant changes.
+        held: (M, p) bool, the parameters that are kept fixed.
     """
     problems, parameters = start.shape
     held = np.zeros((problems, parameters), bool) if held is None else held
@@ -61,7 +61,7 @@ def least_squares(
         diagonal = np.einsum("mii->mi", normal)  # a view
         diagonal[held[rows]] = 1.0
         hessian[rows] = normal
-        # what pushes against a limit is held there
+        # parameters that push against a limit are held there
         stuck = ((values[rows] <= low) & (gradient > 0)) | ((values[rows] >= high) & (gradient < 0)) | held[rows]
         free = ~stuck
         normal = normal * (free[:, :, None] & free[:, None, :])
@@ -87,7 +87,7 @@ def least_squares(
 
 
 def _jacobian(residual: Residual, values: Array, current: Array, rows: np.ndarray, high: Array, scale: Array) -> Array:
-    """Derivatives (m, K, p) by differences, into the limits."""
+    """Derivatives (m, K, p) by one-sided differences within the limits."""
     problems, parameters = values.shape
     step = _DIFFERENCE * scale
     signed = np.where(values + step > high, -step, step)  # (m, p)

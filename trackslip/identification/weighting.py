@@ -1,15 +1,15 @@
-"""How far runs are from a law, in standard deviations.
+"""Residuals of runs with respect to a law, in standard deviations.
 
-What is random is the measured twist of a run; its sprocket speeds are known. A law says what twist those speeds drive,
-so slip and radius, both functions of the measured twist with errors that belong together, needn't be told apart: the
+The measured twist of a run is random; its sprocket speeds are known. A law predicts the twist from these speeds, so
+slip and radius, both functions of the measured twist with correlated errors, need not be treated separately: the
 residual of a run is the measured minus the predicted speed V of either track, (2,) [m/s]. Its covariance is
 
     C = N + tau^2 S^2,    N = B P B^T,    S = diag(r |omega|)
 
-P is the covariance of the measured twist, B takes twists to track speeds, and tau is a scatter of slip beyond
-measurement: what the law doesn't know of (uneven ground, speed, its own wrong shape). S is floored at a tenth of the
-faster track's, for slip is no measure of a track whose sprocket hardly turns. N and S^2 are diagonalised together once
-per run, N = S Q diag(lambda) Q^T S, so that another tau costs nothing.
+P is the covariance of the measured twist, B maps twists to track speeds, and tau is the scatter of slip beyond the
+measurement errors: effects outside the law (uneven ground, speed, its wrong shape). S is at least a tenth of that of
+the faster track, because slip is meaningless for a sprocket that hardly turns. N and S^2 are diagonalised together once
+per run, N = S Q diag(lambda) Q^T S, so that changing tau is cheap.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import SIDES, Array, RobotGeometry, track_speeds
 from trackslip.slip.base import SlipLaw
 
-_MIN_RELATIVE_SPEED = 0.1  # sprocket speed whose slip still counts, relative to the faster one
+_MIN_RELATIVE_SPEED = 0.1  # minimum sprocket speed in S, relative to the faster one
 MIN_SCATTER = 1e-9
-"""tau of samples that lie on a law to within rounding [-]."""
+"""tau of samples that follow a law to within rounding [-]."""
 _MAX_SCATTER = 10.0
 _HALVINGS = 60
-_EXPLAINED = 0.99  # probability of a smaller chi-square, up to which it is put down to chance
+_EXPLAINED = 0.99  # quantile of chi-square up to which measurement errors explain it
 
 
 @dataclass(frozen=True)
 class WeightedRuns:
-    """M sets of n steady runs with the same sprocket speeds; what all sets have in common has length 1 in front."""
+    """M sets of n steady runs with the same sprocket speeds; arrays shared by all sets have a leading length of 1."""
 
     geometry: RobotGeometry
     omega: Array  # (n, 2) [rad/s]
     speeds: Array  # (M or 1, n, 2) measured speeds V of the tracks [m/s]
     turn: Array  # (n, 2, 2) Q^T S^-1
     eigenvalues: Array  # (n, 2) lambda
-    weight: Array  # (M or 1, n) how often each run counts
+    weight: Array  # (M or 1, n) multiplicity of each run
 
     @classmethod
     def of(cls, samples: SlipSamples, geometry: RobotGeometry) -> WeightedRuns:
-        """One set. Without covariances of the twists, all scatter is tau."""
+        """One set of runs. Without covariances of the twists, all scatter is tau."""
         size = np.abs(samples.omega)
         scale = geometry.sprocket_radius * np.maximum(size, _MIN_RELATIVE_SPEED * size.max(axis=1, keepdims=True))
         to_tracks = np.column_stack([np.ones(2), SIDES * geometry.half_gauge])
@@ -59,7 +59,7 @@ class WeightedRuns:
 
     @property
     def runs(self) -> int:
-        """n."""
+        """Number of runs, n."""
         return len(self.omega)
 
     def weighted(self, weight: Array) -> WeightedRuns:
@@ -83,10 +83,10 @@ class WeightedRuns:
         return (deviation * factor).reshape(len(deviation), -1)
 
     def scatter(self, deviation: Array, freedom: float) -> Array:
-        """tau (M,) that brings chi-square to its expectation `freedom`, after Paule and Mandel (1982).
+        """tau (M,) at which chi-square equals its expectation `freedom`, after Paule and Mandel (1982).
 
-        0 where the errors of measurement explain chi-square: a scatter that is estimated only when chance makes it
-        large would widen intervals for nothing. Without such errors at least what rounding leaves.
+        It is 0 if the measurement errors explain chi-square: estimating the scatter only when chance makes it large
+        would widen intervals needlessly. Without measurement errors it is at least MIN_SCATTER.
         """
         known = self.eigenvalues.min(initial=np.inf) > 0
         low = np.full(len(deviation), np.log(MIN_SCATTER))

@@ -1,4 +1,4 @@
-"""Columns of a table that anyone may have written, as arrays."""
+"""Columns of an arbitrary table as arrays, with validation."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from trackslip.logs.schema import COLUMNS
 
 
 class Columns:
-    """Columns of a table as arrays, with errors that name the row and the column."""
+    """Columns of a table as arrays; errors name the row and the column."""
 
     def __init__(self, table: pa.Table, source: str) -> None:
         self._table, self._source = table, source
 
     def require(self, names: Sequence[str]) -> None:
-        """Raise LogError where one of `names` is missing, or any column is there twice."""
+        """Raise LogError if one of `names` is missing or any column occurs twice."""
         found = self._table.column_names
         twice = [name for name in found if found.count(name) > 1]
         if twice:
@@ -31,17 +31,17 @@ class Columns:
             )
 
     def numbers(self, names: Sequence[str], where: np.ndarray | None = None) -> Array:
-        """(T, len(names)), every value finite, or at least those in the rows `where`."""
+        """Values (T, len(names)), all finite, or at least those in the rows `where`."""
         return np.stack([self._number(name, where) for name in names], axis=-1)
 
     def optional(self, names: Sequence[str]) -> Array | None:
-        """(T, len(names)) with NaN for nulls, or None if the columns aren't there."""
+        """Values (T, len(names)) with NaN for nulls, or None if a column is missing."""
         if any(name not in self._table.column_names for name in names):
             return None
         return np.stack([self._parse(name) for name in names], axis=-1)
 
     def boolean(self, name: str, label: np.ndarray) -> np.ndarray | None:
-        """(T,), true in runs, numbered by `label` (T,), that don't have the column; None if it isn't there."""
+        """Values (T,), true in runs (numbered by `label` (T,)) without any; None if the column is missing."""
         if name not in self._table.column_names:
             return None
         if pa.types.is_nested(self._table.column(name).type):

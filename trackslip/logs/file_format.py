@@ -1,4 +1,4 @@
-"""The version number of stored results: what a newer trackslip wrote is refused, not misread."""
+"""The format version of stored results, so that files from a newer trackslip are refused instead of misread."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from typing import Any
 from trackslip.errors import LogError
 
 FORMAT = 1
-"""Of manifests, laws and runs, as this version writes them; it goes up when older versions can't read them."""
+"""Format of the manifests, laws and runs written by this version; it increases when older versions cannot read them."""
 MANIFEST = "manifest.json"
 
 
 def require_known_format(content: Mapping[str, Any], source: object) -> None:
-    """Raise LogError for what says that a newer version wrote it; what says nothing is of the first format.
+    """Raise LogError if `content` was written by a newer version; without a format it is of the first one.
 
     Args:
-        content: has `format`, and where it is a manifest `versions`.
-        source: named in the message.
+        content: may have `format` and, in a manifest, `versions`.
+        source: its name in the message.
     """
     found = content.get("format", 1)
     if isinstance(found, bool) or not isinstance(found, int) or found < 1:
@@ -33,11 +33,11 @@ def require_known_format(content: Mapping[str, Any], source: object) -> None:
 
 
 def require_known_manifest(folder: Path) -> None:
-    """Raise LogError for a folder of results whose manifest is damaged, or a newer version's."""
+    """Raise LogError if the manifest of a folder of results is damaged or from a newer version."""
     file = folder / MANIFEST
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
-    except FileNotFoundError:  # a real robot's log
+    except FileNotFoundError:  # the log of a real robot
         return
     except OSError as error:
         raise LogError(f"{file}: {error.strerror}") from error

@@ -1,4 +1,4 @@
-"""Whether headings are radians, counter-clockwise: a robot moves along its heading, so its path tells."""
+"""Checks that headings are in radians and counter-clockwise: a robot moves along its heading, so its path shows it."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ import numpy as np
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
 
-_STRIDE = 0.5  # over which a direction is taken [s]
-_MIN_WAY = 0.01  # that has a direction, noise notwithstanding [m]
-_MIN_STEPS = 5  # of them
-_AGREES, _DISAGREES = 0.9, 0.5  # mean cosine of what is left when headings are right, and when they are not
+_STRIDE = 0.5  # time over which a direction is estimated [s]
+_MIN_WAY = 0.01  # distance whose direction is well above the noise [m]
+_MIN_STEPS = 5  # minimum number of directions
+_AGREES, _DISAGREES = 0.9, 0.5  # mean resultant length of the residuals of right and of wrong headings
 
 
 def require_headings(time: Array, pose: Array, run: str) -> None:
-    """Raise LogError where the headings of measured poses (T, 3) fit their path in degrees, or clockwise, only.
+    """Raise LogError if the headings of measured poses (T, 3) only fit the path as degrees or clockwise.
 
-    The chord between two poses has the heading of the pose half-way in time. Runs that turn in place have no path that
-    tells, and are believed.
+    The chord between two poses has the heading of the pose half-way in time. Runs that turn in place have no such path
+    and pass.
     """
     if len(time) < 5:
         return

@@ -18,11 +18,11 @@ from trackslip.logs.runlog import RunLog
 from trackslip.logs.table import runs_from_table, to_table
 
 RUNS = "runs.parquet"
-"""The file with the runs in a folder of results."""
+"""Name of the file of runs in a folder of results."""
 
 
 def write_parquet(logs: Sequence[RunLog], file: Path | BinaryIO) -> None:
-    """Write runs to a Parquet file, a row group each, in order."""
+    """Write runs to a Parquet file, one row group per run, in order."""
     table = to_table(logs)
     with pa.parquet.ParquetWriter(file, table.schema, **packing(table.schema)) as writer:
         first = 0
@@ -32,9 +32,9 @@ def write_parquet(logs: Sequence[RunLog], file: Path | BinaryIO) -> None:
 
 
 def packing(schema: pa.Schema) -> dict[str, Any]:
-    """How to write measured numbers, which hardly repeat, in less space; damage to them is noticed.
+    """Options of the Parquet writer: compact storage of measured numbers, which rarely repeat, with checksums.
 
-    Zstandard would save a tenth more and take half as long again. Who looks for some runs or times can skip the rest.
+    Zstandard would save another tenth but take half as long again. Statistics let readers skip runs and times.
     """
     numbers = [field.name for field in schema if pa.types.is_float64(field.type)]
     return {
@@ -47,13 +47,13 @@ def packing(schema: pa.Schema) -> dict[str, Any]:
 
 
 def write_csv(logs: Sequence[RunLog], path: Path) -> None:
-    """Write runs to a CSV file; metadata, ranges and contacts are lost, other numbers are not."""
+    """Write runs to a CSV file, without metadata, ranges and contacts; other numbers are exact."""
     truth = [log.truth and replace(log.truth, contact=None) for log in logs]
     pa.csv.write_csv(to_table([replace(log, scans=None, truth=t) for log, t in zip(logs, truth, strict=True)]), path)
 
 
 def read_table(path: Path) -> pa.Table:
-    """The table in a `.parquet` or `.csv` file; raises LogError when there is none."""
+    """The table in a `.parquet` or `.csv` file; raises LogError if it cannot be read."""
     try:
         if not path.is_file():
             raise LogError(f"{path}: no such file")
@@ -62,12 +62,12 @@ def read_table(path: Path) -> pa.Table:
             table = pa.parquet.read_table(path, page_checksum_verification=True)
         elif path.suffix.lower() == ".csv":
             table = pa.csv.read_csv(path, convert_options=_as_text(path))
-        if table is not None and table.column_names is not None:  # names may not be text
+        if table is not None and table.column_names is not None:  # names that are not text
             return table
     except LogError:
         raise
     except (pa.ArrowException, OSError, csv.Error, UnicodeError) as error:
-        reason = first_line(error).split("': ")[-1]  # pyarrow may repeat the file's name
+        reason = first_line(error).split("': ")[-1]  # pyarrow may repeat the name of the file
         if path.suffix.lower() == ".parquet":
             reason = f"damaged, cut short or no Parquet file ({reason})"
         raise LogError(f"{path}: {reason}") from error
@@ -75,16 +75,20 @@ def read_table(path: Path) -> pa.Table:
 
 
 def load(path: str | Path) -> list[RunLog]:
-    """The runs in a folder of results, or in a `.parquet` or `.csv` file; raises LogError when there are none."""
+    """The runs in a folder of results, or in a `.parquet` or `.csv` file.
+
+    Raises:
+        LogError: if there are none, or the file is damaged; the message is one line.
+    """
     path = Path(path)
     return read_runs(runs_file(path))
 
 
 def runs_file(path: Path) -> Path:
-    """The file with the runs of a folder of results, or `path` itself.
+    """The file of runs in a folder of results, or `path` itself.
 
     Raises:
-        LogError: for a folder without runs, or of a newer version.
+        LogError: if the folder has no runs or was written by a newer version.
     """
     try:
         if not path.is_dir():
@@ -100,15 +104,15 @@ def runs_file(path: Path) -> Path:
 
 
 def read_runs(path: Path) -> list[RunLog]:
-    """The runs in a file; raises LogError naming the row and column of what can't be read."""
+    """The runs in a file; raises LogError naming the row and column that cannot be read."""
     return runs_from_table(read_table(path), str(path))
 
 
 def _as_text(path: Path) -> pa.csv.ConvertOptions:
-    """Options to read every column as text, so that a bad value can be named by its row and column.
+    """Options that read every column as text, so that errors can name row and column of an invalid value.
 
     Raises:
-        LogError: for columns with semicolons or tabs between them.
+        LogError: if the columns are separated by semicolons or tabs.
     """
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         names = next(csv.reader(file), [])

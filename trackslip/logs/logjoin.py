@@ -1,4 +1,4 @@
-"""Runs out of several Parquet files into one, without reading them all at once."""
+"""Joining runs from several Parquet files into one, without loading all of them."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from trackslip.errors import LogError, first_line
 from trackslip.logs.logfile import packing
 from trackslip.logs.table import file_metadata, stored_text
 
-_AHEAD = 8  # runs that are read while others are written
+_AHEAD = 8  # runs read ahead of writing
 
 
 def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
-    """Write runs out of files that `write_parquet` made, (file, name, new name) each, to a single one, in order.
+    """Write runs, each given as (file, name, new name), from files by `write_parquet` to a single file, in order.
 
     Raises:
-        LogError: when a file can't be read, or lacks the run.
+        LogError: if a file cannot be read or lacks the run.
     """
     files = {file: StoredRuns(file) for file in dict.fromkeys(file for file, *_ in runs)}
     joined = pa.unify_schemas([stored.schema for stored in files.values()])
@@ -45,7 +45,7 @@ def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
 
 
 class StoredRuns:
-    """A file of `write_parquet`'s, a run at a time."""
+    """Access to single runs of a file by `write_parquet`."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -60,13 +60,13 @@ class StoredRuns:
         self.schema = self._file.schema_arrow.remove_metadata()
 
     def metadata(self, name: str) -> dict[str, Any]:
-        """What is remembered of a run."""
+        """The metadata of a run."""
         if name not in self._metadata:
             raise LogError(f"{self._path}: it has no run {name!r}")
         return dict(self._metadata[name])
 
     def table(self, name: str, new: str) -> pa.Table:
-        """A run's rows, under a new name."""
+        """The rows of a run under a new name."""
         try:
             table = self._file.read_row_group(self._group[name]).replace_schema_metadata(None)
             return table if new == name else table.set_column(0, "run", pa.array([new] * len(table)))

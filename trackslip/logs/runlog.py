@@ -1,4 +1,4 @@
-"""RunLog: the one record of a run, simulated or real, on the time base of its scans."""
+"""RunLog: the record of one run, simulated or real, with a row for every scan."""
 
 from __future__ import annotations
 
@@ -14,21 +14,21 @@ from trackslip.logs.scanlog import ScanLog
 
 @dataclass(frozen=True)
 class Truth:
-    """What only a simulator knows."""
+    """Quantities known only in simulation."""
 
     pose: Array  # (T, 3) [m, m, rad]
     twist: Array  # (T, 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]
     traction: Array  # (T, 2) force of the ground on each track, along the robot [N]
     torque: Array  # (T, 2) torque of each motor, at its sprocket [N m]
-    power: Array | None = None  # (T, 2) electrical power of each motor, mean since the row before [W]
-    saturated: Array | None = None  # (T, 2) share of the time since the row before with the motor at its limit [-]
-    lean: Array | None = None  # (T,) how far the scanned plate stands to the left of the robot [m]
+    power: Array | None = None  # (T, 2) electrical power of each motor, mean since the previous row [W]
+    saturated: Array | None = None  # (T, 2) share of time since the previous row with the motor at its limit [-]
+    lean: Array | None = None  # (T,) offset of the scanned plate to the left of the robot [m]
     contact: Array | None = None  # (T, P, 3) force of the ground on each pad: forwards, to the left, up [N]
 
 
 @dataclass(frozen=True)
 class RunLog:
-    """One run. Row k holds what was measured at time k and the command given then."""
+    """One run. Row k contains the measurements at time k and the command given then."""
 
     run: str
     """Name of the run, unique within a file."""
@@ -36,14 +36,14 @@ class RunLog:
     omega: Array  # (T, 2) measured sprocket speeds [rad/s]
     pose: Array  # (T, 3) estimated pose [m, m, rad], phi unwrapped
     command: Array | None = None  # (T, 2) commanded sprocket speeds [rad/s]
-    twist_command: Array | None = None  # (T, 2) body twist asked for by a controller [m/s, rad/s]
-    icr: Array | None = None  # (T, 2) D [m] and epsilon [-] of the constant ICRs that the slip was compensated with
+    twist_command: Array | None = None  # (T, 2) body twist commanded by a controller [m/s, rad/s]
+    icr: Array | None = None  # (T, 2) D [m] and epsilon [-] of the constant ICRs used for slip compensation
     covariance: Array | None = None  # (T, 3, 3) of the pose
-    valid: np.ndarray | None = None  # (T,) bool: the pose was measured; None: every pose was
+    valid: np.ndarray | None = None  # (T,) bool: whether the pose was measured; None if every pose was
     truth: Truth | None = None
-    scans: ScanLog | None = None  # T rows: what the poses were found in
+    scans: ScanLog | None = None  # T rows: the scans from which the poses were estimated
     metadata: dict[str, Any] = field(default_factory=dict)
-    """Whatever describes the run and fits into JSON: geometry, ground, reference, controller, seed."""
+    """A JSON-compatible description of the run: geometry, ground, reference, controller, seed."""
 
     def __post_init__(self) -> None:
         rows = len(self.time)
@@ -52,7 +52,7 @@ class RunLog:
         backwards = np.flatnonzero(~(np.diff(self.time) > 0))
         if backwards.size:
             k = int(backwards[0]) + 1
-            raise LogError(f"run {self.run!r}: t = {self.time[k]:g} in its row {k + 1} is not after the row before")
+            raise LogError(f"run {self.run!r}: t = {self.time[k]:g} in its row {k + 1} is not after the previous row")
         bad = np.argwhere(~np.isfinite(self.pose) & self.is_valid[:, None])
         if bad.size:
             k, j = bad[0]

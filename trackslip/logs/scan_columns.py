@@ -1,4 +1,4 @@
-"""The scans of a RunLog as columns of its table: ranges as lists, what they were measured with in the metadata."""
+"""The scans of a RunLog as columns of its table, with a description of the scanner in the metadata."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from trackslip.kinematics import Array
 from trackslip.logs.scanlog import ScanLog
 
 SCANNED = "scanned"
-"""Key in a run's metadata of what its ranges were measured with."""
+"""Key of the scanner in the metadata of a run."""
 _RANGES = "ranges"
 _FULL = "all_ranges"
 _NUMBERS = ("first_beam", "lost", "hidden_first", "hidden_last")
 
 
 def scan_columns(scans: ScanLog) -> dict[str, Any]:
-    """Columns of T rows."""
+    """The columns, with T rows each."""
     hidden_first, hidden_last = scans.cluster.hidden.T
     numbers = (scans.first_beam(), scans.cluster.lost, hidden_first, hidden_last)
     ranges, width = scans.ranges()
@@ -30,18 +30,18 @@ def scan_columns(scans: ScanLog) -> dict[str, Any]:
 
 
 def list_column(rows: Array) -> pa.Array:
-    """Numbers (T, ...) as a column of T lists."""
+    """Convert numbers (T, ...) to a column of T lists."""
     return _lists(rows.ravel(), np.full(len(rows), rows[0].size))
 
 
 def _lists(values: Array, count: np.ndarray) -> pa.Array:
-    """Numbers as lists of `count` (T,) of them."""
+    """Convert numbers to lists of `count` (T,) numbers each."""
     ends = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)
     return pa.ListArray.from_arrays(pa.array(ends), pa.array(values.astype(np.float32)))
 
 
 def from_list_column(table: pa.Table, name: str, rows: np.ndarray) -> Array | None:
-    """Numbers (T, n) of lists as long as each other, or None where some row has none, or there is no such column."""
+    """Numbers (T, n) from lists of equal length, or None if a row is empty or the column is missing."""
     if name not in table.column_names or not pa.types.is_list(table.schema.field(name).type):
         return None
     column = table.column(name).take(rows).combine_chunks()
@@ -52,12 +52,12 @@ def from_list_column(table: pa.Table, name: str, rows: np.ndarray) -> Array | No
 
 
 def metadata_with_scans(metadata: Mapping[str, Any], scans: ScanLog | None) -> Mapping[str, Any]:
-    """A run's metadata, with what is to be known of its ranges, if it has any."""
+    """The metadata of a run, with the description of the scanner if it has scans."""
     return metadata if scans is None else {**metadata, SCANNED: scans.metadata()}
 
 
 def scans_from_table(table: pa.Table, rows: np.ndarray, metadata: Mapping[str, Any]) -> ScanLog | None:
-    """The scans of a run, or None where it has none; raises LogError for columns that aren't what they should be."""
+    """The scans of a run, or None if it has none; raises LogError for invalid columns."""
     names = [*_NUMBERS, _RANGES]
     if SCANNED not in metadata or not set(names) <= set(table.column_names):
         return None

@@ -1,4 +1,4 @@
-"""What a laser range finder saw of the plate during a run, for methods that fit a motion to ranges."""
+"""The scans of the plate during a run, for methods that fit a motion to ranges."""
 
 from __future__ import annotations
 
@@ -15,32 +15,33 @@ from trackslip.localization.scan import Cluster, Plate, Scan
 
 @dataclass(frozen=True)
 class ScanLog:
-    """The returns of each row's scan that were taken for the plate."""
+    """The returns of each scan that were attributed to the plate."""
 
     scan: Scan
-    """The LRF, without ranges: (0, B)."""
+    """The scanner, without ranges: (0, B)."""
     plate: Plate
+    """The plate that was scanned."""
     cluster: Cluster
-    """A row for each row of the log; no returns where none was found."""
-    full: Array | None = None  # (T, B) ranges of whole scans, whatever they met, NaN where nothing came back [m]
+    """One cluster per row of the log, without returns where none was found."""
+    full: Array | None = None  # (T, B) all ranges of the scans, NaN for no return [m]
 
     def first_beam(self) -> np.ndarray:
-        """(T,) index of the cluster's first beam; 0 where there is none."""
+        """(T,) index of the first beam of the cluster; 0 if there is none."""
         step = self.scan.beam_step
         index = np.rint((self.cluster.bearing[:, 0] - self.scan.bearings[0]) / step).astype(int)
         return np.where(self.cluster.count > 0, index, 0)
 
     def ranges(self) -> tuple[Array, np.ndarray]:
-        """Ranges of all rows, one row after the other, and how many each has (T,).
+        """Ranges of all rows in sequence, and their number in each row (T,).
 
-        A row's go from its first beam on [m], NaN where a beam didn't come back or met something else.
+        The ranges of a row start at its first beam [m], with NaN for beams without a return or from something else.
         """
         cluster, width = self.cluster, self.cluster.width
         within = np.arange(cluster.hit.shape[1]) < width[:, None]
         return np.where(cluster.hit, cluster.range, np.nan)[within], width
 
     def metadata(self) -> dict[str, Any]:
-        """All but the ranges, as it fits into JSON."""
+        """Everything but the ranges, JSON-compatible."""
         scan = self.scan
         return {
             "first_bearing": float(scan.bearings[0]),
@@ -57,10 +58,10 @@ class ScanLog:
     def of(
         cls, metadata: Mapping[str, Any], first_beam: np.ndarray, ranges: list[Array], lost: np.ndarray, hidden: Array
     ) -> ScanLog:
-        """From what `metadata`, `first_beam` and `ranges` gave, and the cluster's `lost` (T,) and `hidden` (T, 2).
+        """Restore from the results of the methods of the same names and the clusters' `lost` (T,) and `hidden` (T, 2).
 
         Raises:
-            LogError: for what isn't that.
+            LogError: if they are invalid.
         """
         try:
             beams = int(metadata["beams"])
@@ -76,7 +77,7 @@ class ScanLog:
             )
             plate = Plate(**metadata["plate"])
         except (KeyError, TypeError, ValueError) as error:
-            raise LogError(f"its scanner is described wrongly ({type(error).__name__}: {error})") from error
+            raise LogError(f"invalid description of its scanner ({type(error).__name__}: {error})") from error
         width = max([1, *(len(row) for row in ranges)])
         column = first_beam[:, None] + np.arange(width)
         if (column[:, 0] < 0).any() or any(

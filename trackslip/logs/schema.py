@@ -1,4 +1,4 @@
-"""The columns of a table of runs: name, unit, what it is. Every file's columns carry these as metadata.
+"""The columns of a table of runs: name, unit, description, which files contain as metadata.
 
 `python -m trackslip.logs.schema` prints them as the table in docs/data.md.
 """
@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import pyarrow as pa
 
 PURE = "1"
-"""The unit of a pure number."""
+"""Unit of a pure number."""
 NO_UNIT = ""
-"""That of what isn't a number."""
+"""Unit of a column that is not a number."""
 
 
 @dataclass(frozen=True)
@@ -26,12 +26,12 @@ class Column:
 
     @property
     def metadata(self) -> dict[str, str]:
-        """As it is stored with the column."""
+        """The metadata stored with the column."""
         return {"unit": self.unit, "description": self.description}
 
 
 def _tracks(name: str, unit: str, description: str) -> tuple[Column, Column]:
-    """The column of the left track and that of the right."""
+    """The columns of the left and the right track."""
     return Column(f"{name}_l", unit, f"{description}, left"), Column(f"{name}_r", unit, f"{description}, right")
 
 
@@ -40,16 +40,16 @@ COLUMNS: dict[str, Column] = {
     for column in (
         Column("run", NO_UNIT, "name of the run, the same in all its rows"),
         Column("t", "s", "time of the scan since the start of the run, ascending"),
-        *_tracks("omega", "rad/s", "sprocket speed by the encoder, mean since the row before"),
+        *_tracks("omega", "rad/s", "sprocket speed measured by the encoder, mean since the previous row"),
         Column("x", "m", "estimated position in the field"),
         Column("y", "m", "estimated position in the field"),
-        Column("phi", "rad", "estimated heading, counter-clockwise from x, without jumps"),
+        Column("phi", "rad", "estimated heading, counter-clockwise from x, unwrapped"),
         Column("valid", NO_UNIT, "whether the pose was measured in this scan"),
-        *_tracks("omega_cmd", "rad/s", "sprocket speed commanded from this row on"),
-        Column("v_cmd", "m/s", "forward speed that the controller asked for"),
-        Column("w_cmd", "rad/s", "yaw rate that the controller asked for"),
-        Column("icr_offset", "m", "offset D of the ICRs that slip was compensated with"),
-        Column("icr_radius_error", PURE, "error epsilon of the sprocket radius that slip was compensated with"),
+        *_tracks("omega_cmd", "rad/s", "sprocket speed commanded from this row to the next"),
+        Column("v_cmd", "m/s", "forward speed commanded by the controller"),
+        Column("w_cmd", "rad/s", "yaw rate commanded by the controller"),
+        Column("icr_offset", "m", "offset D of the ICRs used for slip compensation"),
+        Column("icr_radius_error", PURE, "sprocket radius error epsilon used for slip compensation"),
         Column("var_x", "m^2", "variance of x"),
         Column("cov_xy", "m^2", "covariance of x and y"),
         Column("cov_xphi", "m rad", "covariance of x and phi"),
@@ -64,39 +64,39 @@ COLUMNS: dict[str, Column] = {
         Column("true_w", "rad/s", "true yaw rate"),
         *_tracks("traction", "N", "force of the ground on the track, along the robot"),
         *_tracks("torque", "N m", "torque of the motor at its sprocket"),
-        *_tracks("power", "W", "electrical power of the motor, mean since the row before"),
-        *_tracks("saturated", PURE, "share of the time since the row before with the motor at its limit"),
-        Column("true_lean", "m", "how far the scanned plate stands to the left of the robot"),
+        *_tracks("power", "W", "electrical power of the motor, mean since the previous row"),
+        *_tracks("saturated", PURE, "share of the time since the previous row with the motor at its limit"),
+        Column("true_lean", "m", "offset of the scanned plate to the left of the robot"),
         Column(
             "first_beam",
             PURE,
-            "number of the beam that the first of ranges belongs to, counted from 0 on the right; 0 without ranges",
+            "index of the beam of the first range, counted from 0 on the right; 0 without ranges",
         ),
-        Column("lost", PURE, "beams between the plate's first and last return that nothing stopped"),
-        Column("hidden_first", "rad", "angle beyond the plate's first return that something nearer hides"),
-        Column("hidden_last", "rad", "angle beyond the plate's last return that something nearer hides"),
-        Column("ranges", "m", "list of the ranges that were taken for the plate, a number for each beam"),
-        Column("all_ranges", "m", "with --rrd: list of all ranges of the scan; NaN where nothing came back"),
+        Column("lost", PURE, "number of beams without a return between the first and the last one from the plate"),
+        Column("hidden_first", "rad", "angle hidden by something closer, beyond the first return from the plate"),
+        Column("hidden_last", "rad", "angle hidden by something closer, beyond the last return from the plate"),
+        Column("ranges", "m", "list of the ranges attributed to the plate, one number per beam"),
+        Column("all_ranges", "m", "with --rrd: list of all ranges of the scan; NaN for no return"),
         Column(
             "contact",
             "N",
-            "with --rrd: list of the forces of the ground on the pads, along the robot, to its left and up, pad by pad",
+            "with --rrd: list of the forces of the ground on each pad: along the robot, to its left and up",
         ),
         Column("v", "m/s", "forward speed of a steady sample"),
         Column("w", "rad/s", "yaw rate of a steady sample"),
         *_tracks("slip", PURE, "slip i = 1 - V / (r omega) of a steady sample"),
     )
 }
-"""By name."""
+"""Columns by name."""
 
 
 def with_units(fields: Sequence[pa.Field]) -> list[pa.Field]:
-    """Fields of a schema with what is known of them as metadata."""
+    """Fields of a schema with unit and description as metadata."""
     return [f.with_metadata(COLUMNS[f.name].metadata) if f.name in COLUMNS else f for f in fields]
 
 
 def markdown(columns: Iterable[Column]) -> str:
-    """Columns as a table, for docs/data.md."""
+    """The Markdown table of columns in docs/data.md."""
     lines = [f"| `{column.name}` | {column.unit or '–'} | {column.description} |" for column in columns]
     return "\n".join(["| column | unit | what |", "|---|---|---|", *lines, ""])
 

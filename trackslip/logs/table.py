@@ -46,15 +46,15 @@ _SATURATED = ("saturated_l", "saturated_r")
 _LEAN = ("true_lean",)
 _CONTACT = "contact"
 METADATA_KEY = b"trackslip"
-"""Under which a file remembers its runs and columns."""
+"""Key of the description of runs and columns in the metadata of a file."""
 _CHECKSUM_KEY = b"trackslip_crc32"
-"""Under which it has their checksum: Parquet's own are those of the columns' pages only."""
+"""Key of its checksum: Parquet's own checksums only cover the pages of the columns."""
 
 
 def to_table(logs: Sequence[RunLog]) -> pa.Table:
-    """Runs as one table, a row a scan; units and descriptions in the columns' metadata, the runs' in the schema's.
+    """Runs as one table with a row per scan, and metadata of columns and runs.
 
-    Columns that some runs lack are null there.
+    Columns that a run lacks are null in its rows.
     """
     names = [log.run for log in logs]
     if len(set(names)) < len(names):
@@ -68,14 +68,14 @@ def to_table(logs: Sequence[RunLog]) -> pa.Table:
 
 
 def file_metadata(fields: Iterable[pa.Field], runs: Mapping[str, Any]) -> dict[bytes, str]:
-    """What a file remembers: of its runs, and of its columns once more, for readers that pass over theirs (polars)."""
+    """Metadata of a file: its runs, and its columns again for readers that ignore the metadata of columns (polars)."""
     columns = {field.name: COLUMNS[field.name].metadata for field in fields if field.name in COLUMNS}
     text = json.dumps({"format": FORMAT, "columns": columns, "runs": runs})
     return {METADATA_KEY: text, _CHECKSUM_KEY: _checksum(text.encode())}
 
 
 def stored_text(metadata: Mapping[bytes, bytes]) -> bytes:
-    """The JSON under METADATA_KEY, in UTF-8; raises KeyError without any, ValueError where its checksum is wrong."""
+    """The JSON under METADATA_KEY in UTF-8; raises KeyError if there is none, ValueError if its checksum is wrong."""
     text = metadata[METADATA_KEY]
     expected = metadata.get(_CHECKSUM_KEY)  # older files have none
     if expected not in (None, _checksum(text).encode()):
@@ -88,7 +88,7 @@ def _checksum(text: bytes) -> str:
 
 
 def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
-    """The runs in a table read from `source` (named in errors)."""
+    """The runs in a table; `source` names it in errors."""
     columns = Columns(table, source)
     columns.require(REQUIRED)
     if pa.types.is_nested(table.schema.field("run").type):
@@ -204,14 +204,14 @@ def _run_table(log: RunLog) -> pa.Table:
 
 
 def _unwrapped(pose: Array) -> Array:
-    """Poses (T, 3) whose headings go on without jumps, where a log wrapped them."""
+    """Poses (T, 3) with unwrapped headings."""
     known = np.isfinite(pose[:, 2])
     pose[known, 2] = np.unwrap(pose[known, 2])
     return pose
 
 
 def _present(block: Array | None, rows: np.ndarray) -> Array | None:
-    """Rows of a block of columns, or None where the run doesn't have them: columns of other runs are null there."""
+    """Rows of a block of columns, or None if the run lacks them: they are null in its rows."""
     return None if block is None or np.isnan(block[rows]).all() else block[rows]
 
 
@@ -224,7 +224,7 @@ def _truth(parts: Sequence[Array | None], contact: Array | None) -> Truth | None
 
 
 def _symmetric(upper: Array) -> Array:
-    """(T, 3, 3) from the upper triangles (T, 6)."""
+    """Symmetric matrices (T, 3, 3) from their upper triangles (T, 6)."""
     full = np.empty((len(upper), 3, 3))
     full[:, *_UPPER] = upper
     full[:, _UPPER[1], _UPPER[0]] = upper

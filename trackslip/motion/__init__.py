@@ -1,1 +1,1 @@
-"""Poses over time -> smooth poses and the body twist."""
+"""From poses over time to the body twist."""

@@ -1,4 +1,4 @@
-"""The arc of constant twist through all poses of a steady run."""
+"""The arc of constant twist fitted to all poses of a steady run."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from trackslip.logs.runlog import RunLog
 from trackslip.motion.base import SteadyTwist, long_run_covariance
 
 MIN_ARC_POSES = 12
-"""Valid poses that an arc takes."""
+"""Minimum number of valid poses for an arc."""
 CHOSEN = np.array([3, 5])
-"""v and w among the parameters x, y, phi, v, u, w."""
+"""Indices of v and w among the parameters x, y, phi, v, u, w."""
 _SCALE = np.array([0.0025, 0.0025, np.radians(0.3)])  # weights of position [m] and heading [rad]
-_HUBER = 3.0  # residual beyond which a pose counts linearly only [of _SCALE, or of the residuals' own spread]
+_HUBER = 3.0  # residual above which the loss is linear [_SCALE, or the spread of the residuals if larger]
 _ITERATIONS = 50
 _CONVERGED = 1e-10
 
 
 def arc(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
-    """Least squares of six parameters, a pose and a twist with lateral speed, on all valid poses.
+    """Least-squares fit of six parameters, a pose and a twist with lateral speed, to all valid poses.
 
-    All poses have the same weight: their own covariances, optimistic where the plate is seen nearly edge-on, would make
-    the fit worse. Outliers are tamed by Huber's loss. The error is that of M-estimation with scores correlated in time.
+    All poses have equal weight: their covariances, optimistic where the plate is seen nearly edge-on, would make the
+    fit worse. Huber's loss limits outliers. The covariance is that of an M-estimator with scores correlated in time.
 
     Raises:
-        LogError: for fewer than MIN_ARC_POSES valid poses.
+        LogError: if there are fewer than MIN_ARC_POSES valid poses.
     """
     rows = (log.time > window[0]) & (log.time < window[1]) & log.is_valid
     if rows.sum() < MIN_ARC_POSES:
@@ -43,7 +43,7 @@ def arc(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
 
 
 def fit_arc(time: Array, pose: Array) -> tuple[Array, Array, Array, int]:
-    """The arc nearest to poses (T, 3) at times (T,) about 0.
+    """The arc that fits poses (T, 3) at times (T,) around 0 best.
 
     Returns:
         x, y, phi at time 0 and v, u, w (6,); the Hessian (6, 6) of half the weighted squares; the scores (T, 6) of the

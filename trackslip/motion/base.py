@@ -1,4 +1,4 @@
-"""What a motion method returns, and the standard error of a mean that is correlated in time."""
+"""Results of motion methods, and the covariance of means of correlated series."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from trackslip.logs.runlog import RunLog
 
 @dataclass(frozen=True)
 class Motion:
-    """Motion of a robot between the rows of its log."""
+    """Smoothed motion of a robot."""
 
     time: Array  # (M,) [s]
     pose: Array  # (M, 3) [m, m, rad]
@@ -22,21 +22,21 @@ class Motion:
 
 @dataclass(frozen=True)
 class SteadyTwist:
-    """The twist of a steady run."""
+    """The mean twist of a steady run."""
 
     twist: Array  # (2,) [m/s, rad/s]
-    covariance: Array  # (2, 2) of its error, correlation in time accounted for
+    covariance: Array  # (2, 2) of its error, accounting for correlation in time
 
 
 MotionMethod = Callable[[RunLog, tuple[float, float]], SteadyTwist]
-"""A run, and from when to when it is steady [s] -> its twist. Raises LogError for a run that it can't be applied to."""
+"""From a run and its steady window [s] to its twist; raises LogError for a run that it cannot be applied to."""
 
 
 def long_run_covariance(series: Array, share: float | None = None) -> Array:
-    """Covariance (K, K) of the sum of a series (T, K) with mean zero, over T; correlation in time included.
+    """Covariance (K, K) of the sum of a series (T, K) of mean zero, over T, accounting for correlation in time.
 
-    With a Bartlett window, after Newey and West (1987). It is as wide as a `share` of the series, or by default of
-    Andrews' (1991) width for an autoregression of first order, the widest of the K, a quarter of the series at most.
+    Uses a Bartlett window, after Newey and West (1987). Its width is a `share` of the series or, by default, Andrews'
+    (1991) width for a first-order autoregression: the largest of the K, at most a quarter of the series.
     """
     rows = len(series)
     if share is None:

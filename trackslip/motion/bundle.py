@@ -1,9 +1,9 @@
-"""The arc of constant twist fitted straight to all ranges of a steady run.
+"""The arc of constant twist fitted directly to all ranges of a steady run.
 
-Poses of single scans are a detour: where the plate is seen nearly edge-on or broadside a scan says next to nothing of
-one of the three coordinates, and a pose hides that. The six parameters of the arc are known so well from all the other
-scans that each scan only corrects them, in the direction in which it has something to say: the sum of the scans'
-likelihoods (`trackslip.localization.likelihood`) is climbed over the arc, by Levenberg and Marquardt's method.
+Poses of single scans lose information: where the plate is seen nearly edge-on or broadside, a scan hardly constrains
+one of the three coordinates, and the pose does not show that. The other scans determine the six parameters of the arc
+so well that each scan only corrects them in the directions that it measures: the sum of the likelihoods of all scans
+(`trackslip.localization.likelihood`) is maximised over the arc by the Levenberg-Marquardt method.
 """
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ from trackslip.logs.runlog import RunLog
 from trackslip.motion.arc import CHOSEN, MIN_ARC_POSES, fit_arc, poses_on_arc
 from trackslip.motion.base import SteadyTwist, long_run_covariance
 
-_HUBER = 3.0  # residual of a range beyond which it counts linearly only [standard deviations]
-_MISFIT = 3.0  # rms residual, on the arc through the poses, of returns that are no plate's [standard deviations]
-_COSTLY = 4.0  # cost of a scan per measurement, on that arc, that isn't explained by noise
-_CHANCE = 1.3  # excess of the scores' scatter over the expected that may be chance: it varies by a tenth
+_HUBER = 3.0  # residual of a range above which its loss is linear [standard deviations]
+_MISFIT = 3.0  # rms residual on the initial arc of returns that are not from the plate [standard deviations]
+_COSTLY = 4.0  # cost per measurement of a scan on that arc that noise does not explain
+_CHANCE = 1.3  # ratio of the scatter of the scores to its expectation that may be chance: it varies by a tenth
 _ITERATIONS = 30
 _CONVERGED = 1e-3  # largest step [standard errors]
 
 
 def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
-    """Maximum likelihood of a pose and a twist with lateral speed, given all ranges in the window.
+    """Maximum-likelihood pose and twist with lateral speed, given all ranges in the window.
 
-    Starts from the arc through the poses; scans that don't fit it at all are left out. The error is the likelihood's
-    own, larger by as much as the scans' scores scatter more, and remember longer, than it expects: ranges may be
-    noisier than stated, and the silhouette's edges are off by part of a beam for several scans.
+    Starts from the arc through the poses and excludes scans that do not fit it. The covariance is that of the
+    likelihood, inflated if the scores of the scans scatter more or are more correlated in time than it predicts: ranges
+    may be noisier than stated, and the edges of the silhouette are off by part of a beam in several successive scans.
 
     Raises:
-        LogError: for a run without ranges, or with fewer than MIN_ARC_POSES valid poses.
+        LogError: if the run has no ranges or fewer than MIN_ARC_POSES valid poses.
     """
     if log.scans is None:
-        raise LogError(f"run {log.run!r}: has no ranges, which bundle fits; arc takes poses")
+        raise LogError(f"run {log.run!r}: has no ranges, which bundle needs; arc fits poses")
     rows = (log.time > window[0]) & (log.time < window[1])
     valid = rows & log.is_valid
     if valid.sum() < MIN_ARC_POSES:
@@ -79,6 +79,6 @@ def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
             damping *= 10
     covariance = np.linalg.inv(hessian)
     scattered = len(time) * long_run_covariance(scores)
-    excess = np.trace(covariance @ scattered) / len(parameters)  # 1 for ranges as noisy as stated, without memory
+    excess = np.trace(covariance @ scattered) / len(parameters)  # 1 for uncorrelated ranges as noisy as stated
     inflation = excess if excess > _CHANCE else 1.0
     return SteadyTwist(parameters[CHOSEN], inflation * covariance[np.ix_(CHOSEN, CHOSEN)])

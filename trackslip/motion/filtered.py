@@ -1,4 +1,4 @@
-"""Filters: poses over time -> smooth poses and the body twist between them."""
+"""Low-pass filters of poses, and the body twist from their differences."""
 
 from __future__ import annotations
 
@@ -11,36 +11,34 @@ from trackslip.logs.runlog import RunLog
 from trackslip.motion.base import Motion, SteadyTwist, long_run_covariance
 
 CUTOFF = 0.5
-"""Normalised cutoff of the paper's Butterworth filter: half of half the sampling rate."""
+"""Cutoff of the paper's Butterworth filter, relative to the Nyquist frequency."""
 MIN_POSES = 20
-"""Steps that a mean twist takes."""
-_LAGS = 0.5  # width of the lag window of a mean twist's error, relative to the rows
-_MIN_FILTERED_ROWS = 16  # rows a filter without transients needs
-_MAX_TURN_PER_ROW = 0.15  # from row to row: the filter then shortens a circle by 8e-5 [rad]
-_MAX_GAP_TURN = 2.5  # of a gap that an arc bridges [rad]
+"""Minimum number of steps for a mean twist."""
+_LAGS = 0.5  # width of the lag window for the error of a mean twist, relative to the number of rows
+_MIN_FILTERED_ROWS = 16  # rows needed to filter without transients
+_MAX_TURN_PER_ROW = 0.15  # turn per row at which the filter shrinks a circle by 8e-5 [rad]
+_MAX_GAP_TURN = 2.5  # turn in a gap that an arc can bridge [rad]
 
 
 def butterworth_motion(log: RunLog) -> Motion:
-    """The paper's smoothing (Sec. III-B), run forwards and backwards so that it has no delay, then differences.
+    """The paper's smoothing (Sec. III-B), run forwards and backwards to avoid delay, followed by differences.
 
-    The heading and, since the paper doesn't say which low-pass it used, the coordinates too go through a second-order
-    Butterworth filter. The speed is the displacement between neighbouring rows projected on the mean heading, not its
-    length, which noise makes longer. Rows with no valid pose are bridged by arcs, along which unequal time steps are
-    resampled too.
+    A second-order Butterworth filter is applied to the heading and, since the paper does not specify its low-pass, to
+    the coordinates too. The speed is the displacement between neighbouring rows projected onto the mean heading instead
+    of its length, which noise increases. Arcs bridge rows without a valid pose and resample unequal time steps.
 
     Raises:
-        LogError: for a run with too few valid poses to filter, one that turns too far from row to row, or a gap in
-            which it turned too far to bridge.
+        LogError: if there are too few valid poses, or the robot turns too far from row to row or within a gap.
     """
     even, pose = even_poses(log)
     return difference(even, scipy.signal.sosfiltfilt(scipy.signal.butter(2, CUTOFF, output="sos"), pose, axis=0))
 
 
 def paper_motion(log: RunLog) -> Motion:
-    """The paper's smoothing as printed: the filter runs forwards only, and the speed is the displacement's length.
+    """The paper's smoothing as printed: the filter runs only forwards, and the speed is the length of the displacement.
 
-    The filter's delay turns the heading's lag into nothing in a steady turn; noise makes the lengths longer. Raises
-    LogError as `butterworth_motion` does.
+    Its delay does not matter in a steady turn, but noise increases the lengths. Raises LogError as `butterworth_motion`
+    does.
     """
     even, pose = even_poses(log)
     low_pass = scipy.signal.butter(2, CUTOFF, output="sos")
@@ -53,12 +51,13 @@ def paper_motion(log: RunLog) -> Motion:
 
 
 def mean_twist(motion: Motion, log: RunLog, window: tuple[float, float]) -> SteadyTwist:
-    """The mean of a motion's twists in a window.
+    """The mean of the twists of a motion in a window.
 
-    Twists are differences of poses, whose noise cancels in the mean but for its ends; only a wide lag window sees that.
+    Twists are differences of poses, so their noise cancels in the mean except at the ends, which takes a wide lag
+    window to account for.
 
     Raises:
-        LogError: for too few of them.
+        LogError: if there are fewer than MIN_POSES.
     """
     rows = (motion.time > window[0]) & (motion.time < window[1])
     if rows.sum() < MIN_POSES:
@@ -71,7 +70,7 @@ def mean_twist(motion: Motion, log: RunLog, window: tuple[float, float]) -> Stea
 
 
 def even_poses(log: RunLog) -> tuple[Array, Array]:
-    """Even times (M,) [s] and poses (M, 3) at them."""
+    """Evenly spaced times (M,) [s] and the poses (M, 3), resampled along arcs; raises LogError like the filters."""
     valid = log.is_valid
     if valid.sum() < _MIN_FILTERED_ROWS:
         raise LogError(f"run {log.run!r}: {int(valid.sum())} valid poses, needs at least {_MIN_FILTERED_ROWS}")
@@ -98,17 +97,17 @@ def even_poses(log: RunLog) -> tuple[Array, Array]:
 
 
 def _along_arcs(time: Array, pose: Array, at: Array) -> Array:
-    """Poses (M, 3) at times `at` (M,), on the arcs that join neighbouring poses (T, 3) at times (T,)."""
+    """Poses (M, 3) at times `at` (M,) on the arcs between neighbouring poses (T, 3) at times (T,)."""
     motion = difference(time, pose)
     k = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
     elapsed, whole = at - time[k], time[k + 1] - time[k]
     arc = advance(pose[k], motion.twist[k], elapsed)
-    missed = pose[k + 1] - advance(pose[k], motion.twist[k], whole)  # the arc is tangent to the mean heading only
+    missed = pose[k + 1] - advance(pose[k], motion.twist[k], whole)  # the arc only matches the mean heading
     return arc + (elapsed / whole)[:, None] * missed
 
 
 def difference(time: Array, pose: Array) -> Motion:
-    """Twists between neighbouring poses (T, 3): exact for arcs."""
+    """Twists between neighbouring poses (T, 3), exact for arcs."""
     duration = np.diff(time)
     dx, dy, turn = np.diff(pose, axis=0).T
     middle = (pose[1:] + pose[:-1]) / 2

@@ -24,9 +24,9 @@ MOTION_METHODS: dict[str, MotionMethod] = {
     "arc": arc,
     "bundle": bundle,
 }
-"""Ways from a steady run to its twist, the paper's as printed first, the most exact last."""
+"""Methods that find the twist of a steady run: first the paper's as printed, last the most accurate."""
 
 
 def best_method(log: RunLog) -> str:
-    """The most exact method that a run allows: all ranges where it has them, else all poses."""
+    """The most accurate method that a run allows: from its ranges if it has any, else from its poses."""
     return "arc" if log.scans is None else "bundle"

@@ -1,4 +1,4 @@
-"""Which part of a run is steady: found in its sprocket speeds, its clock and its poses."""
+"""The steady part of a run, found by its sprocket speeds, clock and poses."""
 
 from __future__ import annotations
 
@@ -13,35 +13,35 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
 
 SETTLE = 1.5
-"""Default time after the sprockets have become steady before the robot is taken to be so [s]."""
+"""Default time from steady sprockets to a steady robot [s]."""
 MARGIN = 0.5
-"""Time at the end of a steady part, and at least at its begin, that a smoothing filter spoils [s]."""
-_BLOCK = 0.5  # over which sprocket speeds are averaged before they are compared [s]
-_DRIFT = 0.05  # change of a sprocket's mean speed that is still steady, relative to the faster sprocket
-_GAP = 5.0  # time between rows from which the clock has a gap [usual times between rows]
+"""Time excluded at the end of a steady part, and at least at its start, because of the filters' transients [s]."""
+_BLOCK = 0.5  # time over which sprocket speeds are averaged for comparison [s]
+_DRIFT = 0.05  # maximum change of a steady sprocket's mean speed, relative to the faster sprocket
+_GAP = 5.0  # time step that is a gap in the clock [median time steps]
 _MIN_GAP = 0.3  # [s]
-_JUMP = 0.3  # error of a pose that is still believed [m]
-_OVERDRIVE = 3.0  # way from pose to pose that is still believed, over the way of the faster sprocket [-]
-_STANDING = 1e-3  # sprocket speed up to which it stands: a turn in more than an hour and a half [rad/s]
-_MOSTLY = 0.5  # share of the steps that are too far when it is not the poses but the units that are wrong
+_JUMP = 0.3  # maximum error of a plausible pose [m]
+_OVERDRIVE = 3.0  # maximum ratio of the distance between plausible poses to that of the faster sprocket [-]
+_STANDING = 1e-3  # sprocket speed at rest: one turn takes more than an hour and a half [rad/s]
+_MOSTLY = 0.5  # share of implausible steps above which the units are wrong, not the poses
 _LENGTHS = (("millimetres", 1000.0), ("centimetres", 100.0))
-_RESETTLED = 1.0  # time after which poses elsewhere are no glitch, but where the track goes on [s]
+_RESETTLED = 1.0  # time after which displaced poses are the continuation of the track, not a glitch [s]
 
 
 @dataclass(frozen=True)
 class SteadyPart:
-    """A run and the stretch of it in which sprocket speeds are constant and poses and clock go on without a break."""
+    """A run and its longest stretch of constant sprocket speeds without breaks in poses and clock."""
 
     log: RunLog
-    """The run, poses that jump away and back marked not valid."""
+    """The run, with poses that jump away and back marked as not valid."""
     window: tuple[float, float]
-    """Begin and end [s]."""
+    """Start and end [s]."""
     notes: tuple[str, ...]
-    """What was left out besides the settling, a line each."""
+    """What was excluded besides settling, one line each."""
 
     @property
     def rows(self) -> np.ndarray:
-        """(T,) bool."""
+        """(T,) bool: the rows in the window."""
         return (self.log.time > self.window[0]) & (self.log.time < self.window[1])
 
 
@@ -50,11 +50,11 @@ def steady_part(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) ->
 
     Args:
         log: the run.
-        geometry: says how far the sprockets can drive the robot from row to row.
-        settle: time that is left out after the sprockets have become steady [s].
+        geometry: limits how far the robot can move from row to row.
+        settle: time excluded after the sprockets have become steady [s].
 
     Raises:
-        LogError: for a run at rest, or without a steady stretch long enough.
+        LogError: if the run is at rest or has no steady stretch that is long enough.
     """
     log, breaks, notes = _without_jumps(log, geometry)
     step = np.diff(log.time)
@@ -79,7 +79,7 @@ def steady_part(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) ->
 
 
 def _without_jumps(log: RunLog, geometry: RobotGeometry) -> tuple[RunLog, np.ndarray, list[str]]:
-    """The run with glitches marked not valid, rows after which its poses go on elsewhere, and what was found."""
+    """The run with glitches marked as not valid, the rows after which its poses continue elsewhere, and notes."""
     rows = np.flatnonzero(log.is_valid)
     position = log.pose[rows, :2]
     speed = _OVERDRIVE * geometry.sprocket_radius * np.abs(log.omega).max()
@@ -98,7 +98,7 @@ def _without_jumps(log: RunLog, geometry: RobotGeometry) -> tuple[RunLog, np.nda
     valid = log.is_valid.copy()
     breaks, notes = [], []
     lost: list[int] = []
-    last = 0  # the last pose believed, and those since that it can't have driven to
+    last = 0  # the last plausible pose; `lost` are the implausible ones since
     for k in range(1, len(rows)):
         way = float(np.hypot(*(position[k] - position[last])))
         elapsed = log.time[rows[k]] - log.time[rows[last]]
@@ -121,7 +121,7 @@ def _without_jumps(log: RunLog, geometry: RobotGeometry) -> tuple[RunLog, np.nda
 
 
 def _longest_constant(log: RunLog, breaks: np.ndarray, usual: float) -> tuple[int, int]:
-    """First and last row of the longest stretch without a break whose sprockets change by no more than _DRIFT."""
+    """First and last row of the longest stretch without a break whose sprocket speeds change by at most _DRIFT."""
     size = max(1, round(_BLOCK / usual))
     tolerance = _DRIFT * np.abs(_means(log.omega, size)).max()
     best = (0, 0)
@@ -139,7 +139,7 @@ def _longest_constant(log: RunLog, breaks: np.ndarray, usual: float) -> tuple[in
 
 
 def _means(values: Array, size: int) -> Array:
-    """Means (blocks, 2) of rows (T, 2), `size` at a time; what is left over at the end joins the last."""
+    """Means (blocks, 2) of blocks of `size` rows out of (T, 2); the last block includes the remainder."""
     blocks = max(1, len(values) // size)
     starts = np.arange(blocks) * size
     counts = np.diff(np.append(starts, len(values)))
@@ -147,7 +147,7 @@ def _means(values: Array, size: int) -> Array:
 
 
 def _longest_within(mean: Array, tolerance: float) -> list[tuple[int, int]]:
-    """The longest run of rows (as first and last) in which no column of `mean` (n, 2) changes by more."""
+    """The longest run of rows (first, last) in which no column of `mean` (n, 2) varies by more than `tolerance`."""
     best, first = (0, 0), 0
     lows: list[deque[int]] = [deque(), deque()]
     highs: list[deque[int]] = [deque(), deque()]

@@ -15,8 +15,8 @@ from trackslip.slip.base import SlipLaw, require_within
 class Hyperbola(SlipLaw):
     """i = a / (R + p) outside and -a / (R - p) inside; the constant ICR is the special case p = b + a.
 
-    As a function of curvature, i = +-a kappa / (1 +- p kappa), which is regular except for the pole of the inner track at
-    R = p.
+    In terms of curvature, i = +-a kappa / (1 +- p kappa), which is regular except for the pole of the inner
+    track at R = p.
     """
 
     size: float

@@ -12,7 +12,7 @@ from trackslip.slip.base import SlipLaw, require_within
 
 
 class _Icr(SlipLaw):
-    """Surface speeds that are linear in the twist, v -+ (b + D) w, at every radius, with D and epsilon of each track.
+    """Commanded track speeds V linear in the twist, (1 + epsilon) V = v -+ (b + D) w, with D and epsilon of each track.
 
     The slip ratio has a pole where a sprocket stands still. Sprocket speeds and twists have none and are computed
     without the slip ratio.

@@ -9,12 +9,12 @@ ahead, or when a fast robot skids on slippery ground, it lies c ahead, and the m
 measures the pose. The state is (x, y, phi, g, epsilon, c): the rates are linear in the yaw gain g, whereas a filter
 linearised in D diverges when D is far off. The process noise of the constants grows with the distance and turn driven,
 not with time: what a motion does not excite (D on a straight path, everything at rest) keeps its value and its
-uncertainty. While a robot turns so slowly that it may be by chance, g and c are considered but not updated: a controller
+uncertainty. While a robot turns so slowly that it may be chance, g and c are considered but not updated: a controller
 responds to scan noise with small turns, and a misspecified noise model would be mistaken for slip.
 
 Two gates monitor the innovations. A pose whose innovation is too large for the noise of a scan is rejected; several in
-a row mean that the filter is wrong. Small innovations with a persistent bias mean that the ground has changed. In either
-case the filter restarts from the scanned pose, with the constants as uncertain as at the start.
+a row mean that the filter is wrong. Small innovations with a persistent bias mean that the ground has changed. In both
+cases the filter restarts from the scanned pose, with the constants as uncertain as at the start.
 """
 
 from __future__ import annotations
@@ -95,7 +95,7 @@ class IcrFilter:
         law: ConstantIcr | None = None,
         tuning: FilterTuning | None = None,
     ) -> None:
-        """Start at known poses (N, 3) from the D and epsilon of `law`, or from D = epsilon = 0 without prior knowledge."""
+        """Start at known poses (N, 3) from the D and epsilon of `law`, or from D = epsilon = 0 if nothing is known."""
         self._geometry, self._tuning = geometry, tuning or FilterTuning()
         pose = np.atleast_2d(np.asarray(start, float))
         n = len(pose)
@@ -131,7 +131,7 @@ class IcrFilter:
         return self._geometry.half_gauge / self.state[:, 3] ** 2 * np.sqrt(self.covariance[:, 3, 3])
 
     def update(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
-        """Take mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the poses measured afterwards, where valid."""
+        """Take mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the poses measured afterwards."""
         self._predict(omega, duration)
         rows = np.flatnonzero(estimate.valid)
         if rows.size:

@@ -14,6 +14,7 @@ from experiments.driving.lookup import reference
 from experiments.report.colours import BLACK, BLUE, GREEN, GREY, LABELS, ORANGE, RED
 from experiments.report.figures.style import law_line, styled
 from experiments.report.figures.tracking import draw_paths
+from experiments.storage.manifest import relative
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import LOST
 
@@ -29,7 +30,7 @@ def controller_line(number: int, **more: Any) -> dict[str, Any]:
 
 def compensation_name(name: str) -> str:
     """Name of a compensation in figures."""
-    return LABELS.get(name, name)
+    return LABELS.get(name, relative(name))
 
 
 @styled
@@ -51,10 +52,10 @@ def board(rows: Sequence[BenchmarkRow]) -> Figure:
                     if (row.ground, row.controller, row.start, row.compensation) == (ground, *line, compensation)
                 ]
                 _dots(axis, some, n + place, law_line(compensation)["color"], _MARKERS[k % len(_MARKERS)])
-        axis.set_title(f"on {ground}")
+        axis.set_title(f"on {relative(ground)}")
         axis.set_xscale("log")
         axis.set_xlabel("rms position error [mm], log scale")
-    labels = [name if len(starts) == 1 else f"{name}, start {start}" for name, start in lines]
+    labels = [relative(name) if len(starts) == 1 else f"{relative(name)}, start {start}" for name, start in lines]
     panels[0].set_yticks(range(len(lines)), labels)
     panels[0].set_ylim(len(lines) - 0.5, -0.5)
     for k, compensation in enumerate(compensations):

@@ -1,10 +1,4 @@
-import json
-import os
 import re
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -12,16 +6,11 @@ import pyarrow.parquet
 import pytest
 from browser import assert_fits
 
-from experiments.benchmark.group import groups, measure
-from experiments.benchmark.jobs import drive_group, ids
-from experiments.benchmark.rows import CaseRow, Measures, board, bootstrap95, losses, over_seeds
+from experiments.benchmark.group import groups
 from experiments.benchmark.setup import Setup, start
-from experiments.cli import main
 from experiments.commands.benchmark import PARTS
 from experiments.options.benchmark import BenchmarkConfig, Case
 from experiments.options.choices import CONTROLLER_NAMES, REFERENCE_NAMES
-from experiments.storage.manifest import digest, made_by
-from experiments.storage.parts import Parts
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.logs.logfile import read_runs
 from trackslip.metrics import tracking_errors
@@ -71,15 +60,6 @@ class Careless(LinearTimeVarying):
         pose += 1.0
         return twist
 '''
-
-
-@pytest.fixture
-def short(tmp_path, monkeypatch):
-    """Options of a benchmark that lasts seconds, in a folder of its own."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.syspath_prepend(tmp_path)
-    (tmp_path / "bend.csv").write_text("x,y\n0,0\n0.3,0.05\n0.6,0.2\n")
-    return ("--references", "bend.csv", "--starts", "zero", "--localization", "truth", "--jobs", "1")
 
 
 SMALL = ("--controllers", "feedforward", "linear", "--compensations", "none", "online", "--grounds", "stone", "gravel")
@@ -133,70 +113,6 @@ def test_as_many_processes_as_one_likes_give_the_same_bits(trackslip, short, tmp
     assert without_times(two.summary) == rows
 
 
-def test_a_killed_benchmark_goes_on_where_it_was(short, tmp_path):
-    command = [sys.executable, "-m", "experiments", "benchmark", *short, *SMALL, "--seeds", "0", "--out"]
-    root = str(Path(__file__).parents[3])
-    environment = os.environ | {"PYTHONPATH": root}
-    (tmp_path / "turn.csv").write_text("x,y\n0,0\n0.4,-0.1\n0.8,-0.3\n1.0,-0.6\n")
-    command[command.index("--starts") : command.index("--starts")] = ["turn.csv"]
-    process = subprocess.Popen([*command, "killed"], env=environment, stdout=subprocess.DEVNULL)
-    parts = tmp_path / "killed" / PARTS
-    until = time.monotonic() + 60
-    while not list(parts.glob("*.json")):
-        assert process.poll() is None
-        assert time.monotonic() < until
-        time.sleep(0.01)
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    (kept,) = parts.glob("*.json")
-    stamp = kept.stat().st_mtime_ns
-    assert not (tmp_path / "killed" / "summary.json").exists()
-    process = subprocess.Popen([*command, "killed"], env=environment, stdout=subprocess.DEVNULL)
-    while len(list(parts.glob("*.json"))) < 2 and process.poll() is None:
-        assert not kept.exists() or kept.stat().st_mtime_ns == stamp
-    assert process.wait() == 0
-    subprocess.run([*command, "undisturbed"], env=environment, stdout=subprocess.DEVNULL, check=True)
-    tables = [pyarrow.parquet.read_table(tmp_path / name / "runs.parquet") for name in ("killed", "undisturbed")]
-    assert tables[0].equals(tables[1], check_metadata=True)
-    summaries = [json.loads((tmp_path / name / "summary.json").read_text()) for name in ("killed", "undisturbed")]
-    assert without_times(summaries[0]) == without_times(summaries[1])
-
-
-def test_an_interrupted_benchmark_says_how_to_resume(short, tmp_path, monkeypatch, capsys):
-    """Of two fleets, one on each reference, the second is interrupted."""
-    (tmp_path / "turn.csv").write_text("x,y\n0,0\n0.4,-0.1\n0.8,-0.3\n1.0,-0.6\n")
-    measured = []
-
-    def interrupted(setup, outcomes):
-        if measured:
-            raise KeyboardInterrupt
-        measured.append(True)
-        return measure(setup, outcomes)
-
-    monkeypatch.setattr("experiments.benchmark.jobs.measure", interrupted)
-    options = ("benchmark", "--references", "bend.csv", "turn.csv", *short[2:], *SMALL, "--seeds", "0", "--out", "out")
-    with pytest.raises(SystemExit) as stop:
-        main([*options])
-    assert stop.value.code == 130
-    message = "trackslip: interrupted with 8 of 16 runs driven; the same command resumes"
-    assert capsys.readouterr().err.strip() == message
-    assert [path.name for path in (tmp_path / "out").iterdir()] == [PARTS]
-
-
-def test_parts_of_another_benchmark_are_left_but_not_those_of_other_code(trackslip, short, tmp_path):
-    folder = tmp_path / "benchmark" / PARTS
-    folder.mkdir(parents=True)
-    row = {"run": "a run", "id": "its id", "error": None}
-    for name, now in (("0123", made_by()), ("4567", made_by() | {"code": "other"})):
-        (folder / f"{name}.parquet").touch()
-        content = {"made_by": {digest(now): now}, "runs": [row | {"made_by": digest(now)}]}
-        (folder / f"{name}.json").write_text(json.dumps(content))
-    (folder / ".89ab.json-99").touch()  # a draft of a killed command
-    (folder / "cdef.json").write_text("{}")
-    trackslip("benchmark", *short, *SMALL[:2], "--compensations", "none", "--grounds", "stone", "--seeds", "0")
-    assert {file.name for file in folder.iterdir()} == {"0123.json", "0123.parquet"}
-
-
 def test_a_run_that_fails_is_a_row(trackslip, short, tmp_path):
     """The others of its fleet are as they would be without it."""
     (tmp_path / "mine.py").write_text(MODULE.format(robots=0, robot=0))
@@ -215,6 +131,17 @@ def test_a_run_that_fails_is_a_row(trackslip, short, tmp_path):
     )
     assert "RuntimeError: out of order" in result.printed
     assert len(read_runs(result.folder / "runs.parquet")) == 4
+
+
+def test_a_run_that_fails_leaves_a_recording(trackslip, short, tmp_path):
+    (tmp_path / "stops.py").write_text(MODULE.format(robots=1, robot=0))
+    options = (*short, "--compensations", "none", "--grounds", "stone", "--seeds", "0", "--rrd")
+    result = trackslip("benchmark", *options, "--controllers", "linear", "stops:Late")
+    assert [failure["run"] for failure in result.summary["failures"]] == ["stops:Late none bend.csv stone zero 0"]
+    assert {path.name for path in (result.folder / "recordings").iterdir()} == {
+        "bend_stone_zero_seed_0.rrd",
+        "stops_Late_none_bend.csv_stone_zero_0.rrd",
+    }
 
 
 @pytest.mark.parametrize(
@@ -249,51 +176,6 @@ def test_what_a_controller_does_to_its_poses_or_when_timed_is_its_own_affair(tra
     np.testing.assert_array_equal(one.pose, other.pose)
 
 
-def test_damaged_parts_are_driven_again(tmp_path, short):
-    setup = Setup.of(BenchmarkConfig(references=("bend.csv",), localization="truth", out=tmp_path / "out"))
-    wanted = ids(setup, [Case("linear", "none", "bend.csv", "stone", "zero", 0)])
-    (id,) = wanted.values()
-
-    def there():
-        parts = Parts(setup.config.out, PARTS)
-        parts.take_current([id])
-        return id in parts
-
-    assert not there()
-    Parts(setup.config.out, PARTS).keep(drive_group(setup.config, wanted)[1])
-    assert there()
-    (rows,), (runs,) = ((setup.config.out / PARTS).glob(f"*.{kind}") for kind in ("json", "parquet"))
-    whole = {path: path.read_bytes() for path in (rows, runs)}
-    damages = [
-        (runs, whole[runs][:1000]),
-        (runs, whole[runs][:1000] + bytes([whole[runs][1000] ^ 1]) + whole[runs][1001:]),
-        (rows, b""),
-        (rows, b"{}"),
-        (rows, whole[rows][:50]),
-    ]
-    for path, damage in damages:
-        path.write_bytes(damage)
-        assert not there()
-        rows.parent.mkdir(exist_ok=True)
-        for kept, content in whole.items():
-            kept.write_bytes(content)
-        assert there()
-    runs.unlink()
-    assert not there()
-
-
-def test_parts_depend_on_what_a_users_modules_say(tmp_path, short, monkeypatch):
-    (tmp_path / "gains_of_mine.py").write_text("K = 1.0")
-    source = "import gains_of_mine\nfrom trackslip.controllers.linear import LinearTimeVarying as Mine"
-    (tmp_path / "imports_gains.py").write_text(source)
-    setup = Setup.of(BenchmarkConfig(localization="truth"))
-    cases = (Case("imports_gains:Mine", "none", "bend.csv", "stone", "zero", 0),)
-    setup.check(cases)
-    before = ids(setup, cases)
-    (tmp_path / "gains_of_mine.py").write_text("K = 2.0")
-    assert ids(setup, cases) != before
-
-
 def test_when_every_run_fails_there_is_still_a_table(trackslip, short, tmp_path):
     (tmp_path / "mine3.py").write_text(MODULE.format(robots=1, robot=0))
     result = trackslip("benchmark", *short, "--suite", "quick", "--controllers", "mine3:Broken", "--seeds", "0")
@@ -303,7 +185,7 @@ def test_when_every_run_fails_there_is_still_a_table(trackslip, short, tmp_path)
 
 def test_a_twist_that_is_no_number_fails_its_run_alone(trackslip, short, tmp_path):
     (tmp_path / "mine2.py").write_text(MODULE.format(robots="len(pose)", robot="(pose[:, 1] > 0.0) & (time < 2.1)"))
-    options = (*short, "--compensations", "none", "--grounds", "stone", "--starts", "random", "--seeds")
+    options = (*short[:2], *short[4:], "--compensations", "none", "--grounds", "stone", "--starts", "random", "--seeds")
     result = trackslip("benchmark", *options, "0", "1", "2", "3", "--controllers", "mine2:Late")
     (row,) = result.summary["rows"]
     assert row["seeds"] == 4
@@ -394,37 +276,6 @@ def test_noise_is_the_same_for_all_controllers(tmp_path):
     logs = setup.drive(cases)
     np.testing.assert_array_equal(logs[0].pose[0], logs[1].pose[0])
     assert np.any(logs[0].pose[0] != logs[0].truth.pose[0])
-
-
-def run(controller, rms, success=True, error=None, seed=0):
-    case = Case(controller, "none", "paper", "stone", "zero", seed)
-    return CaseRow(case, error) if error else CaseRow(case, None, Measures(rms, rms), success)
-
-
-def test_means_and_intervals_are_over_the_seeds_that_ran():
-    (row,) = over_seeds([run("a", 1.0), run("a", 3.0, seed=1), run("a", 0.0, error="no", seed=2)])
-    assert row.means.rms_position == 2.0
-    assert row.intervals["rms_position"] == (1.0, 3.0)
-    assert (row.seeds, row.failed) == (3, 1)
-    assert row.success == pytest.approx(2 / 3)
-    assert row.means.final_position is None
-
-
-def test_bootstrap_of_the_mean_covers_as_it_should():
-    rng = np.random.default_rng(0)
-    intervals = [bootstrap95(rng.normal(size=40).tolist()) for _ in range(400)]
-    covered = np.mean([low < 0 < high for low, high in intervals])
-    assert 0.90 < covered < 0.98
-
-
-def test_who_keeps_the_path_stands_above_who_is_near_it():
-    runs = [run("near", 0.001, success=False), run("kept", 0.1), run("better", 0.05), run("failed", 0, error="no")]
-    rows = over_seeds(runs)
-    assert [entry.controller for entry in board(rows)] == ["better", "kept", "near", "failed"]
-    lines = losses(rows)
-    assert lines[0] == "near with none on stone loses the path in 1 of 1 runs: paper"
-    assert lines[1] == "failed with none on stone loses the path in 1 of 1 runs, 1 of them failed: paper"
-    assert lines[2:] == ["all others keep the path in every run"]
 
 
 def test_the_documented_controller_compares(trackslip, short, tmp_path):

@@ -91,7 +91,7 @@ def test_a_folders_file_is_named_for_it_and_not_replaced_unasked(grid, capsys):
     with pytest.raises(SystemExit) as stop:
         main(["export", str(grid), "--csv"])
     assert stop.value.code == 2
-    assert "grid.csv: is there already; --overwrite replaces it" in capsys.readouterr().err
+    assert "grid.csv: exists already; --overwrite replaces it" in capsys.readouterr().err
     assert file.read_text() == "mine"
     main(["export", str(grid), "--csv", "--overwrite"])
     assert len(package.load(file)) == 4
@@ -113,7 +113,7 @@ def test_mistakes_cost_a_line(grid, refused, arguments, message):
 def test_the_file_that_is_read_is_never_replaced(grid, tmp_path, refused, capsys):
     main(["export", str(grid), "--csv", "--out", str(tmp_path / "log.csv")])
     capsys.readouterr()
-    assert "another file than the one that is read" in refused("export", "log.csv", "--csv", "--overwrite")
+    assert "a file other than the one being read" in refused("export", "log.csv", "--csv", "--overwrite")
 
 
 def test_a_full_disk_leaves_the_file_and_its_columns_as_they_were(grid, tmp_path, monkeypatch, capsys):

@@ -80,7 +80,7 @@ def test_sides_that_differ(tmp_path):
     sides = IcrSides(0.07, 0.11, 0.0, 0.02, 0.3)
     found = identify(written(traces(sides), tmp_path / "log.csv"), ROBOT)
     assert found.best == "icr_sides"
-    assert "left and to the right differ" in "".join(found.warnings)
+    assert "left and right turns differ" in "".join(found.warnings)
     assert values_of(found, "icr_sides")["offset_right"] == pytest.approx(0.11, abs=0.004)
 
 

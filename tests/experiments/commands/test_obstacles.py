@@ -18,7 +18,7 @@ def test_closed_loop_with_walls_from_a_file(trackslip, tmp_path):
     path = tmp_path / "field.toml"
     path.write_text("[[walls]]\nx0 = -9\ny0 = 9\nx1 = 9\ny1 = 9\n")
     circle = ("--reference", "circle", "--circle-duration", "5")
-    found = trackslip("track", *circle, "--obstacles", str(path), "--scanner.sweep-time", "0.0133")
+    found = trackslip("track", *circle, "--obstacles", str(path), "--scanner.scan-duration", "0.0133")
     assert found.manifest["obstacles"]["walls"] == [{"x0": -9.0, "y0": 9.0, "x1": 9.0, "y1": 9.0}]
 
 
@@ -27,7 +27,7 @@ def test_closed_loop_with_walls_from_a_file(trackslip, tmp_path):
     [
         (("--obstacles", "forest"), "obstacles = 'forest': must be one of posts"),
         (("--obstacles", "nowhere.toml"), "nowhere.toml: No such file"),
-        (("--scanner.sweep-time", "0.06"), "scanner.sweep_time = 0.06: must be at most 0.05 s"),
+        (("--scanner.scan-duration", "0.06"), "scanner.scan_duration = 0.06: must be at most 0.05 s"),
         (("--scanner.quantisation", "-1"), "scanner.quantisation = -1.0: must be a finite number >= 0"),
         (("--scanner.divergence", "1"), "scanner.divergence = 1.0: must be at most 0.1 rad"),
         (("--scanner.range-bias", "nan"), "scanner.range_bias = nan: must be from -0.5 to 0.5 m"),

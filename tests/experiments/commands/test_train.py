@@ -51,7 +51,7 @@ def test_an_interrupted_training_says_how_to_go_on_and_leaves_its_checkpoint(tra
     with pytest.raises(SystemExit) as stop:
         main(["train", *TINY, "--steps", "256", "--resume", "--out", str(folder)])
     assert stop.value.code == 130
-    assert capsys.readouterr().err == "trackslip: interrupted; with --resume it goes on from the last checkpoint\n"
+    assert capsys.readouterr().err == "trackslip: interrupted; --resume continues from the last checkpoint\n"
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
 
 

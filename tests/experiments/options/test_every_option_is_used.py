@@ -47,7 +47,7 @@ EQUIPMENT = {
     "scanner.quantisation": "0.001",
     "scanner.range-bias": "0.001",
     "scanner.divergence": "0.004",
-    "scanner.sweep-time": "0.01",
+    "scanner.scan-duration": "0.01",
     "obstacles": "room",
     "rrd": "",
 }

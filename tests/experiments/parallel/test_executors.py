@@ -1,11 +1,19 @@
+"""Where parts of a sweep are driven."""
+
+import contextlib
 import logging
 import os
+import re
+import subprocess
 import sys
+import time
 import types
 from concurrent.futures import CancelledError
+from pathlib import Path
 
 import pytest
 
+from experiments.parallel import executors
 from experiments.parallel.executors import InlineExecutor, Workers, workers
 from trackslip.errors import TrackslipError
 
@@ -29,7 +37,7 @@ def test_every_task_is_done_once(name, jobs):
         assert list(pool.each(double, [])) == []
 
 
-def test_a_worker_that_dies_costs_a_line():
+def test_a_worker_that_dies_is_reported():
     with (
         pytest.raises(TrackslipError, match="a worker died"),
         workers("processes", 2) as pool,
@@ -45,7 +53,7 @@ def test_a_worker_that_dies_costs_a_line():
         (ValueError, ValueError, None),
     ],
 )
-def test_what_fails_in_a_cluster(error, raised, message):
+def test_failures_in_a_cluster(error, raised, message):
     def fail(_task):
         raise error
 
@@ -59,6 +67,45 @@ def test_inline_tasks_are_done_one_by_one():
     next(results)
     assert done == [0]
     assert len(list(results)) == 2
+
+
+WITHOUT_TRACKSLIP = (
+    "import pathlib, sys; from distributed.cli.{module} import main\n"
+    "sys.path[:] = [p for p in sys.path if not (pathlib.Path(p or '.') / 'experiments').is_dir()]\nmain()"
+)
+WITH_TRACKSLIP = "from distributed.cli.{module} import main; main()"
+
+
+@contextlib.contextmanager
+def started(code, module, *arguments):
+    """A process of Dask's, once it has said that it is ready; without the modules of this checkout unless imported."""
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
+    if code is WITH_TRACKSLIP:
+        environment["PYTHONPATH"] = str(Path(__file__).parents[3])
+    command = [sys.executable, "-c", code.format(module=module), *arguments]
+    with subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True, cwd="/") as process:
+        try:
+            yield process.stderr
+        finally:
+            process.kill()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scheduler", [WITH_TRACKSLIP, WITHOUT_TRACKSLIP], ids=["worker", "both"])
+def test_a_dask_worker_without_trackslip_is_refused(scheduler, monkeypatch):
+    """A real cluster: a worker that can't load a task never does it."""
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(executors, "_IMPORT_PATIENCE", 5)
+    with started(scheduler, "dask_scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard") as said:
+        address = next(match[1] for line in said if (match := re.search(r"Scheduler at: *tcp://(\S+)", line)))
+        with started(
+            WITHOUT_TRACKSLIP, "dask_worker", f"tcp://{address}", "--no-nanny", "--no-dashboard", "--nthreads", "1"
+        ) as worker_said:
+            assert any("Registered to" in line for line in worker_said)
+            began = time.monotonic()
+            with pytest.raises(TrackslipError, match="can't import trackslip"), workers(f"dask://{address}", 1):
+                pass
+            assert time.monotonic() - began < 30
 
 
 class Cluster:
@@ -75,6 +122,9 @@ class Cluster:
 
     def scheduler_info(self, n_workers):
         return {"workers": {n_workers: {"nthreads": 1}}}
+
+    def submit(self, function, **_options):
+        return InlineExecutor().submit(function)
 
     def get_executor(self, pure):
         return InlineExecutor()

@@ -69,7 +69,7 @@ def test_figures_that_are_not_ours_are_never_deleted(tmp_path, with_manifest):
     mine.write_text("mine")
     if with_manifest:
         write_json(tmp_path / MANIFEST_FILE, {})
-    with pytest.raises(OutputError, match="figures there holds files that aren't of these results"):
+    with pytest.raises(OutputError, match="figures there contains files that aren't part of results"):
         write(tmp_path, "slip")
     assert mine.read_text() == "mine"
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from experiments.options.bench import BenchConfig
-from experiments.speed.environments import BARE, ENV_CASES, SINGLE, VECTOR, EnvRig, env_rows
+from experiments.speed.environments import BARE, ENV_CASES, SINGLE, VECTOR, EnvRig, env_speeds
 
 
 def test_what_is_written(trackslip):
@@ -38,11 +38,11 @@ def test_ratios_are_those_of_the_rounds():
     config = BenchConfig(env=True, env_size=5, thread_counts=(2,))
     weather = np.array([1.0, 0.5, 0.2])
     rates = {(VECTOR, 2): 80 * weather, (BARE, 2): 100 * weather, (SINGLE, 2): 10 * weather}
-    rows = {row["case"]: row for row in env_rows(config, rates, 0.005)}
-    assert rows[VECTOR]["ratio_to_bare"] == pytest.approx(0.8)
-    assert rows[VECTOR]["ratio_to_single"] == pytest.approx(8.0)
-    assert rows[VECTOR]["steps_per_s"] == pytest.approx(40)
-    assert rows[BARE]["n"] == 5
+    speeds = {one.case: one for one in env_speeds(config, rates, 0.005)}
+    assert speeds[VECTOR].ratio_to_bare == pytest.approx(0.8)
+    assert speeds[VECTOR].ratio_to_single == pytest.approx(8.0)
+    assert speeds[VECTOR].steps_per_s == pytest.approx(40)
+    assert speeds[BARE].n == 5
 
 
 def test_sizes_are_checked(refused):

@@ -42,7 +42,7 @@ def moved(pose, twist, time):
 @pytest.mark.parametrize("divergence", [0.0, 0.0044])
 def test_each_beam_sees_the_plate_at_its_own_time(robot, divergence):
     options = {"resolution": np.radians(1.0), "divergence": divergence}
-    skewed = LaserScanner(sweep_time=0.05, **options)
+    skewed = LaserScanner(scan_duration=0.05, **options)
     ranges, lag = feed(moving(robot), skewed).true_ranges(), skewed.lag
     assert lag[-1] - lag[0] == pytest.approx(0.05)
     assert lag[90] == 0.0  # the middle of the sweep is the scan's time
@@ -57,12 +57,14 @@ def test_each_beam_sees_the_plate_at_its_own_time(robot, divergence):
 def test_a_robot_at_rest_looks_the_same(robot):
     fleet = Fleet(robot, START)
     np.testing.assert_allclose(
-        feed(fleet, LaserScanner(sweep_time=0.05)).true_ranges(), feed(fleet, LaserScanner()).true_ranges(), atol=1e-9
+        feed(fleet, LaserScanner(scan_duration=0.05)).true_ranges(),
+        feed(fleet, LaserScanner()).true_ranges(),
+        atol=1e-9,
     )
 
 
 def test_a_person_is_seen_where_each_beam_finds_them(robot):
-    scanner = LaserScanner(sweep_time=0.05)
+    scanner = LaserScanner(scan_duration=0.05)
     walker = Walker(-1.9, -0.5, 4.0, 0.0)
     ranges = feed(Fleet(robot, [[5.0, 5.0, 0.0]]), scanner, Obstacles(walkers=(walker,))).true_ranges()[0]
     beams = np.flatnonzero(ranges < 2.0)

@@ -61,6 +61,20 @@ def test_dropouts_and_range_limit(robot):
     assert np.isnan(near[2]).all()
 
 
+def test_a_seed_gives_each_robot_its_own_noise(robot):
+    fleet = Fleet(robot, POSES[[0, 0]])
+    true = ScannerFeed(LaserScanner(), fleet).true_ranges()[:, None]
+    one, again, other = (ScannerFeed(LaserScanner(), fleet, seed).measure(true).ranges for seed in (0, 0, 1))
+    np.testing.assert_array_equal(one, again)
+    for two in (other, one[::-1]):
+        assert not np.array_equal(one, two, equal_nan=True)
+
+
+def test_generators_are_one_per_robot(robot):
+    with pytest.raises(InvalidValueError, match="generators = 1: must be 4, one per robot"):
+        ScannerFeed(LaserScanner(), Fleet(robot, POSES), [generator(0, "")])
+
+
 def test_field_of_view_and_resolution(robot):
     bearings = LaserScanner(field_of_view=np.radians(100), resolution=np.radians(0.5)).bearings
     assert len(bearings) == 201

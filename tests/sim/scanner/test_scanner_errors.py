@@ -11,7 +11,7 @@ from sim.seeds import generator
 from trackslip.errors import InvalidValueError
 
 POSES = np.array([[-1.5, 0.5, 0.3], [0.0, 1.0, 2.0], [-3.0, 3.0, -1.0]])
-EVERYTHING = LaserScanner(dropout=0.1, quantisation=0.01, range_bias=0.01, divergence=0.0044, sweep_time=0.0133)
+EVERYTHING = LaserScanner(dropout=0.1, quantisation=0.01, range_bias=0.01, divergence=0.0044, scan_duration=0.0133)
 
 
 def feed(robot, scanner, rows=(0, 1, 2), threads=1):
@@ -82,8 +82,8 @@ def test_a_robots_scans_do_not_depend_on_neighbours_or_threads(robot):
         ({"quantisation": 1e-320}, "quantisation = 1e-320: must be 0, or at least 1e-06 m"),
         ({"range_bias": np.nan}, "range_bias = nan: must be from -0.5 to 0.5 m"),
         ({"divergence": 0.2}, "divergence = 0.2: must be at most 0.1 rad"),
-        ({"sweep_time": 0.06}, "sweep_time = 0.06: must be at most 0.05 s, the time between scans"),
-        ({"sweep_time": -0.01}, "sweep_time = -0.01: must be a finite number >= 0"),
+        ({"scan_duration": 0.06}, "scan_duration = 0.06: must be at most 0.05 s, the time between scans"),
+        ({"scan_duration": -0.01}, "scan_duration = -0.01: must be a finite number >= 0"),
     ],
 )
 def test_impossible_errors_are_refused(options, message):

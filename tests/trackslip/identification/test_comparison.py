@@ -114,7 +114,7 @@ def test_sides_that_differ_are_told_when_turns_go_both_ways():
     both = (*RADII, *(-radius for radius in RADII))
     found = compare_laws(grid(sides, radii=both), GEOMETRY)
     assert found.best == "icr_sides"
-    assert any("left and to the right differ" in warning for warning in found.warnings)
+    assert any("left and right turns differ" in warning for warning in found.warnings)
     for key, value in found.laws["icr_sides"].values.items():
         assert value == pytest.approx(getattr(sides, key), abs=4 * found.laws["icr_sides"].stderr[key])
     assert compare_laws(grid(ICR, radii=both), GEOMETRY).best == "icr_radius"

@@ -80,7 +80,7 @@ def test_scans_of_something_else_are_left_out(logs):
 
 def test_logs_without_ranges_are_refused_and_take_the_arc(logs):
     log = replace(logs[0][0], scans=None)
-    with pytest.raises(LogError, match="has no ranges, which bundle fits"):
+    with pytest.raises(LogError, match="has no ranges, which bundle needs"):
         bundle(log, WINDOW)
     assert best_method(log) == "arc"
     assert best_method(logs[0][0]) == "bundle"

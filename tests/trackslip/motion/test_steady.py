@@ -74,7 +74,7 @@ def test_a_gap_in_the_clock_parts_a_run():
 def test_motion_that_changes_though_the_sprockets_do_not_is_refused():
     log = driven()
     slower = driven(((10.0, 0.8),))
-    with pytest.raises(LogError, match="its motion isn't: v changes by -0"):
+    with pytest.raises(LogError, match="but its motion is not: v changes by -0"):
         slip_samples([replace(slower, omega=log.omega)], GEOMETRY)
 
 

@@ -1,0 +1,151 @@
+"""Benchmarks that are killed or interrupted, and what is kept of them."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pyarrow.parquet
+import pytest
+
+from experiments.benchmark.group import measure
+from experiments.benchmark.jobs import drive_group, ids
+from experiments.benchmark.setup import Setup
+from experiments.cli import main
+from experiments.commands.benchmark import PARTS
+from experiments.options.benchmark import BenchmarkConfig, Case
+from experiments.storage.manifest import digest, made_by
+from experiments.storage.parts import Parts
+
+SMALL = ("--controllers", "feedforward", "linear", "--compensations", "none", "online", "--grounds", "stone", "gravel")
+ROOT = Path(__file__).parents[3]
+WAITS = '''
+import pathlib, time
+from trackslip.controllers.linear import LinearTimeVarying
+
+class Waits(LinearTimeVarying):
+    """Hangs on the path that ends 0.6 m ahead, which is driven last, as long as there is a file called wait."""
+    def twist(self, now, pose, reference):
+        while reference.pose(reference.duration)[0] < 0.7 and pathlib.Path("wait").exists():
+            time.sleep(0.01)
+        return super().twist(now, pose, reference)
+'''
+
+
+def test_a_killed_benchmark_resumes(trackslip, short, tmp_path, monkeypatch):
+    """The fleet that was finished isn't driven again, and the results are those of one that was not disturbed."""
+    (tmp_path / "turn.csv").write_text("x,y\n0,0\n0.4,-0.1\n0.8,-0.3\n1.0,-0.6\n")
+    (tmp_path / "waits.py").write_text(WAITS)
+    (tmp_path / "wait").touch()
+    options = [*short[:2], "turn.csv", *short[2:], "--controllers", "waits:Waits", "linear", "--compensations", "none"]
+    command = ["benchmark", *options, "--grounds", "stone", "--seeds", "0"]
+    parts = tmp_path / "killed" / PARTS
+    process = subprocess.Popen(
+        [sys.executable, "-m", "experiments", *command, "--out", "killed"],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        stdout=subprocess.DEVNULL,
+    )
+    while not list(parts.glob("*.json")):
+        assert process.poll() is None
+        time.sleep(0.01)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert len(list(parts.glob("*.json"))) == 1
+    assert not (tmp_path / "killed" / "summary.json").exists()
+    (tmp_path / "wait").unlink()
+    driven = []
+
+    def counted(config, wanted):
+        driven.extend(case.reference for case in wanted)
+        return drive_group(config, wanted)
+
+    monkeypatch.setattr("experiments.benchmark.jobs.drive_group", counted)
+    killed, undisturbed = (trackslip(*command, "--out", str(tmp_path / name)) for name in ("killed", "undisturbed"))
+    assert driven[:2] == ["bend.csv"] * 2
+    assert len(driven) == 2 + 4
+    tables = [pyarrow.parquet.read_table(one.folder / "runs.parquet") for one in (killed, undisturbed)]
+    assert tables[0].equals(tables[1], check_metadata=True)
+    assert killed.summary["cases"] == undisturbed.summary["cases"]
+
+
+def test_an_interrupted_benchmark_says_how_to_resume(short, tmp_path, monkeypatch, capsys):
+    """Of two fleets, one on each reference, the second is interrupted."""
+    (tmp_path / "turn.csv").write_text("x,y\n0,0\n0.4,-0.1\n0.8,-0.3\n1.0,-0.6\n")
+    measured = []
+
+    def interrupted(setup, outcomes):
+        if measured:
+            raise KeyboardInterrupt
+        measured.append(True)
+        return measure(setup, outcomes)
+
+    monkeypatch.setattr("experiments.benchmark.jobs.measure", interrupted)
+    options = ("benchmark", "--references", "bend.csv", "turn.csv", *short[2:], *SMALL, "--seeds", "0", "--out", "out")
+    with pytest.raises(SystemExit) as stop:
+        main([*options])
+    assert stop.value.code == 130
+    message = "trackslip: interrupted with 8 of 16 runs driven; the same command resumes"
+    assert capsys.readouterr().err.strip() == message
+    assert [path.name for path in (tmp_path / "out").iterdir()] == [PARTS]
+
+
+def test_parts_of_another_benchmark_are_left_but_not_those_of_other_code(trackslip, short, tmp_path):
+    folder = tmp_path / "benchmark" / PARTS
+    folder.mkdir(parents=True)
+    row = {"run": "a run", "id": "its id", "error": None}
+    for name, now in (("0123", made_by()), ("4567", made_by() | {"code": "other"})):
+        (folder / f"{name}.parquet").touch()
+        content = {"made_by": {digest(now): now}, "runs": [row | {"made_by": digest(now)}]}
+        (folder / f"{name}.json").write_text(json.dumps(content))
+    (folder / ".89ab.json-99").touch()  # a draft of a killed command
+    (folder / "cdef.json").write_text("{}")
+    trackslip("benchmark", *short, *SMALL[:2], "--compensations", "none", "--grounds", "stone", "--seeds", "0")
+    assert {file.name for file in folder.iterdir()} == {"0123.json", "0123.parquet"}
+
+
+def test_damaged_parts_are_driven_again(tmp_path, short):
+    setup = Setup.of(BenchmarkConfig(references=("bend.csv",), localization="truth", out=tmp_path / "out"))
+    wanted = ids(setup, [Case("linear", "none", "bend.csv", "stone", "zero", 0)])
+    (id,) = wanted.values()
+
+    def there():
+        parts = Parts(setup.config.out, PARTS)
+        parts.take_current([id])
+        return id in parts
+
+    assert not there()
+    Parts(setup.config.out, PARTS).keep(drive_group(setup.config, wanted).part)
+    assert there()
+    (rows,), (runs,) = ((setup.config.out / PARTS).glob(f"*.{kind}") for kind in ("json", "parquet"))
+    whole = {path: path.read_bytes() for path in (rows, runs)}
+    damages = [
+        (runs, whole[runs][:1000]),
+        (runs, whole[runs][:1000] + bytes([whole[runs][1000] ^ 1]) + whole[runs][1001:]),
+        (rows, b""),
+        (rows, b"{}"),
+        (rows, whole[rows][:50]),
+    ]
+    for path, damage in damages:
+        path.write_bytes(damage)
+        assert not there()
+        rows.parent.mkdir(exist_ok=True)
+        for kept, content in whole.items():
+            kept.write_bytes(content)
+        assert there()
+    runs.unlink()
+    assert not there()
+
+
+def test_parts_depend_on_what_a_users_modules_say(tmp_path, short, monkeypatch):
+    (tmp_path / "gains_of_mine.py").write_text("K = 1.0")
+    source = "import gains_of_mine\nfrom trackslip.controllers.linear import LinearTimeVarying as Mine"
+    (tmp_path / "imports_gains.py").write_text(source)
+    setup = Setup.of(BenchmarkConfig(localization="truth"))
+    cases = (Case("imports_gains:Mine", "none", "bend.csv", "stone", "zero", 0),)
+    setup.check(cases)
+    before = ids(setup, cases)
+    (tmp_path / "gains_of_mine.py").write_text("K = 2.0")
+    assert ids(setup, cases) != before

@@ -1,0 +1,103 @@
+"""`trackslip view`: which runs it shows, and how."""
+
+from __future__ import annotations
+
+import socket
+import types
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rrd import component, verify
+
+from experiments import recording
+from experiments.cli import main
+from experiments.commands.view import choose, free_port, put_time
+from experiments.recording.geometry import parameters_of
+from sim.robot.parameters import RobotParameters
+from trackslip.errors import LogError
+from trackslip.logs.logfile import write_csv
+
+
+def test_view_of_a_real_robots_log(driven, tmp_path, capsys):
+    bare = [replace(log, truth=None, metadata={}, covariance=None, command=None, scans=None) for log in driven[1]]
+    write_csv(bare, tmp_path / "real.csv")
+    file = tmp_path / "a real.rrd"
+    main(["view", str(tmp_path / "real.csv"), "--save", str(file)])
+    said = capsys.readouterr().out
+    assert "2 runs; showing 'linear none'" in said
+    assert f"; rerun '{file}'" in said  # as a shell takes it
+    verify(file)
+    _, translation = component(file, "/run/robot", "translation")
+    np.testing.assert_allclose(translation[:, :2], bare[0].pose[:, :2], atol=1e-6)
+    assert parameters_of(bare[0]) == RobotParameters()
+
+
+def test_view_refuses(driven, refused):
+    folder = driven[0] / "none"
+    assert refused("view", str(folder), "--run", "other").endswith("no run 'other'; there are 'linear none'")
+    assert "there is no runs.parquet in this folder" in refused("view", str(driven[0]))
+    assert "no such file" in refused("view", "missing.parquet")
+    assert "a file that ends in .rrd" in refused("view", str(folder), "--save", "x.txt")
+    assert "can't be written" in refused("view", str(folder), "--save", "/proc/x/y.rrd")
+
+
+def test_view_chooses_by_name_or_id(driven):
+    ids = ("abcd12", "abce34")
+    logs = [replace(log, metadata=log.metadata | {"id": i}) for log, i in zip(driven[1], ids, strict=True)]
+    path = Path("runs")
+    assert choose(logs, ["abce34", "linear none"], path) == [logs[1], logs[0]]
+    assert choose(logs, ["abcd"], path) == [logs[0]]
+    with pytest.raises(LogError, match=r"2 runs whose id begins with 'abc'; there are 'linear none' \(id abcd12\), "):
+        choose(logs, ["abc"], path)
+    for unknown in ("abcx", ""):
+        with pytest.raises(LogError, match="no run '"):
+            choose(logs, [unknown], path)
+    with pytest.raises(LogError, match="are the same"):
+        choose(logs, ["abcd", "linear none"], path)
+
+
+def test_a_taken_port_is_left_alone():
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        taken = other.getsockname()[1]
+        assert free_port(taken) != taken
+    assert free_port(taken) == taken
+
+
+def test_the_native_viewer_is_put_to_the_interesting_moment(driven, tmp_path, monkeypatch):
+    """As soon as it listens and has opened the recording; not if it has ended before."""
+    begin = recording.record(tmp_path / "run.rrd", driven[1][:1])
+    assert 0 < begin < 14
+    asked, put = [], []
+
+    class Viewer:
+        def poll(self):
+            return 1 if len(asked) > 5 else None
+
+        @staticmethod
+        def connect(_stream):
+            asked.append(1)
+            if len(asked) == 1:
+                raise ConnectionError
+            return Viewer()
+
+        def get_state(self):
+            return types.SimpleNamespace(recordings=["run"] if len(asked) == 3 else [])
+
+        def set_time(self, duration):
+            put.append(duration)
+
+    monkeypatch.setattr("rerun.experimental.ViewerClient", Viewer)
+    put_time("there", begin, Viewer())
+    assert (len(asked), put) == (3, [begin])
+    put_time("there", begin, Viewer())
+    assert (len(asked), put) == (6, [begin])
+
+
+def test_view_without_a_viewer(driven, refused, monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
+        monkeypatch.delenv(name, raising=False)
+    assert "doesn't start; try --web, or --save FILE" in refused("view", str(driven[0] / "none"))

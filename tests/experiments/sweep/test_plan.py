@@ -1,0 +1,125 @@
+"""What a sweep is made of: axes, names, ids, fleets."""
+
+import pytest
+
+from experiments.cli import parse
+from experiments.sweep.plan import fleets, plan
+
+SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
+
+
+def planned(*arguments):
+    return plan(parse(["grid", *arguments]))
+
+
+def test_a_run_is_the_same_however_it_is_asked_for():
+    (one,) = planned("--radii", "1", "--speeds", "0.1", "--ground", "ice", "--ground.slope", "0.02", "--seed", "7")
+    (same,) = planned("--radii", "1", "--speeds", "0.1", "--grounds", "ice", "--slope", "0.02", "--seeds", "7")
+    assert (one.id, one.cell.key) == (same.id, same.cell.key)
+    assert one.name == "radius=1.0 speed=0.1"
+    assert same.name == "radius=1.0 speed=0.1 ground=ice seed=7 slope=0.02"
+    usual = {"--radii": "1", "--speeds": "0.1", "--ground": "ice", "--ground.slope": "0.02", "--seed": "7"}
+    ids = {one.id}
+    for option, value in (
+        ("--seed", "8"),
+        ("--radii", "1.1"),
+        ("--scanner.noise", "0.006"),
+        ("--drive.lag", "0.06"),
+        ("--obstacles", "posts"),
+        ("--motion", "arc"),
+        ("--radius-error", "0.01"),
+        ("--duration", "20"),
+    ):
+        (other,) = planned(*(word for pair in (usual | {option: value}).items() for word in pair))
+        ids.add(other.id)
+    assert len(ids) == 9
+
+
+def test_any_option_varies_and_only_equal_models_share_a_fleet(tmp_path):
+    (tmp_path / "sweep.toml").write_text(
+        'radius = [1.0, 2.0]\nspeed = 0.1\nground = ["stone", "gravel"]\n[robot]\nhalf_gauge = [0.15, 0.168]\n'
+        "[scanner]\nnoise = [0.005, 0.01]\n"
+    )
+    runs = planned("--sweep", str(tmp_path / "sweep.toml"), "--vary", "random_phase=false,true")
+    assert len(runs) == 32
+    assert len(fleets(runs, 2)) == 8
+    for fleet in fleets(runs, 2):
+        assert len({(run.specification.parameters, run.config.scanner, run.config.random_phase) for run in fleet}) == 1
+    narrow = [run for run in runs if run.axes["robot.half_gauge"] == 0.15]
+    assert {run.world(1).robot.geometry.half_gauge for run in narrow} == {0.15}
+    assert len(narrow) == 16
+
+
+@pytest.mark.parametrize(
+    ("workers", "count", "largest"), [(1, 8, 125), (2, 8, 125), (3, 12, 84), (4, 16, 63), (64, 16, 63)]
+)
+def test_fleets_are_large_and_yet_every_worker_has_some(workers, count, largest):
+    runs = planned("--friction-ratio", *(str(0.8 + 0.01 * k) for k in range(40)))
+    parts = fleets(runs, workers)
+    assert [run for part in parts for run in part] == runs
+    assert len(parts) == count
+    assert max(map(len, parts)) == largest
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--vary", "noise"), "vary = 'noise': must be NAME=VALUE,VALUE,..."),
+        (("--radii", "1", "--vary", "radius=2,3"), "radii = (1.0,): must be left out where radius is an axis"),
+        (
+            ("--radii", "0.5", "0.15", "--vary", "robot.half_gauge=0.2,0.3"),
+            "radii = 0.15: must be greater than the half gauge, 0.2 m",
+        ),
+        (("--vary", "colour=red"), "axis = 'colour': must be one of radius, speed, friction_ratio"),
+        (("--vary", "scanner.noise=0.1,loud"), "vary scanner.noise = 'loud': must be a number"),
+        (("--vary", "scanner.noise=-1"), "scanner.noise = -1.0: must be"),
+        (("--vary", "robot.half_gauge=0.2,-1"), "robot.half_gauge = -1.0: must be"),
+        (("--vary", "localization=gps"), "vary localization = 'gps': must be plate or line"),
+        (("--vary", "drive.encoder_counts=1.5"), "vary drive.encoder_counts = '1.5': must be an integer"),
+        (("--vary", "random_phase=maybe"), "vary random_phase = 'maybe': must be true or false"),
+        (("--friction-ratio", "1", "1"), "friction_ratio = (1.0, 1.0): must be all different"),
+        (("--friction-ratio", "0"), "friction_ratio = 0.0: must be a finite number > 0"),
+        (("--friction-ratio", "nan"), "friction_ratio = nan: must be a finite number > 0"),
+        (("--slope", "0.1", "--vary", "slope=0.2"), "vary = 'slope': must be an axis that is given once"),
+        (("--slope", "-0.1"), "ground.slope = -0.1: must be"),
+        (("--grounds", "\udcff.toml"), "must be valid UTF-8"),
+        (("--grounds", "moon"), "ground = 'moon': must be one of stone"),
+        (("--seeds", "-1"), "seed = -1: must be an integer >= 0"),
+        (("--executor", "cloud"), "executor = 'cloud': must be processes, inline, mpi or dask://HOST:PORT"),
+        (("--executor", "dask://:"), "executor = 'dask://:': must be processes"),
+        (
+            ("--vary", "motion=arc", "--vary", "duration=4,6"),
+            "--vary is given twice; give it once, with all its values",
+        ),
+        (("--vary", "rrd=true,false"), "axis = 'rrd': must be one of"),
+        (("--friction-ratio", "1.2", "--ground.across", "0.5"), "friction_ratio = (1.2,): must be left out where"),
+        (("--friction-ratio", "1.2", "--vary", "ground.across=0.5"), "friction_ratio = (1.2,): must be left out where"),
+        (("--jobs", "-1"), "jobs = -1: must be an integer from 0"),
+        (("--sweep", "none.toml"), "none.toml: No such file"),
+    ],
+)
+def test_mistakes_get_one_line(refused, arguments, message):
+    assert message in refused("grid", "--duration", "4", *arguments)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("radius = []", "radius = (): must be at least one value"),
+        ("radius = [1.0, -1.0]", "radius = -1.0: must be a finite number > 0"),
+        ("radius = [[1.0]]", "radius = [1.0]: must be a number"),
+        ("speed = [9.0]", "speeds = 9.0: must be at most drive.top_speed"),
+        ("colour = [1]", "axis = 'colour'"),
+        ("random_phase = [[true]]", "random_phase = [True]: must be true or false"),
+        ("radius = [1", "not TOML"),
+        ("", "sweep.toml: defines no axis"),
+        ("\ufeffradius = [-1.0]", "radius = -1.0: must be"),
+        (
+            '"scanner.noise" = [0.01]\nscanner = { noise = [0.02] }',
+            "'scanner.noise': must be an axis that is given once",
+        ),
+    ],
+)
+def test_mistakes_in_a_sweep_file(refused, tmp_path, text, message):
+    (tmp_path / "sweep.toml").write_text(text)
+    assert message in refused("grid", "--duration", "4", "--sweep", str(tmp_path / "sweep.toml"))

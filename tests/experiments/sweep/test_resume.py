@@ -1,0 +1,142 @@
+"""Grids that were stopped, finished or damaged, and what is driven again."""
+
+import pytest
+
+from experiments.cli import main
+from experiments.commands.grid import PARTS
+from experiments.driving.grid_runs import drive_cells
+from experiments.parallel.executors import WorkersFailedError
+from experiments.storage.manifest import made_by
+from trackslip.logs.logfile import read_runs
+
+SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
+
+SWEEP = (*SHORT, "--friction-ratio", "1.0", "1.2", "--seeds", "0", "1")
+
+
+def logs(folder):
+    return {log.metadata["id"]: log for log in read_runs(folder / "runs.parquet")}
+
+
+def fragile(cells, *rest):
+    """A fleet of which some radius is too wide."""
+    if any(cell.radius == 1.5 for cell in cells):
+        raise MemoryError("too wide")
+    return drive_cells(cells, *rest)
+
+
+def test_what_is_stored_is_not_driven_again(trackslip, monkeypatch):
+    first = trackslip("grid", *SWEEP)
+    content = (first.folder / "runs.parquet").read_bytes()
+    with monkeypatch.context() as patch:
+        patch.setattr("experiments.sweep.drive.drive_cells", None)
+        again = trackslip("grid", *SWEEP)
+        assert (again.folder / "runs.parquet").read_bytes() == content
+        assert again.summary["timing"]["taken"] == 8
+        part = trackslip("grid", *SHORT, "--friction-ratio", "1.0")
+        assert len(logs(part.folder)) == 2
+    whole = trackslip("grid", *SWEEP)
+    assert whole.summary["timing"]["taken"] == 2
+    assert (whole.folder / "runs.parquet").read_bytes() == content
+    assert not (whole.folder / PARTS).exists()
+
+
+def test_runs_of_other_code_are_refused_but_by_force(trackslip, refused, tmp_path, monkeypatch):
+    out = ("--out", str(tmp_path / "out"))
+    folder = trackslip("grid", *SHORT, *out).folder
+    now = made_by()
+    for change, named in (({"code": "0"}, "trackslip's code"), ({"versions": {"mujoco": "9.9"}}, "mujoco (")):
+        with monkeypatch.context() as patch:
+            changed = now | change | {"versions": now["versions"] | change.get("versions", {})}
+            patch.setattr("experiments.storage.parts.made_by", lambda c=changed: c)
+            message = refused("grid", *SHORT, *out)
+            assert f"2 of these runs were driven before a change of {named}" in message
+            forced = trackslip("grid", *SHORT, *out, "--force")
+            assert forced.summary["timing"]["taken"] == 2
+            assert len(trackslip("grid", *SHORT, "--seed", "9", *out).summary["runs"]) == 2  # others aren't refused
+        trackslip("grid", *SHORT, *out, "--no-resume")
+    assert logs(folder)
+
+
+@pytest.mark.parametrize(
+    ("name", "spoil", "message"),
+    [
+        ("runs.parquet", lambda content: content[:-100], "runs.parquet: damaged; --no-resume"),
+        ("summary.json", lambda content: content[:300], "summary.json: not JSON"),
+        ("manifest.json", lambda content: content[:300], "manifest.json: not JSON"),
+        ("manifest.json", lambda content: content.replace(b'"format": 1', b'"format": 99'), "in format 99; "),
+    ],
+)
+def test_damaged_or_newer_results_are_not_thrown_away(trackslip, refused, tmp_path, name, spoil, message):
+    out = ("--out", str(tmp_path / "out"))
+    folder = trackslip("grid", *SHORT, *out).folder
+    spoilt = spoil((folder / name).read_bytes())
+    (folder / name).write_bytes(spoilt)
+    assert message in refused("grid", *SHORT, *out, "--seeds", "0", "1")  # at once: there is nothing new
+    assert (folder / name).read_bytes() == spoilt
+    trackslip("grid", *SHORT, *out, "--no-resume")
+    assert len(logs(folder)) == 2
+
+
+def test_runs_whose_logs_are_gone_are_driven_again(trackslip):
+    (trackslip("grid", *SHORT).folder / "runs.parquet").unlink()
+    again = trackslip("grid", *SHORT)
+    assert again.summary["timing"]["driven"] == len(logs(again.folder)) == 2
+
+
+def test_what_fails_anew_is_not_taken_from_before(trackslip, monkeypatch):
+    trackslip("grid", *SHORT)
+    monkeypatch.setattr("experiments.sweep.drive.drive_cells", fragile)
+    anew = trackslip("grid", *SHORT, "--no-resume")
+    assert [row["error"] for row in anew.summary["runs"]] == [None, "MemoryError: too wide"]
+
+
+def test_an_interrupted_grid_goes_on(trackslip, tmp_path, monkeypatch, capsys):
+    from experiments.commands import grid as command
+
+    arguments = ("grid", *SHORT, "--vary", "scanner.noise=0.001,0.002,0.003,0.004")
+    whole = trackslip(*arguments, "--out", str(tmp_path / "whole")).folder
+    real, driven = command.drive, []
+
+    def twice(*arguments, **options):
+        if len(driven) == 2:
+            raise KeyboardInterrupt
+        driven.append(1)
+        return real(*arguments, **options)
+
+    monkeypatch.setattr(command, "drive", twice)
+    with pytest.raises(SystemExit) as stop:
+        main([*arguments, "--out", str(tmp_path / "part")])
+    assert stop.value.code == 130
+    assert "interrupted with 4 of 8 runs driven; the same command resumes" in capsys.readouterr().err
+    assert not (tmp_path / "part" / "runs.parquet").exists()
+    monkeypatch.setattr(command, "drive", real)
+    spoilt = min((tmp_path / "part" / PARTS).glob("*.parquet"))
+    spoilt.write_bytes(spoilt.read_bytes()[:5000])
+    result = trackslip(*arguments, "--out", str(tmp_path / "part"))
+    assert result.summary["timing"]["taken"] == 2
+    for name in ("runs.parquet", "table.parquet"):
+        assert (whole / name).read_bytes() == (result.folder / name).read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("stop", "more", "said"),
+    [
+        (KeyboardInterrupt(), (), "interrupted with 2 of 2 runs driven; the same command resumes"),
+        (
+            WorkersFailedError("a worker died"),
+            ("--no-resume",),
+            "a worker died with 2 of 2 runs driven; the same command without --no-resume resumes",
+        ),
+    ],
+)
+def test_grids_that_are_stopped_late_say_how_to_go_on(trackslip, tmp_path, monkeypatch, capsys, stop, more, said):
+    def gather(*_):
+        raise stop
+
+    with monkeypatch.context() as patch:
+        patch.setattr("experiments.storage.parts.Parts.gather", gather)
+        with pytest.raises(SystemExit):
+            main(["grid", *SHORT, *more, "--out", str(tmp_path / "grid")])
+    assert said in capsys.readouterr().err
+    assert trackslip("grid", *SHORT, "--out", str(tmp_path / "grid")).summary["timing"]["taken"] == 2

@@ -1,0 +1,38 @@
+"""Recordings read back, and a run worth recording."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+from rerun.chunk import RrdReader
+
+CIRCLE = (
+    *("--reference", "circle", "--circle-duration", "14", "--circle-radius", "0.8"),
+    *("--start", "-1.4", "0.1", "0.2"),
+)
+
+
+def component(file: Path, entity: str, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Times (T,) [s] and values (T, n) of a component of an entity that has as many in each row."""
+    times, values = [], []
+    for chunk in RrdReader(file).stream().filter(content=entity):
+        batch = chunk.to_record_batch()
+        column = [c for c in batch.schema.names if c.endswith(f":{name}")]
+        if column and "time" in batch.schema.names:
+            flat = batch.column(column[0]).flatten()
+            while pa.types.is_nested(flat.type):
+                flat = flat.flatten()
+            values.append(np.asarray(flat).reshape(batch.num_rows, -1))
+            times.append(batch.column("time").cast("int64").to_numpy() / 1e9)
+    order = np.argsort(np.concatenate(times))
+    return np.concatenate(times)[order], np.concatenate(values)[order]
+
+
+def verify(file: Path) -> None:
+    command = [str(Path(sys.executable).with_name("rerun")), "rrd", "verify", str(file)]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
