@@ -14,7 +14,7 @@ import numpy as np
 from experiments.driving.grid_runs import sample_runs
 from experiments.options.calibrate import CalibrateConfig
 from experiments.recording import record_all
-from experiments.report.terminal import print_table, progress
+from experiments.report.terminal import busy, print_table, progress
 from experiments.storage.manifest import command_line, make_manifest
 from experiments.storage.plain_json import plain, write_json
 from experiments.storage.results import MANIFEST_FILE, SUMMARY_FILE, results_folder
@@ -62,7 +62,8 @@ def run(config: CalibrateConfig) -> None:
         write_json(folder / SUMMARY_FILE, summary)
         write_json(folder / MANIFEST_FILE, make_manifest("calibrate", config, wall, seed=config.seed))
         if config.rrd:
-            record_all(folder, sample_runs(folder / ROBOT, config))
+            with busy("recordings"):
+                record_all(folder, sample_runs(folder / ROBOT, config))
     _print(config, best, centred, lowest, wall)
 
 

@@ -19,7 +19,7 @@ from experiments.recording import record_all
 from experiments.recording.failed_runs import results_or_failed_runs
 from experiments.report.formats import for_terminal, stages_text
 from experiments.report.reproduction import COMPARISON_HEADER, Report, comparison_table, render
-from experiments.report.terminal import print_table, progress
+from experiments.report.terminal import busy, print_table, progress
 from experiments.report.tracking import TRACKING_HEADER, tracking_table
 from experiments.storage.manifest import command_line
 from experiments.storage.plain_json import plain
@@ -67,7 +67,7 @@ def run(config: ReproduceConfig) -> None:
         tracking = tracking_results(tracking_logs, paper_reference())
         comparison = compare_with_paper(grid, laws, tracking)
         warnings = saturation_warnings(grid_logs)
-        with watch.stage("report"), progress("report", 1, "page") as report:
+        with watch.stage("report"), busy("report"):
             manifest = world.manifest("reproduce", time.perf_counter() - began)
             page = Report(
                 title="Slip of a tracked robot: the paper and its simulation",
@@ -82,7 +82,6 @@ def run(config: ReproduceConfig) -> None:
                 warnings=warnings,
             )
             render(page).write(folder, config.pdf)
-            report(1)
         logs = [*grid_logs, *tracking_logs]
         wall, simulated = time.perf_counter() - began, simulated_seconds(logs)
         summary: dict[str, Any] = {
@@ -95,7 +94,8 @@ def run(config: ReproduceConfig) -> None:
         }
         write_results(folder, logs, plain(summary), manifest)
         if config.rrd:
-            record_all(folder, logs, _by_controller(tracking_logs))
+            with busy("recordings"):
+                record_all(folder, logs, _by_controller(tracking_logs))
     print_table("Published | simulated", COMPARISON_HEADER, for_terminal(comparison_table(comparison)))
     print_table("Tracking errors of the true pose", TRACKING_HEADER, tracking_table(tracking))
     for warning in summary["warnings"]:

@@ -13,7 +13,7 @@ from experiments.options.sensitivity import SensitivityConfig
 from experiments.recording import record_all
 from experiments.report.formats import for_terminal
 from experiments.report.sensitivity import HEADER, render, table
-from experiments.report.terminal import print_table, progress
+from experiments.report.terminal import busy, print_table, progress
 from experiments.storage.manifest import command_line
 from experiments.storage.plain_json import write_json
 from experiments.storage.results import MANIFEST_FILE, REPORT_FILE, SUMMARY_FILE, results_folder
@@ -35,7 +35,8 @@ def run(config: SensitivityConfig) -> None:
         write_json(folder / SUMMARY_FILE, {"rows": rows, "timing": {"wall_s": wall}})
         write_json(folder / MANIFEST_FILE, manifest)
         if config.rrd:
-            record_all(folder, examples)
+            with busy("recordings"):
+                record_all(folder, examples)
     print_table("Errors of slip over the runs, and of the poses (rms)", HEADER, for_terminal(table(rows)))
     for row in rows:
         if row.slip_error is None:

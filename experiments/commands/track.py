@@ -17,7 +17,7 @@ from experiments.measuring.tracking import tracking_results
 from experiments.options.track import TrackConfig
 from experiments.recording import record_all
 from experiments.recording.failed_runs import results_or_failed_runs
-from experiments.report.terminal import print_table, progress
+from experiments.report.terminal import busy, print_table, progress
 from experiments.report.tracking import TRACKING_HEADER, tracking_table
 from experiments.storage.plain_json import plain
 from experiments.storage.results import RUNS_FILE, write_results
@@ -43,7 +43,8 @@ def run(config: TrackConfig) -> None:
         }
         write_results(folder, logs, summary, world.manifest("track", wall))
         if config.rrd:
-            record_all(folder, logs)
+            with busy("recording"):
+                record_all(folder, logs)
     print_table("Tracking errors of the true pose", TRACKING_HEADER, tracking_table(results))
     print(f"{poses.valid_fraction:.1%} of the scans gave a valid pose; odometry bridged the rest")
     print(f"{config.out / RUNS_FILE}: {wall:.1f} s")

@@ -10,7 +10,7 @@ from experiments.driving.grid_runs import sample_runs
 from experiments.options.validate import ValidateConfig
 from experiments.recording import record_all
 from experiments.report.formats import for_terminal
-from experiments.report.terminal import print_table, progress
+from experiments.report.terminal import busy, print_table, progress
 from experiments.report.validation import TABLE_HEADER, TITLE, render, table_of
 from experiments.storage.manifest import command_line, make_manifest
 from experiments.storage.plain_json import plain, write_json
@@ -48,12 +48,14 @@ def run(config: ValidateConfig) -> None:
             robot=parameters,
             ground=ground,
         )
-        render(found, summary, manifest, command_line("validate")).write(folder, config.pdf)
+        with busy("report"):
+            render(found, summary, manifest, command_line("validate")).write(folder, config.pdf)
         timing = {"wall_s": wall, "stages": watch.stages}
         write_json(folder / SUMMARY_FILE, plain(summary) | {"timing": timing})
         write_json(folder / MANIFEST_FILE, manifest)
         if config.rrd:
-            record_all(folder, sample_runs(config.robot, config))
+            with busy("recordings"):
+                record_all(folder, sample_runs(config.robot, config))
     print_table(TITLE, TABLE_HEADER, for_terminal(table_of(found, summary)))
     print(f"{config.out / REPORT_FILE}: {time.perf_counter() - began:.1f} s")
 

@@ -93,15 +93,18 @@ def test_what_is_tied_together_is_told(trackslip):
     ("arguments", "message"),
     [
         (("--target", "nowhere.csv"), "nowhere.csv: no such file"),
-        (("--target", ""), "--target = '': must be something"),
-        (("--free", "mass"), "invalid choice 'mass'"),
-        (("--free", "com_y", "com_y"), "free = 'com_y': must be named once"),
+        (("--target", ""), "--target = '': must be non-empty"),
+        (("--free", "com_y", "com_y"), "free = ('com_y', 'com_y'): must be all different"),
         (("--starts", "-1"), "starts = -1"),
         (("--robot", "nowhere.toml"), "nowhere.toml: No such file"),
     ],
 )
 def test_mistakes_get_one_line(refused, arguments, message):
     assert message in refused("calibrate", *arguments)
+
+
+def test_a_parameter_that_does_not_exist_is_rejected(rejected):
+    assert "invalid choice 'mass'" in rejected("calibrate", "--free", "mass")
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 import pytest
 from matplotlib.figure import Figure
 
-from experiments.report.page import Drawing, Page, conditions, file_name
+from experiments.report.page import Drawing, Page, conditions, file_name, relative_command, render_page
 from experiments.storage.plain_json import write_json
 from experiments.storage.results import FIGURES_FOLDER, MANIFEST_FILE, REPORT_FILE, results_folder
 from trackslip.errors import OutputError
@@ -94,3 +94,34 @@ def test_captions_state_seed_ground_and_command():
 
 def test_names_of_files():
     assert file_name("Error of the ICRs' half width") == "error_of_the_icrs_half_width"
+
+
+def test_paths_are_relative_to_where_the_command_was_run(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    laws, out = tmp_path / "laws.json", tmp_path / "out" / "two words"
+    command = f"trackslip track --laws={laws} --out '{out}' --drive.lag 0.1"
+    assert relative_command(command) == "trackslip track --laws=laws.json --out 'out/two words' --drive.lag 0.1"
+    manifest = {
+        "arguments": [f"--laws={laws}", str(out)],
+        "config": {"out": str(out)},
+        "ground": {str(tmp_path / "hill.toml"): {"along": 0.7, "across": 0.7}},
+        "seed": 0,
+    }
+    assert str(tmp_path) not in conditions(manifest, command)
+    page = render_page(
+        "sensitivity.html.j2",
+        title="A page",
+        command=command,
+        manifest=manifest,
+        figures={"slip_errors": ""},
+        conditions=conditions(manifest, command),
+        header=("",),
+        table=(),
+        warnings=(),
+    )
+    assert "--laws=laws.json" in page
+    assert str(tmp_path) not in page
+
+
+def test_a_command_without_paths_stays_as_it_is():
+    assert relative_command("trackslip.identify(...).report(...)") == "trackslip.identify(...).report(...)"
