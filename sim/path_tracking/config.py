@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from sim.drive.drive import Drive
-from sim.ground.file import load_ground
+from sim.ground.named import load_ground
 from sim.path_tracking.randomization import Randomization
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import InvalidValueError, require_at_most, require_non_negative, require_positive

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from sim.ground.file import load_ground
 from sim.ground.ground import Ground, Patch
+from sim.ground.named import load_ground
 from sim.path_tracking.config import EnvConfig
 from sim.path_tracking.randomization import MAX_LATENCY, Randomization, Range
 from sim.path_tracking.reference_table import ReferenceTable

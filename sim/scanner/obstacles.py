@@ -6,11 +6,11 @@ Only the scanner sees them: they reflect beams and hide the plate. Robots drive 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, require_at_most, require_finite, require_positive
+from trackslip.errors import require, require_at_most, require_finite, require_positive
 from trackslip.kinematics import Array
 
 MAX_COORDINATE = 1000.0
@@ -64,8 +64,8 @@ class Wall:
 
     def __post_init__(self) -> None:
         _require_coordinates(self, "x0", "y0", "x1", "y1")
-        if (self.x0, self.y0) == (self.x1, self.y1):
-            raise InvalidValueError("x1, y1", (self.x1, self.y1), "another place than x0, y0")
+        end = self.x1, self.y1
+        require(end != (self.x0, self.y0), "x1, y1", end, "another place than x0, y0")
 
     def ranges(self, origin: Array, direction: Array, time: Array) -> Array:
         """See `Obstacles.ranges`; a beam parallel to the wall misses it."""
@@ -99,11 +99,9 @@ class Walker:
     def __post_init__(self) -> None:
         _require_coordinates(self, "x", "y")
         _require_radius(self.radius)
-        for name in ("vx", "vy"):
-            if not abs(getattr(self, name)) <= MAX_SPEED:
-                raise InvalidValueError(name, getattr(self, name), f"from {-MAX_SPEED:g} to {MAX_SPEED:g} m/s")
-        if not self.turns_after > 0:
-            raise InvalidValueError("turns_after", self.turns_after, "a number > 0, or inf to walk straight on")
+        for name, speed in (("vx", self.vx), ("vy", self.vy)):
+            require(abs(speed) <= MAX_SPEED, name, speed, f"from {-MAX_SPEED:g} to {MAX_SPEED:g} m/s")
+        require(self.turns_after > 0, "turns_after", self.turns_after, "a number > 0, or inf to walk straight on")
 
     def place(self, time: Array) -> Array:
         """Centre (..., 2) at times (...) since the start of the run [s] [m]."""
@@ -133,16 +131,6 @@ class Obstacles:
     def __bool__(self) -> bool:
         return any(getattr(self, f.name) for f in fields(self))
 
-    @property
-    def standing(self) -> Obstacles:
-        """The posts and walls."""
-        return replace(self, walkers=())
-
-    @property
-    def walking(self) -> Obstacles:
-        """The walkers."""
-        return Obstacles(walkers=self.walkers)
-
     def ranges(self, origin: Array, direction: Array, time: Array) -> Array:
         """Distances (...) to the nearest obstacle, NaN where there is none [m].
 
@@ -154,21 +142,21 @@ class Obstacles:
             time: of each beam, since the start of the run; broadcasts against (...) [s].
         """
         nearest = np.full(direction.shape[:-1], np.nan)
-        everything: tuple[Post | Wall | Walker, ...] = (*self.posts, *self.walls, *self.walkers)
-        for obstacle in everything:
-            nearest = np.fmin(nearest, obstacle.ranges(origin, direction, time))
+        for f in fields(self):
+            for obstacle in getattr(self, f.name):
+                nearest = np.fmin(nearest, obstacle.ranges(origin, direction, time))
         return nearest
 
     def require_clear(self, scanner: Array) -> None:
         """Raise InvalidValueError if an obstacle stands on the scanner (2,) [m]; a walker, at the start of the run."""
         angle = np.linspace(0.0, 2 * np.pi, 360)
         around = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        x, y = np.round(scanner, 3) + 0.0
+        allowed = f"at least {MIN_DISTANCE:g} m away from the scanner, which is at ({x:g}, {y:g})"
         for f in fields(self):
             for k, obstacle in enumerate(getattr(self, f.name)):
-                if (obstacle.ranges(scanner, around, np.zeros(1)) < MIN_DISTANCE).any():
-                    x, y = np.round(scanner, 3) + 0.0
-                    allowed = f"at least {MIN_DISTANCE:g} m away from the scanner, which is at ({x:g}, {y:g})"
-                    raise InvalidValueError(f"{f.name}[{k}]", obstacle, allowed)
+                near = (obstacle.ranges(scanner, around, np.zeros(1)) < MIN_DISTANCE).any()
+                require(not near, f"{f.name}[{k}]", obstacle, allowed)
 
 
 def _to_circle(centre: Array, radius: float, direction: Array) -> Array:
@@ -188,8 +176,7 @@ def _require_coordinates(obstacle: Post | Wall | Walker, *names: str) -> None:
     for name in names:
         value = getattr(obstacle, name)
         require_finite(name, value)
-        if abs(value) > MAX_COORDINATE:
-            raise InvalidValueError(name, value, f"from {-MAX_COORDINATE:g} to {MAX_COORDINATE:g} m")
+        require(abs(value) <= MAX_COORDINATE, name, value, f"from {-MAX_COORDINATE:g} to {MAX_COORDINATE:g} m")
 
 
 def _require_radius(radius: float) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, require_at_most, require_non_negative, require_positive
+from trackslip.errors import require, require_at_most, require_non_negative, require_positive
 from trackslip.kinematics import Array
 
 MAX_BEAMS = 20_000
@@ -53,23 +53,20 @@ class LaserScanner:
             require_non_negative(name, getattr(self, name))
         for name in ("noise", "quantisation"):
             require_at_most(name, getattr(self, name), MAX_ERROR, "m")
-        if 0 < self.quantisation < MIN_STEP:
-            raise InvalidValueError("quantisation", self.quantisation, f"0, or at least {MIN_STEP:g} m")
         require_at_most("divergence", self.divergence, MAX_BEAM, "rad")
-        if not abs(self.range_bias) <= MAX_ERROR:
-            raise InvalidValueError("range_bias", self.range_bias, f"from {-MAX_ERROR:g} to {MAX_ERROR:g} m")
         require_at_most("max_range", self.max_range, 1000.0, "m")
-        if self.rate < MIN_RATE:
-            raise InvalidValueError("rate", self.rate, f"at least {MIN_RATE:g} Hz")
-        if self.field_of_view / self.resolution > MAX_BEAMS:
-            raise InvalidValueError(
-                "resolution", self.resolution, f"at least field_of_view / {MAX_BEAMS}, for at most that many beams"
-            )
-        if self.field_of_view > 2 * np.pi or self.resolution >= self.field_of_view:
-            raise InvalidValueError("field_of_view", self.field_of_view, "greater than the resolution, at most 2 pi")
-        if not 0 <= self.dropout < 1:
-            raise InvalidValueError("dropout", self.dropout, "at least 0 and less than 1")
         require_at_most("scan_duration", self.scan_duration, self.period, "s, the time between scans")
+        opened, step, rounding = self.field_of_view, self.resolution, self.quantisation
+        few_beams = f"at least field_of_view / {MAX_BEAMS}, for at most that many beams"
+        for valid, name, allowed in (
+            (not 0 < rounding < MIN_STEP, "quantisation", f"0, or at least {MIN_STEP:g} m"),
+            (abs(self.range_bias) <= MAX_ERROR, "range_bias", f"from {-MAX_ERROR:g} to {MAX_ERROR:g} m"),
+            (self.rate >= MIN_RATE, "rate", f"at least {MIN_RATE:g} Hz"),
+            (opened / step <= MAX_BEAMS, "resolution", few_beams),
+            (step < opened <= 2 * np.pi, "field_of_view", "greater than the resolution, at most 2 pi"),
+            (0 <= self.dropout < 1, "dropout", "at least 0 and less than 1"),
+        ):
+            require(valid, name, getattr(self, name), allowed)
 
     @property
     def period(self) -> float:
