@@ -30,23 +30,21 @@ class SpeedSearch:
     """
 
     def __init__(self, drive: DriveState, mass: float, gravity: float) -> None:
-        """Start with the speeds that the servos demand.
+        """Start with the speeds that the servos demand; in the end, `drive` is advanced by one period.
 
-        Args:
-            drive: the sprockets, which are advanced by one period in the end.
-            mass: of each robot [kg].
-            gravity: magnitude [m/s^2].
+        `mass` is that of each robot [kg], `gravity` a magnitude [m/s^2].
         """
         self._drive = drive
         self._wanted = drive.forecast(1)
         self._start, self._goal = self._wanted.omega
-        self._reach = np.abs(self._goal - self._start) + _MAX_ACCELERATION * gravity * drive.period / drive.radius
-        self._tolerance = _TOLERANCE * drive.torque_limit + _ROUGHNESS * mass * gravity * drive.radius
+        period, inertia = drive.drive.period, drive.drive.motor.inertia
+        self._reach = np.abs(self._goal - self._start) + _MAX_ACCELERATION * gravity * period / drive.radius
+        self._tolerance = _TOLERANCE * drive.drive.torque_limit + _ROUGHNESS * mass * gravity * drive.radius
         self._speed = self._goal  # (N, 2) of the sprockets at the end of the period
         self._weak = np.zeros((len(self._goal), 1), bool)  # robots that can't move as the servos demand
         self._side = np.zeros(self._goal.shape)  # limit that is reached: 1 upper, -1 lower, 0 none
         self._slowed = np.zeros(self._goal.shape, bool)  # tracks whose speeds are being searched
-        self._stiffness = drive.rotor_stiffness + mass * drive.radius**2 * [_COMMON, _OPPOSITE]
+        self._stiffness = inertia / period + mass * drive.radius**2 * [_COMMON, _OPPOSITE]  # torque over speed change
         self._roots = _Roots(self._stiffness)
         self._attempts = 0
 
@@ -110,9 +108,7 @@ class _Roots:
         self._steepest = slope.max(axis=1, keepdims=True)
         self._low: Array = np.full(slope.shape, -np.inf)
         self._high: Array = np.full(slope.shape, np.inf)
-        self._width: Array = np.full(slope.shape, np.inf)
-        self._x: Array = np.full(slope.shape, np.nan)
-        self._f: Array = np.zeros(slope.shape)
+        self._width, self._x, self._f = self._high, np.full(slope.shape, np.nan), np.zeros(slope.shape)
 
     def restart(self, rows: np.ndarray, slope: Array) -> None:
         """Restart the search in some rows (N, 1), with slopes (N, 2)."""
