@@ -16,7 +16,7 @@ from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from sim.stopwatch import Stopwatch
 from trackslip.controllers.base import Controller, SensesSprockets
-from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.errors import TrackslipError, require
 from trackslip.kinematics import Array, RobotGeometry, advance, limit_sprocket_speeds
 from trackslip.localization.base import Locator, PoseEstimate
 from trackslip.localization.scan import Cluster, extract_plate
@@ -42,14 +42,6 @@ class Pilot:
     compensation: Compensation = field(default_factory=FixedLaw)
     preview: float = 0.0
     """How far ahead the controller looks: set it to the delay between command and motion [s]."""
-
-
-def scan_count(duration: float, period: float) -> int:
-    """Number of scans in a run, the first at its start; raises InvalidValueError if there are fewer than two."""
-    count = int(duration / period + 1e-9) + 1
-    if not count >= 2:
-        raise InvalidValueError("duration", duration, f"at least the time between two scans, {period:g} s")
-    return count
 
 
 def open_loop(
@@ -83,7 +75,9 @@ def open_loop(
     watch = watch or Stopwatch()
     period = PERIOD if feed is None else feed.period
     omega = limit_sprocket_speeds(np.broadcast_to(np.asarray(omega, float), (fleet.size, 2)), fleet.drive.limit)
-    record = RunRecorder(fleet, scan_count(duration, period), period, descriptions)
+    rows = int(duration / period + 1e-9) + 1
+    require(rows >= 2, "duration", duration, f"at least the time between two scans, {period:g} s")
+    record = RunRecorder(fleet, rows, period, descriptions)
     scans = None if feed is None or locator is None else _Scans(fleet, record, feed, locator, watch)
 
     def logs(failure: str | None = None) -> list[RunLog]:
@@ -201,8 +195,8 @@ def closed_loop(
     """
     if not isinstance(pilots, Sequence):
         pilots = [Pilot(pilots, range(fleet.size))]
-    if sorted(i for pilot in pilots for i in pilot.robots) != list(range(fleet.size)):
-        raise InvalidValueError("pilots", [list(p.robots) for p in pilots], f"each robot 0..{fleet.size - 1} once")
+    valid = sorted(i for pilot in pilots for i in pilot.robots) == list(range(fleet.size))
+    require(valid, "pilots", [list(pilot.robots) for pilot in pilots], f"each robot 0..{fleet.size - 1} once")
     geometry = fleet.robot.geometry
     period = PERIOD if feed is None else feed.period
     rows = math.ceil(reference.duration / period - 1e-9) + 1  # the last at the reference's end or just after
@@ -267,18 +261,12 @@ def _steer(
     except TrackslipError as error:
         raise RunFailedError(str(error)) from error
     except Exception as error:  # whatever a user's controller does
-        name, what = record.name(robots[0]), f"{type(error).__name__}: {error}"
-        raise RunFailedError(
-            f"run {name!r}: its controller fails at {record.time[k]:g} s ({what}){_line(error)}"
-        ) from error
+        frames = traceback.extract_tb(error.__traceback__)[1:]  # without the call itself
+        where = f", {Path(frames[0].filename).name} line {frames[0].lineno}" if frames else ""
+        what = f"its controller fails at {record.time[k]:g} s ({type(error).__name__}: {error}){where}"
+        raise RunFailedError(f"run {record.name(robots[0])!r}: {what}") from error
     record.steered(k, robots, twist, law)
     return law.sprocket_speeds(twist, geometry)
-
-
-def _line(error: Exception) -> str:
-    """File and line of a controller's code that raised an error; empty if none of its code ran."""
-    frames = traceback.extract_tb(error.__traceback__)[1:]  # without the call itself
-    return f", {Path(frames[0].filename).name} line {frames[0].lineno}" if frames else ""
 
 
 def _flat(array: np.ndarray) -> np.ndarray:

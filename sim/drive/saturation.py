@@ -108,7 +108,9 @@ class _Roots:
         self._steepest = slope.max(axis=1, keepdims=True)
         self._low: Array = np.full(slope.shape, -np.inf)
         self._high: Array = np.full(slope.shape, np.inf)
-        self._width, self._x, self._f = self._high, np.full(slope.shape, np.nan), np.zeros(slope.shape)
+        self._width: Array = np.full(slope.shape, np.inf)
+        self._x: Array = np.full(slope.shape, np.nan)
+        self._f: Array = np.zeros(slope.shape)
 
     def restart(self, rows: np.ndarray, slope: Array) -> None:
         """Restart the search in some rows (N, 1), with slopes (N, 2)."""
