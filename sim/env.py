@@ -31,8 +31,7 @@ class PathTrackingEnv(gymnasium.Env[Floats, Floats]):
     def __init__(self, render_mode: str | None = None, **options: Any) -> None:
         """Build the simulator; `render_mode` is None, "rgb_array" or "human", `options` are the fields of `EnvConfig`.
 
-        Raises:
-            InvalidValueError: for options that are unknown or out of range.
+        Raises InvalidValueError for options that are unknown or out of range.
         """
         require_render_mode(render_mode)
         self.render_mode = render_mode
@@ -41,14 +40,10 @@ class PathTrackingEnv(gymnasium.Env[Floats, Floats]):
         self._renderer = Renderer(self.tracking) if render_mode is not None else None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
-        """Begin an episode.
+        """Begin an episode, drawn from a generator with this seed, or from the present one if it is None.
 
-        Args:
-            seed: of the generator from which episodes are drawn; None to continue with the present one.
-            options: values to use instead of drawn ones, see `path_tracking.episode.draw`.
-
-        Raises:
-            InvalidValueError: for unknown options and values out of range.
+        `options` replace drawn values, see `path_tracking.episode.draw`. Raises InvalidValueError for unknown options
+        and values out of range.
         """
         super().reset(seed=seed)
         self.tracking.begin([0], [self.tracking.draw(self.np_random, options or {})])

@@ -58,15 +58,10 @@ class Fleet(Bodies):
         drive: Drive | None = None,
         threads: int = 0,
     ) -> None:
-        """Put N robots on the ground, at rest.
+        """Put N robots on the ground at poses `start` (N, 3) [m, m, rad], at rest.
 
-        Args:
-            robot: the compiled model.
-            start: poses (N, 3) [m, m, rad].
-            ground: one for all robots, or one each.
-            radius_error: relative error of the effective sprocket radius, one number or (N,) [-].
-            drive: of all sprockets.
-            threads: worker threads, 0 for one per processor.
+        There is one `ground` for all, or one each, and one relative `radius_error` of the sprockets, or (N,) [-]. All
+        sprockets have the same `drive`. The number of worker `threads` may be 0, for one per processor.
 
         Raises:
             InvalidValueError: for poses that aren't finite, a wrong number of grounds, a slope on which robots would
@@ -110,8 +105,7 @@ class Fleet(Bodies):
     def restart(self, rows: ArrayLike, setting: Sequence[Setting]) -> None:
         """Start new runs with the robots `rows` (R,), one setting each; the other robots' runs continue.
 
-        Raises:
-            InvalidValueError: for poses that aren't finite, or a slope too steep to park on.
+        Raises InvalidValueError for poses that aren't finite, and a slope too steep to park on.
         """
         rows = np.asarray(rows, int)
         if not rows.size:
@@ -179,10 +173,7 @@ class Fleet(Bodies):
         self.drive.put(weak, limited)
 
     def _run(self, rows: Rows, mean: Array) -> Array:
-        """Run the belts of the robots `rows` (R,) at mean sprocket speeds (P, R, 2) [rad/s] for P periods.
-
-        Returns the mean tractions (P, R, 2) of each period [N].
-        """
+        """Mean tractions (P, R, 2) [N] of `rows` (R,) that drive for P periods at mean speeds (P, R, 2) [rad/s]."""
         # the lower side of a belt moves backwards when the robot drives forwards
         belts = (-self._radius[rows] * mean)[..., self.robot.pad_side] * self.robot.pad_sign
         forces = np.empty((*mean.shape[:2], self._sensors.shape[1]))

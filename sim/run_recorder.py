@@ -39,10 +39,7 @@ class RunFailedError(TrackslipError):
     def __init__(self, message: str) -> None:
         super().__init__(message)
         self.logs: list[RunLog] = []
-        """What was recorded of every run of the fleet until then; empty if that is less than two rows.
-
-        The metadata of each log give the message under the key "failure".
-        """
+        """Logs of the fleet until then, with the message as "failure" in the metadata; none for less than two rows."""
 
 
 class RunRecorder:
@@ -59,7 +56,6 @@ class RunRecorder:
         require(len(descriptions) == n, "descriptions", f"{len(descriptions)} descriptions", f"{n}, one per robot")
         self._fleet, self._period, self._descriptions = fleet, period, descriptions
         self._angle = fleet.drive.encoder_angle()
-        self.rows = rows
         self.complete = 0
         """Number of rows that have been recorded in full."""
         self.time = np.arange(rows) * period  # (T,) [s]
@@ -121,8 +117,7 @@ class RunRecorder:
     def steered(self, k: int, robots: Sequence[int], twist: Array, law: SlipLaw) -> None:
         """Record a controller's twists (R, 2) for R robots, and the law that turns them into sprocket speeds.
 
-        Raises:
-            RunFailedError: for twists of the wrong shape, or not finite.
+        Raises RunFailedError for twists of the wrong shape, and twists that aren't finite.
         """
         if twist.shape != (len(robots), 2):
             what = f"twists have the shape {twist.shape}: must be {(len(robots), 2)}, one per pose"
@@ -139,10 +134,8 @@ class RunRecorder:
     ) -> list[RunLog]:
         """A log per run, of its complete rows; none if there are fewer than two.
 
-        Args:
-            feed: the scanner that saw the `plates`.
-            plates: the part of each robot's scans that was taken for its plate; None without scans.
-            failure: why the runs stopped early.
+        `plates` are the part of each robot's scans by `feed` that was taken for its plate, None without scans;
+        `failure` says why the runs stopped early.
         """
         if self.complete < 2:
             return []

@@ -56,11 +56,9 @@ def open_loop(
 ) -> list[RunLog]:
     """Drive every robot at constant sprocket speeds.
 
-    Speeds above the top speed are scaled down, both tracks by the same factor, which preserves the curvature.
-
     Args:
         fleet: N robots.
-        omega: sprocket speeds (N, 2) or (2,) [rad/s].
+        omega: sprocket speeds (N, 2) or (2,) [rad/s]; above the top speed, both tracks are scaled by the same factor.
         duration: of each run [s].
         feed: the scanner in front of the fleet; by default there is none, and a row is recorded every PERIOD.
         locator: finds the poses in the scans, after the run; by default the log contains the true poses.
@@ -84,7 +82,7 @@ def open_loop(
         return record.logs(failure=failure) if scans is None else scans.logs(failure)
 
     try:
-        for k in range(record.rows):
+        for k in range(rows):
             with watch.stage("physics"):
                 if k > 0:
                     fleet.advance(period)
@@ -152,13 +150,10 @@ class _Scans:
         robots, rows, _ = ranges.shape
         record, feed = self._record, self._feed
         single = self._locator.locate(feed.scan(_flat(ranges)))
-        pose, covariance, valid = (
-            part.reshape(robots, rows, *part.shape[1:]) for part in (single.pose, single.covariance, single.valid)
-        )
-        for k in range(rows):
-            row = first + k
+        parts = [part.reshape(robots, rows, *part.shape[1:]) for part in vars(single).values()]
+        for k, row in enumerate(range(first, first + rows)):
             predicted = self._tracker.predict(record.omega[row], feed.period if row > 0 else 0.0)
-            estimate = PoseEstimate(pose[:, k], covariance[:, k], valid[:, k])
+            estimate = PoseEstimate(*(part[:, k] for part in parts))
             doubted = np.flatnonzero(~self._tracker.believes(estimate))
             if doubted.size:
                 again = self._locator.locate(feed.scan(ranges[doubted, k]), predicted[doubted])
@@ -176,9 +171,7 @@ def closed_loop(
     descriptions: Sequence[Description] | None = None,
     progress: Progress = lambda seconds: None,
 ) -> list[RunLog]:
-    """Let controllers follow `reference` to its end, with one command per scan.
-
-    Commands above the top speed are scaled down, both tracks by the same factor, which preserves the curvature.
+    """Let controllers follow `reference` to its end, with one command per scan, limited as in `open_loop`.
 
     Args:
         fleet: N robots.
@@ -209,11 +202,16 @@ def closed_loop(
     def logs(failure: str | None = None) -> list[RunLog]:
         if feed is None or locator is None or not fleet.robot.contact_sensors or not record.complete:
             return record.logs(failure=failure)
-        return record.logs(feed, [_plate_of(record, feed, fleet, i) for i in range(fleet.size)], failure)
+        plates = []
+        for robot in range(fleet.size):  # the part of its scans that belongs to its plate, at the estimated poses
+            scan = feed.scan(record.full_ranges(robot).astype(float))
+            pose = scan.from_world(record.pose[: record.complete, robot])
+            plates.append(extract_plate(scan, fleet.robot.plate, pose))
+        return record.logs(feed, plates, failure)
 
     omega = np.zeros((fleet.size, 2))
     try:
-        for k in range(record.rows):
+        for k in range(rows):
             if k > 0:
                 fleet.advance(period)
                 progress(period)
@@ -233,12 +231,6 @@ def closed_loop(
         error.logs = logs(str(error))
         raise
     return logs()
-
-
-def _plate_of(record: RunRecorder, feed: ScannerFeed, fleet: Fleet, robot: int) -> Cluster:
-    """The part of a robot's scans that belongs to its plate, at the estimated poses."""
-    scan = feed.scan(record.full_ranges(robot).astype(float))
-    return extract_plate(scan, fleet.robot.plate, scan.from_world(record.pose[: record.complete, robot]))
 
 
 def _steer(

@@ -39,9 +39,7 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         """Build the simulator of `num_envs` robots on `threads` worker threads, 0 for one per processor.
 
         `render_mode` is None or "rgb_array", `autoreset_mode` gymnasium's, `options` are the fields of `EnvConfig`.
-
-        Raises:
-            InvalidValueError: for options that are unknown or out of range.
+        Raises InvalidValueError for options that are unknown or out of range.
         """
         require_render_mode(render_mode)
         require(render_mode != "human", "render_mode", render_mode, 'None or "rgb_array", for many robots')

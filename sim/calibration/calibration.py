@@ -26,8 +26,7 @@ _TOLERANCE = 1e-4  # relative, of the parameters and the cost at the optimum
 _SILENT = 1e-2  # sensitivity below which a parameter has no effect, relative to the largest
 _COLLINEAR = 100.0  # condition index above which parameters can't be told apart
 _PART = 0.3  # smallest component of a parameter that takes part in such a direction of unit length
-NUMERICAL_ERROR = 2e-5
-"""Numerical error of simulated slips [-], a lower bound of the residuals that standard errors are based on."""
+_NUMERICAL_ERROR = 2e-5  # of simulated slips [-], a lower bound of the residuals that standard errors are based on
 
 
 @dataclass(frozen=True)
@@ -247,7 +246,7 @@ class _Problem:
         residual = self._target.residual(twist, candidate.geometry)
         cost = float(residual @ residual)
         degrees = self._target.independent - int((~held).sum())
-        variance = max(cost / degrees, (NUMERICAL_ERROR / SLIP_SCALE) ** 2)
+        variance = max(cost / degrees, (_NUMERICAL_ERROR / SLIP_SCALE) ** 2)
         jacobian = self.jacobian(best)[:, ~held]
         stderr = np.full(len(best), np.nan)
         stderr[~held] = np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian)) * variance)

@@ -16,8 +16,9 @@ from trackslip.slip.exponential import PUBLISHED
 
 SLIP_SCALE = 0.007
 """Scale of the slip residuals [-]: about the residual of the best fit to the published slips."""
-RADIUS_SCALE = 0.07
-"""Scale of the relative radius residuals [-]: the best fit leaves about 0.05, and radii count half as much as slips."""
+_RADIUS_SCALE = (
+    0.07  # of the relative radius residuals [-]: the best fit leaves 0.05; radii count half as much as slips
+)
 _TOP_SPEED = 0.3  # of the paper's robot, which scales faster commands by the same factor for both tracks [m/s]
 
 
@@ -34,7 +35,7 @@ class TurnTable:
     slip: Array  # (M, 2) of the left, inner, and the right, outer track [-]
     independent: int
     """Number of independent residuals."""
-    radius_scale: float = RADIUS_SCALE
+    radius_scale: float = _RADIUS_SCALE
     """Scale of the relative radius residuals [-]; infinite to ignore the radii."""
     of_plate: ClassVar[bool] = False
     """Whether the twists are those of the plate, as the scanner sees them, rather than those of the tracks."""

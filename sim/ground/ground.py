@@ -15,8 +15,7 @@ MAX_FRICTION = 10.0
 """Largest friction coefficient [-]."""
 MAX_SLOPE = 1.5
 """Largest slope [rad]."""
-MAX_PATCHES = 10_000
-"""Largest number of patches of a ground, and of changes."""
+_MAX_PATCHES = 10_000  # largest number of patches of a ground, and of changes
 
 
 @dataclass(frozen=True)
@@ -81,7 +80,7 @@ class Ground:
         require_at_most("slope", self.slope, MAX_SLOPE, "rad")
         require_finite("uphill", self.uphill)
         for name in ("patches", "changes"):
-            require_at_most(f"number of {name}", len(getattr(self, name)), MAX_PATCHES)
+            require_at_most(f"number of {name}", len(getattr(self, name)), _MAX_PATCHES)
         times = [change.time for change in self.changes]
         require(times == sorted(set(times)), "changes", times, "in ascending order, all different")
 

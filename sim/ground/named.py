@@ -49,9 +49,7 @@ NAMED_GROUNDS: dict[str, NamedGround] = {
 def load_ground(source: str) -> Ground:
     """Load a named ground, or a TOML file with fields of `Ground` and, as `base`, the named ground that they change.
 
-    Raises:
-        InvalidValueError: for a source that is neither.
-        SettingsFileError: for a file that can't be read or has invalid fields.
+    Raises InvalidValueError for any other source, SettingsFileError for an unreadable file and invalid fields.
     """
     if source in NAMED_GROUNDS:
         return NAMED_GROUNDS[source].ground

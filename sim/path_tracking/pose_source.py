@@ -30,12 +30,9 @@ class TruePose:
         return self._fleet.pose()[rows]
 
     def pose(self, k: Index, omega: Array, true: Array) -> Array:
-        """Observed poses (N, 3) now.
+        """Observed poses (N, 3), `k` (N,) control periods after the episodes began.
 
-        Args:
-            k: control periods (N,) since the episodes began.
-            omega: mean sprocket speeds (N, 2) in the last one [rad/s].
-            true: true poses (N, 3) [m, m, rad].
+        `omega` (N, 2) are the mean sprocket speeds in the last one [rad/s], `true` (N, 3) the true poses [m, m, rad].
         """
         return true
 

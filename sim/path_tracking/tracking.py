@@ -98,8 +98,7 @@ class PathTracking:
     def step(self, actions: ArrayLike) -> None:
         """Simulate one control period with actions (N, 2), clipped to [-1, 1].
 
-        Raises:
-            InvalidValueError: for actions that aren't finite or have another shape.
+        Raises InvalidValueError for actions that aren't finite or have another shape.
         """
         action = np.asarray(actions, float)
         require(

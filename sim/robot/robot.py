@@ -60,12 +60,9 @@ class Robot:
 
 
 def load_robot(path: Path = FIELD, parameters: RobotParameters | None = None, contact_sensors: bool = False) -> Robot:
-    """Compile a model and read its numbers.
+    """Compile the MJCF file `path`, changed by `parameters`, and read its numbers.
 
-    Args:
-        path: MJCF file.
-        parameters: changes to the model; None for none.
-        contact_sensors: whether to add a sensor at every pad, for `sim.instruments` to read and runs to record.
+    With `contact_sensors`, every pad has a sensor, for `sim.instruments` to read and runs to record.
 
     Raises:
         TrackslipError: for a file that doesn't compile or lacks a required part.

@@ -33,9 +33,7 @@ NAMED_OBSTACLES: dict[str, Obstacles] = {
 def load_obstacles(source: str) -> Obstacles:
     """Load named obstacles, or those of a TOML file with tables `[[posts]]`, `[[walls]]` and `[[walkers]]`.
 
-    Raises:
-        InvalidValueError: for a source that is neither.
-        SettingsFileError: for a file that can't be read or has invalid fields.
+    Raises InvalidValueError for any other source, SettingsFileError for an unreadable file and invalid fields.
     """
     if source in NAMED_OBSTACLES:
         return NAMED_OBSTACLES[source]
