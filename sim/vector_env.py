@@ -18,7 +18,6 @@ from sim.path_tracking.tracking import PathTracking
 from trackslip.errors import InvalidValueError, TrackslipError, require
 
 Observations = NDArray[np.float32]
-Rows = NDArray[np.int_]
 
 
 class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
@@ -60,29 +59,31 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observations, dict[str, Any]]:
-        """Begin episodes.
+        """Begin episodes; raises InvalidValueError for unknown options and values out of range.
 
         Args:
             seed: an integer s seeds row i as reset(seed=s + i) seeds the single environment; or a sequence with one
                 seed per robot, None to keep a robot's generator.
             options: `reset_mask`, (N,) bool, resets some robots only; the others are those of the single environment,
                 each a value for all robots or a list with one per robot.
-
-        Raises:
-            InvalidValueError: for unknown options and values out of range.
         """
         options = dict(options or {})
-        rows = self._masked(options.pop("reset_mask", None))
+        mask = options.pop("reset_mask", None)
+        mask = np.ones(self.num_envs, bool) if mask is None else mask
+        valid = isinstance(mask, np.ndarray) and mask.dtype == bool and mask.shape == (self.num_envs,) and mask.any()
+        require(valid, "reset_mask", mask, f"an array ({self.num_envs},) of bool, one of them true")
+        rows = np.flatnonzero(mask)
         seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
         seeds = [None] * self.num_envs if seeds is None else list(seeds)
         require(len(seeds) == self.num_envs, "seed", seeds, f"an integer, or {self.num_envs}")
         for row in rows:
-            if seeds[row] is not None or self._generators[row] is None:
-                self._generators[row] = seeding.np_random(None if seeds[row] is None else int(seeds[row]))[0]
+            own = seeds[row]
+            if own is not None or self._generators[row] is None:
+                self._generators[row] = seeding.np_random(None if own is None else int(own))[0]
         require(self._begun or len(rows) == self.num_envs, "reset_mask", "not all robots", "all, the first time")
         self._begin(rows, options)
         self._begun = True
-        return self.tracking.observation(), self._infos(np.isin(np.arange(self.num_envs), rows))
+        return self.tracking.observation(), self._infos(mask)
 
     def step(self, actions: Observations) -> tuple[Observations, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Simulate one control period with actions (N, 2).
@@ -123,15 +124,7 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         if self._renderer is not None:
             self._renderer.close()
 
-    def _masked(self, mask: Any) -> Rows:
-        """Rows (R,) of a mask (N,)."""
-        if mask is None:
-            return np.arange(self.num_envs)
-        valid = isinstance(mask, np.ndarray) and mask.dtype == bool and mask.shape == (self.num_envs,) and mask.any()
-        require(valid, "reset_mask", mask, f"an array ({self.num_envs},) of bool, one of them true")
-        return np.flatnonzero(mask)
-
-    def _begin(self, rows: Rows, options: Mapping[str, Any]) -> None:
+    def _begin(self, rows: NDArray[np.int_], options: Mapping[str, Any]) -> None:
         """Begin episodes of the robots `rows` (R,)."""
         for name, value in options.items():
             valid = not isinstance(value, list) or len(value) == self.num_envs

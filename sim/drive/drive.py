@@ -135,10 +135,7 @@ class DriveState:
         return accelerating + self.radius * traction + motor.loss(omega[1:])
 
     def torque_range(self, omega: Array) -> tuple[Array, Array]:
-        """Smallest and largest torque (...) that a motor can exert at sprocket speeds (...) [rad/s] [N m].
-
-        Above its no-load speed a motor brakes, whatever its voltage.
-        """
+        """Smallest and largest torque (...) [N m] at speeds (...) [rad/s]; above its no-load speed a motor brakes."""
         least, most = np.clip(self.drive.motor.torque_range(omega), -self.drive.torque_limit, self.drive.torque_limit)
         return least, most
 

@@ -40,18 +40,12 @@ class Episode:
 def draw(
     config: EnvConfig, table: ReferenceTable, generator: np.random.Generator, options: Mapping[str, Any]
 ) -> Episode:
-    """Draw an episode; values in `options` replace the drawn ones.
+    """Draw an episode; values in `options` replace drawn ones, but don't change which numbers are drawn.
 
-    Args:
-        config: of the environment.
-        table: of references, to which a new one is added.
-        generator: the same numbers are drawn from it whatever the options.
-        options: by name. `reference`: a name; `ground`: a name or a Ground, which is not randomized; `start_error`:
-            (3,) offset from the reference's start, forward, to the left, heading [m, m, rad]; `radius_error` [-];
-            `com`: (2,) offset of the centre of mass, forward, to the left [m]; `lag` [s]; `latency` [control periods].
-
-    Raises:
-        InvalidValueError: for unknown options and values out of range.
+    The options are `reference`, a name that is added to the table if it is new; `ground`, a name or a Ground, which is
+    not randomized; `start_error` (3,), offset from the reference's start, forward, to the left, heading [m, m, rad];
+    `radius_error` [-]; `com` (2,), offset of the centre of mass, forward, to the left [m]; `lag` [s]; and `latency`
+    [control periods]. Raises InvalidValueError for unknown options and values out of range.
     """
     for name in options:
         require(name in _OPTIONS, "options", name, f"one of {', '.join(_OPTIONS)}")
@@ -81,7 +75,7 @@ def draw(
     dataclasses.replace(config.robot, radius_error=setting.radius_error)
     x, y = setting.weight
     Randomization(com_x=(x, x), com_y=(y, y)).require_standing(config.robot)
-    return Episode(reference, setting, int(latency), int(generator.integers(2**63)))
+    return Episode(reference, setting, int(latency), noise=int(generator.integers(2**63)))
 
 
 def _ground(config: EnvConfig, base: Ground, path: Array, generator: np.random.Generator) -> Ground:

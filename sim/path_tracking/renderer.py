@@ -74,9 +74,8 @@ class Renderer:
 
     def close(self) -> None:
         """Close the window and free the image buffers."""
-        for opened in (self._renderer, self._window):
-            if opened is not None:
-                opened.close()
+        for opened in filter(None, (self._renderer, self._window)):
+            opened.close()
         self._renderer = self._window = None
 
     def _posed(self, row: int) -> Any:

@@ -35,8 +35,7 @@ class Post:
     """Radius [m]."""
 
     def __post_init__(self) -> None:
-        _require_coordinates(x=self.x, y=self.y)
-        _require_radius(self.radius)
+        _require_circle(self.x, self.y, self.radius)
 
     def ranges(self, origin: Array, direction: Array, time: Array) -> Array:
         """See `Obstacles.ranges`."""
@@ -91,8 +90,7 @@ class Walker:
     """Time after which the person turns round, again and again [s]."""
 
     def __post_init__(self) -> None:
-        _require_coordinates(x=self.x, y=self.y)
-        _require_radius(self.radius)
+        _require_circle(self.x, self.y, self.radius)
         for name, speed in (("vx", self.vx), ("vy", self.vy)):
             require(abs(speed) <= _MAX_SPEED, name, speed, f"from {-_MAX_SPEED:g} to {_MAX_SPEED:g} m/s")
         require(self.turns_after > 0, "turns_after", self.turns_after, "a number > 0, or inf to walk straight on")
@@ -168,6 +166,7 @@ def _require_coordinates(**coordinates: float) -> None:
         require(abs(value) <= _MAX_COORDINATE, name, value, f"from {-_MAX_COORDINATE:g} to {_MAX_COORDINATE:g} m")
 
 
-def _require_radius(radius: float) -> None:
+def _require_circle(x: float, y: float, radius: float) -> None:
+    _require_coordinates(x=x, y=y)
     require_positive("radius", radius)
     require_at_most("radius", radius, _MAX_RADIUS, "m")
