@@ -30,7 +30,7 @@ def test_laws_whose_fit_ends_at_a_limit_are_told_of(trackslip, tmp_path):
 @pytest.mark.parametrize(
     ("text", "options", "message"),
     [
-        (TRACE, (), "half_gauge = None: must be given with --half-gauge"),
+        (TRACE, (), "half_gauge = None: must be given (--half-gauge"),
         (TRACE.replace("0.5,0,0", "nan,0,0"), GEOMETRY, "row 51, column x: 'nan' is not a finite number"),
         (TRACE.replace("0.5,0,0", "oops,0,0"), GEOMETRY, "row 51, column x: 'oops' is not a number"),
         (TRACE.replace("omega_r", "omega_right"), GEOMETRY, "column omega_r is missing"),
