@@ -249,8 +249,8 @@ def bound_ratios(logs: Sequence[RunLog]) -> dict[str, float] | None:
     """
     estimated, true = [], []
     for log in logs:
-        if log.scans is None or log.truth is None or log.truth.lean is None:
-            return None
+        if log.scans is None or log.scans.scan.noise == 0 or log.truth is None or log.truth.lean is None:
+            return None  # exact ranges have no bound either
         phi = log.truth.pose[:, 2]
         left = np.column_stack([-np.sin(phi), np.cos(phi), np.zeros_like(phi)])
         estimated.append(log.pose[log.is_valid])
