@@ -124,3 +124,9 @@ def test_nothing_old_is_left_beside_new_results(trackslip, tmp_path):
     (tmp_path / "grid").mkdir()
     (tmp_path / "grid" / "report.html").write_text("of another command")
     assert not (trackslip("grid", *SMALL).folder / "report.html").exists()
+
+
+def test_a_scanner_without_noise_has_no_bound(trackslip):
+    result = trackslip("grid", "--radii", "1", "--speeds", "0.1", "--duration", "4", "--scanner.noise", "0")
+    assert result.summary["localization"]["ratio_to_bound"] is None
+    assert result.summary["localization"]["rmse_x"] < 1e-3
