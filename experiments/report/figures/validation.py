@@ -16,7 +16,7 @@ from experiments.validation.convergence import Convergence
 from experiments.validation.energy import Energy
 from experiments.validation.standing import HEADINGS, REFERENCE_ANGLE, SLIDING_HEADINGS, Creep, Loads, Slide
 from sim.ground.ground import Ground, friction_angle
-from sim.robot.contact_sensors import POINTS
+from sim.robot.robot import CONTACT_POINTS
 from trackslip.kinematics import Array
 
 _LOOKS = ((BLUE, "o", "-"), (ORANGE, "s", "--"), (GREEN, "^", "-."))
@@ -49,7 +49,7 @@ def pad_loads(loads: Loads, naive: Loads) -> Panels:
 
 def _of_pads(points: Array) -> Array:
     """Means (..., P) of values (..., K) over the points of each pad."""
-    return points.reshape(*points.shape[:-1], -1, POINTS).mean(axis=-1)
+    return points.reshape(*points.shape[:-1], -1, CONTACT_POINTS).mean(axis=-1)
 
 
 def _make_room(axes: Axes, share: float = 0.15) -> None:
