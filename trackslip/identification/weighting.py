@@ -48,10 +48,8 @@ class WeightedRuns:
         size = np.abs(samples.omega)
         scale = geometry.sprocket_radius * np.maximum(size, _MIN_RELATIVE_SPEED * size.max(axis=1, keepdims=True))
         to_tracks = np.column_stack([np.ones(2), SIDES * geometry.half_gauge])
-        if samples.covariance is None:
-            noise: Array = np.zeros((len(size), 2, 2))
-        else:
-            noise = to_tracks @ samples.covariance @ to_tracks.T
+        covariance = np.zeros((len(size), 2, 2)) if samples.covariance is None else samples.covariance
+        noise = to_tracks @ covariance @ to_tracks.T
         eigenvalues, vectors = np.linalg.eigh(noise / scale[:, :, None] / scale[:, None, :])
         turn = vectors.swapaxes(1, 2) / scale[:, None, :]
         speeds = track_speeds(samples.twist, geometry.half_gauge)[None]

@@ -16,11 +16,9 @@ MANIFEST = "manifest.json"
 
 
 def require_known_format(content: Mapping[str, Any], source: object) -> None:
-    """Raise LogError if `content` was written by a newer version; without a format it is of the first one.
+    """Raise LogError if `content`, called `source` in the message, is from a newer version.
 
-    Args:
-        content: may have `format` and, in a manifest, `versions`.
-        source: its name in the message.
+    Without `format`, it is of the first one. A manifest has `versions`, which name the version that wrote it.
     """
     found = content.get("format", 1)
     if isinstance(found, bool) or not isinstance(found, int) or found < 1:

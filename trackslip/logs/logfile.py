@@ -36,11 +36,10 @@ def packing(schema: pa.Schema) -> dict[str, Any]:
 
     Zstandard would save another tenth but take half as long again. Statistics let readers skip runs and times.
     """
-    numbers = [field.name for field in schema if pa.types.is_float64(field.type)]
     return {
         "compression": "lz4",
         "use_dictionary": ["run"],
-        "use_byte_stream_split": numbers,
+        "use_byte_stream_split": [field.name for field in schema if pa.types.is_float64(field.type)],
         "write_statistics": ["run", "t"],
         "write_page_checksum": True,
     }
@@ -48,8 +47,8 @@ def packing(schema: pa.Schema) -> dict[str, Any]:
 
 def write_csv(logs: Sequence[RunLog], path: Path) -> None:
     """Write runs to a CSV file, without metadata, ranges and contacts; other numbers are exact."""
-    truth = [log.truth and replace(log.truth, contact=None) for log in logs]
-    pa.csv.write_csv(to_table([replace(log, scans=None, truth=t) for log, t in zip(logs, truth, strict=True)]), path)
+    plain = [replace(log, scans=None, truth=log.truth and replace(log.truth, contact=None)) for log in logs]
+    pa.csv.write_csv(to_table(plain), path)
 
 
 def read_table(path: Path) -> pa.Table:
@@ -80,16 +79,11 @@ def load(path: str | Path) -> list[RunLog]:
     Raises:
         LogError: if there are none, or the file is damaged; the message is one line.
     """
-    path = Path(path)
-    return read_runs(runs_file(path))
+    return read_runs(runs_file(Path(path)))
 
 
 def runs_file(path: Path) -> Path:
-    """The file of runs in a folder of results, or `path` itself.
-
-    Raises:
-        LogError: if the folder has no runs or was written by a newer version.
-    """
+    """The file of runs in a folder of results, or `path` itself; LogError if the folder has none, or is too new."""
     try:
         if not path.is_dir():
             return path
@@ -109,11 +103,7 @@ def read_runs(path: Path) -> list[RunLog]:
 
 
 def _as_text(path: Path) -> pa.csv.ConvertOptions:
-    """Options that read every column as text, so that errors can name row and column of an invalid value.
-
-    Raises:
-        LogError: if the columns are separated by semicolons or tabs.
-    """
+    """Options that read every column as text, so that errors can name row and column of an invalid value."""
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         names = next(csv.reader(file), [])
     if len(names) == 1 and any(mark in names[0] for mark in ";\t"):

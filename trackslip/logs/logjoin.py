@@ -23,8 +23,7 @@ _AHEAD = 8  # runs read ahead of writing
 def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
     """Write runs, each given as (file, name, new name), from files by `write_parquet` to a single file, in order.
 
-    Raises:
-        LogError: if a file cannot be read or lacks the run.
+    Raises LogError if a file cannot be read or lacks the run.
     """
     files = {file: StoredRuns(file) for file in dict.fromkeys(file for file, *_ in runs)}
     joined = pa.unify_schemas([stored.schema for stored in files.values()])
@@ -36,11 +35,10 @@ def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
         while ahead:
             table = ahead.popleft().result()
             ahead.extend(reader.submit(files[file].table, name, new) for file, name, new in islice(left, 1))
-            if not table.schema.equals(joined):
-                for field in joined:
-                    if field.name not in table.column_names:
-                        table = table.append_column(field, pa.nulls(len(table), field.type))
-                table = table.select(joined.names).cast(joined)
+            for field in joined:
+                if field.name not in table.column_names:
+                    table = table.append_column(field, pa.nulls(len(table), field.type))
+            table = table.select(joined.names).cast(joined)
             writer.write_table(table, row_group_size=len(table))
 
 

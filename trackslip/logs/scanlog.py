@@ -56,12 +56,17 @@ class ScanLog:
 
     @classmethod
     def of(
-        cls, metadata: Mapping[str, Any], first_beam: np.ndarray, ranges: list[Array], lost: np.ndarray, hidden: Array
+        cls,
+        metadata: Mapping[str, Any],
+        first_beam: np.ndarray,
+        ranges: Array,
+        width: np.ndarray,
+        lost: np.ndarray,
+        hidden: Array,
     ) -> ScanLog:
         """Restore from the results of the methods of the same names and the clusters' `lost` (T,) and `hidden` (T, 2).
 
-        Raises:
-            LogError: if they are invalid.
+        Raises LogError if they are invalid.
         """
         try:
             beams = int(metadata["beams"])
@@ -78,15 +83,11 @@ class ScanLog:
             plate = Plate(**metadata["plate"])
         except (KeyError, TypeError, ValueError) as error:
             raise LogError(f"invalid description of its scanner ({type(error).__name__}: {error})") from error
-        width = max([1, *(len(row) for row in ranges)])
-        column = first_beam[:, None] + np.arange(width)
-        if (column[:, 0] < 0).any() or any(
-            first + len(row) > beams for first, row in zip(first_beam, ranges, strict=True)
-        ):
+        if (first_beam < 0).any() or (first_beam + width > beams).any():
             raise LogError(f"its ranges are of other beams than the scanner's {beams}")
-        padded = np.full((len(ranges), width), np.nan)
-        for k, row in enumerate(ranges):
-            padded[k, : len(row)] = row
+        column = np.arange(width.max(initial=1))
+        padded = np.full((len(width), len(column)), np.nan)
+        padded[column < width[:, None]] = ranges
         hit = np.isfinite(padded)
-        bearing = bearings[np.minimum(column, beams - 1)]
+        bearing = bearings[np.minimum(first_beam[:, None] + column, beams - 1)]
         return cls(scan, plate, Cluster(bearing, np.where(hit, padded, 1.0), hit, hit.sum(axis=1), lost, hidden))

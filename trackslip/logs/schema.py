@@ -68,9 +68,7 @@ COLUMNS: dict[str, Column] = {
         *_tracks("saturated", PURE, "share of the time since the previous row with the motor at its limit"),
         Column("true_lean", "m", "offset of the scanned plate to the left of the robot"),
         Column(
-            "first_beam",
-            PURE,
-            "index of the beam of the first range, counted from 0 on the right; 0 without ranges",
+            "first_beam", PURE, "index of the beam of the first range, counted from 0 on the right; 0 without ranges"
         ),
         Column("lost", PURE, "number of beams without a return between the first and the last one from the plate"),
         Column("hidden_first", "rad", "angle hidden by something closer, beyond the first return from the plate"),
@@ -97,7 +95,7 @@ def with_units(fields: Sequence[pa.Field]) -> list[pa.Field]:
 
 def markdown(columns: Iterable[Column]) -> str:
     """The Markdown table of columns in docs/data.md."""
-    lines = [f"| `{column.name}` | {column.unit or '–'} | {column.description} |" for column in columns]
+    lines = (f"| `{column.name}` | {column.unit or '–'} | {column.description} |" for column in columns)
     return "\n".join(["| column | unit | what |", "|---|---|---|", *lines, ""])
 
 

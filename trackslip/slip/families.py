@@ -77,14 +77,11 @@ _SLIP_INNER = Parameter((-0.1,), -20.0, 0.99, 0.1, "")
 _DECAY = Parameter((-0.5, -2.0, -6.0), -50.0, -1e-3, 1.0, "1/m")
 _POWER = Parameter((-1.0, -0.3, -3.0), -50.0, -1e-3, 1.0, "")
 _GROWTH = Parameter((0.0,), -20.0, 20.0, 0.1, "s/m")
+_SIZE = Parameter((0.3, 0.05, 1.0), -20.0, 50.0, 0.3, "m")
+_POLE = Parameter((1.3, 0.5, 2.0), 0.0, 50.0, 0.3, "m")
 _OFFSET = Parameter((0.3, 0.0, 2.0), -0.99, 50.0, 0.3, "m")
 _RADIUS_ERROR = Parameter((0.0,), -0.5, 0.5, 0.01, "")
-_EXPONENTIAL = {
-    "alpha_outer": _SLIP_OUTER,
-    "beta_outer": _DECAY,
-    "alpha_inner": _SLIP_INNER,
-    "beta_inner": _DECAY,
-}
+_EXPONENTIAL = {"alpha_outer": _SLIP_OUTER, "beta_outer": _DECAY, "alpha_inner": _SLIP_INNER, "beta_inner": _DECAY}
 
 FAMILIES: dict[str, LawFamily] = {
     "none": LawFamily("no slip", {}, lambda p, geometry: NoSlip()),
@@ -106,10 +103,7 @@ FAMILIES: dict[str, LawFamily] = {
     ),
     "hyperbola": LawFamily(
         "hyperbola with a free pole",
-        {
-            "size": Parameter((0.3, 0.05, 1.0), -20.0, 50.0, 0.3, "m"),
-            "pole": Parameter((1.3, 0.5, 2.0), 0.0, 50.0, 0.3, "m"),
-        },
+        {"size": _SIZE, "pole": _POLE},
         lambda p, geometry: Hyperbola(**p),
     ),
     "icr": LawFamily(
@@ -122,12 +116,8 @@ FAMILIES: dict[str, LawFamily] = {
     ),
     "icr_sides": LawFamily(
         "constant ICR, left and right different",
-        {
-            "offset_left": _OFFSET,
-            "offset_right": _OFFSET,
-            "radius_error_left": _RADIUS_ERROR,
-            "radius_error_right": _RADIUS_ERROR,
-        },
+        dict.fromkeys(("offset_left", "offset_right"), _OFFSET)
+        | dict.fromkeys(("radius_error_left", "radius_error_right"), _RADIUS_ERROR),
         lambda p, geometry: IcrSides(**p, half_gauge=geometry.half_gauge),
     ),
 }
@@ -146,14 +136,13 @@ def family(name: str) -> LawFamily:
 def law_from_values(name: str, values: Mapping[str, Any], half_gauge: float) -> SlipLaw:
     """A law of FAMILIES from stored values; raises InvalidValueError for missing or invalid ones."""
     model = family(name)
-    given = {key: values.get(key) for key in model.names}
-    missing = [key for key, value in given.items() if isinstance(value, bool) or not isinstance(value, int | float)]
-    if missing:
-        raise InvalidValueError(f"{name}.{missing[0]}", values.get(missing[0]), "a number")
-    numbers = {key: float(values[key]) for key in model.names}
     geometry = RobotGeometry(half_gauge, sprocket_radius=1.0)
-    low, high, _ = model.limits(half_gauge)
-    for key, lowest, highest in zip(model.names, low, high, strict=True):
-        if not lowest <= numbers[key] <= highest:
-            raise InvalidValueError(f"{name}.{key}", numbers[key], f"from {lowest:g} to {highest:g}")
+    numbers = {}
+    for key, low, high, _ in zip(model.names, *model.limits(half_gauge), strict=True):
+        value = values.get(key)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise InvalidValueError(f"{name}.{key}", value, "a number")
+        numbers[key] = float(value)
+        if not low <= numbers[key] <= high:
+            raise InvalidValueError(f"{name}.{key}", numbers[key], f"from {low:g} to {high:g}")
     return model.build(numbers, geometry)

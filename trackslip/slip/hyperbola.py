@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.kinematics import SIDES, Array
-from trackslip.slip.base import SlipLaw, require_within
+from trackslip.slip.base import SlipLaw, require_between
 
 
 @dataclass(frozen=True)
@@ -25,8 +25,8 @@ class Hyperbola(SlipLaw):
     """p: radius of the pole of the inner track's slip [m], >= 0."""
 
     def __post_init__(self) -> None:
-        require_within("size", self.size, -np.inf, np.inf, "finite")
-        require_within("pole", self.pole, 0, np.finfo(float).max, "finite and >= 0", closed=True)
+        require_between(self, ("size",), -np.inf, np.inf, "finite")
+        require_between(self, ("pole",), np.nextafter(0, -1), np.inf, "finite and >= 0")
 
     def __call__(self, kappa: ArrayLike) -> Array:
         """Slips (..., 2) at curvatures (...)."""

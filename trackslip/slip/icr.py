@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.kinematics import SIDES, Array, RobotGeometry
-from trackslip.slip.base import SlipLaw, require_within
+from trackslip.slip.base import SlipLaw, require_between
 
 
 class _Icr(SlipLaw):
@@ -23,6 +23,14 @@ class _Icr(SlipLaw):
     def _tracks(self) -> tuple[Array, Array]:
         """b + D and 1 + epsilon (..., 2) of the left and right track."""
         raise NotImplementedError
+
+    def _require_track(self, side: str = "") -> None:
+        """Raise InvalidValueError for parameters that are not allowed, those of the track ending in `side`."""
+        half_gauge = self.half_gauge
+        require_between(self, ("half_gauge",), 0, np.inf, "finite and > 0")
+        allowed = f"finite and > -half_gauge = {-half_gauge}"
+        require_between(self, (f"offset{side}",), -half_gauge, np.inf, allowed)
+        require_between(self, (f"radius_error{side}",), -1, np.inf, "finite and > -1")
 
     def __call__(self, kappa: ArrayLike) -> Array:
         """Slips (..., 2) at curvatures (...)."""
@@ -64,8 +72,7 @@ class ConstantIcr(_Icr):
     """epsilon: relative error of the effective sprocket radius, real / nominal - 1 [-]."""
 
     def __post_init__(self) -> None:
-        require_within("half_gauge", self.half_gauge, 0, np.inf, "finite and > 0")
-        _require_tracks(self.offset, "offset", self.radius_error, "radius_error", self.half_gauge)
+        self._require_track()
 
     def _tracks(self) -> tuple[Array, Array]:
         reach = np.asarray(self.half_gauge + np.asarray(self.offset))[..., None]
@@ -92,17 +99,10 @@ class IcrSides(_Icr):
     """b: half the distance between the tracks' centre lines [m]."""
 
     def __post_init__(self) -> None:
-        require_within("half_gauge", self.half_gauge, 0, np.inf, "finite and > 0")
-        for side in ("left", "right"):
-            offset, error = f"offset_{side}", f"radius_error_{side}"
-            _require_tracks(getattr(self, offset), offset, getattr(self, error), error, self.half_gauge)
+        self._require_track("_left")
+        self._require_track("_right")
 
     def _tracks(self) -> tuple[Array, Array]:
         reach = np.stack(np.broadcast_arrays(self.offset_left, self.offset_right), axis=-1) + self.half_gauge
         scale = np.stack(np.broadcast_arrays(self.radius_error_left, self.radius_error_right), axis=-1) + 1
         return reach, scale
-
-
-def _require_tracks(offset: float, offset_name: str, error: float, error_name: str, half_gauge: float) -> None:
-    require_within(offset_name, offset, -half_gauge, np.inf, f"finite and > -half_gauge = {-half_gauge}")
-    require_within(error_name, error, -1, np.inf, "finite and > -1")

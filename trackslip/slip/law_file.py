@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -20,17 +21,8 @@ SHIPPED = Path(__file__).parent / "laws.json"
 
 
 def laws_content(laws: Mapping[str, Mapping[str, Any]], geometry: RobotGeometry) -> dict[str, Any]:
-    """The content of a file of laws.
-
-    Args:
-        laws: by family name, `values` (the parameters) and whatever else describes the law.
-        geometry: the robot that the laws were identified for.
-    """
-    return {
-        "format": FORMAT,
-        "geometry": {"half_gauge": geometry.half_gauge, "sprocket_radius": geometry.sprocket_radius},
-        "slip_laws": dict(laws),
-    }
+    """The content of a file of laws: by family name, `values` (the parameters) and whatever else describes the law."""
+    return {"format": FORMAT, "geometry": asdict(geometry), "slip_laws": dict(laws)}
 
 
 def save_laws(path: str | Path, laws: Mapping[str, SlipLaw], geometry: RobotGeometry) -> None:

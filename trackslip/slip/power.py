@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.kinematics import Array
-from trackslip.slip.base import SlipLaw, by_side, radius_of, require_within
+from trackslip.slip.base import SlipLaw, by_side, radius_of, require_between, require_decays, require_slips
 
 
 @dataclass(frozen=True)
@@ -27,18 +27,12 @@ class Power(SlipLaw):
     """b: half the distance between the tracks' centre lines [m]."""
 
     def __post_init__(self) -> None:
-        require_within("half_gauge", self.half_gauge, 0, np.inf, "finite and > 0")
-        for name in ("alpha_outer", "alpha_inner"):
-            require_within(
-                name, getattr(self, name), -np.inf, 1, "finite and < 1 (slip 1 is a track that stands still)"
-            )
-        for name in ("beta_outer", "beta_inner"):
-            require_within(name, getattr(self, name), -np.inf, 0, "finite and < 0 (no slip on a straight path)")
+        require_between(self, ("half_gauge",), 0, np.inf, "finite and > 0")
+        require_slips(self, "alpha_outer", "alpha_inner")
+        require_decays(self, "beta_outer", "beta_inner")
 
     def __call__(self, kappa: ArrayLike) -> Array:
         """Slips (..., 2) at curvatures (...)."""
         with np.errstate(over="ignore"):
             base = 1 + radius_of(kappa) / self.half_gauge
-        inner = self.alpha_inner * base**self.beta_inner
-        outer = self.alpha_outer * base**self.beta_outer
-        return by_side(kappa, inner, outer)
+        return by_side(kappa, self.alpha_inner * base**self.beta_inner, self.alpha_outer * base**self.beta_outer)
