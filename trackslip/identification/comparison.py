@@ -119,7 +119,7 @@ def _doubts(laws: Mapping[str, FittedLaw], best: str) -> list[str]:
     doubts = []
     for name, law in laws.items():
         lack = law.lack_of_fit
-        if lack is not None and lack.significant and name not in _BASELINES:
+        if lack is not None and law.lacks_fit and name not in _BASELINES:
             freedom = ", ".join(map(str, lack.freedom))
             doubts.append(
                 f"law {name}: lacks fit ({lack.test}({freedom}) = {lack.statistic:.3g}, p = {lack.probability:.2g}): "

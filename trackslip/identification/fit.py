@@ -42,8 +42,13 @@ class Fits:
 
     @property
     def covariance(self) -> Array:
-        """Covariances (M, p, p) of the values; infinite where they are not determined."""
-        return inverse(self.hessian)
+        """Covariances (M, p, p) of the values: the inverse of the Hessian, scaled beforehand; infinite if singular."""
+        root = np.sqrt(np.maximum(np.einsum("mii->mi", self.hessian), 1e-300))
+        scaled = self.hessian / root[:, :, None] / root[:, None, :]
+        regular = np.linalg.cond(scaled) < 1e14 if scaled.shape[1] else np.ones(len(scaled), bool)
+        result = np.full(scaled.shape, np.inf)
+        result[regular] = np.linalg.inv(scaled[regular])
+        return result / root[:, :, None] / root[:, None, :]
 
     @cached_property
     def jacobian(self) -> Array:
@@ -93,21 +98,11 @@ class Fits:
         return robust
 
 
-def inverse(hessian: Array) -> Array:
-    """Inverses (M, p, p) of symmetric matrices, scaled beforehand; infinite if singular."""
-    root = np.sqrt(np.maximum(np.einsum("mii->mi", hessian), 1e-300))
-    scaled = hessian / root[:, :, None] / root[:, None, :]
-    regular = np.linalg.cond(scaled) < 1e14 if scaled.shape[1] else np.ones(len(scaled), bool)
-    result = np.full(hessian.shape, np.inf)
-    result[regular] = np.linalg.inv(scaled[regular])
-    return result / root[:, :, None] / root[:, None, :]
-
-
 def fit(family: LawFamily, runs: WeightedRuns, start: Array | None = None, scatter: Array | None = None) -> Fits:
     """Minimise the squared residuals of the runs, in units of their standard deviations (see `weighting`).
 
-    The starting values (M, p) are by default the family's own, of which the best fit is kept. The scatter tau (M,) is
-    by default estimated, alternating with the values.
+    By default, the best of the fits from the family's own starting values is kept, and tau (M,) is estimated,
+    alternating with the values.
     """
     sets = max(len(runs.speeds), len(runs.weight))
     if scatter is not None:

@@ -10,7 +10,7 @@ import scipy
 from trackslip.errors import LogError
 from trackslip.identification.fit import Fits, fit
 from trackslip.identification.intervals import bootstrap_intervals, heights, profile_intervals, standard_errors
-from trackslip.identification.replicates import LackOfFit, lack_of_fit
+from trackslip.identification.replicates import SIGNIFICANT, LackOfFit, lack_of_fit
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.weighting import MIN_SCATTER, WeightedRuns
 from trackslip.kinematics import Array, RobotGeometry
@@ -18,8 +18,6 @@ from trackslip.metrics import rms
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.families import family
 
-BOOTSTRAPS = 300
-"""Default number of resamples of the runs."""
 _MIN_DRAWN = 4  # minimum number of runs for a bootstrap
 _VAGUE = 5.0  # standard error of an undetermined parameter, relative to its scale
 _AT_LIMIT = 1e-3  # distance from a limit, relative to a range of at most 1
@@ -58,7 +56,7 @@ class FittedLaw:
     @property
     def lacks_fit(self) -> bool:
         """Whether the law significantly misses the samples."""
-        return self.lack_of_fit is not None and self.lack_of_fit.significant
+        return self.lack_of_fit is not None and self.lack_of_fit.probability < SIGNIFICANT
 
     def aicc(self, samples: int) -> float | None:
         """Akaike's criterion, corrected for few data (two per sample); None if there are too few.
@@ -71,7 +69,7 @@ class FittedLaw:
         return self.likelihood + 2 * free + 2 * free * (free + 1) / (data - free - 1)
 
 
-def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, bootstraps: int = BOOTSTRAPS) -> FittedLaw:
+def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, bootstraps: int = 300) -> FittedLaw:
     """Weighted least-squares fit to the measured motions (see `weighting`), with intervals.
 
     `geometry` is the robot's nominal one, `bootstraps` the number of resamples of the runs; 0 for none. Raises LogError

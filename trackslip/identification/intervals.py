@@ -11,8 +11,7 @@ from trackslip.identification.fit import Fits, fit, minimise
 from trackslip.identification.replicates import LackOfFit
 from trackslip.kinematics import Array
 
-CONFIDENCE = 0.95
-"""Confidence level of all intervals [-]."""
+CONFIDENCE = 0.95  # of all intervals [-]
 _STEPS = 12  # maximum number of steps towards the end of an interval
 _NEAR = 1e-3  # relative error of the height at convergence
 _STRETCH = (0.25, 4.0)  # limits of the ratio of successive steps

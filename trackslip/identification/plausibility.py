@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -66,7 +65,7 @@ def require_plausible(omega: Array, twist: Array, slip: Array, geometry: RobotGe
         )
 
 
-def _first(bad: Any) -> int | None:
+def _first(bad: np.ndarray | np.bool) -> int | None:
     """Index of the first bad run of (n,)."""
     return int(np.argmax(bad)) if bad.any() else None
 

@@ -13,8 +13,7 @@ from trackslip.kinematics import Array, RobotGeometry, body_twist
 _TOLERANCE = 0.02  # maximum relative difference of the commanded curvatures (or speeds) of repeated runs
 _MAX_FOLDS = 10
 _FOLDS = 5  # number of folds for values that do not form groups
-SIGNIFICANT = 0.01
-"""Significance level of lack of fit [-]."""
+SIGNIFICANT = 0.01  # significance level of lack of fit [-]
 
 
 @dataclass(frozen=True)
@@ -32,11 +31,6 @@ class LackOfFit:
     inflation: float
     """Factor on standard errors, because repeated runs share the errors of the law, which are therefore fewer than the
     runs; 1 if the law fits [-]."""
-
-    @property
-    def significant(self) -> bool:
-        """Whether the lack of fit is significant."""
-        return self.probability < SIGNIFICANT
 
 
 def group_labels(values: Array) -> np.ndarray:

@@ -19,8 +19,7 @@ from trackslip.slip.base import SlipLaw
 from trackslip.slip.families import FAMILIES
 from trackslip.slip.law_file import laws_content
 
-REPORTS = "trackslip.reports"
-"""Entry point group of the packages that can draw reports."""
+_REPORTS = "trackslip.reports"  # entry point group of the packages that can draw reports
 _SHOWN = 3  # laws in a repr
 _HEADER = ("law", "parameter", "value", "95 % interval")
 
@@ -69,9 +68,9 @@ class Identification:
         """
         file = Path(path)
         file = file / "report.html" if file.is_dir() else file
-        renderers = tuple(entry_points(group=REPORTS, name="identification"))
+        renderers = tuple(entry_points(group=_REPORTS, name="identification"))
         if not renderers:
-            raise TrackslipError(f"report: no package with an entry point in the group {REPORTS!r} is installed")
+            raise TrackslipError(f"report: no package with an entry point in the group {_REPORTS!r} is installed")
         html: str = renderers[0].load()(self)
         try:
             file.write_text(html, encoding="utf-8")
@@ -140,20 +139,9 @@ def identification_to_json(found: Identification) -> dict[str, Any]:
 
 
 def _law_to_json(name: str, comparison: Comparison) -> dict[str, Any]:
-    fit, validation = comparison.laws[name], comparison.validation[name]
-    return {
-        "values": fit.values,
-        "stderr": fit.stderr,
-        "interval95": fit.interval95,
-        "bootstrap95": fit.bootstrap95,
-        "noise_stderr": fit.noise_stderr,
-        "correlation": fit.correlation.tolist(),
-        "rms": fit.rms,
-        "scatter": fit.scatter,
-        "aicc": comparison.aicc[name],
-        "weight": comparison.weight[name],
-        "cv_radius": validation.radius,
-        "cv_speed": validation.speed,
-        "cv_yaw_rate": validation.yaw_rate,
-        "lack_of_fit": fit.lack_of_fit and asdict(fit.lack_of_fit),
-    }
+    found = asdict(comparison.laws[name])
+    for key in ("name", "law", "likelihood"):
+        del found[key]
+    found["correlation"] = found["correlation"].tolist()
+    errors = {f"cv_{key}": error for key, error in asdict(comparison.validation[name]).items()}
+    return found | {"aicc": comparison.aicc[name], "weight": comparison.weight[name]} | errors

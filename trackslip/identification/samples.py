@@ -98,11 +98,10 @@ class Sampling:
 def slip_samples(
     logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE, method: str | None = None
 ) -> SlipSamples:
-    """Mean slip of each run, which needs a stretch at constant sprocket speeds, from its poses and sprocket speeds.
+    """Mean slip of each run from its poses and sprocket speeds, in its longest stretch of constant sprocket speeds.
 
-    A time `settle` [s] after the sprockets have become steady is left out. The method is one of MOTION_METHODS, by
-    default the most accurate that each run allows. Raises LogError if a run has no steady stretch, or too few valid
-    poses in it.
+    The first `settle` [s] of the stretch are left out. The method is one of MOTION_METHODS, by default the most
+    accurate that each run allows. Raises LogError if a run has no steady stretch, or too few valid poses in it.
     """
     return SlipSamples.joined([_sample(log, geometry, settle, method)[0] for log in logs])
 

@@ -43,12 +43,16 @@ def least_squares(
     held = np.zeros((problems, parameters), bool) if held is None else held
     values = start.astype(float)
     rows = np.arange(problems)
-    current = _finite(residual(values, rows))
+
+    def finite(values: Array, rows: np.ndarray) -> Array:
+        return np.nan_to_num(residual(values, rows), nan=1e8, posinf=1e8, neginf=-1e8)
+
+    current = finite(values, rows)
     cost = np.sum(current**2, axis=1)
     hessian = np.tile(np.eye(parameters), (problems, 1, 1))
     damping = np.full(problems, 1e-3)
     for _ in range(_ITERATIONS):
-        jacobian = _jacobian(residual, values[rows], current[rows], rows, high, scale)
+        jacobian = _jacobian(finite, values[rows], current[rows], rows, high, scale)
         jacobian = np.where(held[rows][:, None, :], 0.0, jacobian)
         gradient = np.einsum("mki,mk->mi", jacobian, current[rows])
         normal = np.einsum("mki,mkj->mij", jacobian, jacobian)
@@ -64,7 +68,7 @@ def least_squares(
         damped = normal + added[:, :, None] * np.eye(parameters)
         step = -np.linalg.solve(damped, np.where(free, gradient, 0.0)[..., None])
         trial = np.clip(values[rows] + step[..., 0], low, high)
-        tried = _finite(residual(trial, rows))
+        tried = finite(trial, rows)
         tried_cost = np.sum(tried**2, axis=1)
         better = tried_cost <= cost[rows]
         moved = np.abs((trial - values[rows]) / scale).max(axis=1)
@@ -85,10 +89,6 @@ def _jacobian(residual: Residual, values: Array, current: Array, rows: np.ndarra
     step = _DIFFERENCE * scale
     signed = np.where(values + step > high, -step, step)  # (m, p)
     beside = values[:, None, :] + signed[:, :, None] * np.eye(parameters)
-    there = _finite(residual(beside.reshape(-1, parameters), np.repeat(rows, parameters)))  # all in one call
+    there = residual(beside.reshape(-1, parameters), np.repeat(rows, parameters))  # all in one call
     change = there.reshape(problems, parameters, -1) - current[:, None, :]
     return (change / signed[:, :, None]).swapaxes(1, 2)
-
-
-def _finite(residual: Array) -> Array:
-    return np.nan_to_num(residual, nan=1e8, posinf=1e8, neginf=-1e8)

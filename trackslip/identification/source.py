@@ -12,7 +12,7 @@ from trackslip.identification.samples import Sampling, usable_rows, usable_sampl
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.logfile import read_table, runs_file
 from trackslip.logs.runlog import RunLog
-from trackslip.logs.table import REQUIRED, SAMPLE_COLUMNS, read_samples, runs_from_table
+from trackslip.logs.table import REQUIRED, SAMPLE_COLUMNS, read_columns, runs_from_table
 from trackslip.motion.steady import SETTLE
 
 _MATTERS = ("ground", "radius_error", "geometry", "model_sha256")  # to slip
@@ -97,8 +97,8 @@ def _read(file: Path, reading: Reading, chosen: Callable[[Path], Collection[str]
         if chosen is not None:
             raise LogError(f"{file}: holds steady samples, not runs of a sweep: --where must be left out")
         geometry = _geometry(reading, None, file)
-        omega, twist = read_samples(table, str(file))
-        return Source(geometry, usable_rows(omega / reading.gear, twist, geometry), ())
+        samples = read_columns(table, SAMPLE_COLUMNS, str(file))
+        return Source(geometry, usable_rows(samples[:, :2] / reading.gear, samples[:, 2:], geometry), ())
     if not set(columns) & set(REQUIRED[1:]):
         needed = f"{', '.join(REQUIRED)} or {', '.join(SAMPLE_COLUMNS)}"
         raise LogError(f"{file}: needs the columns {needed}; found {', '.join(columns)[:200]!r}")

@@ -24,8 +24,7 @@ from trackslip.kinematics import SIDES, Array, RobotGeometry, track_speeds
 from trackslip.slip.base import SlipLaw
 
 _MIN_RELATIVE_SPEED = 0.1  # minimum sprocket speed in S, relative to the faster one
-MIN_SCATTER = 1e-9
-"""tau of samples that follow a law to within rounding [-]."""
+MIN_SCATTER = 1e-9  # tau of samples that follow a law to within rounding [-]
 _MAX_SCATTER = 10.0
 _HALVINGS = 60
 _EXPLAINED = 0.99  # quantile of chi-square up to which measurement errors explain it

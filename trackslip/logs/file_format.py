@@ -27,7 +27,11 @@ def require_known_format(content: Mapping[str, Any], source: object) -> None:
         versions = content.get("versions")
         writer = versions.get("trackslip") if isinstance(versions, Mapping) else None
         by = f"trackslip {writer}" if writer else "a newer trackslip"
-        raise LogError(f"{source}: written by {by} in format {found}; {_this()} reads formats up to {FORMAT}")
+        try:
+            this = f"trackslip {importlib.metadata.version('trackslip')}"
+        except importlib.metadata.PackageNotFoundError:
+            this = "this trackslip"
+        raise LogError(f"{source}: written by {by} in format {found}; {this} reads formats up to {FORMAT}")
 
 
 def require_known_manifest(folder: Path) -> None:
@@ -44,10 +48,3 @@ def require_known_manifest(folder: Path) -> None:
     if not isinstance(content, Mapping):
         raise LogError(f"{file}: not a manifest")
     require_known_format(content, file)
-
-
-def _this() -> str:
-    try:
-        return f"trackslip {importlib.metadata.version('trackslip')}"
-    except importlib.metadata.PackageNotFoundError:
-        return "this trackslip"

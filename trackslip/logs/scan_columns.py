@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import pyarrow as pa
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
+from trackslip.localization.scan import Cluster, Plate, Scan
 from trackslip.logs.scanlog import ScanLog
 
 SCANNED = "scanned"
@@ -61,11 +61,38 @@ def scans_from_table(table: pa.Table, rows: np.ndarray, metadata: Mapping[str, A
         if column.null_count or not fits:
             raise LogError(f"column {name}: {kind} with {column.null_count} empty")
     first_beam, lost, *hidden = (part.column(name).to_numpy() for name in _NUMBERS)
+    scan, plate = _scanner(metadata[SCANNED])
+    beams, first = len(scan.bearings), first_beam.astype(int)
     lists = part.column(_RANGES).combine_chunks()
-    ranges, width = np.asarray(lists.flatten(), float), np.asarray(lists.value_lengths())
-    beams = (first_beam.astype(int), ranges, width)
-    seen = ScanLog.of(metadata[SCANNED], *beams, lost.astype(int), np.stack(hidden, axis=-1))
+    width = np.asarray(lists.value_lengths())
+    if (first < 0).any() or (first + width > beams).any():
+        raise LogError(f"its ranges are of other beams than the scanner's {beams}")
+    column = np.arange(width.max(initial=1))
+    ranges = np.full((len(width), len(column)), np.nan)
+    ranges[column < width[:, None]] = lists.flatten()
+    hit = np.isfinite(ranges)
+    bearing = scan.bearings[np.minimum(first[:, None] + column, beams - 1)]
+    cluster = Cluster(
+        bearing, np.where(hit, ranges, 1.0), hit, hit.sum(axis=1), lost.astype(int), np.stack(hidden, axis=-1)
+    )
     full = from_list_column(table, _FULL, rows)
-    if full is not None and full.shape[1] != len(seen.scan.bearings):
-        raise LogError(f"column {_FULL}: {full.shape[1]} ranges, where the scanner has {len(seen.scan.bearings)} beams")
-    return replace(seen, full=full)
+    if full is not None and full.shape[1] != beams:
+        raise LogError(f"column {_FULL}: {full.shape[1]} ranges, where the scanner has {beams} beams")
+    return ScanLog(scan, plate, cluster, full)
+
+
+def _scanner(metadata: Mapping[str, Any]) -> tuple[Scan, Plate]:
+    """Scanner, without ranges, and plate, from `ScanLog.metadata`."""
+    try:
+        beams, reach = int(metadata["beams"]), metadata["max_range"]
+        scan = Scan(
+            metadata["first_bearing"] + metadata["beam_step"] * np.arange(beams),
+            np.empty((0, beams)),
+            float(metadata["noise"]),
+            np.array(metadata["mount"], float),
+            np.inf if reach is None else float(reach),
+            float(metadata["dropout"]),
+        )
+        return scan, Plate(**metadata["plate"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise LogError(f"invalid description of its scanner ({type(error).__name__}: {error})") from error

@@ -25,16 +25,15 @@ from trackslip.logs.schema import COLUMNS, with_units
 
 REQUIRED = ("run", "t", "omega_l", "omega_r", "x", "y", "phi")
 SAMPLE_COLUMNS = ("omega_l", "omega_r", "v", "w")
-_BLOCKS: dict[str, tuple[str, ...]] = {
+_BLOCKS: dict[str, tuple[str, ...]] = {  # columns of fields of a RunLog
     "command": ("omega_cmd_l", "omega_cmd_r"),
     "twist_command": ("v_cmd", "w_cmd"),
     "icr": ("icr_offset", "icr_radius_error"),
     "omega": ("omega_l", "omega_r"),
     "pose": ("x", "y", "phi"),
 }
-"""Columns of fields of a RunLog."""
 _OPTIONAL = ("command", "twist_command", "icr")
-_TRUTH: dict[str, tuple[str, ...]] = {
+_TRUTH: dict[str, tuple[str, ...]] = {  # columns of fields of its Truth
     "pose": ("true_x", "true_y", "true_phi"),
     "twist": ("true_v", "true_lateral", "true_w"),
     "traction": ("traction_l", "traction_r"),
@@ -43,14 +42,11 @@ _TRUTH: dict[str, tuple[str, ...]] = {
     "saturated": ("saturated_l", "saturated_r"),
     "lean": ("true_lean",),
 }
-"""Columns of fields of its Truth."""
 _COVARIANCE = ("var_x", "cov_xy", "cov_xphi", "var_y", "cov_yphi", "var_phi")
 _UPPER = np.triu_indices(3)
 _CONTACT = "contact"
-METADATA_KEY = b"trackslip"
-"""Key of the description of runs and columns in the metadata of a file."""
-_CHECKSUM_KEY = b"trackslip_crc32"
-"""Key of its checksum: Parquet's own checksums only cover the pages of the columns."""
+_METADATA_KEY = b"trackslip"  # of the description of runs and columns in the metadata of a file
+_CHECKSUM_KEY = b"trackslip_crc32"  # of its checksum: Parquet's own only cover the pages of the columns
 
 
 def to_table(logs: Sequence[RunLog]) -> pa.Table:
@@ -72,12 +68,12 @@ def file_metadata(fields: Iterable[pa.Field], runs: Mapping[str, Any]) -> dict[b
     """Metadata of a file: its runs, and its columns again for readers that ignore the metadata of columns (polars)."""
     columns = {field.name: COLUMNS[field.name].metadata for field in fields if field.name in COLUMNS}
     text = json.dumps({"format": FORMAT, "columns": columns, "runs": runs})
-    return {METADATA_KEY: text, _CHECKSUM_KEY: _checksum(text.encode())}
+    return {_METADATA_KEY: text, _CHECKSUM_KEY: _checksum(text.encode())}
 
 
 def stored_text(metadata: Mapping[bytes, bytes]) -> bytes:
-    """The JSON under METADATA_KEY in UTF-8; raises KeyError if there is none, ValueError if its checksum is wrong."""
-    text = metadata[METADATA_KEY]
+    """The JSON under _METADATA_KEY in UTF-8; raises KeyError if there is none, ValueError if its checksum is wrong."""
+    text = metadata[_METADATA_KEY]
     expected = metadata.get(_CHECKSUM_KEY)  # older files have none
     if expected not in (None, _checksum(text).encode()):
         raise ValueError("its checksum is wrong")
@@ -105,13 +101,11 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
     if not keys:
         raise LogError(f"{source}: no rows")
     metadata = _stored_metadata(table, source)
-    if not isinstance(metadata, dict) or not all(isinstance(value, dict) for value in metadata.values()):
-        raise LogError(f"{source}: its metadata is damaged")
     valid = columns.boolean("valid", label)
     ok = np.ones(len(label), bool) if valid is None else valid
     time = columns.numbers(("t",))[:, 0]
-    for number, key in enumerate(keys):
-        rows = np.flatnonzero(label == number)
+    rows_of = {key: np.flatnonzero(label == number) for number, key in enumerate(keys)}
+    for key, rows in rows_of.items():
         backwards = np.flatnonzero(np.diff(time[rows]) <= 0)
         if backwards.size:
             before, row = rows[backwards[0]], rows[backwards[0] + 1]
@@ -124,8 +118,7 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
     covariance = columns.optional(_COVARIANCE)
     truth = {field: columns.optional(names) for field, names in _TRUTH.items()}
     logs = []
-    for number, key in enumerate(keys):
-        rows = np.flatnonzero(label == number)
+    for key, rows in rows_of.items():
         measured = rows[ok[rows]]
         try:
             require_headings(time[measured], pose[measured], key)
@@ -146,12 +139,6 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
         except LogError as error:
             raise LogError(f"{source}: {error}") from error
     return logs
-
-
-def read_samples(table: pa.Table, source: str) -> tuple[Array, Array]:
-    """Sprocket speeds (n, 2) [rad/s] and twists (n, 2) of steady samples."""
-    values = read_columns(table, SAMPLE_COLUMNS, source)
-    return values[:, :2], values[:, 2:]
 
 
 def read_columns(table: pa.Table, names: Sequence[str], source: str) -> Array:
@@ -217,14 +204,13 @@ def _symmetric(upper: Array) -> Array:
 
 def _stored_metadata(table: pa.Table, source: str) -> dict[str, dict[str, Any]]:
     about = table.schema.metadata or {}
-    if not about.get(METADATA_KEY):
+    if not about.get(_METADATA_KEY):
         return {}
     try:
         content = json.loads(stored_text(about))
         require_known_format(content, source)
-        runs: dict[str, dict[str, Any]] = content["runs"]
+        return {name: {**description} for name, description in content["runs"].items()}
     except LogError:
         raise
     except (ValueError, RecursionError, KeyError, TypeError, AttributeError) as error:
         raise LogError(f"{source}: its metadata is damaged ({first_line(error)})") from error
-    return runs

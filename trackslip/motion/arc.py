@@ -8,10 +8,8 @@ from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.base import SteadyTwist, long_run_covariance, require_poses, within
 
-MIN_ARC_POSES = 12
-"""Minimum number of valid poses for an arc."""
-CHOSEN = np.array([3, 5])
-"""Indices of v and w among the parameters x, y, phi, v, u, w."""
+MIN_ARC_POSES = 12  # minimum number of valid poses for an arc
+CHOSEN = np.array([3, 5])  # indices of v and w among the parameters x, y, phi, v, u, w
 _SCALE = np.array([0.0025, 0.0025, np.radians(0.3)])  # weights of position [m] and heading [rad]
 _HUBER = 3.0  # residual above which the loss is linear [_SCALE, or the spread of the residuals if larger]
 _ITERATIONS = 50

@@ -45,8 +45,7 @@ def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     beams = Beams.of(scans.scan, scans.cluster.take(seen))
     likelihood = PlateLikelihood(scans.plate, _HUBER)
     fit = likelihood.evaluate(beams, poses_on_arc(parameters, time)[0], turn=True)
-    explained = (fit.misfit < _MISFIT) & (fit.cost < _COSTLY * (beams.hit.sum(axis=1) + 2))
-    kept = np.flatnonzero(explained)
+    kept = np.flatnonzero((fit.misfit < _MISFIT) & (fit.cost < _COSTLY * (beams.hit.sum(axis=1) + 2)))
     if kept.size < MIN_ARC_POSES:
         raise LogError(f"run {log.run!r}: its ranges don't fit its poses")
     time, beams = time[kept], beams.take(kept)

@@ -61,14 +61,13 @@ def steady_part(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) ->
     gaps = np.flatnonzero(step > max(_GAP * usual, _MIN_GAP))
     notes += [f"its clock has a gap from t = {log.time[k]:g} s to {log.time[k + 1]:g} s" for k in gaps]
     begin, end = _longest_constant(log, np.union1d(breaks, gaps), usual)
-    window = (float(log.time[begin]) + max(settle, MARGIN), float(log.time[end]) - MARGIN)
+    lead = max(settle, MARGIN)
+    window = (float(log.time[begin]) + lead, float(log.time[end]) - MARGIN)
     rows = within(log.time, window)
     if rows.sum() < 3:
-        raise LogError(
-            f"run {log.run!r}: {''.join(f'{note}; ' for note in notes)}steady from {log.time[begin]:g} s to "
-            f"{log.time[end]:g} s only, too short: the first {max(settle, MARGIN):g} s and last {MARGIN:g} s of it are "
-            "left out"
-        )
+        notes.append(f"steady from {log.time[begin]:g} s to {log.time[end]:g} s only, too short")
+        left_out = f"the first {lead:g} s and last {MARGIN:g} s of it are left out"
+        raise LogError(f"run {log.run!r}: {'; '.join(notes)}: {left_out}")
     if not np.abs(log.omega[rows]).max() > _STANDING:
         raise LogError(f"run {log.run!r}: the sprockets stand still")
     if log.time[end] - log.time[begin] < 0.8 * (log.time[-1] - log.time[0]):

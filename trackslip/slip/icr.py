@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,18 +20,18 @@ class _Icr(SlipLaw):
     """
 
     half_gauge: float
+    _suffixes: ClassVar[tuple[str, ...]] = ("",)  # of the parameters of each track
+
+    def __post_init__(self) -> None:
+        require_between(self, ("half_gauge",), 0, np.inf, "finite and > 0")
+        for suffix in self._suffixes:
+            allowed = f"finite and > -half_gauge = {-self.half_gauge}"
+            require_between(self, (f"offset{suffix}",), -self.half_gauge, np.inf, allowed)
+            require_between(self, (f"radius_error{suffix}",), -1, np.inf, "finite and > -1")
 
     def _tracks(self) -> tuple[Array, Array]:
         """b + D and 1 + epsilon (..., 2) of the left and right track."""
         raise NotImplementedError
-
-    def _require_track(self, side: str = "") -> None:
-        """Raise InvalidValueError for parameters that are not allowed, those of the track ending in `side`."""
-        half_gauge = self.half_gauge
-        require_between(self, ("half_gauge",), 0, np.inf, "finite and > 0")
-        allowed = f"finite and > -half_gauge = {-half_gauge}"
-        require_between(self, (f"offset{side}",), -half_gauge, np.inf, allowed)
-        require_between(self, (f"radius_error{side}",), -1, np.inf, "finite and > -1")
 
     def __call__(self, kappa: ArrayLike) -> Array:
         """Slips (..., 2) at curvatures (...)."""
@@ -71,9 +72,6 @@ class ConstantIcr(_Icr):
     radius_error: float = 0.0
     """epsilon: relative error of the effective sprocket radius, real / nominal - 1 [-]."""
 
-    def __post_init__(self) -> None:
-        self._require_track()
-
     def _tracks(self) -> tuple[Array, Array]:
         reach = np.asarray(self.half_gauge + np.asarray(self.offset))[..., None]
         scale = np.asarray(1 + np.asarray(self.radius_error))[..., None]
@@ -98,9 +96,7 @@ class IcrSides(_Icr):
     half_gauge: float
     """b: half the distance between the tracks' centre lines [m]."""
 
-    def __post_init__(self) -> None:
-        self._require_track("_left")
-        self._require_track("_right")
+    _suffixes = ("_left", "_right")
 
     def _tracks(self) -> tuple[Array, Array]:
         reach = np.stack(np.broadcast_arrays(self.offset_left, self.offset_right), axis=-1) + self.half_gauge

@@ -26,12 +26,9 @@ def laws_content(laws: Mapping[str, Mapping[str, Any]], geometry: RobotGeometry)
 
 
 def save_laws(path: str | Path, laws: Mapping[str, SlipLaw], geometry: RobotGeometry) -> None:
-    """Write laws to a JSON file that `load_laws` and the commands' option `--laws` read.
+    """Write laws by family name to a JSON file that `load_laws` and the commands' option `--laws` read.
 
-    Args:
-        path: the file.
-        laws: by family name; laws without parameters are not stored.
-        geometry: the robot that the laws were identified for.
+    The geometry is that of the robot they were identified for. Laws without parameters are not stored.
 
     Raises:
         InvalidValueError: if a name is not that of a family, or a law does not belong to the family it is named for.
@@ -53,9 +50,7 @@ def save_laws(path: str | Path, laws: Mapping[str, SlipLaw], geometry: RobotGeom
 def load_laws(path: str | Path = SHIPPED, robot: RobotGeometry | None = None) -> dict[str, SlipLaw]:
     """The laws in a JSON file, or in the summary.json of a folder of results, by family name.
 
-    Args:
-        path: the file or folder.
-        robot: if given, the laws must have been identified for this geometry.
+    If `robot` is given, the laws must have been identified for this geometry.
 
     Raises:
         LogError: if the file does not exist, holds no slip laws, or was made for another robot or by a newer version.

@@ -82,12 +82,6 @@ class FilterTuning:
         """Standard deviations of (g, epsilon, c) without prior knowledge."""
         return self.gain_spread, self.radius_error_spread, self.centre_spread
 
-    @property
-    def walks(self) -> tuple[float, ...]:
-        """Process noise of the state."""
-        constants = self.gain_walk, self.radius_error_walk, self.centre_walk
-        return self.position_walk, self.position_walk, self.heading_walk, *constants
-
 
 class IcrFilter:
     """Estimates pose, D and epsilon of N robots, which are bitwise independent of each other."""
@@ -154,7 +148,9 @@ class IcrFilter:
         self._turning += (velocity[:, 2] - self._turning) / tuning.memory
         way, turn = np.abs(motion[:, 0]), np.abs(motion[:, 2])
         excited = np.stack([way, way, way + turn, turn, way, turn], axis=1)
-        self.covariance[:, np.arange(6), np.arange(6)] += excited * np.square(tuning.walks)
+        pose_walks = (tuning.position_walk, tuning.position_walk, tuning.heading_walk)
+        walks = (*pose_walks, tuning.gain_walk, tuning.radius_error_walk, tuning.centre_walk)
+        self.covariance[:, np.arange(6), np.arange(6)] += excited * np.square(walks)
         for k, most in enumerate(tuning.spreads, 3):
             over = self.covariance[:, k, k] > most**2  # never less certain than at the start
             shrink = np.where(over, most / np.sqrt(self.covariance[:, k, k]), 1.0)
@@ -173,7 +169,8 @@ class IcrFilter:
         self._refused[rows] = np.where(surprising, self._refused[rows] + 1, 0)
         good = np.flatnonzero(~surprising)
         self._learn(rows[good], white[good], root[good])
-        again = (self._refused[rows] >= tuning.patience) | (self._leaning(rows) > tuning.change)
+        lean = np.einsum("ni,ni->n", self._lean[rows], self._lean[rows]) / np.maximum(self._weight[rows], 1.0)
+        again = (self._refused[rows] >= tuning.patience) | (lean > tuning.change)
         self.restarts[rows[again]] += 1
         self._begin(rows[again], pose[again], noise[again], 1.0)
 
@@ -192,10 +189,6 @@ class IcrFilter:
         fade = 1 - 1 / self._tuning.memory
         self._lean[rows] = fade * self._lean[rows] + white
         self._weight[rows] = fade**2 * self._weight[rows] + 1
-
-    def _leaning(self, rows: np.ndarray) -> Array:
-        """Bias (R,) of the recent innovations of the robots `rows` (chi-square, 3 degrees of freedom)."""
-        return np.einsum("ni,ni->n", self._lean[rows], self._lean[rows]) / np.maximum(self._weight[rows], 1.0)
 
     def _begin(self, rows: np.ndarray, pose: Array, noise: Array, share: float) -> None:
         """(Re)start at poses (R, 3) with covariances (R, 3, 3), and a `share` of the spreads of the constants."""
