@@ -38,11 +38,10 @@ if TYPE_CHECKING:
     from trackslip.slip.compensation import FixedLaw, OnlineIcr
     from trackslip.slip.constant import Constant, NoSlip
     from trackslip.slip.exponential import PUBLISHED, Exponential, ExponentialSpeed
-    from trackslip.slip.hyperbola import Hyperbola
     from trackslip.slip.icr import ConstantIcr, IcrSides
     from trackslip.slip.law_file import load_laws, save_laws
     from trackslip.slip.online import IcrFilter
-    from trackslip.slip.power import Power
+    from trackslip.slip.power import Hyperbola, Power
     from trackslip.trajectory.base import Reference
     from trackslip.trajectory.named import named_reference
     from trackslip.trajectory.segmented import circle, paper_reference
@@ -111,7 +110,7 @@ _MODULE_OF = {
     "ExponentialSpeed": "slip.exponential",
     "Feedforward": "controllers.feedforward",
     "FixedLaw": "slip.compensation",
-    "Hyperbola": "slip.hyperbola",
+    "Hyperbola": "slip.power",
     "IcrFilter": "slip.online",
     "IcrSides": "slip.icr",
     "Identification": "identification.result",

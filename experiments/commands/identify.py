@@ -28,9 +28,9 @@ from experiments.storage.results import (
     write_samples,
 )
 from experiments.sweep.choose import chosen
-from trackslip.identification.identify import identified
+from trackslip.identification.identify import identify_samples
+from trackslip.identification.result import identification_to_json
 from trackslip.identification.source import Reading, Source, origin, read_source
-from trackslip.identification.summary import identification_to_json
 from trackslip.slip.families import FAMILIES
 
 
@@ -40,7 +40,7 @@ def run(config: IdentifyConfig) -> None:
     with results_folder(config.out) as folder, progress("identification", 3, "stages") as report:
         source = source_of(config)
         report(1)
-        found = identified(source)
+        found = identify_samples(source.sampling, source.geometry, source.logs)
         report(1)
         wall = time.perf_counter() - began
         timing = {"wall_s": wall, "stages": {"identify": wall}}

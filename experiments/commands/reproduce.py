@@ -27,8 +27,8 @@ from experiments.storage.results import REPORT_FILE, write_results
 from sim.run_recorder import RunFailedError
 from sim.stopwatch import Stopwatch
 from trackslip.identification.identify import identify_samples
+from trackslip.identification.result import identification_to_json
 from trackslip.identification.samples import usable_samples
-from trackslip.identification.summary import identification_to_json
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.compensation import FixedLaw

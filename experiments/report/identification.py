@@ -134,7 +134,7 @@ class IdentificationText:
         comparison = found.comparison
         turns = InnerOuterSamples.of(found.samples, found.geometry)
         lacks = {name: law.lack_of_fit for name, law in comparison.laws.items() if law.lack_of_fit is not None}
-        lacking = [name for name, lack in lacks.items() if lack.significant and name not in BASELINES]
+        lacking = [name for name in lacks if comparison.laws[name].lacks_fit and name not in BASELINES]
         factors = [lacks[name].inflation for name in lacking if lacks[name].inflation > 1]
         band, meaning = residual_band(turns, comparison) if len(turns) else (0.0, "")
         return cls(
