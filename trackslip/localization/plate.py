@@ -3,7 +3,7 @@
 The likelihood has several maxima (a plate seen nearly edge-on looks much like its mirror image about the line of
 sight), so it is maximised from several starts, by Levenberg-Marquardt over all scans and starts at once. If the climb
 from an expected pose explains the scan as well as the noise allows, no other start is tried. Where the likelihood is
-not normal, pose and covariance are the mean and covariance of the posterior: see `edge_on` and `corner`.
+not normal, pose and covariance are the mean and covariance of the posterior: see `posterior`.
 """
 
 from __future__ import annotations
@@ -14,22 +14,14 @@ import numpy as np
 
 from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate
+from trackslip.localization.bound import viewing_angle
 from trackslip.localization.climb import climb
-from trackslip.localization.corner import FROM_SIDE, along_plate
-from trackslip.localization.edge_on import EDGE_ON, EDGE_ON_BY_FEW, FEW, GRID, integrate
-from trackslip.localization.likelihood import Beams, Evaluation, PlateLikelihood, inverses
+from trackslip.localization.likelihood import UNKNOWN, Beams, Evaluation, PlateLikelihood, covariances
 from trackslip.localization.pieces import best_of_each
-from trackslip.localization.scan import (
-    FINER_GAPS,
-    MAX_GAP,
-    Cluster,
-    Plate,
-    Scan,
-    extract_plate,
-    plate_candidates,
-    returns_at,
-)
-from trackslip.localization.solution import UNKNOWN, Solution
+from trackslip.localization.posterior import EDGE_ON, EDGE_ON_BY_FEW, FEW, FROM_SIDE, GRID, along_plate, over_heading
+from trackslip.localization.rows import Rows
+from trackslip.localization.scan import FINER_GAPS, MAX_GAP, Cluster, Plate, Scan, extract_plate
+from trackslip.localization.scan import plate_candidates, returns_at
 from trackslip.localization.starts import MAX_STARTS, chunks, starts
 
 _STRAINED = 4.0  # standard deviations of the misfit above which the returns include something else
@@ -38,6 +30,28 @@ _MIN_PLATE_RETURNS = 8  # fewer returns may look like a plate by chance
 _ROUNDS = 2  # of selecting the returns by the pose
 _SCREENED = 24  # beams of a cluster used to screen the starts
 _MIN_DROPOUT = 0.02  # probability that a beam passes a plate in its way
+
+
+@dataclass(frozen=True)
+class Solution(Rows):
+    """The pose of each scan, assuming that its cluster is the plate."""
+
+    pose: Array  # (S, 3) in the LRF's frame
+    covariance: Array  # (S, 3, 3)
+    misfit: Array  # (S,) rms residual of ranges and edges under the Huber loss [standard deviations]
+    score: Array  # (S,) log likelihood of the scan relative to a scan without a plate
+    doubtful: np.ndarray  # (S,) bool: something else may be among the returns or in front of the plate
+
+    @classmethod
+    def none(cls, scans: int) -> Solution:
+        """Placeholder for scans in which nothing was found."""
+        unknown, unexplained = np.full((scans, 3, 3), UNKNOWN), np.full(scans, np.inf)
+        return cls(np.zeros((scans, 3)), unknown, unexplained, -unexplained, np.zeros(scans, bool))
+
+    def improve(self, rows: np.ndarray, other: Solution) -> None:
+        """Overwrite those of the scans `rows` (R,) that the R solutions of `other` explain better."""
+        better = other.score > self.score[rows]
+        self.put(rows[better], other.take(better))
 
 
 @dataclass(frozen=True)
@@ -119,8 +133,7 @@ class PlateLocator:
         for rows in chunks(cluster, MAX_STARTS):
             beams = Beams.of(scan, part := cluster.take(rows))
             fit = self._fit(beams, part, scan.beam_step, None if near is None else near[rows])
-            inverse, regular = inverses(fit.hessian)
-            covariance = np.where(regular[:, None, None], inverse, UNKNOWN)
+            covariance = covariances(fit.hessian)
             misfit = np.sqrt(2 * fit.cost / part.count)  # edges included
             strained = _strained(misfit, part.count)
             cut = (part.hidden > 0).any(axis=1)
@@ -135,16 +148,18 @@ class PlateLocator:
     def _correct(self, scan: Scan, cluster: Cluster, found: Solution) -> None:
         """Correct pose and covariance where the likelihood is not normal: nearly edge-on and nearly broadside."""
         sight = np.arctan2(found.pose[:, 1], found.pose[:, 0])
-        off = np.abs((found.pose[:, 2] - sight + np.pi / 2) % np.pi - np.pi / 2)
+        off = viewing_angle(found.pose)
         fits = found.misfit < self.max_misfit
         edge_on = off < np.where(cluster.count > FEW, EDGE_ON, EDGE_ON_BY_FEW)
         for rows in chunks(cluster, len(GRID), edge_on & fits):
-            pose, covariance = integrate(self._likelihood, scan, cluster.take(rows), sight[rows])
-            found.pose[rows], found.covariance[rows] = pose, covariance
+            found.pose[rows], found.covariance[rows] = over_heading(
+                self._likelihood, scan, cluster.take(rows), sight[rows]
+            )
         for rows in chunks(cluster, 1, (off > FROM_SIDE) & fits):
             beams = Beams.of(scan, cluster.take(rows))
-            pose, covariance = along_plate(self._likelihood, beams, found.pose[rows], found.covariance[rows])
-            found.pose[rows], found.covariance[rows] = pose, covariance
+            found.pose[rows], found.covariance[rows] = along_plate(
+                self._likelihood, beams, found.pose[rows], found.covariance[rows]
+            )
 
     def _fit(self, beams: Beams, cluster: Cluster, beam_step: float, near: Array | None) -> Evaluation:
         """The best fit to each cluster; only from the expected pose if that explains the returns."""

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array
 from trackslip.localization.pieces import Returns, best_of_each
+from trackslip.localization.rows import Rows
 
 MAX_GAP = 0.7
 """Neighbouring returns farther apart than this belong to different objects [m]. It exceeds the length of the plate,
@@ -78,14 +80,8 @@ class Scan:
         """Convert poses (..., 3) from the LRF's frame to the world frame."""
         x, y, phi = self.mount
         cos, sin = np.cos(phi), np.sin(phi)
-        return np.stack(
-            [
-                x + cos * pose[..., 0] - sin * pose[..., 1],
-                y + sin * pose[..., 0] + cos * pose[..., 1],
-                pose[..., 2] + phi,
-            ],
-            axis=-1,
-        )
+        local_x, local_y, heading = np.moveaxis(pose, -1, 0)
+        return np.stack([x + cos * local_x - sin * local_y, y + sin * local_x + cos * local_y, heading + phi], axis=-1)
 
     def from_world(self, pose: Array) -> Array:
         """Convert poses (..., 3) from the world frame to the LRF's frame."""
@@ -102,7 +98,7 @@ class Scan:
 
 
 @dataclass(frozen=True)
-class Cluster:
+class Cluster(Rows):
     """The returns of each scan that are attributed to the plate, in rows of equal width."""
 
     bearing: Array  # (S, W) of the beams from the cluster's first to its last [rad]
@@ -125,30 +121,20 @@ class Cluster:
     def take(self, rows: np.ndarray) -> Cluster:
         """The clusters `rows`, padded to the widest of them."""
         width = int(self.padded_width[rows].max(initial=_PADDING))
-        return Cluster(
-            self.bearing[rows, :width],
-            self.range[rows, :width],
-            self.hit[rows, :width],
-            self.count[rows],
-            self.lost[rows],
-            self.hidden[rows],
-        )
+        narrow = {name: getattr(self, name)[:, :width] for name in ("bearing", "range", "hit")}
+        return Rows.take(replace(self, **narrow), rows)
 
     @classmethod
     def joined(cls, parts: Sequence[Cluster]) -> Cluster:
         """The clusters of all parts, in order."""
         width = max(part.hit.shape[1] for part in parts)
 
-        def padded(arrays: Sequence[np.ndarray], mode: str) -> np.ndarray:
-            wide = [np.pad(a, ((0, 0), (0, width - a.shape[1])), mode=mode) for a in arrays]  # type: ignore[call-overload]
-            return np.concatenate(wide)
+        def padded(name: str, mode: Any) -> np.ndarray:
+            arrays = [getattr(part, name) for part in parts]
+            return np.concatenate([np.pad(a, ((0, 0), (0, width - a.shape[1])), mode=mode) for a in arrays])
 
-        return cls(
-            padded([part.bearing for part in parts], "edge"),
-            padded([part.range for part in parts], "edge"),
-            padded([part.hit for part in parts], "constant"),
-            *(np.concatenate([getattr(part, name) for part in parts]) for name in ("count", "lost", "hidden")),
-        )
+        rest = (np.concatenate([getattr(part, name) for part in parts]) for name in ("count", "lost", "hidden"))
+        return cls(padded("bearing", "edge"), padded("range", "edge"), padded("hit", "constant"), *rest)
 
 
 def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluster:
@@ -229,10 +215,12 @@ def gather(scan: Scan, rows: np.ndarray, cluster: np.ndarray, beam: np.ndarray) 
 
 def _returns(scan: Scan) -> Returns:
     """All returns except those of the background."""
-    back = scan.ranges > _HOUSING  # false for NaN
+    kept = scan.ranges > _HOUSING  # false for NaN
     if scan.background is not None:
-        back &= ~(np.abs(scan.ranges - scan.background) < _STATIC * max(scan.noise, MIN_NOISE))
-    return Returns.of(scan.ranges, scan.bearings, back)
+        kept &= ~(np.abs(scan.ranges - scan.background) < _STATIC * max(scan.noise, MIN_NOISE))
+    row, beam = np.nonzero(kept)
+    distance, bearing = scan.ranges[row, beam], scan.bearings[beam]
+    return Returns(row, beam, distance * np.cos(bearing), distance * np.sin(bearing))
 
 
 def _hidden(scan: Scan, rows: np.ndarray, edge: np.ndarray, way: int) -> Array:
