@@ -14,14 +14,12 @@ import numpy as np
 
 from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate
-from trackslip.localization.bound import viewing_angle
 from trackslip.localization.climb import climb
 from trackslip.localization.likelihood import UNKNOWN, Beams, Evaluation, PlateLikelihood, covariances
 from trackslip.localization.pieces import best_of_each
-from trackslip.localization.posterior import EDGE_ON, EDGE_ON_BY_FEW, FEW, FROM_SIDE, GRID, along_plate, over_heading
+from trackslip.localization.posterior import correct
 from trackslip.localization.rows import Rows
-from trackslip.localization.scan import FINER_GAPS, MAX_GAP, Cluster, Plate, Scan, extract_plate
-from trackslip.localization.scan import plate_candidates, returns_at
+from trackslip.localization.scan import FINER_GAPS, MAX_GAP, Cluster, Plate, Scan, candidates, extract_plate, returns_at
 from trackslip.localization.starts import MAX_STARTS, chunks, starts
 
 _STRAINED = 4.0  # standard deviations of the misfit above which the returns include something else
@@ -111,7 +109,7 @@ class PlateLocator:
 
     def _best(self, scan: Scan, gap: float) -> Solution:
         """The solution of the best cluster of each scan, clusters being separated by more than `gap` [m]."""
-        cluster, row = plate_candidates(scan, self.plate, gap)
+        cluster, row = candidates(scan, self.plate, gap)
         tried = self._solve(scan, cluster, None)
         best = np.flatnonzero(best_of_each(row, tried.score))
         found = Solution.none(len(scan.ranges))
@@ -141,25 +139,10 @@ class PlateLocator:
             score = _EXPLAINED * part.count - fit.cost
             score += np.log(max(scan.dropout, _MIN_DROPOUT)) * part.lost
             found.put(rows, Solution(fit.pose, covariance, misfit, score, strained | cut))
-        self._correct(scan, cluster, found)
+        fits = found.misfit < self.max_misfit
+        correct(self._likelihood, scan, cluster, found.pose, found.covariance, fits)
         found.covariance[(cluster.hidden > 0).any(axis=1) & (cluster.count < _MIN_PLATE_RETURNS)] = UNKNOWN
         return found
-
-    def _correct(self, scan: Scan, cluster: Cluster, found: Solution) -> None:
-        """Correct pose and covariance where the likelihood is not normal: nearly edge-on and nearly broadside."""
-        sight = np.arctan2(found.pose[:, 1], found.pose[:, 0])
-        off = viewing_angle(found.pose)
-        fits = found.misfit < self.max_misfit
-        edge_on = off < np.where(cluster.count > FEW, EDGE_ON, EDGE_ON_BY_FEW)
-        for rows in chunks(cluster, len(GRID), edge_on & fits):
-            found.pose[rows], found.covariance[rows] = over_heading(
-                self._likelihood, scan, cluster.take(rows), sight[rows]
-            )
-        for rows in chunks(cluster, 1, (off > FROM_SIDE) & fits):
-            beams = Beams.of(scan, cluster.take(rows))
-            found.pose[rows], found.covariance[rows] = along_plate(
-                self._likelihood, beams, found.pose[rows], found.covariance[rows]
-            )
 
     def _fit(self, beams: Beams, cluster: Cluster, beam_step: float, near: Array | None) -> Evaluation:
         """The best fit to each cluster; only from the expected pose if that explains the returns."""

@@ -17,23 +17,19 @@ from __future__ import annotations
 import numpy as np
 
 from trackslip.kinematics import Array
+from trackslip.localization.bound import viewing_angle
 from trackslip.localization.climb import climb
 from trackslip.localization.likelihood import Beams, Evaluation, PlateLikelihood, covariances
 from trackslip.localization.line import fit_line
 from trackslip.localization.scan import Cluster, Scan
-from trackslip.localization.starts import place
+from trackslip.localization.starts import chunks, place
 
-EDGE_ON = np.radians(3.0)
-"""At smaller angles from the line of sight, the posterior is integrated over the heading [rad]."""
-FEW = 5
-"""With at most this many returns, EDGE_ON_BY_FEW applies instead."""
-EDGE_ON_BY_FEW = np.radians(5.0)
-"""EDGE_ON for clusters of few returns [rad]."""
-GRID = np.radians(np.linspace(-8.0, 8.0, 49))
-"""Headings of the grid, relative to the line of sight [rad]."""
-FROM_SIDE = np.radians(45.0)
-"""At larger angles from the line of sight, few beams hit the short face [rad]."""
-_STEP = GRID[1] - GRID[0]
+_EDGE_ON = np.radians(3.0)  # from the line of sight; at smaller angles the posterior is integrated over the heading
+_FEW = 5  # with at most this many returns, _EDGE_ON_BY_FEW applies instead
+_EDGE_ON_BY_FEW = np.radians(5.0)
+_GRID = np.radians(np.linspace(-8.0, 8.0, 49))  # headings, relative to the line of sight
+_FROM_SIDE = np.radians(45.0)  # from the line of sight; at larger angles few beams hit the short face
+_STEP = _GRID[1] - _GRID[0]
 _PEAKS = 3  # resolved by a finer grid, at most
 _ABOUT_PEAK = np.linspace(-4.0, 4.0, 13)  # headings about a peak [its standard deviations]
 _ITERATIONS = 3
@@ -42,10 +38,24 @@ _ALONG_PLATEAU = np.linspace(-3.0, 3.0, 21)  # along the plate [standard deviati
 _ALONG_PEAK = np.linspace(-4.0, 4.0, 12)  # along the plate [standard deviations of the fit]
 
 
-def over_heading(likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, sight: Array) -> tuple[Array, Array]:
+def correct(
+    likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, pose: Array, covariance: Array, fits: np.ndarray
+) -> None:
+    """Correct, in place, those poses (S, 3) and covariances (S, 3, 3) of clusters that `fits` (S,) selects."""
+    sight = np.arctan2(pose[:, 1], pose[:, 0])
+    off = viewing_angle(pose)
+    edge_on = off < np.where(cluster.count > _FEW, _EDGE_ON, _EDGE_ON_BY_FEW)
+    for rows in chunks(cluster, len(_GRID), edge_on & fits):
+        pose[rows], covariance[rows] = _over_heading(likelihood, scan, cluster.take(rows), sight[rows])
+    for rows in chunks(cluster, 1, (off > _FROM_SIDE) & fits):
+        beams = Beams.of(scan, cluster.take(rows))
+        pose[rows], covariance[rows] = _along_plate(likelihood, beams, pose[rows], covariance[rows])
+
+
+def _over_heading(likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, sight: Array) -> tuple[Array, Array]:
     """Posterior means (S, 3) and covariances (S, 3, 3) for plates seen nearly edge-on at bearings `sight` (S,)."""
     beams, scans = Beams.of(scan, cluster), len(sight)
-    coarse = _given(likelihood, beams, cluster, sight[:, None] + GRID)
+    coarse = _given(likelihood, beams, cluster, sight[:, None] + _GRID)
     fine = _given(likelihood, beams, cluster, _peaks(likelihood, beams, coarse))
     pose = np.concatenate([fit.pose.reshape(scans, -1, 3) for fit in (coarse, fine)], axis=1)
     cost = np.concatenate([fit.cost.reshape(scans, -1) for fit in (coarse, fine)], axis=1)
@@ -59,7 +69,7 @@ def over_heading(likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, sigh
     return mean, np.sum(np.where(weight[..., None, None] > 1e-9, weight[..., None, None] * total, 0.0), axis=1)
 
 
-def along_plate(likelihood: PlateLikelihood, beams: Beams, pose: Array, covariance: Array) -> tuple[Array, Array]:
+def _along_plate(likelihood: PlateLikelihood, beams: Beams, pose: Array, covariance: Array) -> tuple[Array, Array]:
     """Poses (M, 3) and covariances (M, 3, 3), corrected along the plate where the fit claims more than the edges."""
     e = np.stack([np.cos(pose[:, 2]), np.sin(pose[:, 2]), np.zeros(len(pose))], axis=-1)
     leaning = np.einsum("mij,mj->mi", covariance, e)
@@ -95,7 +105,7 @@ def _given(likelihood: PlateLikelihood, beams: Beams, cluster: Cluster, heading:
 
 def _peaks(likelihood: PlateLikelihood, beams: Beams, coarse: Evaluation) -> Array:
     """Headings (S, K) around the peaks of the posterior, within a few steps of the coarse grid."""
-    cost = coarse.cost.reshape(-1, len(GRID))
+    cost = coarse.cost.reshape(-1, len(_GRID))
     beside = np.pad(cost, ((0, 0), (1, 1)), constant_values=np.inf)
     dip = (cost <= beside[:, :-2]) & (cost <= beside[:, 2:])
     lowest = np.argsort(np.where(dip, cost, np.inf), axis=1, kind="stable")[:, :_PEAKS]

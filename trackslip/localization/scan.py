@@ -164,7 +164,7 @@ def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluste
     return gather(scan, np.arange(len(scan.ranges)), returns.row[mine], returns.beam[mine])
 
 
-def plate_candidates(scan: Scan, plate: Plate, gap: float) -> tuple[Cluster, np.ndarray]:
+def candidates(scan: Scan, plate: Plate, gap: float) -> tuple[Cluster, np.ndarray]:
     """The C clusters in scans (S, B) that could be the plate, and the scan (C,) of each.
 
     These are the largest pieces of each scan that are no larger than the plate, split at gaps above `gap` [m].

@@ -96,7 +96,6 @@ def clothoid(
         transition: length of the clothoid between a straight and an arc [m]; the one between the arcs is twice as long.
         radius: of the arcs [m].
         arc: length of each arc [m].
-        limits: of speeds and acceleration.
     """
     require_positive("radius", radius)
     bend = 1 / radius
@@ -121,7 +120,6 @@ def rounded_square(
         start: pose (3,), along the side.
         side: length of a side [m].
         radius: of the corners [m], less than half a side.
-        limits: of speeds and acceleration.
     """
     require_positive("side", side)
     if not 0 < radius < side / 2:
