@@ -150,15 +150,9 @@ class _Program:
         speeds, wanted_speeds = casadi.SX.sym("speeds", 2, count), casadi.SX.sym("wanted_speeds", 2, count)
         unknowns = casadi.vec(casadi.vertcat(speeds, poses[:, 1:]))
         wanted = casadi.vec(casadi.vertcat(wanted_speeds, wanted_poses[:, 1:]))
-        gaps = casadi.vec(
-            casadi.horzcat(
-                *(
-                    poses[:, k + 1]
-                    - _arc(casadi, poses[:, k], speeds[:, k], controller.half_gauge, controller.interval)
-                    for k in range(count)
-                )
-            )
-        )
+        gauge, interval = controller.half_gauge, controller.interval
+        ends = [_arc(casadi, poses[:, k], speeds[:, k], gauge, interval) for k in range(count)]
+        gaps = casadi.vec(poses[:, 1:] - casadi.horzcat(*ends))
         matrix = casadi.jacobian(gaps, unknowns)
         scales = [controller.speed_scale] * 2 + [controller.position_scale] * 2 + [controller.heading_scale]
         weights = np.tile(np.array(scales) ** -2, (count, 1))

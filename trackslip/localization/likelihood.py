@@ -1,4 +1,4 @@
-"""Likelihood of the known rectangle, given the ranges of a scan.
+"""Likelihood of the known rectangle, given the ranges of a scan, and its maximisation for many scans at once.
 
 A beam with direction u meets a face whose plane is m.p = h at range h / (m.u). At most two faces point towards the LRF,
 one long and one short; together they form a wedge, which a beam meets where it enters the second of the two
@@ -30,13 +30,13 @@ from trackslip.localization.scan import MIN_NOISE, Cluster, Plate, Scan
 
 UNKNOWN = 1e6
 """Variance of what a scan does not determine."""
-_ALONG, _ACROSS = np.array([1.0, 1.0, -1.0, -1.0]), np.array([1.0, -1.0, 1.0, -1.0])  # of the plate's corners
+_CONVERGED = 1e-5  # a climb ends when the predicted or actual decrease of the cost is smaller
 _MARGIN = 0.1  # the scanner's reach may cut off returns this close to it [m]
 
 
 @dataclass(frozen=True)
 class PlateLikelihood:
-    """Negative log likelihood of poses, with its derivatives."""
+    """Negative log likelihood of poses, with its derivatives and minima."""
 
     plate: Plate
     huber: float
@@ -58,6 +58,37 @@ class PlateLikelihood:
             hessian[:, 2, :] = hessian[:, :, 2] = 0.0
             hessian[:, 2, 2] = 1.0
         return Evaluation(pose, cost, gradient, hessian, misfit)
+
+    def climb(self, beams: Beams, pose: Array, iterations: int, turn: bool = True) -> Evaluation:
+        """Levenberg-Marquardt from poses (M, 3) in the LRF's frame; without `turn` the heading is fixed.
+
+        A row that has converged no longer changes, so that rows are bitwise independent of each other.
+        """
+        fit = self.evaluate(beams, pose.copy(), turn)
+        damping = np.full(len(pose), 1e-3)
+        climbing = np.arange(len(pose))
+        for _ in range(iterations):
+            here = fit if climbing.size == len(pose) else fit.take(climbing)
+            damped = here.hessian + damping[:, None, None] * here.hessian * np.eye(3)
+            inverse, regular = inverses(damped)
+            step = -np.einsum("mij,mj->mi", inverse, here.gradient)
+            on = ~regular | (np.einsum("mi,mi->m", step, here.gradient) < -2 * _CONVERGED)
+            if not on.all():
+                climbing, beams, damping = climbing[on], beams.take(on), damping[on]
+                here, step, regular = here.take(on), step[on], regular[on]
+            if not climbing.size:
+                break
+            trial = self.evaluate(beams, here.pose + np.where(regular[:, None], step, 0.0), turn)
+            fall = here.cost - trial.cost
+            better = fall > 0
+            fit.put(climbing[better], trial.take(better))
+            on = ~better | (fall > _CONVERGED)
+            if not on.any():
+                break
+            damping = np.where(better, damping / 10, damping * 10)[on]
+            if not on.all():
+                climbing, beams = climbing[on], beams.take(on)
+        return fit
 
     def _ranges(self, beams: Beams, pose: Array) -> tuple[Array, Array]:
         """Residuals (M, W) of the ranges [standard deviations], and their Jacobian (M, 3, W)."""
@@ -94,25 +125,11 @@ class PlateLikelihood:
 
     def _edges(self, beams: Beams, pose: Array) -> tuple[Array, Array]:
         """Residuals (M, 2) of the two edges of the silhouette, and their Jacobian (M, 2, 3)."""
-        cos, sin = np.cos(pose[:, 2:]), np.sin(pose[:, 2:])
-        along, across = self.plate.length / 2 * _ALONG, self.plate.thickness / 2 * _ACROSS
-        d_x, d_y = along * cos - across * sin, along * sin + across * cos  # (M, 4)
-        x, y = pose[:, :1] + d_x, pose[:, 1:2] + d_y
-        ahead, aside = beams.ahead[:, :1], beams.ahead[:, 1:]  # bearings from the middle: no wrap there
-        bearing = np.arctan2(ahead * y - aside * x, ahead * x + aside * y)
-        rows = np.arange(len(pose))[:, None]
-        outermost = np.empty((len(pose), 2), np.intp)
-        bearing.argmin(axis=1, out=outermost[:, 0])
-        bearing.argmax(axis=1, out=outermost[:, 1])
-        x, y, d_x, d_y = x[rows, outermost], y[rows, outermost], d_x[rows, outermost], d_y[rows, outermost]
-        off = bearing[rows, outermost] - beams.edges
+        bearing, jacobian, square = self.plate.silhouette(pose, beams.ahead)
+        off = bearing - beams.edges
         residual = off - np.minimum(np.maximum(off, -beams.slack), beams.slack)
         weight = np.where((beams.slack == 0) | (residual != 0), beams.edge_weight, 0.0)
-        per_square = weight / np.maximum(x * x + y * y, 1e-12)
-        jacobian = np.empty((len(pose), 2, 3))
-        jacobian[..., 0], jacobian[..., 1], jacobian[..., 2] = -y, x, x * d_x + y * d_y
-        jacobian *= per_square[..., None]
-        return residual * weight, jacobian
+        return residual * weight, jacobian * (weight / np.maximum(square, 1e-12))[..., None]
 
 
 @dataclass(frozen=True)

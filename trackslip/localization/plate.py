@@ -14,7 +14,6 @@ import numpy as np
 
 from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate
-from trackslip.localization.climb import climb
 from trackslip.localization.likelihood import UNKNOWN, Beams, Evaluation, PlateLikelihood, covariances
 from trackslip.localization.pieces import best_of_each
 from trackslip.localization.posterior import correct
@@ -148,7 +147,7 @@ class PlateLocator:
         """The best fit to each cluster; only from the expected pose if that explains the returns."""
         if near is None:
             return self._screened(beams, starts(cluster, self.plate, beam_step, None))
-        fit = climb(self._likelihood, beams, near, self.iterations)
+        fit = self._likelihood.climb(beams, near, self.iterations)
         explained = ~_strained(np.sqrt(2 * fit.cost / cluster.count), cluster.count) & (
             cluster.count >= _MIN_PLATE_RETURNS
         )
@@ -162,9 +161,9 @@ class PlateLocator:
         """The best fits (S,) reached from the poses `first` (S, K, 3)."""
         scans, k, _ = first.shape
         thinned = beams.thinned(_SCREENED).take(np.repeat(np.arange(scans), k))
-        screened = climb(self._likelihood, thinned, first.reshape(-1, 3), self.screening)
+        screened = self._likelihood.climb(thinned, first.reshape(-1, 3), self.screening)
         best = np.argmin(screened.cost.reshape(scans, k), axis=1) + k * np.arange(scans)
-        return climb(self._likelihood, beams, screened.pose[best], self.iterations)
+        return self._likelihood.climb(beams, screened.pose[best], self.iterations)
 
 
 def _strained(misfit: Array, count: np.ndarray) -> np.ndarray:

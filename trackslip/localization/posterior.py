@@ -18,7 +18,6 @@ import numpy as np
 
 from trackslip.kinematics import Array
 from trackslip.localization.bound import viewing_angle
-from trackslip.localization.climb import climb
 from trackslip.localization.likelihood import Beams, Evaluation, PlateLikelihood, covariances
 from trackslip.localization.line import fit_line
 from trackslip.localization.scan import Cluster, Scan
@@ -100,7 +99,7 @@ def _given(likelihood: PlateLikelihood, beams: Beams, cluster: Cluster, heading:
     every = np.repeat(np.arange(len(heading)), heading.shape[1])
     middle = fit_line(cluster).middle[every]
     start = place(cluster.take(every), heading.ravel(), middle, likelihood.plate)
-    return climb(likelihood, beams.take(every), start, _ITERATIONS, turn=False)
+    return likelihood.climb(beams.take(every), start, _ITERATIONS, turn=False)
 
 
 def _peaks(likelihood: PlateLikelihood, beams: Beams, coarse: Evaluation) -> Array:
@@ -111,7 +110,7 @@ def _peaks(likelihood: PlateLikelihood, beams: Beams, coarse: Evaluation) -> Arr
     lowest = np.argsort(np.where(dip, cost, np.inf), axis=1, kind="stable")[:, :_PEAKS]
     scan = np.repeat(np.arange(len(cost)), _PEAKS)
     start = coarse.pose.reshape(len(cost), -1, 3)[scan, lowest.ravel()]
-    fit = climb(likelihood, beams.take(scan), start, 2 * _ITERATIONS)
+    fit = likelihood.climb(beams.take(scan), start, 2 * _ITERATIONS)
     sigma = np.sqrt(np.minimum(covariances(fit.hessian)[:, 2, 2], _STEP**2))
     return (fit.pose[:, 2, None] + sigma[:, None] * _ABOUT_PEAK).reshape(len(cost), -1)
 

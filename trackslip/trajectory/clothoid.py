@@ -51,7 +51,6 @@ class ClothoidPath:
         x, y, phi = np.asarray(start, float)
         turns = steps * (self._curvature + self._sharpness * steps / 2)
         self._heading = phi + np.concatenate([[0.0], np.cumsum(turns)[:-1]])  # (K - 1,), as the two before
-        self._point = np.zeros(len(steps), complex)
         chords = self._chord(np.arange(len(steps)), steps)
         self._point = complex(x, y) + np.concatenate([[0.0], np.cumsum(chords)[:-1]])
 

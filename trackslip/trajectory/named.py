@@ -16,18 +16,11 @@ from trackslip.trajectory.curves import figure_eight, slalom, spiral
 from trackslip.trajectory.segmented import PAPER_START, circle, paper_reference, stop_and_go
 from trackslip.trajectory.waypoints import read_waypoints
 
-
-def _lap(start: ArrayLike) -> Reference:
-    """Once around a circle of 1 m radius at constant speed."""
-    radius, speed = 1.0, 0.15
-    return circle(radius, speed, 2 * np.pi * radius / speed, start)
-
-
 # The scanner is at (-1.5, -1.5) and sees everything with y > -1.5. From these starts the plate stays more than 1 m from
 # it and within its field of view, even with an error of 0.4 m.
 REFERENCES: dict[str, Callable[..., Reference]] = {
     "paper": partial(paper_reference, start=PAPER_START),
-    "circle": partial(_lap, start=(-1.5, 0.4, 0.0)),
+    "circle": partial(circle, 1.0, 0.15, 2 * np.pi / 0.15, start=(-1.5, 0.4, 0.0)),
     "figure_eight": partial(figure_eight, start=(-1.5, 1.6, -np.pi / 4)),
     "slalom": partial(slalom, start=(-3.5, 1.2, 0.0)),
     "rounded_square": partial(rounded_square, start=(-1.5, 0.5, 0.0)),
@@ -56,9 +49,9 @@ def load_reference(name_or_path: str | Path) -> Reference:
         InvalidValueError: if it is neither.
         ReferenceFileError: if the file cannot be read or the path cannot be driven.
     """
-    if Path(name_or_path).suffix.lower() == ".csv":
-        return read_waypoints(Path(name_or_path))
-    if str(name_or_path) not in REFERENCES:
-        allowed = f"one of {', '.join(REFERENCES)}, or a .csv file of way points"
-        raise InvalidValueError("reference", str(name_or_path), allowed)
-    return named_reference(str(name_or_path))
+    name = str(name_or_path)
+    if Path(name).suffix.lower() == ".csv":
+        return read_waypoints(Path(name))
+    if name not in REFERENCES:
+        raise InvalidValueError("reference", name, f"one of {', '.join(REFERENCES)}, or a .csv file of way points")
+    return REFERENCES[name]()

@@ -44,15 +44,14 @@ class SegmentedReference:
         """`start` is the first pose (3,); raises InvalidValueError without segments."""
         if not segments:
             raise InvalidValueError("segments", segments, "at least one segment")
-        self._segments = tuple(segments)
         poses = [np.asarray(start, float)]
-        for s in self._segments:
+        for s in segments:
             poses.append(advance(poses[-1], [s.length, s.length * s.curvature], 1.0))
         self._start_poses = np.array(poses[:-1])  # (S, 3)
-        self._start_times = np.concatenate([[0.0], np.cumsum([s.duration for s in self._segments])])  # (S + 1,)
-        self._start_speeds = np.array([s.start_speed for s in self._segments])
-        self._accelerations = np.array([(s.end_speed - s.start_speed) / s.duration for s in self._segments])
-        self._curvatures = np.array([s.curvature for s in self._segments])
+        self._start_times = np.concatenate([[0.0], np.cumsum([s.duration for s in segments])])  # (S + 1,)
+        self._start_speeds = np.array([s.start_speed for s in segments])
+        self._accelerations = np.array([(s.end_speed - s.start_speed) / s.duration for s in segments])
+        self._curvatures = np.array([s.curvature for s in segments])
 
     @property
     def duration(self) -> float:
