@@ -45,11 +45,9 @@ class PlateLikelihood:
     def evaluate(self, beams: Beams, pose: Array, turn: bool = True) -> Evaluation:
         """Cost, gradient and Gauss-Newton Hessian at poses (M, 3); without `turn`, the heading is fixed."""
         residual, jacobian = self._ranges(beams, pose)
-        size = np.abs(residual)
-        weight = self.huber / np.maximum(size, self.huber)
-        weighted = jacobian * weight[:, None, :]
         edge_residual, edge_jacobian = self._edges(beams, pose)
-        cost = np.einsum("mw,mw->m", weight * size, size - weight * size / 2) + _squares(edge_residual) / 2
+        weight, cost = self._loss(residual, edge_residual)
+        weighted = jacobian * weight[:, None, :]
         gradient = (weighted @ residual[..., None])[..., 0] + np.einsum("mei,me->mi", edge_jacobian, edge_residual)
         hessian = weighted @ jacobian.swapaxes(1, 2) + edge_jacobian.swapaxes(1, 2) @ edge_jacobian
         misfit = np.sqrt(_squares(residual) / np.maximum(beams.hit.sum(axis=1), 1))
@@ -58,6 +56,10 @@ class PlateLikelihood:
             hessian[:, 2, :] = hessian[:, :, 2] = 0.0
             hessian[:, 2, 2] = 1.0
         return Evaluation(pose, cost, gradient, hessian, misfit)
+
+    def cost(self, beams: Beams, pose: Array) -> Array:
+        """Only the cost (M,) at poses (M, 3)."""
+        return self._loss(self._ranges(beams, pose, derive=False)[0], self._edges(beams, pose)[0])[1]
 
     def climb(self, beams: Beams, pose: Array, iterations: int, turn: bool = True) -> Evaluation:
         """Levenberg-Marquardt from poses (M, 3) in the LRF's frame; without `turn` the heading is fixed.
@@ -90,8 +92,14 @@ class PlateLikelihood:
                 climbing, beams = climbing[on], beams.take(on)
         return fit
 
-    def _ranges(self, beams: Beams, pose: Array) -> tuple[Array, Array]:
-        """Residuals (M, W) of the ranges [standard deviations], and their Jacobian (M, 3, W)."""
+    def _loss(self, residual: Array, edge_residual: Array) -> tuple[Array, Array]:
+        """Weights (M, W) of the ranges under a Huber loss, and costs (M,) of all residuals."""
+        size = np.abs(residual)
+        weight = self.huber / np.maximum(size, self.huber)
+        return weight, np.einsum("mw,mw->m", weight * size, size - weight * size / 2) + _squares(edge_residual) / 2
+
+    def _ranges(self, beams: Beams, pose: Array, derive: bool = True) -> tuple[Array, Array]:
+        """Residuals (M, W) of the ranges [standard deviations], and their Jacobian (M, 3, W), empty unless `derive`."""
         x, y, phi = pose[:, :1], pose[:, 1:2], pose[:, 2:]
         cos, sin = np.cos(phi), np.sin(phi)  # (M, 1)
         along, across = cos * x + sin * y, cos * y - sin * x
@@ -108,6 +116,8 @@ class PlateLikelihood:
         distance, reach = np.hypot(x, y), math.hypot(half_length, half_thickness)
         predicted = np.minimum(np.maximum(entered, distance - reach), distance + reach)
         residual = np.where(beams.hit, (predicted - beams.range) / beams.noise, 0.0)
+        if not derive:
+            return residual, np.empty(0)
 
         # dr/dcentre = m / (m.u); dr/dphi = how far along the face the beam hits, over m.u
         m_u = np.where(on_long, u_n, u_e)

@@ -84,7 +84,7 @@ def _along_plate(likelihood: PlateLikelihood, beams: Beams, pose: Array, covaria
     offset = np.concatenate([edge * _ALONG_PLATEAU, sigma * _ALONG_PEAK], axis=1)  # (N, K)
     slid = pose[doubted, None, :] + offset[..., None] * e[:, None, :]
     every = beams.take(np.repeat(doubted, offset.shape[1]))
-    share, span = _quadrature(offset, likelihood.evaluate(every, slid.reshape(-1, 3)).cost.reshape(offset.shape))
+    share, span = _quadrature(offset, likelihood.cost(every, slid.reshape(-1, 3)).reshape(offset.shape))
     mean = np.sum(share * offset, axis=1)
     variance = np.sum(share * ((offset - mean[:, None]) ** 2 + span**2 / 12), axis=1)
     pose, covariance = pose.copy(), covariance.copy()

@@ -66,9 +66,11 @@ class Plate:
         d_x, d_y = along * cos - across * sin, along * sin + across * cos  # (M, 4)
         x, y = pose[:, :1] + d_x, pose[:, 1:2] + d_y
         bearing = np.arctan2(ahead[:, :1] * y - ahead[:, 1:] * x, ahead[:, :1] * x + ahead[:, 1:] * y)
-        outer = np.stack([bearing.argmin(axis=1), bearing.argmax(axis=1)], axis=1)  # (M, 2)
-        bearing, x, y, d_x, d_y = (np.take_along_axis(a, outer, axis=1) for a in (bearing, x, y, d_x, d_y))
-        return bearing, np.stack([-y, x, x * d_x + y * d_y], axis=-1), x * x + y * y
+        outer = np.arange(len(pose))[:, None], np.array([bearing.argmin(axis=1), bearing.argmax(axis=1)]).T  # (M, 2)
+        x, y, d_x, d_y = x[outer], y[outer], d_x[outer], d_y[outer]
+        jacobian = np.empty((len(pose), 2, 3))
+        jacobian[..., 0], jacobian[..., 1], jacobian[..., 2] = -y, x, x * d_x + y * d_y
+        return bearing[outer], jacobian, x * x + y * y
 
 
 @dataclass(frozen=True)
@@ -156,14 +158,10 @@ class Cluster(Rows):
 def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluster:
     """The cluster of points on the plate (paper, Sec. III-B), for scans with ranges (S, B).
 
-    If an expected pose is given, all pieces around it are taken: more than one if something in front divides the plate.
-    Otherwise, or if there are none, it is the piece nearest to `near`, or the one with most returns, among those no
-    larger than the plate; pieces are split where neighbours lie more than MAX_GAP apart.
-
-    Args:
-        scan: ranges (S, B).
-        plate: the plate to look for.
-        near: expected poses (S, 3) of the plate in the LRF's frame.
+    If expected poses `near` (S, 3) in the LRF's frame are given, all pieces around them are taken: more than one if
+    something in front divides the plate. Otherwise, or if there are none, it is the piece nearest to `near`, or the one
+    with most returns, among those no larger than the plate; pieces are split where neighbours lie more than MAX_GAP
+    apart.
     """
     returns = _returns(scan)
     mine = np.zeros(len(returns.row), bool)

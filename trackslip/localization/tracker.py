@@ -12,7 +12,7 @@ GATE_POSITION, GATE_HEADING = 0.10, np.radians(20.0)
 GROWTH = 0.3
 """Error of dead reckoning relative to the distance and turn since the last valid pose [-]."""
 BLIND_TURN = np.radians(60.0)
-"""Error of the predicted heading above which half turns are ambiguous, so that the robot is lost [rad]."""
+"""Error of the predicted heading above which the robot is lost: with GATE_HEADING it must be below pi / 2 [rad]."""
 
 
 class Tracker:
