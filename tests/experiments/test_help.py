@@ -28,7 +28,7 @@ NEEDED = {
     ("grid",): {"mujoco", "pyarrow"},
     ("predict", "--out", "predict"): set(),
     ("track", *PATH, "--out", "track"): {"mujoco", "pyarrow"},
-    ("identify",): {"pyarrow"},
+    ("identify",): {"pyarrow", *DRAWN},
     ("benchmark",): {"mujoco", "pyarrow", *DRAWN},
     ("train",): set(),
     ("calibrate",): {"mujoco", "pyarrow", *SCIPY},
