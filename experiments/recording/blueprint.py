@@ -29,12 +29,7 @@ def begin_of_loop(moment: float, duration: float) -> float:
 
 
 def blueprint(
-    roots: Sequence[str],
-    panels: Sequence[Panel],
-    sent: Sequence[str],
-    within: Array,
-    begin: float,
-    duration: float,
+    roots: Sequence[str], panels: Sequence[Panel], sent: Sequence[str], within: Array, begin: float, duration: float
 ) -> rrb.Blueprint:
     """The layout of the viewer.
 
@@ -84,11 +79,7 @@ def blueprint(
         ),
     )
     return rrb.Blueprint(
-        rrb.Horizontal(
-            rrb.Vertical(space, plan, row_shares=[1.2, 1]),
-            _tabs(plots, duration),
-            column_shares=[1, 1.1],
-        )
+        rrb.Horizontal(rrb.Vertical(space, plan, row_shares=[1.2, 1]), _tabs(plots, duration), column_shares=[1, 1.1])
         if plots
         else rrb.Vertical(space, plan),
         rrb.TimePanel(

@@ -16,7 +16,7 @@ import matplotlib
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from experiments.report.formats import MISSING
+from experiments.report.formats import MISSING, percent, significant
 from experiments.storage.manifest import relative
 from experiments.storage.results import FIGURES_FOLDER, REPORT_FILE
 
@@ -66,14 +66,9 @@ class Page:
 
 
 def render_page(template: str, *, title: str, command: str, manifest: Mapping[str, Any], **context: Any) -> str:
-    """Fill in a template that extends base.html.j2; the HTML needs no other file.
+    """Fill in the template file, which extends base.html.j2, with `context`; the HTML needs no other file.
 
-    Args:
-        template: name of its file.
-        title: title of the page.
-        command: command line that made the results.
-        manifest: anything that fits into JSON; listed at the end of the page.
-        context: further variables of the template.
+    The manifest, which may be anything that fits into JSON, is listed at the end; `command` made the results.
     """
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("experiments.report", "templates"),
@@ -82,6 +77,7 @@ def render_page(template: str, *, title: str, command: str, manifest: Mapping[st
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    environment.filters |= {"percent": percent, "significant": significant}
     return environment.get_template(template).render(
         title=title, command=relative_command(command), manifest=list(_flatten(manifest)), **context
     )

@@ -19,7 +19,7 @@ from experiments.report.figures import tracking as tracking_figures
 from experiments.report.figures.localization import Sightings, error_against_viewing_angle, sightings
 from experiments.report.figures.published import published_and_simulated
 from experiments.report.formats import MISSING, number, pair
-from experiments.report.identification import IdentificationText
+from experiments.report.identification import facts
 from experiments.report.page import Drawing, Page, conditions, render_page
 from experiments.report.tracking import tracking_rows
 from trackslip.identification.result import Identification
@@ -64,7 +64,7 @@ def render(report: Report) -> Page:
         figures={drawing.name: drawing.inline for drawing in drawings},
         conditions=conditions(report.manifest, report.command),
         comparison=comparison_table(report.comparison),
-        found=None if report.identification is None else IdentificationText.of(report.identification),
+        found=None if report.identification is None else facts(report.identification),
         seen=None if seen is None else seen.facts(),
         warnings=_warnings(report),
         tracking=tracking_rows(report.tracking),

@@ -12,15 +12,7 @@ from datetime import timedelta
 import rich.box
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import (
-    BarColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
@@ -69,11 +61,7 @@ def busy(stage: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _shown(
-    stage: str,
-    total: float | None,
-    done: float,
-    columns: Sequence[ProgressColumn],
-    text: Callable[[float, float], str],
+    stage: str, total: float | None, done: float, columns: Sequence[ProgressColumn], text: Callable[[float, float], str]
 ) -> Iterator[Advance]:
     console = Console(stderr=True)
     if not console.is_terminal:
