@@ -17,7 +17,6 @@ from experiments.report.figures import laws as law_figures
 from experiments.report.figures import steady_runs as steady_figures
 from experiments.report.figures import tracking as tracking_figures
 from experiments.report.figures.localization import Sightings, error_against_viewing_angle, sightings
-from experiments.report.figures.published import published_and_simulated
 from experiments.report.formats import MISSING, number, pair
 from experiments.report.identification import facts
 from experiments.report.page import Drawing, Page, conditions, render_page
@@ -91,7 +90,7 @@ def _figures(report: Report, seen: Sightings | None) -> Iterator[tuple[str, Figu
     found = report.identification
     turns = None if found is None else InnerOuterSamples.of(found.samples, found.geometry)
     if report.radius is not None and turns:
-        yield "published_and_simulated", published_and_simulated(report.radius, turns)
+        yield "published_and_simulated", steady_figures.published_and_simulated(report.radius, turns)
     if report.grid_logs:
         yield "fig04_pose_and_velocity", steady_figures.pose_and_velocity(steady_figures.typical_run(report.grid_logs))
     if seen is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from experiments.measuring.inner_outer import TRACKS, InnerOuterSamples
 from experiments.measuring.value_groups import repeated
 from experiments.report.colours import COLOURS, GREEN, LABELS
 from experiments.report.figures.axes import bar_factor, bar_key, curve_radii, draw_bars, show_radii, with_bars
-from experiments.report.figures.style import BAND, INNER, OUTER, law_line, limits_around, styled
+from experiments.report.figures.style import BAND, INNER, OUTER, law_line, limits_around, styled, subplots
 from experiments.report.law_symbols import SYMBOLS
 from trackslip.identification.comparison import Comparison
 from trackslip.identification.fitted import FittedLaw
@@ -43,8 +43,7 @@ def shown_laws(comparison: Comparison) -> dict[str, SlipLaw]:
 @styled
 def fitted_laws(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
     """Fig. 6: slip against observed radius with every law; thick: the best, the paper's, and icr_radius."""
-    figure = Figure(figsize=(9.0, 5.4), layout="constrained")
-    axes = figure.subplots(1, 2)
+    figure, axes = subplots(5.4, 1, 2)
     laws = shown_laws(comparison)
     radius = curve_radii(runs)
     factor = bar_factor(runs)
@@ -90,8 +89,8 @@ def residuals(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
     """Residuals of every run, one panel per law on a common scale that is linear within the band of errors."""
     laws = shown_laws(comparison)
     rows = -(-len(laws) // _COLUMNS)
-    figure = Figure(figsize=(9.0, 0.7 + 1.75 * rows), layout="constrained")
-    axes = figure.subplots(rows, _COLUMNS, sharex=True, sharey=True, squeeze=False).ravel()
+    figure, axes = subplots(0.7 + 1.75 * rows, rows, _COLUMNS, sharex=True, sharey=True, squeeze=False)
+    axes = axes.ravel()
     band, meaning = residual_band(runs, comparison)
     largest = max(float(np.abs(runs.residual(law)).max()) for law in laws.values())
     threshold = 10.0 ** np.floor(np.log10(max(band, 1e-4 * largest, 1e-9)))
@@ -149,32 +148,31 @@ def _ticks(threshold: float, largest: float) -> list[float]:
 def criteria(comparison: Comparison) -> Figure:
     """AICc above the smallest, and errors of predicting left-out radii and speeds; one row per law, the best on top."""
     names = comparison.ranking
-    validation = comparison.validation
-    figure = Figure(figsize=(9.0, 1.7 + 0.27 * len(names)), layout="constrained")
-    axes = figure.subplots(1, 4, sharey=True)
-    known = [value for value in comparison.aicc.values() if value is not None]
-    above = {name: None if value is None else value - min(known) for name, value in comparison.aicc.items()}
-    fitted = {name: law.rms for name, law in comparison.laws.items()}
-    _dots(axes[0], {name: above[name] for name in names})
-    axes[0].axvspan(0, _INDISTINCT, color=BAND, lw=0, zorder=0)
-    axes[0].set_xscale("symlog", linthresh=_DECIDED)
-    axes[0].set_xlim(-0.8, None)
-    for axis, values, more in (
-        (axes[1], {name: validation[name].radius for name in names}, fitted),
-        (axes[2], {name: validation[name].speed for name in names}, fitted),
-        (axes[3], {name: _milli(validation[name].yaw_rate) for name in names}, {}),
+    figure, axes = subplots(1.7 + 0.27 * len(names), 1, 4, sharey=True)
+    least = min((value for value in comparison.aicc.values() if value is not None), default=0.0)
+    validation = [comparison.validation[name] for name in names]
+    fitted = [comparison.laws[name].rms for name in names]
+    for axis, title, label, hollow, values in (
+        (axes[0], "Criterion", "AICc − smallest [–]", None, [_less(comparison.aicc[name], least) for name in names]),
+        (axes[1], "Radius left out", "slip, rms [–]", fitted, [errors.radius for errors in validation]),
+        (axes[2], "Speed left out", "slip, rms [–]", fitted, [errors.speed for errors in validation]),
+        (
+            axes[3],
+            "Radius left out",
+            "yaw rate, rms [mrad/s]",
+            None,
+            [_milli(errors.yaw_rate) for errors in validation],
+        ),
     ):
-        _dots(axis, values, more)
-        if any(value is not None and value > 0 for value in values.values()):
+        _dots(axis, names, values, hollow)
+        axis.set(title=title, xlabel=label)
+        if axis is axes[0]:
+            axis.axvspan(0, _INDISTINCT, color=BAND, lw=0, zorder=0)
+            axis.set_xscale("symlog", linthresh=_DECIDED)
+            axis.set_xlim(-0.8, None)
+        elif any(value is not None and value > 0 for value in values):
             axis.set_xscale("log")
             axis.margins(x=0.12)
-    for axis, title, label in (
-        (axes[0], "Criterion", "AICc − smallest [–]"),
-        (axes[1], "Radius left out", "slip, rms [–]"),
-        (axes[2], "Speed left out", "slip, rms [–]"),
-        (axes[3], "Radius left out", "yaw rate, rms [mrad/s]"),
-    ):
-        axis.set(title=title, xlabel=label)
     axes[0].set_yticks(range(len(names)), [LABELS.get(name, name) for name in names])
     axes[0].set_ylim(len(names) - 0.4, -0.6)
     axes[0].get_yticklabels()[names.index(comparison.best)].set_fontweight("bold")
@@ -191,9 +189,15 @@ def _milli(value: float | None) -> float | None:
     return None if value is None else 1e3 * value
 
 
-def _dots(axis: Axes, values: Mapping[str, float | None], hollow: Mapping[str, float] | None = None) -> None:
+def _less(value: float | None, least: float) -> float | None:
+    return None if value is None else value - least
+
+
+def _dots(
+    axis: Axes, names: Sequence[str], values: Sequence[float | None], hollow: Sequence[float] | None = None
+) -> None:
     """Draw one dot per law at its value, and a hollow one at a second value; a note where there is none."""
-    for row, (name, value) in enumerate(values.items()):
+    for row, (name, value) in enumerate(zip(names, values, strict=True)):
         colour = COLOURS.get(name, GREEN)
         if value is None:
             beside = axis.get_yaxis_transform()
@@ -201,25 +205,23 @@ def _dots(axis: Axes, values: Mapping[str, float | None], hollow: Mapping[str, f
             continue
         axis.plot(value, row, "o", color=colour, ms=6)
         if hollow:
-            axis.plot(hollow[name], row, "o", color=colour, ms=8.5, mfc="none")
+            axis.plot(hollow[row], row, "o", color=colour, ms=8.5, mfc="none")
 
 
 def correlated_laws(comparison: Comparison) -> list[FittedLaw]:
     """The best law and the paper's, if they have several parameters."""
     names = dict.fromkeys([comparison.best, "exponential", "icr_radius"])
-    several = [
-        comparison.laws[name] for name in names if name in comparison.laws and len(comparison.laws[name].values) > 1
-    ]
-    return several[:2]
+    known = [comparison.laws[name] for name in names if name in comparison.laws]
+    return [law for law in known if len(law.values) > 1][:2]
 
 
 @styled
 def correlations(laws: list[FittedLaw]) -> Figure:
     """Correlation matrices of the parameters of up to two laws."""
-    figure = Figure(figsize=(9.0, 3.7), layout="constrained")
-    for axis, law in zip(figure.subplots(1, 2), laws, strict=False):
+    figure, axes = subplots(3.7, 1, 2)
+    for axis, law in zip(axes, laws, strict=False):
         _matrix(axis, law)
-    for axis in figure.axes[len(laws) :]:
+    for axis in axes[len(laws) :]:
         axis.set_visible(False)
     return figure
 

@@ -6,26 +6,12 @@ from typing import Any
 
 import matplotlib
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from experiments.report.colours import BLUE, COLOURS, GREEN, GREY, ORANGE, SHADE
+from experiments.report.colours import BLACK, BLUE, COLOURS, DASHES, GREEN, GREY, ORANGE, RED, SHADE
 from trackslip.kinematics import Array
 
-DASHES = {
-    "none": (0, (12, 1.5)),
-    "published": "--",
-    "constant": (0, (6, 2)),
-    "exponential": "-.",
-    "exponential_speed": (0, (6, 1.5, 1, 1.5, 1, 1.5)),
-    "power": (0, (3, 1.5)),
-    "hyperbola": (0, (4, 1.5, 1, 1.5)),
-    "icr": (0, (2, 1)),
-    "icr_radius": "-",
-    "icr_sides": (0, (2, 2.5)),
-    "online": (0, (5, 1)),
-    "online_cold": (0, (5, 1, 1, 1)),
-}
-"""Line styles, all different, so that the laws can also be told apart without colour."""
 INNER, OUTER = ORANGE, BLUE
 """Colours of the inner and the outer track."""
 BAND = "#d5e6d5"
@@ -56,10 +42,31 @@ DESIRED: dict[str, Any] = {
     "path_effects": [withStroke(linewidth=5.2, foreground=GREY)],
 }
 """Keywords of the line of a reference, drawn like a road."""
+RECIPE: dict[str, Any] = {"color": BLUE, "marker": "o"}
+"""Look of the model's contacts in the figures of a validation."""
+DEFAULT: dict[str, Any] = {"color": RED, "marker": "^"}
+"""Look of MuJoCo's default contact."""
+THEORY: dict[str, Any] = {"color": BLACK, "lw": 1.0}
 POINTS = 500
 """Points of a line that can be told apart at the figures' width."""
 
+Panels = tuple[Figure, ...]
+"""Parts of a figure that are drawn separately, so that they stack on a narrow page."""
 styled = matplotlib.rc_context(STYLE)
+
+
+def subplots(height: float, *grid: int, **more: Any) -> tuple[Figure, Any]:
+    """A figure as wide as the page and `height` high [in], and its axes; `grid` and `more` as for Figure.subplots."""
+    figure = Figure(figsize=(9.0, height), layout="constrained")
+    return figure, figure.subplots(*grid, **more)
+
+
+def panel(title: str, xlabel: str, ylabel: str) -> tuple[Figure, Axes]:
+    """A figure with one set of axes, about as wide as a phone."""
+    figure = Figure(figsize=(4.6, 3.6), layout="constrained")
+    axes = figure.subplots()
+    axes.set(title=title, xlabel=xlabel, ylabel=ylabel)
+    return figure, axes
 
 
 def thin(rows: int, most: int = POINTS) -> slice:

@@ -16,7 +16,7 @@ from matplotlib.patches import Arc
 
 from experiments.driving.paper_model import geometry_of
 from experiments.report.colours import BLACK, BLUE, COLOURS, GREEN, GREY, LABELS, ORANGE
-from experiments.report.figures.style import DESIRED, law_line, mark_span, styled, thin
+from experiments.report.figures.style import DESIRED, law_line, mark_span, styled, subplots, thin
 from trackslip.identification.fitted import FittedLaw
 from trackslip.kinematics import Array, curvature, track_slip
 from trackslip.logs.runlog import RunLog
@@ -63,8 +63,7 @@ def planned_trajectory() -> Figure:
     reference = paper_reference()
     time = np.linspace(0, reference.duration, 460)
     pose = reference.pose(time)
-    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
-    position, heading = figure.subplots(1, 2)
+    figure, (position, heading) = subplots(3.6, 1, 2)
     position.plot(time, pose[:, 0], color=BLUE, label="x$_d$")
     position.plot(time, pose[:, 1], color=ORANGE, ls="--", label="y$_d$")
     heading.plot(time, pose[:, 2], color=GREEN, label="φ$_d$")
@@ -84,8 +83,7 @@ def planned_trajectory() -> Figure:
 
 def draw_paths(reference: Reference, runs: Mapping[str, tuple[RunLog, Mapping[str, Any]]]) -> tuple[Figure, Axes, Axes]:
     """Paths beside the reference, and distances from it over time; `runs` are logs with line keywords, by label."""
-    figure = Figure(figsize=(9.0, 4.6), layout="constrained")
-    plane, distance = figure.subplots(1, 2, width_ratios=(1.2, 1))
+    figure, (plane, distance) = subplots(4.6, 1, 2, width_ratios=(1.2, 1))
     desired = reference.pose(np.linspace(0, reference.duration, 600))
     plane.plot(desired[:, 0], desired[:, 1], **DESIRED)
     for label, (log, style) in runs.items():
@@ -142,8 +140,7 @@ def _arc_end() -> float:
 def tracking_errors_over_time(runs: Mapping[str, RunLog], published: Mapping[str, RunLog] | None = None) -> Figure:
     """Fig. 11: body-frame position errors and their norm, right from 12 s on; crosses: `published`, by equations."""
     reference = paper_reference()
-    figure = Figure(figsize=(9.0, 6.0), layout="constrained")
-    axes = figure.subplots(3, 2, sharex="col", width_ratios=(1, 1.35))
+    figure, axes = subplots(6.0, 3, 2, sharex="col", width_ratios=(1, 1.35))
     for name in [n for n in ("none", "published", "icr_radius") if n in runs] or list(runs):
         log = runs[name]
         traces = _error_traces(log, reference)
@@ -194,8 +191,8 @@ def slip_during_tracking(
     names = [n for n in names if runs[n].twist_command is not None][:2]
     if not names:
         return None
-    figure = Figure(figsize=(9.0, 2.4 + 1.9 * len(names)), layout="constrained")
-    column = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+    figure, axes = subplots(2.4 + 1.9 * len(names), len(names), 1, sharex=True, squeeze=False)
+    column = axes[:, 0]
     for axis, name in zip(column, names, strict=True):
         _slip_panel(axis, runs[name], known[name])
         if published and name in published:
@@ -252,26 +249,21 @@ def _true_slip(log: RunLog) -> Array | None:
 def errors_defined() -> Figure:
     """Fig. 9: the errors of Eq. 18 between a robot and its desired pose, in the robot's frame."""
     e_x, e_y, e_phi = body_errors(_ROBOT_POSE, _DESIRED_POSE)
-    forward, left = (
-        np.array([np.cos(_ROBOT_POSE[2]), np.sin(_ROBOT_POSE[2])]),
-        np.array([-np.sin(_ROBOT_POSE[2]), np.cos(_ROBOT_POSE[2])]),
-    )
+    forward, left = _rotation(_ROBOT_POSE[2]).T
     corner = _ROBOT_POSE[:2] + e_x * forward
-    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
-    axis = figure.subplots()
+    figure, axis = subplots(3.6)
     _robot(axis, _ROBOT_POSE, BLACK, "robot (x, y, φ)")
     _robot(axis, _DESIRED_POSE, GREY, "desired (x$_d$, y$_d$, φ$_d$)")
     axis.plot(*np.transpose([_ROBOT_POSE[:2], corner]), color=BLUE, lw=2.2)
     axis.plot(*np.transpose([corner, corner + e_y * left]), color=ORANGE, lw=2.2, ls="--")
-    axis.annotate(
-        "e$_x$, forward", (_ROBOT_POSE[:2] + corner) / 2, xytext=(8, -14), textcoords="offset points", color=BLUE
-    )
+    middle = (_ROBOT_POSE[:2] + corner) / 2
+    axis.annotate("e$_x$, forward", middle, xytext=(8, -14), textcoords="offset points", color=BLUE)
     axis.annotate("e$_y$, to the left", corner + e_y / 2 * left, xytext=(8, -4), textcoords="offset points")
     ahead = _DESIRED_POSE[:2] + 0.7 * forward
     axis.plot(*np.transpose([_DESIRED_POSE[:2], ahead]), color=GREY, lw=1.0, ls=":")
     angles = np.degrees([_ROBOT_POSE[2], _ROBOT_POSE[2] + e_phi])
     axis.add_patch(Arc(tuple(_DESIRED_POSE[:2]), 1.0, 1.0, theta1=angles[0], theta2=angles[1], color=GREEN, lw=2.2))
-    middle = _DESIRED_POSE[:2] + 0.56 * np.array([np.cos(np.radians(angles.mean())), np.sin(np.radians(angles.mean()))])
+    middle = _DESIRED_POSE[:2] + 0.56 * _rotation(np.radians(angles.mean()))[:, 0]
     axis.annotate("e$_φ$", (middle[0], middle[1]), color=GREEN, va="center")
     axis.set_aspect("equal")
     axis.set(xlabel="x [m]", ylabel="y [m]", xlim=(-1.2, 3.0), ylim=(-0.3, 1.9))
@@ -281,9 +273,14 @@ def errors_defined() -> Figure:
 def _robot(axis: Axes, pose: Array, colour: str, label: str) -> None:
     """Draw a body with an arrow that points forward."""
     x, y, phi = pose
-    turn = np.array([[np.cos(phi), -np.sin(phi)], [np.sin(phi), np.cos(phi)]])
+    turn = _rotation(phi)
     corners = np.array([[0.2, 0.17], [-0.2, 0.17], [-0.2, -0.17], [0.2, -0.17], [0.2, 0.17]]) @ turn.T
     axis.plot(x + corners[:, 0], y + corners[:, 1], color=colour, lw=1.5)
     tip = pose[:2] + 0.38 * turn[:, 0]
     axis.annotate("", (tip[0], tip[1]), (x, y), arrowprops={"arrowstyle": "->", "color": colour, "lw": 1.5})
     axis.annotate(label, (x, y), xytext=(-44, 0), textcoords="offset points", ha="right", va="center")
+
+
+def _rotation(angle: float) -> Array:
+    """The matrix (2, 2) that turns vectors by an angle [rad]."""
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])

@@ -9,8 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator
 
 from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE, RED
-from experiments.report.figures.panels import DEFAULT, RECIPE, THEORY, Panels, panel
-from experiments.report.figures.style import styled, thin
+from experiments.report.figures.style import DEFAULT, RECIPE, THEORY, Panels, panel, styled, thin
 from experiments.validation import convergence
 from experiments.validation.convergence import Convergence
 from experiments.validation.energy import Energy

@@ -12,8 +12,7 @@ from matplotlib.lines import Line2D
 from scipy.interpolate import CubicSpline
 
 from experiments.report.colours import BLUE, GREEN, ORANGE, RED
-from experiments.report.figures.panels import DEFAULT, RECIPE, THEORY, Panels, panel
-from experiments.report.figures.style import SPEED_SHADES, shade, styled
+from experiments.report.figures.style import DEFAULT, RECIPE, SPEED_SHADES, THEORY, Panels, panel, shade, styled
 from experiments.validation.turning import Turns
 from sim.drive.drive import Drive
 from sim.ground.ground import Ground
