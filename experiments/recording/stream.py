@@ -9,7 +9,7 @@ from uuid import uuid4
 import numpy as np
 import rerun as rr
 
-from experiments.recording import columns, field, paths, robot, sensing
+from experiments.recording import columns, field, robot, sensing
 from experiments.recording.blueprint import begin_of_loop, blueprint
 from experiments.recording.geometry import looks, parameters_of
 from experiments.recording.series import compared_series, panels, series_of
@@ -50,16 +50,12 @@ def send_run(stream: rr.RecordingStream, log: RunLog, laws: Path | None = None) 
     robot.send_contacts(stream, RUN, traces, model)
     sensing.send_estimate(stream, RUN, traces, model)
     sensing.send_scans(stream, RUN, traces, field.scan_height(model))
-    paths.send_paths(stream, RUN, traces, paths.TRUE_COLOUR, estimate=True)
-    paths.send_reference(stream, "reference", traces)
+    robot.send_paths(stream, RUN, traces, BLUE, estimate=True)
+    robot.send_reference(stream, "reference", traces)
     series = series_of(traces)
     columns.send_series(stream, RUN, traces.time, series)
     columns.send_properties(stream, RUN, {"name": log.run, **log.metadata})
-    sent = [f"{RUN}/{line.entity}" for line in series]
-    duration = float(traces.time[-1])
-    begin = begin_of_loop(traces.moment, duration)
-    stream.send_blueprint(blueprint([RUN], panels([traces]), sent, within, begin, duration))
-    return begin
+    return _send_blueprint(stream, [RUN], [traces], [f"{RUN}/{line.entity}" for line in series], within, traces.moment)
 
 
 def send_comparison(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Path | None = None) -> float:
@@ -68,26 +64,36 @@ def send_comparison(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Pa
     within = _within(runs)
     field.send_field(stream, runs[0], looks(parameters_of(logs[0])), within)
     robot.send_camera(stream, runs)
-    roots: list[str] = []
-    sent: list[str] = []
-    drawn: set[str] = set()
+    roots, sent, drawn = [], [], set()
     names = telling_names([log.run for log in logs])
-    for number, (traces, colour) in enumerate(zip(runs, run_colours(logs), strict=True)):
+    for number, (traces, name, colour) in enumerate(zip(runs, names, run_colours(logs), strict=True)):
         root = rr.new_entity_path([RUN, traces.log.run]).removeprefix("/")
         robot.send_simple_robot(stream, root, traces, looks(parameters_of(traces.log)), colour)
-        paths.send_paths(stream, root, traces, colour, estimate=False)
-        series = compared_series(traces, names[number], colour, paler(colour))
+        robot.send_paths(stream, root, traces, colour, estimate=False)
+        series = compared_series(traces, name, colour, paler(colour))
         columns.send_series(stream, root, traces.time, series)
         columns.send_properties(stream, f"{RUN}_{number}", {"name": traces.log.run, **traces.log.metadata})
         path = str([traces.log.metadata.get(key) for key in ("reference", "circle")])
         if path not in drawn:  # runs with the same reference share its picture
-            paths.send_reference(stream, f"reference/{len(drawn)}", traces)
+            robot.send_reference(stream, f"reference/{len(drawn)}", traces)
             drawn.add(path)
         roots.append(root)
         sent += [f"{root}/{line.entity}" for line in series]
     worst = max(runs, key=lambda traces: 0.0 if traces.distance is None else float(np.max(traces.distance)))
+    return _send_blueprint(stream, roots, runs, sent, within, worst.moment)
+
+
+def _send_blueprint(
+    stream: rr.RecordingStream,
+    roots: Sequence[str],
+    runs: Sequence[Traces],
+    sent: Sequence[str],
+    within: Array,
+    moment: float,
+) -> float:
+    """Send the layout of the viewer; returns the start of the loop to play, around `moment` [s]."""
     duration = max(float(traces.time[-1]) for traces in runs)
-    begin = begin_of_loop(worst.moment, duration)
+    begin = begin_of_loop(moment, duration)
     stream.send_blueprint(blueprint(roots, panels(runs), sent, within, begin, duration))
     return begin
 

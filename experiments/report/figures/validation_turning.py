@@ -78,19 +78,12 @@ def _one_to_one(turns: Turns, naive: Turns, rows: np.ndarray) -> Figure:
     for found, style, name in ((naive, DEFAULT, "default"), (turns, RECIPE, "recipe")):
         for track, side in ((1, "outer"), (0, "inner")):
             face = style["color"] if side == "outer" else "none"
-            axes.plot(
-                turns.expected_slip[rows, track],
-                found.slip[rows, track],
-                **style,
-                ls="none",
-                ms=4.5,
-                mew=0.9,
-                mfc=face,
-                label=f"{name}, {side} track",
-            )
+            look = style | {"ls": "none", "ms": 4.5, "mew": 0.9, "mfc": face, "label": f"{name}, {side} track"}
+            axes.plot(turns.expected_slip[rows, track], found.slip[rows, track], **look)
     ends = [np.nanmin(turns.expected_slip[rows]), np.nanmax(turns.expected_slip[rows])]
     axes.plot(ends, ends, **THEORY, zorder=5, label="theory")
-    _cross(axes)
+    axes.axhline(0, color="#888888", lw=0.7, zorder=1)
+    axes.axvline(0, color="#888888", lw=0.7, zorder=1)
     axes.legend(loc="lower right")
     return figure
 
@@ -123,9 +116,8 @@ def _by_shape(turns: Turns, parameters: RobotParameters) -> Figure:
     place = np.round(100 * shift / np.column_stack([turns.length, np.full(len(shift), parameters.half_gauge)]))
     places = sorted(np.unique(place, axis=0), key=lambda p: np.abs(p).tolist()[::-1])
     lengths = np.unique(turns.length)
-    for k, (length, marker, colour) in enumerate(
-        zip(lengths, itertools.cycle(_MARKERS), itertools.cycle(_COLOURS), strict=False)
-    ):
+    looks = zip(lengths, itertools.cycle(_MARKERS), itertools.cycle(_COLOURS), strict=False)
+    for k, (length, marker, colour) in enumerate(looks):
         errors = [100 * turns.icr_error[(turns.length == length) & (place == p).all(axis=1)] for p in places]
         x = np.arange(len(places)) + 0.2 * (k - (len(lengths) - 1) / 2)
         middle = np.array([np.median(e) for e in errors])
@@ -163,18 +155,10 @@ def slip_against_radius(turns: Turns, naive: Turns, parameters: RobotParameters,
             colour = shade(SPEED_SHADES, k / max(len(speeds) - 1, 1))
             chosen = rows & (turns.speed == speed)
             for track in (0, 1):
-                axes.plot(
-                    turns.radius[chosen],
-                    found.slip[chosen, track],
-                    marker,
-                    color=colour,
-                    ms=9.0 - 1.1 * k,  # draw the first ones larger, because they are hidden
-                    mfc="none",
-                    mew=1.1,
-                    ls=":" if found is naive else "none",
-                    lw=0.9,
-                    label=f"{speed:g} m/s" if track else None,
-                )
+                # the first ones are hidden, so they are larger
+                look: dict[str, Any] = {"color": colour, "ms": 9.0 - 1.1 * k, "mfc": "none", "mew": 1.1, "lw": 0.9}
+                look |= {"ls": ":" if found is naive else "none", "label": f"{speed:g} m/s" if track else None}
+                axes.plot(turns.radius[chosen], found.slip[chosen, track], marker, **look)
         axes.axhline(0, color="#888888", lw=0.8, zorder=1)
         axes.set(ylim=(low - room, high + room), xlim=(0, None))
         axes.legend(loc="lower right", ncols=2)
@@ -192,8 +176,3 @@ def _theory_line(axes: Axes, turns: Turns, rows: np.ndarray) -> None:
         curvature = np.linspace(knots[0], knots[-1], 200)
         slip = CubicSpline(knots, turns.expected_slip[chosen, track])(curvature)
         axes.plot(1 / curvature, slip, **THEORY, label=label, zorder=1.5)
-
-
-def _cross(axes: Axes) -> None:
-    axes.axhline(0, color="#888888", lw=0.7, zorder=1)
-    axes.axvline(0, color="#888888", lw=0.7, zorder=1)
