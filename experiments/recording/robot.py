@@ -15,8 +15,7 @@ from experiments.recording.traces import Traces
 from experiments.report.colours import GREEN
 from trackslip.kinematics import Array
 
-ROBOT = "robot"
-"""Entity of the robot, below that of the run."""
+ROBOT = "robot"  # its entity, below that of the run
 CAMERA = "camera"
 _REFERENCE_COLOUR = "#b8b8b8"
 _ABOVE = 0.004  # height of lines above the ground, and above each other [m]

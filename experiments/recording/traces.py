@@ -63,10 +63,10 @@ class Traces:
     @property
     def moment(self) -> float:
         """The moment of interest: the largest error after the transient, else the middle of the run [s]."""
-        late = self.late_error
-        if late is None:
+        distance, late = self.distance, self.time >= TRANSIENT
+        if distance is None or not late.any():
             return float(self.time[len(self.time) // 2])
-        return float(self.time[len(self.time) - len(late) + int(np.argmax(np.hypot(late[:, 0], late[:, 1])))])
+        return float(self.time[late][np.argmax(distance[late])])
 
 
 def traces_of(log: RunLog, laws: Path | None = None) -> Traces:

@@ -14,7 +14,7 @@ from experiments.benchmark.table import BOARD_HEADER, WHOLE_HEADER, board_text, 
 from experiments.options.benchmark import Case
 from experiments.report.figures import leaderboard as figures
 from experiments.report.figures.style import law_line
-from experiments.report.page import Drawing, Page, conditions, file_name, render_page
+from experiments.report.page import Drawing, Page, file_name, render_page
 from experiments.storage.manifest import relative
 from trackslip.logs.table import runs_from_table
 
@@ -44,13 +44,12 @@ def render(
     """
     shown = list(_path_figures(runs_file, [run.case for run in runs if run.error is None]))
     drawings = [Drawing("leaderboard", figures.board(rows)), *(figure.drawing for figure in shown)]
-    html = render_page(
+    return render_page(
         "benchmark.html.j2",
+        drawings,
         title="Controllers of a tracked robot, with and without compensation of slip",
         command=command,
         manifest=manifest,
-        figures={drawing.name: drawing.inline for drawing in drawings},
-        conditions=conditions(manifest, command),
         paths=shown,
         board_header=BOARD_HEADER,
         board=board_text(entries),
@@ -58,7 +57,6 @@ def render(
         header=WHOLE_HEADER,
         table=whole_text(rows),
     )
-    return Page(html, drawings)
 
 
 def _path_figures(runs_file: Path, cases: Sequence[Case]) -> Iterator[_Figure]:

@@ -5,10 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 BLUE, ORANGE, GREEN, RED, BLACK = "#0072B2", "#C98200", "#009E73", "#C1272D", "#1a1a1a"
-VERMILLION = "#D55E00"
-"""Red on a viewer's dark background."""
-GREY, SHADE = "#8a8a8a", "#efefef"
-"""Lines and areas for comparison."""
+VERMILLION = "#D55E00"  # red on a viewer's dark background
+GREY, SHADE = "#8a8a8a", "#efefef"  # lines and areas for comparison
 _LOOKS: dict[str, tuple[str, Any, str]] = {
     "none": (RED, (0, (12, 1.5)), "no slip assumed"),
     "published": (BLACK, "--", "published law (Eq. 11)"),

@@ -65,11 +65,17 @@ class Page:
                     drawing.figure.savefig(file.with_suffix(".pdf"), metadata={"CreationDate": None})
 
 
-def render_page(template: str, *, title: str, command: str, manifest: Mapping[str, Any], **context: Any) -> str:
+def render_page(
+    template: str, drawings: Sequence[Drawing], *, title: str, command: str, manifest: Mapping[str, Any], **context: Any
+) -> Page:
     """Fill in the template file, which extends base.html.j2, with `context`; the HTML needs no other file.
 
     The manifest, which may be anything that fits into JSON, is listed at the end; `command` made the results.
     """
+    context = {
+        "figures": {drawing.name: drawing.inline for drawing in drawings},
+        "conditions": conditions(manifest, command),
+    } | context
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("experiments.report", "templates"),
         autoescape=True,
@@ -78,9 +84,8 @@ def render_page(template: str, *, title: str, command: str, manifest: Mapping[st
         lstrip_blocks=True,
     )
     environment.filters |= {"percent": percent, "significant": significant}
-    return environment.get_template(template).render(
-        title=title, command=relative_command(command), manifest=list(_flatten(manifest)), **context
-    )
+    made = {"title": title, "command": relative_command(command), "manifest": list(_flatten(manifest))}
+    return Page(environment.get_template(template).render(made, **context), drawings)
 
 
 def relative_command(command: str) -> str:

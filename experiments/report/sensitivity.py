@@ -13,7 +13,7 @@ from experiments.measuring.sensitivity import SensitivityRow, SlipErrors
 from experiments.report.colours import BLUE, ORANGE
 from experiments.report.figures.style import styled, subplots
 from experiments.report.formats import MISSING, number
-from experiments.report.page import Drawing, Page, conditions, render_page
+from experiments.report.page import Drawing, Page, render_page
 
 _OF_SLIP = ("", "outer bias", "std", "largest", "inner bias", "std", "largest")
 HEADER = (*_OF_SLIP, "x [mm]", "y [mm]", "phi [deg]", "valid", "runs")
@@ -22,19 +22,16 @@ _LOOKS = {"outer": (BLUE, "o", -0.14), "inner": (ORANGE, "s", 0.14)}  # colour, 
 
 def render(rows: Sequence[SensitivityRow], manifest: Mapping[str, Any], command: str) -> Page:
     """Draw the figure and fill in the template."""
-    drawing = Drawing("slip_errors", slip_errors(rows))
-    html = render_page(
+    return render_page(
         "sensitivity.html.j2",
+        [Drawing("slip_errors", slip_errors(rows))],
         title="What scanner, mounting and field do to slip",
         command=command,
         manifest=manifest,
-        figures={drawing.name: drawing.inline},
-        conditions=conditions(manifest, command),
         header=HEADER,
         table=table(rows),
         warnings=[(row.effect, warning) for row in rows for warning in row.warnings],
     )
-    return Page(html, [drawing])
 
 
 def table(rows: Sequence[SensitivityRow]) -> list[tuple[str, ...]]:

@@ -43,8 +43,9 @@ def render(found: Validation, summary: ValidationSummary, manifest: Mapping[str,
     }
     drawn = {name: [_drawing(name, panel) for panel in several] for name, several in panels.items()}
     cards = {name: Markup("").join(drawing.inline for drawing in drawings) for name, drawings in drawn.items()}
-    html = render_page(
+    return render_page(
         "validation.html.j2",
+        list(itertools.chain(*drawn.values())),
         title=TITLE,
         command=command,
         manifest=manifest,
@@ -56,7 +57,6 @@ def render(found: Validation, summary: ValidationSummary, manifest: Mapping[str,
         summary=summary,
         facts=facts(found),
     )
-    return Page(html, list(itertools.chain(*drawn.values())))
 
 
 def _drawing(name: str, panel: Figure) -> Drawing:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -186,8 +186,9 @@ def slip_against_speed_and_radius(runs: InnerOuterSamples, best: FittedLaw) -> F
     best_line = [Line2D([], [], color="#777777", lw=1.0, label="best law")] if lines else []
     dashed = Line2D([], [], color="#777777", ls="--", lw=0.9, label="Eq. 11 at the paper's radii")
     curve_line = Line2D([], [], color=BLACK, ls="--", lw=1.2, label="Eq. 11")
-    _legend_below(figure, axes[0, 0], [*best_line, dashed], "Left: observed R", "left")
-    _legend_below(figure, axes[0, 1], [curve_line, *bar_key(factor)], "Right: measured v", "right")
+    by_speed_lines, by_radius_lines = [*best_line, dashed], [curve_line, *bar_key(factor)]
+    _legend_below(figure, axes[0, 0], by_speed_lines, title="Left: observed R", ncols=3, loc="outside lower left")
+    _legend_below(figure, axes[0, 1], by_radius_lines, title="Right: measured v", ncols=4, loc="outside lower right")
     return figure
 
 
@@ -198,10 +199,7 @@ def _shade(radius: float, runs: InnerOuterSamples) -> tuple[float, float, float,
     return shade(RADII_SHADES, float(share))
 
 
-def _legend_below(
-    figure: Figure, axis: Axes, more: Sequence[Line2D], title: str, where: Literal["left", "right"]
-) -> None:
-    """Put a legend of `axis` and further lines under one half of the figure."""
+def _legend_below(figure: Figure, axis: Axes, more: Sequence[Line2D], **style: Any) -> None:
+    """Put a legend of `axis` and further lines below the axes."""
     handles = [*axis.get_legend_handles_labels()[0], *more]
-    ncols, below = (3, "outside lower left") if where == "left" else (4, "outside lower right")
-    figure.legend(handles=handles, title=title, ncols=ncols, loc=below, columnspacing=1.2, alignment="left")
+    figure.legend(handles=handles, columnspacing=1.2, alignment="left", **style)

@@ -12,10 +12,8 @@ from matplotlib.patheffects import withStroke
 from experiments.report.colours import BLACK, BLUE, COLOURS, DASHES, GREEN, GREY, ORANGE, RED, SHADE
 from trackslip.kinematics import Array
 
-INNER, OUTER = ORANGE, BLUE
-"""Colours of the inner and the outer track."""
-BAND = "#d5e6d5"
-"""Background of values too small to matter."""
+INNER, OUTER = ORANGE, BLUE  # tracks
+BAND = "#d5e6d5"  # background of values too small to matter
 STYLE: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.titlesize": 9.5,
@@ -32,26 +30,16 @@ STYLE: dict[Any, Any] = {
     "legend.fontsize": 8.0,
     "path.simplify_threshold": 0.3,
 }
-RADII_SHADES, SPEED_SHADES = ("viridis", 0.6), ("plasma", 0.6)
-"""Colour maps, and the share of each that is dark enough to be seen."""
-DESIRED: dict[str, Any] = {
-    "color": "#e3e3e3",
-    "lw": 3.6,
-    "solid_capstyle": "round",
-    "label": "desired",
-    "path_effects": [withStroke(linewidth=5.2, foreground=GREY)],
-}
-"""Keywords of the line of a reference, drawn like a road."""
-RECIPE: dict[str, Any] = {"color": BLUE, "marker": "o"}
-"""Look of the model's contacts in the figures of a validation."""
-DEFAULT: dict[str, Any] = {"color": RED, "marker": "^"}
-"""Look of MuJoCo's default contact."""
+RADII_SHADES, SPEED_SHADES = ("viridis", 0.6), ("plasma", 0.6)  # colour maps, and the share dark enough to be seen
+_EDGES = [withStroke(linewidth=5.2, foreground=GREY)]
+DESIRED: dict[str, Any] = {"color": "#e3e3e3", "lw": 3.6, "solid_capstyle": "round", "path_effects": _EDGES}
+"""Look of the line of a reference, drawn like a road."""
+RECIPE: dict[str, Any] = {"color": BLUE, "marker": "o"}  # the model's contacts in the figures of a validation
+DEFAULT: dict[str, Any] = {"color": RED, "marker": "^"}  # MuJoCo's default contact
 THEORY: dict[str, Any] = {"color": BLACK, "lw": 1.0}
-POINTS = 500
-"""Points of a line that can be told apart at the figures' width."""
+POINTS = 500  # of a line that can be told apart at the figures' width
 
-Panels = tuple[Figure, ...]
-"""Parts of a figure that are drawn separately, so that they stack on a narrow page."""
+Panels = tuple[Figure, ...]  # parts of a figure, drawn separately so that they stack on a narrow page
 styled = matplotlib.rc_context(STYLE)
 
 
@@ -92,6 +80,6 @@ def mark_span(axis: Axes, begin: float, end: float) -> None:
     axis.axvspan(begin, end, facecolor=SHADE, edgecolor=GREY, lw=0.8, ls=":", zorder=0)
 
 
-def law_line(name: str, **more: object) -> dict[str, object]:
+def law_line(name: str, **more: Any) -> dict[str, Any]:
     """Keywords of the line of the slip law or compensation `name`."""
     return {"color": COLOURS.get(name, GREEN), "linestyle": DASHES.get(name, "-"), **more}

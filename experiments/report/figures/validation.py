@@ -87,10 +87,10 @@ def slopes(creep: Creep, slide: Slide, ground: Ground) -> Panels:
     ):
         limit = friction_angle((ground.along, ground.across), heading)
         name = "straight downhill" if heading == 0 else _name(heading)
-        coulomb = {"color": colour, "ls": dash, "lw": 1.2, "label": f"{name}, Coulomb"}
+        coulomb: dict[str, Any] = {"color": colour, "ls": dash, "lw": 1.2, "label": f"{name}, Coulomb"}
         axes.plot(np.degrees([limit, *angle]), [0.0, *expected], **coulomb)
-        simulated = {"color": colour, "ms": 5.5, "mfc": "none", "mew": 1.2, "label": f"{name}, simulated"}
-        axes.plot(np.degrees(angle), measured, marker, **simulated)
+        simulated: dict[str, Any] = {"color": colour, "marker": marker, "ls": "none", "label": f"{name}, simulated"}
+        axes.plot(np.degrees(angle), measured, ms=5.5, mfc="none", mew=1.2, **simulated)
     axes.legend(loc="upper left")
     axes.set_ylim(bottom=0)
     return held, let_go

@@ -54,10 +54,10 @@ def expected_twist(turns: Turns, parameters: RobotParameters) -> Array:
 @styled
 def icr_and_slip(turns: Turns, naive: Turns, parameters: RobotParameters) -> Panels:
     """Distribution of the ICRs' errors over the turns; and simulated slip against theoretical slip."""
-    ratios = np.unique(turns.ratio)
+    dashes = dict(zip(np.unique(turns.ratio), itertools.cycle(_DASHES), strict=False))
     shares, axes = panel("Error of the ICRs' half width b + D", "size of the error [%]", "turns with less error [%]")
     for found, style, name in ((turns, RECIPE, "recipe"), (naive, DEFAULT, "default\ncontact")):
-        for ratio, dash in zip(ratios, itertools.cycle(_DASHES), strict=False):
+        for ratio, dash in dashes.items():
             error = np.sort(100 * np.abs(found.icr_error[found.ratio == ratio]))
             share = 100 * np.arange(1, len(error) + 1) / len(error)
             axes.plot(error, share, color=style["color"], ls=dash, lw=1.3)
@@ -65,10 +65,7 @@ def icr_and_slip(turns: Turns, naive: Turns, parameters: RobotParameters) -> Pan
         axes.text(0.6 * left, 55, name, color=style["color"], weight="bold", ha="right", va="center")
     axes.set(xscale="log", xlim=(1e-2, None), ylim=(0, 101))
     axes.xaxis.set_major_formatter("{x:g}")
-    handles = [
-        Line2D([], [], color="#555555", ls=dash, label=f"{ratio:.3g}")
-        for ratio, dash in zip(ratios, itertools.cycle(_DASHES), strict=False)
-    ]
+    handles = [Line2D([], [], color="#555555", ls=dash, label=f"{ratio:.3g}") for ratio, dash in dashes.items()]
     axes.legend(handles=handles, title="friction\nacross / along", loc="center", bbox_to_anchor=(0.62, 0.3))
     return shares, _one_to_one(turns, naive, own(turns, parameters))
 
