@@ -18,15 +18,8 @@ from experiments.report.formats import stages_text
 from experiments.report.terminal import print_table, progress
 from experiments.storage.manifest import command_line, relative
 from experiments.storage.parts import Parts, resumable
-from experiments.storage.plain_json import plain, write_json
-from experiments.storage.results import (
-    LEADERBOARD_FILE,
-    MANIFEST_FILE,
-    REPORT_FILE,
-    RUNS_FILE,
-    SUMMARY_FILE,
-    results_folder,
-)
+from experiments.storage.plain_json import plain
+from experiments.storage.results import LEADERBOARD_FILE, REPORT_FILE, RUNS_FILE, results_folder, write_results
 from sim.stopwatch import Stopwatch
 from trackslip.logs.logfile import read_runs
 from trackslip.logs.runlog import RunLog
@@ -78,8 +71,7 @@ def run(config: BenchmarkConfig) -> None:
             "wall_s": wall,
             "timing": {"wall_s": wall, "stages": watch.stages},
         }
-        write_json(folder / SUMMARY_FILE, summary)
-        write_json(folder / MANIFEST_FILE, about)
+        write_results(folder, summary, about)
     print_table("Position errors, means over references, grounds and seeds", BOARD_HEADER, board_text(entries))
     for line in lost:
         print(line)
@@ -90,7 +82,7 @@ def run(config: BenchmarkConfig) -> None:
 
 
 def _drive(config: BenchmarkConfig, parts: Parts, wanted: Mapping[Case, str]) -> list[RunLog]:
-    """Drive the runs that aren't there yet, and keep them; what was recorded of runs that failed."""
+    """Drive and keep the runs that aren't there yet; returns what was recorded of runs that failed."""
     unfinished = []
     missing = {case: id for case, id in wanted.items() if id not in parts}
     total = seconds(list(wanted))

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,8 +15,7 @@ from experiments.options.calibrate import CalibrateConfig
 from experiments.recording import record_all
 from experiments.report.terminal import busy, print_table, progress
 from experiments.storage.manifest import command_line, make_manifest
-from experiments.storage.plain_json import plain, write_json
-from experiments.storage.results import MANIFEST_FILE, SUMMARY_FILE, results_folder
+from experiments.storage.results import results_folder, write_results
 from sim.calibration.calibration import Candidate, Fit, calibrate, floor, simulated_twist, starts
 from sim.calibration.target import MeasuredTurns, Target, TurnTable
 from sim.ground.ground import Ground
@@ -49,9 +47,9 @@ def run(config: CalibrateConfig) -> None:
             lowest = floor(best, target)
             report(1)
         wall = time.perf_counter() - began
-        summary = plain(FitSummary.of(best)) | {
+        summary = fit_summary(best) | {
             "floor": {"slip_rms": lowest.slip_rms, "values": values(lowest, lowest.candidate)},
-            "centred": None if centred is None else FitSummary.of(centred),
+            "centred": None if centred is None else fit_summary(centred),
             "starts": [{"cost": cost, "values": values(best, end)} for end, cost in best.ends],
             "wall_s": wall,
             "timing": {"wall_s": wall},
@@ -59,8 +57,7 @@ def run(config: CalibrateConfig) -> None:
         made = Ground(ground.along, ground.along * best.candidate.friction_ratio)
         comment = f"made by: {command_line('calibrate')}"
         (folder / ROBOT).write_text(robot_file_text(best.candidate.robot, made, comment), encoding="utf-8")
-        write_json(folder / SUMMARY_FILE, summary)
-        write_json(folder / MANIFEST_FILE, make_manifest("calibrate", config, wall, seed=config.seed))
+        write_results(folder, summary, make_manifest("calibrate", config, wall, seed=config.seed))
         if config.rrd:
             with busy("recordings"):
                 record_all(folder, sample_runs(folder / ROBOT, config))
@@ -89,15 +86,12 @@ def read_target(name: str, geometry: RobotGeometry) -> Target:
 
 
 def _turn_table(columns: Any, name: str) -> TurnTable:
+    for label, column in zip(TABLE_COLUMNS, columns.T, strict=True):
+        wrong, allowed = (column >= 1, "< 1") if label.startswith("slip") else (column <= 0, "> 0")
+        if np.any(wrong):
+            row = int(np.argmax(wrong))
+            raise LogError(f"{name}: row {row + 1}, column {label}: {column[row]:g} must be {allowed}")
     radius, speed, observed, outer, inner = columns.T
-    for label, column in (("radius", radius), ("speed", speed), ("observed_radius", observed)):
-        if np.any(column <= 0):
-            row = int(np.argmax(column <= 0))
-            raise LogError(f"{name}: row {row + 1}, column {label}: {column[row]:g} must be > 0")
-    for label, column in (("slip_outer", outer), ("slip_inner", inner)):
-        if np.any(column >= 1):
-            row = int(np.argmax(column >= 1))
-            raise LogError(f"{name}: row {row + 1}, column {label}: {column[row]:g} must be < 1")
     return TurnTable(radius, speed, observed, np.stack([inner, outer], axis=-1), 3 * len(columns))
 
 
@@ -114,35 +108,13 @@ def values(fit: Fit, candidate: Candidate) -> dict[str, float]:
     return {name: candidate.value(name) for name in fit.free}
 
 
-@dataclass(frozen=True)
-class ParameterEstimate:
-    """A calibrated parameter [SI]."""
-
-    value: float
-    stderr: float | None
-    """Standard error; None where the target does not determine the parameter."""
-    identifiable: bool
-    """Whether the target determines the parameter separately from the others."""
-
-
-@dataclass(frozen=True)
-class FitSummary:
-    """A calibration as an entry of the summary."""
-
-    parameters: Mapping[str, ParameterEstimate]
-    slip_rms: float
-    """Root mean square of the slip's residual [-]."""
-    radius_rms: float | None
-    """Root mean square of the radius' relative residual [-]; None for a target without radii."""
-
-    @classmethod
-    def of(cls, fit: Fit) -> FitSummary:
-        """Of a fit."""
-        parameters = {
-            name: ParameterEstimate(value, fit.stderr.get(name), name not in fit.tied)
-            for name, value in values(fit, fit.candidate).items()
-        }
-        return cls(parameters, fit.slip_rms, fit.radius_rms)
+def fit_summary(fit: Fit) -> dict[str, Any]:
+    """A fit as an entry of the summary; a parameter that the target does not determine has no standard error."""
+    parameters = {
+        name: {"value": value, "stderr": fit.stderr.get(name), "identifiable": name not in fit.tied}
+        for name, value in values(fit, fit.candidate).items()
+    }
+    return {"parameters": parameters, "slip_rms": fit.slip_rms, "radius_rms": fit.radius_rms}
 
 
 def disagreement(fit: Fit) -> float:

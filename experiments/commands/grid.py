@@ -15,15 +15,13 @@ from experiments.recording import record_all
 from experiments.report.formats import stages_text
 from experiments.report.terminal import progress
 from experiments.storage.parts import Parts, resumable
-from experiments.storage.plain_json import write_json
 from experiments.storage.results import (
-    MANIFEST_FILE,
     RECORDINGS_FOLDER,
     RUNS_FILE,
-    SUMMARY_FILE,
     TABLE_FILE,
     arrow_errors,
     results_folder,
+    write_results,
 )
 from experiments.sweep.drive import drive
 from experiments.sweep.plan import Run, fleets, plan
@@ -62,8 +60,7 @@ def drive_and_store(config: SweepConfig) -> SweepSummary:
             summary = replace(summary, timing=replace(summary.timing, wall_s=wall))
             failed = len(summary.failures) == len(runs)
             manifest = world.manifest("grid", wall) | ({"error": _all_failed(summary.failures)} if failed else {})
-            write_json(folder / SUMMARY_FILE, summary.to_json())
-            write_json(folder / MANIFEST_FILE, manifest)
+            write_results(folder, summary.to_json(), manifest)
     except (KeyboardInterrupt, WorkersFailedError, OutputError) as stop:
         same = "the same command" if config.resume else "the same command without --no-resume"
         raise resumable(stop, sum(run.id in parts for run in runs), len(runs), same) from None

@@ -92,7 +92,7 @@ def run(config: ReproduceConfig) -> None:
             "tracking": [result.to_json() for result in tracking],
             "timing": {"wall_s": wall, "simulated_s": simulated, "stages": watch.stages},
         }
-        write_results(folder, logs, plain(summary), manifest)
+        write_results(folder, plain(summary), manifest, logs)
         if config.rrd:
             with busy("recordings"):
                 record_all(folder, logs, _by_controller(tracking_logs))

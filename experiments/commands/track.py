@@ -41,7 +41,7 @@ def run(config: TrackConfig) -> None:
             "localization": poses,
             "timing": {"wall_s": wall, "simulated_s": simulated_seconds(logs), "stages": {"track": wall}},
         }
-        write_results(folder, logs, summary, world.manifest("track", wall))
+        write_results(folder, summary, world.manifest("track", wall), logs)
         if config.rrd:
             with busy("recording"):
                 record_all(folder, logs)

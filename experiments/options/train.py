@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.options.checks import require_integer
+from experiments.options.checks import require_integer, require_positive_up_to
 from experiments.options.world import MAX_THREADS
-from trackslip.errors import InvalidValueError, require_at_most, require_positive
+from trackslip.errors import InvalidValueError, require_at_most
 
 MAX_ROBOTS = 4096
 MAX_LAYER = 4096
@@ -72,10 +72,8 @@ class TrainConfig:
             if not 1 <= size <= MAX_LAYER:
                 raise InvalidValueError("network", size, f"integers from 1 to {MAX_LAYER}")
         for value in self.authority:
-            require_positive("authority", value)
-            require_at_most("authority", value, MAX_AUTHORITY)
-        require_positive("learning_rate", self.learning_rate)
-        require_at_most("learning_rate", self.learning_rate, 1.0)
+            require_positive_up_to("authority", value, MAX_AUTHORITY)
+        require_positive_up_to("learning_rate", self.learning_rate, 1.0)
         if not 0 < self.discount < 1:
             raise InvalidValueError("discount", self.discount, "between 0 and 1")
         require_integer("seed", self.seed, 0, MAX_SEED)

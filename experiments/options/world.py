@@ -18,6 +18,10 @@ from trackslip.errors import InvalidValueError
 
 Localization = Literal["plate", "line"]
 Motion = Literal["paper", "butterworth", "arc", "bundle"]
+Method = Annotated[
+    Motion | None, default_is("the most accurate method the run allows", "{paper,butterworth,arc,bundle}")
+]
+"""How a twist is estimated from a run, if the user chooses."""
 IDENTIFIED = ("exponential", "icr", "icr_radius")
 """The identified laws that the paper's controllers are compared with."""
 
@@ -26,8 +30,6 @@ MAX_JOBS = 1024
 """Largest number of processes."""
 MAX_PREVIEW = 1.0
 """[s]"""
-MIN_SPEED = 1e-3
-"""Slowest run of a grid [m/s]."""
 MAX_DURATION = 3600.0
 """Longest run [s]."""
 MIN_DURATION = 4.0
