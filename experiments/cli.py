@@ -121,7 +121,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         options = parse(arguments)
         runner = importlib.import_module(f"experiments.commands.{arguments[0]}")
         with contextlib.suppress(ValueError):  # only the main thread can set handlers
-            signal.signal(signal.SIGTERM, _interrupt)
+            signal.signal(signal.SIGTERM, signal.default_int_handler)
             if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
                 signal.signal(signal.SIGINT, signal.default_int_handler)
         runner.run(options)
@@ -132,11 +132,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _fail(str(interrupt) or "interrupted", 130)
     except MemoryError:
         _fail("out of memory", 2)
-    except BrokenPipeError:  # the reader has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)
     except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):  # the reader has seen enough
+            sys.exit(1)
         _fail(f"can't write ({error.strerror or error})", 2)
 
 
@@ -206,10 +205,6 @@ def _check(arguments: Sequence[str]) -> None:
             if switch in given and (arguments[0], option) != _REPEATABLE:
                 raise TrackslipError(f"{option} is given twice; give it once, with all its values")
             given.add(switch)
-
-
-def _interrupt(*_: object) -> None:
-    raise KeyboardInterrupt
 
 
 def _fail(message: str, code: int) -> None:

@@ -6,7 +6,7 @@ import contextlib
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
@@ -55,15 +55,13 @@ def _simulator(config: BenchConfig, robot: Robot) -> _Measured:
     with _progress(len(config.sizes) * (1 + config.repeats)) as step:
         rates = measure_simulator(config, robot, step)
     speeds, speedups = case_speeds(rates, robot.model.opt.timestep), thread_speedups(rates)
-    header = ("case", "robots", "threads", "steps/s", "ratio to bare", "real-time factor")
-    rows: list[_Cells] = [(*_speed_cells(one), f"{one.real_time_factor:.1f}") for one in speeds]
-    tables: list[_Table] = [("Speed of the simulation", header, rows)]
+    tables = [_speed_table("Speed of the simulation", speeds)]
     if speedups:
-        found: dict[tuple[int, int], _Cells] = {}
+        found: dict[_Cells, _Cells] = {}
         for one in speedups:  # in the order of CASES
-            found[one.n, one.threads] = (*found.get((one.n, one.threads), ()), f"{one.speedup:.2f}")
-        rows = [(str(n), str(threads), *cells) for (n, threads), cells in found.items()]
-        tables.append(("Speed-up over one thread", ("robots", "threads", *CASES), rows))
+            size = str(one.n), str(one.threads)
+            found[size] = (*found.get(size, size), f"{one.speedup:.2f}")
+        tables.append(("Speed-up over one thread", ("robots", "threads", *CASES), list(found.values())))
     return {"rows": speeds, "thread_speedup": speedups}, tables
 
 
@@ -72,14 +70,18 @@ def _environments(config: BenchConfig, robot: Robot) -> _Measured:
 
     with _progress(1 + config.repeats) as step:
         speeds = env_speeds(config, measure_env(config, step), robot.model.opt.timestep)
-    header = ("case", "robots", "threads", "steps/s", "ratio to bare", "ratio to SyncVectorEnv", "real-time factor")
-    rows = [(*_speed_cells(one), f"{one.ratio_to_single:.1f}", f"{one.real_time_factor:.1f}") for one in speeds]
-    return {"rows": speeds}, [("Speed of the learning environments", header, rows)]
+    title, header, rows = _speed_table("Speed of the learning environments", speeds)
+    header = (*header[:-1], "ratio to SyncVectorEnv", header[-1])
+    rows = [(*row[:-1], f"{one.ratio_to_single:.1f}", row[-1]) for row, one in zip(rows, speeds, strict=True)]
+    return {"rows": speeds}, [(title, header, rows)]
 
 
-def _speed_cells(speed: Any) -> _Cells:
-    rate, ratio = f"{speed.steps_per_s:,.0f}", f"{speed.ratio_to_bare:.2f}"
-    return speed.case, str(speed.n), str(speed.threads), rate, ratio
+def _speed_table(title: str, speeds: Sequence[Any]) -> _Table:
+    rows: list[_Cells] = []
+    for one in speeds:
+        numbers = f"{one.steps_per_s:,.0f}", f"{one.ratio_to_bare:.2f}", f"{one.real_time_factor:.1f}"
+        rows.append((one.case, str(one.n), str(one.threads), *numbers))
+    return title, ("case", "robots", "threads", "steps/s", "ratio to bare", "real-time factor"), rows
 
 
 def _grid(config: BenchConfig, robot: Robot) -> _Measured:

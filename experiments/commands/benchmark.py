@@ -67,11 +67,9 @@ def run(config: BenchmarkConfig) -> None:
             "rows": [row.to_json() for row in rows],
             "cases": [run.to_json() for run in runs],
             "failures": [{"run": run.case.run, "error": run.error} for run in failures],
-            "runs": len(runs),
-            "wall_s": wall,
-            "timing": {"wall_s": wall, "stages": watch.stages},
         }
-        write_results(folder, summary, about)
+        timing = {"runs": len(runs), "wall_s": wall, "timing": {"wall_s": wall, "stages": watch.stages}}
+        write_results(folder, summary | timing, about)
     print_table("Position errors, means over references, grounds and seeds", BOARD_HEADER, board_text(entries))
     for line in lost:
         print(line)

@@ -65,11 +65,7 @@ def run(config: CalibrateConfig) -> None:
 
 
 def read_target(name: str, geometry: RobotGeometry) -> Target:
-    """The published target, or the one in a file; `geometry` is used for a log that contains none.
-
-    Raises:
-        LogError: for a file that cannot be used.
-    """
+    """The published target, or that in a file, `geometry` being used for a log without; raises LogError."""
     if name == "published":
         return TurnTable.published()
     path = Path(name)
@@ -81,7 +77,7 @@ def read_target(name: str, geometry: RobotGeometry) -> Target:
         source = read_source(path)
     except InvalidValueError:  # the log contains no geometry
         source = read_source(path, Reading(geometry.half_gauge, geometry.sprocket_radius))
-    simulated = all("plate" in log.metadata for log in source.logs) and len(source.logs) > 0
+    simulated = bool(source.logs) and all("plate" in log.metadata for log in source.logs)
     return MeasuredTurns(source.sampling.samples, source.geometry, of_plate=simulated)
 
 
@@ -117,22 +113,10 @@ def fit_summary(fit: Fit) -> dict[str, Any]:
     return {"parameters": parameters, "slip_rms": fit.slip_rms, "radius_rms": fit.radius_rms}
 
 
-def disagreement(fit: Fit) -> float:
-    """Largest distance of a parameter from its best value, over all starts, in standard errors [-]."""
-    best, *others = (end for end, _ in fit.ends)
-    return max(
-        (abs(end.value(name) - best.value(name)) / error for end in others for name, error in fit.stderr.items()),
-        default=0.0,
-    )
-
-
-_LENGTHS = ("half_gauge", "contact_length", "com_x", "com_y")
-
-
 def _value(fit: Fit, name: str) -> str:
     if name not in fit.free:
         return "-"
-    factor, unit = (1e3, " mm") if name in _LENGTHS else (1.0, "")
+    factor, unit = (1.0, "") if name in ("friction_ratio", "radius_error") else (1e3, " mm")
     value = factor * fit.candidate.value(name)
     if name not in fit.stderr:
         return f"{value:.4g}{unit} (open)"
@@ -151,5 +135,7 @@ def _print(config: CalibrateConfig, best: Fit, centred: Fit | None, lowest: Fit,
     if best.tied:
         print(f"not identifiable separately: {', '.join(best.tied)}; the target leaves their values open")
     if len(best.ends) > 1:
-        print(f"{len(best.ends)} starts end within {disagreement(best):.1g} standard errors of each other")
+        ends = [[end.value(name) for name in best.stderr] for end, _ in best.ends]
+        apart = np.abs(np.subtract(ends, ends[0])) / list(best.stderr.values())
+        print(f"{len(ends)} starts end within {apart.max(initial=0.0):.1g} standard errors of each other")
     print(f"{config.out / ROBOT}: {wall:.1f} s; use it with --robot {config.out / ROBOT}")

@@ -35,7 +35,8 @@ def run(config: CoverageConfig) -> None:
         size = len(cells_of(config))
         stage = f"{config.drives} grids of {size} runs, {config.run_repeats} scans"
         with progress(stage, 2 * config.drives, "stages") as step:
-            for k, count in enumerate(config.shares()):
+            for k in range(config.drives):
+                count = len(range(k, config.run_repeats, config.drives))
                 logs = drive_grid(config.grid(k), world)
                 step(1.0)
                 if k == 0 and config.rrd:

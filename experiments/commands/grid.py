@@ -78,9 +78,8 @@ def _drive_and_gather(config: SweepConfig, runs: Sequence[Run], parts: Parts, fo
         parts.discard()
     missing = [run for run in runs if run.id not in parts]
     began = time.perf_counter()
-    stages, unfinished = _drive(config, parts, runs, missing)
+    unfinished = _drive(config, parts, runs, missing, watch) if missing else []
     driving = time.perf_counter() - began
-    watch.stages |= stages
     stored = [parts[run.id] for run in runs]
     rows = [_row_of(run, RunRow.from_json(one.row)) for run, one in zip(runs, stored, strict=True)]
     failures = [row for row in rows if row.error is not None]
@@ -93,35 +92,21 @@ def _drive_and_gather(config: SweepConfig, runs: Sequence[Run], parts: Parts, fo
             record_all(folder, [*(read_runs(file) if file.exists() else ()), *unfinished])
         with arrow_errors(folder / TABLE_FILE):
             write_table(rows, list(runs[0].axes), folder / TABLE_FILE)
-    made_by = {one.row["made_by"]: one.made_by for one in stored}
-    return SweepSummary(
-        grids=grids_of(runs, rows),
-        warnings=warnings_of(rows),
-        in_full=numbers_in_full(config, runs, rows, lambda: read_runs(file), watch),
-        runs=rows,
-        made_by=dict(sorted(made_by.items())),
-        timing=Timing(
-            simulated_s=sum(one.config.duration for one in missing),
-            driving_s=driving,
-            stages=watch.stages,
-            driven=len(missing),
-            taken=len(runs) - len(missing),
-            wall_s=0.0,
-        ),
-    )
+    in_full = numbers_in_full(config, runs, rows, lambda: read_runs(file), watch)
+    made_by = {one.row["made_by"]: one.made_by for one in sorted(stored, key=lambda one: one.row["made_by"])}
+    simulated = sum(one.config.duration for one in missing)
+    timing = Timing(simulated, driving, watch.stages, len(missing), len(runs) - len(missing), wall_s=0.0)
+    return SweepSummary(grids_of(runs, rows), warnings_of(rows), in_full, rows, made_by, timing)
 
 
 def _drive(
-    config: SweepConfig, parts: Parts, runs: Sequence[Run], missing: Sequence[Run]
-) -> tuple[dict[str, float], list[RunLog]]:
-    """Drive what is missing and keep it, part by part.
+    config: SweepConfig, parts: Parts, runs: Sequence[Run], missing: Sequence[Run], watch: Stopwatch
+) -> list[RunLog]:
+    """Drive what is missing and keep it, part by part; `watch` takes the work of all workers together.
 
-    Returns work by stage, all workers together [s], and what was recorded of runs that failed, until they did.
+    Returns what was recorded of runs that failed, until they did.
     """
-    stages: dict[str, float] = {}
     unfinished: list[RunLog] = []
-    if not missing:
-        return stages, unfinished
     jobs = config.jobs or processors()
     jobs = min(jobs, len(fleets(missing, jobs)))
     total, left = (sum(one.config.duration for one in some) for some in (runs, missing))
@@ -138,8 +123,8 @@ def _drive(
                 report(fleet.duration)
             unfinished += fleet.unfinished
             for name, seconds in fleet.stages.items():
-                stages[name] = stages.get(name, 0.0) + seconds
-    return stages, unfinished
+                watch.stages[name] = watch.stages.get(name, 0.0) + seconds
+    return unfinished
 
 
 def _row_of(run: Run, row: RunRow) -> RunRow:
@@ -150,7 +135,5 @@ def _row_of(run: Run, row: RunRow) -> RunRow:
 
 def _all_failed(failures: Sequence[RunRow]) -> str:
     """What to say if there is no run."""
-    first = failures[0]
-    if len(failures) == 1:
-        return str(first.error)
-    return f"all {len(failures)} runs fail, the first, {first.run!r}: {first.error}"
+    first, *others = failures
+    return f"all {len(failures)} runs fail, the first, {first.run!r}: {first.error}" if others else str(first.error)

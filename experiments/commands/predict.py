@@ -49,11 +49,7 @@ def predicted_robot(config: PredictConfig) -> tuple[RobotParameters, float]:
 
 
 def predict(config: PredictConfig) -> ConstantIcr:
-    """The constant ICR of quasi-static theory, the same for every radius and speed.
-
-    Raises:
-        InvalidValueError: for a centre of mass that would lift part of a track.
-    """
+    """The constant ICR of theory; raises InvalidValueError for a centre of mass that would lift part of a track."""
     robot, ratio = predicted_robot(config)
     contact = line_contact(
         robot.half_gauge, robot.contact_length / 2, along=1.0, across=ratio, centre_of_mass=(robot.com_x, 0.0, 0.0)

@@ -49,7 +49,7 @@ def run(config: TrainConfig) -> None:
         write_results(folder, summary, make_manifest("train", config, wall, seed=config.seed))
         if config.rrd:
             record_all(folder, [log for name in config.references for log in _driven(config, folder / POLICY, name)])
-    for point in (curve[0], curve[-1]) if curve else ():
+    for point in curve[:1] + curve[-1:]:
         print(f"{point['steps']:>10,} steps: {point['reward']:.3f} of 1 per step")
     print(f"{config.out / POLICY}: {model.num_timesteps:,} steps in {wall:.0f} s")
 
@@ -75,8 +75,8 @@ def _driven(config: TrainConfig, policy: Path, reference: str) -> list[RunLog]:
         logs = drive(course, world, make_reference(course, world.robot))
     except RunFailedError as error:
         logs = error.logs
-    metadata = {"controller": f"ppo:{config.out}"}
-    return [replace(log, run=f"policy {reference}", metadata=log.metadata | metadata) for log in logs[:1]]
+    named = {"controller": f"ppo:{config.out}"}
+    return [replace(log, run=f"policy {reference}", metadata=log.metadata | named) for log in logs[:1]]
 
 
 def policy_of(model: Any, config: TrainConfig) -> Policy:
@@ -109,8 +109,7 @@ def _model(config: TrainConfig) -> Any:
         reward=_REWARD,
         randomization=_RANDOMIZATION,
     )
-    corrections = Corrections(robots, config.authority)
-    checkpoint = config.out / CHECKPOINT
+    corrections, checkpoint = Corrections(robots, config.authority), config.out / CHECKPOINT
     rate = _falling(config.learning_rate)
     if config.resume:
         if not checkpoint.is_file():
@@ -141,8 +140,7 @@ def _falling(rate: float) -> Callable[[float], float]:
 def _learn(model: Any, config: TrainConfig, drafts: Path) -> list[dict[str, float]]:
     """Train until `config.steps`, with checkpoints, which are drafted in the folder `drafts` on the same disk.
 
-    Returns, for each update, the steps done, all robots together, and the mean reward per step since the one before,
-    at most 1 [-].
+    Returns for each update the steps of all robots so far, and their mean reward since the one before, at most 1 [-].
     """
     from stable_baselines3.common.callbacks import BaseCallback
 
