@@ -1,7 +1,5 @@
 """The `trackslip` command line: options in, results out; a refused value prints a one-line error and exits with 2."""
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import io

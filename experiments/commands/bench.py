@@ -1,7 +1,5 @@
 """`trackslip bench`: measure how fast the simulator is, store and print it."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import sys

@@ -1,7 +1,5 @@
 """`trackslip benchmark`: drive what isn't driven yet, gather, report."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path

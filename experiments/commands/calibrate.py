@@ -1,7 +1,5 @@
 """`trackslip calibrate`: tune the simulated robot to published or measured slips and radii."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from functools import partial

@@ -1,7 +1,5 @@
 """`trackslip coverage`: do the 95 % intervals cover the truth in 95 % of many repeats?"""
 
-from __future__ import annotations
-
 import time
 
 from experiments.driving.grid_runs import cells_of, drive_grid

@@ -1,7 +1,5 @@
 """`trackslip export`: stored runs as CSV, for spreadsheets and for programs without Parquet."""
 
-from __future__ import annotations
-
 import csv
 import os
 import tempfile

@@ -1,7 +1,5 @@
 """`trackslip grid`: drive what isn't driven yet, gather, sum up."""
 
-from __future__ import annotations
-
 import functools
 import time
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """`trackslip identify`: slip laws from a stored grid or from a real robot's log."""
 
-from __future__ import annotations
-
 import time
 from functools import partial
 

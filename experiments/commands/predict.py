@@ -1,7 +1,5 @@
 """`trackslip predict`: a slip law from theory, without simulating."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """`trackslip reproduce`: the paper from its first run to its last figure."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """`trackslip sensitivity`: how disturbances of scanner, mounting and field affect the identified slip."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """`trackslip track`: one run in closed loop."""
 
-from __future__ import annotations
-
 import time
 from functools import partial
 from typing import Any

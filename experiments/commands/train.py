@@ -1,7 +1,5 @@
 """`trackslip train`: train a policy with PPO from Stable-Baselines3 on the vector environment."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable

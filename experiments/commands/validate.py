@@ -1,7 +1,5 @@
 """`trackslip validate`: compare the simulator with theory."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager

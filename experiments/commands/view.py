@@ -1,7 +1,5 @@
 """`trackslip view`: show stored runs in the rerun viewer, in the browser, or in a file."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import re

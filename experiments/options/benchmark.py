@@ -1,7 +1,5 @@
 """Options of `trackslip benchmark`, and its suites of runs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Checks that options share; each raises InvalidValueError, naming the option, its value and what is allowed."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterable, Sequence
 from typing import Any

@@ -1,7 +1,5 @@
 """Options of `trackslip coverage`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Options of `trackslip grid`, and those it shares with other commands that drive a grid."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The options that describe the simulated world, shared by every command that simulates."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path

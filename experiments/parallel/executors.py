@@ -1,7 +1,5 @@
 """`concurrent.futures` executors by name: this process, worker processes, MPI, Dask."""
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import os
@@ -125,7 +123,8 @@ def _dask(name: str) -> Iterator[Workers]:
     except ImportError as error:
         raise TrackslipError(f'{option}: {error}; pip install "trackslip[dask]"') from error
     try:
-        client: Any = Client(address, timeout=_PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call, unused-ignore]
+        connect: Any = Client  # untyped
+        client = connect(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise TrackslipError(f"{option}: no scheduler answers there ({error})") from error
     with contextlib.ExitStack() as stack:
