@@ -69,7 +69,7 @@ def _environments(config: BenchConfig, robot: Robot) -> _Measured:
     from experiments.speed.environments import env_speeds, measure_env  # late: it needs gymnasium
 
     with _progress(1 + config.repeats) as step:
-        speeds = env_speeds(config, measure_env(config, step), robot.model.opt.timestep)
+        speeds = env_speeds(measure_env(config, step), robot.model.opt.timestep)
     header = ("case", "robots", "threads", "steps/s", "ratio to bare", "ratio to SyncVectorEnv", "real-time factor")
     rows = [(*_speed_cells(one), f"{one.ratio_to_single:.1f}", f"{one.real_time_factor:.1f}") for one in speeds]
     return {"rows": speeds}, lambda: print_table("Speed of the learning environments", header, rows)

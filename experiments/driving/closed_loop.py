@@ -42,6 +42,11 @@ class ClosedLoopRun:
     metadata: Mapping[str, Any] = field(default_factory=dict)
     """Further metadata of the run."""
 
+    def own_metadata(self) -> dict[str, Any]:
+        """The metadata that may differ between the runs of a fleet."""
+        names = ("controller", "compensation", "start", "seed", *(() if self.ground is None else ("ground",)))
+        return plain({name: getattr(self, name) for name in names} | dict(self.metadata))
+
 
 def drive_closed_loops(
     runs: Sequence[ClosedLoopRun],
@@ -78,16 +83,7 @@ def drive_closed_loops(
     fleet = world.fleet(np.array([run.start for run in runs]), [run.ground or world.ground for run in runs])
     feed = world.feed(fleet, [generator(run.seed, run.key) for run in runs])
     common = world.metadata(localization)
-    descriptions = [
-        Description(
-            run.name,
-            common
-            | {"controller": run.controller, "compensation": run.compensation, "start": run.start.tolist()}
-            | ({} if run.ground is None else {"ground": plain(run.ground)})
-            | {"seed": run.seed, **run.metadata},
-        )
-        for run in runs
-    ]
+    descriptions = [Description(run.name, common | run.own_metadata()) for run in runs]
     method = None if localization == "truth" else locator(localization, world.robot)
     return closed_loop(fleet, pilots, path, feed, method, descriptions, progress)
 

@@ -51,12 +51,9 @@ class RunCoverage:
     def of(
         cls, repeats: Sequence[tuple[SlipSamples, SlipSamples]], robot_truth: SlipSamples, geometry: RobotGeometry
     ) -> RunCoverage:
-        """Evaluate repeats.
+        """Evaluate repeats: measured samples of a grid, and the true samples of its plates.
 
-        Args:
-            repeats: measured samples of a grid, and the true samples of its plates.
-            robot_truth: the true samples of the robots in the last repeat.
-            geometry: of the robot.
+        `robot_truth` are the true samples of the robots in the last repeat.
         """
         noise, whole = noise_coverage(RUN_LAW, repeats, geometry)
         design = repeats[0][0]
@@ -83,9 +80,7 @@ class Coverage:
 
     def to_json(self) -> dict[str, Any]:
         """The entries of a summary.json."""
-        found: dict[str, Any] = plain(self)
-        del found["values"]
-        return found
+        return {name: value for name, value in plain(self).items() if name != "values"}
 
 
 def drawn_coverage(
@@ -129,24 +124,17 @@ def scanned_again(
     """
     jobs = [(log, geometry, config.scanner.noise, config.seed, repeats) for log in logs]
     omega = np.array([log.omega[steady_part(log, geometry).rows].mean(axis=0) for log in logs])
-    found = []
+    twists, covariances = [], []
     with processes(config.threads or os.cpu_count() or 1) as pool:
         with deaf_children():
             results = pool.map(_bundled, jobs)
         for twist, covariance in results:
-            found.append((twist, covariance))
+            twists.append(twist)
+            covariances.append(covariance)
             step(1.0)
     names = [log.run for log in logs]
-    return [
-        SlipSamples.of(
-            omega,
-            np.array([twist[k] for twist, _ in found]),
-            geometry,
-            names,
-            np.array([covariance[k] for _, covariance in found]),
-        )
-        for k in range(repeats)
-    ]
+    of_repeats = zip(np.stack(twists, axis=1), np.stack(covariances, axis=1), strict=True)
+    return [SlipSamples.of(omega, twist, geometry, names, covariance) for twist, covariance in of_repeats]
 
 
 def _bundled(job: tuple[RunLog, RobotGeometry, float, int, int]) -> tuple[np.ndarray, np.ndarray]:

@@ -16,7 +16,7 @@ import numpy as np
 from experiments.driving.grid_runs import before_scanner
 from experiments.options.bench import BenchConfig
 from experiments.options.grid import SweepConfig
-from experiments.speed.bare import bare_batch
+from experiments.speed.simulator import bare_batch
 from experiments.sweep.plan import Run, plan
 from experiments.sweep.summary import Timing
 from sim.fleet import SETTLING, Fleet

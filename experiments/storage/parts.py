@@ -30,7 +30,6 @@ from trackslip.logs.runlog import RunLog
 Row = dict[str, Any]
 _Record = tuple[Path, list[Row], dict[str, Any]]  # file of logs, rows, what made them by its digest
 _Stop = TypeVar("_Stop", bound=BaseException)
-_TEXTS = ("run", "id", "made_by")
 
 
 @dataclass(frozen=True)
@@ -61,11 +60,6 @@ class Stored:
     """Where its log is, unless it failed."""
     made_by: dict[str, Any]
     """Code, models and libraries that drove it."""
-
-    @property
-    def failed(self) -> bool:
-        """Whether there is no log."""
-        return self.row["error"] is not None
 
 
 class Parts:
@@ -131,8 +125,8 @@ class Parts:
 
     def gather(self, runs: Iterable[tuple[str, str]], file: Path) -> None:
         """Write the logs of runs, (id, new name) each, in order, to one file; without any log there is no file."""
-        there = [(self._there[id], name) for id, name in runs]
-        driven = [(one.file, one.row["run"], name) for one, name in there if not one.failed]
+        there = [(self[id], name) for id, name in runs]
+        driven = [(one.file, one.row["run"], name) for one, name in there if one.row["error"] is None]
         if driven:
             join_parquet(driven, file)
 
@@ -188,21 +182,18 @@ class Parts:
             rows, by = content["runs"], content["made_by"]
         except (OSError, ValueError, RecursionError, KeyError, TypeError):  # another command's, or none
             return None
-        makers = isinstance(by, dict) and all(
-            isinstance(one, dict) and isinstance(one.get("versions"), dict) for one in by.values()
-        )
-        if not (makers and isinstance(rows, list) and all(self._is_valid(row, by) for row in rows)):
+        try:
+            made_whole = all(isinstance(one["versions"], dict) for one in by.values())
+            rows_whole = isinstance(rows, list) and all(self._is_whole(row, by) for row in rows)
+        except (AttributeError, KeyError, TypeError):  # something else than a mapping, or without an entry
+            made_whole = rows_whole = False
+        if not (made_whole and rows_whole):
             raise LogError(f"{path}: its rows of runs are damaged; --no-resume drives all runs again")
         return rows, by
 
-    def _is_valid(self, row: object, by: Mapping[str, Any]) -> bool:
-        return (
-            isinstance(row, dict)
-            and all(isinstance(row.get(name), str) for name in _TEXTS)
-            and "error" in row
-            and row["made_by"] in by
-            and self._is_row(row)
-        )
+    def _is_whole(self, row: Row, by: Mapping[str, Any]) -> bool:
+        texts = all(isinstance(row[name], str) for name in ("run", "id", "made_by"))
+        return texts and "error" in row and row["made_by"] in by and self._is_row(row)
 
 
 def resumable(stop: _Stop, driven: int, runs: int, command: str = "the same command") -> _Stop:
