@@ -107,10 +107,8 @@ def without_missing(config: BenchmarkConfig) -> tuple[list[Case], list[str]]:
 
     A controller named explicitly is not left out; `Setup.check` refuses it.
     """
-    cases, notes = config.cases(), []
-    if "mpc" not in (config.controllers or ()) and importlib.util.find_spec("casadi") is None:
-        rest = [case for case in cases if case.controller != "mpc"]
-        if len(rest) < len(cases):
-            notes.append('mpc is left out: CasADi is not installed; pip install "trackslip[mpc]"')
-        cases = rest
-    return cases, notes
+    cases = config.cases()
+    rest = [case for case in cases if case.controller != "mpc"]
+    if len(rest) == len(cases) or "mpc" in (config.controllers or ()) or importlib.util.find_spec("casadi") is not None:
+        return cases, []
+    return rest, ['mpc is left out: CasADi is not installed; pip install "trackslip[mpc]"']

@@ -27,7 +27,7 @@ from experiments.storage.results import (
     write_runs,
     write_samples,
 )
-from experiments.sweep.choose import chosen
+from experiments.sweep.table import chosen
 from trackslip.identification.identify import identified
 from trackslip.identification.source import Reading, Source, origin, read_source
 from trackslip.identification.summary import identification_to_json

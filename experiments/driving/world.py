@@ -91,16 +91,9 @@ class World(Specification):
 
         `config` is the command's configuration if it isn't that of the world.
         """
-        return make_manifest(
-            command,
-            config or self.config,
-            wall_s,
-            seed=self.config.seed,
-            model_sha256=self.robot.digest,
-            ground=self.ground,
-            obstacles=self.obstacles,
-            robot=self.parameters,
-        )
+        more = {"ground": self.ground, "obstacles": self.obstacles, "robot": self.parameters}
+        seed, digest = self.config.seed, self.robot.digest
+        return make_manifest(command, config or self.config, wall_s, seed=seed, model_sha256=digest, **more)
 
 
 @functools.lru_cache(maxsize=8)
