@@ -41,11 +41,11 @@ def ids(setup: Setup, cases: Sequence[Case]) -> dict[Case, str]:
         }
     )
     contents = functools.cache(lambda name: content(Path(name)))
-    modules = user_modules()
+    modules = set(user_modules())
 
     def files(case: Case) -> dict[str, str]:
         names = {case.reference, case.ground, str(policy_path(case.controller) or "")}
-        names |= set(() if case.controller in CONTROLLERS else modules)
+        names |= set() if case.controller in CONTROLLERS else modules
         return {name: digest for name in sorted(names) if (digest := contents(name)) is not None}
 
     return {case: digest([common, vars(case), files(case)]) for case in cases}
@@ -58,16 +58,16 @@ def groups(cases: Iterable[Case]) -> list[tuple[Case, ...]]:
         paths.setdefault(case.reference, {}).setdefault(case.controller, []).append(case)
     found = []
     for controllers in paths.values():
-        group: list[Case] = []
+        group: tuple[Case, ...] = ()
         for same in controllers.values():
             if group and len(group) + len(same) > GROUP_SIZE:
-                found.append(tuple(group))
-                group = []
-            group += same
+                found.append(group)
+                group = ()
+            group += tuple(same)
             while len(group) > MAX_GROUP:
-                found.append(tuple(group[:GROUP_SIZE]))
+                found.append(group[:GROUP_SIZE])
                 group = group[GROUP_SIZE:]
-        found.append(tuple(group))
+        found.append(group)
     return found
 
 
@@ -84,7 +84,11 @@ class DrivenGroup:
 
 def drive_groups(config: BenchmarkConfig, missing: Mapping[Case, str]) -> Iterator[DrivenGroup]:
     """Drive the cases, by their ids, in `config.jobs` processes, the longest groups first; each group when ready."""
-    order = sorted(groups(missing), key=_work, reverse=True)
+
+    def work(group: Sequence[Case]) -> float:
+        return seconds(group[:1]) * sum(_SLOW.get(case.controller, 1.0) for case in group)
+
+    order = sorted(groups(missing), key=work, reverse=True)
     jobs = min(config.jobs or processors(), len(order))
     with workers("processes", jobs) as pool:
         tasks = [{case: missing[case] for case in group} for group in order]
@@ -108,7 +112,3 @@ def seconds(cases: Iterable[Case]) -> float:
 @functools.lru_cache(maxsize=1)
 def _setup(config: BenchmarkConfig) -> Setup:
     return Setup.of(config)
-
-
-def _work(cases: tuple[Case, ...]) -> float:
-    return reference(cases[0].reference).duration * sum(_SLOW.get(case.controller, 1.0) for case in cases)

@@ -47,10 +47,9 @@ class Measures:
     @classmethod
     def mean(cls, measured: Sequence[Measures]) -> Measures:
         """Means over the runs that have a value."""
-        return cls(**{name: _mean(getattr(one, name) for one in measured) for name in MEASURES})
+        return cls(**{f.name: _mean(getattr(one, f.name) for one in measured) for f in fields(cls)})
 
 
-MEASURES = tuple(f.name for f in fields(Measures))
 WITH_INTERVAL = ("rms_position", "rms_position_after_12s", "rms_position_arc", "rms_heading")
 """Measures whose means have intervals."""
 
@@ -73,10 +72,8 @@ class CaseRow:
         row: dict[str, Any] = vars(self.case) | {"error": self.error}
         if self.error is not None:
             return row
-        measured = plain(self.measures)
-        for name in ("icr_offset", "icr_radius_error"):  # only online compensation finds them
-            if measured[name] is None:
-                del measured[name]
+        optional = ("icr_offset", "icr_radius_error")  # only online compensation finds them
+        measured = {n: value for n, value in plain(self.measures).items() if n not in optional or value is not None}
         return row | measured | {"success": self.success}
 
     def to_part(self, id: str) -> dict[str, Any]:
@@ -123,9 +120,26 @@ class BenchmarkRow(BoardEntry):
 
     def to_json(self) -> dict[str, Any]:
         """As summary.json has it."""
-        row: dict[str, Any] = plain(self)
+        row = plain(self)
         means, intervals = row.pop("means"), row.pop("intervals")
         return row | means | {f"{name}_ci95": ends for name, ends in intervals.items()}
+
+    @classmethod
+    def of(cls, runs: Sequence[CaseRow]) -> BenchmarkRow:
+        """From the rows of its runs."""
+        measured = [run.measures for run in runs if run.error is None]
+        times = [time for run in runs for time in run.compute_ms]
+        p50, p99 = (float(np.percentile(times, percent)) if times else None for percent in (50, 99))
+        return cls(
+            **{name: value for name, value in vars(runs[0].case).items() if name != "seed"},
+            seeds=len(runs),
+            failed=len(runs) - len(measured),
+            means=Measures.mean(measured),
+            intervals={name: bootstrap95(_known(getattr(one, name) for one in measured)) for name in WITH_INTERVAL},
+            success=float(np.mean([run.success for run in runs])),
+            compute_ms_p50=p50,
+            compute_ms_p99=p99,
+        )
 
 
 def over_seeds(runs: Sequence[CaseRow]) -> list[BenchmarkRow]:
@@ -133,27 +147,7 @@ def over_seeds(runs: Sequence[CaseRow]) -> list[BenchmarkRow]:
     found: dict[Case, list[CaseRow]] = {}
     for run in runs:
         found.setdefault(replace(run.case, seed=0), []).append(run)
-    return [_over_seeds(case, same) for case, same in found.items()]
-
-
-def _over_seeds(case: Case, runs: Sequence[CaseRow]) -> BenchmarkRow:
-    measured = [run.measures for run in runs if run.error is None]
-    times = [time for run in runs for time in run.compute_ms]
-    p50, p99 = (float(np.percentile(times, percent)) if times else None for percent in (50, 99))
-    return BenchmarkRow(
-        controller=case.controller,
-        compensation=case.compensation,
-        reference=case.reference,
-        ground=case.ground,
-        start=case.start,
-        seeds=len(runs),
-        failed=len(runs) - len(measured),
-        means=Measures.mean(measured),
-        intervals={name: bootstrap95(_known(getattr(one, name) for one in measured)) for name in WITH_INTERVAL},
-        success=float(np.mean([run.success for run in runs])),
-        compute_ms_p50=p50,
-        compute_ms_p99=p99,
-    )
+    return [BenchmarkRow.of(same) for same in found.values()]
 
 
 def bootstrap95(values: Sequence[float]) -> tuple[float, float] | None:
@@ -173,17 +167,10 @@ def board(rows: Sequence[BenchmarkRow]) -> list[BoardEntry]:
     found: dict[tuple[str, str, str], list[BenchmarkRow]] = {}
     for row in rows:
         found.setdefault((row.controller, row.compensation, row.start), []).append(row)
-    entries = [
-        BoardEntry(
-            controller,
-            compensation,
-            start,
-            means=Measures.mean([row.means for row in same]),
-            success=float(np.mean([row.success for row in same])),
-            compute_ms_p50=_mean(row.compute_ms_p50 for row in same),
-        )
-        for (controller, compensation, start), same in found.items()
-    ]
+    entries = []
+    for names, same in found.items():
+        means, success = Measures.mean([row.means for row in same]), float(np.mean([row.success for row in same]))
+        entries.append(BoardEntry(*names, means, success, _mean(row.compute_ms_p50 for row in same)))
     return sorted(entries, key=lambda entry: (-entry.success, settled_error(entry.means)))
 
 

@@ -40,7 +40,6 @@ class ClosedLoopRun:
     ground: Ground | None = None
     """The run's own ground; None for the world's."""
     metadata: Mapping[str, Any] = field(default_factory=dict)
-    """Further metadata of the run."""
 
     def own_metadata(self) -> dict[str, Any]:
         """The metadata that may differ between the runs of a fleet."""
@@ -69,8 +68,7 @@ def drive_closed_loops(
         progress: called with the simulated seconds since the last call, counted once for the whole fleet.
 
     Raises:
-        InvalidValueError: for an unknown controller or compensation.
-        TrackslipError: when a robot tips over or a controller fails.
+        TrackslipError: for an unknown controller or compensation; when a robot tips over or a controller fails.
     """
     geometry, top_speed = world.robot.geometry, world.config.drive.top_speed
     driven_by: dict[tuple[str, str], list[int]] = {}

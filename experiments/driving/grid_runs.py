@@ -43,7 +43,6 @@ class Cell:
     speed: float
     """Of the no-slip command [m/s]."""
     metadata: Mapping[str, Any] = field(default_factory=dict)
-    """Further metadata of the run."""
 
     @classmethod
     def at(cls, radius: float, speed: float) -> Cell:

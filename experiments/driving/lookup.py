@@ -41,9 +41,7 @@ def reference(name: str) -> Reference:
 def compensation(name: str, robot: RobotGeometry, laws: Path | None) -> Compensation:
     """A new compensation by name, using the laws in a file (default: those in the package).
 
-    Raises:
-        InvalidValueError: for an unknown name.
-        LogError: for a file that cannot be read or was made for another robot.
+    Raises InvalidValueError for an unknown name, LogError for a file that can't be read or is for another robot.
     """
     if name in KNOWN_LAWS:
         return FixedLaw(KNOWN_LAWS[name])
@@ -53,8 +51,7 @@ def compensation(name: str, robot: RobotGeometry, laws: Path | None) -> Compensa
     if name == _ONLINE and isinstance(prior := stored.get(_PRIOR), ConstantIcr):
         return OnlineIcr(robot, prior)
     if name not in stored:
-        online = [_ONLINE] if _PRIOR in stored else []
-        names = [*KNOWN_LAWS, *stored, *online, _ONLINE_COLD]
+        names = [*KNOWN_LAWS, *stored, *([_ONLINE] if _PRIOR in stored else []), _ONLINE_COLD]
         raise InvalidValueError("compensation", name, f"one of {', '.join(names)}")
     return FixedLaw(stored[name])
 

@@ -141,9 +141,7 @@ def _bundled(job: tuple[RunLog, RobotGeometry, float, int, int]) -> tuple[np.nda
     """Twists (repeats, 2) and covariances (repeats, 2, 2) of one run, with new noise in each repeat."""
     log, geometry, noise, seed, repeats = job
     assert log.scans is not None
-    rng = generator(seed, f"coverage {log.run}")
-    part = steady_part(log, geometry)
-    cluster = log.scans.cluster
+    rng, part, cluster = generator(seed, f"coverage {log.run}"), steady_part(log, geometry), log.scans.cluster
     found = []
     for _ in range(repeats):
         ranges = np.where(cluster.hit, cluster.range + rng.normal(0.0, noise, cluster.range.shape), 1.0)

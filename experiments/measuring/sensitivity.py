@@ -96,7 +96,6 @@ class SensitivityRow:
     effect: str
     """Name of the disturbance."""
     settings: Mapping[str, float | str]
-    """What differs from the nominal experiment."""
     slip_error: OuterInner[SlipErrors] | None
     """None where no run could be used."""
     localization: LocalizationErrors

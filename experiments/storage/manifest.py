@@ -50,7 +50,11 @@ def make_manifest(command: str, config: Any, wall_s: float, **more: Any) -> dict
 
 def versions() -> dict[str, str | None]:
     """Of Python and of the packages that results depend on."""
-    return {"python": platform.python_version()} | {p: _version(p) for p in _PACKAGES}
+    found: dict[str, str | None] = {"python": platform.python_version(), **dict.fromkeys(_PACKAGES)}
+    for package in _PACKAGES:
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+            found[package] = importlib.metadata.version(package)
+    return found
 
 
 def command_line(command: str) -> str:
@@ -107,13 +111,6 @@ def _digest_of(packages: Any) -> str:
         found = (file for file in sorted(root.rglob("*")) if file.suffix in _SUFFIXES)
         files += [(package.__name__, str(file.relative_to(root)), content(file)) for file in found]
     return digest(files)
-
-
-def _version(package: str) -> str | None:
-    try:
-        return importlib.metadata.version(package)
-    except importlib.metadata.PackageNotFoundError:
-        return None
 
 
 def _git_state() -> dict[str, Any] | None:

@@ -62,31 +62,24 @@ class Stored:
     """Code, models and libraries that drove it."""
 
 
-class Parts:
-    """The driven runs in a folder of results."""
+class Parts(dict[str, Stored]):
+    """The driven runs in a folder of results, by their ids."""
 
     def __init__(self, out: Path, name: str, is_row: Callable[[Row], bool] = lambda row: True) -> None:
         """Parts go to the folder `name` in `out`; `is_row` tells a command's rows from damaged ones."""
+        super().__init__()
         self._out, self._parts, self._is_row = out, out / name, is_row
-        self._there: dict[str, Stored] = {}
-
-    def __getitem__(self, id: str) -> Stored:
-        return self._there[id]
-
-    def __contains__(self, id: str) -> bool:
-        return id in self._there
 
     def take(self, ids: Collection[str], force: bool) -> None:
         """Find which of the runs `ids` are among the results or the parts. Failed runs are not: they are driven again.
 
-        Raises:
-            TrackslipError: if other code, models or libraries drove them, unless `force` is given.
-            LogError: if the results are damaged, or were written by a newer version.
+        Raises TrackslipError if other code, models or libraries drove them, unless `force` is given; LogError if the
+        results are damaged, or were written by a newer version.
         """
         self._require_readable()
         self._find(ids, [*self._results(), *self._records()])
         now = made_by()
-        stale = [one.made_by for one in self._there.values() if one.made_by != now]
+        stale = [one.made_by for one in self.values() if one.made_by != now]
         if stale and not force:
             raise TrackslipError(
                 f"out = {str(self._out)!r}: {len(stale)} of these runs were driven before a change of"
@@ -104,8 +97,7 @@ class Parts:
     def keep(self, part: Part) -> None:
         """Store a part: its logs first, its rows last, each whole or not at all. Failed runs alone aren't stored.
 
-        Raises:
-            TrackslipError: if other code, models or libraries than this process's drove it.
+        Raises TrackslipError if other code, models or libraries than this process's drove it.
         """
         now = made_by()
         if any(row["made_by"] != digest(now) for row in part.rows):
@@ -121,7 +113,7 @@ class Parts:
                 with contextlib.suppress(OSError):  # there are other parts
                     self._parts.rmdir()
                 raise
-        self._there |= {row["id"]: Stored(row, file, now) for row in part.rows}
+        self.update({row["id"]: Stored(row, file, now) for row in part.rows})
 
     def gather(self, runs: Iterable[tuple[str, str]], file: Path) -> None:
         """Write the logs of runs, (id, new name) each, in order, to one file; without any log there is no file."""
@@ -149,7 +141,7 @@ class Parts:
                 if file.parent == self._parts:
                     continue
                 raise LogError(f"{file}: damaged; --no-resume drives all runs again")  # the user decides
-            self._there |= {row["id"]: Stored(row, file, by[row["made_by"]]) for row in there}
+            self.update({row["id"]: Stored(row, file, by[row["made_by"]]) for row in there})
 
     def _require_readable(self) -> None:
         """Raise LogError for results of a newer version, or with a damaged manifest or summary."""

@@ -44,9 +44,8 @@ def results_folder(out: Path, then: Callable[[], None] = lambda: None) -> Iterat
     `then` is called once they are in place, before another command can write to `out`. Until then no other command can;
     what killed commands left there is deleted.
 
-    Raises:
-        OutputError: at once, before anything is computed, if `out` can't be written or another command is writing
-            there; later, if the disk is full.
+    Raises OutputError: at once, before anything is computed, if `out` can't be written or another command is writing
+    there; later, if the disk is full.
     """
     made: list[Path] = []
     try:
@@ -142,10 +141,10 @@ def write_results(folder: Path, logs: Sequence[RunLog], summary: Mapping[str, An
 
 def write_runs(folder: Path, logs: Sequence[RunLog]) -> None:
     """Write runs as the folder's RUNS_FILE."""
-    from trackslip.logs import logfile  # late: not every command has runs to write
+    from trackslip.logs.logfile import write_parquet  # late: not every command has runs to write
 
     with arrow_errors(folder / RUNS_FILE):
-        logfile.write_parquet(logs, folder / RUNS_FILE)
+        write_parquet(logs, folder / RUNS_FILE)
 
 
 def write_samples(folder: Path, samples: SlipSamples) -> None:

@@ -24,18 +24,13 @@ _MAX_RATIO = 100.0
 def axes_of(config: SweepConfig) -> dict[str, tuple[Any, ...]]:
     """The values of each axis, in the order of the loops: radius and speed are the innermost.
 
-    Raises:
-        InvalidValueError, SettingsFileError: naming the axis and what is allowed.
+    Raises InvalidValueError or SettingsFileError, which name the axis and what is allowed.
     """
     given: dict[str, tuple[Any, ...]] = {}
-    for name, listed_by, values in (
-        ("ground", "grounds", config.grounds),
-        ("friction_ratio", "friction_ratio", config.friction_ratio),
-        ("slope", "slope", config.slope),
-        ("seed", "seeds", config.seeds),
-    ):
-        if values:
-            given[name] = _checked(name, values, listed_by)
+    listed_by = {"ground": "grounds", "friction_ratio": "friction_ratio", "slope": "slope", "seed": "seeds"}
+    for name, option_name in listed_by.items():
+        if values := getattr(config, option_name):
+            given[name] = _checked(name, values, option_name)
     for text in config.vary or ():
         name, equals, listed = text.partition("=")
         if not equals:

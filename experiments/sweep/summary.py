@@ -169,12 +169,10 @@ def print_out(config: SweepConfig, summary: SweepSummary) -> None:
             _radius_lines(summary.grids[0]),
         )
     else:
-        header = (
-            *summary.grids[0].axes,
-            *("runs", "failed", "tightest [m]", "observed [m]", "outer slip", "inner slip", "slip error, rms"),
-        )
+        numbers = ("runs", "failed", "tightest [m]", "observed [m]", "outer slip", "inner slip", "slip error, rms")
         lines = [_line(grid) for grid in summary.grids[:_MAX_LINES]]
-        print_table(f"{len(summary.runs)} runs in {len(summary.grids)} grids", header, lines)
+        title = f"{len(summary.runs)} runs in {len(summary.grids)} grids"
+        print_table(title, (*summary.grids[0].axes, *numbers), lines)
         if len(summary.grids) > _MAX_LINES:
             print(f"and {len(summary.grids) - _MAX_LINES} more grids; {TABLE_FILE} has a row for each run")
     _print_some([f"warning: {warning}" for warning in summary.warnings], f"warnings in {SUMMARY_FILE}")
@@ -189,11 +187,9 @@ def _print_some(lines: Sequence[str], where: str) -> None:
 
 
 def _radius_lines(grid: Grid) -> list[tuple[str, ...]]:
-    columns = (grid.radius.commanded, grid.radius.observed, grid.slip_by_radius.outer, grid.slip_by_radius.inner)
-    return [
-        (f"{commanded:g}", f"{observed:.3f}", f"{outer:+.4f}", f"{inner:+.4f}")
-        for commanded, observed, outer, inner in zip(*columns, strict=True)
-    ]
+    radius, slip = grid.radius, grid.slip_by_radius
+    rows = zip(radius.commanded, radius.observed, slip.outer, slip.inner, strict=True)
+    return [(f"{given:g}", f"{seen:.3f}", f"{outer:+.4f}", f"{inner:+.4f}") for given, seen, outer, inner in rows]
 
 
 def _line(grid: Grid) -> tuple[str, ...]:

@@ -60,9 +60,7 @@ def _array(values: list[Any], column: Column) -> pa.Array:
 def chosen(folder: Path, where: Sequence[str]) -> set[str]:
     """Names of the runs for which every NAME=VALUE of `where` holds.
 
-    Raises:
-        InvalidValueError: for an axis or a value that the sweep doesn't have.
-        LogError: for a folder without a table of its runs.
+    Raises InvalidValueError for an axis or a value that the sweep doesn't have, LogError for a folder without a table.
     """
     rows: list[dict[str, Any]] = read_table(folder / TABLE_FILE).to_pylist()
     axes = [name for name in rows[0] if name not in COLUMNS] if rows else []

@@ -52,10 +52,8 @@ def account(parameters: RobotParameters, ground: Ground, generator: np.random.Ge
     robot = load_robot(parameters=parameters, contact_sensors=True)
     robot.model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
     step = robot.model.opt.timestep
-    drive = Drive(period=step)
-    fleet = Fleet(robot, np.zeros((ROBOTS, 3)), ground, parameters.radius_error, drive, threads)
-    energy = fleet.batch.bind("energy")
-    steps = round(DURATION / step)
+    fleet = Fleet(robot, np.zeros((ROBOTS, 3)), ground, parameters.radius_error, Drive(period=step), threads)
+    energy, steps = fleet.batch.bind("energy"), round(DURATION / step)
     read, total = [], []
     for k in range(steps + 1):
         if k % round(1.0 / step) == 0:
