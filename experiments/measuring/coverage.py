@@ -5,14 +5,12 @@ from __future__ import annotations
 import itertools
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from experiments.options.coverage import CoverageConfig
 from experiments.parallel.workers import deaf_children, processes
-from experiments.storage.plain_json import plain
 from sim.seeds import generator
 from trackslip.identification.comparison import Comparison
 from trackslip.identification.coverage import coverage, noise_coverage
@@ -75,30 +73,23 @@ class Coverage:
     laws_errors_unknown: Mapping[str, Shares]
     """Law -> shares where they estimate the scatter from the samples."""
     runs: RunCoverage
-    values: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Law -> parameters that the samples were drawn with [SI]."""
-
-    def to_json(self) -> dict[str, Any]:
-        """The entries of a summary.json."""
-        return {name: value for name, value in plain(self).items() if name != "values"}
 
 
 def drawn_coverage(
     config: CoverageConfig,
     design: SlipSamples,
-    fitted: Comparison,
+    values: Mapping[str, Mapping[str, float]],
     geometry: RobotGeometry,
     step: Callable[[float], None],
 ) -> tuple[dict[str, Shares], dict[str, Shares]]:
-    """Shares for samples drawn from every law, with known and with unknown errors of measurement.
+    """Shares for samples drawn from every law with its `values`, with known and with unknown errors of measurement.
 
-    `step(1.0)` is called after each law, 2 len(DRAWN_LAWS) times in all.
+    `step(1.0)` is called after each, twice per law.
     """
     shares: dict[bool, dict[str, Shares]] = {True: {}, False: {}}
-    for name, known in itertools.product(DRAWN_LAWS, (True, False)):
+    for name, known in itertools.product(values, (True, False)):
         rng = generator(config.seed, f"coverage {name} {known}")
-        values = generating_values(name, fitted)
-        shares[known][name] = coverage(name, values, design, geometry, config.repeats, rng, known)
+        shares[known][name] = coverage(name, values[name], design, geometry, config.repeats, rng, known)
         step(1.0)
     return shares[True], shares[False]
 

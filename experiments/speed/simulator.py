@@ -142,8 +142,8 @@ class Rig:
         # the robots differ only in the scanner's noise: the circle of the first suits all
         reference = circle(_RADIUS, _SPEED, (periods + 1) * self.feed.period, self.fleet.pose()[0])
         passed: list[float] = []
-        parts = self.fleet, [self._pilot], reference, self.feed, self._locator, self._descriptions
-        closed_loop(*parts, lambda _: passed.append(perf_counter()))
+        loop = self.fleet, [self._pilot], reference, self.feed, self._locator, self._descriptions
+        closed_loop(*loop, lambda _: passed.append(perf_counter()))
         # from period to period: the scan before the first would be one too many
         return passed[-1] - passed[0]
 
