@@ -49,12 +49,12 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.slip.exponential import PUBLISHED as PUBLISHED
     from trackslip.slip.exponential import Exponential as Exponential
     from trackslip.slip.exponential import ExponentialSpeed as ExponentialSpeed
-    from trackslip.slip.power import Hyperbola as Hyperbola
     from trackslip.slip.icr import ConstantIcr as ConstantIcr
     from trackslip.slip.icr import IcrSides as IcrSides
     from trackslip.slip.law_file import load_laws as load_laws
     from trackslip.slip.law_file import save_laws as save_laws
     from trackslip.slip.online import IcrFilter as IcrFilter
+    from trackslip.slip.power import Hyperbola as Hyperbola
     from trackslip.slip.power import Power as Power
     from trackslip.trajectory.base import Reference as Reference
     from trackslip.trajectory.named import named_reference as named_reference

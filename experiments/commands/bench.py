@@ -67,7 +67,7 @@ def _environments(config: BenchConfig, robot: Robot) -> _Measured:
     from experiments.speed.environments import env_speeds, measure_env  # late: it needs gymnasium
 
     with _progress(1 + config.repeats) as step:
-        speeds = env_speeds(config, measure_env(config, step), robot.model.opt.timestep)
+        speeds = env_speeds(measure_env(config, step), robot.model.opt.timestep)
     title, header, rows = _speed_table("Speed of the learning environments", speeds)
     header = (*header[:-1], "ratio to SyncVectorEnv", header[-1])
     rows = [(*row[:-1], f"{one.ratio_to_single:.1f}", row[-1]) for row, one in zip(rows, speeds, strict=True)]

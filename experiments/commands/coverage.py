@@ -1,6 +1,7 @@
 """`trackslip coverage`: do the 95 % intervals cover the truth in 95 % of many repeats?"""
 
 import time
+from collections.abc import Mapping
 
 from experiments.driving.grid_runs import cells_of, drive_grid
 from experiments.driving.world import World
@@ -46,16 +47,18 @@ def run(config: CoverageConfig) -> None:
         with progress("fits", 2 * len(DRAWN_LAWS) + 2, "fits") as step:
             fitted = compare_laws(design, geometry)
             step(1.0)
-            known, unknown = drawn_coverage(config, design, fitted, geometry, step)
+            values = {name: generating_values(name, fitted) for name in DRAWN_LAWS}
+            known, unknown = drawn_coverage(config, design, values, geometry, step)
             runs = RunCoverage.of(repeats, true_samples(logs, geometry), geometry)
             step(1.0)
-        values = {name: generating_values(name, fitted) for name in DRAWN_LAWS}
-        found = Coverage(config.repeats, known, unknown, runs, values)
+        found = Coverage(config.repeats, known, unknown, runs)
         wall = time.perf_counter() - began
         timing = {"wall_s": wall, "stages": {"coverage": wall}}
-        write_results(folder, found.to_json() | {"timing": timing}, world.manifest("coverage", wall, config))
+        write_results(folder, vars(found) | {"timing": timing}, world.manifest("coverage", wall, config))
     header = ("law", "parameter", "drawn from", "errors known", "errors unknown")
-    print_table(f"Share of {config.repeats} repeats whose 95 % interval covers the parameter", header, _rows(found))
+    print_table(
+        f"Share of {config.repeats} repeats whose 95 % interval covers the parameter", header, _rows(found, values)
+    )
     title = f"Share of {runs.repeats} grids whose {RUN_LAW} interval covers the value fitted to the true motion"
     rows = [(SYMBOLS[key], f"{runs.noise[key]:.3f}", f"{runs.interval95[key]:.3f}") for key in runs.noise]
     print_table(title, ("parameter", "noise alone", "95 % interval"), rows)
@@ -64,12 +67,12 @@ def run(config: CoverageConfig) -> None:
     print(f"{config.out / SUMMARY_FILE}: {wall:.1f} s")
 
 
-def _rows(found: Coverage) -> list[tuple[str, ...]]:
-    """One row per parameter."""
+def _rows(found: Coverage, values: Mapping[str, Mapping[str, float]]) -> list[tuple[str, ...]]:
+    """One row per parameter, with the value that the samples were drawn with [SI]."""
     rows: list[tuple[str, ...]] = []
     for name, shares in found.laws.items():
         for k, (key, share) in enumerate(shares.items()):
             symbol = f"{SYMBOLS[key]} [{FAMILIES[name].parameters[key].unit or '-'}]"
-            drawn, unknown = found.values[name][key], found.laws_errors_unknown[name][key]
+            drawn, unknown = values[name][key], found.laws_errors_unknown[name][key]
             rows.append((name if k == 0 else "", symbol, f"{drawn:+.4f}", f"{share:.3f}", f"{unknown:.3f}"))
     return rows

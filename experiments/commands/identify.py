@@ -10,7 +10,7 @@ from experiments.report.reproduction import Report, render
 from experiments.report.terminal import print_table, progress
 from experiments.storage.manifest import command_line, make_manifest
 from experiments.storage.results import REPORT_FILE, results_folder, write_results, write_samples
-from experiments.sweep.choose import chosen
+from experiments.sweep.table import chosen
 from trackslip.identification.identify import identify_samples
 from trackslip.identification.result import identification_to_json
 from trackslip.identification.source import Reading, Source, origin, read_source

@@ -6,7 +6,7 @@ from typing import Any
 
 from experiments.driving.closed_loop import ClosedLoopRun, drive_closed_loops, start_pose
 from experiments.driving.grid_runs import cells_of, drive_grid
-from experiments.driving.lookup import KNOWN_LAWS
+from experiments.driving.paper_model import KNOWN_LAWS
 from experiments.driving.world import World
 from experiments.measuring.grid import grid_summary, saturation_warnings, simulated_seconds
 from experiments.measuring.paper_comparison import compare_with_paper

@@ -5,8 +5,7 @@ from dataclasses import replace
 
 from experiments.driving.grid_runs import drive_grid
 from experiments.driving.world import World
-from experiments.measuring.disturbances import DISTURBANCES
-from experiments.measuring.sensitivity import SensitivityRow, sensitivity_row
+from experiments.measuring.sensitivity import DISTURBANCES, SensitivityRow
 from experiments.options.sensitivity import SensitivityConfig
 from experiments.recording import record_all
 from experiments.report.formats import for_terminal
@@ -51,5 +50,5 @@ def measure(
         logs = nominal if changed == config else drive_grid(changed, World.of(changed), progress)
         logs = [disturbance.evaluated(log) for log in logs]
         examples.append(replace(logs[0], run=f"{disturbance.name}, {logs[0].run}"))
-        rows.append(sensitivity_row(disturbance, logs, world.robot.geometry, config.motion))
+        rows.append(SensitivityRow.of(disturbance, logs, world.robot.geometry, config.motion))
     return rows, examples

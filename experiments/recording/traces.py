@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import scipy
 
-from experiments.driving.lookup import KNOWN_LAWS
 from experiments.driving.lookup import reference as load_reference
+from experiments.driving.paper_model import KNOWN_LAWS
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
 from trackslip.logs.runlog import RunLog
