@@ -1,15 +1,15 @@
-"""Groups of runs, driven one after another or by several processes at once."""
+"""Groups of runs that share a reference, each driven as one fleet, by one process or several at once."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from experiments.benchmark.group import drive, groups, measure
+from experiments.benchmark.measure import measure
 from experiments.benchmark.setup import Setup
+from experiments.driving.failures import drive_isolating, logs_until
 from experiments.driving.lookup import policy_path, reference, user_modules
 from experiments.options.benchmark import BenchmarkConfig, Case
 from experiments.parallel.executors import processors, workers
@@ -20,6 +20,10 @@ from trackslip.controllers.named import CONTROLLERS
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.law_file import SHIPPED
 
+GROUP_SIZE = 32
+"""Robots in a fleet: larger fleets hardly gain speed, and smaller ones are shared better between processes."""
+MAX_GROUP = 3 * GROUP_SIZE
+"""Robots of one controller on one reference that are still driven as one fleet."""
 _SLOW = {"mpc": 4.0}  # how much longer a robot takes than under most controllers
 _COMMON = ("robot", "radius_error", "drive", "scanner", "obstacles", "localization", "preview", "laws")
 
@@ -37,14 +41,34 @@ def ids(setup: Setup, cases: Sequence[Case]) -> dict[Case, str]:
         }
     )
     contents = functools.cache(lambda name: content(Path(name)))
-    modules = user_modules()
+    modules = set(user_modules())
 
     def files(case: Case) -> dict[str, str]:
         names = {case.reference, case.ground, str(policy_path(case.controller) or "")}
-        names |= set(() if case.controller in CONTROLLERS else modules)
+        names |= set() if case.controller in CONTROLLERS else modules
         return {name: digest for name in sorted(names) if (digest := contents(name)) is not None}
 
     return {case: digest([common, vars(case), files(case)]) for case in cases}
+
+
+def groups(cases: Iterable[Case]) -> list[tuple[Case, ...]]:
+    """Cases by reference, in order: whole controllers, up to about GROUP_SIZE robots per group."""
+    paths: dict[str, dict[str, list[Case]]] = {}
+    for case in cases:
+        paths.setdefault(case.reference, {}).setdefault(case.controller, []).append(case)
+    found = []
+    for controllers in paths.values():
+        group: tuple[Case, ...] = ()
+        for same in controllers.values():
+            if group and len(group) + len(same) > GROUP_SIZE:
+                found.append(group)
+                group = ()
+            group += tuple(same)
+            while len(group) > MAX_GROUP:
+                found.append(group[:GROUP_SIZE])
+                group = group[GROUP_SIZE:]
+        found.append(group)
+    return found
 
 
 @dataclass(frozen=True)
@@ -60,7 +84,11 @@ class DrivenGroup:
 
 def drive_groups(config: BenchmarkConfig, missing: Mapping[Case, str]) -> Iterator[DrivenGroup]:
     """Drive the cases, by their ids, in `config.jobs` processes, the longest groups first; each group when ready."""
-    order = sorted(groups(list(missing)), key=_work, reverse=True)
+
+    def work(group: Sequence[Case]) -> float:
+        return seconds(group[:1]) * sum(_SLOW.get(case.controller, 1.0) for case in group)
+
+    order = sorted(groups(missing), key=work, reverse=True)
     jobs = min(config.jobs or processors(), len(order))
     with workers("processes", jobs) as pool:
         tasks = [{case: missing[case] for case in group} for group in order]
@@ -69,14 +97,14 @@ def drive_groups(config: BenchmarkConfig, missing: Mapping[Case, str]) -> Iterat
 
 def drive_group(config: BenchmarkConfig, wanted: Mapping[Case, str]) -> DrivenGroup:
     """Drive and measure a group."""
-    setup = _setup(config)
-    outcomes = drive(setup, list(wanted))
-    rows: list[dict[str, Any]] = [row.to_part(wanted[row.case]) for row in measure(setup, outcomes)]
-    part = Part.of(rows, [outcome.log for outcome in outcomes if outcome.log is not None])
-    return DrivenGroup(tuple(wanted), part, [log for one in outcomes for log in one.unfinished if config.rrd])
+    setup, cases = _setup(config), tuple(wanted)
+    outcomes = drive_isolating(cases, setup.drive)
+    rows = [row.to_part(wanted[row.case]) for row in measure(setup, cases, outcomes)]
+    part = Part.of(rows, [one for one in outcomes if isinstance(one, RunLog)])
+    return DrivenGroup(cases, part, [log for one in outcomes for log in logs_until(one) if config.rrd])
 
 
-def seconds(cases: Sequence[Case]) -> float:
+def seconds(cases: Iterable[Case]) -> float:
     """Simulated time of the cases together [s]."""
     return sum(reference(case.reference).duration for case in cases)
 
@@ -84,7 +112,3 @@ def seconds(cases: Sequence[Case]) -> float:
 @functools.lru_cache(maxsize=1)
 def _setup(config: BenchmarkConfig) -> Setup:
     return Setup.of(config)
-
-
-def _work(cases: tuple[Case, ...]) -> float:
-    return reference(cases[0].reference).duration * sum(_SLOW.get(case.controller, 1.0) for case in cases)

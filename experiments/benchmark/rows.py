@@ -20,37 +20,23 @@ _RESAMPLES = 2000
 class Measures:
     """Errors and expense of a run, or their means over several; None where there is nothing to measure.
 
-    Position errors are distances of the true position from where the reference is at the time.
+    The first eleven are those of `trackslip.metrics.TrackingErrors`, the next three those of `Expense`, in their units.
     """
 
     rms_position: float | None = None
-    """[m]"""
     rms_position_after_12s: float | None = None
-    """The same from 12 s on, when the transient is over [m]."""
     rms_position_arc: float | None = None
-    """The same while the reference turns [m]."""
     rms_heading: float | None = None
-    """[rad]"""
     cross_track: float | None = None
-    """Root mean square of the error across the reference's direction [m]."""
     along_track: float | None = None
-    """Root mean square of the error along it [m]."""
     max_position: float | None = None
-    """[m]"""
     final_position: float | None = None
-    """[m]"""
     final_heading: float | None = None
-    """Absolute [rad]."""
     iae: float | None = None
-    """Integral of the position error over time [m s]."""
     itae: float | None = None
-    """Integral of time times the position error [m s^2]."""
     effort: float | None = None
-    """Integral over time of the mean square of the two sprockets' set points [rad^2/s]."""
     roughness: float | None = None
-    """Root mean square rate of the set points [rad/s^2]."""
     saturation_s: float | None = None
-    """Time with a motor at its limit, or a sprocket commanded to its top speed [s]."""
     valid_fraction: float | None = None
     """Share of the scans that gave a pose [-]."""
     icr_offset: float | None = None
@@ -61,10 +47,9 @@ class Measures:
     @classmethod
     def mean(cls, measured: Sequence[Measures]) -> Measures:
         """Means over the runs that have a value."""
-        return cls(**{name: _mean(getattr(one, name) for one in measured) for name in MEASURES})
+        return cls(**{f.name: _mean(getattr(one, f.name) for one in measured) for f in fields(cls)})
 
 
-MEASURES = tuple(f.name for f in fields(Measures))
 WITH_INTERVAL = ("rms_position", "rms_position_after_12s", "rms_position_arc", "rms_heading")
 """Measures whose means have intervals."""
 
@@ -87,10 +72,8 @@ class CaseRow:
         row: dict[str, Any] = vars(self.case) | {"error": self.error}
         if self.error is not None:
             return row
-        measured = plain(self.measures)
-        for name in ("icr_offset", "icr_radius_error"):  # only online compensation finds them
-            if measured[name] is None:
-                del measured[name]
+        optional = ("icr_offset", "icr_radius_error")  # only online compensation finds them
+        measured = {n: value for n, value in plain(self.measures).items() if n not in optional or value is not None}
         return row | measured | {"success": self.success}
 
     def to_part(self, id: str) -> dict[str, Any]:
@@ -101,43 +84,8 @@ class CaseRow:
     def from_part(cls, stored: Mapping[str, Any]) -> CaseRow:
         """From what `to_part` gave."""
         row = stored["row"]
-        own = {
-            "case": Case(**row["case"]),
-            "measures": Measures(**row["measures"]),
-            "compute_ms": (*row["compute_ms"],),
-        }
-        return cls(**row | own)
-
-
-@dataclass(frozen=True)
-class BenchmarkRow:
-    """Means over the runs that differ only in their seeds."""
-
-    controller: str
-    compensation: str
-    reference: str
-    ground: str
-    start: str
-    seeds: int
-    """Number of runs."""
-    failed: int
-    """Number of runs that failed."""
-    means: Measures
-    """Over the runs that did not fail."""
-    intervals: Mapping[str, tuple[float, float] | None]
-    """95 % bootstrap intervals of the means of WITH_INTERVAL, in their units; None for fewer than two runs."""
-    success: float
-    """Share of the runs that stayed within 0.5 m of where they should be."""
-    compute_ms_p50: float | None
-    """Median time of a step of controller and compensation [ms]."""
-    compute_ms_p99: float | None
-    """99th percentile of the same [ms]."""
-
-    def to_json(self) -> dict[str, Any]:
-        """As summary.json has it."""
-        row: dict[str, Any] = plain(self)
-        means, intervals = row.pop("means"), row.pop("intervals")
-        return row | means | {f"{name}_ci95": ends for name, ends in intervals.items()}
+        case, measures, times = Case(**row["case"]), Measures(**row["measures"]), tuple(row["compute_ms"])
+        return cls(case, row["error"], measures, row["success"], times)
 
 
 @dataclass(frozen=True)
@@ -148,10 +96,50 @@ class BoardEntry:
     compensation: str
     start: str
     means: Measures
+    """Over the runs that did not fail."""
     success: float
     """Share of the runs that stayed within 0.5 m of where they should be."""
     compute_ms_p50: float | None
-    """[ms]"""
+    """Median time of a step of controller and compensation [ms]."""
+
+
+@dataclass(frozen=True)
+class BenchmarkRow(BoardEntry):
+    """The same for one reference and ground: means over the runs that differ only in their seeds."""
+
+    reference: str
+    ground: str
+    seeds: int
+    """Number of runs."""
+    failed: int
+    """Number of runs that failed."""
+    intervals: Mapping[str, tuple[float, float] | None]
+    """95 % bootstrap intervals of the means of WITH_INTERVAL, in their units; None for fewer than two runs."""
+    compute_ms_p99: float | None
+    """99th percentile of the time of a step [ms]."""
+
+    def to_json(self) -> dict[str, Any]:
+        """As summary.json has it."""
+        row = plain(self)
+        means, intervals = row.pop("means"), row.pop("intervals")
+        return row | means | {f"{name}_ci95": ends for name, ends in intervals.items()}
+
+    @classmethod
+    def of(cls, runs: Sequence[CaseRow]) -> BenchmarkRow:
+        """From the rows of its runs."""
+        measured = [run.measures for run in runs if run.error is None]
+        times = [time for run in runs for time in run.compute_ms]
+        p50, p99 = (float(np.percentile(times, percent)) if times else None for percent in (50, 99))
+        return cls(
+            **{name: value for name, value in vars(runs[0].case).items() if name != "seed"},
+            seeds=len(runs),
+            failed=len(runs) - len(measured),
+            means=Measures.mean(measured),
+            intervals={name: bootstrap95(_known(getattr(one, name) for one in measured)) for name in WITH_INTERVAL},
+            success=float(np.mean([run.success for run in runs])),
+            compute_ms_p50=p50,
+            compute_ms_p99=p99,
+        )
 
 
 def over_seeds(runs: Sequence[CaseRow]) -> list[BenchmarkRow]:
@@ -159,27 +147,7 @@ def over_seeds(runs: Sequence[CaseRow]) -> list[BenchmarkRow]:
     found: dict[Case, list[CaseRow]] = {}
     for run in runs:
         found.setdefault(replace(run.case, seed=0), []).append(run)
-    return [_over_seeds(case, same) for case, same in found.items()]
-
-
-def _over_seeds(case: Case, runs: Sequence[CaseRow]) -> BenchmarkRow:
-    measured = [run.measures for run in runs if run.error is None]
-    times = [time for run in runs for time in run.compute_ms]
-    p50, p99 = (float(np.percentile(times, percent)) if times else None for percent in (50, 99))
-    return BenchmarkRow(
-        controller=case.controller,
-        compensation=case.compensation,
-        reference=case.reference,
-        ground=case.ground,
-        start=case.start,
-        seeds=len(runs),
-        failed=len(runs) - len(measured),
-        means=Measures.mean(measured),
-        intervals={name: bootstrap95(_known(getattr(one, name) for one in measured)) for name in WITH_INTERVAL},
-        success=float(np.mean([run.success for run in runs])),
-        compute_ms_p50=p50,
-        compute_ms_p99=p99,
-    )
+    return [BenchmarkRow.of(same) for same in found.values()]
 
 
 def bootstrap95(values: Sequence[float]) -> tuple[float, float] | None:
@@ -199,26 +167,17 @@ def board(rows: Sequence[BenchmarkRow]) -> list[BoardEntry]:
     found: dict[tuple[str, str, str], list[BenchmarkRow]] = {}
     for row in rows:
         found.setdefault((row.controller, row.compensation, row.start), []).append(row)
-    entries = [
-        BoardEntry(
-            controller,
-            compensation,
-            start,
-            means=Measures.mean([row.means for row in same]),
-            success=float(np.mean([row.success for row in same])),
-            compute_ms_p50=_mean(row.compute_ms_p50 for row in same),
-        )
-        for (controller, compensation, start), same in found.items()
-    ]
+    entries = []
+    for names, same in found.items():
+        means, success = Measures.mean([row.means for row in same]), float(np.mean([row.success for row in same]))
+        entries.append(BoardEntry(*names, means, success, _mean(row.compute_ms_p50 for row in same)))
     return sorted(entries, key=lambda entry: (-entry.success, settled_error(entry.means)))
 
 
 def settled_error(means: Measures) -> float:
     """Position error once the transient is over, or that of a shorter run; infinite where there is none [m]."""
-    for value in (means.rms_position_after_12s, means.rms_position):
-        if value is not None:
-            return value
-    return float("inf")
+    known = _known((means.rms_position_after_12s, means.rms_position))
+    return known[0] if known else float("inf")
 
 
 def losses(rows: Sequence[BenchmarkRow]) -> list[str]:
@@ -232,9 +191,10 @@ def losses(rows: Sequence[BenchmarkRow]) -> list[str]:
         if lost:
             failed = sum(row.failed for row in same)
             where = ", ".join(dict.fromkeys(relative(row.reference) for row in same if row.success < 1))
-            crashed = f", {failed} of them failed" if failed else ""
-            who = f"{relative(controller)} with {compensation} on {relative(ground)}"
-            lines.append(f"{who} loses the path in {lost} of {sum(row.seeds for row in same)} runs{crashed}: {where}")
+            lines.append(
+                f"{relative(controller)} with {compensation} on {relative(ground)} loses the path in {lost} of"
+                f" {sum(row.seeds for row in same)} runs{f', {failed} of them failed' if failed else ''}: {where}"
+            )
     if len(lines) < len(found):
         lines.append("all others keep the path in every run" if lines else "every run keeps the path")
     return lines

@@ -13,8 +13,8 @@ from experiments.driving.closed_loop import ClosedLoopRun, drive_closed_loops
 from experiments.driving.lookup import compensation, controller, reference
 from experiments.driving.world import World
 from experiments.options.benchmark import BenchmarkConfig, Case
-from sim.ground.file import load_ground
 from sim.ground.ground import Ground
+from sim.ground.named import load_ground
 from sim.seeds import generator
 from trackslip.controllers.base import Controller
 from trackslip.errors import InvalidValueError
@@ -41,22 +41,15 @@ class Setup:
 
     def check(self, cases: Sequence[Case]) -> None:
         """Raise TrackslipError for an unknown name, before anything is driven."""
-        try:
-            self._look_up(cases)
-        except InvalidValueError as error:
-            if error.field in ("controller", "compensation", "reference", "ground"):  # the options' names are plural
-                raise InvalidValueError(f"{error.field}s", error.value, error.allowed) from error
-            raise
-
-    def _look_up(self, cases: Sequence[Case]) -> None:
-        for name in dict.fromkeys(case.controller for case in cases):
-            self.controller(name)
-        for name in dict.fromkeys(case.compensation for case in cases):
-            self.compensation(name)
-        for name in dict.fromkeys(case.reference for case in cases):
-            reference(name)
-        for name in dict.fromkeys(case.ground for case in cases):
-            self.ground(name)
+        for field in ("controller", "compensation", "reference", "ground"):
+            look_up = reference if field == "reference" else getattr(self, field)
+            for name in dict.fromkeys(getattr(case, field) for case in cases):
+                try:
+                    look_up(name)
+                except InvalidValueError as error:
+                    if error.field == field:  # the options' names are plural
+                        raise InvalidValueError(f"{field}s", error.value, error.allowed) from error
+                    raise
 
     def ground(self, name: str) -> Ground:
         """A ground by name or from a file; `robot` is the ground in the robot's file."""
@@ -114,10 +107,8 @@ def without_missing(config: BenchmarkConfig) -> tuple[list[Case], list[str]]:
 
     A controller named explicitly is not left out; `Setup.check` refuses it.
     """
-    cases, notes = config.cases(), []
-    if "mpc" not in (config.controllers or ()) and importlib.util.find_spec("casadi") is None:
-        rest = [case for case in cases if case.controller != "mpc"]
-        if len(rest) < len(cases):
-            notes.append('mpc is left out: CasADi is not installed; pip install "trackslip[mpc]"')
-        cases = rest
-    return cases, notes
+    cases = config.cases()
+    rest = [case for case in cases if case.controller != "mpc"]
+    if len(rest) == len(cases) or "mpc" in (config.controllers or ()) or importlib.util.find_spec("casadi") is not None:
+        return cases, []
+    return rest, ['mpc is left out: CasADi is not installed; pip install "trackslip[mpc]"']

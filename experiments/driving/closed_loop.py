@@ -40,7 +40,11 @@ class ClosedLoopRun:
     ground: Ground | None = None
     """The run's own ground; None for the world's."""
     metadata: Mapping[str, Any] = field(default_factory=dict)
-    """Further metadata of the run."""
+
+    def own_metadata(self) -> dict[str, Any]:
+        """The metadata that may differ between the runs of a fleet."""
+        names = ("controller", "compensation", "start", "seed", *(() if self.ground is None else ("ground",)))
+        return plain({name: getattr(self, name) for name in names} | dict(self.metadata))
 
 
 def drive_closed_loops(
@@ -64,8 +68,7 @@ def drive_closed_loops(
         progress: called with the simulated seconds since the last call, counted once for the whole fleet.
 
     Raises:
-        InvalidValueError: for an unknown controller or compensation.
-        TrackslipError: when a robot tips over or a controller fails.
+        TrackslipError: for an unknown controller or compensation; when a robot tips over or a controller fails.
     """
     geometry, top_speed = world.robot.geometry, world.config.drive.top_speed
     driven_by: dict[tuple[str, str], list[int]] = {}
@@ -78,16 +81,7 @@ def drive_closed_loops(
     fleet = world.fleet(np.array([run.start for run in runs]), [run.ground or world.ground for run in runs])
     feed = world.feed(fleet, [generator(run.seed, run.key) for run in runs])
     common = world.metadata(localization)
-    descriptions = [
-        Description(
-            run.name,
-            common
-            | {"controller": run.controller, "compensation": run.compensation, "start": run.start.tolist()}
-            | ({} if run.ground is None else {"ground": plain(run.ground)})
-            | {"seed": run.seed, **run.metadata},
-        )
-        for run in runs
-    ]
+    descriptions = [Description(run.name, common | run.own_metadata()) for run in runs]
     method = None if localization == "truth" else locator(localization, world.robot)
     return closed_loop(fleet, pilots, path, feed, method, descriptions, progress)
 

@@ -1,10 +1,28 @@
-"""Runs that fail: why, and what was recorded until they did."""
+"""Runs that fail: how they are isolated, why they failed, and what was recorded until then."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 from sim.run_recorder import RunFailedError
 from trackslip.errors import TrackslipError
 from trackslip.logs.runlog import RunLog
+
+RunT = TypeVar("RunT")
+Outcome = RunLog | BaseException
+"""The log of a run, or the error that it failed with."""
+
+
+def drive_isolating(runs: Sequence[RunT], drive: Callable[[Sequence[RunT]], Sequence[RunLog]]) -> list[Outcome]:
+    """Drive runs as one fleet; if it fails, drive its halves, until the runs that fail stand alone."""
+    try:
+        return list(drive(runs))
+    except (Exception, SystemExit) as error:  # a user's controller may raise anything
+        if len(runs) == 1:
+            return [error]
+    middle = len(runs) // 2
+    return drive_isolating(runs[:middle], drive) + drive_isolating(runs[middle:], drive)
 
 
 def failure_text(error: BaseException) -> str:
@@ -13,6 +31,6 @@ def failure_text(error: BaseException) -> str:
     return " ".join(said.split())
 
 
-def logs_until(error: BaseException) -> list[RunLog]:
-    """What was recorded of the runs of a fleet until one of them failed."""
-    return error.logs if isinstance(error, RunFailedError) else []
+def logs_until(outcome: Outcome) -> list[RunLog]:
+    """What was recorded of the runs of a fleet until one of them failed; nothing of a run that did not fail."""
+    return outcome.logs if isinstance(outcome, RunFailedError) else []

@@ -43,7 +43,6 @@ class Cell:
     speed: float
     """Of the no-slip command [m/s]."""
     metadata: Mapping[str, Any] = field(default_factory=dict)
-    """Further metadata of the run."""
 
     @classmethod
     def at(cls, radius: float, speed: float) -> Cell:
@@ -58,10 +57,7 @@ def cells_of(config: RunsConfig) -> list[Cell]:
 
 
 def drive_grid(
-    config: GridConfig,
-    world: World,
-    progress: Progress = lambda seconds: None,
-    watch: Stopwatch | None = None,
+    config: GridConfig, world: World, progress: Progress = lambda seconds: None, watch: Stopwatch | None = None
 ) -> list[RunLog]:
     """Drive every radius at every speed, all runs at once; see `drive_cells`."""
     cells = cells_of(config)
@@ -76,11 +72,8 @@ def drive_cells(
 ) -> list[RunLog]:
     """Drive the cells as one fleet, each in its own world; the worlds may differ in ground, radius error and seed only.
 
-    Args:
-        cells: the N runs.
-        worlds: their N worlds.
-        progress: called with the simulated seconds since the last call, counted once for the whole fleet.
-        watch: accumulates the time spent in each stage.
+    `progress` is called with the simulated seconds since the last call, counted once for the whole fleet; `watch`
+    accumulates the time spent in each stage.
 
     Raises:
         InvalidValueError: for a radius too small for the robot.
@@ -90,20 +83,19 @@ def drive_cells(
     config, robot = cast(GridConfig, world.config), world.robot
     for cell in cells:
         require_radius(cell.radius, robot.geometry)
+    pairs = list(zip(cells, worlds, strict=True))
     start = np.tile(before_scanner(robot), (len(cells), 1))
     if config.random_phase:
-        phases = [
-            generator(w.config.seed, f"phase {c.key}").uniform(0, 2 * np.pi) for c, w in zip(cells, worlds, strict=True)
-        ]
+        phases = [generator(w.config.seed, f"phase {c.key}").uniform(0, 2 * np.pi) for c, w in pairs]
         start = np.array([on_circle(robot, c.radius, phase) for c, phase in zip(cells, phases, strict=True)])
     errors = np.array([w.radius_error for w in worlds])
     fleet = Fleet(robot, start, [w.ground for w in worlds], errors, config.drive, config.threads)
-    feed = world.feed(fleet, [generator(w.config.seed, f"grid {c.key}") for c, w in zip(cells, worlds, strict=True)])
+    feed = world.feed(fleet, [generator(w.config.seed, f"grid {c.key}") for c, w in pairs])
     twist = np.array([(cell.speed, cell.speed / cell.radius) for cell in cells])
     omega = sprocket_speeds(twist, 0.0, robot.geometry)
     descriptions = [
         Description(c.name, {"radius": c.radius, "speed": c.speed, **c.metadata, **w.metadata(config.localization)})
-        for c, w in zip(cells, worlds, strict=True)
+        for c, w in pairs
     ]
     method = locator(config.localization, robot)
     return open_loop(fleet, omega, config.duration, feed, method, descriptions, progress, watch)
@@ -130,8 +122,7 @@ def on_circle(robot: Robot, radius: float, phase: float) -> Array:
     """
     x, y, heading = robot.lrf_mount
     driven = _DRIVEN_OVER_COMMANDED * radius
-    away = CLEARANCE + driven
-    centre = np.array([x + away * np.cos(heading), y + away * np.sin(heading)])
+    centre = np.array([x, y]) + (CLEARANCE + driven) * np.array([np.cos(heading), np.sin(heading)])
     along = heading - np.pi / 2 + phase
     outwards = np.array([np.sin(along), -np.cos(along)])
     return np.array([*(centre + driven * outwards), along])

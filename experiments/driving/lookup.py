@@ -8,6 +8,7 @@ import os
 import sys
 from pathlib import Path
 
+from experiments.driving.paper_model import KNOWN_LAWS
 from sim.policy import Policy, PolicyController, policy_file
 from sim.robot.robot import Robot
 from trackslip.controllers.base import Controller
@@ -18,17 +19,12 @@ from trackslip.kinematics import RobotGeometry
 from trackslip.localization.base import Locator
 from trackslip.localization.line import LineLocator
 from trackslip.localization.plate import PlateLocator
-from trackslip.slip.base import SlipLaw
 from trackslip.slip.compensation import Compensation, FixedLaw, OnlineIcr
-from trackslip.slip.constant import NoSlip
-from trackslip.slip.exponential import PUBLISHED
 from trackslip.slip.icr import ConstantIcr
 from trackslip.slip.law_file import SHIPPED, load_laws
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.named import load_reference
 
-KNOWN_LAWS: dict[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}
-"""Slip laws that need no identification."""
 _ONLINE, _ONLINE_COLD = "online", "online_cold"
 _POLICY = "ppo:"
 _MARGIN = 0.98  # share of the top speed that the MPC plans with
@@ -45,9 +41,7 @@ def reference(name: str) -> Reference:
 def compensation(name: str, robot: RobotGeometry, laws: Path | None) -> Compensation:
     """A new compensation by name, using the laws in a file (default: those in the package).
 
-    Raises:
-        InvalidValueError: for an unknown name.
-        LogError: for a file that cannot be read or was made for another robot.
+    Raises InvalidValueError for an unknown name, LogError for a file that can't be read or is for another robot.
     """
     if name in KNOWN_LAWS:
         return FixedLaw(KNOWN_LAWS[name])
@@ -57,8 +51,7 @@ def compensation(name: str, robot: RobotGeometry, laws: Path | None) -> Compensa
     if name == _ONLINE and isinstance(prior := stored.get(_PRIOR), ConstantIcr):
         return OnlineIcr(robot, prior)
     if name not in stored:
-        online = [_ONLINE] if _PRIOR in stored else []
-        names = [*KNOWN_LAWS, *stored, *online, _ONLINE_COLD]
+        names = [*KNOWN_LAWS, *stored, *([_ONLINE] if _PRIOR in stored else []), _ONLINE_COLD]
         raise InvalidValueError("compensation", name, f"one of {', '.join(names)}")
     return FixedLaw(stored[name])
 
@@ -66,13 +59,7 @@ def compensation(name: str, robot: RobotGeometry, laws: Path | None) -> Compensa
 def controller(name: str, robot: RobotGeometry, top_speed: float) -> Controller:
     """A new controller: one of CONTROLLERS, a trained policy (ppo:PATH), or an instance of a user's MODULE:CLASS.
 
-    Args:
-        name: as given on the command line.
-        robot: geometry of the robot, for controllers that respect its limits.
-        top_speed: of the tracks [m/s].
-
-    Raises:
-        InvalidValueError: for any other name.
+    `top_speed` is that of the tracks [m/s]. Raises InvalidValueError for any other name.
     """
     if name == "mpc":
         return ModelPredictive(track_speed=_MARGIN * top_speed, half_gauge=_REACH * robot.half_gauge)
@@ -112,11 +99,9 @@ def _call(name: str, module: str, attribute: str) -> Controller:
     if here not in sys.path:
         sys.path.insert(0, here)
     try:
-        made: Controller = getattr(importlib.import_module(module), attribute)()
+        return getattr(importlib.import_module(module), attribute)()
     except TrackslipError:
         raise
     except (Exception, SystemExit) as error:  # a user's module may raise anything
-        raise InvalidValueError(
-            "controller", name, f"MODULE:CLASS that can be imported and called ({type(error).__name__}: {error})"
-        ) from error
-    return made
+        why = f"{type(error).__name__}: {error}"
+        raise InvalidValueError("controller", name, f"MODULE:CLASS that can be imported and called ({why})") from error

@@ -22,8 +22,8 @@ PERIOD = 0.05
 """Time between two commands [s]."""
 TOP_SPEED = 0.3
 """Top speed of the paper's robot (Sec. III) [m/s]."""
-COMPENSATIONS: Mapping[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}
-"""The paper's compensations."""
+KNOWN_LAWS: Mapping[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}
+"""The paper's compensations, slip laws that need no identification."""
 
 
 def published_poses(log: RunLog) -> Array:
@@ -37,9 +37,8 @@ def published_poses(log: RunLog) -> Array:
 
 def published_runs(controller: str, start: Array, geometry: RobotGeometry) -> dict[str, RunLog]:
     """Compensation -> run along the paper's path, with the slip of Eq. 11, from the pose `start` (3,) [m, m, rad]."""
-    return {
-        name: published_run(controller, start, law, geometry, paper_reference()) for name, law in COMPENSATIONS.items()
-    }
+    path = paper_reference()
+    return {name: published_run(controller, start, law, geometry, path) for name, law in KNOWN_LAWS.items()}
 
 
 def published_run(controller: str, start: Array, law: SlipLaw, geometry: RobotGeometry, reference: Reference) -> RunLog:
@@ -54,10 +53,8 @@ def published_run(controller: str, start: Array, law: SlipLaw, geometry: RobotGe
         omega = law.sprocket_speeds(commanded[-1], geometry)
         omegas.append(limit_sprocket_speeds(omega, TOP_SPEED / geometry.sprocket_radius))
         poses.append(advance(poses[-1], PUBLISHED.twist(omegas[-1], geometry), PERIOD))
-    return RunLog(
-        f"{controller}, by the paper's equations", time, np.array(omegas), np.array(poses[:-1]),
-        twist_command=np.array(commanded),
-    )  # fmt: skip
+    name, twist = f"{controller}, by the paper's equations", np.array(commanded)
+    return RunLog(name, time, np.array(omegas), np.array(poses[:-1]), twist_command=twist)
 
 
 def geometry_of(metadata: Mapping[str, object]) -> RobotGeometry | None:

@@ -13,13 +13,13 @@ from experiments.options.world import Simulation
 from experiments.storage.manifest import make_manifest
 from experiments.storage.plain_json import plain
 from sim.fleet import Fleet
-from sim.ground.file import load_ground
 from sim.ground.ground import Ground
+from sim.ground.named import load_ground
 from sim.robot.file import load_robot_file
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import Robot, load_robot
 from sim.scanner.feed import ScannerFeed
-from sim.scanner.obstacle_file import load_obstacles
+from sim.scanner.named_obstacles import load_obstacles
 from sim.scanner.obstacles import Obstacles
 from trackslip.kinematics import Array
 
@@ -46,23 +46,17 @@ class Specification:
 
 
 @dataclass(frozen=True)
-class World:
+class World(Specification):
     """A specified world with its model compiled."""
 
     config: Simulation
-    parameters: RobotParameters
     robot: Robot
-    ground: Ground
-    radius_error: float
-    """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
-    obstacles: Obstacles
 
     @classmethod
     def of(cls, config: Simulation, specification: Specification | None = None) -> World:
         """Build the world of a command; raises TrackslipError for a file or name that does not exist."""
         given = specification or Specification.of(config)
-        robot = _compiled(given.parameters, config.rrd)
-        return cls(config, given.parameters, robot, given.ground, given.radius_error, given.obstacles)
+        return cls(**vars(given), config=config, robot=_compiled(given.parameters, config.rrd))
 
     def fleet(self, start: Array, grounds: Sequence[Ground] | None = None) -> Fleet:
         """Robots at the poses `start` (N, 3) [m, m, rad], each on the world's ground or on its own of `grounds`."""
@@ -75,7 +69,7 @@ class World:
 
     def metadata(self, localization: str) -> dict[str, Any]:
         """The metadata of every run simulated in this world."""
-        metadata: dict[str, Any] = plain(
+        return plain(
             {
                 "geometry": self.robot.geometry,
                 "robot": self.parameters,
@@ -91,23 +85,15 @@ class World:
                 "model_sha256": self.robot.digest,
             }
         )
-        return metadata
 
     def manifest(self, command: str, wall_s: float, config: Any = None) -> dict[str, Any]:
         """The manifest of a command that simulated in this world and took `wall_s` [s].
 
         `config` is the command's configuration if it isn't that of the world.
         """
-        return make_manifest(
-            command,
-            config or self.config,
-            wall_s,
-            seed=self.config.seed,
-            model_sha256=self.robot.digest,
-            ground=self.ground,
-            obstacles=self.obstacles,
-            robot=self.parameters,
-        )
+        more = {"ground": self.ground, "obstacles": self.obstacles, "robot": self.parameters}
+        seed, digest = self.config.seed, self.robot.digest
+        return make_manifest(command, config or self.config, wall_s, seed=seed, model_sha256=digest, **more)
 
 
 @functools.lru_cache(maxsize=8)

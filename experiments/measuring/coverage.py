@@ -5,14 +5,12 @@ from __future__ import annotations
 import itertools
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from experiments.options.coverage import CoverageConfig
 from experiments.parallel.workers import deaf_children, processes
-from experiments.storage.plain_json import plain
 from sim.seeds import generator
 from trackslip.identification.comparison import Comparison
 from trackslip.identification.coverage import coverage, noise_coverage
@@ -51,12 +49,9 @@ class RunCoverage:
     def of(
         cls, repeats: Sequence[tuple[SlipSamples, SlipSamples]], robot_truth: SlipSamples, geometry: RobotGeometry
     ) -> RunCoverage:
-        """Evaluate repeats.
+        """Evaluate repeats: measured samples of a grid, and the true samples of its plates.
 
-        Args:
-            repeats: measured samples of a grid, and the true samples of its plates.
-            robot_truth: the true samples of the robots in the last repeat.
-            geometry: of the robot.
+        `robot_truth` are the true samples of the robots in the last repeat.
         """
         noise, whole = noise_coverage(RUN_LAW, repeats, geometry)
         design = repeats[0][0]
@@ -78,32 +73,23 @@ class Coverage:
     laws_errors_unknown: Mapping[str, Shares]
     """Law -> shares where they estimate the scatter from the samples."""
     runs: RunCoverage
-    values: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Law -> parameters that the samples were drawn with [SI]."""
-
-    def to_json(self) -> dict[str, Any]:
-        """The entries of a summary.json."""
-        found: dict[str, Any] = plain(self)
-        del found["values"]
-        return found
 
 
 def drawn_coverage(
     config: CoverageConfig,
     design: SlipSamples,
-    fitted: Comparison,
+    values: Mapping[str, Mapping[str, float]],
     geometry: RobotGeometry,
     step: Callable[[float], None],
 ) -> tuple[dict[str, Shares], dict[str, Shares]]:
-    """Shares for samples drawn from every law, with known and with unknown errors of measurement.
+    """Shares for samples drawn from every law with its `values`, with known and with unknown errors of measurement.
 
-    `step(1.0)` is called after each law, 2 len(DRAWN_LAWS) times in all.
+    `step(1.0)` is called after each, twice per law.
     """
     shares: dict[bool, dict[str, Shares]] = {True: {}, False: {}}
-    for name, known in itertools.product(DRAWN_LAWS, (True, False)):
+    for name, known in itertools.product(values, (True, False)):
         rng = generator(config.seed, f"coverage {name} {known}")
-        values = generating_values(name, fitted)
-        shares[known][name] = coverage(name, values, design, geometry, config.repeats, rng, known)
+        shares[known][name] = coverage(name, values[name], design, geometry, config.repeats, rng, known)
         step(1.0)
     return shares[True], shares[False]
 
@@ -129,33 +115,24 @@ def scanned_again(
     """
     jobs = [(log, geometry, config.scanner.noise, config.seed, repeats) for log in logs]
     omega = np.array([log.omega[steady_part(log, geometry).rows].mean(axis=0) for log in logs])
-    found = []
+    twists, covariances = [], []
     with processes(config.threads or os.cpu_count() or 1) as pool:
         with deaf_children():
             results = pool.map(_bundled, jobs)
         for twist, covariance in results:
-            found.append((twist, covariance))
+            twists.append(twist)
+            covariances.append(covariance)
             step(1.0)
     names = [log.run for log in logs]
-    return [
-        SlipSamples.of(
-            omega,
-            np.array([twist[k] for twist, _ in found]),
-            geometry,
-            names,
-            np.array([covariance[k] for _, covariance in found]),
-        )
-        for k in range(repeats)
-    ]
+    of_repeats = zip(np.stack(twists, axis=1), np.stack(covariances, axis=1), strict=True)
+    return [SlipSamples.of(omega, twist, geometry, names, covariance) for twist, covariance in of_repeats]
 
 
 def _bundled(job: tuple[RunLog, RobotGeometry, float, int, int]) -> tuple[np.ndarray, np.ndarray]:
     """Twists (repeats, 2) and covariances (repeats, 2, 2) of one run, with new noise in each repeat."""
     log, geometry, noise, seed, repeats = job
     assert log.scans is not None
-    rng = generator(seed, f"coverage {log.run}")
-    part = steady_part(log, geometry)
-    cluster = log.scans.cluster
+    rng, part, cluster = generator(seed, f"coverage {log.run}"), steady_part(log, geometry), log.scans.cluster
     found = []
     for _ in range(repeats):
         ranges = np.where(cluster.hit, cluster.range + rng.normal(0.0, noise, cluster.range.shape), 1.0)

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
@@ -23,7 +24,6 @@ from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII
 from trackslip.slip.exponential import PUBLISHED
 
 T = TypeVar("T")
-_OUTER, _INNER = 1, 0  # the runs turn left
 
 
 @dataclass(frozen=True)
@@ -33,10 +33,15 @@ class OuterInner(Generic[T]):
     outer: T
     inner: T
 
+    @classmethod
+    def of(cls, values: Array, number: Callable[[Array], T]) -> OuterInner[T]:
+        """A number of each track from values (n, 2) in left turns, left track first."""
+        return cls(number(values[:, 1]), number(values[:, 0]))
+
 
 @dataclass(frozen=True)
 class ErrorStatistics:
-    """Errors of slip over the runs of a grid."""
+    """Errors of slip over the runs of a grid; NaN where no run gives one."""
 
     bias: float
     """Mean [-]."""
@@ -44,19 +49,25 @@ class ErrorStatistics:
     """Standard deviation [-]."""
 
     @classmethod
-    def of(cls, error: Array) -> OuterInner[ErrorStatistics]:
-        """Of errors (n, 2) in left turns, left track first."""
-        outer, inner = (cls(float(error[:, k].mean()), float(error[:, k].std())) for k in (_OUTER, _INNER))
-        return OuterInner(outer, inner)
+    def of(cls, error: Array) -> ErrorStatistics:
+        """Of errors (n,) [-], leaving out NaN."""
+        known = error[~np.isnan(error)]
+        return cls(float(known.mean()), float(known.std())) if known.size else cls(math.nan, math.nan)
 
 
 @dataclass(frozen=True)
-class RadiusSummary:
+class Radii:
     """Radii of a grid, one value per commanded radius [m]."""
 
     commanded: tuple[float, ...]
-    observed: Array  # (R,) of the mean curvature over the speeds; NaN where a run gave no sample
+    observed: Array  # (R,) of the mean curvature over the speeds; NaN where no run gave a sample
     published: Array  # (R,) the paper's; NaN where it has none
+
+
+@dataclass(frozen=True)
+class RadiusSummary(Radii):
+    """The same compared with the paper; NaN where one of the runs gave no sample."""
+
     rms_vs_published: float | None
     """Root mean square of observed / published - 1 [-]; None without a published radius."""
 
@@ -71,7 +82,7 @@ class RatioToBound:
 
 
 @dataclass(frozen=True)
-class LocalizationErrors:
+class PoseErrors:
     """Root mean square errors of all poses, gaps bridged by odometry included."""
 
     rmse_x: float
@@ -82,16 +93,27 @@ class LocalizationErrors:
     """[rad]"""
     valid_fraction: float
     """Share of the scans that gave a pose [-]."""
+
+    @classmethod
+    def of(cls, logs: Sequence[RunLog]) -> PoseErrors:
+        """Of simulated runs."""
+        error = np.concatenate([log.pose - log.truth.pose for log in logs if log.truth is not None])
+        valid = float(np.concatenate([log.is_valid for log in logs]).mean())
+        return PoseErrors(rms(error[:, 0]), rms(error[:, 1]), rms(wrap_angle(error[:, 2])), valid)
+
+
+@dataclass(frozen=True)
+class LocalizationErrors(PoseErrors):
+    """The same, and how often a pose was found."""
+
     rate_hz: float
     """Valid poses per second [1/s]."""
 
     @classmethod
     def of(cls, logs: Sequence[RunLog]) -> LocalizationErrors:
         """Of simulated runs with one sampling period."""
-        error = np.concatenate([log.pose - log.truth.pose for log in logs if log.truth is not None])
-        valid = float(np.concatenate([log.is_valid for log in logs]).mean())
-        period = float(np.median(np.diff(logs[0].time)))
-        return cls(rms(error[:, 0]), rms(error[:, 1]), rms(wrap_angle(error[:, 2])), valid, valid / period)
+        poses = PoseErrors.of(logs)
+        return cls(**vars(poses), rate_hz=poses.valid_fraction / float(np.median(np.diff(logs[0].time))))
 
 
 @dataclass(frozen=True)
@@ -124,7 +146,7 @@ class GridSummary:
 
     def to_json(self) -> dict[str, Any]:
         """The entries of a summary.json."""
-        found: dict[str, Any] = plain(self)
+        found = plain(self)
         found["slip_error"] |= found.pop("slip_error_by_method")
         return found
 
@@ -137,15 +159,9 @@ def grid_summary(
     geometry: RobotGeometry,
     watch: Stopwatch,
 ) -> GridSummary:
-    """Evaluate a grid.
+    """Evaluate a grid: `names` of all its runs, radius by radius; `logs` of those that were driven; and `samples`.
 
-    Args:
-        config: radii and speeds of the grid.
-        names: of all its runs, radius by radius.
-        logs: the runs that were driven.
-        samples: their slips, one per run that gave any.
-        geometry: of the robot.
-        watch: knows how long localisation took.
+    `watch` knows how long localization took.
     """
     sampled_logs = [log for log in logs if log.run in samples.run]
     truth = true_samples(sampled_logs, geometry)
@@ -155,7 +171,7 @@ def grid_summary(
     slip[sampled], true_slip[sampled], radius[sampled] = samples.slip, truth.slip, samples.radius
     by_radius = (len(config.radii), len(config.speeds))
     mean_slip = slip.reshape(*by_radius, 2).mean(axis=1)
-    spread = np.ptp(true_slip.reshape(*by_radius, 2), axis=1).max(axis=0)
+    spread = np.ptp(true_slip.reshape(*by_radius, 2), axis=1)
     published = published_radii(config.radii)
     at_published = np.repeat(published, len(config.speeds))
     known = ~np.isnan(at_published)
@@ -164,16 +180,16 @@ def grid_summary(
     seconds = watch.stages.get("localization")
     return GridSummary(
         radius=RadiusSummary(config.radii, observed, published, rms(relative) if relative.size else None),
-        slip_by_radius=OuterInner(mean_slip[:, _OUTER], mean_slip[:, _INNER]),
+        slip_by_radius=OuterInner.of(mean_slip, np.array),
         slip_rms_vs_published=rms(slip[known] - PUBLISHED(1 / at_published[known])) if known.any() else None,
         slip_rms_vs_published_at_simulated_radii=rms(samples.slip - PUBLISHED(samples.curvature)),
-        speed_spread=OuterInner(float(spread[_OUTER]), float(spread[_INNER])),
+        speed_spread=OuterInner.of(spread, lambda of_radius: float(of_radius.max())),
         localization=GridLocalization(
             **vars(LocalizationErrors.of(logs)),
             ratio_to_bound=ratio_to_bound(logs),
             scans_per_s=sum(len(log.time) for log in logs) / seconds if seconds else None,
         ),
-        slip_error=ErrorStatistics.of(samples.slip - truth.slip),
+        slip_error=OuterInner.of(samples.slip - truth.slip, ErrorStatistics.of),
         slip_error_by_method=errors_by_method(sampled_logs, geometry),
     )
 
@@ -186,7 +202,7 @@ def errors_by_method(logs: Sequence[RunLog], geometry: RobotGeometry) -> dict[st
         for log in logs:
             with contextlib.suppress(LogError):
                 parts.append(slip_samples([log], geometry, method=name).slip - true_samples([log], geometry).slip)
-        errors[name] = ErrorStatistics.of(np.concatenate(parts)) if parts else None
+        errors[name] = OuterInner.of(np.concatenate(parts), ErrorStatistics.of) if parts else None
     return errors
 
 
@@ -222,9 +238,8 @@ def simulated_seconds(logs: Sequence[RunLog]) -> float:
 
 def saturation_warnings(logs: Sequence[RunLog]) -> list[str]:
     """A line for each run in which a motor reached its limit."""
-    warnings = []
-    for log in logs:
-        if log.truth is not None and log.truth.saturated is not None and log.truth.saturated.max() > 0:
-            share = log.truth.saturated.mean(axis=0).max()
-            warnings.append(f"run {log.run!r}: a motor is at its limit for {share:.1%} of the time")
-    return warnings
+    return [
+        f"run {log.run!r}: a motor is at its limit for {log.truth.saturated.mean(axis=0).max():.1%} of the time"
+        for log in logs
+        if log.truth is not None and log.truth.saturated is not None and log.truth.saturated.max() > 0
+    ]

@@ -1,32 +1,78 @@
-"""Errors of slip and localisation under each disturbance."""
+"""Disturbances of scanner, mounting and field, and the errors of slip and localization under each."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from experiments.measuring.disturbances import Disturbance
-from experiments.measuring.grid import LocalizationErrors, OuterInner
+from experiments.measuring.grid import ErrorStatistics, LocalizationErrors, OuterInner
+from experiments.options.grid import GridConfig
+from experiments.options.sensitivity import MIRROR_PERIOD
 from trackslip.errors import LogError
 from trackslip.identification.samples import true_samples, usable_samples
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
 
-Setting = float | str
+
+@dataclass(frozen=True)
+class Disturbance:
+    """A departure from the nominal experiment."""
+
+    name: str
+    scanner: Mapping[str, float] = field(default_factory=dict)
+    """Changed options of `LaserScanner`."""
+    obstacles: str | None = None
+    """Named obstacles in the field."""
+    plate_left: float = 0.0
+    """Offset of the plate to the left of the robot's axis, unknown to the evaluation [m]."""
+    clock: float = 0.0
+    """Relative error of the scanner's clock against the encoders' [-]."""
+
+    @property
+    def settings(self) -> dict[str, float | str]:
+        """What differs from the nominal experiment."""
+        rest = {"obstacles": self.obstacles, "plate_left": self.plate_left, "clock": self.clock}
+        return {**self.scanner, **{name: value for name, value in rest.items() if value}}
+
+    def driven(self, config: GridConfig) -> GridConfig:
+        """The grid to drive; equal to `config` where only the evaluation is disturbed."""
+        scanner = replace(config.scanner, **self.scanner)
+        return replace(config, scanner=scanner, obstacles=self.obstacles or config.obstacles)
+
+    def evaluated(self, log: RunLog) -> RunLog:
+        """The run as measured with this plate and this clock; the truth stays."""
+        phi = log.pose[:, 2]
+        shift = self.plate_left * np.column_stack([-np.sin(phi), np.cos(phi), np.zeros_like(phi)])
+        # ranges do not tell where the robot is under its plate: with an offset plate, evaluate the poses
+        scans = None if self.plate_left else log.scans
+        return replace(log, time=log.time * (1 + self.clock), pose=log.pose + shift, scans=scans)
+
+
+DISTURBANCES = (
+    Disturbance("nominal"),
+    Disturbance("noise 10 mm", {"noise": 0.01}),
+    Disturbance("quantised to 1 cm", {"quantisation": 0.01}),
+    Disturbance("range bias 10 mm", {"range_bias": 0.01}),
+    Disturbance("mixed pixels, 4.4 mrad", {"divergence": 0.0044}),
+    Disturbance(f"sweep of {MIRROR_PERIOD * 1e3:.1f} ms", {"scan_duration": MIRROR_PERIOD}),
+    Disturbance("dropouts 20 %", {"dropout": 0.2}),
+    Disturbance("posts around", obstacles="posts"),
+    Disturbance("post in front", obstacles="occluded"),
+    Disturbance("walls around", obstacles="room"),
+    Disturbance("person in front", obstacles="walker"),
+    Disturbance("plate 1 mm off the axis", plate_left=0.001),
+    Disturbance("clock 0.1 % fast", clock=0.001),
+)
 
 
 @dataclass(frozen=True)
-class SlipErrors:
-    """Errors of slip over the runs of a grid [-]."""
+class SlipErrors(ErrorStatistics):
+    """The same with the largest error."""
 
-    bias: float
-    """Mean."""
-    std: float
-    """Standard deviation."""
     largest: float
-    """Largest absolute error."""
+    """Absolute [-]."""
 
     @classmethod
     def of(cls, error: Array) -> SlipErrors:
@@ -49,8 +95,7 @@ class SensitivityRow:
 
     effect: str
     """Name of the disturbance."""
-    settings: Mapping[str, Setting]
-    """What differs from the nominal experiment."""
+    settings: Mapping[str, float | str]
     slip_error: OuterInner[SlipErrors] | None
     """None where no run could be used."""
     localization: LocalizationErrors
@@ -59,31 +104,22 @@ class SensitivityRow:
     warnings: tuple[str, ...]
     """Why runs could not be used."""
 
-
-def sensitivity_row(
-    disturbance: Disturbance, logs: Sequence[RunLog], geometry: RobotGeometry, motion: str | None
-) -> SensitivityRow:
-    """Evaluate the runs of a disturbed grid of left turns with a motion method, by default the most exact one."""
-    slip, warnings = slip_errors(logs, geometry, motion)
-    return SensitivityRow(
-        effect=disturbance.name,
-        settings=disturbance.settings,
-        slip_error=None
-        if slip is None
-        else OuterInner(outer=SlipErrors.of(slip[:, 1]), inner=SlipErrors.of(slip[:, 0])),
-        localization=LocalizationErrors.of(logs),
-        runs=RunCount(used=0 if slip is None else len(slip), all=len(logs)),
-        warnings=warnings,
-    )
+    @classmethod
+    def of(
+        cls, disturbance: Disturbance, logs: Sequence[RunLog], geometry: RobotGeometry, motion: str | None
+    ) -> SensitivityRow:
+        """Evaluate a disturbed grid of left turns with a motion method, by default the most exact one."""
+        slip, warnings = slip_errors(logs, geometry, motion)
+        errors = OuterInner.of(slip, SlipErrors.of) if len(slip) else None
+        poses, count = LocalizationErrors.of(logs), RunCount(len(slip), len(logs))
+        return cls(disturbance.name, disturbance.settings, errors, poses, count, warnings)
 
 
-def slip_errors(
-    logs: Sequence[RunLog], geometry: RobotGeometry, motion: str | None
-) -> tuple[Array | None, tuple[str, ...]]:
-    """Errors (n, 2) [-] of slip in the runs that can be used, None where none can; and why the others cannot."""
+def slip_errors(logs: Sequence[RunLog], geometry: RobotGeometry, motion: str | None) -> tuple[Array, tuple[str, ...]]:
+    """Errors (n, 2) [-] of slip in the n runs that can be used, left track first; and why the others cannot."""
     try:
         sampling = usable_samples(logs, geometry, method=motion)
     except LogError as error:
-        return None, (str(error),)
+        return np.empty((0, 2)), (str(error),)
     truth = true_samples([log for log in logs if log.run in sampling.samples.run], geometry)
     return sampling.samples.slip - truth.slip, (*sampling.notes, *map(str, sampling.refused))

@@ -24,7 +24,7 @@ class TrackingResult:
 
     def to_json(self) -> dict[str, Any]:
         """An entry of `tracking` in a summary.json."""
-        entry: dict[str, Any] = plain(vars(self))
+        entry = plain(self)
         return entry | entry.pop("errors")
 
 
@@ -34,9 +34,9 @@ def tracking_results(logs: Sequence[RunLog], reference: Reference) -> list[Track
     for log in logs:
         if log.truth is None:
             raise LogError(f"run {log.run!r}: has no truth")
-        controller, compensation, localization = (
+        controller, compensation, locator = (
             str(log.metadata[key]) for key in ("controller", "compensation", "localization")
         )
         errors = tracking_errors(log.time, log.truth.pose, reference)
-        results.append(TrackingResult(controller, compensation, localization, errors))
+        results.append(TrackingResult(controller, compensation, locator, errors))
     return results

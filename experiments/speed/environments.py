@@ -10,19 +10,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from time import perf_counter
 from typing import Any
 
 import gymnasium
 import numpy as np
 
 from experiments.options.bench import BenchConfig
-from experiments.speed.bare import bare_batch
+from experiments.speed.simulator import BARE, CaseSpeed, Rates, bare_batch, case_speeds, timed
 from sim.path_tracking.config import PERIOD
 from sim.vector_env import PathTrackingVectorEnv
 from trackslip.kinematics import Array
 
-VECTOR, BARE, SINGLE = ENV_CASES = ("vector env", "bare", "SyncVectorEnv")
+VECTOR, _, SINGLE = ENV_CASES = ("vector env", BARE, "SyncVectorEnv")
 _ID = "sim:trackslip/PathTracking-v0"
 _OPTIONS: dict[str, Any] = {
     "reference": ("circle", "figure_eight", "slalom", "spiral"),
@@ -35,21 +34,11 @@ _UNDER_WAY = 40  # control periods after which all robots drive
 
 
 @dataclass(frozen=True)
-class EnvSpeed:
+class EnvSpeed(CaseSpeed):
     """Speed of the environments."""
 
-    case: str
-    n: int
-    """Number of robots."""
-    threads: int
-    steps_per_s: float
-    """Physics steps per second, all robots together [1/s]."""
-    ratio_to_bare: float
-    """Speed over that of the bare engine [-]."""
     ratio_to_single: float
     """Speed over that of single environments [-]."""
-    real_time_factor: float
-    """Simulated robot-seconds per second [-]."""
 
 
 class EnvRig:
@@ -75,8 +64,8 @@ class EnvRig:
         few = max(1, math.ceil(_SINGLE_SHARE * periods))
         taken = {
             VECTOR: (periods, self._record(periods)),
-            BARE: (periods, _seconds(self._repeat)),
-            SINGLE: (few, _seconds(lambda: self.drive(SINGLE, few))),
+            BARE: (periods, timed(self._repeat)),
+            SINGLE: (few, timed(self.drive, SINGLE, few)),
         }
         return {case: self.size * n * self.steps_per_period / seconds for case, (n, seconds) in taken.items()}
 
@@ -94,7 +83,7 @@ class EnvRig:
         self._belts: list[Array] = []
         seconds = 0.0
         for _ in range(periods):
-            seconds += _seconds(lambda: self.drive(VECTOR, 1))
+            seconds += timed(self.drive, VECTOR, 1)
             self._belts.append(self._fleet.belts.copy())
         return seconds
 
@@ -105,41 +94,27 @@ class EnvRig:
             self._bare.step(nstep=self.steps_per_period)
 
 
-def measure_env(config: BenchConfig, step: Callable[[str], None]) -> dict[tuple[str, int], Array]:
+def measure_env(config: BenchConfig, step: Callable[[str], None]) -> Rates:
     """Rates (R,) of every case and number of threads in R rounds; the first round does not count.
 
     `step` is called with a label after each round.
     """
-    rates: dict[tuple[str, int], list[float]] = {}
-    periods = max(2, math.ceil(config.seconds / (config.env_size * PERIOD) - 1e-9))
-    rigs = {threads: EnvRig(config.env_size, threads, config.seed) for threads in config.thread_counts}
+    size = config.env_size
+    rates: dict[tuple[str, int, int], list[float]] = {}
+    periods = max(2, math.ceil(config.seconds / (size * PERIOD) - 1e-9))
+    rigs = {threads: EnvRig(size, threads, config.seed) for threads in config.thread_counts}
     for k in range(1 + config.repeats):
         for threads, rig in rigs.items():
             for case, rate in rig.rates(periods).items():
                 if k > 0:
-                    rates.setdefault((case, threads), []).append(rate)
-        step(f"{config.env_size} robots")
+                    rates.setdefault((case, size, threads), []).append(rate)
+        step(f"{size} robots")
     return {key: np.array(measured) for key, measured in rates.items()}
 
 
-def env_speeds(config: BenchConfig, rates: dict[tuple[str, int], Array], timestep: float) -> list[EnvSpeed]:
+def env_speeds(rates: Rates, timestep: float) -> list[EnvSpeed]:
     """One for each case; a physics step is `timestep` [s] long. Ratios are medians over those of the rounds."""
     return [
-        EnvSpeed(
-            case=case,
-            n=config.env_size,
-            threads=threads,
-            steps_per_s=float(np.median(rates[case, threads])),
-            ratio_to_bare=float(np.median(rates[case, threads] / rates[BARE, threads])),
-            ratio_to_single=float(np.median(rates[case, threads] / rates[SINGLE, threads])),
-            real_time_factor=float(np.median(rates[case, threads])) * timestep,
-        )
-        for threads in config.thread_counts
-        for case in ENV_CASES
+        EnvSpeed(**vars(one), ratio_to_single=float(np.median(rate / rates[SINGLE, one.n, one.threads])))
+        for one, rate in zip(case_speeds(rates, timestep), rates.values(), strict=True)
     ]
-
-
-def _seconds(act: Callable[[], None]) -> float:
-    began = perf_counter()
-    act()
-    return perf_counter() - began

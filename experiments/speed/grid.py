@@ -16,7 +16,7 @@ import numpy as np
 from experiments.driving.grid_runs import before_scanner
 from experiments.options.bench import BenchConfig
 from experiments.options.grid import SweepConfig
-from experiments.speed.bare import bare_batch
+from experiments.speed.simulator import bare_batch
 from experiments.sweep.plan import Run, plan
 from experiments.sweep.summary import Timing
 from sim.fleet import SETTLING, Fleet
@@ -54,13 +54,7 @@ class GridSpeed:
 def measure_grid(
     config: BenchConfig, drive: Callable[[SweepConfig], Timing], step: Callable[[str], None]
 ) -> list[GridSpeed]:
-    """One for each number of processes.
-
-    Args:
-        config: what to measure.
-        drive: drives and stores a grid, and tells its timing.
-        step: called with a label after each grid.
-    """
+    """One for each number of processes; `drive` drives and stores a grid, `step` is called with a label after each."""
     ratios = tuple(float(r) for r in np.linspace(0.8, 1.4, max(1, round(config.grid_runs / _PER_RATIO))))
     speeds = []
     for jobs in config.thread_counts:
@@ -77,9 +71,8 @@ def measure_grid(
 
 def bare_seconds(runs: list[Run], threads: int) -> float:
     """Time that the bare engine takes for all physics steps of the runs, on worker threads [s]."""
-    some = [
-        runs[k] for k in np.unique(np.linspace(0, len(runs) - 1, min(len(runs), _MAX_BARE_ROBOTS)).round().astype(int))
-    ]
+    count = min(len(runs), _MAX_BARE_ROBOTS)
+    some = [runs[k] for k in np.unique(np.linspace(0, len(runs) - 1, count).round().astype(int))]
     world = some[0].world(threads)
     start = np.tile(before_scanner(world.robot), (len(some), 1))
     fleet = Fleet(world.robot, start, [run.specification.ground for run in some], world.radius_error, threads=threads)

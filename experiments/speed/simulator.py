@@ -11,6 +11,7 @@ of two printed rates may therefore differ slightly from the printed ratio.
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Callable, Mapping
@@ -18,12 +19,12 @@ from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
+from mujoco import batch
 
 from experiments.driving.grid_runs import before_scanner
 from experiments.driving.lookup import locator
 from experiments.options.bench import BenchConfig
 from experiments.options.track import TrackConfig
-from experiments.speed.bare import bare_batch
 from sim.fleet import Fleet
 from sim.robot.robot import Robot
 from sim.run_recorder import Description
@@ -47,6 +48,15 @@ _STEADY = 2.0  # time after which the sprockets turn at their set points to the 
 _CLOSED_LOOP_SHARE = 0.1  # of the simulated time: localization takes so much longer
 _MIN_SCANS = 2
 _MIN_SCANS_CLOSED_LOOP = 6
+
+
+def bare_batch(fleet: Fleet) -> batch.Batch:
+    """Robots in the fleet's present state, their belts at its present speeds, stepped by MuJoCo alone."""
+    bare = batch.Batch(fleet.robot.model, fleet.size, nthread=fleet.batch.nthread)
+    for name in ("geom_surfacevel", "pair_friction"):
+        bare.expand(name)[:] = fleet.batch.expand(name)
+    bare.state[:] = fleet.batch.state
+    return bare
 
 
 @dataclass(frozen=True)
@@ -99,9 +109,9 @@ class Rig:
         self.bare = bare_batch(self.fleet)
         self.steps_per_period = round(self.feed.period / robot.model.opt.timestep)
         self.cases: dict[str, Callable[[int], float]] = {
-            BARE: _timed(self._step),
-            FLEET: _timed(self._advance),
-            SCANNER: _timed(self._scan),
+            BARE: functools.partial(timed, self._step),
+            FLEET: functools.partial(timed, self._advance),
+            SCANNER: functools.partial(timed, self._scan),
             CLOSED_LOOP: self._follow,
         }
         """Each lets a number of scan periods pass and returns the time that they took [s]."""
@@ -132,26 +142,17 @@ class Rig:
         # the robots differ only in the scanner's noise: the circle of the first suits all
         reference = circle(_RADIUS, _SPEED, (periods + 1) * self.feed.period, self.fleet.pose()[0])
         passed: list[float] = []
-        closed_loop(
-            self.fleet,
-            [self._pilot],
-            reference,
-            self.feed,
-            self._locator,
-            self._descriptions,
-            lambda _: passed.append(perf_counter()),
-        )
+        loop = self.fleet, [self._pilot], reference, self.feed, self._locator, self._descriptions
+        closed_loop(*loop, lambda _: passed.append(perf_counter()))
         # from period to period: the scan before the first would be one too many
         return passed[-1] - passed[0]
 
 
-def _timed(advance: Callable[[int], None]) -> Callable[[int], float]:
-    def timed(periods: int) -> float:
-        began = perf_counter()
-        advance(periods)
-        return perf_counter() - began
-
-    return timed
+def timed(act: Callable[..., object], *arguments: object) -> float:
+    """Time that a call of `act` takes [s]."""
+    began = perf_counter()
+    act(*arguments)
+    return perf_counter() - began
 
 
 def measure_simulator(config: BenchConfig, robot: Robot, step: Callable[[str], None]) -> Rates:
@@ -168,32 +169,23 @@ def measure_simulator(config: BenchConfig, robot: Robot, step: Callable[[str], N
                 if k > 0:
                     rates.setdefault((case, size, threads), []).append(rate)
             step(f"{size} robots" if size > 1 else "1 robot")
-    return {key: np.reshape(measured, (config.repeats, -1)) for key, measured in rates.items()}
+    ordered = sorted(rates, key=lambda key: (key[1], key[2], CASES.index(key[0])))
+    return {key: np.reshape(rates[key], (config.repeats, -1)) for key in ordered}
 
 
 def case_speeds(rates: Rates, timestep: float) -> list[CaseSpeed]:
     """One for each case; a physics step is `timestep` [s] long."""
-    return [
-        CaseSpeed(
-            case=case,
-            n=n,
-            threads=threads,
-            steps_per_s=float(np.median(rates[case, n, threads])),
-            ratio_to_bare=float(np.median(rates[case, n, threads] / rates[BARE, n, threads])),
-            real_time_factor=float(np.median(rates[case, n, threads])) * timestep,
-        )
-        for case, n, threads in _in_order(rates)
-    ]
+    speeds = []
+    for (case, n, threads), rate in rates.items():
+        per_s, ratio = float(np.median(rate)), float(np.median(rate / rates[BARE, n, threads]))
+        speeds.append(CaseSpeed(case, n, threads, per_s, ratio, per_s * timestep))
+    return speeds
 
 
 def thread_speedups(rates: Rates) -> list[ThreadSpeedup]:
     """One for each case on several threads; none where one thread was not measured."""
     return [
         ThreadSpeedup(case, n, threads, float(np.median(rates[case, n, threads] / one)))
-        for case, n, threads in _in_order(rates)
+        for case, n, threads in rates
         if threads > 1 and (one := rates.get((case, n, 1))) is not None
     ]
-
-
-def _in_order(rates: Rates) -> list[tuple[str, int, int]]:
-    return sorted(rates, key=lambda key: (key[1], key[2], CASES.index(key[0])))

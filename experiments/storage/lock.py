@@ -20,10 +20,8 @@ def locked(folder: Path) -> Iterator[None]:
     """Keep other commands out of a folder, which must exist, until the block ends.
 
     The operating system holds the lock, so it ends with the process, however that ends; a file left behind by a killed
-    process locks nothing. A file system without locks is used without one.
-
-    Raises:
-        OutputError: at once, if another command is using the folder or the folder isn't writable.
+    process locks nothing. A file system without locks is used without one. Raises OutputError, at once, if another
+    command is using the folder or the folder isn't writable.
     """
     lock = FileLock(folder / LOCK_FILE, blocking=False, fallback_to_soft=False)
     try:

@@ -50,7 +50,11 @@ def make_manifest(command: str, config: Any, wall_s: float, **more: Any) -> dict
 
 def versions() -> dict[str, str | None]:
     """Of Python and of the packages that results depend on."""
-    return {"python": platform.python_version()} | {p: _version(p) for p in _PACKAGES}
+    found: dict[str, str | None] = {"python": platform.python_version(), **dict.fromkeys(_PACKAGES)}
+    for package in _PACKAGES:
+        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+            found[package] = importlib.metadata.version(package)
+    return found
 
 
 def command_line(command: str) -> str:
@@ -101,21 +105,12 @@ def changes(before: dict[str, Any], now: dict[str, Any]) -> list[str]:
 
 
 def _digest_of(packages: Any) -> str:
-    files = [
-        (package.__name__, str(file.relative_to(root)), content(file))
-        for package in packages
-        for root in (Path(str(package.__path__[0])),)
-        for file in sorted(root.rglob("*"))
-        if file.suffix in _SUFFIXES
-    ]
+    files = []
+    for package in packages:
+        root = Path(str(package.__path__[0]))
+        found = (file for file in sorted(root.rglob("*")) if file.suffix in _SUFFIXES)
+        files += [(package.__name__, str(file.relative_to(root)), content(file)) for file in found]
     return digest(files)
-
-
-def _version(package: str) -> str | None:
-    try:
-        return importlib.metadata.version(package)
-    except importlib.metadata.PackageNotFoundError:
-        return None
 
 
 def _git_state() -> dict[str, Any] | None:
@@ -123,13 +118,9 @@ def _git_state() -> dict[str, Any] | None:
     root = Path(__file__).parents[2]
     if not (root / ".git").exists():
         return None
+    git = functools.partial(subprocess.check_output, text=True, cwd=root, stderr=subprocess.DEVNULL)
     try:
-        commit = _git(root, "rev-parse", "HEAD")
-        return {"commit": commit, "dirty": bool(_git(root, "status", "--porcelain"))}
+        commit, changed = git(["git", "rev-parse", "HEAD"]).strip(), git(["git", "status", "--porcelain"])
     except (OSError, subprocess.CalledProcessError):
         return None
-
-
-def _git(root: Path, *arguments: str) -> str:
-    done = subprocess.run(["git", "-C", str(root), *arguments], capture_output=True, text=True, check=True)
-    return done.stdout.strip()
+    return {"commit": commit, "dirty": bool(changed)}

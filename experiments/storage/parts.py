@@ -29,7 +29,6 @@ from trackslip.logs.runlog import RunLog
 Row = dict[str, Any]
 _Record = tuple[Path, list[Row], dict[str, Any]]  # file of logs, rows, what made them by its digest
 _Stop = TypeVar("_Stop", bound=BaseException)
-_TEXTS = ("run", "id", "made_by")
 
 
 @dataclass(frozen=True)
@@ -61,37 +60,25 @@ class Stored:
     made_by: dict[str, Any]
     """Code, models and libraries that drove it."""
 
-    @property
-    def failed(self) -> bool:
-        """Whether there is no log."""
-        return self.row["error"] is not None
 
-
-class Parts:
-    """The driven runs in a folder of results."""
+class Parts(dict[str, Stored]):
+    """The driven runs in a folder of results, by their ids."""
 
     def __init__(self, out: Path, name: str, is_row: Callable[[Row], bool] = lambda row: True) -> None:
         """Parts go to the folder `name` in `out`; `is_row` tells a command's rows from damaged ones."""
+        super().__init__()
         self._out, self._parts, self._is_row = out, out / name, is_row
-        self._there: dict[str, Stored] = {}
-
-    def __getitem__(self, id: str) -> Stored:
-        return self._there[id]
-
-    def __contains__(self, id: str) -> bool:
-        return id in self._there
 
     def take(self, ids: Collection[str], force: bool) -> None:
         """Find which of the runs `ids` are among the results or the parts. Failed runs are not: they are driven again.
 
-        Raises:
-            TrackslipError: if other code, models or libraries drove them, unless `force` is given.
-            LogError: if the results are damaged, or were written by a newer version.
+        Raises TrackslipError if other code, models or libraries drove them, unless `force` is given; LogError if the
+        results are damaged, or were written by a newer version.
         """
         self._require_readable()
         self._find(ids, [*self._results(), *self._records()])
         now = made_by()
-        stale = [one.made_by for one in self._there.values() if one.made_by != now]
+        stale = [one.made_by for one in self.values() if one.made_by != now]
         if stale and not force:
             raise TrackslipError(
                 f"out = {str(self._out)!r}: {len(stale)} of these runs were driven before a change of"
@@ -109,8 +96,7 @@ class Parts:
     def keep(self, part: Part) -> None:
         """Store a part: its logs first, its rows last, each whole or not at all. Failed runs alone aren't stored.
 
-        Raises:
-            TrackslipError: if other code, models or libraries than this process's drove it.
+        Raises TrackslipError if other code, models or libraries than this process's drove it.
         """
         now = made_by()
         if any(row["made_by"] != digest(now) for row in part.rows):
@@ -126,12 +112,12 @@ class Parts:
                 with contextlib.suppress(OSError):  # there are other parts
                     self._parts.rmdir()
                 raise
-        self._there |= {row["id"]: Stored(row, file, now) for row in part.rows}
+        self.update({row["id"]: Stored(row, file, now) for row in part.rows})
 
     def gather(self, runs: Iterable[tuple[str, str]], file: Path) -> None:
         """Write the logs of runs, (id, new name) each, in order, to one file; without any log there is no file."""
-        there = [(self._there[id], name) for id, name in runs]
-        driven = [(one.file, one.row["run"], name) for one, name in there if not one.failed]
+        there = [(self[id], name) for id, name in runs]
+        driven = [(one.file, one.row["run"], name) for one, name in there if one.row["error"] is None]
         if driven:
             join_parquet(driven, file)
 
@@ -154,7 +140,7 @@ class Parts:
                 if file.parent == self._parts:
                     continue
                 raise LogError(f"{file}: damaged; --no-resume drives all runs again")  # the user decides
-            self._there |= {row["id"]: Stored(row, file, by[row["made_by"]]) for row in there}
+            self.update({row["id"]: Stored(row, file, by[row["made_by"]]) for row in there})
 
     def _require_readable(self) -> None:
         """Raise LogError for results of a newer version, or with a damaged manifest or summary."""
@@ -187,21 +173,18 @@ class Parts:
             rows, by = content["runs"], content["made_by"]
         except (OSError, ValueError, RecursionError, KeyError, TypeError):  # another command's, or none
             return None
-        makers = isinstance(by, dict) and all(
-            isinstance(one, dict) and isinstance(one.get("versions"), dict) for one in by.values()
-        )
-        if not (makers and isinstance(rows, list) and all(self._is_valid(row, by) for row in rows)):
+        try:
+            made_whole = all(isinstance(one["versions"], dict) for one in by.values())
+            rows_whole = isinstance(rows, list) and all(self._is_whole(row, by) for row in rows)
+        except (AttributeError, KeyError, TypeError):  # something else than a mapping, or without an entry
+            made_whole = rows_whole = False
+        if not (made_whole and rows_whole):
             raise LogError(f"{path}: its rows of runs are damaged; --no-resume drives all runs again")
         return rows, by
 
-    def _is_valid(self, row: object, by: Mapping[str, Any]) -> bool:
-        return (
-            isinstance(row, dict)
-            and all(isinstance(row.get(name), str) for name in _TEXTS)
-            and "error" in row
-            and row["made_by"] in by
-            and self._is_row(row)
-        )
+    def _is_whole(self, row: Row, by: Mapping[str, Any]) -> bool:
+        texts = all(isinstance(row[name], str) for name in ("run", "id", "made_by"))
+        return texts and "error" in row and row["made_by"] in by and self._is_row(row)
 
 
 def resumable(stop: _Stop, driven: int, runs: int, command: str = "the same command") -> _Stop:

@@ -29,10 +29,7 @@ REPORT_FILE = "report.html"
 LEADERBOARD_FILE = "leaderboard.md"
 TABLE_FILE = "table.parquet"
 FIGURES_FOLDER = "figures"
-"""Folder of figures."""
 RECORDINGS_FOLDER = "recordings"
-"""Folder of recordings for the rerun viewer."""
-
 FOLDERS = {FIGURES_FOLDER: (".svg", ".pdf"), RECORDINGS_FOLDER: (".rrd",)}
 """Folders among the results, and the suffixes of the files in them; everything else is a file."""
 
@@ -47,9 +44,8 @@ def results_folder(out: Path, then: Callable[[], None] = lambda: None) -> Iterat
     `then` is called once they are in place, before another command can write to `out`. Until then no other command can;
     what killed commands left there is deleted.
 
-    Raises:
-        OutputError: at once, before anything is computed, if `out` can't be written or another command is writing
-            there; later, if the disk is full.
+    Raises OutputError: at once, before anything is computed, if `out` can't be written or another command is writing
+    there; later, if the disk is full.
     """
     made: list[Path] = []
     try:
@@ -57,8 +53,7 @@ def results_folder(out: Path, then: Callable[[], None] = lambda: None) -> Iterat
         out.mkdir(parents=True, exist_ok=True)
         with locked(out):
             _require_files(out, (MANIFEST_FILE, *_FILES))
-            for name, endings in FOLDERS.items():
-                _require_own(out, name, endings)
+            _require_own_folders(out)
             for left in out.glob(f"{_PARTIAL}*"):
                 _restore(left, out)
                 shutil.rmtree(left, ignore_errors=True)
@@ -102,26 +97,17 @@ def _replace(staging: Path, out: Path) -> None:
     _require_files(out, sorted(new - set(FOLDERS)))
     old = staging / _OLD
     old.mkdir()
-    moved: list[str] = []
-    placed: list[str] = []
+    others = sorted({*_FILES, *FOLDERS, *new} - {MANIFEST_FILE})
+    moves = [(out / name, old / name) for name in (MANIFEST_FILE, *others) if (out / name).exists()]
+    moves += [(staging / name, out / name) for name in (*others, MANIFEST_FILE) if name in new]
+    done: list[tuple[Path, Path]] = []
     try:
-        for name in (
-            MANIFEST_FILE,
-            *sorted(
-                {SUMMARY_FILE, RUNS_FILE, REPORT_FILE, LEADERBOARD_FILE, TABLE_FILE, *FOLDERS} | new - {MANIFEST_FILE}
-            ),
-        ):
-            if (out / name).exists():
-                os.replace(out / name, old / name)
-                moved.append(name)
-        for name in sorted(new - {MANIFEST_FILE}) + sorted(new & {MANIFEST_FILE}):
-            os.replace(staging / name, out / name)
-            placed.append(name)
+        for source, target in moves:
+            os.replace(source, target)
+            done.append((source, target))
     except OSError:
-        for name in placed:
-            os.replace(out / name, staging / name)
-        for name in moved:
-            os.replace(old / name, out / name)
+        for source, target in reversed(done):
+            os.replace(target, source)
         raise
 
 
@@ -135,31 +121,33 @@ def _restore(left: Path, out: Path) -> None:
         os.replace(old, out / old.name)
 
 
-def _require_own(out: Path, name: str, endings: tuple[str, ...]) -> None:
-    """Refuse a folder of FOLDERS that no command has made, because it would be deleted."""
-    folder = out / name
-    if not folder.exists():
-        return
-    if not folder.is_dir():
-        raise OutputError(f"out = {str(out)!r}: {name} is a file there, and must be a folder or absent")
-    files = list(folder.iterdir())
-    if files and not ((out / MANIFEST_FILE).is_file() and all(file.suffix in endings for file in files)):
-        raise OutputError(f"out = {str(out)!r}: {name} there contains files that aren't part of results; move it away")
+def _require_own_folders(out: Path) -> None:
+    """Refuse those of FOLDERS that no command has made, because they would be deleted."""
+    for name, endings in FOLDERS.items():
+        if (out / name).exists() and not (out / name).is_dir():
+            raise OutputError(f"out = {str(out)!r}: {name} is a file there, and must be a folder or absent")
+        files = list((out / name).glob("*"))
+        if files and not ((out / MANIFEST_FILE).is_file() and all(file.suffix in endings for file in files)):
+            why = "contains files that aren't part of results; move it away"
+            raise OutputError(f"out = {str(out)!r}: {name} there {why}")
 
 
-def write_results(folder: Path, logs: Sequence[RunLog], summary: Mapping[str, Any], about: Mapping[str, Any]) -> None:
-    """Write what every command that drives leaves: runs, summary and manifest."""
-    write_runs(folder, logs)
+def write_results(
+    folder: Path, summary: Mapping[str, Any], about: Mapping[str, Any], logs: Sequence[RunLog] = ()
+) -> None:
+    """Write what every command leaves: summary, manifest and, if it has any, runs."""
+    if logs:
+        write_runs(folder, logs)
     write_json(folder / SUMMARY_FILE, summary)
     write_json(folder / MANIFEST_FILE, about)
 
 
 def write_runs(folder: Path, logs: Sequence[RunLog]) -> None:
     """Write runs as the folder's RUNS_FILE."""
-    from trackslip.logs import logfile  # late: not every command has runs to write
+    from trackslip.logs.logfile import write_parquet  # late: not every command has runs to write
 
     with arrow_errors(folder / RUNS_FILE):
-        logfile.write_parquet(logs, folder / RUNS_FILE)
+        write_parquet(logs, folder / RUNS_FILE)
 
 
 def write_samples(folder: Path, samples: SlipSamples) -> None:

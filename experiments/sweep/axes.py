@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from experiments.options.checks import require_distinct
 from experiments.options.grid import SweepConfig
 from experiments.sweep.options import ALIASES, converted, hint_of, names, option
 from sim.robot.parameters import RobotParameters
@@ -15,25 +16,21 @@ from trackslip.errors import InvalidValueError, SettingsFileError, require_at_mo
 
 MAX_RUNS = 1_000_000
 _PARAMETERS = tuple(f"robot.{f.name}" for f in dataclasses.fields(RobotParameters) if f.name != "radius_error")
-_OWN = ("radius", "speed", "friction_ratio", *ALIASES, *_PARAMETERS)
+_POSITIVE = ("radius", "speed", "friction_ratio")
+_OWN = (*_POSITIVE, *ALIASES, *_PARAMETERS)
 _MAX_RATIO = 100.0
 
 
 def axes_of(config: SweepConfig) -> dict[str, tuple[Any, ...]]:
     """The values of each axis, in the order of the loops: radius and speed are the innermost.
 
-    Raises:
-        InvalidValueError, SettingsFileError: naming the axis and what is allowed.
+    Raises InvalidValueError or SettingsFileError, which name the axis and what is allowed.
     """
     given: dict[str, tuple[Any, ...]] = {}
-    for name, listed_by, values in (
-        ("ground", "grounds", config.grounds),
-        ("friction_ratio", "friction_ratio", config.friction_ratio),
-        ("slope", "slope", config.slope),
-        ("seed", "seeds", config.seeds),
-    ):
-        if values:
-            given[name] = _checked(name, values, listed_by)
+    listed_by = {"ground": "grounds", "friction_ratio": "friction_ratio", "slope": "slope", "seed": "seeds"}
+    for name, option_name in listed_by.items():
+        if values := getattr(config, option_name):
+            given[name] = _checked(name, values, option_name)
     for text in config.vary or ():
         name, equals, listed = text.partition("=")
         if not equals:
@@ -49,8 +46,11 @@ def axes_of(config: SweepConfig) -> dict[str, tuple[Any, ...]]:
             given[name] = _checked(name, tuple(values) if isinstance(values, list) else (values,), name)
         except InvalidValueError as error:
             raise SettingsFileError(f"{config.sweep}: {error}") from error
-    for name in given:
-        _require_not_given(config, name)
+    for name in [name for name in given if name not in ("friction_ratio", *_PARAMETERS)]:
+        replaced = {"radius": "radii", "speed": "speeds", **ALIASES}.get(name, name)
+        value = option(config, replaced)
+        if value != option(SweepConfig(), replaced):
+            raise InvalidValueError(replaced.removesuffix(".source"), value, f"left out where {name} is an axis")
     if "friction_ratio" in given and ("ground.across" in given or config.ground.across is not None):
         raise InvalidValueError("friction_ratio", given["friction_ratio"], "left out where ground.across is given")
     drive = {"radius": given.pop("radius", config.radii), "speed": given.pop("speed", config.speeds)}
@@ -61,39 +61,19 @@ def axes_of(config: SweepConfig) -> dict[str, tuple[Any, ...]]:
     return axes
 
 
-def _require_not_given(config: SweepConfig, name: str) -> None:
-    """Raise InvalidValueError if the option that an axis replaces has been given, too."""
-    replaced = {"radius": "radii", "speed": "speeds", **ALIASES}.get(name, name)
-    if name in _PARAMETERS or name == "friction_ratio":
-        return
-    value = option(config, replaced)
-    if value != option(SweepConfig(), replaced):
-        raise InvalidValueError(replaced.removesuffix(".source"), value, f"left out where {name} is an axis")
-
-
 def _checked(name: str, values: tuple[Any, ...], given: str) -> tuple[Any, ...]:
     """An axis' values, converted to its type; raises InvalidValueError, which calls them `given`."""
     known = [*_OWN, *(n for n in names() if n not in ("robot", *ALIASES.values()))]
     if name not in known:
         raise InvalidValueError("axis", name, f"one of {', '.join(known)}")
-    if not values:
-        raise InvalidValueError(given, values, "at least one value")
-    taken = tuple(converted(_hint(name), value, given) for value in values)
-    if len(set(taken)) < len(taken):
-        raise InvalidValueError(given, taken, "all different")
-    if name in ("radius", "speed", "friction_ratio"):
-        for value in taken:
-            require_positive(given, value)
-    if name == "friction_ratio":
-        for value in taken:
+    hint = float if name in _POSITIVE else hint_of(ALIASES.get(name, name))
+    taken = tuple(converted(hint, value, given) for value in values)
+    require_distinct(given, taken)
+    for value in taken if name in _POSITIVE else ():
+        require_positive(given, value)
+        if name == "friction_ratio":
             require_at_most(given, value, _MAX_RATIO)
     return taken
-
-
-def _hint(name: str) -> Any:
-    if name in ("radius", "speed", "friction_ratio", *_PARAMETERS):
-        return float
-    return hint_of(ALIASES.get(name, name))
 
 
 def _require_new(given: Mapping[str, Any], name: str, where: str) -> None:

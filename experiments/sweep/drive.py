@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from experiments.driving.failures import failure_text, logs_until
+import numpy as np
+
+from experiments.driving.failures import drive_isolating, failure_text, logs_until
 from experiments.driving.grid_runs import drive_cells
-from experiments.measuring.grid import LocalizationErrors
+from experiments.measuring.grid import PoseErrors
 from experiments.storage.parts import Part
 from experiments.sweep.plan import Run
 from experiments.sweep.rows import RunRow
@@ -16,6 +18,8 @@ from sim.stopwatch import Stopwatch
 from trackslip.errors import LogError
 from trackslip.identification.samples import true_samples, usable_samples
 from trackslip.logs.runlog import RunLog
+
+_SAMPLED = ("omega_l", "omega_r", "v", "w", "slip_l", "slip_r", "true_slip_l", "true_slip_r", "observed_radius")
 
 
 @dataclass(frozen=True)
@@ -38,9 +42,13 @@ def drive(runs: Sequence[Run], threads: int = 1, report: Progress = lambda secon
     `report` is called with the simulated seconds that have passed, of all runs together.
     """
     watch = Stopwatch()
-    outcomes = _outcomes(runs, threads, lambda seconds: report(seconds * len(runs)), watch)
+
+    def drive_fleet(some: Sequence[Run]) -> list[RunLog]:
+        worlds = [run.world(threads) for run in some]
+        return drive_cells([run.cell for run in some], worlds, lambda seconds: report(seconds * len(some)), watch)
+
     rows, logs, unfinished = [], [], []
-    for run, outcome in zip(runs, outcomes, strict=True):
+    for run, outcome in zip(runs, drive_isolating(runs, drive_fleet), strict=True):
         row = RunRow(run.name, run.id, run.axes)
         if isinstance(outcome, RunLog):
             with watch.stage("slips"):
@@ -54,41 +62,17 @@ def drive(runs: Sequence[Run], threads: int = 1, report: Progress = lambda secon
     return DrivenFleet(part, unfinished, watch.stages, sum(run.config.duration for run in runs))
 
 
-def _outcomes(runs: Sequence[Run], threads: int, report: Progress, watch: Stopwatch) -> list[RunLog | Exception]:
-    try:
-        worlds = [run.world(threads) for run in runs]
-        return list(drive_cells([run.cell for run in runs], worlds, report, watch))
-    except Exception as error:  # a run that fails is a row
-        if len(runs) == 1:
-            return [error]
-    middle = len(runs) // 2
-    return [outcome for half in (runs[:middle], runs[middle:]) for outcome in _outcomes(half, threads, report, watch)]
-
-
 def _measured(log: RunLog, run: Run, row: RunRow) -> RunRow:
     """The row with the run's numbers; without slips where there are none, and a note why."""
     geometry = run.world(1).robot.geometry
     try:
         sampling = usable_samples([log], geometry, method=run.config.motion)
         sample, truth = sampling.samples, true_samples([log], geometry)
-        row = replace(
-            row,
-            **dict(zip(("omega_l", "omega_r"), sample.omega[0].tolist(), strict=True)),
-            **dict(zip(("v", "w"), sample.twist[0].tolist(), strict=True)),
-            **dict(zip(("slip_l", "slip_r"), sample.slip[0].tolist(), strict=True)),
-            **dict(zip(("true_slip_l", "true_slip_r"), truth.slip[0].tolist(), strict=True)),
-            observed_radius=float(sample.radius[0]),
-            note="; ".join(sampling.notes) or None,
-        )
+        numbers = np.concatenate([sample.omega[0], sample.twist[0], sample.slip[0], truth.slip[0], sample.radius])
+        note = "; ".join(sampling.notes) or None
+        row = replace(row, note=note, **dict(zip(_SAMPLED, numbers.tolist(), strict=True)))
     except LogError as error:
         row = replace(row, note=f"run {log.run!r} left out: {str(error).removeprefix(f'run {log.run!r}: ')}")
-    located = LocalizationErrors.of([log])
     saturated = None if log.truth is None else log.truth.saturated
-    return replace(
-        row,
-        rmse_x=located.rmse_x,
-        rmse_y=located.rmse_y,
-        rmse_heading=located.rmse_heading,
-        valid_fraction=located.valid_fraction,
-        saturated=0.0 if saturated is None else float(saturated.mean(axis=0).max()),
-    )
+    share = 0.0 if saturated is None else float(saturated.mean(axis=0).max())
+    return replace(row, **vars(PoseErrors.of([log])), saturated=share)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 import re
@@ -70,28 +71,25 @@ def converted(hint: Any, value: object, name: str) -> Any:
     """`value`, text or from TOML, as the type `hint`; raises InvalidValueError where it can't be converted."""
     options = typing.get_args(hint) if typing.get_origin(hint) in (typing.Union, types.UnionType) else (hint,)
     for kind in options:
-        if typing.get_origin(kind) is typing.Literal:
-            if value in typing.get_args(kind):
-                return value
-        elif kind is bool:
-            if isinstance(value, bool) or (isinstance(value, str) and value in _FLAGS):
-                return value if isinstance(value, bool) else _FLAGS[value]
-        elif kind in (int, float):
-            if not isinstance(value, bool):
-                try:
-                    number = kind(value)
-                except (TypeError, ValueError, OverflowError):
-                    continue
-                if isinstance(value, str) or number == value or number != number:
-                    return number
-        elif kind in (str, Path) and isinstance(value, str) and _is_unicode(value):
-            return kind(value)
+        with contextlib.suppress(TypeError, ValueError, OverflowError, KeyError):
+            return _as(kind, value)
     raise InvalidValueError(name, value, _described(options))
 
 
-def _is_unicode(text: str) -> bool:
-    """Whether a text can be stored; a TOML file's can't contain surrogates, an argument's can."""
-    return not any("\ud800" <= character <= "\udfff" for character in text)
+def _as(kind: Any, value: Any) -> Any:
+    """`value` as one type; raises TypeError, ValueError, OverflowError or KeyError where it can't be converted."""
+    if typing.get_origin(kind) is typing.Literal and value in typing.get_args(kind):
+        return value
+    if kind is bool:
+        return value if isinstance(value, bool) else _FLAGS[value]
+    if kind in (int, float) and not isinstance(value, bool):
+        number = kind(value)
+        if isinstance(value, str) or number == value or number != number:
+            return number
+    if kind in (str, Path) and isinstance(value, str):
+        value.encode()  # an argument may contain surrogates, which can't be stored
+        return kind(value)
+    raise TypeError
 
 
 def _with(config: Any, path: list[str], value: object, name: str) -> Any:
@@ -129,16 +127,11 @@ def _hints(cls: Any) -> dict[str, Any]:
 @functools.cache
 def _texts(cls: Any) -> Mapping[str, str]:
     """The docstring of each field of a dataclass, read as tyro reads it for `--help`."""
-    found: dict[str, str] = {}
-    for own in reversed(cls.__mro__[:-1]):  # without object
-        for field in docstring_parser.parse_from_object(own).params:
-            found[field.arg_name] = " ".join((field.description or "").split())
-    return found
+    documented = [docstring_parser.parse_from_object(own) for own in reversed(cls.__mro__[:-1])]  # without object
+    fields = (field for one in documented for field in one.params)
+    return {field.arg_name: " ".join((field.description or "").split()) for field in fields}
 
 
 def _described(options: typing.Iterable[Any]) -> str:
-    return " or ".join(
-        " or ".join(map(str, typing.get_args(kind))) if typing.get_origin(kind) is typing.Literal else _WORDS[kind]
-        for kind in options
-        if kind is not types.NoneType
-    )
+    words = [[_WORDS[kind]] if kind in _WORDS else typing.get_args(kind) for kind in options]  # or those of a Literal
+    return " or ".join(str(word) for several in words for word in several)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -40,12 +40,8 @@ class Run:
     @functools.cached_property
     def id(self) -> str:
         """Hash of what the run is and of how much of it is recorded, however it was requested."""
-        return digest([self.setting, self.config.radii, self.config.speeds, self.config.seed, self.config.rrd])
-
-    @functools.cached_property
-    def setting(self) -> str:
-        """Hash of what the run is, except for radius, speed and seed."""
-        return digest([{name: getattr(self.config, name) for name in _IN_COMMON}, self.specification])
+        setting = digest([_in_common(self.config), self.specification])
+        return digest([setting, self.config.radii, self.config.speeds, self.config.seed, self.config.rrd])
 
     @property
     def cell(self) -> Cell:
@@ -55,8 +51,7 @@ class Run:
         are evaluated: runs that differ only in their method of localization or motion share their scans.
         """
         radius, speed = self.config.radii[0], self.config.speeds[0]
-        key = Cell.at(radius, speed).key
-        world = _world_digest(self.config, self.specification)
+        key, world = Cell.at(radius, speed).key, _world_digest(self.config, self.specification)
         if world != _shipped_world_digest():
             key += f" {world}"
         return Cell(self.name, key, radius, speed, {"id": self.id})
@@ -68,9 +63,8 @@ class Run:
     @functools.cached_property
     def fleet(self) -> str:
         """Hash of what the runs of a fleet share."""
-        given, config = self.specification, self.config
-        shape = replace(given.parameters, radius_error=0.0)
-        return digest([shape, given.obstacles, {name: getattr(config, name) for name in _IN_COMMON}])
+        shape = replace(self.specification.parameters, radius_error=0.0)
+        return digest([shape, self.specification.obstacles, _in_common(self.config)])
 
     @property
     def grid(self) -> tuple[tuple[str, Any], ...]:
@@ -88,22 +82,24 @@ def _shipped_world_digest() -> str:
     return _world_digest(GridConfig(), Specification.of(GridConfig()))
 
 
-_IN_COMMON = ("drive", "scanner", "duration", "localization", "motion", "random_phase")
+def _in_common(config: GridConfig) -> dict[str, Any]:
+    """Options that the runs of a fleet share."""
+    names = ("drive", "scanner", "duration", "localization", "motion", "random_phase")
+    return {name: getattr(config, name) for name in names}
 
 
 def plan(config: SweepConfig) -> list[Run]:
     """Every run; raises TrackslipError for invalid values, before anything is driven."""
     axes = axes_of(config)
     base = GridConfig(**{f.name: getattr(config, f.name) for f in dataclasses.fields(GridConfig)})
-    usual = _usual(base)
+    usual = {name: _usual(base, name) for name in axes if name not in _DRIVEN}
     runs = []
     for values in itertools.product(*axes.values()):
         taken = dict(zip(axes, values, strict=True))
         own = _config(base, taken)
-        specification = _specification(own, taken)
-        unusual = [f"{name}={value}" for name, value in taken.items() if name not in _DRIVEN and usual(name) != value]
+        unusual = [f"{name}={taken[name]}" for name, value in usual.items() if value != taken[name]]
         name = " ".join([Cell.at(taken["radius"], taken["speed"]).name, *sorted(unusual)])
-        runs.append(Run(name, taken, own, specification))
+        runs.append(Run(name, taken, own, _specification(own, taken)))
     narrowest = min((run.specification.parameters for run in runs), key=lambda parameters: parameters.half_gauge)
     for radius in axes["radius"]:  # a radius too tight for only some of the robots is a run that fails
         require_radius(radius, RobotGeometry(narrowest.half_gauge, narrowest.sprocket_radius))
@@ -146,21 +142,18 @@ def _specification(config: GridConfig, taken: Mapping[str, Any]) -> Specificatio
     return replace(given, parameters=parameters, ground=ground)
 
 
-def _usual(base: GridConfig) -> Callable[[str], Any]:
-    """The value of an axis without the sweep, as a function of its name."""
-    given = Specification.of(base)
-
-    def value(name: str) -> Any:
-        if name == "friction_ratio":
+def _usual(base: GridConfig, axis: str) -> Any:
+    """The value of an axis without the sweep."""
+    given, (room, _, name) = Specification.of(base), ALIASES.get(axis, axis).rpartition(".")
+    match room, name:
+        case _, "friction_ratio":
             return None
-        if name == "ground":
+        case "ground", "source":
             return base.ground.source or ("stone" if base.robot is None else None)
-        if name == "radius_error":
+        case "ground", _:
+            return getattr(given.ground, name)
+        case "robot", _:
+            return getattr(given.parameters, name)
+        case _, "radius_error":
             return given.radius_error
-        if name.startswith("robot."):
-            return getattr(given.parameters, name.removeprefix("robot."))
-        if ALIASES.get(name, name).startswith("ground."):
-            return getattr(given.ground, ALIASES.get(name, name).removeprefix("ground."))
-        return option(base, name)
-
-    return value
+    return option(base, axis)

@@ -55,9 +55,7 @@ class RunRow:
 
 
 COLUMNS = {
-    f.name: Column(f.name, f.metadata["unit"], f.metadata["meaning"])
-    for f in dataclasses.fields(RunRow)
-    if f.name != "axes"
+    f.name: Column(f.name, f.metadata["unit"], f.metadata["meaning"]) for f in dataclasses.fields(RunRow) if f.metadata
 }
 """Besides the axes of the sweep, which come after `id`."""
 _OF_FAILED = ("run", "id", "error", "made_by")
@@ -65,11 +63,5 @@ _OF_FAILED = ("run", "id", "error", "made_by")
 
 def is_row(row: Mapping[str, Any]) -> bool:
     """Whether a stored row has numbers where numbers belong, and texts where texts do."""
-    return all(
-        row.get(column.name) is None
-        or (
-            isinstance(row[column.name], str if column.unit == NO_UNIT else int | float)
-            and not isinstance(row[column.name], bool)
-        )
-        for column in COLUMNS.values()
-    )
+    kinds = {name: (str,) if column.unit == NO_UNIT else (int, float) for name, column in COLUMNS.items()}
+    return all(row.get(name) is None or type(row[name]) in kind for name, kind in kinds.items())

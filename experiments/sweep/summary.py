@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from experiments.measuring.grid import ErrorStatistics, GridSummary, OuterInner, grid_summary, published_radii
+from experiments.measuring.grid import (
+    ErrorStatistics,
+    GridSummary,
+    OuterInner,
+    PoseErrors,
+    Radii,
+    grid_summary,
+    published_radii,
+)
 from experiments.options.grid import SweepConfig
 from experiments.report.terminal import print_table
 from experiments.storage.plain_json import plain
@@ -24,7 +33,6 @@ from trackslip.metrics import rms
 IN_FULL = 100
 """Runs of the largest grid for which the errors of all motion methods are compared."""
 _MAX_LINES = 40
-_Number = Callable[[RunRow], float | None]
 
 
 @dataclass(frozen=True)
@@ -46,31 +54,6 @@ class Timing:
 
 
 @dataclass(frozen=True)
-class Radii:
-    """Radii of a grid (R,), one per commanded radius [m]."""
-
-    commanded: list[float]
-    observed: list[float]
-    """Of the mean curvature over the speeds."""
-    published: Array
-    """The paper's, where it has one, else NaN."""
-
-
-@dataclass(frozen=True)
-class PoseErrors:
-    """Root mean square errors of the poses."""
-
-    rmse_x: float
-    """[m]"""
-    rmse_y: float
-    """[m]"""
-    rmse_heading: float
-    """[rad]"""
-    valid_fraction: float
-    """Share of the scans that gave a pose [-]."""
-
-
-@dataclass(frozen=True)
 class Grid:
     """One grid of radius x speed; what no run gives is NaN."""
 
@@ -79,7 +62,7 @@ class Grid:
     runs: int
     failed: int
     radius: Radii
-    slip_by_radius: OuterInner[list[float]]
+    slip_by_radius: OuterInner[Array]
     """Mean slip (R,) at each commanded radius [-]."""
     slip_error: OuterInner[ErrorStatistics]
     localization: PoseErrors
@@ -105,17 +88,16 @@ class SweepSummary:
 
     def to_json(self) -> dict[str, Any]:
         """The content of the file."""
-        content: dict[str, Any] = plain(
-            {"grids": self.grids, "warnings": self.warnings}
-            | ({} if self.in_full is None else self.in_full.to_json())
-            | {
-                "runs": [row.to_json() for row in self.runs],
-                "made_by": self.made_by,
-                "failures": [{"run": row.run, "error": row.error} for row in self.failures],
-                "timing": self.timing,
-            }
-        )
-        return content
+        content = {
+            "grids": self.grids,
+            "warnings": self.warnings,
+            **({} if self.in_full is None else self.in_full.to_json()),
+            "runs": [row.to_json() for row in self.runs],
+            "made_by": self.made_by,
+            "failures": [{"run": row.run, "error": row.error} for row in self.failures],
+            "timing": self.timing,
+        }
+        return plain(content)
 
 
 def grids_of(runs: Sequence[Run], rows: Sequence[RunRow]) -> list[Grid]:
@@ -128,14 +110,9 @@ def grids_of(runs: Sequence[Run], rows: Sequence[RunRow]) -> list[Grid]:
 
 def warnings_of(rows: Sequence[RunRow]) -> list[str]:
     """What the user should know of the runs."""
-    return [
-        *(
-            f"run {row.run!r}: a motor is at its limit for {row.saturated:.1%} of the time"
-            for row in rows
-            if row.saturated
-        ),
-        *(row.note for row in rows if row.note),
-    ]
+    at_limit = "a motor is at its limit for {:.1%} of the time"
+    saturated = [f"run {row.run!r}: {at_limit.format(row.saturated)}" for row in rows if row.saturated]
+    return saturated + [row.note for row in rows if row.note]
 
 
 def numbers_in_full(
@@ -149,10 +126,8 @@ def numbers_in_full(
     measured = [row for row in rows if row.v is not None]
     if len({run.grid for run in runs}) > 1 or len(runs) > IN_FULL or not measured:
         return None
-    omega = np.array([(row.omega_l, row.omega_r) for row in measured])
-    twist = np.array([(row.v, row.w) for row in measured])
-    slip = np.array([(row.slip_l, row.slip_r) for row in measured])
-    samples = SlipSamples(omega, twist, slip, tuple(row.run for row in measured))
+    omega, twist = _values(measured, "omega_l", "omega_r"), _values(measured, "v", "w")
+    samples = SlipSamples(omega, twist, _values(measured, "slip_l", "slip_r"), tuple(row.run for row in measured))
     radii, speeds = (tuple(dict.fromkeys(run.axes[name] for run in runs)) for name in ("radius", "speed"))
     logs = read()
     with watch.stage("errors of all methods"):
@@ -163,27 +138,25 @@ def numbers_in_full(
 
 def _grid(axes: Mapping[str, Any], rows: Sequence[RunRow]) -> Grid:
     """Means over the speeds at every radius, errors over all runs."""
-    radii = list(dict.fromkeys(row.axes["radius"] for row in rows))
-    outer, inner = _values(rows, lambda row: row.slip_r), _values(rows, lambda row: row.slip_l)  # the runs turn left
-    outer_error = outer - _values(rows, lambda row: row.true_slip_r)
-    inner_error = inner - _values(rows, lambda row: row.true_slip_l)
     radius = np.array([row.axes["radius"] for row in rows])
-    curvature = 1 / _values(rows, lambda row: row.observed_radius)
+    radii = tuple(dict.fromkeys(radius.tolist()))
+    slip = _values(rows, "slip_l", "slip_r")
+    slip_error = slip - _values(rows, "true_slip_l", "true_slip_r")
+    x, y, heading, valid = _values(rows, "rmse_x", "rmse_y", "rmse_heading", "valid_fraction").T
+
+    def means(values: Array) -> Array:
+        """Means (R,) over the runs of each radius."""
+        return np.array([_mean(values[radius == r]) for r in radii])
+
+    curvature = means(1 / _values(rows, "observed_radius")[:, 0])
     return Grid(
         axes=axes,
         runs=len(rows),
         failed=sum(row.error is not None for row in rows),
-        radius=Radii(radii, [1 / _mean(curvature[radius == r]) for r in radii], published_radii(radii)),
-        slip_by_radius=OuterInner(
-            [_mean(outer[radius == r]) for r in radii], [_mean(inner[radius == r]) for r in radii]
-        ),
-        slip_error=OuterInner(_statistics(outer_error), _statistics(inner_error)),
-        localization=PoseErrors(
-            rms(_known(_values(rows, lambda row: row.rmse_x))),
-            rms(_known(_values(rows, lambda row: row.rmse_y))),
-            rms(_known(_values(rows, lambda row: row.rmse_heading))),
-            _mean(_values(rows, lambda row: row.valid_fraction)),
-        ),
+        radius=Radii(radii, 1 / curvature, published_radii(radii)),
+        slip_by_radius=OuterInner.of(slip, means),
+        slip_error=OuterInner.of(slip_error, ErrorStatistics.of),
+        localization=PoseErrors(rms(_known(x)), rms(_known(y)), rms(_known(heading)), _mean(valid)),
     )
 
 
@@ -196,12 +169,10 @@ def print_out(config: SweepConfig, summary: SweepSummary) -> None:
             _radius_lines(summary.grids[0]),
         )
     else:
-        header = (
-            *summary.grids[0].axes,
-            *("runs", "failed", "tightest [m]", "observed [m]", "outer slip", "inner slip", "slip error, rms"),
-        )
+        numbers = ("runs", "failed", "tightest [m]", "observed [m]", "outer slip", "inner slip", "slip error, rms")
         lines = [_line(grid) for grid in summary.grids[:_MAX_LINES]]
-        print_table(f"{len(summary.runs)} runs in {len(summary.grids)} grids", header, lines)
+        title = f"{len(summary.runs)} runs in {len(summary.grids)} grids"
+        print_table(title, (*summary.grids[0].axes, *numbers), lines)
         if len(summary.grids) > _MAX_LINES:
             print(f"and {len(summary.grids) - _MAX_LINES} more grids; {TABLE_FILE} has a row for each run")
     _print_some([f"warning: {warning}" for warning in summary.warnings], f"warnings in {SUMMARY_FILE}")
@@ -216,11 +187,9 @@ def _print_some(lines: Sequence[str], where: str) -> None:
 
 
 def _radius_lines(grid: Grid) -> list[tuple[str, ...]]:
-    columns = (grid.radius.commanded, grid.radius.observed, grid.slip_by_radius.outer, grid.slip_by_radius.inner)
-    return [
-        (f"{commanded:g}", f"{observed:.3f}", f"{outer:+.4f}", f"{inner:+.4f}")
-        for commanded, observed, outer, inner in zip(*columns, strict=True)
-    ]
+    radius, slip = grid.radius, grid.slip_by_radius
+    rows = zip(radius.commanded, radius.observed, slip.outer, slip.inner, strict=True)
+    return [(f"{given:g}", f"{seen:.3f}", f"{outer:+.4f}", f"{inner:+.4f}") for given, seen, outer, inner in rows]
 
 
 def _line(grid: Grid) -> tuple[str, ...]:
@@ -232,8 +201,9 @@ def _line(grid: Grid) -> tuple[str, ...]:
     return (*values, str(grid.runs), str(grid.failed), *tightest, f"{error:.5f}")
 
 
-def _values(rows: Sequence[RunRow], number: _Number) -> Array:
-    return np.array([np.nan if (value := number(row)) is None else value for row in rows], float)
+def _values(rows: Sequence[RunRow], *names: str) -> Array:
+    """Columns (n, len(names)) of the rows; NaN for None."""
+    return np.array([[getattr(row, name) for name in names] for row in rows], float)
 
 
 def _known(values: Array) -> Array:
@@ -241,9 +211,4 @@ def _known(values: Array) -> Array:
 
 
 def _mean(values: Array) -> float:
-    return float(_known(values).mean()) if _known(values).size else float("nan")
-
-
-def _statistics(error: Array) -> ErrorStatistics:
-    known = _known(error)
-    return ErrorStatistics(_mean(error), float(known.std()) if known.size else float("nan"))
+    return float(_known(values).mean()) if _known(values).size else math.nan

@@ -38,11 +38,6 @@ class Convergence:
     """Mean distance travelled [m]."""
 
 
-def random_commands(generator: np.random.Generator, limit: float) -> Array:
-    """Sprocket speeds (C, ROBOTS, 2) [rad/s], one set per HOLD, uniform within +-`limit` [rad/s]."""
-    return generator.uniform(-limit, limit, (round(DURATION / HOLD), ROBOTS, 2))
-
-
 def converge(
     parameters: RobotParameters,
     ground: Ground,
@@ -51,7 +46,8 @@ def converge(
     progress: Callable[[float], None],
 ) -> Convergence:
     """Drive the same commands with every step and both solvers; `progress` is called with shares that add up to 1."""
-    commands = random_commands(generator, Drive().top_speed / parameters.sprocket_radius)
+    limit = Drive().top_speed / parameters.sprocket_radius
+    commands = generator.uniform(-limit, limit, (round(DURATION / HOLD), ROBOTS, 2))  # [rad/s]
     own_step = load_robot(parameters=parameters).model.opt.timestep
     cases = [("CG", step) for step in (REFERENCE_STEP, *STEPS)] + [("CG", own_step), ("Newton", own_step)]
     work = np.array([1 / step for _, step in cases])
@@ -60,16 +56,12 @@ def converge(
         ends[case], way = _drive(parameters, ground, commands, case, threads)
         ways.append(way)
         progress(float(share))
-    reference = ends["CG", REFERENCE_STEP]
 
-    def distance(one: Array, other: Array) -> float:
-        return float(np.hypot(*(one - other).T).max())
+    def distance(one: tuple[str, float], other: tuple[str, float]) -> float:
+        return float(np.hypot(*(ends[one] - ends[other]).T).max())
 
-    return Convergence(
-        {step: distance(ends["CG", step], reference) for step in STEPS},
-        distance(ends["CG", own_step], ends["Newton", own_step]),
-        float(np.mean(ways)),
-    )
+    step_error = {step: distance(("CG", step), ("CG", REFERENCE_STEP)) for step in STEPS}
+    return Convergence(step_error, distance(*cases[-2:]), float(np.mean(ways)))
 
 
 def _drive(

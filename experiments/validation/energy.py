@@ -52,10 +52,8 @@ def account(parameters: RobotParameters, ground: Ground, generator: np.random.Ge
     robot = load_robot(parameters=parameters, contact_sensors=True)
     robot.model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
     step = robot.model.opt.timestep
-    drive = Drive(period=step)
-    fleet = Fleet(robot, np.zeros((ROBOTS, 3)), ground, parameters.radius_error, drive, threads)
-    energy = fleet.batch.bind("energy")
-    steps = round(DURATION / step)
+    fleet = Fleet(robot, np.zeros((ROBOTS, 3)), ground, parameters.radius_error, Drive(period=step), threads)
+    energy, steps = fleet.batch.bind("energy"), round(DURATION / step)
     read, total = [], []
     for k in range(steps + 1):
         if k % round(1.0 / step) == 0:
@@ -64,7 +62,8 @@ def account(parameters: RobotParameters, ground: Ground, generator: np.random.Ge
         read.append(read_contacts(fleet))
         total.append(energy.sum(axis=1))
     force, load, belts = (np.array([getattr(c, name) for c in read[:-1]]) for name in ("force", "load", "belt"))
-    velocity, rising = (_between(np.array([getattr(c, name) for c in read])) for name in ("velocity", "rising"))
+    around = (np.array([getattr(c, name) for c in read]) for name in ("velocity", "rising"))
+    velocity, rising = ((values[:-1] + values[1:]) / 2 for values in around)
     stored = np.array(total)
     put_in = -(force[..., 0] * belts).sum(axis=(1, 2)) * step
     sliding = velocity.copy()
@@ -79,8 +78,3 @@ def account(parameters: RobotParameters, ground: Ground, generator: np.random.Ge
         damping=np.cumsum(-(load * rising).sum(axis=(1, 2)) * step),
         kinetic=(stored[1:] - stored[0]).sum(axis=1),
     )
-
-
-def _between(values: Array) -> Array:
-    """Means (T, ...) of neighbouring rows of `values` (T + 1, ...)."""
-    return (values[:-1] + values[1:]) / 2

@@ -102,12 +102,12 @@ class ValidationSummary:
     def of(cls, found: Validation) -> ValidationSummary:
         """The numbers of everything that was measured."""
         at_reference = int(np.argmin(np.abs(ANGLES - REFERENCE_ANGLE)))
-        turns, naive = found.turns, found.naive_turns
+        turns = found.turns
         return cls(
             icr_error=Extent.of(turns.icr_error),
-            naive_icr_error=Extent.of(naive.icr_error),
+            naive_icr_error=Extent.of(found.naive_turns.icr_error),
             slip_error=Extent.of(turns.slip_error),
-            naive_slip_error=Extent.of(naive.slip_error),
+            naive_slip_error=Extent.of(found.naive_turns.slip_error),
             lateral_speed_error_mm_per_s=1e3 * Extent.of(turns.lateral - turns.expected_lateral).worst,
             turns=len(turns.radius),
             pad_load_spread=Extent.of(found.loads.load - found.loads.expected).worst,

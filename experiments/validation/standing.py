@@ -82,14 +82,8 @@ def loads(parameters: RobotParameters, ground: Ground, threads: int, default_con
     theory = Contact(x[order], y[order], ground.along, ground.across, centre)
     v, u, w = fleet.twist().T
     acceleration = np.stack([-w * (u + w * parameters.com_x), w * (v - w * parameters.com_y)], axis=-1)
-    return Loads(
-        position=position,
-        load=contacts.load / contacts.load.mean(axis=1, keepdims=True),
-        expected=theory.loads(acceleration / 9.81) * len(x),
-        sink=fleet.attitude()[:, 0],
-        roll=fleet.attitude()[:, 1],
-        pitch=fleet.attitude()[:, 2],
-    )
+    load = contacts.load / contacts.load.mean(axis=1, keepdims=True)
+    return Loads(position, load, theory.loads(acceleration / 9.81) * len(x), *fleet.attitude().T)
 
 
 def creep(parameters: RobotParameters, ground: Ground, threads: int) -> Creep:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -59,11 +59,6 @@ class Turns:
         """Error of the slip, (M, 2) [-]."""
         return self.slip - self.expected_slip
 
-    @classmethod
-    def joined(cls, parts: Sequence[Turns]) -> Turns:
-        """All turns of the parts, in order."""
-        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in cls.__dataclass_fields__))
-
 
 def turn(
     parameters: RobotParameters, ground: Ground, threads: int, default_contact: bool, progress: Callable[[float], None]
@@ -77,7 +72,7 @@ def turn(
     for variant in robots:
         parts.append(_turn_variant(variant, ground, threads, default_contact))
         progress(1 / len(robots))
-    return Turns.joined(parts)
+    return Turns(*(np.concatenate(columns) for columns in zip(*(vars(part).values() for part in parts), strict=True)))
 
 
 def variants(parameters: RobotParameters) -> Iterator[RobotParameters]:
@@ -130,9 +125,8 @@ def _theory(parameters: RobotParameters, along: float, ratio: Array, belts: Arra
     centre = (parameters.com_x, parameters.com_y, parameters.com_height)
     twist = np.empty((len(ratio), 3))
     for value in np.unique(ratio):
-        contact = line_contact(
-            parameters.half_gauge, parameters.contact_length / 2, along, along * value, centre, points=100
-        )
+        size = parameters.half_gauge, parameters.contact_length / 2
+        contact = line_contact(*size, along, along * value, centre, points=100)
         rows = ratio == value
         twist[rows] = steady_twist(belts[rows], contact, 9.81)
     return twist

@@ -11,8 +11,8 @@ from pathlib import Path
 import pyarrow.parquet
 import pytest
 
-from experiments.benchmark.group import measure
 from experiments.benchmark.jobs import drive_group, ids
+from experiments.benchmark.measure import measure
 from experiments.benchmark.setup import Setup
 from experiments.cli import main
 from experiments.commands.benchmark import PARTS
@@ -76,11 +76,11 @@ def test_an_interrupted_benchmark_says_how_to_resume(short, tmp_path, monkeypatc
     (tmp_path / "turn.csv").write_text("x,y\n0,0\n0.4,-0.1\n0.8,-0.3\n1.0,-0.6\n")
     measured = []
 
-    def interrupted(setup, outcomes):
+    def interrupted(*arguments):
         if measured:
             raise KeyboardInterrupt
         measured.append(True)
-        return measure(setup, outcomes)
+        return measure(*arguments)
 
     monkeypatch.setattr("experiments.benchmark.jobs.measure", interrupted)
     options = ("benchmark", "--references", "bend.csv", "turn.csv", *short[2:], *SMALL, "--seeds", "0", "--out", "out")

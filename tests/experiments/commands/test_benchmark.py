@@ -6,7 +6,7 @@ import pyarrow.parquet
 import pytest
 from browser import assert_fits
 
-from experiments.benchmark.group import groups
+from experiments.benchmark.jobs import groups
 from experiments.benchmark.setup import Setup, start
 from experiments.commands.benchmark import PARTS
 from experiments.options.benchmark import BenchmarkConfig, Case

@@ -6,7 +6,7 @@ import pytest
 from browser import assert_fits
 
 from experiments.commands import sensitivity
-from experiments.measuring.disturbances import DISTURBANCES, Disturbance
+from experiments.measuring.sensitivity import DISTURBANCES, Disturbance
 
 SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "8")
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from pages import ROOT, shown
 
-from experiments.measuring.disturbances import DISTURBANCES, Disturbance
-from experiments.measuring.sensitivity import SlipErrors, slip_errors
+from experiments.measuring.sensitivity import DISTURBANCES, Disturbance, SlipErrors, slip_errors
 from experiments.options.grid import GridConfig
 from sim.scanner.named_obstacles import NAMED_OBSTACLES
 from trackslip.kinematics import advance, sprocket_speeds, track_slip

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from experiments.options.bench import BenchConfig
 from experiments.speed.environments import BARE, ENV_CASES, SINGLE, VECTOR, EnvRig, env_speeds
 
 
@@ -35,10 +34,9 @@ def test_the_robots_keep_their_paths():
 
 
 def test_ratios_are_those_of_the_rounds():
-    config = BenchConfig(env=True, env_size=5, thread_counts=(2,))
     weather = np.array([1.0, 0.5, 0.2])
-    rates = {(VECTOR, 2): 80 * weather, (BARE, 2): 100 * weather, (SINGLE, 2): 10 * weather}
-    speeds = {one.case: one for one in env_speeds(config, rates, 0.005)}
+    rates = {(VECTOR, 5, 2): 80 * weather, (BARE, 5, 2): 100 * weather, (SINGLE, 5, 2): 10 * weather}
+    speeds = {one.case: one for one in env_speeds(rates, 0.005)}
     assert speeds[VECTOR].ratio_to_bare == pytest.approx(0.8)
     assert speeds[VECTOR].ratio_to_single == pytest.approx(8.0)
     assert speeds[VECTOR].steps_per_s == pytest.approx(40)

@@ -9,7 +9,7 @@ import pytest
 from experiments.driving.grid_runs import drive_grid
 from experiments.driving.world import World
 from experiments.options.reproduce import ReproduceConfig
-from experiments.sweep.choose import chosen
+from experiments.sweep.table import chosen
 from trackslip.logs.logfile import read_runs
 
 SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
