@@ -1,7 +1,5 @@
 """Where `trackslip` starts: an interrupt prints one line, even while modules are being imported."""
 
-from __future__ import annotations
-
 import io
 import os
 import signal

@@ -1,7 +1,5 @@
 """The `trackslip` command line: options in, results out; a refused value prints a one-line error and exits with 2."""
 
-from __future__ import annotations
-
 import contextlib
 import importlib
 import io
@@ -10,7 +8,6 @@ import shutil
 import signal
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import tyro
@@ -32,139 +29,24 @@ from experiments.options.validate import ValidateConfig
 from experiments.options.view import ViewConfig
 from trackslip.errors import InvalidValueError, TrackslipError
 
-
-@dataclass(frozen=True)
-class Command:
-    """A command; the module experiments.commands.NAME runs it."""
-
-    options: type
-    examples: tuple[tuple[str, str], ...]
-    """What a command line does, and the line, as `--help` prints them."""
-
-
-COMMANDS = {
-    "reproduce": Command(
-        ReproduceConfig,
-        (
-            ("the whole paper", "trackslip reproduce"),
-            ("with other random numbers", "trackslip reproduce --seed 1 --out out/reproduce-1"),
-            ("on another ground", "trackslip reproduce --ground.across 0.9 --scanner.noise 0.01"),
-        ),
-    ),
-    "grid": Command(
-        SweepConfig,
-        (
-            ("the paper's 25 runs", "trackslip grid"),
-            ("six runs of 20 s", "trackslip grid --radii 0.5 1 2 --speeds 0.1 0.2 --duration 20"),
-            ("on a gravel slope", "trackslip grid --ground gravel --ground.slope 0.1 --ground.uphill 1.57"),
-            ("with a noisier scanner", "trackslip grid --scanner.noise 0.01 --obstacles posts --out out/noisy"),
-            ("a thousand runs", "trackslip grid --grounds stone ice --slope 0 0.05 --seeds 0 1 2 3 4 5 6 7 8 9"),
-            ("over any option", "trackslip grid --vary scanner.noise=0.005,0.02 robot.half_gauge=0.15,0.2"),
-            ("on a Dask cluster", "trackslip grid --sweep sweep.toml --executor dask://host:8786"),
-        ),
-    ),
-    "identify": Command(
-        IdentifyConfig,
-        (
-            ("from a stored grid", "trackslip identify out/grid"),
-            ("from a real robot's log", "trackslip identify log.csv --half-gauge 0.168 --sprocket-radius 0.06"),
-            ("from some runs of a sweep", "trackslip identify out/grid --where ground=ice seed=0"),
-            ("as in the paper", "trackslip identify out/grid --motion paper --out out/identify-paper"),
-        ),
-    ),
-    "track": Command(
-        TrackConfig,
-        (
-            ("the paper's path and controller", "trackslip track"),
-            ("without slip compensation", "trackslip track --compensation none --out out/track-none"),
-            ("with online identification", "trackslip track --controller lqr --compensation online --reference slalom"),
-            ("with your own laws", "trackslip track --laws out/identify --compensation exponential"),
-        ),
-    ),
-    "benchmark": Command(
-        BenchmarkConfig,
-        (
-            ("every controller on the paper's path", "trackslip benchmark"),
-            ("Sec. IV of the paper", "trackslip benchmark --suite paper"),
-            ("two controllers on ice", "trackslip benchmark --controllers linear lqr --grounds ice --seeds 0 1"),
-            ("your own controller", "trackslip benchmark --controllers linear my_controller:MyController"),
-        ),
-    ),
-    "train": Command(
-        TrainConfig,
-        (
-            ("two million steps", "trackslip train"),
-            ("resume from the last checkpoint", "trackslip train --steps 4000000 --resume"),
-            ("a quick try", "trackslip train --steps 100000 --robots 16 --batch 512 --out out/try"),
-        ),
-    ),
-    "predict": Command(
-        PredictConfig,
-        (
-            ("the shipped robot", "trackslip predict"),
-            (
-                "a robot of another size",
-                "trackslip predict --half-gauge 0.25 --contact-length 0.6 --friction-ratio 1.2",
-            ),
-        ),
-    ),
-    "calibrate": Command(
-        CalibrateConfig,
-        (
-            ("to the paper's slips and radii", "trackslip calibrate"),
-            (
-                "to a log, with other parameters",
-                "trackslip calibrate --target log.csv --free friction_ratio radius_error",
-            ),
-        ),
-    ),
-    "validate": Command(
-        ValidateConfig,
-        (
-            ("the shipped robot", "trackslip validate"),
-            ("a calibrated robot", "trackslip validate --robot out/calibrate/robot.toml"),
-        ),
-    ),
-    "coverage": Command(
-        CoverageConfig,
-        (
-            ("a thousand repeats", "trackslip coverage"),
-            ("fewer", "trackslip coverage --repeats 100 --run-repeats 40 --drives 4"),
-        ),
-    ),
-    "sensitivity": Command(
-        SensitivityConfig,
-        (
-            ("the paper's grid", "trackslip sensitivity"),
-            ("a smaller one", "trackslip sensitivity --radii 0.5 1.5 --speeds 0.1 0.2 --duration 20"),
-        ),
-    ),
-    "bench": Command(
-        BenchConfig,
-        (
-            ("the simulator", "trackslip bench"),
-            ("a quick look", "trackslip bench --sizes 1 64 --thread-counts 1 --seconds 5 --repeats 3"),
-            ("the learning environments", "trackslip bench --env"),
-            ("a thousand runs, on one process and on two", "trackslip bench --grid"),
-        ),
-    ),
-    "export": Command(
-        ExportConfig,
-        (
-            ("list the runs", "trackslip export out/grid"),
-            ("write all runs as CSV", "trackslip export out/grid --csv"),
-            ("write one run", 'trackslip export out/grid --csv --run "radius=0.5 speed=0.1" --out run.csv'),
-        ),
-    ),
-    "view": Command(
-        ViewConfig,
-        (
-            ("the first run", "trackslip view out/track"),
-            ("compare two runs", 'trackslip view out/reproduce --run "linear none" --run "linear icr"'),
-            ("a file for the viewer", "trackslip view log.csv --save log.rrd"),
-        ),
-    ),
+COMMANDS: dict[str, Any] = {
+    "reproduce": ReproduceConfig,
+    "grid": SweepConfig,
+    "identify": IdentifyConfig,
+    "track": TrackConfig,
+    "benchmark": BenchmarkConfig,
+    "train": TrainConfig,
+    "predict": PredictConfig,
+    "calibrate": CalibrateConfig,
+    "validate": ValidateConfig,
+    "coverage": CoverageConfig,
+    "sensitivity": SensitivityConfig,
+    "bench": BenchConfig,
+    "export": ExportConfig,
+    "view": ViewConfig,
 }
+"""Options by command; the module experiments.commands.NAME runs it."""
+
 EXAMPLES = (
     ("the whole paper, with a report in out/reproduce/report.html", "trackslip reproduce"),
     ("a command's options and examples", "trackslip grid --help"),
@@ -173,7 +55,56 @@ EXAMPLES = (
         'eval "$(trackslip --tyro-print-completion bash)"',
     ),
 )
-"""Of trackslip itself."""
+"""What a command line does, and the line, as trackslip's own `--help` prints them."""
+COMMAND_EXAMPLES = (
+    ("the whole paper", "trackslip reproduce"),
+    ("with other random numbers", "trackslip reproduce --seed 1 --out out/reproduce-1"),
+    ("on another ground", "trackslip reproduce --ground.across 0.9 --scanner.noise 0.01"),
+    ("the paper's 25 runs", "trackslip grid"),
+    ("six runs of 20 s", "trackslip grid --radii 0.5 1 2 --speeds 0.1 0.2 --duration 20"),
+    ("on a gravel slope", "trackslip grid --ground gravel --ground.slope 0.1 --ground.uphill 1.57"),
+    ("with a noisier scanner", "trackslip grid --scanner.noise 0.01 --obstacles posts --out out/noisy"),
+    ("a thousand runs", "trackslip grid --grounds stone ice --slope 0 0.05 --seeds 0 1 2 3 4 5 6 7 8 9"),
+    ("over any option", "trackslip grid --vary scanner.noise=0.005,0.02 robot.half_gauge=0.15,0.2"),
+    ("on a Dask cluster", "trackslip grid --sweep sweep.toml --executor dask://host:8786"),
+    ("from a stored grid", "trackslip identify out/grid"),
+    ("from a real robot's log", "trackslip identify log.csv --half-gauge 0.168 --sprocket-radius 0.06"),
+    ("from some runs of a sweep", "trackslip identify out/grid --where ground=ice seed=0"),
+    ("as in the paper", "trackslip identify out/grid --motion paper --out out/identify-paper"),
+    ("the paper's path and controller", "trackslip track"),
+    ("without slip compensation", "trackslip track --compensation none --out out/track-none"),
+    ("with online identification", "trackslip track --controller lqr --compensation online --reference slalom"),
+    ("with your own laws", "trackslip track --laws out/identify --compensation exponential"),
+    ("every controller on the paper's path", "trackslip benchmark"),
+    ("Sec. IV of the paper", "trackslip benchmark --suite paper"),
+    ("two controllers on ice", "trackslip benchmark --controllers linear lqr --grounds ice --seeds 0 1"),
+    ("your own controller", "trackslip benchmark --controllers linear my_controller:MyController"),
+    ("two million steps", "trackslip train"),
+    ("resume from the last checkpoint", "trackslip train --steps 4000000 --resume"),
+    ("a quick try", "trackslip train --steps 100000 --robots 16 --batch 512 --out out/try"),
+    ("the shipped robot", "trackslip predict"),
+    ("a robot of another size", "trackslip predict --half-gauge 0.25 --contact-length 0.6 --friction-ratio 1.2"),
+    ("to the paper's slips and radii", "trackslip calibrate"),
+    ("to a log, with other parameters", "trackslip calibrate --target log.csv --free friction_ratio radius_error"),
+    ("the shipped robot", "trackslip validate"),
+    ("a calibrated robot", "trackslip validate --robot out/calibrate/robot.toml"),
+    ("a thousand repeats", "trackslip coverage"),
+    ("fewer", "trackslip coverage --repeats 100 --run-repeats 40 --drives 4"),
+    ("the paper's grid", "trackslip sensitivity"),
+    ("a smaller one", "trackslip sensitivity --radii 0.5 1.5 --speeds 0.1 0.2 --duration 20"),
+    ("the simulator", "trackslip bench"),
+    ("a quick look", "trackslip bench --sizes 1 64 --thread-counts 1 --seconds 5 --repeats 3"),
+    ("the learning environments", "trackslip bench --env"),
+    ("a thousand runs, on one process and on two", "trackslip bench --grid"),
+    ("list the runs", "trackslip export out/grid"),
+    ("write all runs as CSV", "trackslip export out/grid --csv"),
+    ("write one run", 'trackslip export out/grid --csv --run "radius=0.5 speed=0.1" --out run.csv'),
+    ("the first run", "trackslip view out/track"),
+    ("compare two runs", 'trackslip view out/reproduce --run "linear none" --run "linear icr"'),
+    ("a file for the viewer", "trackslip view log.csv --save log.rrd"),
+)
+"""The same for the `--help` of the command that the line starts."""
+
 _DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate for it.
 `trackslip COMMAND --help` lists a command's options and examples."""
 _REPEATABLE = ("view", "--run")
@@ -188,7 +119,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         options = parse(arguments)
         runner = importlib.import_module(f"experiments.commands.{arguments[0]}")
         with contextlib.suppress(ValueError):  # only the main thread can set handlers
-            signal.signal(signal.SIGTERM, _interrupt)
+            signal.signal(signal.SIGTERM, signal.default_int_handler)
             if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
                 signal.signal(signal.SIGINT, signal.default_int_handler)
         runner.run(options)
@@ -199,11 +130,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _fail(str(interrupt) or "interrupted", 130)
     except MemoryError:
         _fail("out of memory", 2)
-    except BrokenPipeError:  # the reader has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(1)
     except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):  # the reader has seen enough
+            sys.exit(1)
         _fail(f"can't write ({error.strerror or error})", 2)
 
 
@@ -219,11 +149,7 @@ def parse(arguments: Sequence[str]) -> Any:
     try:
         with contextlib.redirect_stderr(explanation), contextlib.redirect_stdout(shown):
             return tyro.extras.subcommand_cli_from_dict(
-                {name: command.options for name, command in COMMANDS.items()},
-                prog="trackslip",
-                args=arguments,
-                description=_DESCRIPTION,
-                config=(tyro.conf.DisallowNone,),
+                COMMANDS, prog="trackslip", args=arguments, description=_DESCRIPTION, config=(tyro.conf.DisallowNone,)
             )
     except SystemExit as stop:
         if stop.code and (refused := _refused_value(stop)):
@@ -238,10 +164,14 @@ def parse(arguments: Sequence[str]) -> Any:
         raise
 
 
+def examples_of(command: str) -> tuple[tuple[str, str], ...]:
+    """What each example does, and its command line; those of trackslip itself for an empty name."""
+    return tuple(one for one in COMMAND_EXAMPLES if one[1].split()[1] == command) if command else EXAMPLES
+
+
 def examples_text(command: str) -> str:
     """The end of a command's help; that of trackslip itself for an empty name."""
-    examples = COMMANDS[command].examples if command else EXAMPLES
-    return "\n".join(["examples:", *(f"  {line}\n      {what}" for what, line in examples)])
+    return "\n".join(["examples:", *(f"  {line}\n      {what}" for what, line in examples_of(command))])
 
 
 def _refused_value(stop: SystemExit) -> InvalidValueError | None:
@@ -273,10 +203,6 @@ def _check(arguments: Sequence[str]) -> None:
             if switch in given and (arguments[0], option) != _REPEATABLE:
                 raise TrackslipError(f"{option} is given twice; give it once, with all its values")
             given.add(switch)
-
-
-def _interrupt(*_: object) -> None:
-    raise KeyboardInterrupt
 
 
 def _fail(message: str, code: int) -> None:

@@ -20,14 +20,14 @@ import gymnasium
 if TYPE_CHECKING:
     from sim.drive.drive import Drive
     from sim.fleet import Fleet
-    from sim.ground.file import load_ground
     from sim.ground.ground import Ground
+    from sim.ground.named import load_ground
     from sim.robot.parameters import RobotParameters
     from sim.robot.robot import load_robot
     from sim.run_recorder import Description, RunFailedError
     from sim.runs import Pilot, closed_loop, open_loop
     from sim.scanner.feed import ScannerFeed
-    from sim.scanner.obstacle_file import load_obstacles
+    from sim.scanner.named_obstacles import load_obstacles
     from sim.scanner.scanner import LaserScanner
 
 __all__ = [
@@ -58,8 +58,8 @@ _MODULE_OF = {
     "RunFailedError": "run_recorder",
     "ScannerFeed": "scanner.feed",
     "closed_loop": "runs",
-    "load_ground": "ground.file",
-    "load_obstacles": "scanner.obstacle_file",
+    "load_ground": "ground.named",
+    "load_obstacles": "scanner.named_obstacles",
     "load_robot": "robot.robot",
     "open_loop": "runs",
 }

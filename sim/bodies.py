@@ -73,7 +73,8 @@ class Bodies:
         self.batch.state[rows] = self._fresh
         qpos = self.batch.qpos
         qpos[rows, :3] = np.column_stack([start[:, :2], np.full(len(rows), height)])
-        qpos[rows, 3:7] = _yaw_quaternion(start[:, 2])
+        half, zero = start[:, 2] / 2, np.zeros(len(rows))
+        qpos[rows, 3:7] = np.column_stack([np.cos(half), zero, zero, np.sin(half)])
 
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
         return self.batch.state[rows].copy(), self._heading[rows].copy()
@@ -95,8 +96,3 @@ def along_robot(forces: Array, forward: Array) -> Array:
     """Components (..., 2) along `forward` (..., 2) of the forces (..., 6) on the left and the right track."""
     x, y = forces[..., 0::3], forces[..., 1::3]
     return x * forward[..., :1] + y * forward[..., 1:]
-
-
-def _yaw_quaternion(heading: Array) -> Array:
-    zero = np.zeros_like(heading)
-    return np.column_stack([np.cos(heading / 2), zero, zero, np.sin(heading / 2)])

@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 from sim.path_tracking.config import PERIOD, EnvConfig
 from sim.path_tracking.renderer import Renderer
 from sim.path_tracking.tracking import PathTracking
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, require
 
-Observation = NDArray[np.float32]
-Action = NDArray[np.float32]
+Floats = NDArray[np.float32]
 METADATA = {"render_modes": ["rgb_array", "human"], "render_fps": round(1 / PERIOD)}
 
 
-class PathTrackingEnv(gymnasium.Env[Observation, Action]):
+class PathTrackingEnv(gymnasium.Env[Floats, Floats]):
     """A tracked robot that must follow a reference trajectory.
 
     Actions are float32 (2,) in [-1, 1], 20 per second: sprocket speeds or a twist, see `EnvConfig.action`. The
@@ -30,33 +29,21 @@ class PathTrackingEnv(gymnasium.Env[Observation, Action]):
     metadata = METADATA
 
     def __init__(self, render_mode: str | None = None, **options: Any) -> None:
-        """Build the simulator.
+        """Build the simulator; `render_mode` is None, "rgb_array" or "human", `options` are the fields of `EnvConfig`.
 
-        Args:
-            render_mode: None, "rgb_array" or "human".
-            options: the fields of `EnvConfig`.
-
-        Raises:
-            InvalidValueError: for options that are unknown or out of range.
+        Raises InvalidValueError for options that are unknown or out of range.
         """
         require_render_mode(render_mode)
         self.render_mode = render_mode
         self.tracking = PathTracking(EnvConfig.of(options), 1, threads=1)
-        observations, actions = spaces(self.tracking)
-        self.observation_space, self.action_space = observations, actions
+        self.observation_space, self.action_space = spaces(self.tracking)
         self._renderer = Renderer(self.tracking) if render_mode is not None else None
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, dict[str, Any]]:
-        """Begin an episode.
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
+        """Begin an episode, drawn from a generator with this seed, or from the present one if it is None.
 
-        Args:
-            seed: of the generator from which episodes are drawn; None to continue with the present one.
-            options: values to use instead of drawn ones, see `path_tracking.episode.draw`.
-
-        Raises:
-            InvalidValueError: for unknown options and values out of range.
+        `options` replace drawn values, see `path_tracking.episode.draw`. Raises InvalidValueError for unknown options
+        and values out of range.
         """
         super().reset(seed=seed)
         self.tracking.begin([0], [self.tracking.draw(self.np_random, options or {})])
@@ -65,7 +52,7 @@ class PathTrackingEnv(gymnasium.Env[Observation, Action]):
             self._show()
         return self.tracking.observation()[0], row_of(self.tracking.info())
 
-    def step(self, action: Action) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    def step(self, action: Floats) -> tuple[Floats, float, bool, bool, dict[str, Any]]:
         """Simulate one control period; raises InvalidValueError for an action that isn't finite."""
         tracking = self.tracking
         tracking.step(np.asarray(action, float)[None])
@@ -76,11 +63,7 @@ class PathTrackingEnv(gymnasium.Env[Observation, Action]):
         return tracking.observation()[0], float(tracking.reward[0]), *ends, row_of(tracking.info())
 
     def render(self) -> Any:
-        """Image (480, 640, 3) for "rgb_array"; None for "human", which updates the window.
-
-        Raises:
-            TrackslipError: if nothing can be drawn.
-        """
+        """Image (480, 640, 3), or None for "human", which updates the window; raises TrackslipError if it fails."""
         if self._renderer is None:
             raise InvalidValueError("render_mode", None, "given to gymnasium.make, to render")
         return self._renderer.picture(0) if self.render_mode == "rgb_array" else self._show()
@@ -97,8 +80,7 @@ class PathTrackingEnv(gymnasium.Env[Observation, Action]):
 
 def require_render_mode(mode: str | None) -> None:
     """Raise InvalidValueError for an unknown mode."""
-    if mode not in (None, *METADATA["render_modes"]):  # type: ignore[misc]
-        raise InvalidValueError("render_mode", mode, 'None, "rgb_array" or "human"')
+    require(mode in (None, "rgb_array", "human"), "render_mode", mode, 'None, "rgb_array" or "human"')
 
 
 def spaces(tracking: PathTracking) -> tuple[Any, Any]:

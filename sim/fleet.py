@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,8 +15,7 @@ from sim.ground.ground import Ground
 from sim.ground.pad_friction import PadFriction
 from sim.robot.parameters import SINK
 from sim.robot.robot import Robot
-from sim.setting import Setting
-from trackslip.errors import InvalidValueError
+from trackslip.errors import require
 from trackslip.kinematics import Array
 
 SETTLING = 1.0
@@ -23,8 +23,23 @@ SETTLING = 1.0
 _RESETTLING = 0.4  # the same for robots that are placed at their sinkage
 _AT_REST = 0.005  # a robot slower than this is at rest; creep is a hundred times slower [m/s]
 _EVERYONE = slice(None)
-_FORCES, _FORCES_AND_AXES = ("sensordata",), ("sensordata", "xmat")
 _UPRIGHT = 0.1  # a robot with less roll and pitch than this stands on its tracks [rad]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Start and properties of one robot in one run."""
+
+    start: tuple[float, float, float]
+    """Start pose (x, y, phi) [m, m, rad]."""
+    ground: Ground = field(default_factory=Ground)
+    """Ground under the robot."""
+    radius_error: float = RADIUS_ERROR
+    """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
+    lag: float = Drive.lag
+    """Time constant of the servos [s]."""
+    weight: tuple[float, float] = (0.0, 0.0)
+    """Offset of the centre of mass from the model's, forward and to the left [m]."""
 
 
 class Fleet(Bodies):
@@ -43,25 +58,19 @@ class Fleet(Bodies):
         drive: Drive | None = None,
         threads: int = 0,
     ) -> None:
-        """Put N robots on the ground, at rest.
+        """Put N robots on the ground at poses `start` (N, 3) [m, m, rad], at rest.
 
-        Args:
-            robot: the compiled model.
-            start: poses (N, 3) [m, m, rad].
-            ground: one for all robots, or one each.
-            radius_error: relative error of the effective sprocket radius, one number or (N,) [-].
-            drive: of all sprockets.
-            threads: worker threads, 0 for one per processor.
+        There is one `ground` for all, or one each, and one relative `radius_error` of the sprockets, or (N,) [-]. All
+        sprockets have the same `drive`. The number of worker `threads` may be 0, for one per processor.
 
         Raises:
             InvalidValueError: for poses that aren't finite, a wrong number of grounds, a slope on which robots would
                 slide or tip over, or a servo period that is not a multiple of the physics step.
         """
         start = np.atleast_2d(np.asarray(start, float))
-        if start.ndim != 2 or start.shape[1] != 3 or not np.isfinite(start).all():
-            raise InvalidValueError("start", start.tolist(), "N finite poses (x, y, phi)")
-        if threads < 0:
-            raise InvalidValueError("threads", threads, "0 (one per processor) or more")
+        valid = start.ndim == 2 and start.shape[1] == 3 and np.isfinite(start).all()
+        require(valid, "start", start.tolist(), "N finite poses (x, y, phi)")
+        require(threads >= 0, "threads", threads, "0 (one per processor) or more")
         super().__init__(robot, len(start), threads)
         self._radius = robot.geometry.sprocket_radius * (1 + np.broadcast_to(radius_error, (self.size,)))[:, None]
         drive = drive or Drive()
@@ -69,8 +78,8 @@ class Fleet(Bodies):
         self.period = drive.period
         step = robot.model.opt.timestep
         self._substeps = round(drive.period / step)
-        if self._substeps < 1 or abs(self._substeps * step - drive.period) > 1e-9:
-            raise InvalidValueError("drive.period", drive.period, f"a multiple of the physics step, {step} s")
+        whole = self._substeps >= 1 and abs(self._substeps * step - drive.period) <= 1e-9
+        require(whole, "drive.period", drive.period, f"a multiple of the physics step, {step} s")
 
         surface = self.batch.expand("geom_surfacevel")  # (N, ngeom, 6)
         self.belts = surface[:, robot.pads, 2]
@@ -80,12 +89,13 @@ class Fleet(Bodies):
         self._centre: Array | None = None  # (N, 3), live, once a centre of mass is moved
         self._periods = 0  # since the start
         self._began: NDArray[np.int_] = np.zeros(self.size, int)  # start of each robot's run, in periods
-        fastest = drive.top_speed / robot.geometry.half_gauge * drive.period  # turn in a period [rad]
-        self._unwrap_every = max(1, int(1.0 / fastest))  # periods
-        self._place_at(np.arange(self.size), start)
+        largest_turn = drive.top_speed / robot.geometry.half_gauge * drive.period  # in a period [rad]
+        self._unwrap_every = max(1, int(1.0 / largest_turn))  # periods
+        everyone = np.arange(self.size)
+        self._place_at(everyone, start)
         self.set_ground(ground or Ground())
-        self._require_parking(np.arange(self.size), start)
-        self._settle(np.arange(self.size), start, SETTLING)
+        self._require_parking(everyone, start)
+        self._settle(everyone, start, SETTLING)
 
     @property
     def time(self) -> float:
@@ -95,15 +105,13 @@ class Fleet(Bodies):
     def restart(self, rows: ArrayLike, setting: Sequence[Setting]) -> None:
         """Start new runs with the robots `rows` (R,), one setting each; the other robots' runs continue.
 
-        Raises:
-            InvalidValueError: for poses that aren't finite, or a slope too steep to park on.
+        Raises InvalidValueError for poses that aren't finite, and a slope too steep to park on.
         """
         rows = np.asarray(rows, int)
         if not rows.size:
             return
         start = np.array([s.start for s in setting], float)
-        if not np.isfinite(start).all():
-            raise InvalidValueError("start", start.tolist(), "finite poses (x, y, phi)")
+        require(np.isfinite(start).all(), "start", start.tolist(), "finite poses (x, y, phi)")
         self._radius[rows, 0] = self.robot.geometry.sprocket_radius * (1 + np.array([s.radius_error for s in setting]))
         self.drive.restart(rows, [s.lag for s in setting])
         self._began[rows] = self._periods
@@ -116,8 +124,7 @@ class Fleet(Bodies):
             grounds[row] = s.ground
         self.ground = tuple(grounds)
         self._friction.replace(rows, [s.ground for s in setting])
-        self._lay_gravity(rows)
-        self._lay_friction(rows)
+        self._lay_ground(rows)
         self._require_parking(rows, start)
         self._settle(rows, start, _RESETTLING)
 
@@ -135,12 +142,10 @@ class Fleet(Bodies):
     def set_ground(self, ground: Ground | Sequence[Ground]) -> None:
         """Put the robots on another ground, one for all or one each; it takes effect at once, even during a run."""
         grounds = [ground] * self.size if isinstance(ground, Ground) else list(ground)
-        if len(grounds) != self.size:
-            raise InvalidValueError("ground", f"{len(grounds)} grounds", f"one or {self.size}")
+        require(len(grounds) == self.size, "ground", f"{len(grounds)} grounds", f"one or {self.size}")
         self.ground = tuple(grounds)
         self._friction = PadFriction(grounds, self.robot.pad_position)
-        self._lay_gravity(np.arange(self.size))
-        self._lay_friction(np.arange(self.size))
+        self._lay_ground(np.arange(self.size))
 
     def command(self, omega: ArrayLike) -> None:
         """Set the set points of the sprockets, (N, 2) or (2,) [rad/s]; they hold until the next call."""
@@ -149,19 +154,18 @@ class Fleet(Bodies):
     def advance(self, duration: float) -> None:
         """Simulate `duration` [s]; raises InvalidValueError unless it is a multiple of the servo period."""
         periods = round(duration / self.period)
-        if abs(periods * self.period - duration) > 1e-9:
-            raise InvalidValueError("duration", duration, f"a multiple of the servo period, {self.period} s")
+        whole = abs(periods * self.period - duration) <= 1e-9
+        require(whole, "duration", duration, f"a multiple of the servo period, {self.period} s")
         if periods == 0:
             return
         before = self._snapshot(_EVERYONE)
         forecast = self.drive.forecast(periods)
         torque = self.drive.torque_for(forecast, self._run(_EVERYONE, forecast.mean))
         weak = np.flatnonzero(self.drive.too_weak(forecast, torque).any(axis=(0, 2)))
-        if not weak.size:
-            self.drive.accept(forecast, torque)
-            return
         limited = self.drive.of(weak)
         self.drive.accept(forecast, torque)
+        if not weak.size:
+            return
         self._restore(weak, tuple(part[weak] for part in before))
         self._periods -= periods
         for _ in range(periods):
@@ -169,10 +173,7 @@ class Fleet(Bodies):
         self.drive.put(weak, limited)
 
     def _run(self, rows: Rows, mean: Array) -> Array:
-        """Run the belts of the robots `rows` (R,) at mean sprocket speeds (P, R, 2) [rad/s] for P periods.
-
-        Returns the mean tractions (P, R, 2) of each period [N].
-        """
+        """Mean tractions (P, R, 2) [N] of `rows` (R,) that drive for P periods at mean speeds (P, R, 2) [rad/s]."""
         # the lower side of a belt moves backwards when the robot drives forwards
         belts = (-self._radius[rows] * mean)[..., self.robot.pad_side] * self.robot.pad_sign
         forces = np.empty((*mean.shape[:2], self._sensors.shape[1]))
@@ -199,7 +200,7 @@ class Fleet(Bodies):
         the robots point at its end to `forward` (P, R, 2).
         """
         periods = len(forces)
-        record = _FORCES_AND_AXES if periods > 1 else _FORCES
+        record = ("sensordata", "xmat") if periods > 1 else ("sensordata",)
         ids = None if rows is _EVERYONE else rows
         recorded = self.batch.rollout(periods * self._substeps, record=record, ids=ids)
         each = recorded["sensordata"].reshape(-1, periods, self._substeps, recorded["sensordata"].shape[-1])
@@ -231,8 +232,9 @@ class Fleet(Bodies):
         time = (self._periods - self._began) * self.period
         self._pad_friction[rows] = self._friction.at(time, self.batch.qpos[:, :2], self._wrapped_heading())[rows]
 
-    def _lay_gravity(self, rows: np.ndarray) -> None:
-        """Tilt the gravity of the robots `rows` (R,) as their grounds slope."""
+    def _lay_ground(self, rows: np.ndarray) -> None:
+        """Tilt the gravity of the robots `rows` (R,) as their grounds slope, and set the friction of their pads."""
+        self._lay_friction(rows)
         if self._gravity is None and any(self.ground[k].slope != 0 for k in rows):
             self._gravity = self.batch.expand("opt.gravity")
         if self._gravity is not None:
@@ -264,10 +266,7 @@ class Fleet(Bodies):
         """Raise InvalidValueError if one of the robots slides or has tipped over where it was put."""
         sliding = ~(np.hypot(*self.batch.qvel[rows, :2].T) < _AT_REST)
         tipped = ~(np.abs(self.attitude()[rows, 1:]).max(axis=1) < _UPRIGHT)
-        for k in np.flatnonzero(sliding | tipped)[:1]:
+        for k, row in enumerate(rows):
             what = "tips over" if tipped[k] else "slides"
-            raise InvalidValueError(
-                "slope",
-                self.ground[rows[k]].slope,
-                f"less, to park with heading {round(float(start[k, 2]), 3) + 0:g} rad: the robot {what}",
-            )
+            allowed = f"less, to park with heading {round(float(start[k, 2]), 3) + 0:g} rad: the robot {what}"
+            require(not (sliding[k] or tipped[k]), "slope", self.ground[row].slope, allowed)

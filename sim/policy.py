@@ -120,12 +120,12 @@ class PolicyController:
         config = EnvConfig.of(policy.options)
         self._policy, self._layout = policy, Layout(config, top_speed)
         self._scale = np.array(config.twist_scale)
-        self._omega: Array | None = None
-        self._action: Array | None = None
+        self.reset()
 
     def reset(self) -> None:
         """Start with sprockets at rest and no previous action."""
-        self._omega = self._action = None
+        self._omega: Array = np.zeros(2)
+        self._action: Array = np.zeros(2)
 
     def sense(self, omega: Array) -> None:
         """Set the measured sprocket speeds (N, 2), mean over the last period [rad/s]."""
@@ -134,10 +134,8 @@ class PolicyController:
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """Twists (N, 2) for measured poses (N, 3) [m/s, rad/s]."""
         error = body_errors(pose, reference.pose(time))
-        if self._action is None:
-            self._action = np.zeros((len(error), 2))
-        omega = np.zeros((len(error), 2)) if self._omega is None else self._omega
         ahead = reference.twist(time + self._layout.steps * PERIOD)
         twists = np.broadcast_to(ahead, (len(error), *ahead.shape))
-        self._action = self._policy.action(self._layout.observation(error, twists, omega, self._action))
+        omega, action = (np.broadcast_to(pair, (len(error), 2)) for pair in (self._omega, self._action))
+        self._action = self._policy.action(self._layout.observation(error, twists, omega, action))
         return self._action * self._scale

@@ -11,7 +11,7 @@ import numpy as np
 from sim.fleet import Fleet
 from sim.instruments import pad_forces
 from sim.scanner.feed import ScannerFeed
-from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.errors import TrackslipError, require
 from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate
 from trackslip.localization.scan import Cluster
@@ -39,10 +39,7 @@ class RunFailedError(TrackslipError):
     def __init__(self, message: str) -> None:
         super().__init__(message)
         self.logs: list[RunLog] = []
-        """What was recorded of every run of the fleet until then; empty if that is less than two rows.
-
-        The metadata of each log give the message under the key "failure".
-        """
+        """Logs of the fleet until then, with the message as "failure" in the metadata; none for less than two rows."""
 
 
 class RunRecorder:
@@ -56,11 +53,9 @@ class RunRecorder:
         if descriptions is None:
             geometry = vars(fleet.robot.geometry)
             descriptions = [Description(f"run {k}", {"geometry": geometry}) for k in range(n)]
-        if len(descriptions) != n:
-            raise InvalidValueError("descriptions", f"{len(descriptions)} descriptions", f"{n}, one per robot")
+        require(len(descriptions) == n, "descriptions", f"{len(descriptions)} descriptions", f"{n}, one per robot")
         self._fleet, self._period, self._descriptions = fleet, period, descriptions
         self._angle = fleet.drive.encoder_angle()
-        self.rows = rows
         self.complete = 0
         """Number of rows that have been recorded in full."""
         self.time = np.arange(rows) * period  # (T,) [s]
@@ -71,15 +66,9 @@ class RunRecorder:
         self._icr = np.full((rows, n, 2), np.nan)
         self._covariance = np.zeros((rows, n, 3, 3))
         self._valid = np.zeros((rows, n), bool)
-        self._true_pose = np.zeros((rows, n, 3))
-        self._true_twist = np.zeros((rows, n, 3))
-        self._lean = np.zeros((rows, n))
-        self._traction = np.zeros((rows, n, 2))
-        self._torque = np.zeros((rows, n, 2))
-        self._energy = np.zeros((rows, n, 2))
-        self._saturated_time = np.zeros((rows, n, 2))
         self._in_detail = fleet.robot.contact_sensors
-        self._contact = np.zeros((rows if self._in_detail else 0, n, len(fleet.robot.pad_side), 3), np.float32)
+        # of each row, (N, ...) each: the fields of Truth, with totals instead of their rates
+        self._truth: list[tuple[Array, ...]] = []
         self._ranges: list[np.ndarray] = []  # (N, rows, B) each
 
     def measure(self, k: int) -> None:
@@ -87,15 +76,12 @@ class RunRecorder:
         fleet = self._fleet
         for i in np.flatnonzero(~(np.abs(fleet.attitude()[:, 1:]) < _TIPPED).all(axis=1)):
             raise RunFailedError(f"run {self.name(int(i))!r}: the robot tips over after {self.time[k]:g} s")
-        angle = fleet.drive.encoder_angle()
+        drive, angle = fleet.drive, fleet.drive.encoder_angle()
         self.omega[k] = (angle - self._angle) / self._period
         self._angle = angle
-        self._true_pose[k], self._true_twist[k] = fleet.pose(), fleet.twist()
-        self._lean[k] = fleet.lean()
-        self._traction[k], self._torque[k] = fleet.traction(), fleet.drive.torque
-        self._energy[k], self._saturated_time[k] = fleet.drive.energy, fleet.drive.saturated_time
-        if self._in_detail:
-            self._contact[k] = pad_forces(fleet)
+        of_drive = drive.torque.copy(), drive.energy.copy(), drive.saturated_time.copy()
+        contact = (pad_forces(fleet).astype(np.float32),) if self._in_detail else ()
+        self._truth.append((fleet.pose(), fleet.twist(), fleet.traction(), *of_drive, fleet.lean(), *contact))
 
     def command(self, k: int) -> None:
         """Record the set points that the sprockets have now, which completes row k."""
@@ -131,20 +117,14 @@ class RunRecorder:
     def steered(self, k: int, robots: Sequence[int], twist: Array, law: SlipLaw) -> None:
         """Record a controller's twists (R, 2) for R robots, and the law that turns them into sprocket speeds.
 
-        Raises:
-            RunFailedError: for twists of the wrong shape, or not finite.
+        Raises RunFailedError for twists of the wrong shape, and twists that aren't finite.
         """
         if twist.shape != (len(robots), 2):
-            raise RunFailedError(
-                f"run {self.name(robots[0])!r}: its controller's twists have the shape {twist.shape}: must be "
-                f"{(len(robots), 2)}, one per pose"
-            )
+            what = f"twists have the shape {twist.shape}: must be {(len(robots), 2)}, one per pose"
+            raise RunFailedError(f"run {self.name(robots[0])!r}: its controller's {what}")
         for i in np.flatnonzero(~np.isfinite(twist).all(axis=1)):
-            name = self.name(robots[int(i)])
-            raise RunFailedError(
-                f"run {name!r}: its controller returns the twist {tuple(twist[i].tolist())} at {self.time[k]:g} s: "
-                f"must be finite"
-            )
+            what = f"returns the twist {tuple(twist[i].tolist())} at {self.time[k]:g} s: must be finite"
+            raise RunFailedError(f"run {self.name(robots[int(i)])!r}: its controller {what}")
         self._twist_command[k, robots] = twist
         if isinstance(law, ConstantIcr):
             self._icr[k, robots] = np.stack(np.broadcast_arrays(law.offset, law.radius_error), axis=-1)
@@ -154,23 +134,28 @@ class RunRecorder:
     ) -> list[RunLog]:
         """A log per run, of its complete rows; none if there are fewer than two.
 
-        Args:
-            feed: the scanner that saw the `plates`.
-            plates: the part of each robot's scans that was taken for its plate; None without scans.
-            failure: why the runs stopped early.
+        `plates` are the part of each robot's scans by `feed` that was taken for its plate, None without scans;
+        `failure` says why the runs stopped early.
         """
         if self.complete < 2:
             return []
-        return [self._log(i, feed, plates, failure) for i in range(self._fleet.size)]
+        pose, twist, traction, torque, energy, saturated_time, lean, *contact = (
+            np.stack(column) for column in zip(*self._truth[: self.complete], strict=True)
+        )
+        truths = (pose, twist, traction, torque, self._rate(energy), self._rate(saturated_time), lean, *contact)
+        empty = None if feed is None else feed.scan(np.empty((0, len(feed.bearings))))
+        logs = []
+        for i in range(self._fleet.size):
+            scans = None
+            if empty is not None and plates is not None:
+                full = self.full_ranges(i) if self._in_detail else None
+                scans = ScanLog(empty, self._fleet.robot.plate, plates[i], full)
+            logs.append(self._log(i, Truth(*(values[:, i] for values in truths)), scans, failure))
+        return logs
 
-    def _log(self, i: int, feed: ScannerFeed | None, plates: Sequence[Cluster] | None, failure: str | None) -> RunLog:
+    def _log(self, i: int, truth: Truth, scans: ScanLog | None, failure: str | None) -> RunLog:
         rows, description = slice(self.complete), self._descriptions[i]
         twist_command, icr = self._twist_command[rows, i], self._icr[rows, i]
-        scans = None
-        if feed is not None and plates is not None:
-            full = self.full_ranges(i) if self._in_detail else None
-            empty = feed.scan(np.empty((0, len(feed.bearings))))
-            scans = ScanLog(empty, self._fleet.robot.plate, plates[i], full)
         return RunLog(
             run=description.run,
             time=self.time[rows],
@@ -181,20 +166,11 @@ class RunRecorder:
             icr=None if np.isnan(icr).any() else icr,
             covariance=self._covariance[rows, i],
             valid=self._valid[rows, i],
-            truth=Truth(
-                self._true_pose[rows, i],
-                self._true_twist[rows, i],
-                self._traction[rows, i],
-                self._torque[rows, i],
-                self._rate(self._energy[rows, i]),
-                self._rate(self._saturated_time[rows, i]),
-                self._lean[rows, i],
-                self._contact[rows, i] if self._in_detail else None,
-            ),
+            truth=truth,
             scans=scans,
             metadata=dict(description.metadata) | ({} if failure is None else {FAILURE: failure}),
         )
 
     def _rate(self, total: Array) -> Array:
-        """Mean rates (T, 2) since the row before, of accumulated quantities (T, 2)."""
+        """Mean rates (T, N, 2) since the row before, of accumulated quantities (T, N, 2)."""
         return np.diff(total, axis=0, prepend=total[:1]) / self._period

@@ -16,7 +16,7 @@ from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from sim.stopwatch import Stopwatch
 from trackslip.controllers.base import Controller, SensesSprockets
-from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.errors import TrackslipError, require
 from trackslip.kinematics import Array, RobotGeometry, advance, limit_sprocket_speeds
 from trackslip.localization.base import Locator, PoseEstimate
 from trackslip.localization.scan import Cluster, extract_plate
@@ -44,14 +44,6 @@ class Pilot:
     """How far ahead the controller looks: set it to the delay between command and motion [s]."""
 
 
-def scan_count(duration: float, period: float) -> int:
-    """Number of scans in a run, the first at its start; raises InvalidValueError if there are fewer than two."""
-    count = int(duration / period + 1e-9) + 1
-    if not count >= 2:
-        raise InvalidValueError("duration", duration, f"at least the time between two scans, {period:g} s")
-    return count
-
-
 def open_loop(
     fleet: Fleet,
     omega: Array,
@@ -64,11 +56,9 @@ def open_loop(
 ) -> list[RunLog]:
     """Drive every robot at constant sprocket speeds.
 
-    Speeds above the top speed are scaled down, both tracks by the same factor, which preserves the curvature.
-
     Args:
         fleet: N robots.
-        omega: sprocket speeds (N, 2) or (2,) [rad/s].
+        omega: sprocket speeds (N, 2) or (2,) [rad/s]; above the top speed, both tracks are scaled by the same factor.
         duration: of each run [s].
         feed: the scanner in front of the fleet; by default there is none, and a row is recorded every PERIOD.
         locator: finds the poses in the scans, after the run; by default the log contains the true poses.
@@ -83,14 +73,16 @@ def open_loop(
     watch = watch or Stopwatch()
     period = PERIOD if feed is None else feed.period
     omega = limit_sprocket_speeds(np.broadcast_to(np.asarray(omega, float), (fleet.size, 2)), fleet.drive.limit)
-    record = RunRecorder(fleet, scan_count(duration, period), period, descriptions)
+    rows = int(duration / period + 1e-9) + 1
+    require(rows >= 2, "duration", duration, f"at least the time between two scans, {period:g} s")
+    record = RunRecorder(fleet, rows, period, descriptions)
     scans = None if feed is None or locator is None else _Scans(fleet, record, feed, locator, watch)
 
     def logs(failure: str | None = None) -> list[RunLog]:
         return record.logs(failure=failure) if scans is None else scans.logs(failure)
 
     try:
-        for k in range(record.rows):
+        for k in range(rows):
             with watch.stage("physics"):
                 if k > 0:
                     fleet.advance(period)
@@ -158,13 +150,10 @@ class _Scans:
         robots, rows, _ = ranges.shape
         record, feed = self._record, self._feed
         single = self._locator.locate(feed.scan(_flat(ranges)))
-        pose, covariance, valid = (
-            part.reshape(robots, rows, *part.shape[1:]) for part in (single.pose, single.covariance, single.valid)
-        )
-        for k in range(rows):
-            row = first + k
+        parts = [part.reshape(robots, rows, *part.shape[1:]) for part in vars(single).values()]
+        for k, row in enumerate(range(first, first + rows)):
             predicted = self._tracker.predict(record.omega[row], feed.period if row > 0 else 0.0)
-            estimate = PoseEstimate(pose[:, k], covariance[:, k], valid[:, k])
+            estimate = PoseEstimate(*(part[:, k] for part in parts))
             doubted = np.flatnonzero(~self._tracker.believes(estimate))
             if doubted.size:
                 again = self._locator.locate(feed.scan(ranges[doubted, k]), predicted[doubted])
@@ -182,9 +171,7 @@ def closed_loop(
     descriptions: Sequence[Description] | None = None,
     progress: Progress = lambda seconds: None,
 ) -> list[RunLog]:
-    """Let controllers follow `reference` to its end, with one command per scan.
-
-    Commands above the top speed are scaled down, both tracks by the same factor, which preserves the curvature.
+    """Let controllers follow `reference` to its end, with one command per scan, limited as in `open_loop`.
 
     Args:
         fleet: N robots.
@@ -201,8 +188,8 @@ def closed_loop(
     """
     if not isinstance(pilots, Sequence):
         pilots = [Pilot(pilots, range(fleet.size))]
-    if sorted(i for pilot in pilots for i in pilot.robots) != list(range(fleet.size)):
-        raise InvalidValueError("pilots", [list(p.robots) for p in pilots], f"each robot 0..{fleet.size - 1} once")
+    valid = sorted(i for pilot in pilots for i in pilot.robots) == list(range(fleet.size))
+    require(valid, "pilots", [list(pilot.robots) for pilot in pilots], f"each robot 0..{fleet.size - 1} once")
     geometry = fleet.robot.geometry
     period = PERIOD if feed is None else feed.period
     rows = math.ceil(reference.duration / period - 1e-9) + 1  # the last at the reference's end or just after
@@ -215,11 +202,16 @@ def closed_loop(
     def logs(failure: str | None = None) -> list[RunLog]:
         if feed is None or locator is None or not fleet.robot.contact_sensors or not record.complete:
             return record.logs(failure=failure)
-        return record.logs(feed, [_plate_of(record, feed, fleet, i) for i in range(fleet.size)], failure)
+        plates = []
+        for robot in range(fleet.size):  # the part of its scans that belongs to its plate, at the estimated poses
+            scan = feed.scan(record.full_ranges(robot).astype(float))
+            pose = scan.from_world(record.pose[: record.complete, robot])
+            plates.append(extract_plate(scan, fleet.robot.plate, pose))
+        return record.logs(feed, plates, failure)
 
     omega = np.zeros((fleet.size, 2))
     try:
-        for k in range(record.rows):
+        for k in range(rows):
             if k > 0:
                 fleet.advance(period)
                 progress(period)
@@ -239,12 +231,6 @@ def closed_loop(
         error.logs = logs(str(error))
         raise
     return logs()
-
-
-def _plate_of(record: RunRecorder, feed: ScannerFeed, fleet: Fleet, robot: int) -> Cluster:
-    """The part of a robot's scans that belongs to its plate, at the estimated poses."""
-    scan = feed.scan(record.full_ranges(robot).astype(float))
-    return extract_plate(scan, fleet.robot.plate, scan.from_world(record.pose[: record.complete, robot]))
 
 
 def _steer(
@@ -267,18 +253,12 @@ def _steer(
     except TrackslipError as error:
         raise RunFailedError(str(error)) from error
     except Exception as error:  # whatever a user's controller does
-        name, what = record.name(robots[0]), f"{type(error).__name__}: {error}"
-        raise RunFailedError(
-            f"run {name!r}: its controller fails at {record.time[k]:g} s ({what}){_line(error)}"
-        ) from error
+        frames = traceback.extract_tb(error.__traceback__)[1:]  # without the call itself
+        where = f", {Path(frames[0].filename).name} line {frames[0].lineno}" if frames else ""
+        what = f"its controller fails at {record.time[k]:g} s ({type(error).__name__}: {error}){where}"
+        raise RunFailedError(f"run {record.name(robots[0])!r}: {what}") from error
     record.steered(k, robots, twist, law)
     return law.sprocket_speeds(twist, geometry)
-
-
-def _line(error: Exception) -> str:
-    """File and line of a controller's code that raised an error; empty if none of its code ran."""
-    frames = traceback.extract_tb(error.__traceback__)[1:]  # without the call itself
-    return f", {Path(frames[0].filename).name} line {frames[0].lineno}" if frames else ""
 
 
 def _flat(array: np.ndarray) -> np.ndarray:

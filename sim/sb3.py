@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
@@ -23,13 +23,7 @@ class PathTrackingVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
     """PathTrackingVectorEnv with the interface of Stable-Baselines3, which resets in the same step."""
 
     def __init__(self, num_envs: int = 1, threads: int = 0, **options: Any) -> None:
-        """Build the simulator.
-
-        Args:
-            num_envs: number N of robots.
-            threads: worker threads, 0 for one per processor.
-            options: the fields of `EnvConfig`.
-        """
+        """Build the simulator of N robots, with `options` of `EnvConfig`; see `PathTrackingVectorEnv`."""
         self.env = PathTrackingVectorEnv(num_envs, autoreset_mode=AutoresetMode.SAME_STEP, threads=threads, **options)
         self.render_mode = self.env.render_mode
         super().__init__(num_envs, self.env.single_observation_space, self.env.single_action_space)
@@ -54,12 +48,9 @@ class PathTrackingVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         observation, reward, terminated, truncated, info = self.env.step(self._actions)
         ended = terminated | truncated
         final, observations = info.pop("final_info", None), info.pop("final_obs", None)
-        for key in ("_final_info", "_final_obs"):
-            info.pop(key, None)
         infos = _by_robot(info, self.num_envs)
         for row in np.flatnonzero(ended):
-            infos[row] = _by_robot(final, self.num_envs)[row]
-            infos[row]["terminal_observation"] = observations[row]
+            infos[row] = _by_robot(final, self.num_envs)[row] | {"terminal_observation": observations[row]}
         for own, at_the_end in zip(infos, truncated, strict=True):
             own["TimeLimit.truncated"] = bool(at_the_end)
         return observation, reward.astype(np.float32), ended, infos
@@ -119,5 +110,4 @@ class Corrections(VecEnvWrapper):  # type: ignore[misc, unused-ignore]
 
 def _by_robot(info: dict[str, Any], n: int) -> list[dict[str, Any]]:
     """Infos (N, ...) as one dictionary per robot."""
-    names: Iterable[str] = [name for name in info if not name.startswith("_")]
-    return [{name: info[name][row] for name in names} for row in range(n)]
+    return [{name: values[row] for name, values in info.items() if not name.startswith("_")} for row in range(n)]

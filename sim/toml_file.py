@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import os.path
 import tomllib
 import typing
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from trackslip.errors import InvalidValueError, SettingsFileError
+from trackslip.errors import InvalidValueError, SettingsFileError, require
 
 T = TypeVar("T")
 
@@ -36,6 +37,14 @@ def read_toml(path: Path) -> dict[str, Any]:
     if level:  # dotted keys nest without limit
         raise SettingsFileError(f"{path}: nested too deeply, at most {_MAX_DEPTH} levels are allowed")
     return table
+
+
+def read_named(field: str, source: str, names: Iterable[str]) -> dict[str, Any]:
+    """Read the TOML file `source`, which is none of the `names`; raises InvalidValueError if it is no file either."""
+    path = Path(source)
+    is_file = source and (path.suffix.lower() == ".toml" or os.path.exists(path))  # Path.exists fails for long names
+    require(is_file, field, source, f"one of {', '.join(names)}, or a .toml file")
+    return read_toml(path)
 
 
 def build(cls: type[T], table: object, where: str, base: T | None = None) -> T:
@@ -72,11 +81,11 @@ def build(cls: type[T], table: object, where: str, base: T | None = None) -> T:
 def _value(hint: Any, value: object, where: str, name: str) -> Any:
     if hint is float:
         return _number(value, where, name)
-    of = typing.get_args(hint)
+    of = typing.get_args(hint)[0]
     if not isinstance(value, list):
         raise SettingsFileError(f"{where}: {name} = {_shown(value)}: must be a list")
-    if dataclasses.is_dataclass(of[0]):
-        return tuple(build(of[0], item, f"{where}: {name}[{k}]") for k, item in enumerate(value))  # type: ignore[arg-type]
+    if dataclasses.is_dataclass(of):
+        return tuple(build(of, item, f"{where}: {name}[{k}]") for k, item in enumerate(value))  # type: ignore[arg-type]
     return tuple(_number(item, where, name) for item in value)
 
 
@@ -89,7 +98,7 @@ def _number(value: object, where: str, name: str) -> float:
         raise SettingsFileError(f"{where}: {name} = {_shown(value)}: must be a number of moderate size") from error
 
 
-def _inner(value: object) -> typing.Iterable[Any]:
+def _inner(value: object) -> Iterable[Any]:
     """What a value contains."""
     return value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
 

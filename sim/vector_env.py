@@ -15,7 +15,7 @@ from sim.env import METADATA, require_render_mode, spaces
 from sim.path_tracking.config import EnvConfig
 from sim.path_tracking.renderer import Renderer
 from sim.path_tracking.tracking import PathTracking
-from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.errors import InvalidValueError, TrackslipError, require
 
 Observations = NDArray[np.float32]
 Rows = NDArray[np.int_]
@@ -36,23 +36,14 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         threads: int = 0,
         **options: Any,
     ) -> None:
-        """Build the simulator.
+        """Build the simulator of `num_envs` robots on `threads` worker threads, 0 for one per processor.
 
-        Args:
-            num_envs: number N of robots.
-            render_mode: None or "rgb_array".
-            autoreset_mode: gymnasium's.
-            threads: worker threads, 0 for one per processor.
-            options: the fields of `EnvConfig`.
-
-        Raises:
-            InvalidValueError: for options that are unknown or out of range.
+        `render_mode` is None or "rgb_array", `autoreset_mode` gymnasium's, `options` are the fields of `EnvConfig`.
+        Raises InvalidValueError for options that are unknown or out of range.
         """
         require_render_mode(render_mode)
-        if render_mode == "human":
-            raise InvalidValueError("render_mode", render_mode, 'None or "rgb_array", for many robots')
-        if num_envs < 1:
-            raise InvalidValueError("num_envs", num_envs, "at least 1")
+        require(render_mode != "human", "render_mode", render_mode, 'None or "rgb_array", for many robots')
+        require(num_envs >= 1, "num_envs", num_envs, "at least 1")
         self.num_envs = num_envs
         self.render_mode = render_mode
         self.autoreset_mode = AutoresetMode(autoreset_mode)
@@ -84,16 +75,14 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         rows = self._masked(options.pop("reset_mask", None))
         seeds = [seed + i for i in range(self.num_envs)] if isinstance(seed, int | np.integer) else seed
         seeds = [None] * self.num_envs if seeds is None else list(seeds)
-        if len(seeds) != self.num_envs:
-            raise InvalidValueError("seed", seeds, f"an integer, or {self.num_envs}")
+        require(len(seeds) == self.num_envs, "seed", seeds, f"an integer, or {self.num_envs}")
         for row in rows:
             if seeds[row] is not None or self._generators[row] is None:
                 self._generators[row] = seeding.np_random(None if seeds[row] is None else int(seeds[row]))[0]
-        if not self._begun and len(rows) < self.num_envs:
-            raise InvalidValueError("reset_mask", "not all robots", "all, the first time")
+        require(self._begun or len(rows) == self.num_envs, "reset_mask", "not all robots", "all, the first time")
         self._begin(rows, options)
         self._begun = True
-        return self.tracking.observation(), self._infos(self.tracking.info(), self._mask(rows))
+        return self.tracking.observation(), self._infos(np.isin(np.arange(self.num_envs), rows))
 
     def step(self, actions: Observations) -> tuple[Observations, np.ndarray, np.ndarray, np.ndarray, dict[str, Any]]:
         """Simulate one control period with actions (N, 2).
@@ -116,21 +105,15 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
             self._renderer.follow()
         reward, terminated, truncated = tracking.reward.copy(), tracking.terminated.copy(), tracking.truncated.copy()
         self._ended = terminated | truncated
+        last: dict[str, Any] = {}
         if self.autoreset_mode is AutoresetMode.SAME_STEP and self._ended.any():
             last = self._final(self._ended)
             self._begin(np.flatnonzero(self._ended), {})
-        else:
-            last = {}
-        everyone = np.ones(self.num_envs, bool)
-        infos = last | self._infos(tracking.info(), everyone)
+        infos = last | self._infos(np.ones(self.num_envs, bool))
         return tracking.observation(), reward, terminated, truncated, infos
 
     def render(self) -> tuple[Any, ...]:
-        """Images (480, 640, 3), one per robot.
-
-        Raises:
-            TrackslipError: if nothing can be drawn.
-        """
+        """Images (480, 640, 3), one per robot; raises TrackslipError if nothing can be drawn."""
         if self._renderer is None:
             raise InvalidValueError("render_mode", None, "given to gymnasium.make_vec, to render")
         return tuple(self._renderer.picture(row) for row in range(self.num_envs))
@@ -144,15 +127,15 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         """Rows (R,) of a mask (N,)."""
         if mask is None:
             return np.arange(self.num_envs)
-        if not isinstance(mask, np.ndarray) or mask.dtype != bool or mask.shape != (self.num_envs,) or not mask.any():
-            raise InvalidValueError("reset_mask", mask, f"an array ({self.num_envs},) of bool, one of them true")
+        valid = isinstance(mask, np.ndarray) and mask.dtype == bool and mask.shape == (self.num_envs,) and mask.any()
+        require(valid, "reset_mask", mask, f"an array ({self.num_envs},) of bool, one of them true")
         return np.flatnonzero(mask)
 
     def _begin(self, rows: Rows, options: Mapping[str, Any]) -> None:
         """Begin episodes of the robots `rows` (R,)."""
         for name, value in options.items():
-            if isinstance(value, list) and len(value) != self.num_envs:
-                raise InvalidValueError(f"options[{name!r}]", value, f"a value, or a list of {self.num_envs}")
+            valid = not isinstance(value, list) or len(value) == self.num_envs
+            require(valid, f"options[{name!r}]", value, f"a value, or a list of {self.num_envs}")
         episodes = []
         for row in rows:
             generator = self._generators[row]
@@ -169,19 +152,13 @@ class PathTrackingVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
         observation = np.full(self.num_envs, None, dtype=object)
         for row, values in zip(np.flatnonzero(ended), self.tracking.observation()[ended], strict=True):
             observation[row] = values
-        infos = self._infos(self.tracking.info(), ended)
+        infos = self._infos(ended)
         return {"final_obs": observation, "_final_obs": ended.copy(), "final_info": infos, "_final_info": ended.copy()}
 
-    def _infos(self, info: Mapping[str, np.ndarray], whose: NDArray[np.bool_]) -> dict[str, Any]:
+    def _infos(self, whose: NDArray[np.bool_]) -> dict[str, Any]:
         """Infos with masks `whose` (N,); zero for the other robots."""
         infos: dict[str, Any] = {}
-        for name, values in info.items():
-            if not whose.all():
-                values[~whose] = 0
+        for name, values in self.tracking.info().items():
+            values[~whose] = 0
             infos[name], infos[f"_{name}"] = values, whose.copy()
         return infos
-
-    def _mask(self, rows: Rows) -> NDArray[np.bool_]:
-        mask = np.zeros(self.num_envs, bool)
-        mask[rows] = True
-        return mask

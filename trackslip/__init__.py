@@ -12,146 +12,97 @@ from __future__ import annotations
 
 import importlib
 
-TYPE_CHECKING = False  # type checkers take it as true; importing `typing` would take longer than everything else here
-if TYPE_CHECKING:
-    from trackslip.controllers.base import Controller
-    from trackslip.controllers.dynamic_feedback import DynamicFeedback
-    from trackslip.controllers.feedforward import Feedforward
-    from trackslip.controllers.kanayama import Kanayama
-    from trackslip.controllers.linear import LinearTimeVarying
-    from trackslip.controllers.lqr import Lqr
-    from trackslip.controllers.mpc import ModelPredictive
-    from trackslip.controllers.offset_point import OffsetPoint
-    from trackslip.controllers.pure_pursuit import PurePursuit
-    from trackslip.controllers.samson import Samson
-    from trackslip.controllers.stanley import Stanley
-    from trackslip.errors import InvalidValueError, LogError, OutputError, TrackslipError
-    from trackslip.identification.identify import identify
-    from trackslip.identification.result import Identification
-    from trackslip.kinematics import RobotGeometry
-    from trackslip.localization.base import PoseEstimate
-    from trackslip.localization.plate import PlateLocator
-    from trackslip.logs.logfile import load
-    from trackslip.logs.runlog import RunLog
-    from trackslip.metrics import TrackingErrors, body_errors, expense, tracking_errors
-    from trackslip.slip.base import SlipLaw
-    from trackslip.slip.compensation import FixedLaw, OnlineIcr
-    from trackslip.slip.constant import Constant, NoSlip
-    from trackslip.slip.exponential import PUBLISHED, Exponential, ExponentialSpeed
-    from trackslip.slip.hyperbola import Hyperbola
-    from trackslip.slip.icr import ConstantIcr, IcrSides
-    from trackslip.slip.law_file import load_laws, save_laws
-    from trackslip.slip.online import IcrFilter
-    from trackslip.slip.power import Power
-    from trackslip.trajectory.base import Reference
-    from trackslip.trajectory.named import named_reference
-    from trackslip.trajectory.segmented import circle, paper_reference
-    from trackslip.trajectory.waypoints import read_waypoints, waypoints
+# Type checkers take it as true; importing `typing` would take longer than everything else here.
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
+    from trackslip.controllers.base import Controller as Controller
+    from trackslip.controllers.dynamic_feedback import DynamicFeedback as DynamicFeedback
+    from trackslip.controllers.feedforward import Feedforward as Feedforward
+    from trackslip.controllers.kanayama import Kanayama as Kanayama
+    from trackslip.controllers.linear import LinearTimeVarying as LinearTimeVarying
+    from trackslip.controllers.lqr import Lqr as Lqr
+    from trackslip.controllers.mpc import ModelPredictive as ModelPredictive
+    from trackslip.controllers.offset_point import OffsetPoint as OffsetPoint
+    from trackslip.controllers.pure_pursuit import PurePursuit as PurePursuit
+    from trackslip.controllers.samson import Samson as Samson
+    from trackslip.controllers.stanley import Stanley as Stanley
+    from trackslip.errors import InvalidValueError as InvalidValueError
+    from trackslip.errors import LogError as LogError
+    from trackslip.errors import OutputError as OutputError
+    from trackslip.errors import TrackslipError as TrackslipError
+    from trackslip.identification.identify import identify as identify
+    from trackslip.identification.result import Identification as Identification
+    from trackslip.kinematics import RobotGeometry as RobotGeometry
+    from trackslip.localization.base import PoseEstimate as PoseEstimate
+    from trackslip.localization.plate import PlateLocator as PlateLocator
+    from trackslip.logs.logfile import load as load
+    from trackslip.logs.runlog import RunLog as RunLog
+    from trackslip.metrics import TrackingErrors as TrackingErrors
+    from trackslip.metrics import body_errors as body_errors
+    from trackslip.metrics import expense as expense
+    from trackslip.metrics import tracking_errors as tracking_errors
+    from trackslip.slip.base import SlipLaw as SlipLaw
+    from trackslip.slip.compensation import FixedLaw as FixedLaw
+    from trackslip.slip.compensation import OnlineIcr as OnlineIcr
+    from trackslip.slip.constant import Constant as Constant
+    from trackslip.slip.constant import NoSlip as NoSlip
+    from trackslip.slip.exponential import PUBLISHED as PUBLISHED
+    from trackslip.slip.exponential import Exponential as Exponential
+    from trackslip.slip.exponential import ExponentialSpeed as ExponentialSpeed
+    from trackslip.slip.icr import ConstantIcr as ConstantIcr
+    from trackslip.slip.icr import IcrSides as IcrSides
+    from trackslip.slip.law_file import load_laws as load_laws
+    from trackslip.slip.law_file import save_laws as save_laws
+    from trackslip.slip.online import IcrFilter as IcrFilter
+    from trackslip.slip.power import Hyperbola as Hyperbola
+    from trackslip.slip.power import Power as Power
+    from trackslip.trajectory.base import Reference as Reference
+    from trackslip.trajectory.named import named_reference as named_reference
+    from trackslip.trajectory.segmented import circle as circle
+    from trackslip.trajectory.segmented import paper_reference as paper_reference
+    from trackslip.trajectory.waypoints import read_waypoints as read_waypoints
+    from trackslip.trajectory.waypoints import waypoints as waypoints
 
     __version__: str
 
-__all__ = [
-    "PUBLISHED",
-    "Constant",
-    "ConstantIcr",
-    "Controller",
-    "DynamicFeedback",
-    "Exponential",
-    "ExponentialSpeed",
-    "Feedforward",
-    "FixedLaw",
-    "Hyperbola",
-    "IcrFilter",
-    "IcrSides",
-    "Identification",
-    "InvalidValueError",
-    "Kanayama",
-    "LinearTimeVarying",
-    "LogError",
-    "Lqr",
-    "ModelPredictive",
-    "NoSlip",
-    "OffsetPoint",
-    "OnlineIcr",
-    "OutputError",
-    "PlateLocator",
-    "PoseEstimate",
-    "Power",
-    "PurePursuit",
-    "Reference",
-    "RobotGeometry",
-    "RunLog",
-    "Samson",
-    "SlipLaw",
-    "Stanley",
-    "TrackingErrors",
-    "TrackslipError",
-    "__version__",
-    "body_errors",
-    "circle",
-    "expense",
-    "identify",
-    "load",
-    "load_laws",
-    "named_reference",
-    "paper_reference",
-    "read_waypoints",
-    "save_laws",
-    "tracking_errors",
-    "waypoints",
-]
-
-_MODULE_OF = {
-    "PUBLISHED": "slip.exponential",
-    "Constant": "slip.constant",
-    "ConstantIcr": "slip.icr",
-    "Controller": "controllers.base",
-    "DynamicFeedback": "controllers.dynamic_feedback",
-    "Exponential": "slip.exponential",
-    "ExponentialSpeed": "slip.exponential",
-    "Feedforward": "controllers.feedforward",
-    "FixedLaw": "slip.compensation",
-    "Hyperbola": "slip.hyperbola",
-    "IcrFilter": "slip.online",
-    "IcrSides": "slip.icr",
-    "Identification": "identification.result",
-    "InvalidValueError": "errors",
-    "Kanayama": "controllers.kanayama",
-    "LinearTimeVarying": "controllers.linear",
-    "LogError": "errors",
-    "Lqr": "controllers.lqr",
-    "ModelPredictive": "controllers.mpc",
-    "NoSlip": "slip.constant",
-    "OffsetPoint": "controllers.offset_point",
-    "OnlineIcr": "slip.compensation",
-    "OutputError": "errors",
-    "PlateLocator": "localization.plate",
-    "PoseEstimate": "localization.base",
-    "Power": "slip.power",
-    "PurePursuit": "controllers.pure_pursuit",
-    "Reference": "trajectory.base",
-    "RobotGeometry": "kinematics",
-    "RunLog": "logs.runlog",
-    "Samson": "controllers.samson",
-    "SlipLaw": "slip.base",
-    "Stanley": "controllers.stanley",
-    "TrackingErrors": "metrics",
-    "TrackslipError": "errors",
-    "body_errors": "metrics",
-    "circle": "trajectory.segmented",
-    "expense": "metrics",
-    "identify": "identification.identify",
-    "load": "logs.logfile",
-    "load_laws": "slip.law_file",
-    "named_reference": "trajectory.named",
-    "paper_reference": "trajectory.segmented",
-    "read_waypoints": "trajectory.waypoints",
-    "save_laws": "slip.law_file",
-    "tracking_errors": "metrics",
-    "waypoints": "trajectory.waypoints",
+_NAMES = {
+    "controllers.base": ("Controller",),
+    "controllers.dynamic_feedback": ("DynamicFeedback",),
+    "controllers.feedforward": ("Feedforward",),
+    "controllers.kanayama": ("Kanayama",),
+    "controllers.linear": ("LinearTimeVarying",),
+    "controllers.lqr": ("Lqr",),
+    "controllers.mpc": ("ModelPredictive",),
+    "controllers.offset_point": ("OffsetPoint",),
+    "controllers.pure_pursuit": ("PurePursuit",),
+    "controllers.samson": ("Samson",),
+    "controllers.stanley": ("Stanley",),
+    "errors": ("InvalidValueError", "LogError", "OutputError", "TrackslipError"),
+    "identification.identify": ("identify",),
+    "identification.result": ("Identification",),
+    "kinematics": ("RobotGeometry",),
+    "localization.base": ("PoseEstimate",),
+    "localization.plate": ("PlateLocator",),
+    "logs.logfile": ("load",),
+    "logs.runlog": ("RunLog",),
+    "metrics": ("TrackingErrors", "body_errors", "expense", "tracking_errors"),
+    "slip.base": ("SlipLaw",),
+    "slip.compensation": ("FixedLaw", "OnlineIcr"),
+    "slip.constant": ("Constant", "NoSlip"),
+    "slip.exponential": ("PUBLISHED", "Exponential", "ExponentialSpeed"),
+    "slip.icr": ("ConstantIcr", "IcrSides"),
+    "slip.law_file": ("load_laws", "save_laws"),
+    "slip.online": ("IcrFilter",),
+    "slip.power": ("Hyperbola", "Power"),
+    "trajectory.base": ("Reference",),
+    "trajectory.named": ("named_reference",),
+    "trajectory.segmented": ("circle", "paper_reference"),
+    "trajectory.waypoints": ("read_waypoints", "waypoints"),
 }
+_MODULE_OF = {name: module for module, names in _NAMES.items() for name in names}
 
 if not TYPE_CHECKING:
+    __all__ = sorted([*_MODULE_OF, "__version__"])
 
     def __getattr__(name: str) -> object:
         if name == "__version__":
@@ -165,4 +116,4 @@ if not TYPE_CHECKING:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *_MODULE_OF})

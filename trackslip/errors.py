@@ -38,6 +38,12 @@ class OutputError(TrackslipError, OSError):
     """A result that cannot be written."""
 
 
+def require(allowed: object, field: str, value: object, what: str) -> None:
+    """Raise InvalidValueError unless the value is allowed; `what` says in words what is."""
+    if not allowed:
+        raise InvalidValueError(field, value, what)
+
+
 def require_positive(field: str, value: float) -> None:
     """Raise InvalidValueError unless `value` is finite and greater than zero."""
     if not 0.0 < value < float("inf"):

@@ -34,13 +34,13 @@ class RobotGeometry:
 
 def track_speeds(twist: ArrayLike, half_gauge: float) -> Array:
     """Speeds (V_l, V_r) of the track centres over the ground (..., 2) [m/s] for a twist (..., 2)."""
-    v, w = _split(twist)
+    v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
     return v[..., None] + SIDES * half_gauge * w[..., None]
 
 
 def twist_of_tracks(speeds: ArrayLike, half_gauge: float) -> Array:
     """Body twist (..., 2) from the real track speeds (V_l, V_r) (..., 2); Eq. 5."""
-    left, right = _split(speeds)
+    left, right = np.moveaxis(np.asarray(speeds, float), -1, 0)
     return np.stack([(right + left) / 2, (right - left) / (2 * half_gauge)], axis=-1)
 
 
@@ -70,7 +70,7 @@ def track_slip(omega: ArrayLike, twist: ArrayLike, geometry: RobotGeometry) -> A
 
 def curvature(twist: ArrayLike) -> Array:
     """Path curvature kappa = w / v [1/m], (...): signed infinity when turning in place, 0 at rest."""
-    v, w = _split(twist)
+    v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
     safe = np.where(v == 0, 1.0, v)
     return np.where(v == 0, np.where(w == 0, 0.0, np.copysign(np.inf, w)), w / safe)
 
@@ -85,7 +85,7 @@ def limit_sprocket_speeds(omega: ArrayLike, limit: float) -> Array:
 def advance(pose: ArrayLike, twist: ArrayLike, duration: float | Array) -> Array:
     """Poses (..., 3) after driving a constant twist (..., 2) for `duration` [s]: exact arcs (Eqs. 6-7)."""
     x, y, phi = np.moveaxis(np.asarray(pose, float), -1, 0)
-    v, w = _split(twist)
+    v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
     turn = w * duration
     chord = v * duration * np.sinc(turn / (2 * np.pi))
     heading = phi + turn / 2
@@ -95,8 +95,3 @@ def advance(pose: ArrayLike, twist: ArrayLike, duration: float | Array) -> Array
 def wrap_angle(angle: ArrayLike) -> Array:
     """Angles wrapped to [-pi, pi)."""
     return (np.asarray(angle, float) + np.pi) % (2 * np.pi) - np.pi
-
-
-def _split(pair: ArrayLike) -> tuple[Array, Array]:
-    array = np.asarray(pair, float)
-    return array[..., 0], array[..., 1]

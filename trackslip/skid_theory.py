@@ -159,13 +159,9 @@ def _minimise(speeds: Array, contact: Contact, load: Array, inertia: Array) -> A
             h_aa = n * (1 - (a / size) ** 2)
             h_cc = n * (1 - (c / size) ** 2)
             h_ac = -n * a * c / size**2
-            cross = np.einsum("mk,ki,kj->mij", h_ac, along, across)
-            hessian = (
-                np.einsum("mk,ki,kj->mij", h_aa, along, along)
-                + np.einsum("mk,ki,kj->mij", h_cc, across, across)
-                + cross
-                + cross.swapaxes(1, 2)
-            )
+            parts = ((h_aa, along, along), (h_cc, across, across), (h_ac, along, across))
+            both_along, both_across, cross = (np.einsum("mk,ki,kj->mij", *part) for part in parts)
+            hessian = both_along + both_across + cross + cross.swapaxes(1, 2)
             step = np.linalg.solve(hessian, -gradient[..., None])[..., 0]
             decrement = -np.einsum("mi,mi->m", gradient, step)
             length = np.ones(len(twist))

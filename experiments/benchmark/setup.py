@@ -13,8 +13,8 @@ from experiments.driving.closed_loop import ClosedLoopRun, drive_closed_loops
 from experiments.driving.lookup import compensation, controller, reference
 from experiments.driving.world import World
 from experiments.options.benchmark import BenchmarkConfig, Case
-from sim.ground.file import load_ground
 from sim.ground.ground import Ground
+from sim.ground.named import load_ground
 from sim.seeds import generator
 from trackslip.controllers.base import Controller
 from trackslip.errors import InvalidValueError

@@ -1,7 +1,5 @@
 """`trackslip bench`: measure how fast the simulator is, store and print it."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import sys
@@ -19,18 +17,10 @@ from experiments.commands import grid
 from experiments.options.bench import BenchConfig
 from experiments.options.grid import SweepConfig
 from experiments.report.terminal import print_table
-from experiments.speed.grid import GridSpeed, measure_grid
-from experiments.speed.simulator import (
-    CASES,
-    CaseSpeed,
-    ThreadSpeedup,
-    case_speeds,
-    measure_simulator,
-    thread_speedups,
-)
+from experiments.speed.grid import measure_grid
+from experiments.speed.simulator import CASES, case_speeds, measure_simulator, thread_speedups
 from experiments.storage.manifest import make_manifest
-from experiments.storage.plain_json import write_json
-from experiments.storage.results import MANIFEST_FILE, SUMMARY_FILE, results_folder
+from experiments.storage.results import SUMMARY_FILE, results_folder, write_results
 from experiments.sweep.summary import Timing
 from sim.robot.robot import Robot, load_robot
 
@@ -41,28 +31,36 @@ def run(config: BenchConfig) -> None:
     with results_folder(config.out) as folder:
         robot = load_robot()
         measure = _environments if config.env else _grid if config.grid else _simulator
-        summary, print_out = measure(config, robot)
+        summary, tables = measure(config, robot)
         memory = peak_memory()
         wall = perf_counter() - began
-        about = make_manifest(
-            "bench", config, wall, seed=config.seed, model_sha256=robot.digest, processors=os.cpu_count()
-        )
-        write_json(folder / SUMMARY_FILE, summary | {"peak_memory_mb": memory, "timing": {"wall_s": wall}})
-        write_json(folder / MANIFEST_FILE, about)
-    print_out()
+        summary |= {"peak_memory_mb": memory, "timing": {"wall_s": wall}}
+        more = {"seed": config.seed, "model_sha256": robot.digest, "processors": os.cpu_count()}
+        write_results(folder, summary, make_manifest("bench", config, wall, **more))
+    for table in tables:
+        print_table(*table)
     if memory is not None and not config.grid:
         print(f"peak memory {memory:.0f} MB")
     print(f"{config.out / SUMMARY_FILE}: {wall:.1f} s")
 
 
-_Measured = tuple[dict[str, Any], Callable[[], None]]  # entries of summary.json, and what prints them
+_Cells = tuple[str, ...]
+_Table = tuple[str, _Cells, list[_Cells]]  # title, header, rows
+_Measured = tuple[dict[str, Any], list[_Table]]  # entries of summary.json, and what is printed
 
 
 def _simulator(config: BenchConfig, robot: Robot) -> _Measured:
     with _progress(len(config.sizes) * (1 + config.repeats)) as step:
         rates = measure_simulator(config, robot, step)
     speeds, speedups = case_speeds(rates, robot.model.opt.timestep), thread_speedups(rates)
-    return {"rows": speeds, "thread_speedup": speedups}, lambda: _print_simulator(speeds, speedups)
+    tables = [_speed_table("Speed of the simulation", speeds)]
+    if speedups:
+        found: dict[_Cells, _Cells] = {}
+        for one in speedups:  # in the order of CASES
+            size = str(one.n), str(one.threads)
+            found[size] = (*found.get(size, size), f"{one.speedup:.2f}")
+        tables.append(("Speed-up over one thread", ("robots", "threads", *CASES), list(found.values())))
+    return {"rows": speeds, "thread_speedup": speedups}, tables
 
 
 def _environments(config: BenchConfig, robot: Robot) -> _Measured:
@@ -70,72 +68,42 @@ def _environments(config: BenchConfig, robot: Robot) -> _Measured:
 
     with _progress(1 + config.repeats) as step:
         speeds = env_speeds(measure_env(config, step), robot.model.opt.timestep)
-    header = ("case", "robots", "threads", "steps/s", "ratio to bare", "ratio to SyncVectorEnv", "real-time factor")
-    rows = [(*_speed_cells(one), f"{one.ratio_to_single:.1f}", f"{one.real_time_factor:.1f}") for one in speeds]
-    return {"rows": speeds}, lambda: print_table("Speed of the learning environments", header, rows)
+    title, header, rows = _speed_table("Speed of the learning environments", speeds)
+    header = (*header[:-1], "ratio to SyncVectorEnv", header[-1])
+    rows = [(*row[:-1], f"{one.ratio_to_single:.1f}", row[-1]) for row, one in zip(rows, speeds, strict=True)]
+    return {"rows": speeds}, [(title, header, rows)]
+
+
+def _speed_table(title: str, speeds: Sequence[Any]) -> _Table:
+    rows: list[_Cells] = []
+    for one in speeds:
+        numbers = f"{one.steps_per_s:,.0f}", f"{one.ratio_to_bare:.2f}", f"{one.real_time_factor:.1f}"
+        rows.append((one.case, str(one.n), str(one.threads), *numbers))
+    return title, ("case", "robots", "threads", "steps/s", "ratio to bare", "real-time factor"), rows
 
 
 def _grid(config: BenchConfig, robot: Robot) -> _Measured:
     with _progress(len(config.thread_counts)) as step:
         speeds = measure_grid(config, _drive_grid, step)
-    return {"rows": speeds}, lambda: _print_grid(speeds)
+    single = next((one.wall_s for one in speeds if one.processes == 1), None)
+    header = ("processes", "runs", "wall [s]", "speed-up", "bare [s]", "without scans, poses, slips / bare")
+    rows: list[_Cells] = []
+    for one in speeds:
+        speedup = "-" if single is None else f"{single / one.wall_s:.2f}"
+        times = f"{one.wall_s:.1f}", speedup, f"{one.bare_s:.1f}", f"{one.ratio_to_bare:.2f}"
+        rows.append((str(one.processes), str(one.runs), *times))
+    stages = tuple(dict.fromkeys(name for one in speeds for name in one.stages))
+    work = [(str(one.processes), *(f"{one.stages.get(name, 0.0):.1f}" for name in stages)) for one in speeds]
+    return {"rows": speeds}, [
+        ("Speed of a grid", header, rows),
+        ("Seconds of work by stage, all processes together", ("processes", *stages), work),
+    ]
 
 
 def _drive_grid(sweep: SweepConfig) -> Timing:
     """Drive a grid into a temporary folder."""
     with tempfile.TemporaryDirectory() as folder:
         return grid.drive_and_store(replace(sweep, out=Path(folder) / "grid")).timing
-
-
-def _speed_cells(speed: Any) -> tuple[str, ...]:
-    return (
-        speed.case,
-        str(speed.n),
-        str(speed.threads),
-        f"{speed.steps_per_s:,.0f}",
-        f"{speed.ratio_to_bare:.2f}",
-    )
-
-
-def _print_simulator(speeds: Sequence[CaseSpeed], speedups: Sequence[ThreadSpeedup]) -> None:
-    header = ("case", "robots", "threads", "steps/s", "ratio to bare", "real-time factor")
-    rows = [(*_speed_cells(one), f"{one.real_time_factor:.1f}") for one in speeds]
-    print_table("Speed of the simulation", header, rows)
-    speedup = {(one.n, one.threads, one.case): one.speedup for one in speedups}
-    if speedup:
-        print_table(
-            "Speed-up over one thread",
-            ("robots", "threads", *CASES),
-            [
-                (str(n), str(threads), *(f"{speedup[n, threads, case]:.2f}" for case in CASES))
-                for n, threads in dict.fromkeys(key[:2] for key in speedup)
-            ],
-        )
-
-
-def _print_grid(speeds: Sequence[GridSpeed]) -> None:
-    one = next((speed.wall_s for speed in speeds if speed.processes == 1), None)
-    print_table(
-        "Speed of a grid",
-        ("processes", "runs", "wall [s]", "speed-up", "bare [s]", "without scans, poses, slips / bare"),
-        [
-            (
-                str(speed.processes),
-                str(speed.runs),
-                f"{speed.wall_s:.1f}",
-                "-" if one is None else f"{one / speed.wall_s:.2f}",
-                f"{speed.bare_s:.1f}",
-                f"{speed.ratio_to_bare:.2f}",
-            )
-            for speed in speeds
-        ],
-    )
-    stages = list(dict.fromkeys(name for speed in speeds for name in speed.stages))
-    print_table(
-        "Seconds of work by stage, all processes together",
-        ("processes", *stages),
-        [(str(speed.processes), *(f"{speed.stages.get(name, 0.0):.1f}" for name in stages)) for speed in speeds],
-    )
 
 
 def peak_memory() -> float | None:

@@ -1,7 +1,5 @@
 """`trackslip benchmark`: drive what isn't driven yet, gather, report."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -18,15 +16,8 @@ from experiments.report.formats import stages_text
 from experiments.report.terminal import print_table, progress
 from experiments.storage.manifest import command_line, relative
 from experiments.storage.parts import Parts, resumable
-from experiments.storage.plain_json import plain, write_json
-from experiments.storage.results import (
-    LEADERBOARD_FILE,
-    MANIFEST_FILE,
-    REPORT_FILE,
-    RUNS_FILE,
-    SUMMARY_FILE,
-    results_folder,
-)
+from experiments.storage.plain_json import plain
+from experiments.storage.results import LEADERBOARD_FILE, REPORT_FILE, RUNS_FILE, results_folder, write_results
 from sim.stopwatch import Stopwatch
 from trackslip.logs.logfile import read_runs
 from trackslip.logs.runlog import RunLog
@@ -74,12 +65,9 @@ def run(config: BenchmarkConfig) -> None:
             "rows": [row.to_json() for row in rows],
             "cases": [run.to_json() for run in runs],
             "failures": [{"run": run.case.run, "error": run.error} for run in failures],
-            "runs": len(runs),
-            "wall_s": wall,
-            "timing": {"wall_s": wall, "stages": watch.stages},
         }
-        write_json(folder / SUMMARY_FILE, summary)
-        write_json(folder / MANIFEST_FILE, about)
+        timing = {"runs": len(runs), "wall_s": wall, "timing": {"wall_s": wall, "stages": watch.stages}}
+        write_results(folder, summary | timing, about)
     print_table("Position errors, means over references, grounds and seeds", BOARD_HEADER, board_text(entries))
     for line in lost:
         print(line)
@@ -90,7 +78,7 @@ def run(config: BenchmarkConfig) -> None:
 
 
 def _drive(config: BenchmarkConfig, parts: Parts, wanted: Mapping[Case, str]) -> list[RunLog]:
-    """Drive the runs that aren't there yet, and keep them; what was recorded of runs that failed."""
+    """Drive and keep the runs that aren't there yet; returns what was recorded of runs that failed."""
     unfinished = []
     missing = {case: id for case, id in wanted.items() if id not in parts}
     total = seconds(list(wanted))

@@ -1,10 +1,7 @@
 """`trackslip calibrate`: tune the simulated robot to published or measured slips and radii."""
 
-from __future__ import annotations
-
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,8 +13,7 @@ from experiments.options.calibrate import CalibrateConfig
 from experiments.recording import record_all
 from experiments.report.terminal import busy, print_table, progress
 from experiments.storage.manifest import command_line, make_manifest
-from experiments.storage.plain_json import plain, write_json
-from experiments.storage.results import MANIFEST_FILE, SUMMARY_FILE, results_folder
+from experiments.storage.results import results_folder, write_results
 from sim.calibration.calibration import Candidate, Fit, calibrate, floor, simulated_twist, starts
 from sim.calibration.target import MeasuredTurns, Target, TurnTable
 from sim.ground.ground import Ground
@@ -49,9 +45,9 @@ def run(config: CalibrateConfig) -> None:
             lowest = floor(best, target)
             report(1)
         wall = time.perf_counter() - began
-        summary = plain(FitSummary.of(best)) | {
+        summary = fit_summary(best) | {
             "floor": {"slip_rms": lowest.slip_rms, "values": values(lowest, lowest.candidate)},
-            "centred": None if centred is None else FitSummary.of(centred),
+            "centred": None if centred is None else fit_summary(centred),
             "starts": [{"cost": cost, "values": values(best, end)} for end, cost in best.ends],
             "wall_s": wall,
             "timing": {"wall_s": wall},
@@ -59,8 +55,7 @@ def run(config: CalibrateConfig) -> None:
         made = Ground(ground.along, ground.along * best.candidate.friction_ratio)
         comment = f"made by: {command_line('calibrate')}"
         (folder / ROBOT).write_text(robot_file_text(best.candidate.robot, made, comment), encoding="utf-8")
-        write_json(folder / SUMMARY_FILE, summary)
-        write_json(folder / MANIFEST_FILE, make_manifest("calibrate", config, wall, seed=config.seed))
+        write_results(folder, summary, make_manifest("calibrate", config, wall, seed=config.seed))
         if config.rrd:
             with busy("recordings"):
                 record_all(folder, sample_runs(folder / ROBOT, config))
@@ -68,11 +63,7 @@ def run(config: CalibrateConfig) -> None:
 
 
 def read_target(name: str, geometry: RobotGeometry) -> Target:
-    """The published target, or the one in a file; `geometry` is used for a log that contains none.
-
-    Raises:
-        LogError: for a file that cannot be used.
-    """
+    """The published target, or that in a file, `geometry` being used for a log without; raises LogError."""
     if name == "published":
         return TurnTable.published()
     path = Path(name)
@@ -84,20 +75,17 @@ def read_target(name: str, geometry: RobotGeometry) -> Target:
         source = read_source(path)
     except InvalidValueError:  # the log contains no geometry
         source = read_source(path, Reading(geometry.half_gauge, geometry.sprocket_radius))
-    simulated = all("plate" in log.metadata for log in source.logs) and len(source.logs) > 0
+    simulated = bool(source.logs) and all("plate" in log.metadata for log in source.logs)
     return MeasuredTurns(source.sampling.samples, source.geometry, of_plate=simulated)
 
 
 def _turn_table(columns: Any, name: str) -> TurnTable:
+    for label, column in zip(TABLE_COLUMNS, columns.T, strict=True):
+        wrong, allowed = (column >= 1, "< 1") if label.startswith("slip") else (column <= 0, "> 0")
+        if np.any(wrong):
+            row = int(np.argmax(wrong))
+            raise LogError(f"{name}: row {row + 1}, column {label}: {column[row]:g} must be {allowed}")
     radius, speed, observed, outer, inner = columns.T
-    for label, column in (("radius", radius), ("speed", speed), ("observed_radius", observed)):
-        if np.any(column <= 0):
-            row = int(np.argmax(column <= 0))
-            raise LogError(f"{name}: row {row + 1}, column {label}: {column[row]:g} must be > 0")
-    for label, column in (("slip_outer", outer), ("slip_inner", inner)):
-        if np.any(column >= 1):
-            row = int(np.argmax(column >= 1))
-            raise LogError(f"{name}: row {row + 1}, column {label}: {column[row]:g} must be < 1")
     return TurnTable(radius, speed, observed, np.stack([inner, outer], axis=-1), 3 * len(columns))
 
 
@@ -114,53 +102,19 @@ def values(fit: Fit, candidate: Candidate) -> dict[str, float]:
     return {name: candidate.value(name) for name in fit.free}
 
 
-@dataclass(frozen=True)
-class ParameterEstimate:
-    """A calibrated parameter [SI]."""
-
-    value: float
-    stderr: float | None
-    """Standard error; None where the target does not determine the parameter."""
-    identifiable: bool
-    """Whether the target determines the parameter separately from the others."""
-
-
-@dataclass(frozen=True)
-class FitSummary:
-    """A calibration as an entry of the summary."""
-
-    parameters: Mapping[str, ParameterEstimate]
-    slip_rms: float
-    """Root mean square of the slip's residual [-]."""
-    radius_rms: float | None
-    """Root mean square of the radius' relative residual [-]; None for a target without radii."""
-
-    @classmethod
-    def of(cls, fit: Fit) -> FitSummary:
-        """Of a fit."""
-        parameters = {
-            name: ParameterEstimate(value, fit.stderr.get(name), name not in fit.tied)
-            for name, value in values(fit, fit.candidate).items()
-        }
-        return cls(parameters, fit.slip_rms, fit.radius_rms)
-
-
-def disagreement(fit: Fit) -> float:
-    """Largest distance of a parameter from its best value, over all starts, in standard errors [-]."""
-    best, *others = (end for end, _ in fit.ends)
-    return max(
-        (abs(end.value(name) - best.value(name)) / error for end in others for name, error in fit.stderr.items()),
-        default=0.0,
-    )
-
-
-_LENGTHS = ("half_gauge", "contact_length", "com_x", "com_y")
+def fit_summary(fit: Fit) -> dict[str, Any]:
+    """A fit as an entry of the summary; a parameter that the target does not determine has no standard error."""
+    parameters = {
+        name: {"value": value, "stderr": fit.stderr.get(name), "identifiable": name not in fit.tied}
+        for name, value in values(fit, fit.candidate).items()
+    }
+    return {"parameters": parameters, "slip_rms": fit.slip_rms, "radius_rms": fit.radius_rms}
 
 
 def _value(fit: Fit, name: str) -> str:
     if name not in fit.free:
         return "-"
-    factor, unit = (1e3, " mm") if name in _LENGTHS else (1.0, "")
+    factor, unit = (1.0, "") if name in ("friction_ratio", "radius_error") else (1e3, " mm")
     value = factor * fit.candidate.value(name)
     if name not in fit.stderr:
         return f"{value:.4g}{unit} (open)"
@@ -179,5 +133,7 @@ def _print(config: CalibrateConfig, best: Fit, centred: Fit | None, lowest: Fit,
     if best.tied:
         print(f"not identifiable separately: {', '.join(best.tied)}; the target leaves their values open")
     if len(best.ends) > 1:
-        print(f"{len(best.ends)} starts end within {disagreement(best):.1g} standard errors of each other")
+        ends = [[end.value(name) for name in best.stderr] for end, _ in best.ends]
+        apart = np.abs(np.subtract(ends, ends[0])) / list(best.stderr.values())
+        print(f"{len(ends)} starts end within {apart.max(initial=0.0):.1g} standard errors of each other")
     print(f"{config.out / ROBOT}: {wall:.1f} s; use it with --robot {config.out / ROBOT}")

@@ -1,7 +1,5 @@
 """`trackslip coverage`: do the 95 % intervals cover the truth in 95 % of many repeats?"""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Mapping
 
@@ -20,8 +18,7 @@ from experiments.options.coverage import CoverageConfig
 from experiments.recording import record_all
 from experiments.report.law_symbols import SYMBOLS
 from experiments.report.terminal import print_table, progress
-from experiments.storage.plain_json import write_json
-from experiments.storage.results import MANIFEST_FILE, SUMMARY_FILE, results_folder
+from experiments.storage.results import SUMMARY_FILE, results_folder, write_results
 from trackslip.identification.comparison import compare_laws
 from trackslip.identification.samples import SlipSamples, true_samples
 from trackslip.slip.families import FAMILIES
@@ -35,10 +32,10 @@ def run(config: CoverageConfig) -> None:
         geometry = world.robot.geometry
         repeats: list[tuple[SlipSamples, SlipSamples]] = []
         size = len(cells_of(config))
-        with progress(
-            f"{config.drives} grids of {size} runs, {config.run_repeats} scans", 2 * config.drives, "stages"
-        ) as step:
-            for k, count in enumerate(config.shares()):
+        stage = f"{config.drives} grids of {size} runs, {config.run_repeats} scans"
+        with progress(stage, 2 * config.drives, "stages") as step:
+            for k in range(config.drives):
+                count = len(range(k, config.run_repeats, config.drives))
                 logs = drive_grid(config.grid(k), world)
                 step(1.0)
                 if k == 0 and config.rrd:
@@ -57,23 +54,16 @@ def run(config: CoverageConfig) -> None:
         found = Coverage(config.repeats, known, unknown, runs)
         wall = time.perf_counter() - began
         timing = {"wall_s": wall, "stages": {"coverage": wall}}
-        write_json(folder / SUMMARY_FILE, vars(found) | {"timing": timing})
-        write_json(folder / MANIFEST_FILE, world.manifest("coverage", wall, config))
+        write_results(folder, vars(found) | {"timing": timing}, world.manifest("coverage", wall, config))
+    header = ("law", "parameter", "drawn from", "errors known", "errors unknown")
     print_table(
-        f"Share of {config.repeats} repeats whose 95 % interval covers the parameter",
-        ("law", "parameter", "drawn from", "errors known", "errors unknown"),
-        _rows(found, values),
+        f"Share of {config.repeats} repeats whose 95 % interval covers the parameter", header, _rows(found, values)
     )
-    print_table(
-        f"Share of {runs.repeats} grids whose {RUN_LAW} interval covers the value fitted to the true motion",
-        ("parameter", "noise alone", "95 % interval"),
-        [(SYMBOLS[key], f"{runs.noise[key]:.3f}", f"{runs.interval95[key]:.3f}") for key in runs.noise],
-    )
-    print(
-        "The true motion here is the plate's, which leans outwards with the robot. This changes "
-        + " and ".join(f"{SYMBOLS[key]} by {value:+.6f}" for key, value in runs.bias_by_lean.items())
-        + "."
-    )
+    title = f"Share of {runs.repeats} grids whose {RUN_LAW} interval covers the value fitted to the true motion"
+    rows = [(SYMBOLS[key], f"{runs.noise[key]:.3f}", f"{runs.interval95[key]:.3f}") for key in runs.noise]
+    print_table(title, ("parameter", "noise alone", "95 % interval"), rows)
+    bias = " and ".join(f"{SYMBOLS[key]} by {value:+.6f}" for key, value in runs.bias_by_lean.items())
+    print(f"The true motion here is the plate's, which leans outwards with the robot. This changes {bias}.")
     print(f"{config.out / SUMMARY_FILE}: {wall:.1f} s")
 
 

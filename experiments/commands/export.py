@@ -1,11 +1,9 @@
 """`trackslip export`: stored runs as CSV, for spreadsheets and for programs without Parquet."""
 
-from __future__ import annotations
-
-import contextlib
 import csv
 import os
-from collections.abc import Callable, Mapping, Sequence
+import tempfile
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,8 +30,7 @@ def run(config: ExportConfig) -> None:
     for name in (file, about):
         if name.exists() and not config.overwrite:
             raise OutputError(f"{name}: exists already; --overwrite replaces it")
-    columns = to_table(logs).column_names
-    _write({about: lambda path: _write_columns(columns, path), file: lambda path: write_csv(logs, path)})
+    _write(logs, file, about)
     print(f"{file}: {len(logs)} run(s), {sum(len(log.time) for log in logs)} rows; units in {about.name}")
     geometry = logs[0].metadata.get("geometry")
     steady = any(log.twist_command is None for log in logs)  # runs under a controller aren't
@@ -56,26 +53,18 @@ def _row(log: RunLog) -> tuple[str, ...]:
     return log.run, str(len(log.time)), f"{log.time[-1] - log.time[0]:.2f}", "no" if log.truth is None else "yes"
 
 
-def _write_columns(names: Sequence[str], path: Path) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(("column", "unit", "description"))
-        writer.writerows((COLUMNS[name].name, COLUMNS[name].unit, COLUMNS[name].description) for name in names)
-
-
-def _write(files: Mapping[Path, Callable[[Path], None]]) -> None:
-    """Write each file with its own function: all of them complete, or none."""
-    drafts = {path: path.with_name(f".partial-{os.getpid()}-{path.name}") for path in files}
-    path = next(iter(files))
+def _write(logs: Sequence[RunLog], file: Path, about: Path) -> None:
+    """Write the runs, and unit and meaning of each column: both files complete, or none."""
+    columns = [COLUMNS[name] for name in to_table(logs).column_names]
     try:
-        for path, writing in files.items():
-            path.parent.mkdir(parents=True, exist_ok=True)
-            writing(drafts[path])
-        for path, draft in drafts.items():
-            os.replace(draft, path)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=".partial-", dir=file.parent) as folder:
+            with (Path(folder) / about.name).open("w", newline="", encoding="utf-8") as text:
+                writer = csv.writer(text)
+                writer.writerow(("column", "unit", "description"))
+                writer.writerows((column.name, column.unit, column.description) for column in columns)
+            write_csv(logs, Path(folder) / file.name)
+            for path in (about, file):
+                os.replace(Path(folder) / path.name, path)
     except OSError as error:
-        raise OutputError(f"{path}: can't be written ({error.strerror or error})") from error
-    finally:
-        for draft in drafts.values():
-            with contextlib.suppress(OSError):
-                draft.unlink()
+        raise OutputError(f"{file}: can't be written ({error.strerror or error})") from error

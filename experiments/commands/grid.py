@@ -1,7 +1,5 @@
 """`trackslip grid`: drive what isn't driven yet, gather, sum up."""
 
-from __future__ import annotations
-
 import functools
 import time
 from collections.abc import Sequence
@@ -15,15 +13,13 @@ from experiments.recording import record_all
 from experiments.report.formats import stages_text
 from experiments.report.terminal import progress
 from experiments.storage.parts import Parts, resumable
-from experiments.storage.plain_json import write_json
 from experiments.storage.results import (
-    MANIFEST_FILE,
     RECORDINGS_FOLDER,
     RUNS_FILE,
-    SUMMARY_FILE,
     TABLE_FILE,
     arrow_errors,
     results_folder,
+    write_results,
 )
 from experiments.sweep.drive import drive
 from experiments.sweep.plan import Run, fleets, plan
@@ -62,8 +58,7 @@ def drive_and_store(config: SweepConfig) -> SweepSummary:
             summary = replace(summary, timing=replace(summary.timing, wall_s=wall))
             failed = len(summary.failures) == len(runs)
             manifest = world.manifest("grid", wall) | ({"error": _all_failed(summary.failures)} if failed else {})
-            write_json(folder / SUMMARY_FILE, summary.to_json())
-            write_json(folder / MANIFEST_FILE, manifest)
+            write_results(folder, summary.to_json(), manifest)
     except (KeyboardInterrupt, WorkersFailedError, OutputError) as stop:
         same = "the same command" if config.resume else "the same command without --no-resume"
         raise resumable(stop, sum(run.id in parts for run in runs), len(runs), same) from None
@@ -81,9 +76,8 @@ def _drive_and_gather(config: SweepConfig, runs: Sequence[Run], parts: Parts, fo
         parts.discard()
     missing = [run for run in runs if run.id not in parts]
     began = time.perf_counter()
-    stages, unfinished = _drive(config, parts, runs, missing)
+    unfinished = _drive(config, parts, runs, missing, watch) if missing else []
     driving = time.perf_counter() - began
-    watch.stages |= stages
     stored = [parts[run.id] for run in runs]
     rows = [_row_of(run, RunRow.from_json(one.row)) for run, one in zip(runs, stored, strict=True)]
     failures = [row for row in rows if row.error is not None]
@@ -96,35 +90,21 @@ def _drive_and_gather(config: SweepConfig, runs: Sequence[Run], parts: Parts, fo
             record_all(folder, [*(read_runs(file) if file.exists() else ()), *unfinished])
         with arrow_errors(folder / TABLE_FILE):
             write_table(rows, list(runs[0].axes), folder / TABLE_FILE)
-    made_by = {one.row["made_by"]: one.made_by for one in stored}
-    return SweepSummary(
-        grids=grids_of(runs, rows),
-        warnings=warnings_of(rows),
-        in_full=numbers_in_full(config, runs, rows, lambda: read_runs(file), watch),
-        runs=rows,
-        made_by=dict(sorted(made_by.items())),
-        timing=Timing(
-            simulated_s=sum(one.config.duration for one in missing),
-            driving_s=driving,
-            stages=watch.stages,
-            driven=len(missing),
-            taken=len(runs) - len(missing),
-            wall_s=0.0,
-        ),
-    )
+    in_full = numbers_in_full(config, runs, rows, lambda: read_runs(file), watch)
+    made_by = {one.row["made_by"]: one.made_by for one in sorted(stored, key=lambda one: one.row["made_by"])}
+    simulated = sum(one.config.duration for one in missing)
+    timing = Timing(simulated, driving, watch.stages, len(missing), len(runs) - len(missing), wall_s=0.0)
+    return SweepSummary(grids_of(runs, rows), warnings_of(rows), in_full, rows, made_by, timing)
 
 
 def _drive(
-    config: SweepConfig, parts: Parts, runs: Sequence[Run], missing: Sequence[Run]
-) -> tuple[dict[str, float], list[RunLog]]:
-    """Drive what is missing and keep it, part by part.
+    config: SweepConfig, parts: Parts, runs: Sequence[Run], missing: Sequence[Run], watch: Stopwatch
+) -> list[RunLog]:
+    """Drive what is missing and keep it, part by part; `watch` takes the work of all workers together.
 
-    Returns work by stage, all workers together [s], and what was recorded of runs that failed, until they did.
+    Returns what was recorded of runs that failed, until they did.
     """
-    stages: dict[str, float] = {}
     unfinished: list[RunLog] = []
-    if not missing:
-        return stages, unfinished
     jobs = config.jobs or processors()
     jobs = min(jobs, len(fleets(missing, jobs)))
     total, left = (sum(one.config.duration for one in some) for some in (runs, missing))
@@ -141,8 +121,8 @@ def _drive(
                 report(fleet.duration)
             unfinished += fleet.unfinished
             for name, seconds in fleet.stages.items():
-                stages[name] = stages.get(name, 0.0) + seconds
-    return stages, unfinished
+                watch.stages[name] = watch.stages.get(name, 0.0) + seconds
+    return unfinished
 
 
 def _row_of(run: Run, row: RunRow) -> RunRow:
@@ -153,7 +133,5 @@ def _row_of(run: Run, row: RunRow) -> RunRow:
 
 def _all_failed(failures: Sequence[RunRow]) -> str:
     """What to say if there is no run."""
-    first = failures[0]
-    if len(failures) == 1:
-        return str(first.error)
-    return f"all {len(failures)} runs fail, the first, {first.run!r}: {first.error}"
+    first, *others = failures
+    return f"all {len(failures)} runs fail, the first, {first.run!r}: {first.error}" if others else str(first.error)

@@ -1,36 +1,19 @@
 """`trackslip identify`: slip laws from a stored grid or from a real robot's log."""
 
-from __future__ import annotations
-
 import time
 from functools import partial
 
 from experiments.options.identify import IdentifyConfig
+from experiments.report import identification as tables
 from experiments.report.formats import for_terminal
-from experiments.report.identification import (
-    CRITERIA_HEADER,
-    LAW_HEADER,
-    criteria_rows,
-    criteria_table,
-    law_rows,
-    law_table,
-)
 from experiments.report.reproduction import Report, render
 from experiments.report.terminal import print_table, progress
 from experiments.storage.manifest import command_line, make_manifest
-from experiments.storage.plain_json import write_json
-from experiments.storage.results import (
-    MANIFEST_FILE,
-    REPORT_FILE,
-    SUMMARY_FILE,
-    results_folder,
-    write_runs,
-    write_samples,
-)
+from experiments.storage.results import REPORT_FILE, results_folder, write_results, write_samples
 from experiments.sweep.table import chosen
-from trackslip.identification.identify import identified
+from trackslip.identification.identify import identify_samples
+from trackslip.identification.result import identification_to_json
 from trackslip.identification.source import Reading, Source, origin, read_source
-from trackslip.identification.summary import identification_to_json
 from trackslip.slip.families import FAMILIES
 
 
@@ -40,17 +23,14 @@ def run(config: IdentifyConfig) -> None:
     with results_folder(config.out) as folder, progress("identification", 3, "stages") as report:
         source = source_of(config)
         report(1)
-        found = identified(source)
+        found = identify_samples(source.sampling, source.geometry, source.logs)
         report(1)
         wall = time.perf_counter() - began
         timing = {"wall_s": wall, "stages": {"identify": wall}}
         manifest = make_manifest("identify", config, wall, **origin(source.logs))
-        if source.logs:
-            write_runs(folder, source.logs)
-        else:
+        if not source.logs:
             write_samples(folder, source.sampling.samples)
-        write_json(folder / SUMMARY_FILE, identification_to_json(found) | {"timing": timing})
-        write_json(folder / MANIFEST_FILE, manifest)
+        write_results(folder, identification_to_json(found) | {"timing": timing}, manifest, source.logs)
         page = Report(
             title=f"Slip laws identified from {config.path.name}",
             command=command_line("identify"),
@@ -61,9 +41,10 @@ def run(config: IdentifyConfig) -> None:
         render(page).write(folder, config.pdf)
         report(1)
     best = found.comparison.best
-    laws, criteria = law_table(law_rows(found.comparison)), criteria_table(criteria_rows(found))
-    print_table(f"Slip laws from {len(found.samples)} runs", LAW_HEADER, for_terminal(laws))
-    print_table("Laws compared, the best first", CRITERIA_HEADER, for_terminal(criteria))
+    laws = tables.law_table(tables.law_rows(found.comparison))
+    criteria = tables.criteria_table(tables.criteria_rows(found))
+    print_table(f"Slip laws from {len(found.samples)} runs", tables.LAW_HEADER, for_terminal(laws))
+    print_table("Laws compared, the best first", tables.CRITERIA_HEADER, for_terminal(criteria))
     for warning in found.warnings:
         print(f"warning: {warning}")
     print(f"best: {best}, {FAMILIES[best].title}")

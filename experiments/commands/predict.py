@@ -1,7 +1,5 @@
 """`trackslip predict`: a slip law from theory, without simulating."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 
@@ -10,8 +8,7 @@ import numpy as np
 from experiments.options.predict import PredictConfig
 from experiments.report.terminal import print_table
 from experiments.storage.manifest import make_manifest
-from experiments.storage.plain_json import write_json
-from experiments.storage.results import MANIFEST_FILE, SUMMARY_FILE, results_folder
+from experiments.storage.results import results_folder, write_results
 from sim.robot.file import load_robot_file
 from sim.robot.parameters import RobotParameters
 from trackslip.logs.file_format import FORMAT
@@ -35,8 +32,7 @@ def run(config: PredictConfig) -> None:
             "slip": {"outer": slip[:, 1], "inner": slip[:, 0]},
             "timing": {"wall_s": wall, "stages": {"predict": wall}},
         }
-        write_json(folder / SUMMARY_FILE, summary)
-        write_json(folder / MANIFEST_FILE, make_manifest("predict", config, wall))
+        write_results(folder, summary, make_manifest("predict", config, wall))
     rows = [(f"{r:g}", f"{s[1]:+.4f}", f"{s[0]:+.4f}") for r, s in zip(config.radii, slip, strict=True)]
     print_table("Slip by quasi-static Coulomb theory", ("radius driven [m]", "outer slip", "inner slip"), rows)
     print(f"D = {1e3 * law.offset:.2f} mm; use it with --laws {config.out}")
@@ -51,11 +47,7 @@ def predicted_robot(config: PredictConfig) -> tuple[RobotParameters, float]:
 
 
 def predict(config: PredictConfig) -> ConstantIcr:
-    """The constant ICR of quasi-static theory, the same for every radius and speed.
-
-    Raises:
-        InvalidValueError: for a centre of mass that would lift part of a track.
-    """
+    """The constant ICR of theory; raises InvalidValueError for a centre of mass that would lift part of a track."""
     robot, ratio = predicted_robot(config)
     contact = line_contact(
         robot.half_gauge, robot.contact_length / 2, along=1.0, across=ratio, centre_of_mass=(robot.com_x, 0.0, 0.0)

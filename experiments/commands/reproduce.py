@@ -1,9 +1,7 @@
 """`trackslip reproduce`: the paper from its first run to its last figure."""
 
-from __future__ import annotations
-
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from experiments.driving.closed_loop import ClosedLoopRun, drive_closed_loops, start_pose
@@ -27,8 +25,8 @@ from experiments.storage.results import REPORT_FILE, write_results
 from sim.run_recorder import RunFailedError
 from sim.stopwatch import Stopwatch
 from trackslip.identification.identify import identify_samples
+from trackslip.identification.result import identification_to_json
 from trackslip.identification.samples import usable_samples
-from trackslip.identification.summary import identification_to_json
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.compensation import FixedLaw
@@ -86,16 +84,22 @@ def run(config: ReproduceConfig) -> None:
         wall, simulated = time.perf_counter() - began, simulated_seconds(logs)
         summary: dict[str, Any] = {
             **identification_to_json(found),
-            "published": published_summary(),
+            "published": {
+                "outer": {"alpha": PUBLISHED.alpha_outer, "beta": PUBLISHED.beta_outer},
+                "inner": {"alpha": PUBLISHED.alpha_inner, "beta": PUBLISHED.beta_inner},
+            },
             "warnings": [*warnings, *found.warnings],
             **grid.to_json(),
             "tracking": [result.to_json() for result in tracking],
             "timing": {"wall_s": wall, "simulated_s": simulated, "stages": watch.stages},
         }
-        write_results(folder, logs, plain(summary), manifest)
+        write_results(folder, plain(summary), manifest, logs)
         if config.rrd:
+            compared: dict[str, list[RunLog]] = {}
+            for log in tracking_logs:
+                compared.setdefault(f"{log.metadata['controller']} compared", []).append(log)
             with busy("recordings"):
-                record_all(folder, logs, _by_controller(tracking_logs))
+                record_all(folder, logs, compared)
     print_table("Published | simulated", COMPARISON_HEADER, for_terminal(comparison_table(comparison)))
     print_table("Tracking errors of the true pose", TRACKING_HEADER, tracking_table(tracking))
     for warning in summary["warnings"]:
@@ -108,34 +112,14 @@ def drive_paths(config: ReproduceConfig, world: World, identified: Mapping[str, 
     """Drive both controllers with every compensation along the paper's path, as one fleet (Sec. IV)."""
     path = paper_reference()
     laws = {**KNOWN_LAWS, **identified}
+    starts = {name: start_pose(name, "paper", path) for name in ("feedforward", "linear")}
+    metadata = {"reference": "paper"}
     runs = [
-        ClosedLoopRun(
-            name=f"{controller} {compensation}",
-            key=f"track {controller} {compensation}",
-            seed=config.seed,
-            controller=controller,
-            compensation=compensation,
-            start=start_pose(controller, "paper", path),
-            metadata={"reference": "paper"},
-        )
-        for controller in ("feedforward", "linear")
-        for compensation in laws
+        ClosedLoopRun(f"{name} {law}", f"track {name} {law}", config.seed, name, law, start, metadata=metadata)
+        for name, start in starts.items()
+        for law in laws
     ]
     with progress(f"{len(runs)} closed loops", path.duration) as report:
         return drive_closed_loops(
-            runs, world, path, config.localization, lambda name: FixedLaw(laws[name]), progress=report
+            runs, world, path, config.localization, lambda law: FixedLaw(laws[law]), progress=report
         )
-
-
-def _by_controller(logs: Sequence[RunLog]) -> dict[str, list[RunLog]]:
-    """Groups of runs that differ in their compensation only."""
-    controllers = dict.fromkeys(log.metadata["controller"] for log in logs)
-    return {f"{name} compared": [log for log in logs if log.metadata["controller"] == name] for name in controllers}
-
-
-def published_summary() -> dict[str, Any]:
-    """Eq. 11 as an entry of the summary."""
-    return {
-        "outer": {"alpha": PUBLISHED.alpha_outer, "beta": PUBLISHED.beta_outer},
-        "inner": {"alpha": PUBLISHED.alpha_inner, "beta": PUBLISHED.beta_inner},
-    }

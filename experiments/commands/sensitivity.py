@@ -1,7 +1,5 @@
 """`trackslip sensitivity`: how disturbances of scanner, mounting and field affect the identified slip."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
 
@@ -14,8 +12,7 @@ from experiments.report.formats import for_terminal
 from experiments.report.sensitivity import HEADER, render, table
 from experiments.report.terminal import busy, print_table, progress
 from experiments.storage.manifest import command_line
-from experiments.storage.plain_json import write_json
-from experiments.storage.results import MANIFEST_FILE, REPORT_FILE, SUMMARY_FILE, results_folder
+from experiments.storage.results import REPORT_FILE, results_folder, write_results
 from sim.runs import Progress
 from trackslip.logs.runlog import RunLog
 
@@ -31,8 +28,7 @@ def run(config: SensitivityConfig) -> None:
         wall = time.perf_counter() - began
         manifest = world.manifest("sensitivity", wall)
         render(rows, manifest, command_line("sensitivity")).write(folder, config.pdf)
-        write_json(folder / SUMMARY_FILE, {"rows": rows, "timing": {"wall_s": wall}})
-        write_json(folder / MANIFEST_FILE, manifest)
+        write_results(folder, {"rows": rows, "timing": {"wall_s": wall}}, manifest)
         if config.rrd:
             with busy("recordings"):
                 record_all(folder, examples)

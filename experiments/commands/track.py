@@ -1,7 +1,5 @@
 """`trackslip track`: one run in closed loop."""
 
-from __future__ import annotations
-
 import time
 from functools import partial
 from typing import Any
@@ -41,7 +39,7 @@ def run(config: TrackConfig) -> None:
             "localization": poses,
             "timing": {"wall_s": wall, "simulated_s": simulated_seconds(logs), "stages": {"track": wall}},
         }
-        write_results(folder, logs, summary, world.manifest("track", wall))
+        write_results(folder, summary, world.manifest("track", wall), logs)
         if config.rrd:
             with busy("recording"):
                 record_all(folder, logs)
@@ -51,7 +49,7 @@ def run(config: TrackConfig) -> None:
 
 
 def drive(config: TrackConfig, world: World, path: Reference) -> list[RunLog]:
-    """Drive the run; a list of one."""
+    """Drive the run; returns a list of one."""
     name = f"{config.controller} {config.compensation}"
     metadata: dict[str, Any] = {"reference": config.reference}
     if config.reference == "circle":
@@ -67,12 +65,8 @@ def drive(config: TrackConfig, world: World, path: Reference) -> list[RunLog]:
 
 def circle_options(config: TrackConfig, robot: Robot) -> dict[str, Any]:
     """The arguments of the configured circle."""
-    return {
-        "radius": config.circle_radius,
-        "speed": config.circle_speed,
-        "duration": config.circle_duration,
-        "start": before_scanner(robot),
-    }
+    options = {name: getattr(config, f"circle_{name}") for name in ("radius", "speed", "duration")}
+    return options | {"start": before_scanner(robot)}
 
 
 def make_reference(config: TrackConfig, robot: Robot) -> Reference:

@@ -1,11 +1,9 @@
 """`trackslip train`: train a policy with PPO from Stable-Baselines3 on the vector environment."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +13,7 @@ from experiments.options.train import TrainConfig
 from experiments.recording import record_all
 from experiments.report.terminal import progress
 from experiments.storage.manifest import make_manifest
-from experiments.storage.plain_json import write_json
-from experiments.storage.results import MANIFEST_FILE, SUMMARY_FILE, results_folder
+from experiments.storage.results import results_folder, write_results
 from sim.path_tracking.config import Reward
 from sim.path_tracking.randomization import Randomization
 from sim.policy import Network, Policy
@@ -29,16 +26,6 @@ _MIN_RATE = 0.05  # final over initial learning rate
 _CHECKPOINT_EVERY = 20  # updates
 _RANDOMIZATION = Randomization(start_distance=(0.0, 0.2), start_heading=(-0.4, 0.4), friction_ratio=(0.9, 1.4))
 _REWARD = Reward(weight_position=0.8, weight_heading=0.2, weight_change=4.0, position_scale=0.02, heading_scale=0.2)
-
-
-@dataclass(frozen=True)
-class CurvePoint:
-    """A point of the learning curve."""
-
-    steps: int
-    """Control steps done so far, all robots together."""
-    reward: float
-    """Mean reward per step since the point before, at most 1 [-]."""
 
 
 def run(config: TrainConfig) -> None:
@@ -56,12 +43,12 @@ def run(config: TrainConfig) -> None:
         policy_of(model, config).save(folder / POLICY)
         wall = time.perf_counter() - began
         timing = {"wall_s": wall, "steps_per_s": (model.num_timesteps - before) / wall}
-        write_json(folder / SUMMARY_FILE, {"steps": model.num_timesteps, "curve": curve, "timing": timing})
-        write_json(folder / MANIFEST_FILE, make_manifest("train", config, wall, seed=config.seed))
+        summary = {"steps": model.num_timesteps, "curve": curve, "timing": timing}
+        write_results(folder, summary, make_manifest("train", config, wall, seed=config.seed))
         if config.rrd:
             record_all(folder, [log for name in config.references for log in _driven(config, folder / POLICY, name)])
-    for point in (curve[0], curve[-1]) if curve else ():
-        print(f"{point.steps:>10,} steps: {point.reward:.3f} of 1 per step")
+    for point in curve[:1] + curve[-1:]:
+        print(f"{point['steps']:>10,} steps: {point['reward']:.3f} of 1 per step")
     print(f"{config.out / POLICY}: {model.num_timesteps:,} steps in {wall:.0f} s")
 
 
@@ -86,21 +73,8 @@ def _driven(config: TrainConfig, policy: Path, reference: str) -> list[RunLog]:
         logs = drive(course, world, make_reference(course, world.robot))
     except RunFailedError as error:
         logs = error.logs
-    controller = {"controller": f"ppo:{config.out}"}
-    return [replace(log, run=f"policy {reference}", metadata=log.metadata | controller) for log in logs[:1]]
-
-
-def environment_options(config: TrainConfig) -> dict[str, Any]:
-    """Keyword arguments of the environment."""
-    return {
-        "reference": config.references,
-        "ground": config.grounds,
-        "action": "twist",
-        "compensation": config.compensation,
-        "pose_source": "noisy",
-        "reward": _REWARD,
-        "randomization": _RANDOMIZATION,
-    }
+    named = {"controller": f"ppo:{config.out}"}
+    return [replace(log, run=f"policy {reference}", metadata=log.metadata | named) for log in logs[:1]]
 
 
 def policy_of(model: Any, config: TrainConfig) -> Policy:
@@ -122,9 +96,18 @@ def _model(config: TrainConfig) -> Any:
     from sim.sb3 import Corrections, PathTrackingVecEnv
 
     torch.set_num_threads(1)  # its threads would take processors from the simulation
-    robots = PathTrackingVecEnv(config.robots, config.threads, **environment_options(config))
-    corrections = Corrections(robots, config.authority)
-    checkpoint = config.out / CHECKPOINT
+    robots = PathTrackingVecEnv(
+        config.robots,
+        config.threads,
+        reference=config.references,
+        ground=config.grounds,
+        action="twist",
+        compensation=config.compensation,
+        pose_source="noisy",
+        reward=_REWARD,
+        randomization=_RANDOMIZATION,
+    )
+    corrections, checkpoint = Corrections(robots, config.authority), config.out / CHECKPOINT
     rate = _falling(config.learning_rate)
     if config.resume:
         if not checkpoint.is_file():
@@ -133,7 +116,6 @@ def _model(config: TrainConfig) -> Any:
             return PPO.load(checkpoint, corrections, device="cpu", custom_objects={"learning_rate": rate})
         except Exception as error:  # whatever is wrong with the file
             raise LogError(f"{checkpoint}: can't be resumed ({type(error).__name__}: {error})") from error
-    shape = {"net_arch": list(config.network), "activation_fn": torch.nn.Tanh, "log_std_init": -1.2}
     return PPO(
         "MlpPolicy",
         corrections,
@@ -144,7 +126,7 @@ def _model(config: TrainConfig) -> Any:
         gamma=config.discount,
         seed=config.seed,
         device="cpu",
-        policy_kwargs=shape,
+        policy_kwargs={"net_arch": list(config.network), "activation_fn": torch.nn.Tanh, "log_std_init": -1.2},
     )
 
 
@@ -153,14 +135,14 @@ def _falling(rate: float) -> Callable[[float], float]:
     return lambda left: rate * (_MIN_RATE + (1 - _MIN_RATE) * left)
 
 
-def _learn(model: Any, config: TrainConfig, drafts: Path) -> list[CurvePoint]:
+def _learn(model: Any, config: TrainConfig, drafts: Path) -> list[dict[str, float]]:
     """Train until `config.steps`, with checkpoints, which are drafted in the folder `drafts` on the same disk.
 
-    Returns the mean reward per step over the steps done.
+    Returns for each update the steps of all robots so far, and their mean reward since the one before, at most 1 [-].
     """
     from stable_baselines3.common.callbacks import BaseCallback
 
-    curve: list[CurvePoint] = []
+    curve: list[dict[str, float]] = []
     with progress("training", config.steps, "steps", model.num_timesteps) as report:
 
         class Recorder(BaseCallback):  # type: ignore[misc, unused-ignore]
@@ -171,7 +153,7 @@ def _learn(model: Any, config: TrainConfig, drafts: Path) -> list[CurvePoint]:
 
             def _on_rollout_end(self) -> None:
                 rewards = self.locals["rollout_buffer"].rewards
-                curve.append(CurvePoint(self.num_timesteps, float(np.mean(rewards))))
+                curve.append({"steps": self.num_timesteps, "reward": float(np.mean(rewards))})
                 report(rewards.size)
                 self.updates += 1
                 if self.updates % _CHECKPOINT_EVERY == 0:

@@ -1,7 +1,5 @@
 """`trackslip validate`: compare the simulator with theory."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,8 +11,8 @@ from experiments.report.formats import for_terminal
 from experiments.report.terminal import busy, print_table, progress
 from experiments.report.validation import TABLE_HEADER, TITLE, render, table_of
 from experiments.storage.manifest import command_line, make_manifest
-from experiments.storage.plain_json import plain, write_json
-from experiments.storage.results import MANIFEST_FILE, REPORT_FILE, SUMMARY_FILE, results_folder
+from experiments.storage.plain_json import plain
+from experiments.storage.results import REPORT_FILE, results_folder, write_results
 from experiments.validation.convergence import converge
 from experiments.validation.energy import account
 from experiments.validation.results import Validation, ValidationSummary
@@ -39,20 +37,11 @@ def run(config: ValidateConfig) -> None:
         found = validate(parameters, ground, config, watch)
         wall = time.perf_counter() - began
         summary = ValidationSummary.of(found)
-        manifest = make_manifest(
-            "validate",
-            config,
-            wall,
-            seed=config.seed,
-            model_sha256=load_robot(parameters=parameters).digest,
-            robot=parameters,
-            ground=ground,
-        )
+        world = {"robot": parameters, "ground": ground, "model_sha256": load_robot(parameters=parameters).digest}
+        manifest = make_manifest("validate", config, wall, seed=config.seed, **world)
         with busy("report"):
             render(found, summary, manifest, command_line("validate")).write(folder, config.pdf)
-        timing = {"wall_s": wall, "stages": watch.stages}
-        write_json(folder / SUMMARY_FILE, plain(summary) | {"timing": timing})
-        write_json(folder / MANIFEST_FILE, manifest)
+        write_results(folder, plain(summary) | {"timing": {"wall_s": wall, "stages": watch.stages}}, manifest)
         if config.rrd:
             with busy("recordings"):
                 record_all(folder, sample_runs(config.robot, config))
@@ -62,32 +51,20 @@ def run(config: ValidateConfig) -> None:
 
 def validate(parameters: RobotParameters, ground: Ground, config: ValidateConfig, watch: Stopwatch) -> Validation:
     """Make all measurements; `watch` takes the time of each stage."""
-    threads = config.threads
+    world, threads = (parameters, ground), config.threads
     with _stage(watch, "turning") as report:
-        turns = turn(parameters, ground, threads, False, report)
+        turns = turn(*world, threads, False, report)
     with _stage(watch, "turning, default contact") as report:
-        naive_turns = turn(parameters, ground, threads, True, report)
+        naive_turns = turn(*world, threads, True, report)
     with _stage(watch, "standing"):
-        found_loads, naive_loads = (loads(parameters, ground, threads, default) for default in (False, True))
-        found_creep, found_slide = creep(parameters, ground, threads), slide(parameters, ground, threads)
-        drift = straight_drift(parameters, ground, threads)
+        weights, naive_weights = (loads(*world, threads, default) for default in (False, True))
+        creeping, sliding = creep(*world, threads), slide(*world, threads)
+        drift = straight_drift(*world, threads)
     with _stage(watch, "convergence") as report:
-        convergence = converge(parameters, ground, generator(config.seed, "convergence"), threads, report)
+        convergence = converge(*world, generator(config.seed, "convergence"), threads, report)
     with _stage(watch, "energy"):
-        energy = account(parameters, ground, generator(config.seed, "energy"), threads)
-    return Validation(
-        parameters=parameters,
-        ground=ground,
-        turns=turns,
-        naive_turns=naive_turns,
-        loads=found_loads,
-        naive_loads=naive_loads,
-        creep=found_creep,
-        slide=found_slide,
-        drift=drift,
-        convergence=convergence,
-        energy=energy,
-    )
+        energy = account(*world, generator(config.seed, "energy"), threads)
+    return Validation(*world, turns, naive_turns, weights, naive_weights, creeping, sliding, drift, convergence, energy)
 
 
 @contextmanager

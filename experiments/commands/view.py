@@ -1,7 +1,5 @@
 """`trackslip view`: show stored runs in the rerun viewer, in the browser, or in a file."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import re
@@ -27,8 +25,7 @@ from trackslip.slip.law_file import load_laws
 _NAMED = 5  # runs listed in an error message
 _SHORT = 12  # characters shown of an id
 _LOCAL = "127.0.0.1"
-_PAGE, _STREAM = 9090, 9876
-"""Default ports of the viewer's page and of its data."""
+_PAGE, _STREAM = 9090, 9876  # default ports of the viewer's page and of its data
 _MAX_MESSAGE = 300  # characters quoted from the viewer's error
 _PATIENCE, _BETWEEN = 30.0, 0.1  # how long to wait for the viewer to start, and how often to look [s]
 
@@ -43,11 +40,10 @@ def run(config: ViewConfig) -> None:
     if config.save is not None:
         record(config.save, chosen, laws)
         print(f"{config.save}: {title(chosen)}; rerun {shlex.quote(str(config.save))}")
-    else:
-        with tempfile.TemporaryDirectory(prefix="trackslip-view-") as folder:
-            file = Path(folder) / file_names([title(chosen)])[0]
-            begin = record(file, chosen, laws)
-            _open(file, config.web, begin)
+        return
+    with tempfile.TemporaryDirectory(prefix="trackslip-view-") as folder:
+        file = Path(folder) / file_names([title(chosen)])[0]
+        _open(file, config.web, begin=record(file, chosen, laws))
 
 
 def choose(logs: Sequence[RunLog], wanted: Sequence[str], path: Path) -> list[RunLog]:
@@ -72,8 +68,7 @@ def _find(logs: Sequence[RunLog], wanted: str, path: Path) -> RunLog:
 
 
 def _called(log: RunLog) -> str:
-    identity = log.metadata.get("id")
-    return repr(log.run) if identity is None else f"{log.run!r} (id {str(identity)[:_SHORT]})"
+    return repr(log.run) + (f" (id {str(log.metadata['id'])[:_SHORT]})" if "id" in log.metadata else "")
 
 
 def _has_laws(path: Path) -> bool:
@@ -87,9 +82,7 @@ def _open(file: Path, web: bool, begin: float) -> None:
     """Show a recording in a new viewer, native or in the browser, until it is closed or interrupted.
 
     The native viewer starts at `begin` [s]; in the browser, playback starts at zero and then repeats the loop.
-
-    Raises:
-        TrackslipError: if there is no viewer, or it doesn't start.
+    Raises TrackslipError if there is no viewer, or it doesn't start.
     """
     beside = Path(sys.executable).with_name("rerun")  # found even if the environment isn't active
     viewer = str(beside) if beside.exists() else shutil.which("rerun")

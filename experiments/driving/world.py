@@ -13,13 +13,13 @@ from experiments.options.world import Simulation
 from experiments.storage.manifest import make_manifest
 from experiments.storage.plain_json import plain
 from sim.fleet import Fleet
-from sim.ground.file import load_ground
 from sim.ground.ground import Ground
+from sim.ground.named import load_ground
 from sim.robot.file import load_robot_file
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import Robot, load_robot
 from sim.scanner.feed import ScannerFeed
-from sim.scanner.obstacle_file import load_obstacles
+from sim.scanner.named_obstacles import load_obstacles
 from sim.scanner.obstacles import Obstacles
 from trackslip.kinematics import Array
 

@@ -213,13 +213,13 @@ def published_radii(commanded: Sequence[float]) -> Array:
 
 
 def ratio_to_bound(logs: Sequence[RunLog]) -> RatioToBound | None:
-    """Errors of the measured poses over their bound, leaving out views close to edge-on; None for runs without scans.
+    """Errors of the measured poses over their bound, leaving out views close to edge-on; None without scans or noise.
 
     The scanner sees the plate, so the reference is the plate's true place on the leaning robot.
     """
     estimated, true = [], []
     for log in logs:
-        if log.scans is None or log.truth is None or log.truth.lean is None:
+        if log.scans is None or log.scans.scan.noise == 0 or log.truth is None or log.truth.lean is None:
             return None
         phi = log.truth.pose[:, 2]
         left = np.column_stack([-np.sin(phi), np.cos(phi), np.zeros_like(phi)])

@@ -1,13 +1,11 @@
 """Options of `trackslip bench`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.options.checks import refuse_unused, require_between, require_distinct, require_integer
+from experiments.options import checks
 from experiments.options.world import MAX_DURATION, MAX_THREADS, MIN_DURATION
-from trackslip.errors import InvalidValueError, require_at_most, require_positive
+from trackslip.errors import InvalidValueError
 
 MAX_ROBOTS = 10_000
 MAX_REPEATS = 1000
@@ -45,25 +43,23 @@ class BenchConfig:
 
     def __post_init__(self) -> None:
         for name, most in (("sizes", MAX_ROBOTS), ("thread_counts", MAX_THREADS)):
-            values = getattr(self, name)
-            require_distinct(name, values, "number")
-            for value in values:
-                require_integer(name, value, 1, most)
-        require_positive("seconds", self.seconds)
-        require_at_most("seconds", self.seconds, MAX_DURATION, "s")
-        require_integer("repeats", self.repeats, 1, MAX_REPEATS)
-        require_integer("env_size", self.env_size, 1, MAX_ROBOTS)
+            checks.require_distinct(name, getattr(self, name), "number")
+            for value in getattr(self, name):
+                checks.require_integer(name, value, 1, most)
+        checks.require_positive_up_to("seconds", self.seconds, MAX_DURATION, "s")
+        checks.require_integer("repeats", self.repeats, 1, MAX_REPEATS)
+        checks.require_integer("env_size", self.env_size, 1, MAX_ROBOTS)
         if self.env and self.grid:
             raise InvalidValueError("grid", self.grid, "left out with --env")
         if not 25 <= self.grid_runs <= MAX_ROBOTS or self.grid_runs % 25:
             raise InvalidValueError("grid_runs", self.grid_runs, f"a multiple of 25 from 25 to {MAX_ROBOTS}")
-        require_between("grid_duration", self.grid_duration, MIN_DURATION, MAX_DURATION, "s")
-        require_integer("seed", self.seed)
+        checks.require_between("grid_duration", self.grid_duration, MIN_DURATION, MAX_DURATION, "s")
+        checks.require_integer("seed", self.seed)
         if not self.env:
-            refuse_unused(self, ("env_size",), "without --env")
+            checks.refuse_unused(self, ("env_size",), "without --env")
         if not self.grid:
-            refuse_unused(self, ("grid_runs", "grid_duration"), "without --grid")
+            checks.refuse_unused(self, ("grid_runs", "grid_duration"), "without --grid")
         if self.env or self.grid:
-            refuse_unused(self, ("sizes",), "with --env and --grid")
+            checks.refuse_unused(self, ("sizes",), "with --env and --grid")
         if self.grid:
-            refuse_unused(self, ("seconds", "repeats"), "with --grid")
+            checks.refuse_unused(self, ("seconds", "repeats"), "with --grid")

@@ -1,11 +1,9 @@
 """Options of `trackslip benchmark`, and its suites of runs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from experiments.options.checks import refuse_unused, require_between, require_distinct, require_integer
 from experiments.options.choices import (
@@ -41,42 +39,18 @@ class Case:
         return f"{self.controller} {self.compensation} {self.reference} {self.ground} {self.start} {self.seed}"
 
 
-@dataclass(frozen=True)
-class Factors:
-    """A full factorial design: every controller with every compensation, and so on."""
-
-    controllers: tuple[str, ...]
-    compensations: tuple[str, ...]
-    references: tuple[str, ...]
-    grounds: tuple[str, ...]
-    starts: tuple[Start, ...]
-    seeds: tuple[int, ...]
-
-    def cases(self) -> list[Case]:
-        """Every run."""
-        factors = (self.controllers, self.compensations, self.references, self.grounds, self.starts, self.seeds)
-        return [Case(*values) for values in product(*factors)]
-
-
+_FACTORS = ("controllers", "compensations", "references", "grounds", "starts", "seeds")  # in the order of Case's fields
 _PAPER = ("none", "published", "exponential", "icr_radius", "online")
-SUITES: dict[str, tuple[Factors, ...]] = {
-    "paper": (
-        Factors(("feedforward",), _PAPER, ("paper",), ("stone",), ("zero",), (0, 1, 2, 3, 4)),
-        Factors(("linear",), _PAPER, ("paper",), ("stone",), ("paper", "zero"), (0, 1, 2, 3, 4)),
-    ),
-    "quick": (Factors(CONTROLLER_NAMES, ("none", "icr_radius"), ("paper",), ("stone",), ("random",), (0, 1, 2)),),
-    "full": (
-        Factors(
-            CONTROLLER_NAMES,
-            ("none", "icr_radius", "online"),
-            REFERENCE_NAMES,
-            ("stone", "ice", "sticky"),
-            ("random",),
-            (0, 1, 2),
-        ),
-    ),
+_THREE = ("none", "icr_radius", "online")
+_SUITES: dict[str, list[tuple[tuple[Any, ...], ...]]] = {
+    "paper": [
+        (("feedforward",), _PAPER, ("paper",), ("stone",), ("zero",), (0, 1, 2, 3, 4)),
+        (("linear",), _PAPER, ("paper",), ("stone",), ("paper", "zero"), (0, 1, 2, 3, 4)),
+    ],
+    "quick": [(CONTROLLER_NAMES, ("none", "icr_radius"), ("paper",), ("stone",), ("random",), (0, 1, 2))],
+    "full": [(CONTROLLER_NAMES, _THREE, REFERENCE_NAMES, ("stone", "ice", "sticky"), ("random",), (0, 1, 2))],
 }
-"""Suites by name, each the union of its factorials."""
+"""Suites by name, each the union of full factorial designs: the values of each of _FACTORS, all combined."""
 
 
 @dataclass(frozen=True)
@@ -121,24 +95,18 @@ class BenchmarkConfig(Equipment):
         for seed in self.seeds or ():
             if seed < 0:
                 raise InvalidValueError("seeds", seed, "integers >= 0")
-        for name in ("controllers", "compensations", "references", "grounds", "starts", "seeds"):
+        for name in _FACTORS:
             require_distinct(name, getattr(self, name))
         if all(name in WITHOUT_LAWS for name in self.compensations or ("icr_radius",)):
             refuse_unused(self, ("laws",), f"with --compensations {' '.join(self.compensations or ())}")
 
     def cases(self) -> list[Case]:
         """Every run, once."""
+        given = [getattr(self, name) for name in _FACTORS]
         cases: dict[Case, None] = {}
-        for block in SUITES[self.suite]:
-            chosen = Factors(
-                self.controllers or block.controllers,
-                self.compensations or block.compensations,
-                self.references or block.references,
-                self.grounds or block.grounds,
-                self.starts or block.starts,
-                self.seeds or block.seeds,
-            )
-            cases |= dict.fromkeys(chosen.cases())
+        for design in _SUITES[self.suite]:
+            chosen = [own or suites for own, suites in zip(given, design, strict=True)]
+            cases |= dict.fromkeys(Case(*values) for values in product(*chosen))
         return list(cases)
 
     def simulation(self) -> Simulation:

@@ -1,12 +1,13 @@
 """Checks that options share; each raises InvalidValueError, naming the option, its value and what is allowed."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, require_at_most, require_positive
+
+MIN_SPEED = 1e-3
+"""Lowest speed that can be commanded [m/s]."""
 
 
 def require_integer(name: str, value: int, least: int = 0, most: int | None = None) -> None:
@@ -20,6 +21,22 @@ def require_between(name: str, value: float, least: float, most: float, unit: st
     """Refuse a number outside `least` to `most`, and NaN."""
     if not least <= value <= most:
         raise InvalidValueError(name, value, f"from {least:g} to {most:g} {unit}".strip())
+
+
+def require_positive_up_to(name: str, value: float | None, most: float, unit: str = "") -> None:
+    """Refuse a number that isn't positive or is above `most`; None is an option that isn't given."""
+    if value is not None:
+        require_positive(name, value)
+        require_at_most(name, value, most, unit)
+
+
+def require_speed(name: str, speed: float, top_speed: float) -> None:
+    """Refuse a speed [m/s] that is not positive, below MIN_SPEED, or above what the drive allows."""
+    require_positive(name, speed)
+    if speed > top_speed:
+        raise InvalidValueError(name, speed, f"at most drive.top_speed = {top_speed} m/s")
+    if speed < MIN_SPEED:
+        raise InvalidValueError(name, speed, f"at least {MIN_SPEED:g} m/s")
 
 
 def require_distinct(name: str, values: Sequence[Any] | None, what: str = "value") -> None:

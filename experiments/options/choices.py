@@ -1,7 +1,5 @@
 """Controllers, references and compensations that options name, listed so that `--help` need not import them."""
 
-from __future__ import annotations
-
 CONTROLLER_NAMES = (
     *("feedforward", "linear", "samson", "kanayama", "dynamic_feedback", "offset_point"),
     *("pure_pursuit", "stanley", "lqr", "mpc"),

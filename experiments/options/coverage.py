@@ -1,7 +1,5 @@
 """Options of `trackslip coverage`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
@@ -45,7 +43,3 @@ class CoverageConfig(RunsConfig):
         shared = {field.name: getattr(self, field.name) for field in fields(RunsConfig)}
         silent = replace(self.scanner, noise=0.0)
         return GridConfig(**shared | {"scanner": silent, "random_phase": True, "seed": self.seed + drive})
-
-    def shares(self) -> list[int]:
-        """How many times each drive is scanned."""
-        return [len(range(drive, self.run_repeats, self.drives)) for drive in range(self.drives)]

@@ -1,7 +1,5 @@
 """Options of `trackslip export`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -38,7 +36,6 @@ class ExportConfig:
     @property
     def file(self) -> Path:
         """The CSV file."""
-        if self.out is not None:
-            return self.out
         whole = self.path.resolve()
-        return self.path.parent / f"{whole.name}.csv" if whole.is_dir() else self.path.with_suffix(".csv")
+        beside = self.path.parent / f"{whole.name}.csv" if whole.is_dir() else self.path.with_suffix(".csv")
+        return self.out or beside

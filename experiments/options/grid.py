@@ -1,25 +1,14 @@
 """Options of `trackslip grid`, and those it shares with other commands that drive a grid."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from experiments.options.checks import refuse_unused, require_between, require_distinct, require_integer
+from experiments.options import checks
 from experiments.options.help import default_is
-from experiments.options.world import (
-    MAX_DURATION,
-    MAX_JOBS,
-    MAX_RADIUS,
-    MIN_DURATION,
-    MIN_SPEED,
-    Localization,
-    Motion,
-    Simulation,
-)
-from trackslip.errors import InvalidValueError, require_at_most, require_positive
+from experiments.options.world import MAX_DURATION, MAX_JOBS, MAX_RADIUS, MIN_DURATION, Localization, Method, Simulation
+from trackslip.errors import InvalidValueError
 from trackslip.paper import COMMANDED_RADII, SPEEDS
 
 
@@ -38,26 +27,20 @@ class RunsConfig(Simulation):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, values in (("radii", self.radii), ("speeds", self.speeds)):
-            require_distinct(name, values, "number")
-            for value in values:
-                require_positive(name, value)
-                require_at_most(name, value, MAX_RADIUS)
+        checks.require_distinct("radii", self.radii, "number")
+        for radius in self.radii:
+            checks.require_positive_up_to("radii", radius, MAX_RADIUS)
+        checks.require_distinct("speeds", self.speeds, "number")
         for speed in self.speeds:
-            if speed > self.drive.top_speed:
-                raise InvalidValueError("speeds", speed, f"at most drive.top_speed = {self.drive.top_speed} m/s")
-            if speed < MIN_SPEED:
-                raise InvalidValueError("speeds", speed, f"at least {MIN_SPEED:g} m/s")
-        require_between("duration", self.duration, MIN_DURATION, MAX_DURATION, "s")
+            checks.require_speed("speeds", speed, self.drive.top_speed)
+        checks.require_between("duration", self.duration, MIN_DURATION, MAX_DURATION, "s")
 
 
 @dataclass(frozen=True)
 class GridConfig(RunsConfig):
     """A grid of runs that is also evaluated."""
 
-    motion: Annotated[
-        Motion | None, default_is("the most accurate method the run allows", "{paper,butterworth,arc,bundle}")
-    ] = None
+    motion: Method = None
     """How a run becomes a twist: the paper's filter, the filter both ways, an arc through all poses, or all ranges."""
     random_phase: bool = False
     """Start each run at a random point of its circle instead of the point nearest to the scanner."""
@@ -96,11 +79,11 @@ class SweepConfig(GridConfig):
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("grounds", "friction_ratio", "slope", "seeds", "vary"):
-            require_distinct(name, getattr(self, name))
+            checks.require_distinct(name, getattr(self, name))
         if self.executor not in ("processes", "inline", "mpi") and not re.fullmatch(r"dask://.+:\d+", self.executor):
             raise InvalidValueError("executor", self.executor, "processes, inline, mpi or dask://HOST:PORT")
-        require_integer("jobs", self.jobs, 0, MAX_JOBS)
+        checks.require_integer("jobs", self.jobs, 0, MAX_JOBS)
         if self.executor != "processes":
-            refuse_unused(self, ("jobs",), f"with --executor {self.executor}")
+            checks.refuse_unused(self, ("jobs",), f"with --executor {self.executor}")
         if not self.resume:
-            refuse_unused(self, ("force",), "with --no-resume")
+            checks.refuse_unused(self, ("force",), "with --no-resume")

@@ -1,7 +1,5 @@
 """How `--help` looks where tyro's own way doesn't do: defaults in words, and long lines."""
 
-from __future__ import annotations
-
 import io
 import re
 import sys

@@ -1,17 +1,15 @@
 """Options of `trackslip identify`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
-from experiments.options.checks import require_distinct
+from experiments.options.checks import require_distinct, require_positive_up_to
 from experiments.options.help import default_is
-from experiments.options.world import Motion
-from trackslip.errors import require_at_most, require_non_negative, require_positive
+from experiments.options.world import Method
+from trackslip.errors import require_non_negative
 from trackslip.motion.steady import SETTLE
 
 
@@ -32,9 +30,7 @@ class IdentifyConfig:
     """Radius of the sprockets [m]."""
     gear: float = 1.0
     """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
-    motion: Annotated[
-        Motion | None, default_is("the most accurate method the run allows", "{paper,butterworth,arc,bundle}")
-    ] = None
+    motion: Method = None
     """How a twist is estimated from a run; bundle needs ranges (see grid)."""
     settle: float = SETTLE
     """Time left out of each run after the sprockets have become steady [s]."""
@@ -45,10 +41,7 @@ class IdentifyConfig:
 
     def __post_init__(self) -> None:
         require_distinct("where", self.where, "NAME=VALUE")
-        for name in ("half_gauge", "sprocket_radius"):
-            if getattr(self, name) is not None:
-                require_positive(name, getattr(self, name))
-                require_at_most(name, getattr(self, name), 100.0, "m")
-        require_positive("gear", self.gear)
-        require_at_most("gear", self.gear, 1e4)
+        require_positive_up_to("half_gauge", self.half_gauge, 100.0, "m")
+        require_positive_up_to("sprocket_radius", self.sprocket_radius, 100.0, "m")
+        require_positive_up_to("gear", self.gear, 1e4)
         require_non_negative("settle", self.settle)

@@ -1,16 +1,14 @@
 """Options of `trackslip predict`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from experiments.options.checks import require_between
+from experiments.options.checks import require_between, require_positive_up_to
 from experiments.options.help import default_is
 from experiments.options.world import MAX_RADIUS, MIN_FRICTION_RATIO, MIN_RADIUS
 from sim.drive.drive import MAX_RADIUS_ERROR
-from trackslip.errors import InvalidValueError, require_at_most, require_positive
+from trackslip.errors import InvalidValueError
 from trackslip.paper import OBSERVED_RADII
 
 _ROBOTS = default_is("the robot's", "FLOAT")
@@ -41,15 +39,12 @@ class PredictConfig:
 
     def __post_init__(self) -> None:
         for name in ("half_gauge", "contact_length", "friction_ratio", "sprocket_radius"):
-            if getattr(self, name) is not None:
-                require_positive(name, getattr(self, name))
-                require_at_most(name, getattr(self, name), 100.0)
+            require_positive_up_to(name, getattr(self, name), 100.0)
         require_between("radius_error", self.radius_error, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR)
         if not self.radii:
             raise InvalidValueError("radii", self.radii, "at least one number")
         for radius in self.radii:
-            require_positive("radii", radius)
-            require_at_most("radii", radius, MAX_RADIUS, "m")
+            require_positive_up_to("radii", radius, MAX_RADIUS, "m")
             if radius < MIN_RADIUS:
                 raise InvalidValueError("radii", radius, f"at least {MIN_RADIUS:g} m")
         if self.friction_ratio is not None and self.friction_ratio < MIN_FRICTION_RATIO:

@@ -1,18 +1,15 @@
 """Options of `trackslip track`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
-from experiments.options.checks import refuse_unused, require_between
+from experiments.options.checks import refuse_unused, require_between, require_speed
 from experiments.options.choices import COMPENSATIONS, CONTROLLERS, REFERENCES, WITHOUT_LAWS
 from experiments.options.help import default_is
-from experiments.options.world import MAX_COORDINATE, MAX_DURATION, MAX_PREVIEW, MAX_RADIUS, MIN_SPEED, Simulation
-from trackslip.errors import InvalidValueError, require_positive
+from experiments.options.world import MAX_COORDINATE, MAX_DURATION, MAX_PREVIEW, MAX_RADIUS, Simulation
 
 
 @dataclass(frozen=True)
@@ -48,16 +45,9 @@ class TrackConfig(Simulation):
     def __post_init__(self) -> None:
         super().__post_init__()
         require_between("preview", self.preview, 0, MAX_PREVIEW, "s")
-        for name in ("circle_radius", "circle_speed", "circle_duration"):
-            require_positive(name, getattr(self, name))
-        if self.circle_speed > self.drive.top_speed:
-            raise InvalidValueError(
-                "circle_speed", self.circle_speed, f"at most drive.top_speed = {self.drive.top_speed} m/s"
-            )
+        require_speed("circle_speed", self.circle_speed, self.drive.top_speed)
         require_between("circle_duration", self.circle_duration, 1.0, MAX_DURATION, "s")
         require_between("circle_radius", self.circle_radius, 0.1, MAX_RADIUS, "m")
-        if self.circle_speed < MIN_SPEED:
-            raise InvalidValueError("circle_speed", self.circle_speed, f"at least {MIN_SPEED:g} m/s")
         if self.reference != "circle":
             refuse_unused(self, ("circle_radius", "circle_speed", "circle_duration"), "without --reference circle")
         if self.compensation in WITHOUT_LAWS:

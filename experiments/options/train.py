@@ -1,20 +1,15 @@
 """Options of `trackslip train`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.options.checks import require_integer
+from experiments.options.checks import require_integer, require_positive_up_to
 from experiments.options.world import MAX_THREADS
-from trackslip.errors import InvalidValueError, require_at_most, require_positive
+from trackslip.errors import InvalidValueError
 
-MAX_ROBOTS = 4096
-MAX_LAYER = 4096
-MAX_AUTHORITY = 10.0
-"""[m/s], [rad/s]"""
-MAX_SEED = 2**32 - 1
-"""Largest seed that PyTorch and NumPy's legacy generators accept."""
+MAX_ROBOTS = MAX_LAYER = 4096
+MAX_AUTHORITY = 10.0  # [m/s], [rad/s]
+MAX_SEED = 2**32 - 1  # the largest that PyTorch and NumPy's legacy generators accept
 
 
 @dataclass(frozen=True)
@@ -60,9 +55,9 @@ class TrainConfig:
     """Folder for the policy, its checkpoints and the training curve."""
 
     def __post_init__(self) -> None:
-        for name in ("steps", "robots", "horizon", "batch", "epochs"):
+        for name in ("steps", "horizon", "batch", "epochs"):
             require_integer(name, getattr(self, name), 1)
-        require_at_most("robots", self.robots, MAX_ROBOTS)
+        require_integer("robots", self.robots, 1, MAX_ROBOTS)
         if self.robots * self.horizon % self.batch:
             raise InvalidValueError("batch", self.batch, f"a factor of robots * horizon = {self.robots * self.horizon}")
         for name in ("references", "grounds", "network"):
@@ -72,10 +67,8 @@ class TrainConfig:
             if not 1 <= size <= MAX_LAYER:
                 raise InvalidValueError("network", size, f"integers from 1 to {MAX_LAYER}")
         for value in self.authority:
-            require_positive("authority", value)
-            require_at_most("authority", value, MAX_AUTHORITY)
-        require_positive("learning_rate", self.learning_rate)
-        require_at_most("learning_rate", self.learning_rate, 1.0)
+            require_positive_up_to("authority", value, MAX_AUTHORITY)
+        require_positive_up_to("learning_rate", self.learning_rate, 1.0)
         if not 0 < self.discount < 1:
             raise InvalidValueError("discount", self.discount, "between 0 and 1")
         require_integer("seed", self.seed, 0, MAX_SEED)

@@ -1,7 +1,5 @@
 """The options that describe the simulated world, shared by every command that simulates."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,28 +16,20 @@ from trackslip.errors import InvalidValueError
 
 Localization = Literal["plate", "line"]
 Motion = Literal["paper", "butterworth", "arc", "bundle"]
+Method = Annotated[
+    Motion | None, default_is("the most accurate method the run allows", "{paper,butterworth,arc,bundle}")
+]
+"""How a twist is estimated from a run, if the user chooses."""
 IDENTIFIED = ("exponential", "icr", "icr_radius")
 """The identified laws that the paper's controllers are compared with."""
 
-MAX_THREADS = 1024
-MAX_JOBS = 1024
-"""Largest number of processes."""
-MAX_PREVIEW = 1.0
-"""[s]"""
-MIN_SPEED = 1e-3
-"""Slowest run of a grid [m/s]."""
-MAX_DURATION = 3600.0
-"""Longest run [s]."""
-MIN_DURATION = 4.0
-"""Shortest run that leaves a steady part to average over [s]."""
-MAX_RADIUS = 1000.0
-"""Largest radius [m]."""
-MIN_RADIUS = 1e-3
-"""Smallest radius [m]."""
-MIN_FRICTION_RATIO = 0.01
-"""Smallest ratio of the friction across the track to that along it [-]."""
-MAX_COORDINATE = 100.0
-"""Largest coordinate of a start [m]."""
+MAX_THREADS = MAX_JOBS = 1024
+MAX_PREVIEW = 1.0  # [s]
+MIN_DURATION, MAX_DURATION = 4.0, 3600.0
+"""Of a run; a shorter one leaves no steady part to average over [s]."""
+MIN_RADIUS, MAX_RADIUS = 1e-3, 1000.0  # [m]
+MIN_FRICTION_RATIO = 0.01  # across the track over along it [-]
+MAX_COORDINATE = 100.0  # of a start [m]
 LINEAR_START = (0.3, -0.2, math.pi / 3)
 """Where the paper starts its linear controller: (x, y, phi) (Sec. IV-C) [m, m, rad]."""
 

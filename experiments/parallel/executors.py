@@ -1,21 +1,12 @@
 """`concurrent.futures` executors by name: this process, worker processes, MPI, Dask."""
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    wait,
-)
+from concurrent import futures
+from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any, TypeVar
@@ -24,7 +15,6 @@ from experiments.parallel.workers import deaf_children, processes
 from trackslip.errors import TrackslipError, first_line
 
 _AHEAD = 2  # submitted tasks per worker, so that no worker waits for its next one
-
 _PATIENCE = 10  # how long a scheduler may take to answer [s]
 _IMPORT_PATIENCE = 20  # how long a worker may take to import the simulator [s]
 
@@ -49,21 +39,17 @@ class Workers:
         return isinstance(self.executor, InlineExecutor)
 
     def each(self, do: Callable[[Task], Result], tasks: Iterable[Task]) -> Iterator[Result]:
-        """Yield the result of `do` for every task as soon as it is ready; only a few tasks are submitted ahead of time.
-
-        Raises:
-            WorkersFailedError: when a worker dies.
-        """
+        """Yield each task's result as soon as it is ready; raises WorkersFailedError when a worker dies."""
         ahead = 1 if self.inline else _AHEAD * self.count
         left = iter(tasks)
         pending = self._submitted(do, islice(left, ahead))
         try:
             while pending:
-                done, pending = wait(pending, return_when=FIRST_COMPLETED)
+                done, pending = futures.wait(pending, return_when=futures.FIRST_COMPLETED)
                 for future in done:
                     yield future.result()
                     pending |= self._submitted(do, islice(left, 1))
-        except (BrokenExecutor, CancelledError) as error:
+        except (futures.BrokenExecutor, futures.CancelledError) as error:
             raise WorkersFailedError("a worker died") from error
         except Exception as error:
             if not type(error).__module__.startswith("distributed"):
@@ -71,7 +57,7 @@ class Workers:
             raise WorkersFailedError(f"the cluster fails ({type(error).__name__})") from error
 
     def _submitted(self, do: Callable[[Task], Result], tasks: Iterable[Task]) -> set[Future[Result]]:
-        with deaf_children() if isinstance(self.executor, ProcessPoolExecutor) else contextlib.nullcontext():
+        with deaf_children() if isinstance(self.executor, futures.ProcessPoolExecutor) else contextlib.nullcontext():
             return {self.executor.submit(do, task) for task in tasks}
 
 
@@ -101,12 +87,9 @@ def workers(name: str, jobs: int) -> Iterator[Workers]:
     elif name == "processes":
         with processes(jobs) as pool:
             yield Workers(pool, jobs)
-    elif name == "mpi":
-        with _mpi() as pool:
-            yield Workers(pool, pool.num_workers)
     else:
-        with _dask(name.removeprefix("dask://")) as (pool, count):
-            yield Workers(pool, count)
+        with _mpi() if name == "mpi" else _dask(name) as found:
+            yield found
 
 
 def processors() -> int:
@@ -115,7 +98,7 @@ def processors() -> int:
 
 
 @contextlib.contextmanager
-def _mpi() -> Iterator[Any]:
+def _mpi() -> Iterator[Workers]:
     try:
         from mpi4py import MPI
         from mpi4py.futures import MPIPoolExecutor
@@ -126,35 +109,36 @@ def _mpi() -> Iterator[Any]:
         raise TrackslipError(f"--executor mpi: there are no workers; start it with {how}")
     with MPIPoolExecutor() as pool:
         try:
-            yield pool
+            yield Workers(pool, pool.num_workers)
         except BaseException:
             pool.shutdown(wait=False, cancel_futures=True)
             raise
 
 
 @contextlib.contextmanager
-def _dask(address: str) -> Iterator[tuple[Executor, int]]:
+def _dask(name: str) -> Iterator[Workers]:
+    address, option = name.replace("dask://", "tcp://", 1), f"--executor {name}"
     try:
         from distributed import Client
     except ImportError as error:
-        raise TrackslipError(f'--executor dask://{address}: {error}; pip install "trackslip[dask]"') from error
+        raise TrackslipError(f'{option}: {error}; pip install "trackslip[dask]"') from error
     try:
-        client: Any = Client(  # type: ignore[no-untyped-call, unused-ignore]
-            f"tcp://{address}", timeout=_PATIENCE, set_as_default=False
-        )
+        connect: Any = Client  # untyped
+        client = connect(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
-        raise TrackslipError(f"--executor dask://{address}: no scheduler answers there ({error})") from error
-    with _silence(), client:
+        raise TrackslipError(f"{option}: no scheduler answers there ({error})") from error
+    with contextlib.ExitStack() as stack:
+        logging.disable()  # distributed logs tracebacks of its own when a cluster fails
+        stack.callback(logging.disable, logging.NOTSET)
+        stack.enter_context(client)
         there = client.scheduler_info(n_workers=-1)["workers"]
         count = sum(worker["nthreads"] for worker in there.values())
         if count < 1:
-            raise TrackslipError(f"--executor dask://{address}: the scheduler has no workers")
-        _require_trackslip(client, list(there), f"--executor dask://{address}")
+            raise TrackslipError(f"{option}: the scheduler has no workers")
+        _require_trackslip(client, list(there), option)
         pool = client.get_executor(pure=False)
-        try:
-            yield pool, count
-        finally:
-            pool.shutdown(wait=False)
+        stack.callback(pool.shutdown, wait=False)
+        yield Workers(pool, count)
 
 
 def _require_trackslip(client: Any, addresses: Sequence[str], executor: str) -> None:
@@ -165,21 +149,10 @@ def _require_trackslip(client: Any, addresses: Sequence[str], executor: str) -> 
         try:
             future.result(timeout=max(0.0, deadline - time.monotonic()))
         except Exception as error:  # of whatever type the cluster reports
-            raise TrackslipError(
-                f"{executor}: the scheduler or its worker {one} can't import trackslip; install it there"
-                f" ({type(error).__name__}: {first_line(error)})"
-            ) from error
+            why = f"{type(error).__name__}: {first_line(error)}"
+            who = f"{executor}: the scheduler or its worker {one}"
+            raise TrackslipError(f"{who} can't import trackslip; install it there ({why})") from error
 
 
 def _import_simulator() -> None:
     import sim.fleet  # noqa: F401
-
-
-@contextlib.contextmanager
-def _silence() -> Iterator[None]:
-    """Suppress logging: distributed logs tracebacks of its own when a cluster fails."""
-    logging.disable()
-    try:
-        yield
-    finally:
-        logging.disable(logging.NOTSET)

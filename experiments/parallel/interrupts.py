@@ -1,7 +1,5 @@
 """Interrupts that are postponed until a short operation is complete."""
 
-from __future__ import annotations
-
 import contextlib
 import signal
 import threading

@@ -1,7 +1,5 @@
 """Worker processes that exit with their parent and ignore Ctrl-C, which the parent handles."""
 
-from __future__ import annotations
-
 import contextlib
 import multiprocessing
 import os

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -15,10 +16,8 @@ _MAX_NAME = 120  # characters of a file name
 
 def record_all(folder: Path, logs: Sequence[RunLog], compared: Mapping[str, Sequence[RunLog]] | None = None) -> None:
     """Record each run, and each of the groups `compared`, into RECORDINGS_FOLDER in `folder`."""
-    for name, log in zip(file_names([log.run for log in logs]), logs, strict=True):
-        record(folder / RECORDINGS_FOLDER / name, [log])
-    groups = compared or {}
-    for name, group in zip(file_names(list(groups)), groups.values(), strict=True):
+    groups = [*((log.run, [log]) for log in logs), *(compared or {}).items()]
+    for name, (_, group) in zip(file_names([name for name, _ in groups]), groups, strict=True):
         record(folder / RECORDINGS_FOLDER / name, group)
 
 
@@ -59,9 +58,7 @@ def file_names(names: Sequence[str]) -> list[str]:
     found: list[str] = []
     for name in names:
         plain = re.sub(r"[^\w.=+-]+", "_", name).strip("._")[:_MAX_NAME] or "run"
-        number, unique = 1, plain
-        while f"{unique}.rrd".lower() in [other.lower() for other in found]:
-            number += 1
-            unique = f"{plain}_{number}"
-        found.append(f"{unique}.rrd")
+        taken = {other.lower() for other in found}
+        candidates = (f"{plain}.rrd" if k == 1 else f"{plain}_{k}.rrd" for k in itertools.count(1))
+        found.append(next(file for file in candidates if file.lower() not in taken))
     return found

@@ -29,22 +29,12 @@ def begin_of_loop(moment: float, duration: float) -> float:
 
 
 def blueprint(
-    roots: Sequence[str],
-    panels: Sequence[Panel],
-    sent: Sequence[str],
-    within: Array,
-    begin: float,
-    duration: float,
+    roots: Sequence[str], panels: Sequence[Panel], sent: Sequence[str], within: Array, begin: float, duration: float
 ) -> rrb.Blueprint:
-    """The layout of the viewer.
+    """The layout of the viewer for runs of a `duration` [s] below the entities `roots`.
 
-    Args:
-        roots: entities of the runs.
-        panels: plots; those without any entity sent are left out.
-        sent: entities that were sent.
-        within: points (n, 2) to show in the plan [m].
-        begin: start of the loop that the viewer plays [s].
-        duration: length of the runs [s].
+    Panels without any entity among those `sent` are left out. The plan shows the points `within` (n, 2) [m]; `begin` is
+    the start of the loop that the viewer plays [s].
     """
     plots = [
         (panel, entities)
@@ -53,22 +43,19 @@ def blueprint(
     ]
     if plots and not any(panel.legend for panel, _ in plots):
         plots[0] = (replace(plots[0][0], legend=True), plots[0][1])
-    target = np.array([0.0, 0.0, 0.2])
+    target, one = np.array([0.0, 0.0, 0.2]), len(roots) == 1
+    eye = target + (_BEHIND if one else _FARTHER * _BEHIND)
     space = rrb.Spatial3DView(
         origin=f"/{CAMERA}",
         contents=["+ /**"],
-        name="Robot and field" if len(roots) == 1 else "Robots and field",
+        name="Robot and field" if one else "Robots and field",
         background=_BACKGROUND,
         line_grid=False,
-        eye_controls=rrb.EyeControls3D(
-            kind="Orbital",
-            position=target + (_BEHIND if len(roots) == 1 else _FARTHER * _BEHIND),
-            look_target=target,
-            eye_up=[0, 0, 1],
-        ),
+        eye_controls=rrb.EyeControls3D(kind="Orbital", position=eye, look_target=target, eye_up=[0, 0, 1]),
     )
     middle = (within.min(axis=0) + within.max(axis=0)) / 2
     wide, high = within.max(axis=0) - within.min(axis=0)
+    above = [*middle, max(wide / _ASPECT, high) + 1.0]
     left_out = [f"- /{FIELD}/ground/**", *(f"- /{root}/{ROBOT}/contact_forces/**" for root in roots)]
     plan = rrb.Spatial3DView(
         origin="/",
@@ -76,27 +63,20 @@ def blueprint(
         name="Plan [grid: 1 m]",
         background=_BACKGROUND,
         line_grid=rrb.LineGrid3D(visible=True, spacing=1.0, color=(90, 90, 90, 120)),
-        eye_controls=rrb.EyeControls3D(
-            kind="Orbital",
-            position=[*middle, max(wide / _ASPECT, high) + 1.0],
-            look_target=[*middle, 0.0],
-            eye_up=[0, 1, 0],
-        ),
+        eye_controls=rrb.EyeControls3D(kind="Orbital", position=above, look_target=[*middle, 0.0], eye_up=[0, 1, 0]),
     )
+    views: rrb.Container = rrb.Vertical(space, plan)
+    if plots:
+        left = rrb.Vertical(space, plan, row_shares=[1.2, 1])
+        views = rrb.Horizontal(left, _tabs(plots, duration), column_shares=[1, 1.1])
     return rrb.Blueprint(
-        rrb.Horizontal(
-            rrb.Vertical(space, plan, row_shares=[1.2, 1]),
-            _tabs(plots, duration),
-            column_shares=[1, 1.1],
-        )
-        if plots
-        else rrb.Vertical(space, plan),
+        views,
         rrb.TimePanel(
             timeline=TIMELINE,
             state="collapsed",
             play_state="playing",
             loop_mode="selection",
-            time_selection=rrb.components.AbsoluteTimeRange(min=_nanoseconds(begin), max=_nanoseconds(begin + _LOOP)),
+            time_selection=rrb.components.AbsoluteTimeRange(min=round(1e9 * begin), max=round(1e9 * (begin + _LOOP))),
         ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
@@ -116,19 +96,12 @@ def _tabs(plots: Sequence[tuple[Panel, Sequence[str]]], duration: float) -> rrb.
 
 
 def _plot(panel: Panel, entities: Sequence[str], duration: float) -> rrb.TimeSeriesView:
+    begin, end = (rr.TimeRangeBoundary.absolute(seconds=seconds) for seconds in (0.0, duration * _LEGEND))
     return rrb.TimeSeriesView(
         origin="/",
         contents=[f"+ /{entity}" for entity in entities],
         name=panel.title,
-        axis_x=rrb.TimeAxis(view_range=rr.TimeRange(_at(0.0), _at(duration * _LEGEND))),
+        axis_x=rrb.TimeAxis(view_range=rr.TimeRange(begin, end)),
         axis_y=None if panel.range is None else rrb.ScalarAxis(range=panel.range, zoom_lock=False),
         plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.RightTop, visible=panel.legend),
     )
-
-
-def _at(seconds: float) -> rr.TimeRangeBoundary:
-    return rr.TimeRangeBoundary.absolute(seconds=seconds)
-
-
-def _nanoseconds(seconds: float) -> int:
-    return round(1e9 * seconds)

@@ -40,29 +40,25 @@ def send_poses(stream: rr.RecordingStream, entity: str, time: Array, pose: Array
 
 def mesh(triangles: geometry.Triangles) -> rr.Mesh3D:
     """Triangles as a mesh."""
-    return rr.Mesh3D(
-        vertex_positions=triangles.vertices, vertex_normals=triangles.normals, vertex_colors=triangles.colours
-    )
+    corners, normals, colours = triangles.vertices, triangles.normals, triangles.colours
+    return rr.Mesh3D(vertex_positions=corners, vertex_normals=normals, vertex_colors=colours)
 
 
-def send_series(stream: rr.RecordingStream, entity: str, time: Array, series: Sequence[Series]) -> None:
-    """Send lines over time with their names and colours."""
-    for line in series:
-        style = rr.SeriesLines(
-            names=list(line.names),
-            colors=[rgb(colour) for colour in line.colours],
-            widths=[line.width] * len(line.names),
-        )
-        stream.log(f"{entity}/{line.entity}", style, static=True)
+def send_series(stream: rr.RecordingStream, root: str, time: Array, series: Sequence[Series]) -> list[str]:
+    """Send lines over time with their names and colours; returns their entities, below `root`."""
+    sent = [f"{root}/{line.entity}" for line in series]
+    for entity, line in zip(sent, series, strict=True):
         count = line.values.shape[1]
+        colours = [rgb(colour) for colour in line.colours]
+        stream.log(entity, rr.SeriesLines(names=line.names, colors=colours, widths=[line.width] * count), static=True)
         columns = rr.Scalars.columns(scalars=line.values.ravel())
-        send(stream, f"{entity}/{line.entity}", time, columns.partition(np.full(len(time), count)))
+        send(stream, entity, time, columns.partition(np.full(len(time), count)))
+    return sent
 
 
 def send_properties(stream: rr.RecordingStream, name: str, metadata: Mapping[str, Any]) -> None:
     """Send a run's metadata as properties of the recording."""
-    flat = _flat(metadata)
-    if flat:
+    if flat := _flat(metadata):
         stream.send_property(name, rr.AnyValues(**flat))
 
 
@@ -80,4 +76,5 @@ def _flat(metadata: Mapping[str, Any], before: str = "") -> dict[str, Any]:
 
 def rgb(colour: str) -> tuple[int, int, int]:
     """Red, green and blue of '#rrggbb'."""
-    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+    red, green, blue = bytes.fromhex(colour[1:])
+    return red, green, blue

@@ -19,10 +19,7 @@ from trackslip.errors import TrackslipError
 def results_or_failed_runs(out: Path, command: str, world: World) -> Iterator[Path]:
     """Like `results_folder`; if a run fails in the block, `out` gets its log, a recording if asked for, and a manifest.
 
-    The manifest then gives the reason under "error".
-
-    Raises:
-        TrackslipError: the failure, after it has been stored.
+    The manifest then gives the reason under "error", and the failure is raised as a TrackslipError.
     """
     began = time.perf_counter()
     failure: RunFailedError | None = None

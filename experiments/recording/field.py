@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -10,7 +10,7 @@ import numpy as np
 import rerun as rr
 
 from experiments.recording import geometry
-from experiments.recording.columns import mesh, quaternion, rgb, send
+from experiments.recording.columns import at_height, mesh, quaternion, rgb, send
 from experiments.recording.sensing import OTHER_COLOUR
 from experiments.recording.traces import Traces
 from sim.scanner.obstacles import Walker
@@ -28,12 +28,9 @@ _TALL = 1.0  # height of posts, walls and people [m]
 def send_field(stream: rr.RecordingStream, traces: Traces, model: mujoco.MjModel, within: Array) -> None:
     """Send the ground around the points `within` (n, 2), and the scanner and obstacles that a run's log describes."""
     stream.log(f"{FIELD}/ground", mesh(_paving(within)), static=True)
-    mount = mount_of(traces)
-    if mount is not None:
-        pose = rr.Transform3D(
-            translation=[mount[0], mount[1], scan_height(model)],
-            quaternion=rr.Quaternion(xyzw=quaternion(mount[2:])[0]),
-        )
+    if (mount := mount_of(traces)) is not None:
+        turn = rr.Quaternion(xyzw=quaternion(mount[2:])[0])
+        pose = rr.Transform3D(translation=[mount[0], mount[1], scan_height(model)], quaternion=turn)
         stream.log(f"{FIELD}/scanner", pose, mesh(geometry.body(model, geometry.SCANNER)), static=True)
     _send_ground(stream, traces, within)
     _send_obstacles(stream, traces)
@@ -70,25 +67,21 @@ def _send_ground(stream: rr.RecordingStream, traces: Traces, within: Array) -> N
     if not isinstance(ground, Mapping):
         return
     low, high = within.min(axis=0) - _MARGIN, within.max(axis=0) + _MARGIN
-    boxes, labels = [], []
-    for patch in ground.get("patches") or ():
-        ends = np.clip(np.array([_ends(patch[axis]) for axis in "xy"]).T, low, high)
-        if (ends[0] < ends[1]).all():
-            boxes.append(ends)
-            labels.append(f"friction {patch['along']:g} along, {patch['across']:g} across")
-    if boxes:
-        middle, half = np.mean(boxes, axis=1), np.ptp(boxes, axis=1) / 2
+    patches = [(_ends(patch, low, high), patch) for patch in ground.get("patches") or ()]
+    patches = [(ends, patch) for ends, patch in patches if (ends[0] < ends[1]).all()]
+    if patches:
+        boxes = [ends for ends, _ in patches]
+        thickness = np.full(len(boxes), _PATCH)
         flat = rr.Boxes3D(
-            centers=np.column_stack([middle, np.full(len(boxes), _PATCH)]),
-            half_sizes=np.column_stack([half, np.full(len(boxes), _PATCH)]),
+            centers=np.column_stack([np.mean(boxes, axis=1), thickness]),
+            half_sizes=np.column_stack([np.ptp(boxes, axis=1) / 2, thickness]),
             colors=[rgb(_PATCH_COLOUR)],
             fill_mode="solid",
-            labels=labels,
+            labels=[f"friction {patch['along']:g} along, {patch['across']:g} across" for _, patch in patches],
         )
         stream.log(f"{FIELD}/patches", flat, static=True)
-    slope = float(ground.get("slope") or 0.0)
+    slope, heading = (float(ground.get(key) or 0.0) for key in ("slope", "uphill"))
     if slope:
-        heading = float(ground.get("uphill") or 0.0)
         arrow = rr.Arrows3D(
             vectors=[[np.cos(heading), np.sin(heading), 0.0]],
             origins=[[*(within.min(axis=0) - 1.0), 0.02]],
@@ -99,9 +92,10 @@ def _send_ground(stream: rr.RecordingStream, traces: Traces, within: Array) -> N
         stream.log(f"{FIELD}/uphill", arrow, static=True)
 
 
-def _ends(pair: Any) -> list[float]:
-    """Both ends; JSON has no infinity."""
-    return [sign * np.inf if end is None else float(end) for sign, end in zip((-1, 1), pair, strict=True)]
+def _ends(patch: Mapping[str, Any], low: Array, high: Array) -> Array:
+    """The smallest and the largest corner (2, 2) of a patch, between `low` and `high` (2,); JSON has no infinity."""
+    ends = np.array([patch["x"], patch["y"]], float).T
+    return np.clip(np.where(np.isnan(ends), [[-np.inf], [np.inf]], ends), low, high)
 
 
 def _send_obstacles(stream: rr.RecordingStream, traces: Traces) -> None:
@@ -109,34 +103,27 @@ def _send_obstacles(stream: rr.RecordingStream, traces: Traces) -> None:
     known = traces.log.metadata.get("obstacles")
     if not isinstance(known, Mapping):
         return
-    posts, walls, walkers = ([o for o in known.get(kind) or ()] for kind in ("posts", "walls", "walkers"))
+    posts, walls, walkers = (list(known.get(kind) or ()) for kind in ("posts", "walls", "walkers"))
     if posts:
         centres = [[post["x"], post["y"], _TALL / 2] for post in posts]
         stream.log(f"{FIELD}/posts", _cylinders(centres, [post["radius"] for post in posts]), static=True)
     if walls:
-        ends = np.array([[wall[key] for key in ("x0", "y0", "x1", "y1")] for wall in walls]).reshape(-1, 2, 2)
-        strips = [[[*end, z] for end, z in _around(wall)] for wall in ends]
+        strips = [_around([wall["x0"], wall["y0"]], [wall["x1"], wall["y1"]]) for wall in walls]
         stream.log(f"{FIELD}/walls", rr.LineStrips3D(strips, colors=[rgb(OTHER_COLOUR)], radii=[0.01]), static=True)
     for k, walker in enumerate(walkers):
-        person = Walker(**{**walker, "turns_after": _infinite(walker.get("turns_after"))})
+        turns_after = np.inf if walker.get("turns_after") is None else walker["turns_after"]  # JSON has no infinity
+        person = Walker(**{**walker, "turns_after": turns_after})
         entity = f"{FIELD}/walkers/{k}"
         stream.log(entity, _cylinders([[0, 0, _TALL / 2]], [person.radius]), static=True)
-        where = person.place(traces.log.time)
-        translation = np.column_stack([where, np.zeros(len(where))])
-        send(stream, entity, traces.time, rr.Transform3D.columns(translation=translation))
+        place = rr.Transform3D.columns(translation=at_height(person.place(traces.log.time)))
+        send(stream, entity, traces.time, place)
 
 
-def _around(wall: Array) -> list[tuple[Array, float]]:
-    """The corners of an upright wall between two ends (2, 2), with their heights, once around."""
-    return [(wall[0], 0.0), (wall[1], 0.0), (wall[1], _TALL), (wall[0], _TALL), (wall[0], 0.0)]
+def _around(begin: Sequence[float], end: Sequence[float]) -> list[list[float]]:
+    """The corners of an upright wall between two points (2,), once around."""
+    return [[*begin, 0.0], [*end, 0.0], [*end, _TALL], [*begin, _TALL], [*begin, 0.0]]
 
 
-def _cylinders(centres: Any, radii: Any) -> rr.Cylinders3D:
-    return rr.Cylinders3D(
-        lengths=[_TALL] * len(radii), radii=radii, centers=centres, colors=[rgb(OTHER_COLOUR)], fill_mode="solid"
-    )
-
-
-def _infinite(value: float | None) -> float:
-    """The number; null stands for infinity in JSON."""
-    return float("inf") if value is None else value
+def _cylinders(centres: Any, radii: Sequence[float]) -> rr.Cylinders3D:
+    style: dict[str, Any] = {"colors": [rgb(OTHER_COLOUR)], "fill_mode": "solid"}
+    return rr.Cylinders3D(lengths=[_TALL] * len(radii), radii=radii, centers=centres, **style)

@@ -17,8 +17,7 @@ from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 
 CHASSIS, SCANNER = "chassis", "lrf"
-BELTS = ("left_belt", "right_belt")
-"""Geoms that are a belt with its shoes, as one mesh."""
+BELTS = ("left_belt", "right_belt")  # geoms that are a belt with its shoes, as one mesh
 _SIDES = 20  # of a cylinder
 _LOOKS = (SCANNED_GROUP, VISUAL_GROUP)
 
@@ -46,8 +45,7 @@ class Belt:
     shoe: Array  # (3 F, 3) vertices of one shoe about its middle, as it lies under the robot [m]
     place: Array  # (S, 3) middles of the shoes in the chassis frame, backwards under the robot, forwards above [m]
     angle: Array  # (S + 1,) rotation of each about the robot's y axis, unwrapped, the first one repeated [rad]
-    pitch: float
-    """Distance between shoes along the belt [m]."""
+    pitch: float  # distance between shoes along the belt [m]
 
     def shoes(self, travel: Array) -> tuple[Array, Array]:
         """Middles (..., S, 3) [m] and quaternions (..., S, 4), xyzw, of the shoes when the belt has run `travel` (...).
@@ -55,8 +53,7 @@ class Belt:
         Positive travel [m] drives the robot forwards.
         """
         count = len(self.place)
-        at = np.arange(count) + (travel / self.pitch)[..., None]
-        turns, index = np.divmod(at, count)
+        turns, index = np.divmod(np.arange(count) + (travel / self.pitch)[..., None], count)
         knots = np.arange(count + 1)
         closed = np.concatenate([self.place, self.place[:1]])
         place = np.stack([np.interp(index, knots, closed[:, k]) for k in range(3)], axis=-1)
@@ -111,16 +108,15 @@ def belt(model: mujoco.MjModel, name: str) -> tuple[Triangles, Belt | None]:
     place = np.array([corner[label == k].reshape(-1, 3).mean(axis=0) for k in shoes])
     around = place - place.mean(axis=0)
     order = np.argsort(np.arctan2(around[:, 2], -around[:, 0]))  # backwards below, then up and forwards above
-    lowest = int(np.argmin(np.hypot(place[order, 0], place[order, 2])))
-    order = np.roll(order, -lowest)
+    order = np.roll(order, -np.argmin(np.hypot(place[order, 0], place[order, 2])))  # from the lowest one on
     place, shoes = place[order], shoes[order]
-    ahead = np.roll(place, -1, axis=0) - np.roll(place, 1, axis=0)
+    after = np.roll(place, -1, axis=0)
+    ahead = after - np.roll(place, 1, axis=0)
     angle = np.unwrap(np.arctan2(ahead[:, 2], -ahead[:, 0]))
     angle -= angle[0]
-    step = np.linalg.norm(np.roll(place, -1, axis=0) - place, axis=1)
     shoe = corner[label == shoes[0]].reshape(-1, 3) - place[0]
-    turn = 2 * np.pi * np.sign(angle[-1])
-    return band, Belt(shoe, place, np.append(angle, turn), float(step.mean()))
+    angle = np.append(angle, 2 * np.pi * np.sign(angle[-1]))
+    return band, Belt(shoe, place, angle, float(np.linalg.norm(after - place, axis=1).mean()))
 
 
 def _connected(corner: Array) -> np.ndarray:
@@ -159,8 +155,8 @@ def _prism(section: Array, half_height: float) -> Array:
     count = len(section)
     low = np.column_stack([section, np.full(count, -half_height)])
     high = low * [1, 1, -1]
-    k = np.arange(count)
-    after = (k + 1) % count
-    sides = np.stack([low[k], low[after], high[after], low[k], high[after], high[k]], axis=1)
-    fan = np.stack([np.zeros(count - 2, int), k[1:-1], k[2:]], axis=1)
+    low_after, high_after = np.roll(low, -1, axis=0), np.roll(high, -1, axis=0)
+    sides = np.stack([low, low_after, high_after, low, high_after, high], axis=1)
+    k = np.arange(1, count - 1)
+    fan = np.stack([np.zeros_like(k), k, k + 1], axis=1)
     return np.concatenate([sides.reshape(-1, 3), high[fan].reshape(-1, 3), low[fan[:, ::-1]].reshape(-1, 3)])

@@ -1,4 +1,4 @@
-"""The robot in a recording: its geometry, its pose, and the forces on it."""
+"""The robot in a recording: its geometry, its pose, the forces on it, and its paths: driven, measured and desired."""
 
 from __future__ import annotations
 
@@ -10,13 +10,15 @@ import rerun as rr
 
 from experiments.recording import geometry
 from experiments.recording.columns import at_height, mesh, rgb, send, send_poses
+from experiments.recording.sensing import ESTIMATE_COLOUR
 from experiments.recording.traces import Traces
 from experiments.report.colours import GREEN
 from trackslip.kinematics import Array
 
-ROBOT = "robot"
-"""Entity of the robot, below that of the run."""
+ROBOT = "robot"  # its entity, below that of the run
 CAMERA = "camera"
+_REFERENCE_COLOUR = "#b8b8b8"
+_ABOVE = 0.004  # height of lines above the ground, and above each other [m]
 _PHASES = 8  # places of a shoe between two neighbours, so that rows repeat and compress well
 _MARKED = 11  # one shoe in so many is painted, which shows the belt moving
 _NEWTON = 0.004  # length of a force arrow [m/N]
@@ -84,3 +86,26 @@ def send_contacts(stream: rr.RecordingStream, entity: str, traces: Traces, model
     stream.log(arrows, rr.Arrows3D.from_fields(origins=pads, colors=[rgb(GREEN)], radii=[0.004]), static=True)
     vectors = rr.Arrows3D.columns(vectors=(_NEWTON * force).reshape(-1, 3))
     send(stream, arrows, traces.time, vectors.partition(np.full(len(force), len(pads))))
+
+
+def send_paths(stream: rr.RecordingStream, entity: str, traces: Traces, colour: str, estimate: bool) -> None:
+    """Send the true path and the measured one."""
+    known = traces.estimate[np.isfinite(traces.estimate).all(axis=1)]
+    lines = [("true", traces.pose, colour, 0.008)] if traces.log.truth is not None else []
+    if estimate or traces.log.truth is None:
+        lines.append(("estimated", known, ESTIMATE_COLOUR if traces.log.truth is not None else colour, 0.004))
+    for k, (name, pose, line_colour, radius) in enumerate(lines):
+        if len(pose):
+            strip = rr.LineStrips3D([at_height(pose, (k + 2) * _ABOVE)], colors=[rgb(line_colour)], radii=[radius])
+            stream.log(f"{entity}/path/{name}", strip, static=True)
+
+
+def send_reference(stream: rr.RecordingStream, entity: str, traces: Traces) -> None:
+    """Send the reference of the run, and the place on it where the robot should be."""
+    if traces.reference is None:
+        return
+    strip = rr.LineStrips3D([at_height(traces.reference, _ABOVE)], colors=[rgb(_REFERENCE_COLOUR)], radii=[0.016])
+    stream.log(f"{entity}/path", strip, static=True)
+    target = rr.Arrows3D(vectors=[[0.25, 0, 0]], origins=[[0, 0, 0.02]], colors=[(255, 255, 255)], radii=[0.012])
+    stream.log(f"{entity}/target", target, static=True)
+    send_poses(stream, f"{entity}/target", traces.time, traces.reference, _ABOVE)

@@ -13,8 +13,7 @@ from trackslip.kinematics import Array
 from trackslip.logs.scanlog import ScanLog
 
 ESTIMATE_COLOUR, PLATE_COLOUR, OTHER_COLOUR = VERMILLION, "#ff3d7f", "#8d6bd1"
-MAGNIFIED = 30.0
-"""Magnification of the 3-sigma ellipses of covariance, which are millimetres in size."""
+MAGNIFIED = 30.0  # magnification of the 3-sigma ellipses of covariance, which are millimetres in size
 _SIGMAS = 3.0
 _ON_TOP = 0.11  # top of the plate above its middle [m]
 _MAX_RAYS = 24  # drawn per scan
@@ -27,9 +26,8 @@ def send_estimate(stream: rr.RecordingStream, entity: str, traces: Traces, model
     known = np.isfinite(traces.estimate).all(axis=1)
     if not known.any():
         return
-    plate = model.geom("plate")
+    plate, found = model.geom("plate"), traces.estimate[known]
     height = float(plate.pos[2])
-    found = traces.estimate[known]
     plate_found = f"{entity}/estimate/plate"
     stream.log(plate_found, rr.Boxes3D.from_fields(colors=[rgb(ESTIMATE_COLOUR)], radii=[0.004]), static=True)
     send_poses(stream, plate_found, traces.time[known], found, height)
@@ -39,14 +37,13 @@ def send_estimate(stream: rr.RecordingStream, entity: str, traces: Traces, model
         return
     variance, axes = np.linalg.eigh(log.covariance[known, :2, :2])
     half = MAGNIFIED * _SIGMAS * np.sqrt(np.maximum(variance, 0))
-    turned = np.arctan2(axes[:, 1, 0], axes[:, 0, 0])
     ellipse = f"{entity}/estimate/covariance"
     style = rr.Ellipsoids3D.from_fields(colors=[(*rgb(ESTIMATE_COLOUR), 110)], fill_mode="solid")
     stream.log(ellipse, style, static=True)
     columns = rr.Ellipsoids3D.columns(
         half_sizes=np.column_stack([half, np.full(len(half), 0.004)]),
         centers=at_height(found, height + _ON_TOP),
-        quaternions=quaternion(turned),
+        quaternions=quaternion(np.arctan2(axes[:, 1, 0], axes[:, 0, 0])),
     )
     send(stream, ellipse, traces.time, columns.partition(known.astype(int)))
 

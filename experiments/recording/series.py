@@ -13,12 +13,11 @@ import numpy as np
 from experiments.recording.traces import Traces
 from trackslip.kinematics import Array
 
-LEFT, RIGHT = "#56B4E9", "#E69F00"
-"""Colours of the tracks in every panel; all colours are from Okabe and Ito's palette."""
+LEFT, RIGHT = "#56B4E9", "#E69F00"  # tracks in every panel; all colours are from Okabe and Ito's palette
 _AHEAD, _SIDEWAYS, _TURNING = "#009E73", "#F0E442", "#CC79A7"
+# opaque, because the viewer draws a line in pieces that overlap
 _PALE = {LEFT: "#BFE3F8", RIGHT: "#FFE0A0", _AHEAD: "#9ADFCA", _TURNING: "#F2D5E4"}
 _DIM = {LEFT: "#2B5F7D", RIGHT: "#7A5400"}
-"""Opaque: the viewer draws a line in pieces that overlap."""
 _GREY = "#8a8a8a"
 _THICK, _LINE, _THIN = 4.5, 1.5, 0.8  # line widths [px]
 _RARE = 5.0  # share of the time, at either end, in which slips may be off their axis [%]
@@ -43,11 +42,9 @@ class Panel:
     title: str
     entities: tuple[str, ...]
     range: tuple[float, float] | None = None
-    height: float = 1.0
-    """Relative to the other panels."""
+    height: float = 1.0  # relative to the other panels
     legend: bool = True
-    tab: str = "Slip and errors"
-    """The tab with the panel, if there are several."""
+    tab: str = "Slip and errors"  # the tab with the panel, if there are several
 
 
 SLIP_LAW, SLIP_IDENTIFIED, SLIP_TRUE = "slip/by_law", "slip/identified", "slip/true"
@@ -113,7 +110,8 @@ def panels(runs: Sequence[Traces]) -> list[Panel]:
     chosen = PANELS if len(runs) == 1 else COMPARED
     late = [error for traces in runs if (error := traces.late_error) is not None]
     slip = _slip_range(runs)
-    lines = [line for traces in runs for line in _lines(traces, len(runs))]
+    many = [line for run in runs for line in compared_series(run, "", LEFT, LEFT)]
+    lines = series_of(runs[0]) if len(runs) == 1 else many
     ranges = {panel.title: slip if panel.range == _SLIP_RANGE else _range_of(panel, lines) for panel in chosen}
     if late:
         error = np.concatenate(late)
@@ -125,25 +123,19 @@ def panels(runs: Sequence[Traces]) -> list[Panel]:
 
 def _range_of(panel: Panel, lines: Sequence[Series]) -> tuple[float, float] | None:
     """A range with all values that a panel shows of the lines; None without any."""
-    shown = [line.values for line in lines if line.entity in panel.entities]
-    values = np.concatenate([value.ravel() for value in shown]) if shown else np.empty(0)
+    values = np.concatenate([[], *(line.values.ravel() for line in lines if line.entity in panel.entities)])
     values = values[np.isfinite(values)]
     return readable(values) if values.size else None
 
 
-def _lines(traces: Traces, runs: int) -> list[Series]:
-    """The lines of one of several runs."""
-    return series_of(traces) if runs == 1 else compared_series(traces, "", LEFT, LEFT)
-
-
 def _slip_range(runs: Sequence[Traces]) -> tuple[float, float]:
     """_SLIP_RANGE, extended if robots slip more than that for more than moments."""
-    known = [slip for traces in runs if (slip := traces.identified if traces.slip is None else traces.slip) is not None]
-    columns = [column[np.isfinite(column)] for slip in known for column in slip.T]
+    slips = [traces.identified if traces.slip is None else traces.slip for traces in runs]
+    columns = [column[np.isfinite(column)] for slip in slips if slip is not None for column in slip.T]
     shares = [np.percentile(column, (_RARE, 100 - _RARE)) for column in columns if column.size]
     ends = np.array([_SLIP_RANGE, *shares])
-    widest = float(ends.min()), float(ends.max())
-    return _SLIP_RANGE if widest == _SLIP_RANGE else readable(np.array(widest))
+    inside = ends.min() >= _SLIP_RANGE[0] and ends.max() <= _SLIP_RANGE[1]
+    return _SLIP_RANGE if inside else readable(ends)
 
 
 def readable(values: Array) -> tuple[float, float]:
@@ -166,9 +158,12 @@ def compared_series(traces: Traces, name: str, colour: str, pale: str) -> list[S
     found = []
     for series in series_of(traces):
         if series.entity in kept:
-            two = len(series.names) == 2
-            names = (f"{name}, left", f"{name}, right") if two else (name,)
-            found.append(Series(series.entity, series.values, names, (colour, pale) if two else (colour,)))
+            names, colours = (
+                ((name,), (colour,))
+                if len(series.names) == 1
+                else ((f"{name}, left", f"{name}, right"), (colour, pale))
+            )
+            found.append(Series(series.entity, series.values, names, colours))
     truth, asked = traces.log.truth, traces.log.twist_command
     yaw = [(f"{name}, true", colour, truth.twist[:, 2])] if truth is not None else []
     yaw += [(f"{name}, commanded", pale, asked[:, 1])] if asked is not None else []

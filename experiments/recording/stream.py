@@ -9,7 +9,7 @@ from uuid import uuid4
 import numpy as np
 import rerun as rr
 
-from experiments.recording import columns, field, paths, robot, sensing
+from experiments.recording import columns, field, robot, sensing
 from experiments.recording.blueprint import begin_of_loop, blueprint
 from experiments.recording.geometry import looks, parameters_of
 from experiments.recording.series import compared_series, panels, series_of
@@ -19,8 +19,7 @@ from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 
 APPLICATION = "trackslip"
-RUN = "run"
-"""Entity of a single run; it contains one entity per run if there are several."""
+RUN = "run"  # entity of a single run; it contains one entity per run if there are several
 _DISTINCT = (BLUE, "#D55E00", "#009E73", "#E69F00", "#CC79A7", "#56B4E9", "#F0E442", "#B8B8B8", "#8C510A", "#6A3D9A")
 
 
@@ -32,64 +31,54 @@ def new_stream(title: str) -> rr.RecordingStream:
 
 
 def send(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Path | None = None) -> float:
-    """Send a run, or several for comparison; `laws` is a file of identified laws, by default the shipped one.
+    """Send a run, or several on one time line; `laws` is a file of identified laws, by default the shipped one.
 
     Returns the start of the loop that the viewer plays [s].
     """
-    return send_run(stream, logs[0], laws) if len(logs) == 1 else send_comparison(stream, logs, laws)
-
-
-def send_run(stream: rr.RecordingStream, log: RunLog, laws: Path | None = None) -> float:
-    """Send everything about one run; returns the start of the loop to play [s]."""
-    traces = traces_of(log, laws)
-    model = looks(parameters_of(log))
-    within = _within([traces])
-    field.send_field(stream, traces, model, within)
-    robot.send_robot(stream, RUN, traces, model)
-    robot.send_camera(stream, [traces])
-    robot.send_contacts(stream, RUN, traces, model)
-    sensing.send_estimate(stream, RUN, traces, model)
-    sensing.send_scans(stream, RUN, traces, field.scan_height(model))
-    paths.send_paths(stream, RUN, traces, paths.TRUE_COLOUR, estimate=True)
-    paths.send_reference(stream, "reference", traces)
-    series = series_of(traces)
-    columns.send_series(stream, RUN, traces.time, series)
-    columns.send_properties(stream, RUN, {"name": log.run, **log.metadata})
-    sent = [f"{RUN}/{line.entity}" for line in series]
-    duration = float(traces.time[-1])
-    begin = begin_of_loop(traces.moment, duration)
-    stream.send_blueprint(blueprint([RUN], panels([traces]), sent, within, begin, duration))
-    return begin
-
-
-def send_comparison(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Path | None = None) -> float:
-    """Send several runs on one time line, each in its own colour; returns the start of the loop to play [s]."""
     runs = [traces_of(log, laws) for log in logs]
     within = _within(runs)
     field.send_field(stream, runs[0], looks(parameters_of(logs[0])), within)
     robot.send_camera(stream, runs)
-    roots: list[str] = []
-    sent: list[str] = []
-    drawn: set[str] = set()
-    names = telling_names([log.run for log in logs])
-    for number, (traces, colour) in enumerate(zip(runs, run_colours(logs), strict=True)):
-        root = rr.new_entity_path([RUN, traces.log.run]).removeprefix("/")
-        robot.send_simple_robot(stream, root, traces, looks(parameters_of(traces.log)), colour)
-        paths.send_paths(stream, root, traces, colour, estimate=False)
-        series = compared_series(traces, names[number], colour, paler(colour))
-        columns.send_series(stream, root, traces.time, series)
-        columns.send_properties(stream, f"{RUN}_{number}", {"name": traces.log.run, **traces.log.metadata})
-        path = str([traces.log.metadata.get(key) for key in ("reference", "circle")])
-        if path not in drawn:  # runs with the same reference share its picture
-            paths.send_reference(stream, f"reference/{len(drawn)}", traces)
-            drawn.add(path)
-        roots.append(root)
-        sent += [f"{root}/{line.entity}" for line in series]
+    roots, sent = _send_run(stream, runs[0]) if len(runs) == 1 else _send_comparison(stream, runs)
     worst = max(runs, key=lambda traces: 0.0 if traces.distance is None else float(np.max(traces.distance)))
     duration = max(float(traces.time[-1]) for traces in runs)
     begin = begin_of_loop(worst.moment, duration)
     stream.send_blueprint(blueprint(roots, panels(runs), sent, within, begin, duration))
     return begin
+
+
+def _send_run(stream: rr.RecordingStream, traces: Traces) -> tuple[list[str], list[str]]:
+    """Send everything about one run; returns its root and the entities of its plots."""
+    model = looks(parameters_of(traces.log))
+    robot.send_robot(stream, RUN, traces, model)
+    robot.send_contacts(stream, RUN, traces, model)
+    robot.send_paths(stream, RUN, traces, BLUE, estimate=True)
+    robot.send_reference(stream, "reference", traces)
+    sensing.send_estimate(stream, RUN, traces, model)
+    sensing.send_scans(stream, RUN, traces, field.scan_height(model))
+    columns.send_properties(stream, RUN, {"name": traces.log.run, **traces.log.metadata})
+    return [RUN], columns.send_series(stream, RUN, traces.time, series_of(traces))
+
+
+def _send_comparison(stream: rr.RecordingStream, runs: Sequence[Traces]) -> tuple[list[str], list[str]]:
+    """Send several runs, each in its own colour; returns their roots and the entities of their plots."""
+    logs = [traces.log for traces in runs]
+    roots, sent = [], []
+    drawn: set[str] = set()
+    names = telling_names([log.run for log in logs])
+    for number, (traces, name, colour) in enumerate(zip(runs, names, run_colours(logs), strict=True)):
+        metadata = traces.log.metadata
+        roots.append(rr.new_entity_path([RUN, traces.log.run]).removeprefix("/"))
+        robot.send_simple_robot(stream, roots[-1], traces, looks(parameters_of(traces.log)), colour)
+        robot.send_paths(stream, roots[-1], traces, colour, estimate=False)
+        series = compared_series(traces, name, colour, paler(colour))
+        sent += columns.send_series(stream, roots[-1], traces.time, series)
+        columns.send_properties(stream, f"{RUN}_{number}", {"name": traces.log.run, **metadata})
+        path = str([metadata.get(key) for key in ("reference", "circle")])
+        if path not in drawn:  # runs with the same reference share its picture
+            robot.send_reference(stream, f"reference/{len(drawn)}", traces)
+            drawn.add(path)
+    return roots, sent
 
 
 def telling_names(names: Sequence[str]) -> list[str]:

@@ -9,14 +9,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import scipy
 
 from experiments.driving.lookup import reference as load_reference
 from experiments.driving.paper_model import KNOWN_LAWS
-from experiments.recording.smoothing import smooth_motion
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import TRANSIENT, body_errors
+from trackslip.motion.base import Motion
+from trackslip.motion.filtered import even_poses
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.icr import ConstantIcr
 from trackslip.slip.law_file import SHIPPED, load_laws
@@ -26,6 +28,9 @@ from trackslip.trajectory.segmented import circle
 _MIN_SPROCKET_SPEED = 0.3  # below it a slip is a quotient of noise [rad/s]
 _POLE = 0.5  # slip beyond which a law is near its pole [-]
 _BELOW_TOP = 1 - 1e-9  # factor on the top speed: slower set points were not scaled down to it
+_DEGREE = 4  # of the polynomials that smooth poses, after Savitzky and Golay
+_MAX_WINDOW = 3.0  # that a polynomial is fitted to [s]
+_MAX_TURN = 0.5  # within a window, so that the polynomials follow the circle [rad]
 _BY_DEFAULT = "icr_radius"  # law shown for a run without compensation
 
 
@@ -58,10 +63,10 @@ class Traces:
     @property
     def moment(self) -> float:
         """The moment of interest: the largest error after the transient, else the middle of the run [s]."""
-        late = self.late_error
-        if late is None:
+        distance, late = self.distance, self.time >= TRANSIENT
+        if distance is None or not late.any():
             return float(self.time[len(self.time) // 2])
-        return float(self.time[len(self.time) - len(late) + int(np.argmax(np.hypot(late[:, 0], late[:, 1])))])
+        return float(self.time[late][np.argmax(distance[late])])
 
 
 def traces_of(log: RunLog, laws: Path | None = None) -> Traces:
@@ -80,27 +85,16 @@ def traces_of(log: RunLog, laws: Path | None = None) -> Traces:
             mean = (twist + np.concatenate([twist[:1], twist[:-1]])) / 2  # measured sprocket speeds are means, too
             true, driven = _slip(log.omega, mean, geometry), mean
         law, name = _slip_by_law(log, geometry, driven if log.twist_command is None else log.twist_command, laws)
-    return Traces(
-        log=log,
-        time=log.time - log.time[0],
-        pose=pose,
-        estimate=estimate,
-        reference=desired,
-        error=None if desired is None else body_errors(pose, desired),
-        slip=true,
-        identified=identified,
-        law=law,
-        law_name=name,
-    )
+    error = None if desired is None else body_errors(pose, desired)
+    return Traces(log, log.time - log.time[0], pose, estimate, desired, error, true, identified, law, name)
 
 
 def geometry_of(log: RunLog) -> RobotGeometry | None:
     """The robot's geometry, if the log has it."""
     known = log.metadata.get("geometry")
-    try:
+    with contextlib.suppress(TypeError, TrackslipError):
         return RobotGeometry(**known) if isinstance(known, Mapping) else None
-    except (TypeError, TrackslipError):
-        return None
+    return None
 
 
 def reference_of(log: RunLog) -> Reference | None:
@@ -121,7 +115,7 @@ def _slip(omega: Array, twist: Array, geometry: RobotGeometry) -> Array:
 def _identified_slip(log: RunLog, geometry: RobotGeometry) -> tuple[Array | None, Array | None]:
     """Slips (T, 2) from the smoothed measured poses, and their twists (T, 2); None if there are too few poses."""
     try:
-        motion = smooth_motion(log)
+        motion = _smooth_motion(log)
     except TrackslipError:
         return None, None
     within = (log.time >= motion.time[0]) & (log.time <= motion.time[-1])
@@ -129,6 +123,24 @@ def _identified_slip(log: RunLog, geometry: RobotGeometry) -> tuple[Array | None
     twist = np.stack([np.interp(middle, motion.time, column) for column in motion.twist.T], axis=-1)
     slip = _slip(log.omega, twist, geometry)
     return np.where(within[:, None], slip, np.nan), twist
+
+
+def _smooth_motion(log: RunLog) -> Motion:
+    """Poses and twists at even times from polynomials fitted to a sliding window.
+
+    Raises:
+        LogError: if `even_poses` cannot resample the run.
+    """
+    time, pose = even_poses(log)
+    step = float(time[1] - time[0])
+    rate = abs(pose[-1, 2] - pose[0, 2]) / (time[-1] - time[0])
+    rows = int(min(_MAX_WINDOW, _MAX_TURN / max(rate, 1e-9)) / step)
+    window = int(np.clip(rows, _DEGREE + 3, len(time) - 1)) // 2 * 2 - 1
+    smooth, slope = (
+        scipy.signal.savgol_filter(pose, window, _DEGREE, deriv=order, delta=step, axis=0) for order in (0, 1)
+    )
+    v = slope[:, 0] * np.cos(smooth[:, 2]) + slope[:, 1] * np.sin(smooth[:, 2])
+    return Motion(time, smooth, np.stack([v, slope[:, 2]], axis=-1))
 
 
 def _slip_by_law(

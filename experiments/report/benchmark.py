@@ -14,18 +14,11 @@ from experiments.benchmark.table import BOARD_HEADER, WHOLE_HEADER, board_text, 
 from experiments.options.benchmark import Case
 from experiments.report.figures import leaderboard as figures
 from experiments.report.figures.style import law_line
-from experiments.report.page import Drawing, Page, conditions, file_name, render_page
+from experiments.report.page import Drawing, Page, file_name, render_page
 from experiments.storage.manifest import relative
-from trackslip.logs.runlog import RunLog
 from trackslip.logs.table import runs_from_table
 
-_FAVOURITES = (
-    "icr_radius",
-    "online",
-    "icr",
-    "published",
-    "none",
-)  # compensations to compare controllers with, the first available one
+_FAVOURITES = ("icr_radius", "online", "icr", "published", "none")  # compensations to compare controllers with
 _REPRESENTATIVES = ("linear", "feedforward")  # controllers to compare compensations with
 
 
@@ -45,26 +38,18 @@ def render(
     manifest: Mapping[str, Any],
     command: str,
 ) -> Page:
-    """Draw the figures and fill in the template.
+    """Draw the figures and fill in the template: a leaderboard of `entries`, all `rows`, sentences on `lost` paths.
 
-    Args:
-        runs_file: the Parquet file with the runs.
-        entries: of the leaderboard.
-        lost: sentences on lost paths.
-        rows: means over seeds.
-        runs: one row per run.
-        manifest: how the results were made.
-        command: the command line.
+    The logs of `runs` are in the Parquet file `runs_file`.
     """
     shown = list(_path_figures(runs_file, [run.case for run in runs if run.error is None]))
     drawings = [Drawing("leaderboard", figures.board(rows)), *(figure.drawing for figure in shown)]
-    html = render_page(
+    return render_page(
         "benchmark.html.j2",
+        drawings,
         title="Controllers of a tracked robot, with and without compensation of slip",
         command=command,
         manifest=manifest,
-        figures={drawing.name: drawing.inline for drawing in drawings},
-        conditions=conditions(manifest, command),
         paths=shown,
         board_header=BOARD_HEADER,
         board=board_text(entries),
@@ -72,7 +57,6 @@ def render(
         header=WHOLE_HEADER,
         table=whole_text(rows),
     )
-    return Page(html, drawings)
 
 
 def _path_figures(runs_file: Path, cases: Sequence[Case]) -> Iterator[_Figure]:
@@ -80,29 +64,21 @@ def _path_figures(runs_file: Path, cases: Sequence[Case]) -> Iterator[_Figure]:
     for name in dict.fromkeys(case.reference for case in cases):
         here = [case for case in cases if case.reference == name]
         here = [case for case in here if (case.ground, case.seed) == (here[0].ground, here[0].seed)]
-        start = _commonest_start(here)
         compensations = dict.fromkeys(case.compensation for case in here)
         controllers = list(dict.fromkeys(case.controller for case in here))
-        favourite = next((c for c in (*_FAVOURITES, *compensations) if c in compensations), "none")
         if len(controllers) > 1:
-            chosen = _first(
-                [case for case in here if (case.compensation, case.start) == (favourite, start)], "controller"
-            )
+            start = _commonest_start(here)
+            favourite = next((c for c in (*_FAVOURITES, *compensations) if c in compensations), "none")
+            alike = [case for case in here if (case.compensation, case.start) == (favourite, start)]
             style = {key: figures.controller_line(k) for k, key in enumerate(controllers)}
-            yield _figure(
-                runs_file,
-                chosen,
-                style,
-                f"{relative(name)}: controllers",
-                f"All with {figures.compensation_name(favourite)}",
-            )
+            what = f"All with {figures.compensation_name(favourite)}"
+            yield _figure(runs_file, _first(alike, "controller"), style, f"{relative(name)}: controllers", what)
         if len(compensations) > 1:
             for controller in [c for c in (*_REPRESENTATIVES, *controllers) if c in controllers][:2]:
                 one = [case for case in here if case.controller == controller]
                 chosen = _first([case for case in one if case.start == one[0].start], "compensation")
-                line = {key: law_line(key) for key in chosen}
                 heading = f"{relative(name)}: {relative(controller)} with each compensation"
-                yield _figure(runs_file, chosen, line, heading, "")
+                yield _figure(runs_file, chosen, {key: law_line(key) for key in chosen}, heading, "")
 
 
 def _commonest_start(cases: Sequence[Case]) -> str:
@@ -122,14 +98,9 @@ def _first(cases: Sequence[Case], key: str) -> dict[str, Case]:
 def _figure(
     runs_file: Path, chosen: Mapping[str, Case], style: Mapping[str, Mapping[str, object]], heading: str, what: str
 ) -> _Figure:
-    logs = {log.run: log for log in _read(runs_file, [case.run for case in chosen.values()])}
+    table = pyarrow.parquet.read_table(runs_file, filters=[("run", "in", [case.run for case in chosen.values()])])
+    logs = {log.run: log for log in runs_from_table(table, str(runs_file))}
     one = next(iter(chosen.values()))
     lines = {figures.compensation_name(key): (logs[case.run], dict(style[key])) for key, case in chosen.items()}
     caption = f"{what + ', o' if what else 'O'}n {relative(one.ground)}, start {one.start}, seed {one.seed}."
     return _Figure(Drawing(f"paths_{file_name(heading)}", figures.paths(one.reference, lines)), heading, caption)
-
-
-def _read(path: Path, names: Sequence[str]) -> list[RunLog]:
-    """Read some of the runs in a file."""
-    table = pyarrow.parquet.read_table(path, filters=[("run", "in", list(names))])
-    return runs_from_table(table, str(path))

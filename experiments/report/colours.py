@@ -2,39 +2,29 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 BLUE, ORANGE, GREEN, RED, BLACK = "#0072B2", "#C98200", "#009E73", "#C1272D", "#1a1a1a"
-VERMILLION = "#D55E00"
-"""Red on a viewer's dark background."""
-GREY, SHADE = "#8a8a8a", "#efefef"
-"""Lines and areas for comparison."""
-COLOURS = {
-    "none": RED,
-    "published": BLACK,
-    "constant": GREY,
-    "exponential": "#CC79A7",
-    "exponential_speed": ORANGE,
-    "power": GREEN,
-    "hyperbola": "#8C510A",
-    "icr": "#3A93C9",
-    "icr_radius": BLUE,
-    "icr_sides": "#6A3D9A",
-    "online": "#117733",
-    "online_cold": "#999933",
+VERMILLION = "#D55E00"  # red on a viewer's dark background
+GREY, SHADE = "#8a8a8a", "#efefef"  # lines and areas for comparison
+_LOOKS: dict[str, tuple[str, Any, str]] = {
+    "none": (RED, (0, (12, 1.5)), "no slip assumed"),
+    "published": (BLACK, "--", "published law (Eq. 11)"),
+    "constant": (GREY, (0, (6, 2)), "constant slip"),
+    "exponential": ("#CC79A7", "-.", "exponential"),
+    "exponential_speed": (ORANGE, (0, (6, 1.5, 1, 1.5, 1, 1.5)), "exponential with speed"),
+    "power": (GREEN, (0, (3, 1.5)), "power of radius"),
+    "hyperbola": ("#8C510A", (0, (4, 1.5, 1, 1.5)), "hyperbola"),
+    "icr": ("#3A93C9", (0, (2, 1)), "constant ICR"),
+    "icr_radius": (BLUE, "-", "constant ICR with ε"),
+    "icr_sides": ("#6A3D9A", (0, (2, 2.5)), "constant ICR, two-sided"),
+    "online": ("#117733", (0, (5, 1)), "online"),
+    "online_cold": ("#999933", (0, (5, 1, 1, 1)), "online, from nothing"),
 }
+COLOURS = {name: colour for name, (colour, _, _) in _LOOKS.items()}
 """Colours of slip laws and compensations, after Okabe and Ito's palette. Each has a contrast of at least 3 : 1 against
 the card behind it, on the light page and on the dark one, where the style sheet inverts figures."""
-LABELS = {
-    "none": "no slip assumed",
-    "published": "published law (Eq. 11)",
-    "constant": "constant slip",
-    "exponential": "exponential",
-    "exponential_speed": "exponential with speed",
-    "power": "power of radius",
-    "hyperbola": "hyperbola",
-    "icr": "constant ICR",
-    "icr_radius": "constant ICR with ε",
-    "icr_sides": "constant ICR, two-sided",
-    "online": "online",
-    "online_cold": "online, from nothing",
-}
-"""Printed names of slip laws and compensations."""
+DASHES = {name: dashes for name, (_, dashes, _) in _LOOKS.items()}
+"""Their line styles, all different, so that they can also be told apart without colour."""
+LABELS = {name: label for name, (_, _, label) in _LOOKS.items()}
+"""Their printed names."""

@@ -7,15 +7,8 @@ import math
 from trackslip.slip.families import FAMILIES
 
 _LETTERS = {
-    "alpha": "α",
-    "beta": "β",
-    "gamma": "γ",
-    "slip": "i",
-    "size": "a",
-    "pole": "p",
-    "offset": "D",
-    "radius_error": "ε",
-}
+    "alpha": "α", "beta": "β", "gamma": "γ", "slip": "i", "size": "a", "pole": "p", "offset": "D", "radius_error": "ε"
+}  # fmt: skip
 _TRACKS = ("", " outer", " inner", " left", " right")
 SYMBOLS = {
     f"{name}{track.replace(' ', '_')}": f"{letter}{track}" for name, letter in _LETTERS.items() for track in _TRACKS

@@ -16,7 +16,7 @@ import matplotlib
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from experiments.report.formats import MISSING
+from experiments.report.formats import MISSING, percent, significant
 from experiments.storage.manifest import relative
 from experiments.storage.results import FIGURES_FOLDER, REPORT_FILE
 
@@ -65,16 +65,17 @@ class Page:
                     drawing.figure.savefig(file.with_suffix(".pdf"), metadata={"CreationDate": None})
 
 
-def render_page(template: str, *, title: str, command: str, manifest: Mapping[str, Any], **context: Any) -> str:
-    """Fill in a template that extends base.html.j2; the HTML needs no other file.
+def render_page(
+    template: str, drawings: Sequence[Drawing], *, title: str, command: str, manifest: Mapping[str, Any], **context: Any
+) -> Page:
+    """Fill in the template file, which extends base.html.j2, with `context`; the HTML needs no other file.
 
-    Args:
-        template: name of its file.
-        title: title of the page.
-        command: command line that made the results.
-        manifest: anything that fits into JSON; listed at the end of the page.
-        context: further variables of the template.
+    The manifest, which may be anything that fits into JSON, is listed at the end; `command` made the results.
     """
+    context = {
+        "figures": {drawing.name: drawing.inline for drawing in drawings},
+        "conditions": conditions(manifest, command),
+    } | context
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("experiments.report", "templates"),
         autoescape=True,
@@ -82,9 +83,9 @@ def render_page(template: str, *, title: str, command: str, manifest: Mapping[st
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.get_template(template).render(
-        title=title, command=relative_command(command), manifest=list(_flatten(manifest)), **context
-    )
+    environment.filters |= {"percent": percent, "significant": significant}
+    made = {"title": title, "command": relative_command(command), "manifest": list(_flatten(manifest))}
+    return Page(environment.get_template(template).render(made, **context), drawings)
 
 
 def relative_command(command: str) -> str:

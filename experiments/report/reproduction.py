@@ -17,10 +17,9 @@ from experiments.report.figures import laws as law_figures
 from experiments.report.figures import steady_runs as steady_figures
 from experiments.report.figures import tracking as tracking_figures
 from experiments.report.figures.localization import Sightings, error_against_viewing_angle, sightings
-from experiments.report.figures.published import published_and_simulated
 from experiments.report.formats import MISSING, number, pair
-from experiments.report.identification import IdentificationText
-from experiments.report.page import Drawing, Page, conditions, render_page
+from experiments.report.identification import facts
+from experiments.report.page import Drawing, Page, render_page
 from experiments.report.tracking import tracking_rows
 from trackslip.identification.result import Identification
 from trackslip.logs.runlog import RunLog
@@ -33,38 +32,29 @@ class Report:
     """The content of a page. Whatever is empty or None is left out."""
 
     title: str
-    command: str
-    """The command line that made it."""
-    manifest: Mapping[str, Any]
-    """Configuration, versions, seed: anything that fits into JSON."""
-    comparison: Sequence[Quantity] = ()
-    """The paper's results beside the simulation's."""
-    radius: RadiusSummary | None = None
-    """Radii of the grid."""
-    grid_logs: Sequence[RunLog] = ()
-    """Steady runs."""
+    command: str  # the command line that made it
+    manifest: Mapping[str, Any]  # configuration, versions, seed: anything that fits into JSON
+    comparison: Sequence[Quantity] = ()  # the paper's results beside the simulation's
+    radius: RadiusSummary | None = None  # radii of the grid
+    grid_logs: Sequence[RunLog] = ()  # steady runs
     identification: Identification | None = None
-    tracking: Sequence[TrackingResult] = ()
-    """Errors of the runs along the paper's path."""
-    tracking_logs: Sequence[RunLog] = ()
-    """These runs, with `controller` and `compensation` in their metadata."""
-    warnings: Sequence[str] = ()
-    """Warnings other than those of the identification."""
+    tracking: Sequence[TrackingResult] = ()  # errors of the runs along the paper's path
+    tracking_logs: Sequence[RunLog] = ()  # these runs, with `controller` and `compensation` in their metadata
+    warnings: Sequence[str] = ()  # other than those of the identification
 
 
 def render(report: Report) -> Page:
     """Draw the figures and fill in the template."""
     seen = sightings(report.grid_logs)
     drawings = [Drawing(name, figure) for name, figure in _figures(report, seen)]
-    html = render_page(
+    return render_page(
         "report.html.j2",
+        drawings,
         title=report.title,
         command=report.command,
         manifest=report.manifest,
-        figures={drawing.name: drawing.inline for drawing in drawings},
-        conditions=conditions(report.manifest, report.command),
         comparison=comparison_table(report.comparison),
-        found=None if report.identification is None else IdentificationText.of(report.identification),
+        found=None if report.identification is None else facts(report.identification),
         seen=None if seen is None else seen.facts(),
         warnings=_warnings(report),
         tracking=tracking_rows(report.tracking),
@@ -72,7 +62,6 @@ def render(report: Report) -> Page:
         true_tracking=any(log.truth is not None for log in report.tracking_logs),
         by_paper=any(geometry_of(log.metadata) for log in (*report.grid_logs, *report.tracking_logs)),
     )
-    return Page(html, drawings)
 
 
 def comparison_table(quantities: Sequence[Quantity]) -> list[tuple[str, str, str]]:
@@ -91,7 +80,7 @@ def _figures(report: Report, seen: Sightings | None) -> Iterator[tuple[str, Figu
     found = report.identification
     turns = None if found is None else InnerOuterSamples.of(found.samples, found.geometry)
     if report.radius is not None and turns:
-        yield "published_and_simulated", published_and_simulated(report.radius, turns)
+        yield "published_and_simulated", steady_figures.published_and_simulated(report.radius, turns)
     if report.grid_logs:
         yield "fig04_pose_and_velocity", steady_figures.pose_and_velocity(steady_figures.typical_run(report.grid_logs))
     if seen is not None:

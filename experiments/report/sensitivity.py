@@ -11,33 +11,27 @@ from matplotlib.figure import Figure
 
 from experiments.measuring.sensitivity import SensitivityRow, SlipErrors
 from experiments.report.colours import BLUE, ORANGE
-from experiments.report.figures.style import styled
+from experiments.report.figures.style import styled, subplots
 from experiments.report.formats import MISSING, number
-from experiments.report.page import Drawing, Page, conditions, render_page
+from experiments.report.page import Drawing, Page, render_page
 
-HEADER = (
-    "",
-    *("outer bias", "std", "largest", "inner bias", "std", "largest"),
-    *("x [mm]", "y [mm]", "phi [deg]", "valid", "runs"),
-)
+_OF_SLIP = ("", "outer bias", "std", "largest", "inner bias", "std", "largest")
+HEADER = (*_OF_SLIP, "x [mm]", "y [mm]", "phi [deg]", "valid", "runs")
 _LOOKS = {"outer": (BLUE, "o", -0.14), "inner": (ORANGE, "s", 0.14)}  # colour, marker, distance from the row's line
 
 
 def render(rows: Sequence[SensitivityRow], manifest: Mapping[str, Any], command: str) -> Page:
     """Draw the figure and fill in the template."""
-    drawing = Drawing("slip_errors", slip_errors(rows))
-    html = render_page(
+    return render_page(
         "sensitivity.html.j2",
+        [Drawing("slip_errors", slip_errors(rows))],
         title="What scanner, mounting and field do to slip",
         command=command,
         manifest=manifest,
-        figures={drawing.name: drawing.inline},
-        conditions=conditions(manifest, command),
         header=HEADER,
         table=table(rows),
         warnings=[(row.effect, warning) for row in rows for warning in row.warnings],
     )
-    return Page(html, [drawing])
 
 
 def table(rows: Sequence[SensitivityRow]) -> list[tuple[str, ...]]:
@@ -64,8 +58,7 @@ def _cells(errors: SlipErrors) -> list[str]:
 @styled
 def slip_errors(rows: Sequence[SensitivityRow]) -> Figure:
     """Root mean square and largest error of slip over the runs, one line per row, on a logarithmic axis."""
-    figure = Figure(figsize=(9.0, 1.2 + 0.32 * len(rows)), layout="constrained")
-    axis = figure.subplots()
+    figure, axis = subplots(1.2 + 0.32 * len(rows))
     for track, (colour, marker, beside) in _LOOKS.items():
         seen = [(k, getattr(row.slip_error, track)) for k, row in enumerate(rows) if row.slip_error is not None]
         place = np.array([k for k, _ in seen]) + beside
@@ -77,9 +70,7 @@ def slip_errors(rows: Sequence[SensitivityRow]) -> Figure:
     for k, row in enumerate(rows):
         if row.slip_error is None:
             axis.text(0.02, k, "no usable run", transform=axis.get_yaxis_transform(), va="center", color="#666666")
-    axis.set_xscale("log")
     axis.set_yticks(range(len(rows)), [row.effect for row in rows])
-    axis.set_ylim(len(rows) - 0.5, -0.5)
-    axis.set_xlabel("error of slip [-], logarithmic")
+    axis.set(xscale="log", ylim=(len(rows) - 0.5, -0.5), xlabel="error of slip [-], logarithmic")
     figure.legend(handles=axis.get_legend_handles_labels()[0], ncols=4, loc="outside lower center")
     return figure

@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from datetime import timedelta
 
-import rich.box
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import (
-    BarColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
+from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
@@ -33,47 +25,35 @@ Advance = Callable[[float], None]
 
 
 class _Rate(ProgressColumn):
-    """The rate over the last half minute."""
+    """The rate over the last half minute, empty at first."""
 
     def __init__(self, unit: str) -> None:
         super().__init__()
         self._unit = unit
 
     def render(self, task: Task) -> Text:
-        """The rate, empty at first."""
+        """The text of the column."""
         return Text("" if task.speed is None else _rate(task.speed, self._unit))
 
 
-@contextlib.contextmanager
-def progress(stage: str, total: float, unit: str = "s", done: float = 0.0) -> Iterator[Advance]:
+def progress(stage: str, total: float, unit: str = "s", done: float = 0.0) -> AbstractContextManager[Advance]:
     """A progress bar on standard error, by default in simulated seconds; call what it yields to advance it.
 
     Where standard error is no terminal, a line after two seconds and then one a minute. `done` counts as done before.
     """
-    count = (
-        TextColumn("{task.completed:.0f}/{task.total:.0f} " + unit),
-        *((_Rate(unit),) if unit in _RATED else ()),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    with _shown(stage, total, done, count, lambda now, elapsed: _line(now, total, unit, done, elapsed)) as advance:
-        yield advance
+    count = TextColumn("{task.completed:.0f}/{task.total:.0f} " + unit)
+    columns = (count, *((_Rate(unit),) if unit in _RATED else ()), TimeElapsedColumn(), TimeRemainingColumn())
+    return _shown(stage, total, done, columns, lambda now, elapsed: _line(now, total, unit, done, elapsed))
 
 
-@contextlib.contextmanager
-def busy(stage: str) -> Iterator[None]:
+def busy(stage: str) -> AbstractContextManager[Advance]:
     """The same for a stage of unknown progress."""
-    with _shown(stage, None, 0.0, (TimeElapsedColumn(),), lambda now, elapsed: f"{elapsed:.0f} s"):
-        yield
+    return _shown(stage, None, 0.0, (TimeElapsedColumn(),), lambda _, elapsed: f"{elapsed:.0f} s")
 
 
-@contextlib.contextmanager
+@contextmanager
 def _shown(
-    stage: str,
-    total: float | None,
-    done: float,
-    columns: Sequence[ProgressColumn],
-    text: Callable[[float, float], str],
+    stage: str, total: float | None, done: float, columns: Sequence[ProgressColumn], text: Callable[[float, float], str]
 ) -> Iterator[Advance]:
     console = Console(stderr=True)
     if not console.is_terminal:
@@ -91,7 +71,7 @@ def _shown(
         bar.update(task, total=total or 1.0, completed=total or 1.0)
 
 
-@contextlib.contextmanager
+@contextmanager
 def _logged(stage: str, done: float, text: Callable[[float, float], str]) -> Iterator[Advance]:
     """Lines for the log of a long command; `text` describes what is done after how many seconds."""
     began = time.monotonic()
@@ -133,9 +113,7 @@ def _rate(rate: float, unit: str) -> str:
 
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print a table; all columns but the first are right-aligned, and NaN is printed as a dash."""
-    table = Table(
-        title=title, title_justify="left", title_style="bold", box=rich.box.SIMPLE_HEAD, padding=(0, 0), pad_edge=False
-    )
+    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=0, pad_edge=False)
     for k, name in enumerate(header):
         table.add_column(escape(name), justify="left" if k == 0 else "right", no_wrap=True)
     for row in rows:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -41,27 +42,26 @@ def render(found: Validation, summary: ValidationSummary, manifest: Mapping[str,
         "energy": figures.energies(found.energy),
     }
     drawn = {name: [_drawing(name, panel) for panel in several] for name, several in panels.items()}
-    html = render_page(
+    cards = {name: Markup("").join(drawing.inline for drawing in drawings) for name, drawings in drawn.items()}
+    return render_page(
         "validation.html.j2",
+        list(itertools.chain(*drawn.values())),
         title=TITLE,
         command=command,
         manifest=manifest,
-        figures={name: _card(drawings) for name, drawings in drawn.items()},
+        figures={name: Markup('<div class="panels">\n{}</div>\n').format(card) for name, card in cards.items()},
         conditions=conditions(found, manifest, command),
         header=TABLE_HEADER,
         rows=table_of(found, summary),
-        facts=facts(found, summary),
+        found=found,
+        summary=summary,
+        facts=facts(found),
     )
-    return Page(html, [drawing for drawings in drawn.values() for drawing in drawings])
 
 
 def _drawing(name: str, panel: Figure) -> Drawing:
     """A panel of the figure `name`, named after both."""
     return Drawing(f"{name}_{file_name(panel.axes[0].get_title(loc='left'))}", panel)
-
-
-def _card(drawings: Sequence[Drawing]) -> Markup:
-    return Markup('<div class="panels">\n{}</div>\n').format(Markup("").join(drawing.inline for drawing in drawings))
 
 
 def table_of(found: Validation, summary: ValidationSummary) -> list[tuple[str, ...]]:
@@ -101,15 +101,14 @@ def physics_step(found: Validation) -> float:
     return float(load_robot(parameters=found.parameters).model.opt.timestep)
 
 
-def facts(found: Validation, summary: ValidationSummary) -> dict[str, str]:
-    """Numbers for the text."""
-    turns, naive, parameters = found.turns, found.naive_turns, found.parameters
-    v, w = expected_twist(turns, parameters).T
-    plain = own(turns, parameters)
+def facts(found: Validation) -> dict[str, str]:
+    """Numbers for the text that follow from several of those found."""
+    turns, naive = found.turns, found.naive_turns
+    v, w = expected_twist(turns, found.parameters).T
+    plain = own(turns, found.parameters)
     lag = -float(np.polyfit((v * w)[plain], (turns.lateral - turns.expected_lateral)[plain], 1)[0])
-    icr, naive_icr = summary.icr_error, summary.naive_icr_error
-    top_speed = Drive().top_speed
-    points = found.loads.load.shape[1]
+    points, lengths = found.loads.load.shape[1], len(np.unique(turns.length))
+    top_yaw_rate = Drive().top_speed / float(np.median(turns.expected_half_width[plain]))
     return {
         "points": str(points),
         "points_per_track": str(points // 2),
@@ -117,39 +116,24 @@ def facts(found: Validation, summary: ValidationSummary) -> dict[str, str]:
         "radii": span(turns.radius, "m"),
         "speeds": span(turns.speed, "m/s"),
         "ratios": span(turns.ratio),
-        "lengths": str(len(np.unique(turns.length))),
-        "places": str(len(turns.radius) // len(turns.radius[plain]) // len(np.unique(turns.length))),
-        "decades": f"{math.log10(naive_icr.median / icr.median):.1f}",
-        "icr_median": percent(icr.median),
-        "icr_worst": percent(icr.worst),
-        "naive_icr_median": percent(naive_icr.median),
+        "lengths": str(lengths),
+        "places": str(len(turns.radius) // len(turns.radius[plain]) // lengths),
+        "decades": f"{math.log10(np.median(np.abs(naive.icr_error)) / np.median(np.abs(turns.icr_error))):.1f}",
         "naive_wider": f"{np.mean(naive.icr_error > 0):.0%}".replace("%", " %"),
         "fastest": significant(float(np.abs(w).max()), "rad/s"),
-        "on_the_spot": significant(top_speed / float(np.median(turns.expected_half_width[plain])), "rad/s"),
+        "on_the_spot": significant(top_yaw_rate, "rad/s"),
         "lag": significant(1e3 * lag, "ms"),
         "shift": significant(1e3 * lag * float(turns.speed.max()), "mm"),
-        "top_speed": significant(float(turns.speed.max()), "m/s"),
         "spread": significant(_speed_spread(found, turns)),
         "naive_spread": significant(_speed_spread(found, naive)),
-        "load_turns": str(len(found.loads.load)),
-        "load_spread": percent(summary.pad_load_spread),
         "expected_spread": percent(float(np.abs(found.loads.expected - 1).max())),
         "watch": f"{WATCH:g} s",
-        "creep": significant(summary.creep_mm_per_s, "mm/s"),
         "creep_angle": _creep_angle(found),
-        "creep_worst": significant(1e3 * float(found.creep.speed.max()), "mm/s"),
-        "sliding": percent(summary.sliding_acceleration_error),
         "robots": str(convergence.ROBOTS),
         "duration": f"{convergence.DURATION:g} s",
-        "travelled": significant(found.convergence.travelled, "m"),
         "reference": f"{1e3 * convergence.REFERENCE_STEP:g} ms",
-        "solvers": significant(summary.solver_difference_mm, "mm"),
         "energy_robots": str(energy.ROBOTS),
-        "residual_joule": significant(_residual(found), "J"),
-        "residual": percent(summary.energy_residual),
-        "put_in": significant(float(found.energy.traction[-1]), "J", 3),
-        "damping": significant(float(found.energy.damping[-1]), "J"),
-        "coulomb": percent(summary.friction_loss_error),
+        "residual_joule": significant(found.energy.residual * float(np.abs(found.energy.kinetic).max()), "J"),
     }
 
 
@@ -159,38 +143,29 @@ def conditions(found: Validation, manifest: Mapping[str, Any], command: str) -> 
     file = manifest.get("config", {}).get("robot")
     size = f"b {1e3 * p.half_gauge:g} mm, contact {1e3 * p.contact_length:g} mm, {p.mass:g} kg"
     robot = f"{'shipped robot' if file is None else Path(file).name}: {size}"
-    both = f"friction {ground.along:g} along, {ground.across:g} across"
-    ratios = f"friction {ground.along:g} along, {span(ground.along * found.turns.ratio, '')} across"
-    nearest = f"friction {ground.along:g} along, {ground.along * nearest_ratio(found.turns, ground):.3g} across"
-    random = f"seed {manifest.get('seed', MISSING)}"
-    fixed = "no random numbers"
-    grounds = {
-        "turns": (ratios, fixed),
-        "left": (ratios, fixed),
+    own_ground, ratios, nearest = (
+        f"friction {ground.along:g} along, {across} across"
+        for across in (
+            f"{ground.across:g}",
+            span(ground.along * found.turns.ratio),
+            f"{ground.along * nearest_ratio(found.turns, ground):.3g}",
+        )
+    )
+    fixed, random = "no random numbers", f"seed {manifest.get('seed', MISSING)}"
+    of_figures = {
+        **dict.fromkeys(("turns", "left"), (ratios, fixed)),
         "slip": (nearest, fixed),
-        "loads": (both, fixed),
-        "slopes": (both, fixed),
-        "steps": (both, random),
-        "energy": (both, random),
+        **dict.fromkeys(("loads", "slopes"), (own_ground, fixed)),
+        **dict.fromkeys(("steps", "energy"), (own_ground, random)),
     }
-    return {name: " · ".join([robot, *parts, relative_command(command)]) for name, parts in grounds.items()}
-
-
-def _shipped(found: Validation) -> np.ndarray:
-    """Whether a turn is one of the unchanged robot, with the friction ratio nearest to its ground's, (M,) bool."""
-    return own(found.turns, found.parameters) & (found.turns.ratio == nearest_ratio(found.turns, found.ground))
+    return {name: " · ".join([robot, *parts, relative_command(command)]) for name, parts in of_figures.items()}
 
 
 def _speed_spread(found: Validation, turns: Turns) -> float:
-    """Largest difference of slip between the speeds of one radius [-]."""
-    rows = _shipped(found)
-    radii = np.unique(turns.radius)
-    return max(float(np.nan_to_num(np.ptp(turns.slip[rows & (turns.radius == r)], axis=0)).max()) for r in radii)
-
-
-def _residual(found: Validation) -> float:
-    """Largest energy not accounted for [J]."""
-    return found.energy.residual * float(np.abs(found.energy.kinetic).max())
+    """Largest difference of slip between the speeds of one radius, of the robot itself near its ground's friction."""
+    rows = own(found.turns, found.parameters) & (found.turns.ratio == nearest_ratio(found.turns, found.ground))
+    slips = (turns.slip[rows & (turns.radius == radius)] for radius in np.unique(turns.radius))
+    return max(float(np.nan_to_num(np.ptp(slip, axis=0)).max()) for slip in slips)
 
 
 def _creep_angle(found: Validation) -> str:

@@ -23,8 +23,7 @@ from experiments.storage.plain_json import plain
 from experiments.storage.results import MANIFEST_FILE, RUNS_FILE, SUMMARY_FILE
 from trackslip.errors import LogError, TrackslipError
 from trackslip.logs.file_format import require_known_manifest
-from trackslip.logs.logfile import write_parquet
-from trackslip.logs.logjoin import StoredRuns, join_parquet
+from trackslip.logs.logfile import StoredRuns, join_parquet, write_parquet
 from trackslip.logs.runlog import RunLog
 
 Row = dict[str, Any]

@@ -132,9 +132,12 @@ def _require_own_folders(out: Path) -> None:
             raise OutputError(f"out = {str(out)!r}: {name} there {why}")
 
 
-def write_results(folder: Path, logs: Sequence[RunLog], summary: Mapping[str, Any], about: Mapping[str, Any]) -> None:
-    """Write what every command that drives leaves: runs, summary and manifest."""
-    write_runs(folder, logs)
+def write_results(
+    folder: Path, summary: Mapping[str, Any], about: Mapping[str, Any], logs: Sequence[RunLog] = ()
+) -> None:
+    """Write what every command leaves: summary, manifest and, if it has any, runs."""
+    if logs:
+        write_runs(folder, logs)
     write_json(folder / SUMMARY_FILE, summary)
     write_json(folder / MANIFEST_FILE, about)
 

@@ -16,7 +16,7 @@ from sim.ground.ground import Ground
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import Robot, load_robot
 from sim.runs import Progress
-from trackslip.errors import InvalidValueError
+from trackslip.errors import require
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.skid_theory import line_contact, steady_twist
 
@@ -26,8 +26,7 @@ _TOLERANCE = 1e-4  # relative, of the parameters and the cost at the optimum
 _SILENT = 1e-2  # sensitivity below which a parameter has no effect, relative to the largest
 _COLLINEAR = 100.0  # condition index above which parameters can't be told apart
 _PART = 0.3  # smallest component of a parameter that takes part in such a direction of unit length
-NUMERICAL_ERROR = 2e-5
-"""Numerical error of simulated slips [-], a lower bound of the residuals that standard errors are based on."""
+_NUMERICAL_ERROR = 2e-5  # of simulated slips [-], a lower bound of the residuals that standard errors are based on
 
 
 @dataclass(frozen=True)
@@ -45,8 +44,8 @@ class Candidate:
 
     def with_values(self, values: Mapping[str, float]) -> Candidate:
         """A candidate with some parameters changed, by name."""
-        changed = dict(values)
-        ratio = changed.pop("friction_ratio", self.friction_ratio)
+        changed = {"friction_ratio": self.friction_ratio, **values}
+        ratio = changed.pop("friction_ratio")
         return Candidate(replace(self.robot, **changed), ratio)
 
     def value(self, name: str) -> float:
@@ -60,14 +59,14 @@ TwistOf = Callable[[Candidate, Target], Array]
 
 def bounds(base: Candidate) -> dict[str, tuple[float, float]]:
     """Bounds of the parameters that can be fitted, by name."""
-    robot = base.robot
+    gauge, length = base.robot.half_gauge, base.robot.contact_length
     return {
-        "half_gauge": (0.6 * robot.half_gauge, 1.6 * robot.half_gauge),
-        "contact_length": (0.7 * robot.contact_length, 1.5 * robot.contact_length),
+        "half_gauge": (0.6 * gauge, 1.6 * gauge),
+        "contact_length": (0.7 * length, 1.5 * length),
         "friction_ratio": (0.4, 2.5),
         "radius_error": (-0.2, 0.2),
-        "com_x": (-0.06 * robot.contact_length, 0.06 * robot.contact_length),
-        "com_y": (-0.25 * robot.half_gauge, 0.25 * robot.half_gauge),
+        "com_x": (-0.06 * length, 0.06 * length),
+        "com_y": (-0.25 * gauge, 0.25 * gauge),
     }
 
 
@@ -94,15 +93,9 @@ def _compiled(parameters: RobotParameters) -> Robot:
 
 def theoretical_twist(candidate: Candidate, target: Target) -> Array:
     """Theoretical steady twists (M, 2) of a candidate at a target's sprocket speeds [m/s, rad/s]."""
-    robot = candidate.robot
-    contact = line_contact(
-        robot.half_gauge,
-        robot.contact_length / 2,
-        1.0,
-        candidate.friction_ratio,
-        (robot.com_x, robot.com_y, robot.com_height),
-        points=20,
-    )
+    robot, ratio = candidate.robot, candidate.friction_ratio
+    com = robot.com_x, robot.com_y, robot.com_height
+    contact = line_contact(robot.half_gauge, robot.contact_length / 2, 1.0, ratio, com, points=20)
     surface = target.omega(candidate.geometry) * robot.sprocket_radius * (1 + robot.radius_error)
     return steady_twist(surface, contact, 9.81)[:, [0, 2]]
 
@@ -140,7 +133,7 @@ def calibrate(
     further: Array,
     progress: Progress = lambda starts: None,
 ) -> Fit:
-    """Fit the parameters `free` of a candidate to a target.
+    """Fit parameters to the turns of a target.
 
     Args:
         base: the first start, and the values of the other parameters.
@@ -153,15 +146,12 @@ def calibrate(
     Raises:
         InvalidValueError: for an unknown name, a name given twice, or too many parameters for the target.
     """
-    limits = bounds(base)
+    limits, most = bounds(base), target.independent - 1
     for name in free:
-        if name not in limits:
-            raise InvalidValueError("free", name, f"one of {', '.join(limits)}")
-        if list(free).count(name) > 1:
-            raise InvalidValueError("free", name, "named once")
-    if not 0 < len(free) < target.independent:
-        raise InvalidValueError("free", list(free), f"one to {target.independent - 1} parameters for this target")
-    problem = _Problem(base, tuple(free), target, twist, limits)
+        require(name in limits, "free", name, f"one of {', '.join(limits)}")
+        require(list(free).count(name) == 1, "free", name, "named once")
+    require(0 < len(free) <= most, "free", list(free), f"one to {most} parameters for this target")
+    problem = _Problem(base, tuple(free), target, twist)
     first = problem.scaled(base)
     tied, held = undetermined(problem.jacobian(first))
     # parameters that the target doesn't determine are held at the same values for every start
@@ -203,15 +193,9 @@ def undetermined(jacobian: Array) -> tuple[np.ndarray, np.ndarray]:
 class _Problem:
     """The residuals as a function of scaled parameters, 0 at the lower bound and 1 at the upper one."""
 
-    def __init__(
-        self,
-        base: Candidate,
-        free: tuple[str, ...],
-        target: Target,
-        twist: TwistOf,
-        limits: Mapping[str, tuple[float, float]],
-    ) -> None:
+    def __init__(self, base: Candidate, free: tuple[str, ...], target: Target, twist: TwistOf) -> None:
         self._base, self._free, self._target, self._twist = base, free, target, twist
+        limits = bounds(base)
         self._low, self._high = np.array([limits[name] for name in free]).T
 
     def scaled(self, candidate: Candidate) -> Array:
@@ -245,16 +229,13 @@ class _Problem:
             full[~held] = varied
             return full
 
+        def residual(varied: Array) -> Array:
+            return self.residual(inserted(varied))
+
         if held.all():
             return start, float(np.sum(self.residual(start) ** 2))
-        result = scipy.optimize.least_squares(
-            lambda varied: self.residual(inserted(varied)),
-            start[~held],
-            bounds=(0.0, 1.0),
-            diff_step=_STEP,
-            xtol=_TOLERANCE,
-            ftol=_TOLERANCE,
-        )
+        options = {"bounds": (0.0, 1.0), "diff_step": _STEP, "xtol": _TOLERANCE, "ftol": _TOLERANCE}
+        result = scipy.optimize.least_squares(residual, start[~held], **options)
         return inserted(result.x), 2 * float(result.cost)
 
     def described(self, ends: Sequence[tuple[Array, float]], tied: np.ndarray, held: np.ndarray) -> Fit:
@@ -265,7 +246,7 @@ class _Problem:
         residual = self._target.residual(twist, candidate.geometry)
         cost = float(residual @ residual)
         degrees = self._target.independent - int((~held).sum())
-        variance = max(cost / degrees, (NUMERICAL_ERROR / SLIP_SCALE) ** 2)
+        variance = max(cost / degrees, (_NUMERICAL_ERROR / SLIP_SCALE) ** 2)
         jacobian = self.jacobian(best)[:, ~held]
         stderr = np.full(len(best), np.nan)
         stderr[~held] = np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian)) * variance)
@@ -276,6 +257,6 @@ class _Problem:
             stderr={name: float(e) for name, e, t in zip(self._free, stderr, tied, strict=True) if not t},
             tied=tuple(name for name, t in zip(self._free, tied, strict=True) if t),
             slip_rms=self._target.slip_rms(twist, candidate.geometry),
-            radius_rms=self._target.radius_rms(twist, candidate.geometry),
+            radius_rms=self._target.radius_rms(twist),
             ends=tuple((self.candidate(scaled), cost) for scaled, cost in ends),
         )

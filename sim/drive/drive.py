@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sim.drive.motor import Motor
-from trackslip.errors import InvalidValueError, require_at_most, require_positive
+from trackslip.errors import require, require_at_most, require_positive
 from trackslip.kinematics import Array
 
 RADIUS_ERROR = 0.0066
@@ -40,10 +40,8 @@ class Drive:
             require_positive(name, getattr(self, name))
         require_at_most("lag", self.lag, 1.0, "s")
         require_at_most("top_speed", self.top_speed, 10.0, "m/s")
-        if self.torque_limit <= self.motor.friction:
-            raise InvalidValueError(
-                "torque_limit", self.torque_limit, f"more than motor.friction = {self.motor.friction} N m"
-            )
+        limit, friction = self.torque_limit, self.motor.friction
+        require(limit > friction, "torque_limit", limit, f"more than motor.friction = {friction} N m")
 
 
 def tireless(top_speed: float = Drive.top_speed) -> Drive:
@@ -72,27 +70,14 @@ class DriveState:
     """
 
     def __init__(self, drive: Drive, n: int, sprocket_radius: float, effective_radius: Array | None = None) -> None:
-        """Start with sprockets at rest.
-
-        Args:
-            drive: servo and motor of all sprockets.
-            n: number of robots.
-            sprocket_radius: nominal [m].
-            effective_radius: (N, 1), at which the sprockets drive the belts; by default the nominal one [m].
-        """
-        self._drive = drive
+        """Start at rest; the sprockets drive the belts at `effective_radius` (N, 1), by default the nominal one [m]."""
+        self.drive = drive
+        """Servo and motor of all sprockets."""
         self.radius = np.full((n, 1), sprocket_radius) if effective_radius is None else effective_radius
         """Effective radii of the sprockets (N, 1) [m]."""
-        self.period = drive.period
-        """Sampling period of the servo [s]."""
         self.limit = drive.top_speed / sprocket_radius
         """Largest sprocket speed [rad/s]."""
-        self.torque_limit = drive.torque_limit
-        """Largest torque [N m]."""
-        self.rotor_stiffness = drive.motor.inertia / drive.period
-        """Torque per change of a sprocket's speed within a period [N m s/rad]."""
-        self._decay = np.full((n, 1), np.exp(-drive.period / drive.lag))
-        self._mean_decay = np.full((n, 1), _mean_decay(drive.period, drive.lag))
+        self._decay, self._mean_decay = np.empty((2, n, 1))
         self.set_point = np.zeros((n, 2))
         """Set points of the speeds [rad/s]."""
         self.omega = np.zeros((n, 2))
@@ -106,14 +91,16 @@ class DriveState:
         """Electrical energy since the start [J]."""
         self.saturated_time = np.zeros((n, 2))
         """Time since the start that the motors spent at their limits [s]."""
+        self.restart(np.arange(n), [drive.lag] * n)
 
     def restart(self, rows: np.ndarray, lag: Sequence[float]) -> None:
         """Reset the sprockets of the robots `rows` (R,) to rest, with servo lags (R,) [s]."""
         for name in _STATE:
             getattr(self, name)[rows] = 0.0
+        period = self.drive.period
         for row, value in zip(rows, lag, strict=True):
-            self._decay[row] = np.exp(-self.period / value)
-            self._mean_decay[row] = _mean_decay(self.period, value)
+            self._decay[row] = np.exp(-period / value)
+            self._mean_decay[row] = -np.expm1(-period / value) * value / period  # mean of the decay over a period
 
     def of(self, rows: np.ndarray) -> DriveState:
         """A copy of the sprockets of the robots `rows` (R,)."""
@@ -129,8 +116,7 @@ class DriveState:
 
     def command(self, omega: Array) -> None:
         """Set the set points (N, 2) [rad/s], clipped to the top speed."""
-        if not np.isfinite(omega).all():
-            raise InvalidValueError("omega", omega, "finite")
+        require(np.isfinite(omega).all(), "omega", omega, "finite")
         before = self.set_point.copy()
         np.clip(omega, -self.limit, self.limit, out=self.set_point)
         self._error += before - self.set_point
@@ -144,8 +130,8 @@ class DriveState:
 
     def torque_for(self, forecast: Forecast, traction: Array) -> Array:
         """Motor torques (P, N, 2) at the sprockets that a forecast requires, for tractions (P, N, 2) [N] [N m]."""
-        motor, omega = self._drive.motor, forecast.omega
-        accelerating = np.diff(omega, axis=0) * (motor.inertia / self._drive.period)
+        motor, omega = self.drive.motor, forecast.omega
+        accelerating = np.diff(omega, axis=0) * (motor.inertia / self.drive.period)
         return accelerating + self.radius * traction + motor.loss(omega[1:])
 
     def torque_range(self, omega: Array) -> tuple[Array, Array]:
@@ -153,8 +139,8 @@ class DriveState:
 
         Above its no-load speed a motor brakes, whatever its voltage.
         """
-        least, most = self._drive.motor.torque_range(omega)
-        return least.clip(-self.torque_limit, self.torque_limit), most.clip(-self.torque_limit, self.torque_limit)
+        least, most = np.clip(self.drive.motor.torque_range(omega), -self.drive.torque_limit, self.drive.torque_limit)
+        return least, most
 
     def too_weak(self, forecast: Forecast, torque: Array) -> np.ndarray:
         """(P, N, 2) whether the torques (P, N, 2) [N m] of a forecast exceed those that the motors can exert."""
@@ -163,22 +149,17 @@ class DriveState:
 
     def accept(self, forecast: Forecast, torque: Array, saturated: Array | None = None) -> None:
         """Advance as forecast, with torques (P, N, 2) [N m] that are limited where `saturated` (P, N, 2)."""
-        period = self._drive.period
+        period = self.drive.period
         self.omega, self.torque, self._error = forecast.omega[-1], torque[-1], forecast.error
         self.angle = _added(self.angle, forecast.mean * period)
-        self.energy = _added(self.energy, self._drive.motor.power(torque, forecast.mean) * period)
+        self.energy = _added(self.energy, self.drive.motor.power(torque, forecast.mean) * period)
         if saturated is not None:
             self.saturated_time += saturated.sum(axis=0) * period
 
     def encoder_angle(self) -> Array:
         """Angles (N, 2) in whole encoder counts [rad]."""
-        count = 2 * np.pi / self._drive.encoder_counts
+        count = 2 * np.pi / self.drive.encoder_counts
         return np.floor(self.angle / count) * count
-
-
-def _mean_decay(period: float, lag: float) -> float:
-    """Mean over a period [s] of an error that is 1 at its start and decays with the time constant `lag` [s]."""
-    return float(-np.expm1(-period / lag) * lag / period)
 
 
 def _added(total: Array, parts: Array) -> Array:

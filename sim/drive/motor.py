@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, require_at_most, require_non_negative, require_positive
+from trackslip.errors import require, require_at_most, require_non_negative, require_positive
 from trackslip.kinematics import Array
 
 _MIN_NUMBER, _MAX_NUMBER = 1e-12, 1e6  # limits of all parameters, so that nothing derived from them overflows
@@ -32,15 +32,13 @@ class Motor:
 
     def __post_init__(self) -> None:
         for name in ("gear", "voltage", "no_load_speed", "stall_torque", "rotor_inertia"):
-            require_positive(name, getattr(self, name))
-            require_at_most(name, getattr(self, name), _MAX_NUMBER)
-            if getattr(self, name) < _MIN_NUMBER:
-                raise InvalidValueError(name, getattr(self, name), f"at least {_MIN_NUMBER:g}")
+            value = getattr(self, name)
+            require_positive(name, value)
+            require_at_most(name, value, _MAX_NUMBER)
+            require(value >= _MIN_NUMBER, name, value, f"at least {_MIN_NUMBER:g}")
         require_non_negative("friction", self.friction)
-        if self.friction >= self.gear * self.stall_torque:
-            raise InvalidValueError(
-                "friction", self.friction, f"less than gear * stall_torque = {self.gear * self.stall_torque:g} N m"
-            )
+        stall = self.gear * self.stall_torque
+        require(self.friction < stall, "friction", self.friction, f"less than gear * stall_torque = {stall:g} N m")
 
     @property
     def inertia(self) -> float:

@@ -30,23 +30,21 @@ class SpeedSearch:
     """
 
     def __init__(self, drive: DriveState, mass: float, gravity: float) -> None:
-        """Start with the speeds that the servos demand.
+        """Start with the speeds that the servos demand; in the end, `drive` is advanced by one period.
 
-        Args:
-            drive: the sprockets, which are advanced by one period in the end.
-            mass: of each robot [kg].
-            gravity: magnitude [m/s^2].
+        `mass` is that of each robot [kg], `gravity` a magnitude [m/s^2].
         """
         self._drive = drive
         self._wanted = drive.forecast(1)
         self._start, self._goal = self._wanted.omega
-        self._reach = np.abs(self._goal - self._start) + _MAX_ACCELERATION * gravity * drive.period / drive.radius
-        self._tolerance = _TOLERANCE * drive.torque_limit + _ROUGHNESS * mass * gravity * drive.radius
+        period, inertia = drive.drive.period, drive.drive.motor.inertia
+        self._reach = np.abs(self._goal - self._start) + _MAX_ACCELERATION * gravity * period / drive.radius
+        self._tolerance = _TOLERANCE * drive.drive.torque_limit + _ROUGHNESS * mass * gravity * drive.radius
         self._speed = self._goal  # (N, 2) of the sprockets at the end of the period
         self._weak = np.zeros((len(self._goal), 1), bool)  # robots that can't move as the servos demand
         self._side = np.zeros(self._goal.shape)  # limit that is reached: 1 upper, -1 lower, 0 none
         self._slowed = np.zeros(self._goal.shape, bool)  # tracks whose speeds are being searched
-        self._stiffness = drive.rotor_stiffness + mass * drive.radius**2 * [_COMMON, _OPPOSITE]
+        self._stiffness = inertia / period + mass * drive.radius**2 * [_COMMON, _OPPOSITE]  # torque over speed change
         self._roots = _Roots(self._stiffness)
         self._attempts = 0
 

@@ -8,15 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, require_at_most, require_finite, require_non_negative, require_positive
+from trackslip.errors import require, require_at_most, require_finite, require_non_negative, require_positive
 from trackslip.kinematics import Array
 
 MAX_FRICTION = 10.0
 """Largest friction coefficient [-]."""
 MAX_SLOPE = 1.5
 """Largest slope [rad]."""
-MAX_PATCHES = 10_000
-"""Largest number of patches of a ground, and of changes."""
+_MAX_PATCHES = 10_000  # largest number of patches of a ground, and of changes
 
 
 @dataclass(frozen=True)
@@ -35,8 +34,7 @@ class Patch:
     def __post_init__(self) -> None:
         _require_friction(self.along, self.across)
         for name, pair in (("x", self.x), ("y", self.y)):
-            if len(pair) != 2 or not pair[0] < pair[1]:
-                raise InvalidValueError(name, tuple(pair), "two ascending numbers")
+            require(len(pair) == 2 and pair[0] < pair[1], name, tuple(pair), "two ascending numbers")
 
 
 @dataclass(frozen=True)
@@ -82,10 +80,9 @@ class Ground:
         require_at_most("slope", self.slope, MAX_SLOPE, "rad")
         require_finite("uphill", self.uphill)
         for name in ("patches", "changes"):
-            require_at_most(f"number of {name}", len(getattr(self, name)), MAX_PATCHES)
+            require_at_most(f"number of {name}", len(getattr(self, name)), _MAX_PATCHES)
         times = [change.time for change in self.changes]
-        if times != sorted(set(times)):
-            raise InvalidValueError("changes", times, "in ascending order, all different")
+        require(times == sorted(set(times)), "changes", times, "in ascending order, all different")
 
     def gravity(self, size: float) -> tuple[float, float, float]:
         """Gravity of magnitude `size` [m/s^2] in the plane's frame: x and y in the plane, z along its normal."""
@@ -98,12 +95,10 @@ class Ground:
         `friction` (2,): along and across the tracks, averaged over the pads where the robot stands.
         """
         steepest = friction_angle(friction, self.uphill - heading)
-        if self.slope >= steepest:
-            raise InvalidValueError(
-                "slope",
-                self.slope,
-                f"less than the friction angle, {steepest:.3g} rad, to park with heading {round(heading, 3) + 0:g} rad",
-            )
+        parked = f"to park with heading {round(heading, 3) + 0:g} rad"
+        require(
+            self.slope < steepest, "slope", self.slope, f"less than the friction angle, {steepest:.3g} rad, {parked}"
+        )
 
 
 def friction_angle(friction: Sequence[float] | Array, uphill: float) -> float:

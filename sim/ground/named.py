@@ -1,7 +1,8 @@
-"""Named grounds. A source, where there is one, is that of the friction along the track; that across is assumed.
+"""Grounds by name, or from a TOML file.
 
-Slip depends only on the ratio across / along: 0.778 / 0.70 for hard ground, on which treads grip slightly better
-sideways, more on loose ground, which the track must push aside, and 1 on ice.
+The source of a named ground, if any, is that of the friction along the track; that across is assumed. Slip depends
+only on the ratio across / along: 0.778 / 0.70 for hard ground, on which treads grip slightly better sideways, more on
+loose ground, which the track must push aside, and 1 on ice.
 """
 
 from __future__ import annotations
@@ -9,6 +10,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from sim.ground.ground import Change, Ground
+from sim.toml_file import build, read_named
+from trackslip.errors import SettingsFileError
 
 _HARD = 0.778 / 0.70
 _NOON = "R. K. Noon, Engineering Analysis of Vehicular Accidents (1994), of tyres"
@@ -41,3 +44,17 @@ NAMED_GROUNDS: dict[str, NamedGround] = {
     ),
     "ice": NamedGround(Ground(0.12, 0.12), f"ice, 0.10 to 0.15: {_NOON}; ratio 1"),
 }
+
+
+def load_ground(source: str) -> Ground:
+    """Load a named ground, or a TOML file with fields of `Ground` and, as `base`, the named ground that they change.
+
+    Raises InvalidValueError for any other source, SettingsFileError for an unreadable file and invalid fields.
+    """
+    if source in NAMED_GROUNDS:
+        return NAMED_GROUNDS[source].ground
+    table = read_named("ground", source, NAMED_GROUNDS)
+    base = table.pop("base", "stone")
+    if not isinstance(base, str) or base not in NAMED_GROUNDS:
+        raise SettingsFileError(f"{source}: base = {base!r}: must be one of {', '.join(NAMED_GROUNDS)}")
+    return build(Ground, table, source, NAMED_GROUNDS[base].ground)

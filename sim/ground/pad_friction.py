@@ -39,18 +39,14 @@ class PadFriction:
     def replace(self, rows: np.ndarray, grounds: Sequence[Ground]) -> None:
         """Put the robots `rows` (R,) on other grounds, one each."""
         new = PadFriction(grounds, self._pads)
-        changes, patches = (
-            max(mine.shape[1], others.shape[1]) for mine, others in ((self._time, new._time), (self._patch, new._patch))
-        )
+        changes = max(self._time.shape[1], new._time.shape[1])
+        patches = max(self._patch.shape[1], new._patch.shape[1])
         self._widen(changes, patches)
         new._widen(changes, patches)
-        for mine, others in zip(self._tables(), new._tables(), strict=True):
-            mine[rows] = others
+        for name in ("_time", "_base", "_corners", "_patch"):
+            getattr(self, name)[rows] = getattr(new, name)
         self.varies = bool(np.isfinite(self._time).any() or (self._patch > 0).any())
         self._forget_nearby()
-
-    def _tables(self) -> tuple[Array, Array, Array, Array]:
-        return self._time, self._base, self._corners, self._patch
 
     def _widen(self, changes: int, patches: int) -> None:
         """Pad the tables with changes that never come and patches that are nowhere."""
@@ -61,12 +57,9 @@ class PadFriction:
         self._patch = np.pad(self._patch, ((0, 0), (0, more), (0, 0)))
 
     def at(self, time: ArrayLike, position: Array, heading: Array) -> Array:
-        """Friction (N, P, 2) along and across the tracks [-].
+        """Friction (N, P, 2) along and across the tracks [-] at a `time` since the start of the runs, one or (N,) [s].
 
-        Args:
-            time: since the start of the runs, one or (N,) [s].
-            position: of the robots (N, 2) [m].
-            heading: of the robots (N,) [rad].
+        The robots have positions (N, 2) [m] and headings (N,) [rad].
         """
         n = len(position)
         passed = (self._time <= np.reshape(time, (-1, 1)) + 1e-9).sum(axis=1)

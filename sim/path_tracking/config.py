@@ -7,22 +7,18 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from sim.drive.drive import Drive
-from sim.ground.file import load_ground
+from sim.ground.named import load_ground
 from sim.path_tracking.randomization import Randomization
 from sim.robot.parameters import RobotParameters
-from trackslip.errors import InvalidValueError, require_at_most, require_non_negative, require_positive
+from trackslip.errors import require, require_at_most, require_non_negative, require_positive
 from trackslip.slip.base import SlipLaw
 
 PERIOD = 0.05
 """Control period: time between actions, and between scans [s]."""
-ACTIONS = ("sprockets", "twist")
-"""Kinds of actions."""
-POSE_SOURCES = ("truth", "noisy", "scanner")
-"""Sources of the observed pose."""
-MAX_PREVIEWS = 100
-"""Largest number of previews."""
-MAX_PREVIEW = 20.0
-"""Longest time that previews may look ahead [s]."""
+_ACTIONS = ("sprockets", "twist")
+_POSE_SOURCES = ("truth", "noisy", "scanner")
+_MAX_PREVIEWS = 100
+_MAX_PREVIEW = 20.0  # longest time that previews may look ahead [s]
 
 
 @dataclass(frozen=True)
@@ -100,49 +96,43 @@ class EnvConfig:
     """Servos and motors."""
 
     def __post_init__(self) -> None:
-        for name, choices in (("action", ACTIONS), ("pose_source", POSE_SOURCES)):
-            if getattr(self, name) not in choices:
-                raise InvalidValueError(name, getattr(self, name), f"one of {', '.join(choices)}")
-        for name in ("reference", "ground"):
-            value = getattr(self, name)
-            if not value or not all(isinstance(one, str) for one in _several(value)):
-                raise InvalidValueError(name, value, "a name, or a tuple of names")
+        for name, value, choices in (
+            ("action", self.action, _ACTIONS),
+            ("pose_source", self.pose_source, _POSE_SOURCES),
+        ):
+            require(value in choices, name, value, f"one of {', '.join(choices)}")
+        for name, names in (("reference", self.reference), ("ground", self.ground)):
+            valid = names and all(isinstance(one, str) for one in _several(names))
+            require(valid, name, names, "a name, or a tuple of names")
         for one in self.grounds:
             load_ground(one)
-        if len(self.twist_scale) != 2:
-            raise InvalidValueError("twist_scale", self.twist_scale, "two numbers")
+        require(len(self.twist_scale) == 2, "twist_scale", self.twist_scale, "two numbers")
         for scale in self.twist_scale:
             require_positive("twist_scale", scale)
-        if not 0 <= self.previews <= MAX_PREVIEWS or int(self.previews) != self.previews:
-            raise InvalidValueError("previews", self.previews, f"an integer from 0 to {MAX_PREVIEWS}")
-        require_positive("preview_spacing", self.preview_spacing)
-        if abs(self.stride * PERIOD - self.preview_spacing) > 1e-9:
-            raise InvalidValueError("preview_spacing", self.preview_spacing, f"a multiple of {PERIOD} s")
-        require_at_most("previews * preview_spacing", self.previews * self.preview_spacing, MAX_PREVIEW, "s")
-        for name in ("position_noise", "heading_noise"):
-            require_non_negative(name, getattr(self, name))
-            require_at_most(name, getattr(self, name), 1.0)
+        allowed = f"an integer from 0 to {_MAX_PREVIEWS}"
+        require(self.previews in range(_MAX_PREVIEWS + 1), "previews", self.previews, allowed)
+        spacing = self.preview_spacing
+        require_positive("preview_spacing", spacing)
+        require(abs(self.stride * PERIOD - spacing) <= 1e-9, "preview_spacing", spacing, f"a multiple of {PERIOD} s")
+        require_at_most("previews * preview_spacing", self.previews * spacing, _MAX_PREVIEW, "s")
+        for name, noise in (("position_noise", self.position_noise), ("heading_noise", self.heading_noise)):
+            require_non_negative(name, noise)
+            require_at_most(name, noise, 1.0)
         require_positive("off_path", self.off_path)
         require_at_most("off_path", self.off_path, 10.0, "m")
-        if isinstance(self.randomization, str) and self.randomization != "typical":
-            raise InvalidValueError("randomization", self.randomization, 'a Randomization, "typical" or None')
-        drawn = self.drawn
-        drawn.require_standing(self.robot)
-        if drawn.start_distance[1] >= self.off_path:
-            raise InvalidValueError("start_distance", drawn.start_distance, f"less than off_path = {self.off_path} m")
+        known = not isinstance(self.randomization, str) or self.randomization == "typical"
+        require(known, "randomization", self.randomization, 'a Randomization, "typical" or None')
+        self.drawn.require_standing(self.robot)
+        distance = self.drawn.start_distance
+        require(distance[1] < self.off_path, "start_distance", distance, f"less than off_path = {self.off_path} m")
 
     @classmethod
     def of(cls, options: dict[str, Any]) -> EnvConfig:
         """Create the configuration from keyword arguments; raises InvalidValueError for unknown names."""
         known = [f.name for f in fields(cls)]
         for name in options:
-            if name not in known:
-                raise InvalidValueError("option", name, f"one of {', '.join(known)}")
-        sequences = ("reference", "ground", "twist_scale")
-        values: dict[str, Any] = {
-            name: tuple(value) if name in sequences and isinstance(value, list) else value
-            for name, value in options.items()
-        }
+            require(name in known, "option", name, f"one of {', '.join(known)}")
+        values: dict[str, Any] = {n: tuple(value) if isinstance(value, list) else value for n, value in options.items()}
         return cls(**values)
 
     @property

@@ -10,17 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from sim.ground.file import load_ground
+from sim.fleet import Setting
 from sim.ground.ground import Ground, Patch
+from sim.ground.named import load_ground
 from sim.path_tracking.config import EnvConfig
 from sim.path_tracking.randomization import MAX_LATENCY, Randomization, Range
 from sim.path_tracking.reference_table import ReferenceTable
-from sim.setting import Setting
-from trackslip.errors import InvalidValueError, require_finite, require_positive
+from trackslip.errors import require, require_finite, require_positive
 from trackslip.kinematics import Array
 
-OPTIONS = ("reference", "ground", "start_error", "radius_error", "com", "lag", "latency")
-"""Keys of `reset(options=...)`."""
+_OPTIONS = ("reference", "ground", "start_error", "radius_error", "com", "lag", "latency")
 _PARKING = 0.6  # steepest slope that is drawn, as a fraction of the smallest friction angle
 
 
@@ -55,8 +54,7 @@ def draw(
         InvalidValueError: for unknown options and values out of range.
     """
     for name in options:
-        if name not in OPTIONS:
-            raise InvalidValueError("options", name, f"one of {', '.join(OPTIONS)}")
+        require(name in _OPTIONS, "options", name, f"one of {', '.join(_OPTIONS)}")
     drawn = config.drawn
     reference = table.index(options.get("reference", _choice(generator, config.references)))
     base = load_ground(_choice(generator, config.grounds))
@@ -66,13 +64,12 @@ def draw(
     radius_error = _uniform(generator, drawn.radius_error, config.robot.radius_error)
     com = _uniform(generator, drawn.com_x, 0.0), _uniform(generator, drawn.com_y, 0.0)
     lag = _uniform(generator, drawn.lag, config.drive.lag)
-    latency = int(generator.integers(drawn.latency[0], drawn.latency[1], endpoint=True))
+    latency = generator.integers(*drawn.latency, endpoint=True)
     distance, bearing = _uniform(generator, drawn.start_distance, 0.0), generator.uniform(-math.pi, math.pi)
     turned = _uniform(generator, drawn.start_heading, 0.0)
     error = options.get("start_error", (distance * math.cos(bearing), distance * math.sin(bearing), turned))
     latency = options.get("latency", latency)
-    if latency not in range(MAX_LATENCY + 1):
-        raise InvalidValueError("latency", latency, f"an integer from 0 to {MAX_LATENCY}")
+    require(latency in range(MAX_LATENCY + 1), "latency", latency, f"an integer from 0 to {MAX_LATENCY}")
     setting = Setting(
         start=_start(table.path(reference)[0], _finite("start_error", error, 3)),
         ground=ground,
@@ -91,9 +88,8 @@ def _ground(config: EnvConfig, base: Ground, path: Array, generator: np.random.G
     """Randomize the friction across, slope and patches of a ground."""
     drawn = config.drawn
     across = base.across * _uniform(generator, drawn.friction_ratio, 1.0)
-    count = int(generator.integers(drawn.patches[0], drawn.patches[1], endpoint=True))
     patches = []
-    for _ in range(count):
+    for _ in range(generator.integers(*drawn.patches, endpoint=True)):
         x, y = path[generator.integers(len(path)), :2]
         half = _uniform(generator, drawn.patch_size, 0.0) / 2
         along = base.along * _uniform(generator, drawn.patch_friction, 1.0)
@@ -119,8 +115,7 @@ def _finite(name: str, values: Any, n: int) -> Any:
         numbers = tuple(float(value) for value in values)
     except (TypeError, ValueError):
         numbers = ()
-    if len(numbers) != n:
-        raise InvalidValueError(name, values, f"{n} numbers")
+    require(len(numbers) == n, name, values, f"{n} numbers")
     for value in numbers:
         require_finite(name, value)
     return numbers

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 
@@ -17,78 +16,57 @@ from trackslip.localization.plate import PlateLocator
 from trackslip.localization.tracker import Tracker
 
 
-class PoseSource(Protocol):
-    """Observes the poses of N robots."""
-
-    def begin(self, rows: Index, seeds: Sequence[int], last: Index) -> None:
-        """Begin episodes of the robots `rows` (R,), with noise seeds (R,) and lengths (R,) [control periods]."""
-        ...
-
-    def start(self, rows: Index) -> Array:
-        """Observed poses (R, 3) of the robots `rows` (R,) at the start of their episodes."""
-        ...
-
-    def pose(self, k: Index, omega: Array, true: Array) -> Array:
-        """Observed poses (N, 3) now.
-
-        Args:
-            k: control periods (N,) since the episodes began.
-            omega: mean sprocket speeds (N, 2) in the last one [rad/s].
-            true: true poses (N, 3) [m, m, rad].
-        """
-        ...
-
-
 class TruePose:
-    """The true pose."""
+    """Observes the true poses of N robots; other sources inherit from it."""
 
     def __init__(self, fleet: Fleet) -> None:
         self._fleet = fleet
 
     def begin(self, rows: Index, seeds: Sequence[int], last: Index) -> None:
-        """Nothing to prepare."""
+        """Begin episodes of the robots `rows` (R,), with noise seeds (R,) and lengths (R,) [control periods]."""
 
     def start(self, rows: Index) -> Array:
-        """True poses (R, 3)."""
+        """Observed poses (R, 3) of the robots `rows` (R,) at the start of their episodes."""
         return self._fleet.pose()[rows]
 
     def pose(self, k: Index, omega: Array, true: Array) -> Array:
-        """True poses (N, 3)."""
+        """Observed poses (N, 3), `k` (N,) control periods after the episodes began.
+
+        `omega` (N, 2) are the mean sprocket speeds in the last one [rad/s], `true` (N, 3) the true poses [m, m, rad].
+        """
         return true
 
 
-class NoisyPose:
+class NoisyPose(TruePose):
     """The true pose plus Gaussian noise, which is drawn for a whole episode at its start."""
 
     def __init__(self, fleet: Fleet, config: EnvConfig) -> None:
-        self._fleet = fleet
+        super().__init__(fleet)
         self._deviation = np.array([config.position_noise, config.position_noise, config.heading_noise])
         self._noise = np.zeros((fleet.size, 1, 3))
 
     def begin(self, rows: Index, seeds: Sequence[int], last: Index) -> None:
         """Draw the noise."""
-        longer = int(last.max()) + 1 - self._noise.shape[1]
-        if longer > 0:
-            self._noise = np.pad(self._noise, ((0, 0), (0, longer), (0, 0)))
+        longer = max(0, int(last.max()) + 1 - self._noise.shape[1])
+        self._noise = np.pad(self._noise, ((0, 0), (0, longer), (0, 0)))
         for row, seed, end in zip(rows, seeds, last, strict=True):
             drawn = np.random.default_rng(seed).standard_normal((end + 1, 3))
             self._noise[row, : end + 1] = drawn * self._deviation
 
     def start(self, rows: Index) -> Array:
         """Noisy poses (R, 3)."""
-        return self._fleet.pose()[rows] + self._noise[rows, 0]
+        return super().start(rows) + self._noise[rows, 0]
 
     def pose(self, k: Index, omega: Array, true: Array) -> Array:
         """Noisy poses (N, 3)."""
-        k = np.minimum(k, self._noise.shape[1] - 1)
-        return true + self._noise[np.arange(len(k)), k]
+        return true + self._noise[np.arange(len(k)), np.minimum(k, self._noise.shape[1] - 1)]
 
 
-class ScannedPose:
+class ScannedPose(TruePose):
     """The pose of the plate in the scans of the laser range finder, tracked from the known start."""
 
     def __init__(self, fleet: Fleet) -> None:
-        self._fleet = fleet
+        super().__init__(fleet)
         self._feed = ScannerFeed(LaserScanner(rate=1 / PERIOD), fleet)
         self._locator = PlateLocator(fleet.robot.plate)
         self._tracker = Tracker(fleet.pose(), fleet.robot.geometry)
@@ -96,11 +74,7 @@ class ScannedPose:
     def begin(self, rows: Index, seeds: Sequence[int], last: Index) -> None:
         """Restart the noise and the tracker."""
         self._feed.restart(rows, [np.random.default_rng(seed) for seed in seeds])
-        self._tracker.restart(rows, self._fleet.pose()[rows])
-
-    def start(self, rows: Index) -> Array:
-        """True poses (R, 3)."""
-        return self._fleet.pose()[rows]
+        self._tracker.restart(rows, self.start(rows))
 
     def pose(self, k: Index, omega: Array, true: Array) -> Array:
         """Tracked poses (N, 3)."""
@@ -109,7 +83,7 @@ class ScannedPose:
         return self._tracker.update(self._locator.locate(self._feed.scan(scan.ranges[:, 0]), predicted)).pose
 
 
-def pose_source(config: EnvConfig, fleet: Fleet) -> PoseSource:
+def pose_source(config: EnvConfig, fleet: Fleet) -> TruePose:
     """The pose source of a configuration."""
     if config.pose_source == "truth":
         return TruePose(fleet)

@@ -3,28 +3,27 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from dataclasses import dataclass
 
 from sim.drive.drive import MAX_RADIUS_ERROR, Drive
 from sim.ground.ground import MAX_FRICTION, MAX_SLOPE
 from sim.robot.parameters import RobotParameters
-from trackslip.errors import InvalidValueError
+from trackslip.errors import require
 
 Range = tuple[float, float]
 """From, to; values are drawn uniformly."""
 
 MAX_LATENCY = 2
 """Largest latency of commands [control periods]."""
-MAX_PATCHES = 10
-"""Largest number of patches."""
 _LIMITS: dict[str, Range] = {
     "friction_ratio": (0.1, 10.0),
     "radius_error": (-MAX_RADIUS_ERROR, MAX_RADIUS_ERROR),
     "com_x": (-1.0, 1.0),
     "com_y": (-1.0, 1.0),
     "slope": (0.0, MAX_SLOPE),
-    "patches": (0, MAX_PATCHES),
+    "patches": (0, 10),
     "patch_size": (0.01, 100.0),
     "patch_friction": (0.01, MAX_FRICTION / 10),
     "lag": (0.001, 1.0),
@@ -65,11 +64,13 @@ class Randomization:
     """Heading error at the start [rad]."""
 
     def __post_init__(self) -> None:
-        for field in dataclasses.fields(self):
-            _require_range(field.name, getattr(self, field.name))
-        for name in ("patches", "latency"):
-            if any(int(end) != end for end in getattr(self, name)):
-                raise InvalidValueError(name, getattr(self, name), "two integers")
+        for name, (low, high) in _LIMITS.items():
+            ends = getattr(self, name)
+            if ends is not None:
+                valid = len(ends) == 2 and low <= ends[0] <= ends[1] <= high
+                require(valid, name, tuple(ends), f"two ascending numbers from {low:g} to {high:g}")
+        for name, ends in (("patches", self.patches), ("latency", self.latency)):
+            require(all(int(end) == end for end in ends), name, ends, "two integers")
 
     @classmethod
     def typical(cls) -> Randomization:
@@ -89,14 +90,5 @@ class Randomization:
 
     def require_standing(self, robot: RobotParameters) -> None:
         """Raise InvalidValueError if a robot with one of these centres of mass would not stand on its tracks."""
-        for x in self.com_x:
-            for y in self.com_y:
-                dataclasses.replace(robot, com_x=robot.com_x + x, com_y=robot.com_y + y)
-
-
-def _require_range(name: str, ends: Range | None) -> None:
-    low, high = _LIMITS[name]
-    if ends is None:
-        return
-    if len(ends) != 2 or not low <= ends[0] <= ends[1] <= high:
-        raise InvalidValueError(name, tuple(ends), f"two ascending numbers from {low:g} to {high:g}")
+        for x, y in itertools.product(self.com_x, self.com_y):
+            dataclasses.replace(robot, com_x=robot.com_x + x, com_y=robot.com_y + y)

@@ -48,14 +48,11 @@ class ReferenceTable:
 
     def pose(self, index: Index, k: Index) -> Array:
         """Poses (..., 3) of references (...) in control periods (...)."""
-        return self._pose[index, self._clipped(index, k)]
+        return self._pose[index, np.minimum(k, self.last[index] + self._ahead)]
 
     def twist(self, index: Index, k: Index) -> Array:
         """Twists (..., 2) of references (...) in control periods (...)."""
-        return self._twist[index, self._clipped(index, k)]
-
-    def _clipped(self, index: Index, k: Index) -> Index:
-        return np.minimum(k, self.last[index] + self._ahead)
+        return self._twist[index, np.minimum(k, self.last[index] + self._ahead)]
 
 
 def _stacked(table: Array, row: Array) -> Array:

@@ -22,8 +22,8 @@ from trackslip.kinematics import Array
 WIDTH, HEIGHT = 640, 480
 _BACKENDS = ("egl", "osmesa")  # which need no display
 _SPACING = 0.03  # smallest length of a segment of a drawn line [m]
-_PATH, _TRAIL = (0.10, 0.36, 0.85, 1.0), (0.95, 0.45, 0.08, 1.0)
-_PATH_WIDTH, _TRAIL_WIDTH = 0.012, 0.008  # [m]
+# of a drawn line: height above the ground and half width [m], colour
+_PATH, _TRAIL = (0.004, 0.012, (0.10, 0.36, 0.85, 1.0)), (0.014, 0.008, (0.95, 0.45, 0.08, 1.0))
 _DISTANCE, _AZIMUTH, _ELEVATION = 2.6, 140.0, -35.0  # of the camera that follows a robot [m, deg, deg]
 
 
@@ -32,7 +32,6 @@ class Renderer:
 
     def __init__(self, tracking: PathTracking) -> None:
         self._tracking = tracking
-        self._model: Any = None
         self._data: Any = None
         self._renderer: Any = None
         self._window: _Window | None = None
@@ -52,16 +51,20 @@ class Renderer:
 
     def picture(self, row: int) -> np.ndarray:
         """Image (HEIGHT, WIDTH, 3) uint8 of robot `row`; raises TrackslipError if OpenGL doesn't work."""
+        data = self._posed(row)
         if self._renderer is None:
-            self._renderer = _renderer(self._load())
-        self._renderer.update_scene(self._posed(row), camera=self._camera(row))
+            self._renderer = _renderer(data.model)
+        camera = mujoco.MjvCamera()
+        camera.lookat[:] = (*data.qpos[:2], 0.2)
+        camera.distance, camera.azimuth, camera.elevation = _DISTANCE, _AZIMUTH, _ELEVATION
+        self._renderer.update_scene(data, camera=camera)
         self._draw(self._renderer.scene, row)
         return np.array(self._renderer.render())
 
     def show(self) -> None:
         """Show robot 0 in a window; raises TrackslipError if there is no display."""
         if self._window is None:
-            self._window = _Window(self._load(), self._posed(0))
+            self._window = _Window(self._posed(0))
         viewer = self._window.viewer
         with viewer.lock():
             self._posed(0)
@@ -76,40 +79,24 @@ class Renderer:
                 opened.close()
         self._renderer = self._window = None
 
-    def _load(self) -> Any:
-        if self._model is None:
+    def _posed(self, row: int) -> Any:
+        """Data of the model with visuals, which is compiled when first needed, in the state of robot `row`."""
+        if self._data is None:
             spec = mujoco.MjSpec.from_file(str(FIELD))
             self._tracking.config.robot.apply(spec)
-            self._model = spec.compile()
-            self._data = mujoco.MjData(self._model)
-        return self._model
-
-    def _posed(self, row: int) -> Any:
-        """Data of the model with visuals, in the state of robot `row`."""
-        self._load()
+            self._data = mujoco.MjData(spec.compile())
         self._data.qpos[:] = self._tracking.fleet.batch.qpos[row]
         for compute in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight):
-            compute(self._model, self._data)
+            compute(self._data.model, self._data)
         return self._data
 
-    def _camera(self, row: int) -> mujoco.MjvCamera:
-        camera = mujoco.MjvCamera()
-        camera.lookat[:] = (*self._tracking.fleet.batch.qpos[row, :2], 0.2)
-        camera.distance, camera.azimuth, camera.elevation = _DISTANCE, _AZIMUTH, _ELEVATION
-        return camera
-
     def _draw(self, scene: mujoco.MjvScene, row: int) -> None:
-        tracking = self._tracking
-        path = tracking.table.path(int(tracking.path_index[row]))[:, :2]
-        for points, height, width, colour in (
-            (_thinned(path), 0.004, _PATH_WIDTH, _PATH),
-            (self._trails[row], 0.014, _TRAIL_WIDTH, _TRAIL),
-        ):
+        path, kind = self._tracking.path(row)[:, :2], mujoco.mjtGeom.mjGEOM_CAPSULE
+        for points, (height, width, colour) in ((_thinned(path), _PATH), (self._trails[row], _TRAIL)):
             for start, end in pairwise(points):
                 if scene.ngeom == scene.maxgeom:
                     return
                 geom = scene.geoms[scene.ngeom]
-                kind = mujoco.mjtGeom.mjGEOM_CAPSULE
                 mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.eye(3).ravel(), np.array(colour))
                 mujoco.mjv_connector(geom, kind, width, np.append(start, height), np.append(end, height))
                 scene.ngeom += 1
@@ -146,7 +133,7 @@ def _renderer(model: Any) -> Any:
 class _Window:
     """MuJoCo's viewer, which renders in threads of its own."""
 
-    def __init__(self, model: Any, data: Any) -> None:
+    def __init__(self, data: Any) -> None:
         if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
             raise TrackslipError('rendering: "human" needs a display, and there is none; "rgb_array" needs none')
         try:
@@ -157,7 +144,7 @@ class _Window:
                 warnings.simplefilter("error")
                 glfw.init()  # a failure raises here; in the viewer's thread it would end the process
             others = threading.enumerate()
-            self.viewer = viewer.launch_passive(model, data)
+            self.viewer = viewer.launch_passive(data.model, data)
         except Exception as error:  # whatever a broken display raises
             raise TrackslipError(f"rendering: no window opens here: {' '.join(str(error).split())}") from error
         self._threads = [thread for thread in threading.enumerate() if thread not in others]

@@ -16,7 +16,7 @@ from sim.path_tracking.pose_source import pose_source
 from sim.path_tracking.randomization import MAX_LATENCY
 from sim.path_tracking.reference_table import Index, ReferenceTable
 from sim.robot.robot import load_robot
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, require
 from trackslip.kinematics import Array, limit_sprocket_speeds, track_slip
 from trackslip.metrics import LOST, body_errors
 from trackslip.slip.base import SlipLaw
@@ -51,10 +51,8 @@ class PathTracking:
         self._action: Array = np.zeros((size, 2))
         self._angle: Array = np.zeros((size, 2))  # of the encoders, in the last control period [rad]
         self._omega: Array = np.zeros((size, 2))
-        self._noisy = config.pose_source != "truth"
         self._pose: Array = np.zeros((size, 3))  # true
         self._measured: Array = np.zeros((size, 3))
-        self._desired: Array = np.zeros((size, 3))
         self._error: Array = np.zeros((size, 3))  # true
         self._seen_error: Array = np.zeros((size, 3))  # as observed
         self._success = np.ones(size, bool)
@@ -71,21 +69,16 @@ class PathTracking:
         """Number of steps (N,) in each robot's episode."""
         return self.table.last[self._reference]
 
-    @property
-    def path_index(self) -> Index:
-        """Index (N,) of each robot's reference in `table`."""
-        return self._reference.copy()
+    def path(self, row: int) -> Array:
+        """Poses (T, 3) of the reference of robot `row`, from its start to its end."""
+        return self.table.path(int(self._reference[row]))
 
     def draw(self, generator: np.random.Generator, options: Mapping[str, Any]) -> Episode:
         """Draw a robot's episode from its own generator; see `episode.draw`."""
         return draw(self.config, self.table, generator, options)
 
     def begin(self, rows: Sequence[int], episodes: Sequence[Episode]) -> None:
-        """Begin episodes with the robots `rows` (R,), one each; the other robots' episodes continue.
-
-        Raises:
-            InvalidValueError: for a ground that is too steep to park on.
-        """
+        """Begin episodes with the robots `rows` (R,), one each; raises InvalidValueError where a robot can't park."""
         where = np.asarray(rows, int)
         if not where.size:
             return
@@ -96,19 +89,24 @@ class PathTracking:
             state[where] = 0
         self.terminated[where] = self.truncated[where] = False
         self._source.begin(where, [episode.noise for episode in episodes], self.last[where])
-        self._pose, self._desired = self.fleet.pose(), self.table.pose(self._reference, self._k)
+        self._pose, desired = self.fleet.pose(), self.table.pose(self._reference, self._k)
         self._measured[where] = self._source.start(where)
-        self._error[where] = body_errors(self._pose, self._desired)[where]
-        self._seen_error[where] = body_errors(self._measured, self._desired)[where]
-        self._success[where] = self._distance()[where] <= LOST
+        self._error[where] = body_errors(self._pose, desired)[where]
+        self._seen_error[where] = body_errors(self._measured, desired)[where]
+        self._success[where] = np.hypot(*self._error[where, :2].T) <= LOST
 
     def step(self, actions: ArrayLike) -> None:
         """Simulate one control period with actions (N, 2), clipped to [-1, 1].
 
-        Raises:
-            InvalidValueError: for actions that aren't finite or have another shape.
+        Raises InvalidValueError for actions that aren't finite or have another shape.
         """
-        action = _checked(actions, self.size)
+        action = np.asarray(actions, float)
+        require(
+            action.shape == (self.size, 2), "action", f"an array of shape {action.shape}", f"of shape {(self.size, 2)}"
+        )
+        for row in np.flatnonzero(~np.isfinite(action).all(axis=1)):
+            raise InvalidValueError("action", action[row].tolist(), f"finite (robot {row})")
+        action = np.clip(action, -1.0, 1.0)
         self._line[:, 1:] = self._line[:, :-1].copy()
         self._line[:, 0] = self._to_omega(action)
         self.fleet.command(self._line[np.arange(self.size), self._latency])
@@ -117,23 +115,16 @@ class PathTracking:
         angle = self.fleet.drive.encoder_angle()
         self._omega = (angle - self._angle) / PERIOD
         self._angle = angle
-        self._pose, self._desired = self.fleet.pose(), self.table.pose(self._reference, self._k)
+        self._pose, desired = self.fleet.pose(), self.table.pose(self._reference, self._k)
         self._measured = self._source.pose(self._k, self._omega, self._pose.copy())
-        self._error = body_errors(self._pose, self._desired)
-        self._seen_error = body_errors(self._measured, self._desired) if self._noisy else self._error.copy()
-        change = action - self._action
-        self._action = action
-        self._judge(change)
-
-    def _judge(self, change: Array) -> None:
-        """Compute rewards and ends of episodes, after a change (N, 2) of actions."""
-        distance = self._distance()
+        self._error = body_errors(self._pose, desired)
+        self._seen_error = body_errors(self._measured, desired)
+        distance = np.hypot(*self._error[:, :2].T)
         self._success &= distance <= LOST
-        tipped = ~(self.fleet.upright() > _TIPPED)
-        self.terminated = ~(distance <= self.config.off_path) | tipped
+        self.terminated = ~(distance <= self.config.off_path) | ~(self.fleet.upright() > _TIPPED)
         self.truncated = (self._k >= self.last) & ~self.terminated
-        reward = self.config.reward
-        self._terms = reward_terms(reward, distance, self._error[:, 2], change, self.terminated)
+        change, self._action = action - self._action, action
+        self._terms = reward_terms(self.config.reward, distance, self._error[:, 2], change, self.terminated)
         self.reward = sum((self._terms[name] for name in TERMS), np.zeros(self.size))
 
     def observation(self) -> Array:
@@ -161,21 +152,14 @@ class PathTracking:
             **{f"reward_{name}": self._terms[name].copy() for name in TERMS},
         }
 
-    def _distance(self) -> Array:
-        return np.hypot(self._error[:, 0], self._error[:, 1])
-
 
 def reward_terms(
     reward: Reward, distance: Array, heading: Array, change: Array, terminated: np.ndarray
 ) -> dict[str, Array]:
     """The terms (N,) of `config.Reward`, by name.
 
-    Args:
-        reward: weights and scales.
-        distance: from the reference (N,) [m].
-        heading: heading errors (N,) [rad].
-        change: of the actions (N, 2) [-].
-        terminated: whether each episode has terminated (N,).
+    They depend on position and heading errors (N,) [m, rad], the change of the actions (N, 2) [-], and whether episodes
+    have terminated (N,).
     """
     return {
         "alive": np.full(len(distance), reward.weight_alive),
@@ -190,16 +174,6 @@ def _saturating(z: Array) -> Array:
     """z^2 / (1 + z^2)."""
     square = z * z
     return square / (1 + square)
-
-
-def _checked(actions: ArrayLike, size: int) -> Array:
-    action = np.asarray(actions, float)
-    if action.shape != (size, 2):
-        raise InvalidValueError("action", f"an array of shape {action.shape}", f"of shape {(size, 2)}")
-    if not np.isfinite(action).all():
-        row = int(np.flatnonzero(~np.isfinite(action).all(axis=1))[0])
-        raise InvalidValueError("action", action[row].tolist(), f"finite (robot {row})")
-    return np.clip(action, -1.0, 1.0)
 
 
 def _action_map(config: EnvConfig, fleet: Fleet) -> Callable[[Array], Array]:
@@ -217,6 +191,6 @@ def _law(config: EnvConfig, fleet: Fleet) -> SlipLaw:
     laws: dict[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}
     if config.compensation not in laws:
         laws |= load_laws(robot=fleet.robot.geometry)
-    if config.compensation not in laws:
-        raise InvalidValueError("compensation", config.compensation, f"a slip law, or one of {', '.join(laws)}")
+    allowed = f"a slip law, or one of {', '.join(laws)}"
+    require(config.compensation in laws, "compensation", config.compensation, allowed)
     return laws[config.compensation]

@@ -13,10 +13,7 @@ from sim.toml_file import build, read_toml
 def load_robot_file(path: Path | None) -> tuple[RobotParameters, Ground]:
     """Load the fields of RobotParameters and, from the table `ground`, those of Ground; missing ones are the defaults.
 
-    Without a file, this is the shipped robot on its ground.
-
-    Raises:
-        SettingsFileError: for a file that can't be read or has invalid fields.
+    None is the shipped robot on its ground. Raises SettingsFileError for an unreadable file and invalid fields.
     """
     if path is None:
         return RobotParameters(), Ground()
@@ -27,10 +24,5 @@ def load_robot_file(path: Path | None) -> tuple[RobotParameters, Ground]:
 
 def robot_file_text(parameters: RobotParameters, ground: Ground, comment: str) -> str:
     """Text of a robot file; `ground` must be level, without patches and changes."""
-    lines = [f"# {comment}", *_lines(dataclasses.asdict(parameters))]
-    lines += ["", "[ground]", *_lines({"along": ground.along, "across": ground.across})]
-    return "\n".join(lines) + "\n"
-
-
-def _lines(values: dict[str, float]) -> list[str]:
-    return [f"{name} = {value!r}" for name, value in values.items()]
+    lines = [f"{name} = {value!r}\n" for name, value in dataclasses.asdict(parameters).items()]
+    return f"# {comment}\n{''.join(lines)}\n[ground]\nalong = {ground.along!r}\nacross = {ground.across!r}\n"

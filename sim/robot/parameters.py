@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR
-from trackslip.errors import InvalidValueError, require_at_most, require_positive
+from trackslip.errors import require, require_at_most, require_positive
 
 if TYPE_CHECKING:
     import mujoco
@@ -45,12 +45,9 @@ class RobotParameters:
             value, unit = getattr(self, name), "kg" if name == "mass" else "m"
             require_positive(name, value)
             require_at_most(name, value, 1000.0 if name == "mass" else 10.0, unit)
-            if value < _MIN_SIZE:
-                raise InvalidValueError(name, value, f"at least {_MIN_SIZE:g} {unit}")
-        if not -MAX_RADIUS_ERROR <= self.radius_error <= MAX_RADIUS_ERROR:
-            raise InvalidValueError(
-                "radius_error", self.radius_error, f"from {-MAX_RADIUS_ERROR:g} to {MAX_RADIUS_ERROR:g}"
-            )
+            require(value >= _MIN_SIZE, name, value, f"at least {_MIN_SIZE:g} {unit}")
+        error, limit = self.radius_error, MAX_RADIUS_ERROR
+        require(-limit <= error <= limit, "radius_error", error, f"from {-limit:g} to {limit:g}")
         self._require_standing()
 
     def _require_standing(self) -> None:
@@ -58,19 +55,15 @@ class RobotParameters:
         # mean squares of the coordinates of the ground's springs; they yield by SINK, so that a high robot leans more
         spread_x, spread_y = self.contact_length**2 / 12, self.half_gauge**2
         highest = _FIRM * min(spread_x, spread_y) / SINK
-        if self.com_height > highest:
-            raise InvalidValueError(
-                "com_height", self.com_height, f"at most {highest:.4g} m, to stand on tracks of this length and gauge"
-            )
+        allowed = f"at most {highest:.4g} m, to stand on tracks of this length and gauge"
+        require(self.com_height <= highest, "com_height", self.com_height, allowed)
         reach_x = self.contact_length / 6 * (1 - self.com_height * SINK / spread_x)
         reach_y = self.half_gauge * (1 - self.com_height * SINK / spread_y)
-        for name, reach in (("com_x", reach_x), ("com_y", reach_y)):
-            if not abs(getattr(self, name)) < reach:
-                raise InvalidValueError(name, getattr(self, name), f"between -{reach:.4g} and {reach:.4g} m")
-        if abs(self.com_x) / reach_x + abs(self.com_y) / reach_y >= 1:
-            raise InvalidValueError(
-                "com_x, com_y", (self.com_x, self.com_y), "closer to the centre, to load every point of the tracks"
-            )
+        for name, com, reach in (("com_x", self.com_x, reach_x), ("com_y", self.com_y, reach_y)):
+            require(abs(com) < reach, name, com, f"between -{reach:.4g} and {reach:.4g} m")
+        central = abs(self.com_x) / reach_x + abs(self.com_y) / reach_y < 1
+        allowed = "closer to the centre, to load every point of the tracks"
+        require(central, "com_x, com_y", (self.com_x, self.com_y), allowed)
 
     def apply(self, spec: mujoco.MjSpec) -> None:
         """Apply the parameters to a model: move the tracks, stretch their contact, set mass, inertia and its centre."""
@@ -78,18 +71,15 @@ class RobotParameters:
         if self == default:
             return
         stretch = self.contact_length / default.contact_length
-        apart = self.half_gauge - default.half_gauge
         chassis = spec.body("chassis")
         for thing in (*chassis.geoms, *chassis.sites):
             side = {"left": 1.0, "right": -1.0}.get(thing.name.split("_")[0], 0.0)
-            track = side != 0 and "lamp" not in thing.name
+            outwards = side * (self.half_gauge - default.half_gauge)
             if "_pad" in thing.name:
                 ends = np.array(thing.fromto).reshape(2, 3)
-                ends[:, 0] *= stretch
-                ends[:, 1] += side * apart
-                thing.fromto = ends.ravel()
-            elif track:
-                thing.pos = np.add(thing.pos, [0.0, side * apart, 0.0])
+                thing.fromto = (ends * [stretch, 1.0, 1.0] + [0.0, outwards, 0.0]).ravel()
+            elif "lamp" not in thing.name:
+                thing.pos = np.add(thing.pos, [0.0, outwards, 0.0])
             if "_footprint" in thing.name:
                 thing.size = np.array(thing.size) * [stretch, 1.0, 1.0]
         for name in ("left_sprocket", "right_sprocket"):

@@ -10,7 +10,6 @@ import mujoco
 import numpy as np
 
 import models
-from sim.robot.contact_sensors import add_contact_sensors
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
@@ -22,6 +21,12 @@ SCANNED_GROUP = 0
 """Geom group that the laser range finder sees."""
 VISUAL_GROUP = 1
 """Geom group of the visuals, which are left out of the physics."""
+CONTACT_POINTS = 2
+"""Number of points at which a pad touches the ground."""
+CONTACT_WIDTH = 9
+"""Numbers that a contact sensor gives per point, in this order: force, position in the world, velocity; force and
+velocity are normal to the ground, along the pad and across it."""
+_FORCE, _POSITION, _VELOCITY = 1, 4, 7  # bits of a contact sensor's data specification
 
 
 @dataclass(frozen=True)
@@ -55,12 +60,9 @@ class Robot:
 
 
 def load_robot(path: Path = FIELD, parameters: RobotParameters | None = None, contact_sensors: bool = False) -> Robot:
-    """Compile a model and read its numbers.
+    """Compile the MJCF file `path`, changed by `parameters`, and read its numbers.
 
-    Args:
-        path: MJCF file.
-        parameters: changes to the model; None for none.
-        contact_sensors: whether to add a sensor at every pad, for `sim.instruments` to read and runs to record.
+    With `contact_sensors`, every pad has a sensor, for `sim.instruments` to read and runs to record.
 
     Raises:
         TrackslipError: for a file that doesn't compile or lacks a required part.
@@ -76,11 +78,27 @@ def load_robot(path: Path = FIELD, parameters: RobotParameters | None = None, co
         model = spec.compile()
         digest = hashlib.sha256(spec.to_xml().encode()).hexdigest()
         if contact_sensors:
-            add_contact_sensors(spec)
+            _add_contact_sensors(spec)
             model = spec.compile()
         return replace(_read(model, sprocket_radius, digest), contact_sensors=contact_sensors)
     except (ValueError, KeyError, AttributeError) as error:
         raise TrackslipError(f"{path}: {' '.join(str(error).split())}") from error
+
+
+def _add_contact_sensors(spec: mujoco.MjSpec) -> None:
+    """Add a sensor of the contact with the ground to every pad."""
+    geom_type = mujoco.mjtObj.mjOBJ_GEOM
+    for geom in spec.geoms:
+        if "_pad" in geom.name:
+            spec.add_sensor(
+                name=f"{geom.name}_contact",
+                type=mujoco.mjtSensor.mjSENS_CONTACT,
+                objtype=geom_type,
+                objname="ground",
+                reftype=geom_type,
+                refname=geom.name,
+                intprm=[1 << _FORCE | 1 << _POSITION | 1 << _VELOCITY, 0, CONTACT_POINTS],
+            )
 
 
 def _read(model: mujoco.MjModel, sprocket_radius: float, digest: str) -> Robot:

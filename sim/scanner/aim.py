@@ -22,15 +22,10 @@ class Aim:
 
     @classmethod
     def at(cls, centre: Array, origin: Array, heading: float, radius: float, bearings: Array, width: float) -> Aim:
-        """Select the beams to cast at plates around `centre` (N, 3).
+        """Select the beams to cast at plates around `centre` (N, 3) [m].
 
-        Args:
-            centre: centres (N, 3) of the plates in the world [m].
-            origin: (3,) where the beams start [m].
-            heading: world direction of bearing 0 [rad].
-            radius: of the sphere around `centre` that contains the plate while the beams are cast, without SLACK [m].
-            bearings: (B,) of all beams, equally spaced, ascending [rad].
-            width: angular width of a beam [rad].
+        The beams start at `origin` (3,) [m] with equally spaced, ascending `bearings` (B,) from the world direction
+        `heading` and are `width` wide [rad]. While they are cast, each plate stays within `radius` of its centre [m].
         """
         radius += SLACK
         x, y = (centre - origin)[:, :2].T

@@ -15,7 +15,7 @@ from sim.scanner.obstacles import Obstacles
 from sim.scanner.scan_motion import moved_back
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
-from trackslip.errors import InvalidValueError
+from trackslip.errors import require
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Scan
 
@@ -43,36 +43,29 @@ class ScannerFeed:
         """
         if isinstance(generators, int):
             generators = [generator(generators, f"robot {k}") for k in range(fleet.size)]
-        if len(generators) != fleet.size:
-            raise InvalidValueError("generators", len(generators), f"{fleet.size}, one per robot")
+        require(len(generators) == fleet.size, "generators", len(generators), f"{fleet.size}, one per robot")
         self._scanner, self._fleet = scanner, fleet
         self._noise, self._dropout = (list(g) for g in zip(*(g.spawn(2) for g in generators), strict=True))
         robot = fleet.robot
-        x, y, heading = robot.lrf_mount
-        self._heading = heading
+        x, y, self._heading = robot.lrf_mount
         self._origin = np.array([x, y, robot.lrf_height])
-        bearings = scanner.bearings
-        direction = heading + bearings[:, None] + footprint(scanner.divergence)
+        self.period = scanner.period
+        """Time between scans [s]."""
+        self.bearings = scanner.bearings
+        """Directions (B,) of the beams in the LRF's frame [rad]."""
+        direction = self._heading + self.bearings[:, None] + footprint(scanner.divergence)
         self._rays = np.stack([np.cos(direction), np.sin(direction), np.zeros_like(direction)], axis=-1)  # (B, K, 3)
         self._lag = scanner.lag
         obstacles = obstacles or Obstacles()
         obstacles.require_clear(self._origin[:2])
-        self._walking = obstacles.walking
-        # (B, K) [m], computed once
-        self._standing = self._to_obstacles(obstacles.standing, 0.0) if obstacles else None
+        self._walking = Obstacles(walkers=obstacles.walkers)
+        standing = dataclasses.replace(obstacles, walkers=())
+        self._standing = self._to_obstacles(standing, 0.0) if obstacles else None  # (B, K) [m], computed once
         # a plate moves for half the scan before the scan's time and half of it after: twice that is safe
         top_speed = fleet.drive.limit * robot.geometry.sprocket_radius
         self._reach = robot.plate_radius + top_speed * scanner.scan_duration
         self._aim: Aim | None = None
         self._aimed_rays: Array = np.empty((fleet.size, 0, 1, 3))  # (N, W, K, 3)
-        self._template = Scan(
-            bearings,
-            np.empty((0, len(bearings))),
-            scanner.range_std,
-            robot.lrf_mount,
-            max_range=scanner.max_range,
-            dropout=scanner.dropout,
-        )
         self._groups = np.arange(6) == SCANNED_GROUP
         self._lrf = robot.model.body("lrf").id
 
@@ -80,16 +73,6 @@ class ScannerFeed:
         """Restart the noise of some robots (R,), with one generator each."""
         for robot, g in zip(robots, generators, strict=True):
             self._noise[robot], self._dropout[robot] = g.spawn(2)
-
-    @property
-    def period(self) -> float:
-        """Time between scans [s]."""
-        return self._scanner.period
-
-    @property
-    def bearings(self) -> Array:
-        """Directions (B,) of the beams in the LRF's frame [rad]."""
-        return self._template.bearings
 
     def true_ranges(self) -> Array:
         """Ranges (N, B) without measurement errors, NaN where nothing is within reach [m]."""
@@ -108,14 +91,8 @@ class ScannerFeed:
         """The beams to cast at the plates now."""
         centre = self._fleet.plate
         if self._aim is None or not self._aim.holds(centre):
-            self._aim = Aim.at(
-                centre.copy(),
-                self._origin,
-                self._heading,
-                self._reach,
-                self._template.bearings,
-                self._scanner.divergence,
-            )
+            width = self._scanner.divergence
+            self._aim = Aim.at(centre.copy(), self._origin, self._heading, self._reach, self.bearings, width)
             self._aimed_rays = self._rays[self._aim.beams]
         return self._aim
 
@@ -125,9 +102,8 @@ class ScannerFeed:
         if self._scanner.scan_duration > 0:
             origin, rays = moved_back(origin, rays, fleet.pose(), fleet.twist(), self._lag[aim.beams])
             origin = origin.reshape(fleet.size, -1, 3)
-        distance, _ = fleet.batch.ray(
-            origin, rays.reshape(fleet.size, -1, 3), geomgroup=self._groups, bodyexclude=self._lrf
-        )
+        flat = rays.reshape(fleet.size, -1, 3)
+        distance, _ = fleet.batch.ray(origin, flat, geomgroup=self._groups, bodyexclude=self._lrf)
         distance[distance < 0] = np.nan
         return self._within_reach(distance.reshape(rays.shape[:-1]))
 
@@ -142,19 +118,20 @@ class ScannerFeed:
 
     def measure(self, true_ranges: Array) -> Scan:
         """Add measurement errors to true ranges (N, T, B) [m]: the next T scans of each robot."""
-        n, t, beams = true_ranges.shape
+        scanner, scans = self._scanner, true_ranges.shape[1:]
         ranges = np.empty_like(true_ranges)
-        for k in range(n):  # each robot has its own stream of random numbers
-            np.multiply(self._noise[k].standard_normal((t, beams)), self._scanner.noise, out=ranges[k])
+        for of_robot, noise in zip(ranges, self._noise, strict=True):  # each robot has its own random numbers
+            np.multiply(noise.standard_normal(scans), scanner.noise, out=of_robot)
         ranges += true_ranges
-        ranges += self._scanner.range_bias
-        if self._scanner.quantisation > 0:
-            ranges = np.round(ranges / self._scanner.quantisation) * self._scanner.quantisation
-        if self._scanner.dropout > 0:
-            for k in range(n):
-                ranges[k][self._dropout[k].random((t, beams)) < self._scanner.dropout] = np.nan
+        ranges += scanner.range_bias
+        if scanner.quantisation > 0:
+            ranges = np.round(ranges / scanner.quantisation) * scanner.quantisation
+        if scanner.dropout > 0:
+            for of_robot, dropout in zip(ranges, self._dropout, strict=True):
+                of_robot[dropout.random(scans) < scanner.dropout] = np.nan
         return self.scan(ranges)
 
     def scan(self, ranges: Array) -> Scan:
         """Ranges (..., B) [m] as a Scan of this LRF."""
-        return dataclasses.replace(self._template, ranges=ranges)
+        scanner, mount = self._scanner, self._fleet.robot.lrf_mount
+        return Scan(self.bearings, ranges, scanner.range_std, mount, scanner.max_range, scanner.dropout)

@@ -6,27 +6,21 @@ Only the scanner sees them: they reflect beams and hide the plate. Robots drive 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, require_at_most, require_finite, require_positive
+from trackslip.errors import require, require_at_most, require_finite, require_positive
 from trackslip.kinematics import Array
 
-MAX_COORDINATE = 1000.0
-"""Largest coordinate [m]."""
-MAX_RADIUS = 10.0
-"""Largest radius of a post or a person [m]."""
-MAX_SPEED = 20.0
-"""Largest speed of a person along either axis [m/s]."""
+_MAX_COORDINATE = 1000.0  # largest coordinate [m]
+_MAX_RADIUS = 10.0  # largest radius of a post or a person [m]
+_MAX_SPEED = 20.0  # largest speed of a person along either axis [m/s]
 PERSON = 0.25
 """Radius of a person [m]."""
-MAX_STANDING = 10_000
-"""Largest number of posts, and of walls."""
-MAX_WALKERS = 100
-"""Largest number of walkers, whose ranges must be computed for every scan."""
-MIN_DISTANCE = 0.01
-"""Smallest distance of an obstacle from the scanner [m]."""
+_MAX_STANDING = 10_000  # largest number of posts, and of walls
+_MAX_WALKERS = 100  # largest number of walkers, whose ranges must be computed for every scan
+_MIN_DISTANCE = 0.01  # smallest distance of an obstacle from the scanner [m]
 
 
 @dataclass(frozen=True)
@@ -41,7 +35,7 @@ class Post:
     """Radius [m]."""
 
     def __post_init__(self) -> None:
-        _require_coordinates(self, "x", "y")
+        _require_coordinates(x=self.x, y=self.y)
         _require_radius(self.radius)
 
     def ranges(self, origin: Array, direction: Array, time: Array) -> Array:
@@ -63,9 +57,9 @@ class Wall:
     """Other end, in the world [m]."""
 
     def __post_init__(self) -> None:
-        _require_coordinates(self, "x0", "y0", "x1", "y1")
-        if (self.x0, self.y0) == (self.x1, self.y1):
-            raise InvalidValueError("x1, y1", (self.x1, self.y1), "another place than x0, y0")
+        _require_coordinates(x0=self.x0, y0=self.y0, x1=self.x1, y1=self.y1)
+        end = self.x1, self.y1
+        require(end != (self.x0, self.y0), "x1, y1", end, "another place than x0, y0")
 
     def ranges(self, origin: Array, direction: Array, time: Array) -> Array:
         """See `Obstacles.ranges`; a beam parallel to the wall misses it."""
@@ -97,13 +91,11 @@ class Walker:
     """Time after which the person turns round, again and again [s]."""
 
     def __post_init__(self) -> None:
-        _require_coordinates(self, "x", "y")
+        _require_coordinates(x=self.x, y=self.y)
         _require_radius(self.radius)
-        for name in ("vx", "vy"):
-            if not abs(getattr(self, name)) <= MAX_SPEED:
-                raise InvalidValueError(name, getattr(self, name), f"from {-MAX_SPEED:g} to {MAX_SPEED:g} m/s")
-        if not self.turns_after > 0:
-            raise InvalidValueError("turns_after", self.turns_after, "a number > 0, or inf to walk straight on")
+        for name, speed in (("vx", self.vx), ("vy", self.vy)):
+            require(abs(speed) <= _MAX_SPEED, name, speed, f"from {-_MAX_SPEED:g} to {_MAX_SPEED:g} m/s")
+        require(self.turns_after > 0, "turns_after", self.turns_after, "a number > 0, or inf to walk straight on")
 
     def place(self, time: Array) -> Array:
         """Centre (..., 2) at times (...) since the start of the run [s] [m]."""
@@ -127,48 +119,34 @@ class Obstacles:
     walkers: tuple[Walker, ...] = ()
 
     def __post_init__(self) -> None:
-        for name, limit in (("posts", MAX_STANDING), ("walls", MAX_STANDING), ("walkers", MAX_WALKERS)):
+        for name, limit in (("posts", _MAX_STANDING), ("walls", _MAX_STANDING), ("walkers", _MAX_WALKERS)):
             require_at_most(f"number of {name}", len(getattr(self, name)), limit)
 
     def __bool__(self) -> bool:
         return any(getattr(self, f.name) for f in fields(self))
 
-    @property
-    def standing(self) -> Obstacles:
-        """The posts and walls."""
-        return replace(self, walkers=())
-
-    @property
-    def walking(self) -> Obstacles:
-        """The walkers."""
-        return Obstacles(walkers=self.walkers)
-
     def ranges(self, origin: Array, direction: Array, time: Array) -> Array:
         """Distances (...) to the nearest obstacle, NaN where there is none [m].
 
-        The distance is 0 inside a post or a person: a scanner there sees nothing else.
-
-        Args:
-            origin: (2,) where the beams start [m].
-            direction: (..., 2) unit vectors.
-            time: of each beam, since the start of the run; broadcasts against (...) [s].
+        The beams start at `origin` (2,) [m] in the directions (..., 2), unit vectors, each at its `time` since the
+        start of the run, which broadcasts against (...) [s]. The distance is 0 inside a post or a person.
         """
         nearest = np.full(direction.shape[:-1], np.nan)
-        everything: tuple[Post | Wall | Walker, ...] = (*self.posts, *self.walls, *self.walkers)
-        for obstacle in everything:
-            nearest = np.fmin(nearest, obstacle.ranges(origin, direction, time))
+        for f in fields(self):
+            for obstacle in getattr(self, f.name):
+                nearest = np.fmin(nearest, obstacle.ranges(origin, direction, time))
         return nearest
 
     def require_clear(self, scanner: Array) -> None:
         """Raise InvalidValueError if an obstacle stands on the scanner (2,) [m]; a walker, at the start of the run."""
         angle = np.linspace(0.0, 2 * np.pi, 360)
         around = np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+        x, y = np.round(scanner, 3) + 0.0
+        allowed = f"at least {_MIN_DISTANCE:g} m away from the scanner, which is at ({x:g}, {y:g})"
         for f in fields(self):
             for k, obstacle in enumerate(getattr(self, f.name)):
-                if (obstacle.ranges(scanner, around, np.zeros(1)) < MIN_DISTANCE).any():
-                    x, y = np.round(scanner, 3) + 0.0
-                    allowed = f"at least {MIN_DISTANCE:g} m away from the scanner, which is at ({x:g}, {y:g})"
-                    raise InvalidValueError(f"{f.name}[{k}]", obstacle, allowed)
+                near = (obstacle.ranges(scanner, around, np.zeros(1)) < _MIN_DISTANCE).any()
+                require(not near, f"{f.name}[{k}]", obstacle, allowed)
 
 
 def _to_circle(centre: Array, radius: float, direction: Array) -> Array:
@@ -184,14 +162,12 @@ def _cross(a: Array, b: Array) -> Array:
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
-def _require_coordinates(obstacle: Post | Wall | Walker, *names: str) -> None:
-    for name in names:
-        value = getattr(obstacle, name)
+def _require_coordinates(**coordinates: float) -> None:
+    for name, value in coordinates.items():
         require_finite(name, value)
-        if abs(value) > MAX_COORDINATE:
-            raise InvalidValueError(name, value, f"from {-MAX_COORDINATE:g} to {MAX_COORDINATE:g} m")
+        require(abs(value) <= _MAX_COORDINATE, name, value, f"from {-_MAX_COORDINATE:g} to {_MAX_COORDINATE:g} m")
 
 
 def _require_radius(radius: float) -> None:
     require_positive("radius", radius)
-    require_at_most("radius", radius, MAX_RADIUS, "m")
+    require_at_most("radius", radius, _MAX_RADIUS, "m")

@@ -14,12 +14,9 @@ from trackslip.kinematics import Array
 def moved_back(origin: Array, rays: Array, pose: Array, twist: Array, lag: Array) -> tuple[Array, Array]:
     """Origins and directions (N, W, K, 3) of rays, relative to robots whose twist is constant during the scan.
 
-    Args:
-        origin: (3,) common to all rays [m].
-        rays: (N, W, K, 3) directions.
-        pose: of the robots at the scan's time (N, 3) [m, m, rad].
-        twist: of the robots (N, 3), forward and lateral speed [m/s], yaw rate [rad/s].
-        lag: time of each beam (N, W), relative to the scan's [s].
+    The true rays start at `origin` (3,) [m] and have the directions `rays` (N, W, K, 3); their times relative to the
+    scan's are `lag` (N, W) [s]. The robots have `pose` (N, 3) at the scan's time [m, m, rad], and `twist` (N, 3):
+    forward and lateral speed [m/s], yaw rate [rad/s].
     """
     forward, left, yaw_rate = (part[:, None] for part in twist.T)
     turn = -yaw_rate * lag
@@ -34,8 +31,7 @@ def moved_back(origin: Array, rays: Array, pose: Array, twist: Array, lag: Array
     origins = np.broadcast_to(origin, (*rays.shape[:2], 1, 3)).copy()
     origins[..., 0, 0] = x + cos * from_x - sin * from_y + h_cos * way[..., 0] - h_sin * way[..., 1]
     origins[..., 0, 1] = y + sin * from_x + cos * from_y + h_sin * way[..., 0] + h_cos * way[..., 1]
-    directions = rays.copy()
     cos, sin = cos[..., None], sin[..., None]
-    directions[..., 0] = cos * rays[..., 0] - sin * rays[..., 1]
-    directions[..., 1] = sin * rays[..., 0] + cos * rays[..., 1]
+    x, y, z = np.moveaxis(rays, -1, 0)
+    directions = np.stack([cos * x - sin * y, sin * x + cos * y, z], axis=-1)
     return np.broadcast_to(origins, rays.shape), directions

@@ -6,19 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.errors import InvalidValueError, require_at_most, require_non_negative, require_positive
+from trackslip.errors import require, require_at_most, require_non_negative, require_positive
 from trackslip.kinematics import Array
 
-MAX_BEAMS = 20_000
-"""Largest number of beams in a scan."""
-MIN_RATE = 5.0
-"""Smallest scan rate [Hz]."""
-MAX_ERROR = 0.5
-"""Largest error of a range from a single cause [m]."""
-MIN_STEP = 1e-6
-"""Finest quantisation of ranges [m]."""
-MAX_BEAM = 0.1
-"""Largest divergence of a beam [rad]."""
+_MAX_BEAMS = 20_000  # largest number of beams in a scan
+_MIN_RATE = 5.0  # smallest scan rate [Hz]
+_MAX_ERROR = 0.5  # largest error of a range from a single cause [m]
+_MIN_STEP = 1e-6  # finest quantisation of ranges [m]
+_MAX_BEAM = 0.1  # largest divergence of a beam [rad]
 
 
 @dataclass(frozen=True)
@@ -52,24 +47,21 @@ class LaserScanner:
         for name in ("noise", "quantisation", "divergence", "scan_duration"):
             require_non_negative(name, getattr(self, name))
         for name in ("noise", "quantisation"):
-            require_at_most(name, getattr(self, name), MAX_ERROR, "m")
-        if 0 < self.quantisation < MIN_STEP:
-            raise InvalidValueError("quantisation", self.quantisation, f"0, or at least {MIN_STEP:g} m")
-        require_at_most("divergence", self.divergence, MAX_BEAM, "rad")
-        if not abs(self.range_bias) <= MAX_ERROR:
-            raise InvalidValueError("range_bias", self.range_bias, f"from {-MAX_ERROR:g} to {MAX_ERROR:g} m")
+            require_at_most(name, getattr(self, name), _MAX_ERROR, "m")
+        require_at_most("divergence", self.divergence, _MAX_BEAM, "rad")
         require_at_most("max_range", self.max_range, 1000.0, "m")
-        if self.rate < MIN_RATE:
-            raise InvalidValueError("rate", self.rate, f"at least {MIN_RATE:g} Hz")
-        if self.field_of_view / self.resolution > MAX_BEAMS:
-            raise InvalidValueError(
-                "resolution", self.resolution, f"at least field_of_view / {MAX_BEAMS}, for at most that many beams"
-            )
-        if self.field_of_view > 2 * np.pi or self.resolution >= self.field_of_view:
-            raise InvalidValueError("field_of_view", self.field_of_view, "greater than the resolution, at most 2 pi")
-        if not 0 <= self.dropout < 1:
-            raise InvalidValueError("dropout", self.dropout, "at least 0 and less than 1")
         require_at_most("scan_duration", self.scan_duration, self.period, "s, the time between scans")
+        opened, step, rounding = self.field_of_view, self.resolution, self.quantisation
+        few_beams = f"at least field_of_view / {_MAX_BEAMS}, for at most that many beams"
+        for valid, name, allowed in (
+            (not 0 < rounding < _MIN_STEP, "quantisation", f"0, or at least {_MIN_STEP:g} m"),
+            (abs(self.range_bias) <= _MAX_ERROR, "range_bias", f"from {-_MAX_ERROR:g} to {_MAX_ERROR:g} m"),
+            (self.rate >= _MIN_RATE, "rate", f"at least {_MIN_RATE:g} Hz"),
+            (opened / step <= _MAX_BEAMS, "resolution", few_beams),
+            (step < opened <= 2 * np.pi, "field_of_view", "greater than the resolution, at most 2 pi"),
+            (0 <= self.dropout < 1, "dropout", "at least 0 and less than 1"),
+        ):
+            require(valid, name, getattr(self, name), allowed)
 
     @property
     def period(self) -> float:

@@ -15,7 +15,7 @@ import typing
 import docstring_parser
 import pytest
 
-from experiments.cli import COMMANDS, EXAMPLES, examples_text, main, parse
+from experiments.cli import COMMANDS, examples_of, examples_text, main, parse
 
 HEAVY = (
     *("mujoco", "torch", "stable_baselines3", "casadi", "rerun", "pyarrow", "matplotlib", "jinja2"),
@@ -28,7 +28,7 @@ NEEDED = {
     ("grid",): {"mujoco", "pyarrow"},
     ("predict", "--out", "predict"): set(),
     ("track", *PATH, "--out", "track"): {"mujoco", "pyarrow"},
-    ("identify",): {"pyarrow"},
+    ("identify",): {"pyarrow", *DRAWN},
     ("benchmark",): {"mujoco", "pyarrow", *DRAWN},
     ("train",): set(),
     ("calibrate",): {"mujoco", "pyarrow", *SCIPY},
@@ -88,13 +88,13 @@ def text_of(options, name):
     raise AssertionError(f"{options}.{name}: no text")
 
 
-OPTIONS = [(command, *leaf) for command, about in COMMANDS.items() for leaf in leaves(about.options)]
+OPTIONS = [(command, *leaf) for command, options in COMMANDS.items() for leaf in leaves(options)]
 
 
 def test_every_example_is_a_command():
-    for command, examples in {"": EXAMPLES, **{name: one.examples for name, one in COMMANDS.items()}}.items():
-        assert examples
-        for what, line in examples:
+    for command in ("", *COMMANDS):
+        assert examples_of(command)
+        for what, line in examples_of(command):
             assert what
             inner = re.fullmatch(r'eval "\$\((.*)\)"', line)
             name, *arguments = shlex.split(inner[1] if inner else line)

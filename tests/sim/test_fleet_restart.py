@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from sim.drive.drive import Drive
-from sim.fleet import Fleet
+from sim.fleet import Fleet, Setting
 from sim.ground.ground import Change, Ground, Patch
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import load_robot
-from sim.setting import Setting
 from trackslip.errors import InvalidValueError
 from trackslip.metrics import body_errors
 

@@ -2,8 +2,7 @@
 
 import pytest
 
-from sim.ground.file import load_ground
-from sim.ground.named import NAMED_GROUNDS
+from sim.ground.named import NAMED_GROUNDS, load_ground
 from sim.robot.file import load_robot_file
 from trackslip.errors import InvalidValueError, SettingsFileError
 

@@ -18,11 +18,9 @@ class Controller(Protocol):
 
     def reset(self) -> None:
         """Discard the state, because a new run begins."""
-        ...
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """Twists (..., 2) to drive at `time` [s] from measured poses (..., 3)."""
-        ...
 
 
 @runtime_checkable
@@ -31,4 +29,3 @@ class SensesSprockets(Protocol):
 
     def sense(self, omega: Array) -> None:
         """Take the sprocket speeds (N, 2) [rad/s] measured over the last period; called before `twist`."""
-        ...

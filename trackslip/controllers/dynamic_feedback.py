@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trackslip.controllers.law import ControlLaw
 from trackslip.controllers.samson import Samson
-from trackslip.errors import InvalidValueError, require_positive
+from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array
 from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
@@ -34,7 +35,7 @@ class _State:
 
 
 @dataclass(frozen=True)
-class DynamicFeedback:
+class DynamicFeedback(ControlLaw):
     """Turns the position into two double integrators, with the speed xi as a state of the controller.
 
     With u = p_d'' + k_d (p_d' - p') + k_p (p_d - p), xi' = u_1 cos(phi) + u_2 sin(phi) and
@@ -57,12 +58,6 @@ class DynamicFeedback:
     static: Samson = field(default_factory=Samson)
     """The law used near standstill."""
     _state: _State = field(default_factory=_State, init=False, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        require_positive("stiffness", self.stiffness)
-        require_positive("damping", self.damping)
-        require_positive("least_speed", self.least_speed)
-        require_positive("handover_time", self.handover_time)
 
     def reset(self) -> None:
         """Discard the speeds; the next call may be for another number of robots."""

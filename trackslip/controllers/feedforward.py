@@ -7,16 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trackslip.controllers.law import ControlLaw
 from trackslip.kinematics import Array
 from trackslip.trajectory.base import Reference
 
 
 @dataclass(frozen=True)
-class Feedforward:
+class Feedforward(ControlLaw):
     """Drives the twist of the reference in open loop."""
-
-    def reset(self) -> None:
-        """Nothing to reset."""
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """The twist of the reference for each of the poses (..., 3), (..., 2)."""

@@ -7,15 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.controllers.speed_law import natural_frequency, speed_towards
-from trackslip.errors import require_positive
+from trackslip.controllers.law import ErrorFeedback, natural_frequency
 from trackslip.kinematics import Array
-from trackslip.metrics import body_errors
-from trackslip.trajectory.base import Reference
 
 
 @dataclass(frozen=True)
-class LinearTimeVarying:
+class LinearTimeVarying(ErrorFeedback):
     """Feedforward plus linear feedback of the body-frame error, with gains scheduled by the twist of the reference.
 
     Around the reference the closed loop has the characteristic polynomial
@@ -27,24 +24,14 @@ class LinearTimeVarying:
     stiffness: float = 10.0
     """g, called b in the paper's Eqs. 28-30 [1/m^2]."""
 
-    def __post_init__(self) -> None:
-        require_positive("damping", self.damping)
-        require_positive("stiffness", self.stiffness)
-
-    def reset(self) -> None:
-        """Nothing to reset."""
-
     def gains(self, twist: ArrayLike) -> Array:
         """(k1, k2, k3) (..., 3) at reference twists (..., 2); Eqs. 29-30."""
         k1 = 2 * self.damping * natural_frequency(twist, self.stiffness)
         k2 = self.stiffness * np.abs(np.asarray(twist, float)[..., 0])
         return np.stack([k1, k2, k1], axis=-1)
 
-    def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Twists (..., 2) from measured poses (..., 3); Eq. 31."""
-        desired = reference.twist(time)
-        v_d, w_d = desired[..., 0], desired[..., 1]
-        k1, k2, k3 = np.moveaxis(self.gains(desired), -1, 0)
-        errors = body_errors(pose, reference.pose(time))
-        w = w_d + k2 * np.sign(v_d) * errors[..., 1] + k3 * errors[..., 2]
-        return np.stack([speed_towards(desired, errors, k1), w], axis=-1)
+    def _command(self, desired: Array, errors: Array) -> tuple[Array, Array]:
+        """Eq. 31."""
+        (v_d, w_d), (e_x, e_y, e_phi) = desired, errors
+        k1, k2, k3 = self.gains(desired)
+        return v_d * np.cos(e_phi) + k1 * e_x, w_d + k2 * np.sign(v_d) * e_y + k3 * e_phi

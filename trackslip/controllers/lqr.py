@@ -11,8 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.controllers.memo import OncePerReference
-from trackslip.errors import require_positive
+from trackslip.controllers.law import ControlLaw, OncePerReference
 from trackslip.kinematics import Array
 from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
@@ -22,7 +21,7 @@ STANDING = 5.0
 
 
 @dataclass(frozen=True)
-class Lqr:
+class Lqr(ControlLaw):
     """Feedforward plus feedback, (v, w) = (v_d cos(e_phi), w_d) - K_k e, that minimises a sum of squares.
 
     The body-frame error e obeys e_{k+1} = A_k e_k + B_k u_k to first order, u being the correction of the twist,
@@ -39,15 +38,7 @@ class Lqr:
     """Scale of a correction of w [rad/s]."""
     period: float = 0.05
     """Time between two commands [s]."""
-    _gains: OncePerReference[Array] = field(init=False, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        require_positive("position_scale", self.position_scale)
-        require_positive("heading_scale", self.heading_scale)
-        require_positive("speed_scale", self.speed_scale)
-        require_positive("yaw_rate_scale", self.yaw_rate_scale)
-        require_positive("period", self.period)
-        object.__setattr__(self, "_gains", OncePerReference(self.gains))
+    _gains: OncePerReference[Array] = field(default_factory=OncePerReference, init=False, repr=False, compare=False)
 
     @property
     def weights(self) -> tuple[Array, Array]:
@@ -55,12 +46,9 @@ class Lqr:
         errors = np.array([self.position_scale, self.position_scale, self.heading_scale])
         return np.diag(errors**-2), np.diag(np.array([self.speed_scale, self.yaw_rate_scale]) ** -2)
 
-    def reset(self) -> None:
-        """Nothing to reset: the cached gains depend only on the reference."""
-
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """Twists (..., 2) from measured poses (..., 3)."""
-        gains = self._gains(reference)
+        gains = self._gains(self.gains, reference)
         k = min(max(int(np.floor(time / self.period + 1e-6)), 0), len(gains) - 1)
         v_d, w_d = reference.twist(time)
         e_x, e_y, e_phi = np.moveaxis(body_errors(pose, reference.pose(time)), -1, 0)

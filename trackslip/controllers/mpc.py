@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.errors import InvalidValueError, TrackslipError, require_positive
+from trackslip.controllers.law import ControlLaw
+from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.kinematics import Array, advance, track_speeds, twist_of_tracks
 from trackslip.trajectory.base import Reference
 
@@ -32,7 +33,7 @@ class _Memory:
 
 
 @dataclass(frozen=True)
-class ModelPredictive:
+class ModelPredictive(ControlLaw):
     """Minimises the predicted errors over a horizon, subject to the speed limit of both tracks.
 
     The state is the pose; the inputs are the track speeds (v -+ half_gauge w), held for an interval, so that without
@@ -64,16 +65,10 @@ class ModelPredictive:
     _memory: _Memory = field(default_factory=_Memory, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name in ("intervals", "iterations"):
             if not getattr(self, name) >= 1:
                 raise InvalidValueError(name, getattr(self, name), "at least 1")
-        require_positive("interval", self.interval)
-        require_positive("position_scale", self.position_scale)
-        require_positive("heading_scale", self.heading_scale)
-        require_positive("speed_scale", self.speed_scale)
-        require_positive("final_weight", self.final_weight)
-        require_positive("track_speed", self.track_speed)
-        require_positive("half_gauge", self.half_gauge)
 
     def reset(self) -> None:
         """Discard the plans; the next call may be for another number of robots."""
@@ -155,15 +150,9 @@ class _Program:
         speeds, wanted_speeds = casadi.SX.sym("speeds", 2, count), casadi.SX.sym("wanted_speeds", 2, count)
         unknowns = casadi.vec(casadi.vertcat(speeds, poses[:, 1:]))
         wanted = casadi.vec(casadi.vertcat(wanted_speeds, wanted_poses[:, 1:]))
-        gaps = casadi.vec(
-            casadi.horzcat(
-                *(
-                    poses[:, k + 1]
-                    - _arc(casadi, poses[:, k], speeds[:, k], controller.half_gauge, controller.interval)
-                    for k in range(count)
-                )
-            )
-        )
+        gauge, interval = controller.half_gauge, controller.interval
+        ends = [_arc(casadi, poses[:, k], speeds[:, k], gauge, interval) for k in range(count)]
+        gaps = casadi.vec(poses[:, 1:] - casadi.horzcat(*ends))
         matrix = casadi.jacobian(gaps, unknowns)
         scales = [controller.speed_scale] * 2 + [controller.position_scale] * 2 + [controller.heading_scale]
         weights = np.tile(np.array(scales) ** -2, (count, 1))

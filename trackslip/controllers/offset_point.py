@@ -10,16 +10,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from trackslip.errors import require_positive
+from trackslip.controllers.law import ErrorFeedback
 from trackslip.kinematics import Array
-from trackslip.metrics import body_errors
-from trackslip.trajectory.base import Reference
 
 
 @dataclass(frozen=True)
-class OffsetPoint:
+class OffsetPoint(ErrorFeedback):
     """Steers a point ahead of the robot (behind it in reverse) onto the same point of the reference.
 
     The twist and the velocity of that point determine each other, so its error E obeys E' = -k E exactly. The heading
@@ -32,19 +29,10 @@ class OffsetPoint:
     gain: float = 1.0
     """k [1/s]."""
 
-    def __post_init__(self) -> None:
-        require_positive("distance", self.distance)
-        require_positive("gain", self.gain)
-
-    def reset(self) -> None:
-        """Nothing to reset."""
-
-    def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Twists (..., 2) from measured poses (..., 3)."""
-        v_d, w_d = reference.twist(time)
+    def _command(self, desired: Array, errors: Array) -> tuple[Array, Array]:
+        (v_d, w_d), (e_x, e_y, e_phi) = desired, errors
         ahead = -self.distance if v_d < 0 else self.distance
-        e_x, e_y, e_phi = np.moveaxis(body_errors(pose, reference.pose(time)), -1, 0)
         cos, sin = np.cos(e_phi), np.sin(e_phi)
         point_x = v_d * cos - ahead * w_d * sin + self.gain * (e_x + ahead * (cos - 1))
         point_y = v_d * sin + ahead * w_d * cos + self.gain * (e_y + ahead * sin)
-        return np.stack([point_x, point_y / ahead], axis=-1)
+        return point_x, point_y / ahead

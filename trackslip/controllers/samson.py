@@ -11,15 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.controllers.speed_law import natural_frequency, speed_towards
-from trackslip.errors import require_positive
+from trackslip.controllers.law import ErrorFeedback, natural_frequency
 from trackslip.kinematics import Array
-from trackslip.metrics import body_errors
-from trackslip.trajectory.base import Reference
 
 
 @dataclass(frozen=True)
-class Samson:
+class Samson(ErrorFeedback):
     """Feedback v = v_d cos(e_phi) + k1 e_x, w = w_d + k2 v_d sin(e_phi) / e_phi e_y + k3 e_phi.
 
     V = k2 (e_x^2 + e_y^2) / 2 + e_phi^2 / 2 decreases at the rate k1 k2 e_x^2 + k3 e_phi^2: the loop is stable from any
@@ -32,23 +29,12 @@ class Samson:
     stiffness: float = 10.0
     """g [1/m^2]."""
 
-    def __post_init__(self) -> None:
-        require_positive("damping", self.damping)
-        require_positive("stiffness", self.stiffness)
-
-    def reset(self) -> None:
-        """Nothing to reset."""
-
     def gains(self, twist: ArrayLike) -> Array:
         """(k1, k2, k3) (..., 3) [1/s, 1/m^2, 1/s] at reference twists (..., 2)."""
         k1 = 2 * self.damping * natural_frequency(twist, self.stiffness)
         return np.stack([k1, np.full_like(k1, self.stiffness), k1], axis=-1)
 
-    def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Twists (..., 2) from measured poses (..., 3)."""
-        desired = reference.twist(time)
+    def _command(self, desired: Array, errors: Array) -> tuple[Array, Array]:
+        (v_d, w_d), (e_x, e_y, e_phi) = desired, errors
         k1, k2, k3 = self.gains(desired)
-        errors = body_errors(pose, reference.pose(time))
-        e_y, e_phi = errors[..., 1], errors[..., 2]
-        w = desired[1] + k2 * desired[0] * np.sinc(e_phi / np.pi) * e_y + k3 * e_phi
-        return np.stack([speed_towards(desired, errors, k1), w], axis=-1)
+        return v_d * np.cos(e_phi) + k1 * e_x, w_d + k2 * v_d * np.sinc(e_phi / np.pi) * e_y + k3 * e_phi

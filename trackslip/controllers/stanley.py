@@ -9,17 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from trackslip.controllers.speed_law import natural_frequency, speed_to_keep_up
-from trackslip.errors import InvalidValueError, require_positive
+from trackslip.controllers.law import ErrorFeedback, natural_frequency, speed_to_keep_up
+from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array, wrap_angle
-from trackslip.metrics import body_errors
-from trackslip.trajectory.base import Reference
 
 
 @dataclass(frozen=True)
-class Stanley:
+class Stanley(ErrorFeedback):
     """Steers a virtual axle, `wheelbase` ahead of the robot (behind it in reverse), onto the path of that axle.
 
     The steering angle is delta = psi + atan(k e / (k_s + |v|)): psi is the direction of the path of the axle relative
@@ -42,24 +39,13 @@ class Stanley:
     """g of the speed law [1/m^2]."""
 
     def __post_init__(self) -> None:
-        require_positive("wheelbase", self.wheelbase)
-        require_positive("gain", self.gain)
-        require_positive("softening", self.softening)
-        require_positive("damping", self.damping)
-        require_positive("stiffness", self.stiffness)
-        if not 0 < self.steering_limit < np.pi / 2:
-            raise InvalidValueError("steering_limit", self.steering_limit, "between 0 and pi/2 rad")
+        super().__post_init__()
+        if self.steering_limit >= np.pi / 2:
+            raise InvalidValueError("steering_limit", self.steering_limit, "less than pi/2 rad")
 
-    def reset(self) -> None:
-        """Nothing to reset."""
-
-    def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
-        """Twists (..., 2) from measured poses (..., 3)."""
-        desired = reference.twist(time)
-        v_d, w_d = desired
+    def _command(self, desired: Array, errors: Array) -> tuple[Array, Array]:
+        (v_d, w_d), (e_x, e_y, e_phi) = desired, errors
         direction = -1.0 if v_d < 0 else 1.0
-        errors = body_errors(pose, reference.pose(time))
-        e_x, e_y, e_phi = np.moveaxis(errors, -1, 0)
         gain = 2 * self.damping * natural_frequency(desired, self.stiffness)
         v = speed_to_keep_up(desired, errors, gain)
         axle_x = direction * e_x + self.wheelbase * (np.cos(e_phi) - 1)
@@ -68,4 +54,4 @@ class Stanley:
         crosstrack = np.cos(psi) * axle_y - np.sin(psi) * axle_x
         delta = psi + np.arctan(self.gain * crosstrack / (self.softening + np.abs(v)))
         delta = np.clip(delta, -self.steering_limit, self.steering_limit)
-        return np.stack([v, np.abs(v) * np.tan(delta) / self.wheelbase], axis=-1)
+        return v, np.abs(v) * np.tan(delta) / self.wheelbase

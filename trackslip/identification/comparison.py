@@ -54,20 +54,12 @@ class Comparison:
     @property
     def ranking(self) -> tuple[str, ...]:
         """Names of the laws in order of AICc, smallest first; those without one follow in order of scatter."""
-
-        def key(name: str) -> tuple[bool, float]:
-            value = self.aicc[name]
-            return value is None, self.laws[name].scatter if value is None else value
-
-        return tuple(sorted(self.laws, key=key))
+        aicc = {name: np.inf if value is None else value for name, value in self.aicc.items()}
+        return tuple(sorted(self.laws, key=lambda name: (aicc[name], self.laws[name].scatter)))
 
 
 def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> Comparison:
-    """Fit all families that the samples determine, and compare them.
-
-    Raises:
-        LogError: if the samples determine no family with parameters.
-    """
+    """Fit all families that the samples determine, and compare them; LogError if none of these has parameters."""
     laws: dict[str, FittedLaw] = {}
     warnings: list[str] = []
     sides = np.sign(samples.omega[:, 1] - samples.omega[:, 0]) * np.sign(samples.omega.sum(axis=1))
@@ -81,39 +73,38 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> Comparison:
     if not set(laws) - set(_BASELINES):
         raise LogError(warnings[-1])
     aicc = {name: law.aicc(len(samples)) for name, law in laws.items()}
-    best = _best(laws, aicc)
-    warnings += _doubts(laws, best)
-    return Comparison(
-        laws=laws,
-        aicc=aicc,
-        weight=_weights(aicc),
-        validation={name: cross_validate(law, samples, geometry) for name, law in laws.items()},
-        best=best,
-        warnings=tuple(warnings),
-    )
+    known = {name: value for name, value in aicc.items() if value is not None}
+    least = min(known.values(), default=0.0)
+    likelihood = {name: float(np.exp((least - value) / 2)) for name, value in known.items()}
+    total = sum(likelihood.values())
+    weight = {name: likelihood[name] / total if name in likelihood else None for name in laws}
+    near = [name for name, value in known.items() if value <= least + _INDISTINCT]
+    if near:
+        best = min(near, key=lambda name: (len(laws[name].values), known[name]))
+    else:  # too few samples for the criterion
+        best = min(laws, key=lambda name: laws[name].scatter)
+    validation = {name: cross_validate(law, samples, geometry) for name, law in laws.items()}
+    return Comparison(laws, aicc, weight, validation, best, (*warnings, *_doubts(laws, best)))
 
 
 def cross_validate(law: FittedLaw, samples: SlipSamples, geometry: RobotGeometry) -> CrossValidation:
     """Leave out each radius, then each speed, in turn, and predict it from the rest."""
     ideal = body_twist(samples.omega, 0.0, geometry)
-    radius = _left_out(law, samples, geometry, folds(by_command(samples.omega, geometry).astype(float)))
-    speed = _left_out(law, samples, geometry, folds(np.abs(ideal[:, 0]) + geometry.half_gauge * np.abs(ideal[:, 1])))
-    return CrossValidation(
-        radius=None if radius is None else radius[0],
-        speed=None if speed is None else speed[0],
-        yaw_rate=None if radius is None else radius[1],
-    )
+    radii = folds(by_command(samples.omega, geometry).astype(float))
+    speeds = folds(np.abs(ideal[:, 0]) + geometry.half_gauge * np.abs(ideal[:, 1]))
+    radius, yaw_rate = _left_out(law, samples, geometry, radii)
+    return CrossValidation(radius, _left_out(law, samples, geometry, speeds)[0], yaw_rate)
 
 
 def _left_out(
     law: FittedLaw, samples: SlipSamples, geometry: RobotGeometry, labels: np.ndarray
-) -> tuple[float, float] | None:
+) -> tuple[float, float] | tuple[None, None]:
     """Rms errors of slip [-] and yaw rate [rad/s] of the groups, each predicted by a fit to the others."""
     groups = int(labels.max()) + 1
     family = FAMILIES[law.name]
     kept = (labels != np.arange(groups)[:, None]).astype(float)  # (groups, n)
     if groups < 2 or 2 * kept.sum(axis=1).min() <= len(family.names):
-        return None
+        return None, None
     runs = WeightedRuns.of(samples, geometry).weighted(kept)
     start = np.tile([law.values[name] for name in family.names], (groups, 1))
     fits = fit(family, runs, start.reshape(groups, -1), np.full(groups, law.scatter))
@@ -123,30 +114,13 @@ def _left_out(
     return rms(slip), rms(yaw_rate)
 
 
-def _weights(aicc: Mapping[str, float | None]) -> dict[str, float | None]:
-    known = {name: value for name, value in aicc.items() if value is not None}
-    least = min(known.values(), default=0.0)
-    likelihood: Mapping[str, float] = {name: float(np.exp((least - value) / 2)) for name, value in known.items()}
-    total = sum(likelihood.values())
-    return {name: likelihood[name] / total if name in likelihood else None for name in aicc}
-
-
-def _best(laws: Mapping[str, FittedLaw], aicc: Mapping[str, float | None]) -> str:
-    known = {name: value for name, value in aicc.items() if value is not None}
-    if not known:  # too few samples for the criterion: the law with the least scatter
-        return min(laws, key=lambda name: laws[name].scatter)
-    least = min(known.values())
-    near = [name for name, value in known.items() if value <= least + _INDISTINCT]
-    return min(near, key=lambda name: (len(laws[name].values), known[name]))
-
-
 def _doubts(laws: Mapping[str, FittedLaw], best: str) -> list[str]:
     """Warnings about the laws."""
     doubts = []
     for name, law in laws.items():
         lack = law.lack_of_fit
-        if lack is not None and lack.significant and name not in _BASELINES:
-            freedom = ", ".join(str(value) for value in lack.freedom)
+        if lack is not None and law.lacks_fit and name not in _BASELINES:
+            freedom = ", ".join(map(str, lack.freedom))
             doubts.append(
                 f"law {name}: lacks fit ({lack.test}({freedom}) = {lack.statistic:.3g}, p = {lack.probability:.2g}): "
                 f"it misses the samples by {law.rms:.2g} rms, more than they scatter; its intervals are widened"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import scipy
@@ -12,30 +13,10 @@ from trackslip.identification.intervals import CONFIDENCE, heights, profile_inte
 from trackslip.identification.replicates import lack_of_fit
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.weighting import WeightedRuns
-from trackslip.kinematics import Array, RobotGeometry
+from trackslip.kinematics import RobotGeometry
 from trackslip.slip.families import FAMILIES
 
 _AT_ONCE = 100  # repeats fitted at once, so that they stay in the cache
-
-
-def drawn_twists(
-    name: str,
-    values: Mapping[str, float],
-    design: SlipSamples,
-    geometry: RobotGeometry,
-    repeats: int,
-    rng: np.random.Generator,
-) -> Array:
-    """Measured twists (repeats, n, 2) of a robot that follows a law, with the sprocket speeds and errors of a design.
-
-    The errors are those of the twist, so the errors of slip and radius are correlated as in a measurement.
-    """
-    law = FAMILIES[name].build(values, geometry)
-    if design.covariance is None:
-        raise ValueError("the design has no errors of measurement")
-    root = np.linalg.cholesky(design.covariance)
-    errors = np.einsum("nij,mnj->mni", root, rng.standard_normal((repeats, len(design), 2)))
-    return law.twist(design.omega, geometry) + errors
 
 
 def coverage(
@@ -47,29 +28,27 @@ def coverage(
     rng: np.random.Generator,
     known_errors: bool = True,
 ) -> dict[str, float]:
-    """Share of the repeats in which the 95 % interval of each parameter contains its value.
+    """Share of the repeats in which the 95 % interval of each parameter of a law contains its value.
 
-    Args:
-        name: name of the family.
-        values: parameters of the simulated samples.
-        design: sprocket speeds and measurement errors of n runs.
-        geometry: geometry of the robot.
-        repeats: number of simulated sets of samples.
-        rng: random numbers of the measurement errors.
-        known_errors: whether the fits know the measurement errors or estimate the scatter from the samples alone.
+    Each repeat draws the twists of a robot that follows the law with `values`, at the sprocket speeds of the design.
+    The errors are those of the twist, so the errors of slip and radius are correlated as in a measurement. The fits
+    know the covariances of these errors or, without `known_errors`, estimate the scatter from the samples alone.
     """
+    if design.covariance is None:
+        raise ValueError("the design has no errors of measurement")
     family = FAMILIES[name]
     truth = np.array([values[key] for key in family.names])
-    twists = drawn_twists(name, values, design, geometry, repeats, rng)
-    told = design if known_errors else SlipSamples(design.omega, design.twist, design.slip, design.run)
-    base = WeightedRuns.of(told, geometry)
-    held = np.zeros(len(truth))
+    root = np.linalg.cholesky(design.covariance)
+    errors = np.einsum("nij,mnj->mni", root, rng.standard_normal((repeats, len(design), 2)))
+    twists = family.build(values, geometry).twist(design.omega, geometry) + errors
+    base = WeightedRuns.of(design if known_errors else replace(design, covariance=None), geometry)
+    covered = np.zeros(len(truth))
     for first in range(0, repeats, _AT_ONCE):
         runs = base.measured(twists[first : first + _AT_ONCE])
         fits = fit(family, runs, np.tile(truth, (len(runs.speeds), 1)))
         ends = profile_intervals(fits, heights(fits, lack_of_fit(fits, known_errors), known_errors))
-        held += ((ends[..., 0] <= truth) & (truth <= ends[..., 1])).sum(axis=0)
-    return {key: float(count) / repeats for key, count in zip(family.names, held, strict=True)}
+        covered += ((ends[..., 0] <= truth) & (truth <= ends[..., 1])).sum(axis=0)
+    return dict(zip(family.names, (covered / repeats).tolist(), strict=True))
 
 
 def noise_coverage(
@@ -77,24 +56,19 @@ def noise_coverage(
 ) -> tuple[dict[str, float], dict[str, float]]:
     """How often intervals from measured samples contain the values fitted to the true motions, given as pairs.
 
-    The true motion is fitted with the weights of each repeat, so that the two differ only by noise.
-
-    Returns:
-        The shares for intervals from the noise part of the standard errors, which should be 95 %, and for the 95 %
-        intervals, which also allow for the errors of the law and therefore cover more often.
+    The true motion is fitted with the weights of each repeat, so that the two differ only by noise. The first shares
+    are those of intervals from the noise part of the standard errors, which should be 95 %; the second those of the
+    95 % intervals, which also allow for the errors of the law and therefore cover more often.
     """
     family = FAMILIES[name]
-    by_noise, by_all = np.zeros(len(family.names)), np.zeros(len(family.names))
+    by_noise, by_all = [], []
     for samples, truth in repeats:
         runs = WeightedRuns.of(samples, geometry)
         fits = fit(family, runs)
         goal = fit(family, runs.measured(truth.twist[None]), fits.values, fits.scatter).values[0]
         error = np.sqrt(np.diag(fits.noise_covariance[0]))
-        by_noise += np.abs(fits.values[0] - goal) <= scipy.stats.norm.ppf((1 + CONFIDENCE) / 2) * error
+        by_noise.append(np.abs(fits.values[0] - goal) <= scipy.stats.norm.ppf((1 + CONFIDENCE) / 2) * error)
         ends = profile_intervals(fits, heights(fits, lack_of_fit(fits, True), True))[0]
-        by_all += (ends[:, 0] <= goal) & (goal <= ends[:, 1])
-    count = len(repeats)
-    return (
-        dict(zip(family.names, (by_noise / count).tolist(), strict=True)),
-        dict(zip(family.names, (by_all / count).tolist(), strict=True)),
-    )
+        by_all.append((ends[:, 0] <= goal) & (goal <= ends[:, 1]))
+    noise, whole = (dict(zip(family.names, np.mean(held, axis=0).tolist(), strict=True)) for held in (by_noise, by_all))
+    return noise, whole

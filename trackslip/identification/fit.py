@@ -42,8 +42,13 @@ class Fits:
 
     @property
     def covariance(self) -> Array:
-        """Covariances (M, p, p) of the values; infinite where they are not determined."""
-        return inverse(self.hessian)
+        """Covariances (M, p, p) of the values: the inverse of the Hessian, scaled beforehand; infinite if singular."""
+        root = np.sqrt(np.maximum(np.einsum("mii->mi", self.hessian), 1e-300))
+        scaled = self.hessian / root[:, :, None] / root[:, None, :]
+        regular = np.linalg.cond(scaled) < 1e14 if scaled.shape[1] else np.ones(len(scaled), bool)
+        result = np.full(scaled.shape, np.inf)
+        result[regular] = np.linalg.inv(scaled[regular])
+        return result / root[:, :, None] / root[:, None, :]
 
     @cached_property
     def jacobian(self) -> Array:
@@ -52,9 +57,7 @@ class Fits:
         low, high, scale = self.family.limits(runs.geometry.half_gauge)
         inside = np.clip(self.values, low + _DIFFERENCE * scale, high - _DIFFERENCE * scale)
         jacobian = np.empty((count, 2 * runs.runs, self.values.shape[1]))
-        for k in range(self.values.shape[1]):
-            step = np.zeros(self.values.shape[1])
-            step[k] = _DIFFERENCE * scale[k]
+        for k, step in enumerate(np.diag(_DIFFERENCE * scale)):
             ahead, behind = (
                 runs.deviation(self.family.law((inside + sign * step)[:, None, :], runs.geometry)) for sign in (1, -1)
             )
@@ -81,11 +84,9 @@ class Fits:
         The sandwich estimator with the two tracks of a run as a cluster, and residuals corrected for the leverage of
         the run (HC3, MacKinnon and White, 1985).
         """
-        weighted, jacobian = self._weighted_jacobian, self.jacobian
-        sets, parameters = self.values.shape
         bread = self.covariance
-        pair = (sets, self.runs.runs, 2, parameters)
-        w, j = weighted.reshape(pair), jacobian.reshape(pair)
+        pair = (len(bread), self.runs.runs, 2, bread.shape[1])
+        w, j = self._weighted_jacobian.reshape(pair), self.jacobian.reshape(pair)
         regular = np.asarray(np.isfinite(bread).all(axis=(1, 2)))
         leverage = np.einsum("mkai,mij,mkbj->mkab", j, np.where(regular[:, None, None], bread, 0.0), w)
         residual = self.runs.deviation(self.law)
@@ -97,31 +98,16 @@ class Fits:
         return robust
 
 
-def inverse(hessian: Array) -> Array:
-    """Inverses (M, p, p) of symmetric matrices, scaled beforehand; infinite if singular."""
-    root = np.sqrt(np.maximum(np.einsum("mii->mi", hessian), 1e-300))
-    scaled = hessian / root[:, :, None] / root[:, None, :]
-    regular = np.linalg.cond(scaled) < 1e14 if scaled.shape[1] else np.ones(len(scaled), bool)
-    result = np.full(hessian.shape, np.inf)
-    result[regular] = np.linalg.inv(scaled[regular])
-    return result / root[:, :, None] / root[:, None, :]
-
-
 def fit(family: LawFamily, runs: WeightedRuns, start: Array | None = None, scatter: Array | None = None) -> Fits:
     """Minimise the squared residuals of the runs, in units of their standard deviations (see `weighting`).
 
-    Args:
-        family: the family to fit.
-        runs: M sets.
-        start: starting values (M, p); by default the family's own, of which the best fit is kept.
-        scatter: tau (M,); by default estimated, alternating with the values.
+    By default, the best of the fits from the family's own starting values is kept, and tau (M,) is estimated,
+    alternating with the values.
     """
     sets = max(len(runs.speeds), len(runs.weight))
     if scatter is not None:
-        first = np.broadcast_to(scatter, (sets,))
-        return _at(family, runs, first, _started(family, runs, first) if start is None else start)
-    guess = np.full(sets, _FIRST_SCATTER)
-    found = _at(family, runs, guess, _started(family, runs, guess) if start is None else start)
+        return _at(family, runs, np.broadcast_to(scatter, (sets,)), start)
+    found = _at(family, runs, np.full(sets, _FIRST_SCATTER), start)
     for _ in range(_ROUNDS):
         scatter = runs.scatter(runs.deviation(found.law), found.freedom)
         change = np.abs(scatter - found.scatter) / np.maximum(np.maximum(scatter, found.scatter), 1e-12)
@@ -153,15 +139,13 @@ def minimise(
     return least_squares(residual, start, low, high, scale, held)
 
 
-def _at(family: LawFamily, runs: WeightedRuns, scatter: Array, start: Array) -> Fits:
-    best = minimise(family, runs, scatter, start, np.arange(len(scatter)))
+def _at(family: LawFamily, runs: WeightedRuns, scatter: Array, start: Array | None) -> Fits:
+    """The fits at scatters (M,), from `start` or from the best that the starting values of the family reach."""
+    sets = np.arange(len(scatter))
+    if start is None:
+        starts = family.starts(runs.geometry.half_gauge)  # (K, p)
+        k = len(starts)
+        reached = minimise(family, runs, scatter, np.tile(starts, (len(sets), 1)), np.repeat(sets, k))
+        start = reached.values[reached.cost.reshape(-1, k).argmin(axis=1) + k * sets]
+    best = minimise(family, runs, scatter, start, sets)
     return Fits(family, runs, best.values, scatter, best.cost, best.hessian)
-
-
-def _started(family: LawFamily, runs: WeightedRuns, scatter: Array) -> Array:
-    """The best values (M, p) reached from the starting values of the family."""
-    starts = family.starts(runs.geometry.half_gauge)  # (K, p)
-    k, sets = len(starts), len(scatter)
-    reached = minimise(family, runs, scatter, np.tile(starts, (sets, 1)), np.repeat(np.arange(sets), k))
-    best = reached.cost.reshape(sets, k).argmin(axis=1) + k * np.arange(sets)
-    return reached.values[best]

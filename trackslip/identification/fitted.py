@@ -9,14 +9,8 @@ import scipy
 
 from trackslip.errors import LogError
 from trackslip.identification.fit import Fits, fit
-from trackslip.identification.intervals import (
-    BOOTSTRAPS,
-    bootstrap_intervals,
-    heights,
-    profile_intervals,
-    standard_errors,
-)
-from trackslip.identification.replicates import LackOfFit, lack_of_fit
+from trackslip.identification.intervals import bootstrap_intervals, heights, profile_intervals, standard_errors
+from trackslip.identification.replicates import SIGNIFICANT, LackOfFit, lack_of_fit
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.weighting import MIN_SCATTER, WeightedRuns
 from trackslip.kinematics import Array, RobotGeometry
@@ -38,7 +32,7 @@ class FittedLaw:
     name: str
     """Name of the family."""
     law: SlipLaw
-    """The law."""
+    """The law with the values below."""
     values: dict[str, float]
     """Parameters by name, in their units."""
     stderr: dict[str, float]
@@ -62,7 +56,7 @@ class FittedLaw:
     @property
     def lacks_fit(self) -> bool:
         """Whether the law significantly misses the samples."""
-        return self.lack_of_fit is not None and self.lack_of_fit.significant
+        return self.lack_of_fit is not None and self.lack_of_fit.probability < SIGNIFICANT
 
     def aicc(self, samples: int) -> float | None:
         """Akaike's criterion, corrected for few data (two per sample); None if there are too few.
@@ -75,21 +69,14 @@ class FittedLaw:
         return self.likelihood + 2 * free + 2 * free * (free + 1) / (data - free - 1)
 
 
-def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, bootstraps: int = BOOTSTRAPS) -> FittedLaw:
+def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, bootstraps: int = 300) -> FittedLaw:
     """Weighted least-squares fit to the measured motions (see `weighting`), with intervals.
 
-    Args:
-        name: name of the family.
-        samples: steady runs.
-        geometry: nominal geometry of the robot.
-        bootstraps: number of resamples of the runs; 0 for none.
-
-    Raises:
-        InvalidValueError: if the law is unknown.
-        LogError: if the samples do not determine every parameter, or the fit fails.
+    `geometry` is the robot's nominal one, `bootstraps` the number of resamples of the runs; 0 for none. Raises LogError
+    if the samples do not determine every parameter or the fit fails, InvalidValueError for an unknown law.
     """
     model = family(name)
-    count, free = len(samples.run), len(model.names)
+    names, count, free = model.names, len(samples.run), len(model.names)
     if 2 * count <= free:
         raise LogError(f"law {name}: {count} sample(s) of two tracks can't determine its {free} parameters")
     runs = WeightedRuns.of(samples, geometry)
@@ -101,27 +88,29 @@ def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, bootstraps
         )
     measured = samples.covariance is not None
     tests = lack_of_fit(fits, measured)
-    lack = None if tests is None else tests[0]
     error = standard_errors(fits, tests, measured)[0]
     _require_determined(name, fits, error)
     interval = profile_intervals(fits, heights(fits, tests, measured))[0]
-    drawn = None
+    bootstrap = {}
     if bootstraps and count > max(free, _MIN_DRAWN):
         drawn = bootstrap_intervals(fits, bootstraps, np.random.default_rng(count))
-    law = model.build({key: float(value) for key, value in zip(model.names, fits.values[0], strict=True)}, geometry)
+        bootstrap = dict(zip(names, map(tuple, drawn.tolist()), strict=True))
+    values = dict(zip(names, fits.values[0].tolist(), strict=True))
+    law = model.build(values, geometry)
+    deviations = np.sqrt(np.diag(fits.covariance[0]))
     return FittedLaw(
         name=name,
         law=law,
-        values=_named(model.names, fits.values[0]),
-        stderr=_named(model.names, error),
-        interval95=_intervals(model.names, interval),
-        bootstrap95={} if drawn is None else _intervals(model.names, drawn),
-        correlation=_correlation(fits.covariance[0]),
-        noise_stderr=_named(model.names, np.sqrt(np.diag(fits.noise_covariance[0]))),
+        values=values,
+        stderr=dict(zip(names, error.tolist(), strict=True)),
+        interval95=dict(zip(names, map(tuple, interval.tolist()), strict=True)),
+        bootstrap95=bootstrap,
+        correlation=fits.covariance[0] / np.outer(deviations, deviations),
+        noise_stderr=dict(zip(names, np.sqrt(np.diag(fits.noise_covariance[0])).tolist(), strict=True)),
         rms=rms(law.slip(samples.twist) - samples.slip),
         scatter=float(fits.scatter[0]),
         likelihood=_likelihood(fits, deviation),
-        lack_of_fit=lack,
+        lack_of_fit=tests[0] if tests else None,
     )
 
 
@@ -147,20 +136,5 @@ def _likelihood(fits: Fits, deviation: Array) -> float:
     coarse = np.linspace(np.log(MIN_SCATTER), 1.0, _COARSE)
     best = coarse[np.argmin([minus(value) for value in coarse])]
     step = coarse[1] - coarse[0]
-    fine = scipy.optimize.minimize_scalar(
-        minus, bounds=(best - step, best + step), method="bounded", options={"xatol": 1e-6}
-    )
-    return float(fine.fun)
-
-
-def _named(names: tuple[str, ...], values: Array) -> dict[str, float]:
-    return {name: float(value) for name, value in zip(names, values, strict=True)}
-
-
-def _intervals(names: tuple[str, ...], ends: Array) -> dict[str, tuple[float, float]]:
-    return {name: (float(low), float(high)) for name, (low, high) in zip(names, ends, strict=True)}
-
-
-def _correlation(covariance: Array) -> Array:
-    deviation = np.sqrt(np.diag(covariance))
-    return covariance / np.outer(deviation, deviation)
+    around = (best - step, best + step)
+    return float(scipy.optimize.minimize_scalar(minus, bounds=around, method="bounded", options={"xatol": 1e-6}).fun)

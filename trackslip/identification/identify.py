@@ -9,7 +9,7 @@ from trackslip.identification.comparison import compare_laws
 from trackslip.identification.outliers import split_outliers
 from trackslip.identification.result import Identification
 from trackslip.identification.samples import Sampling
-from trackslip.identification.source import Reading, Source, read_source, source_of_runs
+from trackslip.identification.source import Reading, read_source, source_of_runs
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.steady import SETTLE
@@ -40,13 +40,10 @@ def identify(
     b, r = (geometry.half_gauge, geometry.sprocket_radius) if geometry else (None, None)
     reading = Reading(b, r, gear, settle, motion)
     if isinstance(source, str | Path):
-        return identified(read_source(Path(source), reading))
-    return identified(source_of_runs([source] if isinstance(source, RunLog) else list(source), reading))
-
-
-def identified(source: Source) -> Identification:
-    """The laws of a source of samples; raises LogError if they determine no law."""
-    return identify_samples(source.sampling, source.geometry, source.logs)
+        found = read_source(Path(source), reading)
+    else:
+        found = source_of_runs([source] if isinstance(source, RunLog) else list(source), reading)
+    return identify_samples(found.sampling, found.geometry, found.logs)
 
 
 def identify_samples(sampling: Sampling, geometry: RobotGeometry, logs: tuple[RunLog, ...] = ()) -> Identification:

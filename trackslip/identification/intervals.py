@@ -11,25 +11,17 @@ from trackslip.identification.fit import Fits, fit, minimise
 from trackslip.identification.replicates import LackOfFit
 from trackslip.kinematics import Array
 
-CONFIDENCE = 0.95
-"""Confidence level of all intervals [-]."""
+CONFIDENCE = 0.95  # of all intervals [-]
 _STEPS = 12  # maximum number of steps towards the end of an interval
 _NEAR = 1e-3  # relative error of the height at convergence
 _STRETCH = (0.25, 4.0)  # limits of the ratio of successive steps
-BOOTSTRAPS = 300
-"""Default number of resamples of the runs."""
 
 
 def standard_errors(fits: Fits, lacks: Sequence[LackOfFit] | None, measured: bool) -> Array:
-    """Standard errors (M, p) of the values.
+    """Standard errors (M, p) of the values of M fits, with their tests for lack of fit, if any.
 
-    With known measurement errors these are the least-squares errors; otherwise the robust ones, because runs may differ
-    in quality. If a law lacks fit, they are multiplied by the inflation.
-
-    Args:
-        fits: a family fitted to M sets.
-        lacks: tests for lack of fit of the sets, if any.
-        measured: whether the measurement errors of the runs are known.
+    If the measurement errors of the runs are known (`measured`), these are the least-squares errors; otherwise the
+    robust ones, because runs may differ in quality. If a law lacks fit, they are multiplied by the inflation.
     """
     variance = np.einsum("mii->mi", fits.covariance if measured else fits.robust_covariance)
     inflation = np.array([lack.inflation for lack in lacks]) if lacks else np.ones(len(fits.values))
@@ -64,10 +56,8 @@ def profile_intervals(fits: Fits, height: Array) -> Array:
     variance = np.einsum("mii->mi", fits.covariance)
     error = np.where(np.isfinite(variance), np.sqrt(np.maximum(variance, 0.0)), scale)
     # a problem for every set, parameter and side
-    shape = (sets, parameters, 2)
-    which = np.broadcast_to(np.arange(sets)[:, None, None], shape).ravel()
-    index = np.broadcast_to(np.arange(parameters)[None, :, None], shape).ravel()
-    sign = np.broadcast_to(np.array([-1.0, 1.0]), shape).ravel()
+    which, index, side = np.indices((sets, parameters, 2)).reshape(3, -1)
+    sign = 2.0 * side - 1.0
     held = index[:, None] == np.arange(parameters)
     goal = np.sqrt(height[which, index])
     centre = fits.values[which, index]
@@ -88,7 +78,7 @@ def profile_intervals(fits: Fits, height: Array) -> Array:
         open_[rows[ended]] = False
         if not open_.any():
             break
-    return (centre + sign * way).reshape(shape)
+    return (centre + sign * way).reshape(sets, parameters, 2)
 
 
 def bootstrap_intervals(fits: Fits, count: int, rng: np.random.Generator) -> Array:

@@ -27,10 +27,7 @@ def split_outliers(samples: SlipSamples, geometry: RobotGeometry) -> tuple[SlipS
     Every law is fitted robustly, with Tukey's biweight of the larger deviation of a run, and the law with the smallest
     median deviation is used. Repeated runs are compared with their median, because a common deviation is an error of
     the law. Nothing is excluded from fewer than _MIN_SAMPLES samples, or if more than a quarter of them appear to be
-    outliers: then no law fits.
-
-    Returns:
-        The samples without the outliers, and the outliers.
+    outliers: then no law fits. Returns the samples without the outliers, and the outliers.
     """
     count = len(samples)
     if count < _MIN_SAMPLES:
@@ -48,27 +45,22 @@ def split_outliers(samples: SlipSamples, geometry: RobotGeometry) -> tuple[SlipS
     far = worst > max(_FAR * spread, _WORTH_MENTIONING)
     if not far.any() or far.sum() > _MAX_OUTLIER_SHARE * count:
         return samples, []
-    outliers = [
-        Refused(
-            samples.run[k],
-            f"its slip deviates by {worst[k]:.3g} from what fits the other runs, which scatter by {spread:.2g}",
-        )
-        for k in np.flatnonzero(far)
-    ]
+    reason = "its slip deviates by {:.3g} from what fits the other runs, which scatter by {:.2g}"
+    outliers = [Refused(samples.run[k], reason.format(worst[k], spread)) for k in np.flatnonzero(far)]
     return samples.take(~far), outliers
 
 
 def _robust_deviation(name: str, runs: WeightedRuns) -> tuple[Array, float]:
     """Deviations (n, 2) of slip from a robust fit, and their robust standard deviation."""
     family = FAMILIES[name]
-    found = fit(family, runs, scatter=np.full(1, _WORTH_MENTIONING))
-    spread = 0.0
+    scatter = np.full(1, _WORTH_MENTIONING)
+    found = fit(family, runs, scatter=scatter)
     for _ in range(_ROUNDS):
         deviation = runs.deviation(found.law)[0]
         spread = _spread(deviation)
         reach = np.abs(deviation).max(axis=1) / (_TUKEY * max(spread, _WORTH_MENTIONING / _FAR))
         weight = np.where(reach < 1, (1 - reach**2) ** 2, 1e-9)
-        found = fit(family, runs.weighted(weight[None]), found.values, np.full(1, _WORTH_MENTIONING))
+        found = fit(family, runs.weighted(weight[None]), found.values, scatter)
     return runs.deviation(found.law)[0], spread
 
 

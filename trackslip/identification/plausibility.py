@@ -29,13 +29,10 @@ _FACTORS = (
 
 def require_plausible(omega: Array, twist: Array, slip: Array, geometry: RobotGeometry, run: Sequence[str]) -> None:
     """Raise LogError for samples (n, 2) with undefined or implausible slip, or that turn in the wrong direction."""
-    undefined = ~np.isfinite(slip).all(axis=1)
-    if undefined.any():
-        raise LogError(f"run {run[int(np.argmax(undefined))]!r}: a sprocket stands still, its slip is undefined")
+    if (k := _first(~np.isfinite(slip).all(axis=1))) is not None:
+        raise LogError(f"run {run[k]!r}: a sprocket stands still, its slip is undefined")
     size = np.abs(omega)
-    standing = size.min(axis=1) < _NEARLY_STANDING * size.max(axis=1)
-    if standing.any():
-        k = int(np.argmax(standing))
+    if (k := _first(size.min(axis=1) < _NEARLY_STANDING * size.max(axis=1))) is not None:
         raise LogError(
             f"run {run[k]!r}: one sprocket nearly stands ({omega[k].min():.3g} and {omega[k].max():.3g} rad/s): "
             "its slip is meaningless, leave the run out"
@@ -43,9 +40,7 @@ def require_plausible(omega: Array, twist: Array, slip: Array, geometry: RobotGe
     speed = geometry.sprocket_radius * omega * (1 - slip)  # (n, 2) of the tracks over the ground
     swift = np.abs(speed) > _SWIFT * np.abs(speed).max(axis=1, keepdims=True)
     against = (slip > 1) & (slip < _TWICE) & swift
-    one = against.sum(axis=1) == 1
-    if one.any():
-        k = int(np.argmax(one))
+    if (k := _first(against.sum(axis=1) == 1)) is not None:
         track = int(np.argmax(against[k]))
         says = geometry.sprocket_radius * omega[k, track]
         raise LogError(
@@ -56,19 +51,23 @@ def require_plausible(omega: Array, twist: Array, slip: Array, geometry: RobotGe
     wild = np.abs(of_faster) > _WILD
     ideal = body_twist(omega, 0.0, geometry)
     backwards = (ideal[:, 1] * twist[:, 1] < 0) & (np.abs(twist[:, 1]) > 0.2 * np.abs(ideal[:, 1]))
-    if wild.any() and not (backwards & wild & (np.abs(twist[:, 1]) < 2 * np.abs(ideal[:, 1]))).any():
-        k = int(np.argmax(wild))
+    reversed_turn = backwards & wild & (np.abs(twist[:, 1]) < 2 * np.abs(ideal[:, 1]))
+    if (k := _first(wild & ~reversed_turn.any())) is not None:
         raise LogError(
             f"run {run[k]!r}: slip {of_faster[k]:.3g} of the faster track is implausible (over {_WILD}): "
             f"check the units (rad/s, m, rad, s), the gear and sprocket_radius = {geometry.sprocket_radius:g} m"
             f"{_guess(ideal[k], twist[k])}"
         )
-    if backwards.any():
-        k = int(np.argmax(backwards))
+    if (k := _first(backwards)) is not None:
         raise LogError(
             f"run {run[k]!r}: it turns at {twist[k, 1]:+.3g} rad/s where its sprockets say {ideal[k, 1]:+.3g} rad/s: "
             "are the tracks swapped, or phi not counter-clockwise?"
         )
+
+
+def _first(bad: np.ndarray | np.bool) -> int | None:
+    """Index of the first bad run of (n,)."""
+    return int(np.argmax(bad)) if bad.any() else None
 
 
 def _guess(ideal: Array, twist: Array) -> str:
@@ -86,6 +85,4 @@ def _guess(ideal: Array, twist: Array) -> str:
             or (what == "w" and near(v, 1.0) and near(w, factor * _SLIPPING))
         ):
             return f"; it looks like {name}"
-    if v > 0 and v < 1 / 2:
-        return f"; it looks like a gear of about {1 / v:.3g} between encoder and sprocket"
-    return ""
+    return f"; it looks like a gear of about {1 / v:.3g} between encoder and sprocket" if 0 < v < 1 / 2 else ""

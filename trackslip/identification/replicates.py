@@ -13,8 +13,7 @@ from trackslip.kinematics import Array, RobotGeometry, body_twist
 _TOLERANCE = 0.02  # maximum relative difference of the commanded curvatures (or speeds) of repeated runs
 _MAX_FOLDS = 10
 _FOLDS = 5  # number of folds for values that do not form groups
-SIGNIFICANT = 0.01
-"""Significance level of lack of fit [-]."""
+SIGNIFICANT = 0.01  # significance level of lack of fit [-]
 
 
 @dataclass(frozen=True)
@@ -33,17 +32,12 @@ class LackOfFit:
     """Factor on standard errors, because repeated runs share the errors of the law, which are therefore fewer than the
     runs; 1 if the law fits [-]."""
 
-    @property
-    def significant(self) -> bool:
-        """Whether the lack of fit is significant."""
-        return self.probability < SIGNIFICANT
 
-
-def group_labels(values: Array, tolerance: float = _TOLERANCE) -> np.ndarray:
+def group_labels(values: Array) -> np.ndarray:
     """Group labels (n,) of values (n,), separated by gaps in their order."""
     order = np.argsort(values, kind="stable")
     ranked = values[order]
-    gap = np.diff(ranked) > tolerance * np.maximum(np.abs(ranked[1:]), np.abs(ranked[:-1]))
+    gap = np.diff(ranked) > _TOLERANCE * np.maximum(np.abs(ranked[1:]), np.abs(ranked[:-1]))
     labels = np.empty(len(values), int)
     labels[order] = np.concatenate([[0], np.cumsum(gap)])
     return labels
@@ -52,8 +46,7 @@ def group_labels(values: Array, tolerance: float = _TOLERANCE) -> np.ndarray:
 def by_command(omega: Array, geometry: RobotGeometry) -> np.ndarray:
     """Labels (n,) of runs with the same ratio of sprocket speeds (n, 2) and thus the same radius."""
     ideal = body_twist(omega, 0.0, geometry)
-    direction = np.arctan2(geometry.half_gauge * ideal[:, 1], ideal[:, 0])
-    return group_labels(direction)
+    return group_labels(np.arctan2(geometry.half_gauge * ideal[:, 1], ideal[:, 0]))
 
 
 def folds(values: Array) -> np.ndarray:
@@ -69,12 +62,8 @@ def lack_of_fit(fits: Fits, measured: bool) -> list[LackOfFit] | None:
     """Tests for lack of fit of M sets of runs; None if there is nothing to compare the law with.
 
     With repeated runs: the F-test of the misfit of the law relative to the scatter of the repeats about their own mean
-    slip, with the weights of the fit. Otherwise, if the measurement errors are known, the chi-square test of whether
-    they explain the residuals.
-
-    Args:
-        fits: a family fitted to the sets.
-        measured: whether the measurement errors of the runs are known.
+    slip, with the weights of the fit. Otherwise, if the measurement errors are known (`measured`), the chi-square test
+    of whether they explain the residuals.
     """
     runs, parameters = fits.runs, fits.values.shape[1]
     labels = by_command(runs.omega, runs.geometry)
@@ -84,21 +73,16 @@ def lack_of_fit(fits: Fits, measured: bool) -> list[LackOfFit] | None:
         pure = _pure_error(fits, labels)  # (M,)
         missed = np.maximum(fits.cost - pure, 0.0) / between
         ratio = missed / np.maximum(pure / within, 1e-300)
-        return [
-            LackOfFit(
-                "F", float(f), (between, within), float(p), float(max(1.0, excess**0.5)) if p < SIGNIFICANT else 1.0
-            )
-            for f, p, excess in zip(ratio, scipy.stats.f.sf(ratio, between, within), missed, strict=True)
-        ]
+        chance = scipy.stats.f.sf(ratio, between, within)
+        inflation = np.where(chance < SIGNIFICANT, np.maximum(1.0, missed**0.5), 1.0)
+        found = zip(ratio.tolist(), chance.tolist(), inflation.tolist(), strict=True)
+        return [LackOfFit("F", f, (between, within), p, factor) for f, p, factor in found]
     freedom = fits.freedom
     if not measured or freedom < 1:
         return None
-    whitened = runs.whiten(runs.deviation(fits.law), np.zeros(len(fits.values)))
-    squares = np.sum(whitened**2, axis=1)
-    return [
-        LackOfFit("chi2", float(c), (freedom,), float(p), 1.0)
-        for c, p in zip(squares, scipy.stats.chi2.sf(squares, freedom), strict=True)
-    ]
+    squares = np.sum(runs.whiten(runs.deviation(fits.law), np.zeros(len(fits.values))) ** 2, axis=1)
+    chance = scipy.stats.chi2.sf(squares, freedom)
+    return [LackOfFit("chi2", c, (freedom,), p, 1.0) for c, p in zip(squares.tolist(), chance.tolist(), strict=True)]
 
 
 def _pure_error(fits: Fits, labels: np.ndarray) -> Array:

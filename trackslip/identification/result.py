@@ -1,23 +1,25 @@
-"""What an identification found: laws, their intervals, and which law is best."""
+"""What an identification found: laws, their intervals, and which law is best; as tables and in a summary.json."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from html import escape
 from importlib.metadata import entry_points
 from pathlib import Path
+from typing import Any
 
 from trackslip.errors import OutputError, TrackslipError
 from trackslip.identification.comparison import Comparison
+from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.samples import Refused, SlipSamples
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.families import FAMILIES
+from trackslip.slip.law_file import laws_content
 
-REPORTS = "trackslip.reports"
-"""Entry point group of the packages that can draw reports."""
+_REPORTS = "trackslip.reports"  # entry point group of the packages that can draw reports
 _SHOWN = 3  # laws in a repr
 _HEADER = ("law", "parameter", "value", "95 % interval")
 
@@ -58,10 +60,7 @@ class Identification:
         return {name: self.comparison.laws[name].interval95 for name in self.comparison.ranking}
 
     def report(self, path: str | Path) -> Path:
-        """Write the report, one self-contained HTML page, and return its path.
-
-        Args:
-            path: the file, or an existing folder for its `report.html`.
+        """Write the report, one self-contained HTML page, to a file, or as `report.html` to a folder; returns its path.
 
         Raises:
             TrackslipError: if the package that draws reports is not installed.
@@ -69,9 +68,9 @@ class Identification:
         """
         file = Path(path)
         file = file / "report.html" if file.is_dir() else file
-        renderers = tuple(entry_points(group=REPORTS, name="identification"))
+        renderers = tuple(entry_points(group=_REPORTS, name="identification"))
         if not renderers:
-            raise TrackslipError(f"report: no package with an entry point in the group {REPORTS!r} is installed")
+            raise TrackslipError(f"report: no package with an entry point in the group {_REPORTS!r} is installed")
         html: str = renderers[0].load()(self)
         try:
             file.write_text(html, encoding="utf-8")
@@ -118,3 +117,31 @@ class Identification:
     def _notes(self) -> list[str]:
         left_out = f"{len(self.outliers)} run(s) left out, " if self.outliers else ""
         return [f"{left_out}{len(self.warnings)} warning(s), see .warnings"] if self.warnings else []
+
+
+def laws_to_json(laws: Mapping[str, FittedLaw], geometry: RobotGeometry) -> dict[str, Any]:
+    """`slip_laws` and `geometry`, as `load_laws` reads them."""
+    described = {
+        name: {"values": fit.values, "stderr": fit.stderr, "rms": fit.rms} for name, fit in laws.items() if fit.values
+    }
+    return laws_content(described, geometry)
+
+
+def identification_to_json(found: Identification) -> dict[str, Any]:
+    """`laws_to_json`, and `laws` with everything known of each law, and what was left out."""
+    return laws_to_json(found.comparison.laws, found.geometry) | {
+        "laws": {name: _law_to_json(name, found.comparison) for name in found.comparison.laws},
+        "best": found.best,
+        "samples": len(found.samples),
+        "outliers": [asdict(outlier) for outlier in found.outliers],
+        "warnings": list(found.warnings),
+    }
+
+
+def _law_to_json(name: str, comparison: Comparison) -> dict[str, Any]:
+    found = asdict(comparison.laws[name])
+    for key in ("name", "law", "likelihood"):
+        del found[key]
+    found["correlation"] = found["correlation"].tolist()
+    errors = {f"cv_{key}": error for key, error in asdict(comparison.validation[name]).items()}
+    return found | {"aicc": comparison.aicc[name], "weight": comparison.weight[name]} | errors

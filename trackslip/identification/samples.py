@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,8 +12,7 @@ from trackslip.identification.plausibility import require_plausible
 from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.methods import MOTION_METHODS, best_method
-from trackslip.motion.stationarity import require_steady_motion
-from trackslip.motion.steady import SETTLE, steady_part
+from trackslip.motion.steady import SETTLE, require_steady_motion, steady_part
 
 
 @dataclass(frozen=True)
@@ -42,17 +41,11 @@ class SlipSamples:
 
     @classmethod
     def of(
-        cls,
-        omega: Array,
-        twist: Array,
-        geometry: RobotGeometry,
-        run: Sequence[str],
-        covariance: Array | None = None,
+        cls, omega: Array, twist: Array, geometry: RobotGeometry, run: Sequence[str], covariance: Array | None = None
     ) -> SlipSamples:
         """Samples from steady sprocket speeds and twists (n, 2), with covariances (n, 2, 2) if known; Eqs. 2-3.
 
-        Raises:
-            LogError: if a sprocket stands still, so that its slip is undefined, or a slip is implausible.
+        Raises LogError if a sprocket stands still, so that its slip is undefined, or a slip is implausible.
         """
         slip = track_slip(omega, twist, geometry)
         require_plausible(omega, twist, slip, geometry, run)
@@ -61,26 +54,20 @@ class SlipSamples:
     @classmethod
     def joined(cls, parts: Sequence[SlipSamples]) -> SlipSamples:
         """Concatenate samples."""
+        covariances = [part.covariance for part in parts if part.covariance is not None]
         return cls(
             omega=np.concatenate([part.omega for part in parts]),
             twist=np.concatenate([part.twist for part in parts]),
             slip=np.concatenate([part.slip for part in parts]),
             run=tuple(name for part in parts for name in part.run),
-            covariance=None
-            if any(part.covariance is None for part in parts)
-            else np.concatenate([part.covariance for part in parts if part.covariance is not None]),
+            covariance=np.concatenate(covariances) if len(covariances) == len(parts) else None,
         )
 
     def take(self, rows: np.ndarray) -> SlipSamples:
         """The samples `rows`."""
-        kept = np.arange(len(self))[rows]
-        return SlipSamples(
-            self.omega[kept],
-            self.twist[kept],
-            self.slip[kept],
-            tuple(self.run[k] for k in kept),
-            None if self.covariance is None else self.covariance[kept],
-        )
+        run = tuple(np.array(self.run, object)[rows])
+        covariance = None if self.covariance is None else self.covariance[rows]
+        return SlipSamples(self.omega[rows], self.twist[rows], self.slip[rows], run, covariance)
 
 
 @dataclass(frozen=True)
@@ -111,17 +98,10 @@ class Sampling:
 def slip_samples(
     logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE, method: str | None = None
 ) -> SlipSamples:
-    """Mean slip of each run from its estimated poses and measured sprocket speeds.
+    """Mean slip of each run from its poses and sprocket speeds, in its longest stretch of constant sprocket speeds.
 
-    Args:
-        logs: runs with a stretch at constant sprocket speeds.
-        geometry: the robot's nominal geometry.
-        settle: time excluded after the sprockets have become steady [s].
-        method: name of a method in MOTION_METHODS; by default the most accurate that each run allows.
-
-    Raises:
-        InvalidValueError: if the method is unknown.
-        LogError: if a run has no steady stretch, or too few valid poses in it.
+    The first `settle` [s] of the stretch are left out. The method is one of MOTION_METHODS, by default the most
+    accurate that each run allows. Raises LogError if a run has no steady stretch, or too few valid poses in it.
     """
     return SlipSamples.joined([_sample(log, geometry, settle, method)[0] for log in logs])
 
@@ -129,43 +109,29 @@ def slip_samples(
 def usable_samples(
     logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE, method: str | None = None
 ) -> Sampling:
-    """The samples of all usable runs, and why the others give none; see `slip_samples`.
-
-    Raises:
-        InvalidValueError: if the method is unknown.
-        LogError: if no run is usable.
-    """
-    usable: list[SlipSamples] = []
-    refused: list[Refused] = []
-    notes: list[str] = []
-    for log in logs:
-        try:
-            sample, noted = _sample(log, geometry, settle, method)
-        except LogError as error:
-            refused.append(Refused(log.run, str(error).removeprefix(f"run {log.run!r}: ")))
-            continue
-        usable.append(sample)
-        notes += noted
-    return _sampling(usable, refused, notes)
+    """The samples of all usable runs, and why the others give none, like `slip_samples`; LogError if none is usable."""
+    return _usable([log.run for log in logs], lambda k: _sample(logs[k], geometry, settle, method))
 
 
 def usable_rows(omega: Array, twist: Array, geometry: RobotGeometry) -> Sampling:
-    """Samples from steady sprocket speeds and twists (n, 2), called row 1, row 2, ..., as far as they are usable.
+    """The usable samples of steady sprocket speeds and twists (n, 2), named row 1, row 2, ...; LogError if none is."""
+    names = [f"row {k + 1}" for k in range(len(omega))]
+    return _usable(names, lambda k: (SlipSamples.of(omega[[k]], twist[[k]], geometry, names[k : k + 1]), ()))
 
-    Raises:
-        LogError: if no run is usable.
-    """
-    usable, refused = [], []
-    for k in range(len(omega)):
-        name = f"row {k + 1}"
+
+def _usable(names: Sequence[str], sample_of: Callable[[int], tuple[SlipSamples, tuple[str, ...]]]) -> Sampling:
+    """The samples of all runs for which `sample_of` raises no LogError."""
+    usable: list[SlipSamples] = []
+    refused: list[Refused] = []
+    notes: list[str] = []
+    for k, name in enumerate(names):
         try:
-            usable.append(SlipSamples.of(omega[k : k + 1], twist[k : k + 1], geometry, [name]))
+            sample, noted = sample_of(k)
         except LogError as error:
             refused.append(Refused(name, str(error).removeprefix(f"run {name!r}: ")))
-    return _sampling(usable, refused, [])
-
-
-def _sampling(usable: list[SlipSamples], refused: list[Refused], notes: list[str]) -> Sampling:
+        else:
+            usable.append(sample)
+            notes += noted
     if not usable:
         every = f"none of the {len(refused)} runs can be used; " if len(refused) > 1 else ""
         raise LogError(f"{every}run {refused[0].run!r}: {refused[0].reason}")
@@ -191,17 +157,10 @@ def _sample(
 def true_samples(
     logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE, of_plate: bool = False
 ) -> SlipSamples:
-    """Samples from the true motion of simulated runs.
+    """Samples from the true motion of simulated runs, like `slip_samples`; raises LogError if a run has no truth.
 
-    Args:
-        logs: simulated runs.
-        geometry: the robot's nominal geometry.
-        settle: time excluded after the sprockets have become steady [s].
-        of_plate: use the motion of the scanned plate, which leans outwards with the robot: it moves along a wider
-            circle, faster by the yaw rate times the lean.
-
-    Raises:
-        LogError: if a run has no truth.
+    `of_plate` takes the motion of the scanned plate, which leans outwards with the robot: it moves along a wider
+    circle, faster by the yaw rate times the lean.
     """
     omega, twist = [], []
     for log in logs:

@@ -35,26 +35,24 @@ class Minimum:
 def least_squares(
     residual: Residual, start: Array, low: Array, high: Array, scale: Array, held: np.ndarray | None = None
 ) -> Minimum:
-    """Minimise the sums of squares of M problems.
+    """Minimise the sums of squares of M problems, from starting values (M, p) within the limits `low`, `high` (p,).
 
-    Args:
-        residual: the residuals.
-        start: starting values (M, p) within the limits.
-        low, high: limits (p,) of the values.
-        scale: sizes (p,) of significant changes.
-        held: (M, p) bool, the parameters that are kept fixed.
+    `scale` (p,) are the sizes of significant changes; parameters where `held` (M, p) is true are kept fixed.
     """
     problems, parameters = start.shape
     held = np.zeros((problems, parameters), bool) if held is None else held
     values = start.astype(float)
-    everyone = np.arange(problems)
-    current = _finite(residual(values, everyone))
+    rows = np.arange(problems)
+
+    def finite(values: Array, rows: np.ndarray) -> Array:
+        return np.nan_to_num(residual(values, rows), nan=1e8, posinf=1e8, neginf=-1e8)
+
+    current = finite(values, rows)
     cost = np.sum(current**2, axis=1)
     hessian = np.tile(np.eye(parameters), (problems, 1, 1))
     damping = np.full(problems, 1e-3)
-    rows = everyone
     for _ in range(_ITERATIONS):
-        jacobian = _jacobian(residual, values[rows], current[rows], rows, high, scale)
+        jacobian = _jacobian(finite, values[rows], current[rows], rows, high, scale)
         jacobian = np.where(held[rows][:, None, :], 0.0, jacobian)
         gradient = np.einsum("mki,mk->mi", jacobian, current[rows])
         normal = np.einsum("mki,mkj->mij", jacobian, jacobian)
@@ -67,11 +65,10 @@ def least_squares(
         normal = normal * (free[:, :, None] & free[:, None, :])
         weakest = 1e-14 * diagonal.max(axis=1, keepdims=True) + 1e-300
         added = np.where(stuck, 1.0, damping[rows, None] * diagonal + weakest)
-        step = -np.linalg.solve(
-            normal + added[:, :, None] * np.eye(parameters), np.where(free, gradient, 0.0)[..., None]
-        )
+        damped = normal + added[:, :, None] * np.eye(parameters)
+        step = -np.linalg.solve(damped, np.where(free, gradient, 0.0)[..., None])
         trial = np.clip(values[rows] + step[..., 0], low, high)
-        tried = _finite(residual(trial, rows))
+        tried = finite(trial, rows)
         tried_cost = np.sum(tried**2, axis=1)
         better = tried_cost <= cost[rows]
         moved = np.abs((trial - values[rows]) / scale).max(axis=1)
@@ -92,10 +89,6 @@ def _jacobian(residual: Residual, values: Array, current: Array, rows: np.ndarra
     step = _DIFFERENCE * scale
     signed = np.where(values + step > high, -step, step)  # (m, p)
     beside = values[:, None, :] + signed[:, :, None] * np.eye(parameters)
-    there = _finite(residual(beside.reshape(-1, parameters), np.repeat(rows, parameters)))  # all in one call
+    there = residual(beside.reshape(-1, parameters), np.repeat(rows, parameters))  # all in one call
     change = there.reshape(problems, parameters, -1) - current[:, None, :]
     return (change / signed[:, :, None]).swapaxes(1, 2)
-
-
-def _finite(residual: Array) -> Array:
-    return np.nan_to_num(residual, nan=1e8, posinf=1e8, neginf=-1e8)

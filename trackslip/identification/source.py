@@ -12,7 +12,7 @@ from trackslip.identification.samples import Sampling, usable_rows, usable_sampl
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.logfile import read_table, runs_file
 from trackslip.logs.runlog import RunLog
-from trackslip.logs.table import REQUIRED, SAMPLE_COLUMNS, read_samples, runs_from_table
+from trackslip.logs.table import REQUIRED, SAMPLE_COLUMNS, read_columns, runs_from_table
 from trackslip.motion.steady import SETTLE
 
 _MATTERS = ("ground", "radius_error", "geometry", "model_sha256")  # to slip
@@ -33,9 +33,9 @@ class Reading:
     """How a log is read."""
 
     half_gauge: float | None = None
-    """Half the distance between the tracks [m]; None for what the log states."""
+    """Half the distance between the tracks [m]; None for the log's."""
     sprocket_radius: float | None = None
-    """Radius of the sprockets [m]; None for what the log states."""
+    """Radius of the sprockets [m]; None for the log's."""
     gear: float = 1.0
     """Turns of the encoder per turn of the sprocket, if omega is the speed of the encoder [-]."""
     settle: float = SETTLE
@@ -52,14 +52,8 @@ def read_source(
 ) -> Source:
     """Samples from a folder of results, or from a `.parquet` or `.csv` file of traces or steady samples.
 
-    Args:
-        path: the folder or file.
-        reading: geometry, gear, and how traces become samples.
-        chosen: given the folder, the names of the runs to use; None for all of them.
-
-    Raises:
-        LogError: if nothing in the log can be used, or it holds samples to choose runs from.
-        InvalidValueError: if neither `reading` nor the log states the geometry.
+    Given the folder, `chosen` returns the names of the runs to use; None for all of them. Raises LogError if nothing in
+    the log can be used or it holds no runs to choose from, InvalidValueError if the geometry is unknown.
     """
     file = runs_file(path)
     try:
@@ -71,9 +65,8 @@ def read_source(
 def source_of_runs(runs: Sequence[RunLog], reading: Reading = Reading(), name: str = "the runs") -> Source:
     """Samples from runs in memory, called `name` in messages; closed loops among them are not used.
 
-    Raises:
-        LogError: if no run can be used, or the runs differ in what matters to slip.
-        InvalidValueError: if neither `reading` nor the runs state the geometry.
+    Raises LogError if no run can be used or they differ in what matters to slip, InvalidValueError if neither `reading`
+    nor the runs state the geometry.
     """
     if not runs:
         raise LogError(f"{name}: there are none")
@@ -104,8 +97,8 @@ def _read(file: Path, reading: Reading, chosen: Callable[[Path], Collection[str]
         if chosen is not None:
             raise LogError(f"{file}: holds steady samples, not runs of a sweep: --where must be left out")
         geometry = _geometry(reading, None, file)
-        omega, twist = read_samples(table, str(file))
-        return Source(geometry, usable_rows(omega / reading.gear, twist, geometry), ())
+        samples = read_columns(table, SAMPLE_COLUMNS, str(file))
+        return Source(geometry, usable_rows(samples[:, :2] / reading.gear, samples[:, 2:], geometry), ())
     if not set(columns) & set(REQUIRED[1:]):
         needed = f"{', '.join(REQUIRED)} or {', '.join(SAMPLE_COLUMNS)}"
         raise LogError(f"{file}: needs the columns {needed}; found {', '.join(columns)[:200]!r}")
@@ -121,16 +114,12 @@ def _read(file: Path, reading: Reading, chosen: Callable[[Path], Collection[str]
 def _require_one_setting(logs: Sequence[RunLog], source: str) -> None:
     """Raise LogError for runs that cannot share one slip law, because ground or robot differ."""
     for key in _MATTERS:
-        values = [log.metadata[key] for log in logs if key in log.metadata]
-        if any(value != values[0] for value in values):
-            raise LogError(f"{source}: its runs differ in {_difference(key, values)}: choose with --where NAME=VALUE")
-
-
-def _difference(key: str, values: Sequence[Any]) -> str:
-    first = values[0]
-    if not isinstance(first, Mapping):
-        return key
-    return f"{key} ({', '.join(name for name in first if any(value.get(name) != first[name] for value in values))})"
+        first, *others = [log.metadata[key] for log in logs if key in log.metadata] or [None]
+        if all(other == first for other in others):
+            continue
+        if isinstance(first, Mapping):
+            key += f" ({', '.join(name for name in first if any(other.get(name) != first[name] for other in others))})"
+        raise LogError(f"{source}: its runs differ in {key}: choose with --where NAME=VALUE")
 
 
 def _geometry(reading: Reading, stored: Any, source: object) -> RobotGeometry:
@@ -140,8 +129,7 @@ def _geometry(reading: Reading, stored: Any, source: object) -> RobotGeometry:
         given = getattr(reading, name)
         value = stored.get(name) if given is None and isinstance(stored, Mapping) else given
         if isinstance(value, bool) or not isinstance(value, int | float):
-            raise InvalidValueError(
-                name, value, f"given (--{name.replace('_', '-')} on the command line): {source} does not state it"
-            )
+            option = f"--{name.replace('_', '-')}"
+            raise InvalidValueError(name, value, f"given ({option} on the command line): {source} does not state it")
         values[name] = float(value)
     return RobotGeometry(**values)

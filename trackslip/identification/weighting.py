@@ -24,8 +24,7 @@ from trackslip.kinematics import SIDES, Array, RobotGeometry, track_speeds
 from trackslip.slip.base import SlipLaw
 
 _MIN_RELATIVE_SPEED = 0.1  # minimum sprocket speed in S, relative to the faster one
-MIN_SCATTER = 1e-9
-"""tau of samples that follow a law to within rounding [-]."""
+MIN_SCATTER = 1e-9  # tau of samples that follow a law to within rounding [-]
 _MAX_SCATTER = 10.0
 _HALVINGS = 60
 _EXPLAINED = 0.99  # quantile of chi-square up to which measurement errors explain it
@@ -48,10 +47,8 @@ class WeightedRuns:
         size = np.abs(samples.omega)
         scale = geometry.sprocket_radius * np.maximum(size, _MIN_RELATIVE_SPEED * size.max(axis=1, keepdims=True))
         to_tracks = np.column_stack([np.ones(2), SIDES * geometry.half_gauge])
-        if samples.covariance is None:
-            noise: Array = np.zeros((len(size), 2, 2))
-        else:
-            noise = to_tracks @ samples.covariance @ to_tracks.T
+        covariance = np.zeros((len(size), 2, 2)) if samples.covariance is None else samples.covariance
+        noise = to_tracks @ covariance @ to_tracks.T
         eigenvalues, vectors = np.linalg.eigh(noise / scale[:, :, None] / scale[:, None, :])
         turn = vectors.swapaxes(1, 2) / scale[:, None, :]
         speeds = track_speeds(samples.twist, geometry.half_gauge)[None]

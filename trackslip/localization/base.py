@@ -24,10 +24,4 @@ class Locator(Protocol):
     """Finds the plate in each scan independently, so the heading is known only up to half a turn (see `Tracker`)."""
 
     def locate(self, scan: Scan, predicted: Array | None = None) -> PoseEstimate:
-        """Poses of the plate in scans with ranges (S, B).
-
-        Args:
-            scan: the scans.
-            predicted: expected poses (S, 3) of the robot in the world, if known.
-        """
-        ...
+        """Poses in scans with ranges (S, B); `predicted` (S, 3) are expected poses of the robot in the world."""

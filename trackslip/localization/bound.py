@@ -129,17 +129,9 @@ def _range_jacobian(pose: Array, plate: Plate, bearings: Array) -> Array:
 
 def _edge_jacobian(pose: Array, plate: Plate, bearings: Array) -> Array:
     """Derivatives (S, 2, 3) of the edges' bearings over their standard deviation; zero outside the field of view."""
-    phi, sight = pose[:, 2, None], np.arctan2(pose[:, 1], pose[:, 0])
-    cos, sin = np.cos(sight)[:, None], np.sin(sight)[:, None]
-    along, across = np.array([1, 1, -1, -1]) * plate.length / 2, np.array([1, -1, 1, -1]) * plate.thickness / 2
-    d_x = along * np.cos(phi) - across * np.sin(phi)  # (S, 4)
-    d_y = along * np.sin(phi) + across * np.cos(phi)
-    x, y = pose[:, :1] + d_x, pose[:, 1:2] + d_y
-    beside = np.arctan2(cos * y - sin * x, cos * x + sin * y)
-    outer = np.stack([np.argmin(beside, axis=1), np.argmax(beside, axis=1)], axis=1)  # (S, 2)
-    x, y, d_x, d_y, beside = (np.take_along_axis(a, outer, axis=1) for a in (x, y, d_x, d_y, beside))
-    middle = (bearings[0] + bearings[-1]) / 2
-    off = np.angle(np.exp(1j * (sight[:, None] + beside - middle)))
-    step = (bearings[-1] - bearings[0]) / (len(bearings) - 1)
-    weight = np.where(np.abs(off) < (bearings[-1] - bearings[0]) / 2, np.sqrt(12) / step, 0.0)
-    return np.stack([-y, x, x * d_x + y * d_y], axis=-1) * (weight / (x * x + y * y))[..., None]
+    sight = np.arctan2(pose[:, 1], pose[:, 0])
+    beside, jacobian, square = plate.silhouette(pose, np.stack([np.cos(sight), np.sin(sight)], axis=1))
+    field = bearings[-1] - bearings[0]
+    off = np.angle(np.exp(1j * (sight[:, None] + beside - (bearings[0] + bearings[-1]) / 2)))
+    weight = np.where(np.abs(off) < field / 2, np.sqrt(12) / (field / (len(bearings) - 1)), 0.0)
+    return jacobian * (weight / square)[..., None]

@@ -1,4 +1,4 @@
-"""Likelihood of the known rectangle, given the ranges of a scan.
+"""Likelihood of the known rectangle, given the ranges of a scan, and its maximisation for many scans at once.
 
 A beam with direction u meets a face whose plane is m.p = h at range h / (m.u). At most two faces point towards the LRF,
 one long and one short; together they form a wedge, which a beam meets where it enters the second of the two
@@ -25,46 +25,31 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from trackslip.kinematics import Array
+from trackslip.localization.rows import Rows
 from trackslip.localization.scan import MIN_NOISE, Cluster, Plate, Scan
 
-_ALONG, _ACROSS = np.array([1.0, 1.0, -1.0, -1.0]), np.array([1.0, -1.0, 1.0, -1.0])  # of the plate's corners
+UNKNOWN = 1e6
+"""Variance of what a scan does not determine."""
+_CONVERGED = 1e-5  # a climb ends when the predicted or actual decrease of the cost is smaller
 _MARGIN = 0.1  # the scanner's reach may cut off returns this close to it [m]
 
 
 @dataclass(frozen=True)
 class PlateLikelihood:
-    """Negative log likelihood of poses, with its derivatives."""
+    """Negative log likelihood of poses, with its derivatives and minima."""
 
     plate: Plate
     huber: float
     """Residual above which the loss of a range is linear [standard deviations]."""
 
-    def evaluate(self, beams: Beams, pose: Array, turn: bool) -> Evaluation:
+    def evaluate(self, beams: Beams, pose: Array, turn: bool = True) -> Evaluation:
         """Cost, gradient and Gauss-Newton Hessian at poses (M, 3); without `turn`, the heading is fixed."""
-        meeting = self._meeting(beams, pose)
-        residual, weight, cost = self._misses(beams, meeting)
-        cos, sin, predicted, on_long = meeting.cos, meeting.sin, meeting.predicted, meeting.on_long
-
-        # dr/dcentre = m / (m.u); dr/dphi = how far along the face the beam hits, over m.u
-        m_u = np.where(on_long, meeting.u_n, meeting.u_e)
-        slope = np.where(meeting.on_plate & beams.hit, 1.0 / (np.where(m_u == 0, 1.0, m_u) * beams.noise), 0.0)
-        from_middle = np.where(on_long, meeting.u_e, -meeting.u_n)
-        from_middle *= predicted
-        from_middle += np.where(on_long, -meeting.along, meeting.across)
-        in_long = np.where(on_long, slope, 0.0)
-        in_short = slope - in_long
-        jacobian = np.empty((len(pose), 3, slope.shape[1]))
-        jacobian[:, 0] = cos * in_short - sin * in_long
-        jacobian[:, 1] = cos * in_long + sin * in_short
-        jacobian[:, 2] = from_middle * slope
+        residual, jacobian = self._ranges(beams, pose)
+        edge_residual, edge_jacobian = self._edges(beams, pose)
+        weight, cost = self._loss(residual, edge_residual)
         weighted = jacobian * weight[:, None, :]
-        gradient = (weighted @ residual[..., None])[..., 0]
-        hessian = weighted @ jacobian.swapaxes(1, 2)
-
-        edge_residual, edge_jacobian = self._edges(beams, pose, cos, sin)
-        cost += _squares(edge_residual) / 2
-        gradient += np.einsum("mei,me->mi", edge_jacobian, edge_residual)
-        hessian += edge_jacobian.swapaxes(1, 2) @ edge_jacobian
+        gradient = (weighted @ residual[..., None])[..., 0] + np.einsum("mei,me->mi", edge_jacobian, edge_residual)
+        hessian = weighted @ jacobian.swapaxes(1, 2) + edge_jacobian.swapaxes(1, 2) @ edge_jacobian
         misfit = np.sqrt(_squares(residual) / np.maximum(beams.hit.sum(axis=1), 1))
         if not turn:
             gradient[:, 2] = 0.0
@@ -74,12 +59,47 @@ class PlateLikelihood:
 
     def cost(self, beams: Beams, pose: Array) -> Array:
         """Only the cost (M,) at poses (M, 3)."""
-        meeting = self._meeting(beams, pose)
-        edge_residual, _ = self._edges(beams, pose, meeting.cos, meeting.sin)
-        return self._misses(beams, meeting)[2] + _squares(edge_residual) / 2
+        return self._loss(self._ranges(beams, pose, derive=False)[0], self._edges(beams, pose)[0])[1]
 
-    def _meeting(self, beams: Beams, pose: Array) -> _Meeting:
-        """Where beams meet plates at poses (M, 3)."""
+    def climb(self, beams: Beams, pose: Array, iterations: int, turn: bool = True) -> Evaluation:
+        """Levenberg-Marquardt from poses (M, 3) in the LRF's frame; without `turn` the heading is fixed.
+
+        A row that has converged no longer changes, so that rows are bitwise independent of each other.
+        """
+        fit = self.evaluate(beams, pose.copy(), turn)
+        damping = np.full(len(pose), 1e-3)
+        climbing = np.arange(len(pose))
+        for _ in range(iterations):
+            here = fit if climbing.size == len(pose) else fit.take(climbing)
+            damped = here.hessian + damping[:, None, None] * here.hessian * np.eye(3)
+            inverse, regular = inverses(damped)
+            step = -np.einsum("mij,mj->mi", inverse, here.gradient)
+            on = ~regular | (np.einsum("mi,mi->m", step, here.gradient) < -2 * _CONVERGED)
+            if not on.all():
+                climbing, beams, damping = climbing[on], beams.take(on), damping[on]
+                here, step, regular = here.take(on), step[on], regular[on]
+            if not climbing.size:
+                break
+            trial = self.evaluate(beams, here.pose + np.where(regular[:, None], step, 0.0), turn)
+            fall = here.cost - trial.cost
+            better = fall > 0
+            fit.put(climbing[better], trial.take(better))
+            on = ~better | (fall > _CONVERGED)
+            if not on.any():
+                break
+            damping = np.where(better, damping / 10, damping * 10)[on]
+            if not on.all():
+                climbing, beams = climbing[on], beams.take(on)
+        return fit
+
+    def _loss(self, residual: Array, edge_residual: Array) -> tuple[Array, Array]:
+        """Weights (M, W) of the ranges under a Huber loss, and costs (M,) of all residuals."""
+        size = np.abs(residual)
+        weight = self.huber / np.maximum(size, self.huber)
+        return weight, np.einsum("mw,mw->m", weight * size, size - weight * size / 2) + _squares(edge_residual) / 2
+
+    def _ranges(self, beams: Beams, pose: Array, derive: bool = True) -> tuple[Array, Array]:
+        """Residuals (M, W) of the ranges [standard deviations], and their Jacobian (M, 3, W), empty unless `derive`."""
         x, y, phi = pose[:, :1], pose[:, 1:2], pose[:, 2:]
         cos, sin = np.cos(phi), np.sin(phi)  # (M, 1)
         along, across = cos * x + sin * y, cos * y - sin * x
@@ -92,58 +112,38 @@ class PlateLikelihood:
         short_face = np.where(np.abs(along) > half_length, along - np.sign(along) * half_length, 0.0)
         to_long, to_short = _range_to(long_face, u_n), _range_to(short_face, u_e)
         on_long = to_long > to_short
-        predicted = np.maximum(to_long, to_short)
+        entered = np.maximum(to_long, to_short)
         distance, reach = np.hypot(x, y), math.hypot(half_length, half_thickness)
-        within = np.minimum(np.maximum(predicted, distance - reach), distance + reach)
-        return _Meeting(cos, sin, along, across, u_e, u_n, on_long, within == predicted, within)
+        predicted = np.minimum(np.maximum(entered, distance - reach), distance + reach)
+        residual = np.where(beams.hit, (predicted - beams.range) / beams.noise, 0.0)
+        if not derive:
+            return residual, np.empty(0)
 
-    def _misses(self, beams: Beams, meeting: _Meeting) -> tuple[Array, Array, Array]:
-        """Residuals (M, W) of the ranges [standard deviations], their weights (M, W) and costs (M,)."""
-        residual = np.where(beams.hit, (meeting.predicted - beams.range) / beams.noise, 0.0)
-        size = np.abs(residual)
-        weight = self.huber / np.maximum(size, self.huber)
-        cost = np.einsum("mw,mw->m", weight * size, size - weight * size / 2)
-        return residual, weight, cost
+        # dr/dcentre = m / (m.u); dr/dphi = how far along the face the beam hits, over m.u
+        m_u = np.where(on_long, u_n, u_e)
+        slope = np.where((predicted == entered) & beams.hit, 1.0 / (np.where(m_u == 0, 1.0, m_u) * beams.noise), 0.0)
+        from_middle = np.where(on_long, u_e, -u_n)
+        from_middle *= predicted
+        from_middle += np.where(on_long, -along, across)
+        in_long = np.where(on_long, slope, 0.0)
+        in_short = slope - in_long
+        jacobian = np.empty((len(pose), 3, slope.shape[1]))
+        jacobian[:, 0] = cos * in_short - sin * in_long
+        jacobian[:, 1] = cos * in_long + sin * in_short
+        jacobian[:, 2] = from_middle * slope
+        return residual, jacobian
 
-    def _edges(self, beams: Beams, pose: Array, cos: Array, sin: Array) -> tuple[Array, Array]:
+    def _edges(self, beams: Beams, pose: Array) -> tuple[Array, Array]:
         """Residuals (M, 2) of the two edges of the silhouette, and their Jacobian (M, 2, 3)."""
-        along, across = self.plate.length / 2 * _ALONG, self.plate.thickness / 2 * _ACROSS
-        d_x, d_y = along * cos - across * sin, along * sin + across * cos  # (M, 4)
-        x, y = pose[:, :1] + d_x, pose[:, 1:2] + d_y
-        ahead, aside = beams.ahead[:, :1], beams.ahead[:, 1:]  # bearings from the middle: no wrap there
-        bearing = np.arctan2(ahead * y - aside * x, ahead * x + aside * y)
-        rows = np.arange(len(pose))[:, None]
-        outermost = np.empty((len(pose), 2), np.intp)
-        bearing.argmin(axis=1, out=outermost[:, 0])
-        bearing.argmax(axis=1, out=outermost[:, 1])
-        x, y, d_x, d_y = x[rows, outermost], y[rows, outermost], d_x[rows, outermost], d_y[rows, outermost]
-        off = bearing[rows, outermost] - beams.edges
+        bearing, jacobian, square = self.plate.silhouette(pose, beams.ahead)
+        off = bearing - beams.edges
         residual = off - np.minimum(np.maximum(off, -beams.slack), beams.slack)
         weight = np.where((beams.slack == 0) | (residual != 0), beams.edge_weight, 0.0)
-        per_square = weight / np.maximum(x * x + y * y, 1e-12)
-        jacobian = np.empty((len(pose), 2, 3))
-        jacobian[..., 0], jacobian[..., 1], jacobian[..., 2] = -y, x, x * d_x + y * d_y
-        jacobian *= per_square[..., None]
-        return residual * weight, jacobian
+        return residual * weight, jacobian * (weight / np.maximum(square, 1e-12))[..., None]
 
 
 @dataclass(frozen=True)
-class _Meeting:
-    """Where beams meet plates."""
-
-    cos: Array  # (M, 1) of the heading
-    sin: Array  # (M, 1)
-    along: Array  # (M, 1) of the plate's centre, along the plate and across it [m]
-    across: Array  # (M, 1)
-    u_e: Array  # (M, W) directions of the beams
-    u_n: Array  # (M, W)
-    on_long: np.ndarray  # (M, W) bool: the long face is met, else the short one
-    on_plate: np.ndarray  # (M, W) bool
-    predicted: Array  # (M, W) range [m]; that of the near or far end of the plate for a beam that misses
-
-
-@dataclass(frozen=True)
-class Beams:
+class Beams(Rows):
     """The beams of M scans that measure the plate."""
 
     u_x: Array  # (M, W) directions of the beams
@@ -183,31 +183,11 @@ class Beams:
     def thinned(self, most: int) -> Beams:
         """Only every n-th beam, so that at most about `most` are left; the edges are kept."""
         every = max(1, self.u_x.shape[1] // most)
-        return replace(
-            self,
-            u_x=self.u_x[:, ::every],
-            u_y=self.u_y[:, ::every],
-            range=self.range[:, ::every],
-            hit=self.hit[:, ::every],
-        )
-
-    def take(self, rows: np.ndarray) -> Beams:
-        """The scans `rows`, in that order, possibly repeated."""
-        return Beams(
-            self.u_x[rows],
-            self.u_y[rows],
-            self.range[rows],
-            self.hit[rows],
-            self.ahead[rows],
-            self.edges[rows],
-            self.edge_weight[rows],
-            self.slack[rows],
-            self.noise,
-        )
+        return replace(self, **{name: getattr(self, name)[:, ::every] for name in ("u_x", "u_y", "range", "hit")})
 
 
 @dataclass(frozen=True)
-class Evaluation:
+class Evaluation(Rows):
     """The likelihood at M poses."""
 
     pose: Array  # (M, 3) in the LRF's frame
@@ -215,15 +195,6 @@ class Evaluation:
     gradient: Array  # (M, 3)
     hessian: Array  # (M, 3, 3)
     misfit: Array  # (M,) rms residual of the ranges [standard deviations]
-
-    def take(self, rows: np.ndarray) -> Evaluation:
-        """The rows `rows`."""
-        return Evaluation(self.pose[rows], self.cost[rows], self.gradient[rows], self.hessian[rows], self.misfit[rows])
-
-    def put(self, rows: np.ndarray, other: Evaluation) -> None:
-        """Overwrite the rows `rows` (R,) with the R rows of `other`."""
-        self.pose[rows], self.cost[rows], self.gradient[rows] = other.pose, other.cost, other.gradient
-        self.hessian[rows], self.misfit[rows] = other.hessian, other.misfit
 
 
 def _range_to(face: Array, m_u: Array) -> Array:
@@ -253,3 +224,9 @@ def inverses(matrix: Array) -> tuple[Array, np.ndarray]:
     for k, cofactor in enumerate((c_xx, c_xy, c_xz, c_xy, c_yy, c_yz, c_xz, c_yz, c_zz)):
         np.multiply(cofactor, scale, out=inverse[:, k])
     return inverse.reshape(-1, 3, 3), regular
+
+
+def covariances(hessian: Array) -> Array:
+    """Inverses (M, 3, 3) of Hessians (M, 3, 3); UNKNOWN in every element of one that is not positive definite."""
+    inverse, regular = inverses(hessian)
+    return np.where(regular[:, None, None], inverse, UNKNOWN)

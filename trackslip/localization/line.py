@@ -83,9 +83,8 @@ def _covariance(scan: Scan, cluster: Cluster, line: Line, plate: Plate, valid: n
     mixed = plate.thickness * short_share
     across = (scan.noise * grazing) ** 2 / n + mixed**2
     along = (distance * scan.beam_step / grazing) ** 2 / 12 / 2 + (scan.noise * (1 - grazing)) ** 2 / 2 + mixed**2
-    leaning = (
-        3 * plate.thickness / plate.length * short_share
-    )  # least squares with that share at one end, thickness off
+    # least squares with that share of the returns at one end, off by the thickness
+    leaning = 3 * plate.thickness / plate.length * short_share
     heading = 12 * (scan.noise * grazing) ** 2 / (n * np.maximum(line.extent, 1e-2) ** 2) + leaning**2
     cos, sin = np.cos(line.heading), np.sin(line.heading)
     covariance = np.zeros((len(n), 3, 3))

@@ -18,13 +18,6 @@ class Returns:
     x: Array  # (H,) in the LRF's frame [m]
     y: Array  # (H,)
 
-    @classmethod
-    def of(cls, ranges: Array, bearings: Array, back: np.ndarray) -> Returns:
-        """The returns marked `back` (S, B) of scans with ranges (S, B) at `bearings` (B,)."""
-        row, beam = np.nonzero(back)
-        distance = ranges[row, beam]
-        return cls(row, beam, distance * np.cos(bearings[beam]), distance * np.sin(bearings[beam]))
-
     def split(self, gap: float) -> Pieces:
         """Pieces, separated where neighbours lie more than `gap` [m] apart."""
         starts = np.ones(len(self.row), bool)
@@ -32,11 +25,9 @@ class Returns:
         first = np.flatnonzero(starts)
         label = np.cumsum(starts) - 1
         count = np.bincount(label)
-        if first.size == 0:
-            return Pieces(self.row, first, label, count, np.zeros(0), np.zeros((0, 2)))
         spans = [np.maximum.reduceat(c, first) - np.minimum.reduceat(c, first) for c in (self.x, self.y)]
         centre = np.stack([np.add.reduceat(c, first) / count for c in (self.x, self.y)], axis=-1)
-        return Pieces(self.row[first], first, label, count, np.maximum(*spans), centre)
+        return Pieces(self.row[first], label, count, np.maximum(*spans), centre)
 
 
 @dataclass(frozen=True)
@@ -44,7 +35,6 @@ class Pieces:
     """Runs of neighbouring returns."""
 
     row: np.ndarray  # (P,) the scan
-    first: np.ndarray  # (P,) return
     label: np.ndarray  # (H,) the piece of each return
     count: np.ndarray  # (P,) of returns
     extent: Array  # (P,) the longer side of the box around it [m]

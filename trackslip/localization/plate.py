@@ -3,7 +3,7 @@
 The likelihood has several maxima (a plate seen nearly edge-on looks much like its mirror image about the line of
 sight), so it is maximised from several starts, by Levenberg-Marquardt over all scans and starts at once. If the climb
 from an expected pose explains the scan as well as the noise allows, no other start is tried. Where the likelihood is
-not normal, pose and covariance are the mean and covariance of the posterior: see `edge_on` and `corner`.
+not normal, pose and covariance are the mean and covariance of the posterior: see `posterior`.
 """
 
 from __future__ import annotations
@@ -14,22 +14,11 @@ import numpy as np
 
 from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate
-from trackslip.localization.climb import climb
-from trackslip.localization.corner import FROM_SIDE, along_plate
-from trackslip.localization.edge_on import EDGE_ON, EDGE_ON_BY_FEW, FEW, GRID, integrate
-from trackslip.localization.likelihood import Beams, Evaluation, PlateLikelihood, inverses
+from trackslip.localization.likelihood import UNKNOWN, Beams, Evaluation, PlateLikelihood, covariances
 from trackslip.localization.pieces import best_of_each
-from trackslip.localization.scan import (
-    FINER_GAPS,
-    MAX_GAP,
-    Cluster,
-    Plate,
-    Scan,
-    extract_plate,
-    plate_candidates,
-    returns_at,
-)
-from trackslip.localization.solution import UNKNOWN, Solution
+from trackslip.localization.posterior import correct
+from trackslip.localization.rows import Rows
+from trackslip.localization.scan import FINER_GAPS, MAX_GAP, Cluster, Plate, Scan, candidates, extract_plate, returns_at
 from trackslip.localization.starts import MAX_STARTS, chunks, starts
 
 _STRAINED = 4.0  # standard deviations of the misfit above which the returns include something else
@@ -38,6 +27,28 @@ _MIN_PLATE_RETURNS = 8  # fewer returns may look like a plate by chance
 _ROUNDS = 2  # of selecting the returns by the pose
 _SCREENED = 24  # beams of a cluster used to screen the starts
 _MIN_DROPOUT = 0.02  # probability that a beam passes a plate in its way
+
+
+@dataclass(frozen=True)
+class Solution(Rows):
+    """The pose of each scan, assuming that its cluster is the plate."""
+
+    pose: Array  # (S, 3) in the LRF's frame
+    covariance: Array  # (S, 3, 3)
+    misfit: Array  # (S,) rms residual of ranges and edges under the Huber loss [standard deviations]
+    score: Array  # (S,) log likelihood of the scan relative to a scan without a plate
+    doubtful: np.ndarray  # (S,) bool: something else may be among the returns or in front of the plate
+
+    @classmethod
+    def none(cls, scans: int) -> Solution:
+        """Placeholder for scans in which nothing was found."""
+        unknown, unexplained = np.full((scans, 3, 3), UNKNOWN), np.full(scans, np.inf)
+        return cls(np.zeros((scans, 3)), unknown, unexplained, -unexplained, np.zeros(scans, bool))
+
+    def improve(self, rows: np.ndarray, other: Solution) -> None:
+        """Overwrite those of the scans `rows` (R,) that the R solutions of `other` explain better."""
+        better = other.score > self.score[rows]
+        self.put(rows[better], other.take(better))
 
 
 @dataclass(frozen=True)
@@ -97,7 +108,7 @@ class PlateLocator:
 
     def _best(self, scan: Scan, gap: float) -> Solution:
         """The solution of the best cluster of each scan, clusters being separated by more than `gap` [m]."""
-        cluster, row = plate_candidates(scan, self.plate, gap)
+        cluster, row = candidates(scan, self.plate, gap)
         tried = self._solve(scan, cluster, None)
         best = np.flatnonzero(best_of_each(row, tried.score))
         found = Solution.none(len(scan.ranges))
@@ -119,8 +130,7 @@ class PlateLocator:
         for rows in chunks(cluster, MAX_STARTS):
             beams = Beams.of(scan, part := cluster.take(rows))
             fit = self._fit(beams, part, scan.beam_step, None if near is None else near[rows])
-            inverse, regular = inverses(fit.hessian)
-            covariance = np.where(regular[:, None, None], inverse, UNKNOWN)
+            covariance = covariances(fit.hessian)
             misfit = np.sqrt(2 * fit.cost / part.count)  # edges included
             strained = _strained(misfit, part.count)
             cut = (part.hidden > 0).any(axis=1)
@@ -128,29 +138,16 @@ class PlateLocator:
             score = _EXPLAINED * part.count - fit.cost
             score += np.log(max(scan.dropout, _MIN_DROPOUT)) * part.lost
             found.put(rows, Solution(fit.pose, covariance, misfit, score, strained | cut))
-        self._correct(scan, cluster, found)
+        fits = found.misfit < self.max_misfit
+        correct(self._likelihood, scan, cluster, found.pose, found.covariance, fits)
         found.covariance[(cluster.hidden > 0).any(axis=1) & (cluster.count < _MIN_PLATE_RETURNS)] = UNKNOWN
         return found
-
-    def _correct(self, scan: Scan, cluster: Cluster, found: Solution) -> None:
-        """Correct pose and covariance where the likelihood is not normal: nearly edge-on and nearly broadside."""
-        sight = np.arctan2(found.pose[:, 1], found.pose[:, 0])
-        off = np.abs((found.pose[:, 2] - sight + np.pi / 2) % np.pi - np.pi / 2)
-        fits = found.misfit < self.max_misfit
-        edge_on = off < np.where(cluster.count > FEW, EDGE_ON, EDGE_ON_BY_FEW)
-        for rows in chunks(cluster, len(GRID), edge_on & fits):
-            pose, covariance = integrate(self._likelihood, scan, cluster.take(rows), sight[rows])
-            found.pose[rows], found.covariance[rows] = pose, covariance
-        for rows in chunks(cluster, 1, (off > FROM_SIDE) & fits):
-            beams = Beams.of(scan, cluster.take(rows))
-            pose, covariance = along_plate(self._likelihood, beams, found.pose[rows], found.covariance[rows])
-            found.pose[rows], found.covariance[rows] = pose, covariance
 
     def _fit(self, beams: Beams, cluster: Cluster, beam_step: float, near: Array | None) -> Evaluation:
         """The best fit to each cluster; only from the expected pose if that explains the returns."""
         if near is None:
             return self._screened(beams, starts(cluster, self.plate, beam_step, None))
-        fit = climb(self._likelihood, beams, near, self.iterations)
+        fit = self._likelihood.climb(beams, near, self.iterations)
         explained = ~_strained(np.sqrt(2 * fit.cost / cluster.count), cluster.count) & (
             cluster.count >= _MIN_PLATE_RETURNS
         )
@@ -164,9 +161,9 @@ class PlateLocator:
         """The best fits (S,) reached from the poses `first` (S, K, 3)."""
         scans, k, _ = first.shape
         thinned = beams.thinned(_SCREENED).take(np.repeat(np.arange(scans), k))
-        screened = climb(self._likelihood, thinned, first.reshape(-1, 3), self.screening)
+        screened = self._likelihood.climb(thinned, first.reshape(-1, 3), self.screening)
         best = np.argmin(screened.cost.reshape(scans, k), axis=1) + k * np.arange(scans)
-        return climb(self._likelihood, beams, screened.pose[best], self.iterations)
+        return self._likelihood.climb(beams, screened.pose[best], self.iterations)
 
 
 def _strained(misfit: Array, count: np.ndarray) -> np.ndarray:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array
 from trackslip.localization.pieces import Returns, best_of_each
+from trackslip.localization.rows import Rows
 
 MAX_GAP = 0.7
 """Neighbouring returns farther apart than this belong to different objects [m]. It exceeds the length of the plate,
@@ -20,6 +22,7 @@ MIN_RETURNS = 3
 """Minimum number of returns for a pose."""
 MIN_NOISE = 0.5e-3
 """Noise assumed for a perfect scanner, because the plate is never a perfect rectangle [m]."""
+_ALONG, _ACROSS = np.array([1.0, 1.0, -1.0, -1.0]), np.array([1.0, -1.0, 1.0, -1.0])  # of the plate's corners
 _ABOUT = 0.15  # distance of returns from the expected plate: more than the error of a tracker [m]
 _ON_PLATE = 0.03  # maximum distance of a return from its plate, or five standard deviations if that is more [m]
 _HOUSING = 0.05  # closer returns are from the LRF's own housing or whatever it stands in [m]
@@ -52,6 +55,23 @@ class Plate:
         across = np.abs(cos * y - sin * x) - self.thickness / 2
         return np.hypot(np.maximum(along, 0), np.maximum(across, 0)) + np.minimum(np.maximum(along, across), 0)
 
+    def silhouette(self, pose: Array, ahead: Array) -> tuple[Array, Array, Array]:
+        """The outermost corners, right and left, of plates at poses (M, 3), seen in the directions `ahead` (M, 2).
+
+        Returns their bearings from `ahead` (M, 2) [rad], which thus do not wrap, the derivatives (M, 2, 3) of these
+        with respect to (x, y, phi) times the squared distance, and the squared distance (M, 2) [m^2].
+        """
+        cos, sin = np.cos(pose[:, 2:]), np.sin(pose[:, 2:])
+        along, across = self.length / 2 * _ALONG, self.thickness / 2 * _ACROSS
+        d_x, d_y = along * cos - across * sin, along * sin + across * cos  # (M, 4)
+        x, y = pose[:, :1] + d_x, pose[:, 1:2] + d_y
+        bearing = np.arctan2(ahead[:, :1] * y - ahead[:, 1:] * x, ahead[:, :1] * x + ahead[:, 1:] * y)
+        outer = np.arange(len(pose))[:, None], np.array([bearing.argmin(axis=1), bearing.argmax(axis=1)]).T  # (M, 2)
+        x, y, d_x, d_y = x[outer], y[outer], d_x[outer], d_y[outer]
+        jacobian = np.empty((len(pose), 2, 3))
+        jacobian[..., 0], jacobian[..., 1], jacobian[..., 2] = -y, x, x * d_x + y * d_y
+        return bearing[outer], jacobian, x * x + y * y
+
 
 @dataclass(frozen=True)
 class Scan:
@@ -78,14 +98,8 @@ class Scan:
         """Convert poses (..., 3) from the LRF's frame to the world frame."""
         x, y, phi = self.mount
         cos, sin = np.cos(phi), np.sin(phi)
-        return np.stack(
-            [
-                x + cos * pose[..., 0] - sin * pose[..., 1],
-                y + sin * pose[..., 0] + cos * pose[..., 1],
-                pose[..., 2] + phi,
-            ],
-            axis=-1,
-        )
+        local_x, local_y, heading = np.moveaxis(pose, -1, 0)
+        return np.stack([x + cos * local_x - sin * local_y, y + sin * local_x + cos * local_y, heading + phi], axis=-1)
 
     def from_world(self, pose: Array) -> Array:
         """Convert poses (..., 3) from the world frame to the LRF's frame."""
@@ -102,7 +116,7 @@ class Scan:
 
 
 @dataclass(frozen=True)
-class Cluster:
+class Cluster(Rows):
     """The returns of each scan that are attributed to the plate, in rows of equal width."""
 
     bearing: Array  # (S, W) of the beams from the cluster's first to its last [rad]
@@ -125,43 +139,29 @@ class Cluster:
     def take(self, rows: np.ndarray) -> Cluster:
         """The clusters `rows`, padded to the widest of them."""
         width = int(self.padded_width[rows].max(initial=_PADDING))
-        return Cluster(
-            self.bearing[rows, :width],
-            self.range[rows, :width],
-            self.hit[rows, :width],
-            self.count[rows],
-            self.lost[rows],
-            self.hidden[rows],
-        )
+        narrow = {name: getattr(self, name)[:, :width] for name in ("bearing", "range", "hit")}
+        return Rows.take(replace(self, **narrow), rows)
 
     @classmethod
     def joined(cls, parts: Sequence[Cluster]) -> Cluster:
         """The clusters of all parts, in order."""
         width = max(part.hit.shape[1] for part in parts)
 
-        def padded(arrays: Sequence[np.ndarray], mode: str) -> np.ndarray:
-            wide = [np.pad(a, ((0, 0), (0, width - a.shape[1])), mode=mode) for a in arrays]  # type: ignore[call-overload]
-            return np.concatenate(wide)
+        def padded(name: str, mode: Any) -> np.ndarray:
+            arrays = [getattr(part, name) for part in parts]
+            return np.concatenate([np.pad(a, ((0, 0), (0, width - a.shape[1])), mode=mode) for a in arrays])
 
-        return cls(
-            padded([part.bearing for part in parts], "edge"),
-            padded([part.range for part in parts], "edge"),
-            padded([part.hit for part in parts], "constant"),
-            *(np.concatenate([getattr(part, name) for part in parts]) for name in ("count", "lost", "hidden")),
-        )
+        rest = (np.concatenate([getattr(part, name) for part in parts]) for name in ("count", "lost", "hidden"))
+        return cls(padded("bearing", "edge"), padded("range", "edge"), padded("hit", "constant"), *rest)
 
 
 def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluster:
     """The cluster of points on the plate (paper, Sec. III-B), for scans with ranges (S, B).
 
-    If an expected pose is given, all pieces around it are taken: more than one if something in front divides the plate.
-    Otherwise, or if there are none, it is the piece nearest to `near`, or the one with most returns, among those no
-    larger than the plate; pieces are split where neighbours lie more than MAX_GAP apart.
-
-    Args:
-        scan: ranges (S, B).
-        plate: the plate to look for.
-        near: expected poses (S, 3) of the plate in the LRF's frame.
+    If expected poses `near` (S, 3) in the LRF's frame are given, all pieces around them are taken: more than one if
+    something in front divides the plate. Otherwise, or if there are none, it is the piece nearest to `near`, or the one
+    with most returns, among those no larger than the plate; pieces are split where neighbours lie more than MAX_GAP
+    apart.
     """
     returns = _returns(scan)
     mine = np.zeros(len(returns.row), bool)
@@ -178,7 +178,7 @@ def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluste
     return gather(scan, np.arange(len(scan.ranges)), returns.row[mine], returns.beam[mine])
 
 
-def plate_candidates(scan: Scan, plate: Plate, gap: float) -> tuple[Cluster, np.ndarray]:
+def candidates(scan: Scan, plate: Plate, gap: float) -> tuple[Cluster, np.ndarray]:
     """The C clusters in scans (S, B) that could be the plate, and the scan (C,) of each.
 
     These are the largest pieces of each scan that are no larger than the plate, split at gaps above `gap` [m].
@@ -229,10 +229,12 @@ def gather(scan: Scan, rows: np.ndarray, cluster: np.ndarray, beam: np.ndarray) 
 
 def _returns(scan: Scan) -> Returns:
     """All returns except those of the background."""
-    back = scan.ranges > _HOUSING  # false for NaN
+    kept = scan.ranges > _HOUSING  # false for NaN
     if scan.background is not None:
-        back &= ~(np.abs(scan.ranges - scan.background) < _STATIC * max(scan.noise, MIN_NOISE))
-    return Returns.of(scan.ranges, scan.bearings, back)
+        kept &= ~(np.abs(scan.ranges - scan.background) < _STATIC * max(scan.noise, MIN_NOISE))
+    row, beam = np.nonzero(kept)
+    distance, bearing = scan.ranges[row, beam], scan.bearings[beam]
+    return Returns(row, beam, distance * np.cos(bearing), distance * np.sin(bearing))
 
 
 def _hidden(scan: Scan, rows: np.ndarray, edge: np.ndarray, way: int) -> Array:

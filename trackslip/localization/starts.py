@@ -54,8 +54,7 @@ def place(cluster: Cluster, heading: Array, middle: Array, plate: Plate) -> Arra
         high = np.max(coordinate, axis=1, where=cluster.hit, initial=-np.inf)
         away = np.sum(axis * middle, axis=1) > 0  # the LRF is on the low side
         anchored = np.where(away, low + size / 2, high - size / 2)
-        spanned = (low + high) / 2
-        middle_of_plate = np.where(high - low > _WHOLE * size, spanned, anchored)
+        middle_of_plate = np.where(high - low > _WHOLE * size, (low + high) / 2, anchored)
         centre += middle_of_plate[:, None] * axis
     return np.concatenate([centre, heading[:, None]], axis=-1)
 

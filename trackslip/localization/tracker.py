@@ -2,33 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array, RobotGeometry, advance, body_twist
 from trackslip.localization.base import PoseEstimate
 
-
-@dataclass(frozen=True)
-class Gate:
-    """Maximum distance of a valid pose from its prediction. It grows with the distance driven without a pose."""
-
-    position: float = 0.10
-    """[m]"""
-    heading: float = np.radians(20.0)
-    """[rad]"""
-    growth: float = 0.3
-    """Error of dead reckoning relative to the distance and turn since the last valid pose [-]."""
-    blind_turn: float = np.radians(60.0)
-    """Error of the predicted heading above which half turns are ambiguous, so that the robot is lost [rad]."""
-
-    def __post_init__(self) -> None:
-        for name in ("position", "heading", "growth", "blind_turn"):
-            require_positive(name, getattr(self, name))
-        if self.heading + self.blind_turn >= np.pi / 2:
-            raise InvalidValueError("heading + blind_turn", self.heading + self.blind_turn, "less than pi / 2")
+GATE_POSITION, GATE_HEADING = 0.10, np.radians(20.0)
+"""Maximum distance of a valid pose from its prediction [m, rad]. It grows with the distance driven without a pose."""
+GROWTH = 0.3
+"""Error of dead reckoning relative to the distance and turn since the last valid pose [-]."""
+BLIND_TURN = np.radians(60.0)
+"""Error of the predicted heading above which the robot is lost: with GATE_HEADING it must be below pi / 2 [rad]."""
 
 
 class Tracker:
@@ -38,11 +22,10 @@ class Tracker:
     propagates the last pose by the encoders without slip, which is off by less than a millimetre over one scan.
     """
 
-    def __init__(self, start: Array, geometry: RobotGeometry, gate: Gate | None = None) -> None:
+    def __init__(self, start: Array, geometry: RobotGeometry) -> None:
         """`start` is the known pose of each robot, (N, 3) in the world."""
         self._pose = np.array(start, float)
         self._geometry = geometry
-        self._gate = gate or Gate()
         self._blind = np.zeros((len(self._pose), 2))  # distance [m] and turn [rad] since the last valid pose
         self._last = np.zeros((len(self._pose), 3, 3))  # covariance of the last valid pose
 
@@ -62,10 +45,10 @@ class Tracker:
     def believes(self, estimate: PoseEstimate) -> np.ndarray:
         """Mask (N,) of the estimates, one per robot, that are valid and close enough to the prediction."""
         away = self._unwrapped(estimate.pose) - self._pose
-        growth = self._gate.growth * self._blind
-        far = np.hypot(away[:, 0], away[:, 1]) > self._gate.position + growth[:, 0]
-        turned = np.abs(away[:, 2]) > self._gate.heading + growth[:, 1]
-        lost = growth[:, 1] > self._gate.blind_turn
+        growth = GROWTH * self._blind
+        far = np.hypot(away[:, 0], away[:, 1]) > GATE_POSITION + growth[:, 0]
+        turned = np.abs(away[:, 2]) > GATE_HEADING + growth[:, 1]
+        lost = growth[:, 1] > BLIND_TURN
         return estimate.valid & ~far & ~turned & ~lost
 
     def update(self, estimate: PoseEstimate) -> PoseEstimate:
@@ -88,10 +71,9 @@ class Tracker:
         Slip is not noise: its error grows with distance, and an error of the heading adds a lateral error.
         """
         way, turn = self._blind.T
-        heading = self._gate.growth * turn
+        heading = GROWTH * turn
         astray = way * np.sqrt(self._last[:, 2, 2] + heading**2)
         covariance = self._last.copy()
-        covariance[:, 0, 0] += (self._gate.growth * way) ** 2 + astray**2
-        covariance[:, 1, 1] += (self._gate.growth * way) ** 2 + astray**2
+        covariance[:, [0, 1], [0, 1]] += ((GROWTH * way) ** 2 + astray**2)[:, None]
         covariance[:, 2, 2] += heading**2
         return covariance

@@ -21,18 +21,22 @@ class Columns:
     def require(self, names: Sequence[str]) -> None:
         """Raise LogError if one of `names` is missing or any column occurs twice."""
         found = self._table.column_names
-        twice = [name for name in found if found.count(name) > 1]
-        if twice:
-            raise LogError(f"{self._source}: column {twice[0]} is there {found.count(twice[0])} times")
-        missing = [name for name in names if name not in self._table.column_names]
-        if missing:
-            raise LogError(
-                f"{self._source}: column {missing[0]} is missing (found {', '.join(self._table.column_names)})"
-            )
+        for name in found:
+            if found.count(name) > 1:
+                raise LogError(f"{self._source}: column {name} is there {found.count(name)} times")
+        for name in names:
+            if name not in found:
+                raise LogError(f"{self._source}: column {name} is missing (found {', '.join(found)})")
 
     def numbers(self, names: Sequence[str], where: np.ndarray | None = None) -> Array:
         """Values (T, len(names)), all finite, or at least those in the rows `where`."""
-        return np.stack([self._number(name, where) for name in names], axis=-1)
+        values = np.stack([self._parse(name) for name in names], axis=-1)
+        bad = np.argwhere(~np.isfinite(values.T) & (True if where is None else where))
+        if bad.size:
+            name, k = names[bad[0, 0]], int(bad[0, 1])
+            given = self._table.column(name)[k].as_py()
+            raise LogError(f"{self._source}: row {k + 1}, column {name}: {given!r} is not a finite number")
+        return values
 
     def optional(self, names: Sequence[str]) -> Array | None:
         """Values (T, len(names)) with NaN for nulls, or None if a column is missing."""
@@ -44,9 +48,10 @@ class Columns:
         """Values (T,), true in runs (numbered by `label` (T,)) without any; None if the column is missing."""
         if name not in self._table.column_names:
             return None
-        if pa.types.is_nested(self._table.column(name).type):
-            raise LogError(f"{self._source}: column {name}: {self._table.column(name).type} is not true or false")
-        text = self._table.column(name).cast(pa.string()).to_pylist()
+        column = self._table.column(name)
+        if pa.types.is_nested(column.type):
+            raise LogError(f"{self._source}: column {name}: {column.type} is not true or false")
+        text = column.cast(pa.string()).to_pylist()
         known = {"true": True, "1": True, "1.0": True, "false": False, "0": False, "0.0": False}
         given = np.array([value not in (None, "") for value in text])
         lacking = np.bincount(label, given) == 0  # runs
@@ -55,21 +60,13 @@ class Columns:
                 raise LogError(f"{self._source}: row {k + 1}, column {name}: {value!r} is not true or false")
         return np.array([known.get(str(value).lower(), True) for value in text])
 
-    def _number(self, name: str, where: np.ndarray | None) -> Array:
-        values = self._parse(name)
-        bad = ~np.isfinite(values) if where is None else ~np.isfinite(values) & where
-        if bad.any():
-            k = int(np.argmax(bad))
-            given = self._table.column(name)[k].as_py()
-            raise LogError(f"{self._source}: row {k + 1}, column {name}: {given!r} is not a finite number")
-        return values
-
     def _parse(self, name: str) -> Array:
         column = self._table.column(name)
         stated = (self._table.schema.field(name).metadata or {}).get(b"unit")
-        if stated is not None and name in COLUMNS and stated.decode(errors="replace") != COLUMNS[name].unit:
-            unit = stated.decode(errors="replace")
-            raise LogError(f"{self._source}: column {name}: in {unit!r}, must be in {COLUMNS[name].unit or 'no unit'}")
+        if stated is not None and name in COLUMNS:
+            unit, expected = stated.decode(errors="replace"), COLUMNS[name].unit
+            if unit != expected:
+                raise LogError(f"{self._source}: column {name}: in {unit!r}, must be in {expected or 'no unit'}")
         if not (pa.types.is_string(column.type) or pa.types.is_large_string(column.type)):
             if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
                 raise LogError(f"{self._source}: column {name}: {column.type} is not a number")

@@ -16,11 +16,9 @@ MANIFEST = "manifest.json"
 
 
 def require_known_format(content: Mapping[str, Any], source: object) -> None:
-    """Raise LogError if `content` was written by a newer version; without a format it is of the first one.
+    """Raise LogError if `content`, called `source` in the message, is from a newer version.
 
-    Args:
-        content: may have `format` and, in a manifest, `versions`.
-        source: its name in the message.
+    Without `format`, it is of the first one. A manifest has `versions`, which name the version that wrote it.
     """
     found = content.get("format", 1)
     if isinstance(found, bool) or not isinstance(found, int) or found < 1:
@@ -29,7 +27,11 @@ def require_known_format(content: Mapping[str, Any], source: object) -> None:
         versions = content.get("versions")
         writer = versions.get("trackslip") if isinstance(versions, Mapping) else None
         by = f"trackslip {writer}" if writer else "a newer trackslip"
-        raise LogError(f"{source}: written by {by} in format {found}; {_this()} reads formats up to {FORMAT}")
+        try:
+            this = f"trackslip {importlib.metadata.version('trackslip')}"
+        except importlib.metadata.PackageNotFoundError:
+            this = "this trackslip"
+        raise LogError(f"{source}: written by {by} in format {found}; {this} reads formats up to {FORMAT}")
 
 
 def require_known_manifest(folder: Path) -> None:
@@ -46,10 +48,3 @@ def require_known_manifest(folder: Path) -> None:
     if not isinstance(content, Mapping):
         raise LogError(f"{file}: not a manifest")
     require_known_format(content, file)
-
-
-def _this() -> str:
-    try:
-        return f"trackslip {importlib.metadata.version('trackslip')}"
-    except importlib.metadata.PackageNotFoundError:
-        return "this trackslip"

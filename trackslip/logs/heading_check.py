@@ -21,8 +21,7 @@ def require_headings(time: Array, pose: Array, run: str) -> None:
     """
     if len(time) < 5:
         return
-    half = max(1, round(_STRIDE / 2 / float(np.median(np.diff(time)))))
-    half = min(half, (len(time) - 1) // 2)
+    half = min(max(1, round(_STRIDE / 2 / float(np.median(np.diff(time))))), (len(time) - 1) // 2)
     way = pose[2 * half :, :2] - pose[: -2 * half, :2]
     moved = np.hypot(*way.T) > _MIN_WAY
     if moved.sum() < _MIN_STEPS:

@@ -1,10 +1,14 @@
-"""Files of runs: Parquet and CSV."""
+"""Files of runs, Parquet and CSV, and joining the runs of several Parquet files without loading all of them."""
 
 from __future__ import annotations
 
 import csv
+import json
+from collections import deque
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -15,10 +19,11 @@ import pyarrow.parquet
 from trackslip.errors import LogError, first_line
 from trackslip.logs.file_format import require_known_manifest
 from trackslip.logs.runlog import RunLog
-from trackslip.logs.table import runs_from_table, to_table
+from trackslip.logs.table import file_metadata, runs_from_table, stored_text, to_table
 
 RUNS = "runs.parquet"
 """Name of the file of runs in a folder of results."""
+_AHEAD = 8  # runs read ahead of writing
 
 
 def write_parquet(logs: Sequence[RunLog], file: Path | BinaryIO) -> None:
@@ -36,11 +41,10 @@ def packing(schema: pa.Schema) -> dict[str, Any]:
 
     Zstandard would save another tenth but take half as long again. Statistics let readers skip runs and times.
     """
-    numbers = [field.name for field in schema if pa.types.is_float64(field.type)]
     return {
         "compression": "lz4",
         "use_dictionary": ["run"],
-        "use_byte_stream_split": numbers,
+        "use_byte_stream_split": [field.name for field in schema if pa.types.is_float64(field.type)],
         "write_statistics": ["run", "t"],
         "write_page_checksum": True,
     }
@@ -48,8 +52,8 @@ def packing(schema: pa.Schema) -> dict[str, Any]:
 
 def write_csv(logs: Sequence[RunLog], path: Path) -> None:
     """Write runs to a CSV file, without metadata, ranges and contacts; other numbers are exact."""
-    truth = [log.truth and replace(log.truth, contact=None) for log in logs]
-    pa.csv.write_csv(to_table([replace(log, scans=None, truth=t) for log, t in zip(logs, truth, strict=True)]), path)
+    plain = [replace(log, scans=None, truth=log.truth and replace(log.truth, contact=None)) for log in logs]
+    pa.csv.write_csv(to_table(plain), path)
 
 
 def read_table(path: Path) -> pa.Table:
@@ -64,8 +68,6 @@ def read_table(path: Path) -> pa.Table:
             table = pa.csv.read_csv(path, convert_options=_as_text(path))
         if table is not None and table.column_names is not None:  # names that are not text
             return table
-    except LogError:
-        raise
     except (pa.ArrowException, OSError, csv.Error, UnicodeError) as error:
         reason = first_line(error).split("': ")[-1]  # pyarrow may repeat the name of the file
         if path.suffix.lower() == ".parquet":
@@ -80,24 +82,17 @@ def load(path: str | Path) -> list[RunLog]:
     Raises:
         LogError: if there are none, or the file is damaged; the message is one line.
     """
-    path = Path(path)
-    return read_runs(runs_file(path))
+    return read_runs(runs_file(Path(path)))
 
 
 def runs_file(path: Path) -> Path:
-    """The file of runs in a folder of results, or `path` itself.
-
-    Raises:
-        LogError: if the folder has no runs or was written by a newer version.
-    """
+    """The file of runs in a folder of results, or `path` itself; LogError if the folder has none, or is too new."""
     try:
         if not path.is_dir():
             return path
         if not (path / RUNS).is_file():
             raise LogError(f"{path}: there is no {RUNS} in this folder")
         require_known_manifest(path)
-    except LogError:
-        raise
     except OSError as error:
         raise LogError(f"path = {str(path)[:80]!r}: {error.strerror}") from error
     return path / RUNS
@@ -109,13 +104,61 @@ def read_runs(path: Path) -> list[RunLog]:
 
 
 def _as_text(path: Path) -> pa.csv.ConvertOptions:
-    """Options that read every column as text, so that errors can name row and column of an invalid value.
-
-    Raises:
-        LogError: if the columns are separated by semicolons or tabs.
-    """
+    """Options that read every column as text, so that errors name row and column; LogError for other separators."""
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         names = next(csv.reader(file), [])
     if len(names) == 1 and any(mark in names[0] for mark in ";\t"):
         raise LogError(f"{path}: its columns must be separated by commas (first line {names[0]!r})")
     return pa.csv.ConvertOptions(column_types=dict.fromkeys(names, pa.string()))
+
+
+def join_parquet(runs: Sequence[tuple[Path, str, str]], path: Path) -> None:
+    """Write runs, each given as (file, name, new name), from files by `write_parquet` to a single file, in order.
+
+    Raises LogError if a file cannot be read or lacks the run.
+    """
+    files = {file: StoredRuns(file) for file in dict.fromkeys(file for file, *_ in runs)}
+    joined = pa.unify_schemas([stored.schema for stored in files.values()])
+    about = {new: files[file].metadata(name) for file, name, new in runs}
+    joined = joined.with_metadata(file_metadata(joined, about))
+    with pa.parquet.ParquetWriter(path, joined, **packing(joined)) as writer, ThreadPoolExecutor(1) as reader:
+        left = iter(runs)
+        ahead = deque(reader.submit(files[file].table, name, new) for file, name, new in islice(left, _AHEAD))
+        while ahead:
+            table = ahead.popleft().result()
+            ahead.extend(reader.submit(files[file].table, name, new) for file, name, new in islice(left, 1))
+            for field in joined:
+                if field.name not in table.column_names:
+                    table = table.append_column(field, pa.nulls(len(table), field.type))
+            table = table.select(joined.names).cast(joined)
+            writer.write_table(table, row_group_size=len(table))
+
+
+class StoredRuns:
+    """Access to single runs of a file by `write_parquet`."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        try:
+            self._file = pa.parquet.ParquetFile(path, page_checksum_verification=True)
+            self._metadata = json.loads(stored_text(self._file.schema_arrow.metadata))["runs"]
+        except (pa.ArrowException, OSError, ValueError, RecursionError, KeyError, TypeError) as error:
+            raise LogError(f"{path}: {first_line(error)}") from error
+        if self._file.num_row_groups != len(self._metadata):
+            raise LogError(f"{path}: its runs have no row groups of their own")
+        self._group = {name: k for k, name in enumerate(self._metadata)}
+        self.schema = self._file.schema_arrow.remove_metadata()
+
+    def metadata(self, name: str) -> dict[str, Any]:
+        """The metadata of a run."""
+        if name not in self._metadata:
+            raise LogError(f"{self._path}: it has no run {name!r}")
+        return dict(self._metadata[name])
+
+    def table(self, name: str, new: str) -> pa.Table:
+        """The rows of a run under a new name."""
+        try:
+            table = self._file.read_row_group(self._group[name]).replace_schema_metadata(None)
+            return table if new == name else table.set_column(0, "run", pa.array([new] * len(table)))
+        except (pa.ArrowException, OSError) as error:
+            raise LogError(f"{self._path}: run {name!r}: {first_line(error)}") from error

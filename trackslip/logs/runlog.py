@@ -53,14 +53,12 @@ class RunLog:
         if backwards.size:
             k = int(backwards[0]) + 1
             raise LogError(f"run {self.run!r}: t = {self.time[k]:g} in its row {k + 1} is not after the previous row")
-        bad = np.argwhere(~np.isfinite(self.pose) & self.is_valid[:, None])
-        if bad.size:
-            k, j = bad[0]
-            raise LogError(f"run {self.run!r}: {['x', 'y', 'phi'][j]} is not finite in row {k + 1}")
-        bad = np.argwhere(~np.isfinite(self.omega))
-        if bad.size:
-            k, j = bad[0]
-            raise LogError(f"run {self.run!r}: {['omega_l', 'omega_r'][j]} is not finite in row {k + 1}")
+        names = ("x", "y", "phi", "omega_l", "omega_r")
+        bad = ~np.isfinite(np.concatenate([self.pose, self.omega], axis=1))
+        bad[:, :3] &= self.is_valid[:, None]
+        if bad.any():
+            k, j = np.argwhere(bad)[0]
+            raise LogError(f"run {self.run!r}: {names[j]} is not finite in row {k + 1}")
 
     @property
     def is_valid(self) -> np.ndarray:

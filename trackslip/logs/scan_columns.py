@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import pyarrow as pa
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
+from trackslip.localization.scan import Cluster, Plate, Scan
 from trackslip.logs.scanlog import ScanLog
 
 SCANNED = "scanned"
@@ -22,10 +22,8 @@ _NUMBERS = ("first_beam", "lost", "hidden_first", "hidden_last")
 
 def scan_columns(scans: ScanLog) -> dict[str, Any]:
     """The columns, with T rows each."""
-    hidden_first, hidden_last = scans.cluster.hidden.T
-    numbers = (scans.first_beam(), scans.cluster.lost, hidden_first, hidden_last)
-    ranges, width = scans.ranges()
-    columns = dict(zip(_NUMBERS, numbers, strict=True)) | {_RANGES: _lists(ranges, width)}
+    numbers = (scans.first_beam(), scans.cluster.lost, *scans.cluster.hidden.T)
+    columns = dict(zip(_NUMBERS, numbers, strict=True)) | {_RANGES: _lists(*scans.ranges())}
     return columns if scans.full is None else columns | {_FULL: list_column(scans.full)}
 
 
@@ -51,11 +49,6 @@ def from_list_column(table: pa.Table, name: str, rows: np.ndarray) -> Array | No
     return np.asarray(column.flatten().to_numpy(zero_copy_only=False), float).reshape(len(rows), -1)
 
 
-def metadata_with_scans(metadata: Mapping[str, Any], scans: ScanLog | None) -> Mapping[str, Any]:
-    """The metadata of a run, with the description of the scanner if it has scans."""
-    return metadata if scans is None else {**metadata, SCANNED: scans.metadata()}
-
-
 def scans_from_table(table: pa.Table, rows: np.ndarray, metadata: Mapping[str, Any]) -> ScanLog | None:
     """The scans of a run, or None if it has none; raises LogError for invalid columns."""
     names = [*_NUMBERS, _RANGES]
@@ -63,14 +56,43 @@ def scans_from_table(table: pa.Table, rows: np.ndarray, metadata: Mapping[str, A
         return None
     part = table.select(names).take(rows)
     for name in names:
-        kind = part.schema.field(name).type
+        column, kind = part.column(name), part.schema.field(name).type
         fits = pa.types.is_list(kind) if name == _RANGES else pa.types.is_integer(kind) or pa.types.is_floating(kind)
-        if part.column(name).null_count or not fits:
-            raise LogError(f"column {name}: {kind} with {part.column(name).null_count} empty")
+        if column.null_count or not fits:
+            raise LogError(f"column {name}: {kind} with {column.null_count} empty")
     first_beam, lost, *hidden = (part.column(name).to_numpy() for name in _NUMBERS)
-    ranges = [np.asarray(row.values.to_numpy(zero_copy_only=False), float) for row in part.column(_RANGES)]
-    seen = ScanLog.of(metadata[SCANNED], first_beam.astype(int), ranges, lost.astype(int), np.stack(hidden, axis=-1))
+    scan, plate = _scanner(metadata[SCANNED])
+    beams, first = len(scan.bearings), first_beam.astype(int)
+    lists = part.column(_RANGES).combine_chunks()
+    width = np.asarray(lists.value_lengths())
+    if (first < 0).any() or (first + width > beams).any():
+        raise LogError(f"its ranges are of other beams than the scanner's {beams}")
+    column = np.arange(width.max(initial=1))
+    ranges = np.full((len(width), len(column)), np.nan)
+    ranges[column < width[:, None]] = lists.flatten()
+    hit = np.isfinite(ranges)
+    bearing = scan.bearings[np.minimum(first[:, None] + column, beams - 1)]
+    cluster = Cluster(
+        bearing, np.where(hit, ranges, 1.0), hit, hit.sum(axis=1), lost.astype(int), np.stack(hidden, axis=-1)
+    )
     full = from_list_column(table, _FULL, rows)
-    if full is not None and full.shape[1] != len(seen.scan.bearings):
-        raise LogError(f"column {_FULL}: {full.shape[1]} ranges, where the scanner has {len(seen.scan.bearings)} beams")
-    return replace(seen, full=full)
+    if full is not None and full.shape[1] != beams:
+        raise LogError(f"column {_FULL}: {full.shape[1]} ranges, where the scanner has {beams} beams")
+    return ScanLog(scan, plate, cluster, full)
+
+
+def _scanner(metadata: Mapping[str, Any]) -> tuple[Scan, Plate]:
+    """Scanner, without ranges, and plate, from `ScanLog.metadata`."""
+    try:
+        beams, reach = int(metadata["beams"]), metadata["max_range"]
+        scan = Scan(
+            metadata["first_bearing"] + metadata["beam_step"] * np.arange(beams),
+            np.empty((0, beams)),
+            float(metadata["noise"]),
+            np.array(metadata["mount"], float),
+            np.inf if reach is None else float(reach),
+            float(metadata["dropout"]),
+        )
+        return scan, Plate(**metadata["plate"])
+    except (KeyError, TypeError, ValueError) as error:
+        raise LogError(f"invalid description of its scanner ({type(error).__name__}: {error})") from error

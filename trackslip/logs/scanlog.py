@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Cluster, Plate, Scan
 
@@ -32,9 +30,9 @@ class ScanLog:
         return np.where(self.cluster.count > 0, index, 0)
 
     def ranges(self) -> tuple[Array, np.ndarray]:
-        """Ranges of all rows in sequence, and their number in each row (T,).
+        """Ranges [m] of all rows in sequence, each from its first beam, and their number in each row (T,).
 
-        The ranges of a row start at its first beam [m], with NaN for beams without a return or from something else.
+        NaN stands for no return, or one from something else.
         """
         cluster, width = self.cluster, self.cluster.width
         within = np.arange(cluster.hit.shape[1]) < width[:, None]
@@ -53,40 +51,3 @@ class ScanLog:
             "mount": [float(value) for value in scan.mount],
             "plate": {"length": self.plate.length, "thickness": self.plate.thickness},
         }
-
-    @classmethod
-    def of(
-        cls, metadata: Mapping[str, Any], first_beam: np.ndarray, ranges: list[Array], lost: np.ndarray, hidden: Array
-    ) -> ScanLog:
-        """Restore from the results of the methods of the same names and the clusters' `lost` (T,) and `hidden` (T, 2).
-
-        Raises:
-            LogError: if they are invalid.
-        """
-        try:
-            beams = int(metadata["beams"])
-            bearings = metadata["first_bearing"] + metadata["beam_step"] * np.arange(beams)
-            reach = metadata["max_range"]
-            scan = Scan(
-                bearings,
-                np.empty((0, beams)),
-                float(metadata["noise"]),
-                np.array(metadata["mount"], float),
-                np.inf if reach is None else float(reach),
-                float(metadata["dropout"]),
-            )
-            plate = Plate(**metadata["plate"])
-        except (KeyError, TypeError, ValueError) as error:
-            raise LogError(f"invalid description of its scanner ({type(error).__name__}: {error})") from error
-        width = max([1, *(len(row) for row in ranges)])
-        column = first_beam[:, None] + np.arange(width)
-        if (column[:, 0] < 0).any() or any(
-            first + len(row) > beams for first, row in zip(first_beam, ranges, strict=True)
-        ):
-            raise LogError(f"its ranges are of other beams than the scanner's {beams}")
-        padded = np.full((len(ranges), width), np.nan)
-        for k, row in enumerate(ranges):
-            padded[k, : len(row)] = row
-        hit = np.isfinite(padded)
-        bearing = bearings[np.minimum(column, beams - 1)]
-        return cls(scan, plate, Cluster(bearing, np.where(hit, padded, 1.0), hit, hit.sum(axis=1), lost, hidden))

@@ -35,58 +35,50 @@ def _tracks(name: str, unit: str, description: str) -> tuple[Column, Column]:
     return Column(f"{name}_l", unit, f"{description}, left"), Column(f"{name}_r", unit, f"{description}, right")
 
 
-COLUMNS: dict[str, Column] = {
-    column.name: column
-    for column in (
-        Column("run", NO_UNIT, "name of the run, the same in all its rows"),
-        Column("t", "s", "time of the scan since the start of the run, ascending"),
-        *_tracks("omega", "rad/s", "sprocket speed measured by the encoder, mean since the previous row"),
-        Column("x", "m", "estimated position in the field"),
-        Column("y", "m", "estimated position in the field"),
-        Column("phi", "rad", "estimated heading, counter-clockwise from x, unwrapped"),
-        Column("valid", NO_UNIT, "whether the pose was measured in this scan"),
-        *_tracks("omega_cmd", "rad/s", "sprocket speed commanded from this row to the next"),
-        Column("v_cmd", "m/s", "forward speed commanded by the controller"),
-        Column("w_cmd", "rad/s", "yaw rate commanded by the controller"),
-        Column("icr_offset", "m", "offset D of the ICRs used for slip compensation"),
-        Column("icr_radius_error", PURE, "sprocket radius error epsilon used for slip compensation"),
-        Column("var_x", "m^2", "variance of x"),
-        Column("cov_xy", "m^2", "covariance of x and y"),
-        Column("cov_xphi", "m rad", "covariance of x and phi"),
-        Column("var_y", "m^2", "variance of y"),
-        Column("cov_yphi", "m rad", "covariance of y and phi"),
-        Column("var_phi", "rad^2", "variance of phi"),
-        Column("true_x", "m", "true position"),
-        Column("true_y", "m", "true position"),
-        Column("true_phi", "rad", "true heading"),
-        Column("true_v", "m/s", "true forward speed"),
-        Column("true_lateral", "m/s", "true speed to the left"),
-        Column("true_w", "rad/s", "true yaw rate"),
-        *_tracks("traction", "N", "force of the ground on the track, along the robot"),
-        *_tracks("torque", "N m", "torque of the motor at its sprocket"),
-        *_tracks("power", "W", "electrical power of the motor, mean since the previous row"),
-        *_tracks("saturated", PURE, "share of the time since the previous row with the motor at its limit"),
-        Column("true_lean", "m", "offset of the scanned plate to the left of the robot"),
-        Column(
-            "first_beam",
-            PURE,
-            "index of the beam of the first range, counted from 0 on the right; 0 without ranges",
-        ),
-        Column("lost", PURE, "number of beams without a return between the first and the last one from the plate"),
-        Column("hidden_first", "rad", "angle hidden by something closer, beyond the first return from the plate"),
-        Column("hidden_last", "rad", "angle hidden by something closer, beyond the last return from the plate"),
-        Column("ranges", "m", "list of the ranges attributed to the plate, one number per beam"),
-        Column("all_ranges", "m", "with --rrd: list of all ranges of the scan; NaN for no return"),
-        Column(
-            "contact",
-            "N",
-            "with --rrd: list of the forces of the ground on each pad: along the robot, to its left and up",
-        ),
-        Column("v", "m/s", "forward speed of a steady sample"),
-        Column("w", "rad/s", "yaw rate of a steady sample"),
-        *_tracks("slip", PURE, "slip i = 1 - V / (r omega) of a steady sample"),
-    )
-}
+_ALL = (
+    Column("run", NO_UNIT, "name of the run, the same in all its rows"),
+    Column("t", "s", "time of the scan since the start of the run, ascending"),
+    *_tracks("omega", "rad/s", "sprocket speed measured by the encoder, mean since the previous row"),
+    Column("x", "m", "estimated position in the field"),
+    Column("y", "m", "estimated position in the field"),
+    Column("phi", "rad", "estimated heading, counter-clockwise from x, unwrapped"),
+    Column("valid", NO_UNIT, "whether the pose was measured in this scan"),
+    *_tracks("omega_cmd", "rad/s", "sprocket speed commanded from this row to the next"),
+    Column("v_cmd", "m/s", "forward speed commanded by the controller"),
+    Column("w_cmd", "rad/s", "yaw rate commanded by the controller"),
+    Column("icr_offset", "m", "offset D of the ICRs used for slip compensation"),
+    Column("icr_radius_error", PURE, "sprocket radius error epsilon used for slip compensation"),
+    Column("var_x", "m^2", "variance of x"),
+    Column("cov_xy", "m^2", "covariance of x and y"),
+    Column("cov_xphi", "m rad", "covariance of x and phi"),
+    Column("var_y", "m^2", "variance of y"),
+    Column("cov_yphi", "m rad", "covariance of y and phi"),
+    Column("var_phi", "rad^2", "variance of phi"),
+    Column("true_x", "m", "true position"),
+    Column("true_y", "m", "true position"),
+    Column("true_phi", "rad", "true heading"),
+    Column("true_v", "m/s", "true forward speed"),
+    Column("true_lateral", "m/s", "true speed to the left"),
+    Column("true_w", "rad/s", "true yaw rate"),
+    *_tracks("traction", "N", "force of the ground on the track, along the robot"),
+    *_tracks("torque", "N m", "torque of the motor at its sprocket"),
+    *_tracks("power", "W", "electrical power of the motor, mean since the previous row"),
+    *_tracks("saturated", PURE, "share of the time since the previous row with the motor at its limit"),
+    Column("true_lean", "m", "offset of the scanned plate to the left of the robot"),
+    Column("first_beam", PURE, "index of the beam of the first range, counted from 0 on the right; 0 without ranges"),
+    Column("lost", PURE, "number of beams without a return between the first and the last one from the plate"),
+    Column("hidden_first", "rad", "angle hidden by something closer, beyond the first return from the plate"),
+    Column("hidden_last", "rad", "angle hidden by something closer, beyond the last return from the plate"),
+    Column("ranges", "m", "list of the ranges attributed to the plate, one number per beam"),
+    Column("all_ranges", "m", "with --rrd: list of all ranges of the scan; NaN for no return"),
+    Column(
+        "contact", "N", "with --rrd: list of the forces of the ground on each pad: along the robot, to its left and up"
+    ),
+    Column("v", "m/s", "forward speed of a steady sample"),
+    Column("w", "rad/s", "yaw rate of a steady sample"),
+    *_tracks("slip", PURE, "slip i = 1 - V / (r omega) of a steady sample"),
+)
+COLUMNS = {column.name: column for column in _ALL}
 """Columns by name."""
 
 
@@ -97,7 +89,7 @@ def with_units(fields: Sequence[pa.Field]) -> list[pa.Field]:
 
 def markdown(columns: Iterable[Column]) -> str:
     """The Markdown table of columns in docs/data.md."""
-    lines = [f"| `{column.name}` | {column.unit or '–'} | {column.description} |" for column in columns]
+    lines = (f"| `{column.name}` | {column.unit or '–'} | {column.description} |" for column in columns)
     return "\n".join(["| column | unit | what |", "|---|---|---|", *lines, ""])
 
 

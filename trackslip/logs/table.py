@@ -20,35 +20,33 @@ from trackslip.logs.columns import Columns
 from trackslip.logs.file_format import FORMAT, require_known_format
 from trackslip.logs.heading_check import require_headings
 from trackslip.logs.runlog import RunLog, Truth
-from trackslip.logs.scan_columns import (
-    SCANNED,
-    from_list_column,
-    list_column,
-    metadata_with_scans,
-    scan_columns,
-    scans_from_table,
-)
+from trackslip.logs.scan_columns import SCANNED, from_list_column, list_column, scan_columns, scans_from_table
 from trackslip.logs.schema import COLUMNS, with_units
 
 REQUIRED = ("run", "t", "omega_l", "omega_r", "x", "y", "phi")
 SAMPLE_COLUMNS = ("omega_l", "omega_r", "v", "w")
-_COMMAND = ("omega_cmd_l", "omega_cmd_r")
-_TWIST_COMMAND = ("v_cmd", "w_cmd")
-_ICR = ("icr_offset", "icr_radius_error")
+_BLOCKS: dict[str, tuple[str, ...]] = {  # columns of fields of a RunLog
+    "command": ("omega_cmd_l", "omega_cmd_r"),
+    "twist_command": ("v_cmd", "w_cmd"),
+    "icr": ("icr_offset", "icr_radius_error"),
+    "omega": ("omega_l", "omega_r"),
+    "pose": ("x", "y", "phi"),
+}
+_OPTIONAL = ("command", "twist_command", "icr")
+_TRUTH: dict[str, tuple[str, ...]] = {  # columns of fields of its Truth
+    "pose": ("true_x", "true_y", "true_phi"),
+    "twist": ("true_v", "true_lateral", "true_w"),
+    "traction": ("traction_l", "traction_r"),
+    "torque": ("torque_l", "torque_r"),
+    "power": ("power_l", "power_r"),
+    "saturated": ("saturated_l", "saturated_r"),
+    "lean": ("true_lean",),
+}
 _COVARIANCE = ("var_x", "cov_xy", "cov_xphi", "var_y", "cov_yphi", "var_phi")
 _UPPER = np.triu_indices(3)
-_TRUE_POSE = ("true_x", "true_y", "true_phi")
-_TRUE_TWIST = ("true_v", "true_lateral", "true_w")
-_TRACTION = ("traction_l", "traction_r")
-_TORQUE = ("torque_l", "torque_r")
-_POWER = ("power_l", "power_r")
-_SATURATED = ("saturated_l", "saturated_r")
-_LEAN = ("true_lean",)
 _CONTACT = "contact"
-METADATA_KEY = b"trackslip"
-"""Key of the description of runs and columns in the metadata of a file."""
-_CHECKSUM_KEY = b"trackslip_crc32"
-"""Key of its checksum: Parquet's own checksums only cover the pages of the columns."""
+_METADATA_KEY = b"trackslip"  # of the description of runs and columns in the metadata of a file
+_CHECKSUM_KEY = b"trackslip_crc32"  # of its checksum: Parquet's own only cover the pages of the columns
 
 
 def to_table(logs: Sequence[RunLog]) -> pa.Table:
@@ -58,12 +56,11 @@ def to_table(logs: Sequence[RunLog]) -> pa.Table:
     """
     names = [log.run for log in logs]
     if len(set(names)) < len(names):
-        raise LogError(
-            f"run {max(names, key=names.count)!r}: there are {names.count(max(names, key=names.count))} of it"
-        )
+        name = max(names, key=names.count)
+        raise LogError(f"run {name!r}: there are {names.count(name)} of it")
     table = pa.concat_tables([_run_table(log) for log in logs], promote_options="default")
     fields = with_units(table.schema.remove_metadata())
-    runs = {log.run: metadata_with_scans(log.metadata, log.scans) for log in logs}
+    runs = {log.run: log.metadata | ({SCANNED: log.scans.metadata()} if log.scans else {}) for log in logs}
     return table.cast(pa.schema(fields, metadata=file_metadata(fields, runs)))
 
 
@@ -71,12 +68,12 @@ def file_metadata(fields: Iterable[pa.Field], runs: Mapping[str, Any]) -> dict[b
     """Metadata of a file: its runs, and its columns again for readers that ignore the metadata of columns (polars)."""
     columns = {field.name: COLUMNS[field.name].metadata for field in fields if field.name in COLUMNS}
     text = json.dumps({"format": FORMAT, "columns": columns, "runs": runs})
-    return {METADATA_KEY: text, _CHECKSUM_KEY: _checksum(text.encode())}
+    return {_METADATA_KEY: text, _CHECKSUM_KEY: _checksum(text.encode())}
 
 
 def stored_text(metadata: Mapping[bytes, bytes]) -> bytes:
-    """The JSON under METADATA_KEY in UTF-8; raises KeyError if there is none, ValueError if its checksum is wrong."""
-    text = metadata[METADATA_KEY]
+    """The JSON under _METADATA_KEY in UTF-8; raises KeyError if there is none, ValueError if its checksum is wrong."""
+    text = metadata[_METADATA_KEY]
     expected = metadata.get(_CHECKSUM_KEY)  # older files have none
     if expected not in (None, _checksum(text).encode()):
         raise ValueError("its checksum is wrong")
@@ -104,13 +101,11 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
     if not keys:
         raise LogError(f"{source}: no rows")
     metadata = _stored_metadata(table, source)
-    if not isinstance(metadata, dict) or not all(isinstance(value, dict) for value in metadata.values()):
-        raise LogError(f"{source}: its metadata is damaged")
     valid = columns.boolean("valid", label)
     ok = np.ones(len(label), bool) if valid is None else valid
     time = columns.numbers(("t",))[:, 0]
-    for number, key in enumerate(keys):
-        rows = np.flatnonzero(label == number)
+    rows_of = {key: np.flatnonzero(label == number) for number, key in enumerate(keys)}
+    for key, rows in rows_of.items():
         backwards = np.flatnonzero(np.diff(time[rows]) <= 0)
         if backwards.size:
             before, row = rows[backwards[0]], rows[backwards[0] + 1]
@@ -118,18 +113,12 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
                 f"{source}: row {row + 1}, column t: {time[row]:g} is not after {time[before]:g}, "
                 f"the time before it in run {key!r}"
             )
-    omega = columns.numbers(("omega_l", "omega_r"))
-    pose = columns.numbers(("x", "y", "phi"), where=ok)
-    command = columns.optional(_COMMAND)
-    twist_command = columns.optional(_TWIST_COMMAND)
-    icr, covariance = columns.optional(_ICR), columns.optional(_COVARIANCE)
-    truth = [
-        columns.optional(names) for names in (_TRUE_POSE, _TRUE_TWIST, _TRACTION, _TORQUE, _POWER, _SATURATED, _LEAN)
-    ]
+    omega, pose = columns.numbers(_BLOCKS["omega"]), columns.numbers(_BLOCKS["pose"], where=ok)
+    blocks = {field: columns.optional(_BLOCKS[field]) for field in _OPTIONAL}
+    covariance = columns.optional(_COVARIANCE)
+    truth = {field: columns.optional(names) for field, names in _TRUTH.items()}
     logs = []
-    for number, key in enumerate(keys):
-        rows = np.flatnonzero(label == number)
-        true_parts = [_present(part, rows) for part in truth]
+    for key, rows in rows_of.items():
         measured = rows[ok[rows]]
         try:
             require_headings(time[measured], pose[measured], key)
@@ -139,12 +128,10 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
                     time=time[rows],
                     omega=omega[rows],
                     pose=_unwrapped(pose[rows]),
-                    command=_present(command, rows),
-                    twist_command=_present(twist_command, rows),
-                    icr=_present(icr, rows),
+                    **_present(blocks, rows),
                     covariance=None if covariance is None else _symmetric(covariance[rows]),
                     valid=None if valid is None else valid[rows],
-                    truth=_truth(true_parts, from_list_column(table, _CONTACT, rows)),
+                    truth=_truth(_present(truth, rows), from_list_column(table, _CONTACT, rows)),
                     scans=scans_from_table(table, rows, metadata.get(key, {})),
                     metadata={k: value for k, value in metadata.get(key, {}).items() if k != SCANNED},
                 )
@@ -152,12 +139,6 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
         except LogError as error:
             raise LogError(f"{source}: {error}") from error
     return logs
-
-
-def read_samples(table: pa.Table, source: str) -> tuple[Array, Array]:
-    """Sprocket speeds (n, 2) [rad/s] and twists (n, 2) of steady samples."""
-    values = read_columns(table, SAMPLE_COLUMNS, source)
-    return values[:, :2], values[:, 2:]
 
 
 def read_columns(table: pa.Table, names: Sequence[str], source: str) -> Array:
@@ -172,28 +153,15 @@ def read_columns(table: pa.Table, names: Sequence[str], source: str) -> Array:
 
 def _run_table(log: RunLog) -> pa.Table:
     columns: dict[str, Any] = {"run": pa.array([log.run] * len(log.time)), "t": log.time}
-    blocks: list[tuple[Sequence[str], Array | None]] = [
-        (_COMMAND, log.command),
-        (_TWIST_COMMAND, log.twist_command),
-        (_ICR, log.icr),
-        (("omega_l", "omega_r"), log.omega),
-        (("x", "y", "phi"), log.pose),
-    ]
+    blocks = [(names, getattr(log, field)) for field, names in _BLOCKS.items()]
     if log.covariance is not None:
         blocks.append((_COVARIANCE, log.covariance[:, *_UPPER]))
     if log.truth is not None:
-        blocks += [
-            (_TRUE_POSE, log.truth.pose),
-            (_TRUE_TWIST, log.truth.twist),
-            (_TRACTION, log.truth.traction),
-            (_TORQUE, log.truth.torque),
-            (_POWER, log.truth.power),
-            (_SATURATED, log.truth.saturated),
-            (_LEAN, None if log.truth.lean is None else log.truth.lean[:, None]),
-        ]
+        blocks += [(names, getattr(log.truth, field)) for field, names in _TRUTH.items()]
     for names, block in blocks:
         if block is not None:
-            columns |= {name: np.ascontiguousarray(block[:, k]) for k, name in enumerate(names)}
+            parts = block.reshape(len(block), -1).T
+            columns |= {name: np.ascontiguousarray(part) for name, part in zip(names, parts, strict=True)}
     if log.valid is not None:
         columns["valid"] = log.valid
     if log.truth is not None and log.truth.contact is not None:
@@ -210,17 +178,20 @@ def _unwrapped(pose: Array) -> Array:
     return pose
 
 
-def _present(block: Array | None, rows: np.ndarray) -> Array | None:
-    """Rows of a block of columns, or None if the run lacks them: they are null in its rows."""
-    return None if block is None or np.isnan(block[rows]).all() else block[rows]
+def _present(blocks: Mapping[str, Array | None], rows: np.ndarray) -> dict[str, Any]:
+    """Rows of the blocks of columns that the run has: the others are null in its rows."""
+    return {
+        field: block[rows] for field, block in blocks.items() if block is not None and not np.isnan(block[rows]).all()
+    }
 
 
-def _truth(parts: Sequence[Array | None], contact: Array | None) -> Truth | None:
-    pose, twist, traction, torque, power, saturated, lean = parts
-    if pose is None or twist is None or traction is None or torque is None:
+def _truth(parts: dict[str, Any], contact: Array | None) -> Truth | None:
+    if not {"pose", "twist", "traction", "torque"} <= set(parts):
         return None
+    if "lean" in parts:
+        parts["lean"] = parts["lean"][:, 0]
     pads = None if contact is None or contact.shape[1] % 3 else contact.reshape(len(contact), -1, 3)
-    return Truth(pose, twist, traction, torque, power, saturated, None if lean is None else lean[:, 0], pads)
+    return Truth(**parts, contact=pads)
 
 
 def _symmetric(upper: Array) -> Array:
@@ -233,14 +204,13 @@ def _symmetric(upper: Array) -> Array:
 
 def _stored_metadata(table: pa.Table, source: str) -> dict[str, dict[str, Any]]:
     about = table.schema.metadata or {}
-    if not about.get(METADATA_KEY):
+    if not about.get(_METADATA_KEY):
         return {}
     try:
         content = json.loads(stored_text(about))
         require_known_format(content, source)
-        runs: dict[str, dict[str, Any]] = content["runs"]
+        return {name: {**description} for name, description in content["runs"].items()}
     except LogError:
         raise
     except (ValueError, RecursionError, KeyError, TypeError, AttributeError) as error:
         raise LogError(f"{source}: its metadata is damaged ({first_line(error)})") from error
-    return runs

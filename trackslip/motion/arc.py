@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
-from trackslip.motion.base import SteadyTwist, long_run_covariance
+from trackslip.motion.base import SteadyTwist, long_run_covariance, require_poses, within
 
-MIN_ARC_POSES = 12
-"""Minimum number of valid poses for an arc."""
-CHOSEN = np.array([3, 5])
-"""Indices of v and w among the parameters x, y, phi, v, u, w."""
+MIN_ARC_POSES = 12  # minimum number of valid poses for an arc
+CHOSEN = np.array([3, 5])  # indices of v and w among the parameters x, y, phi, v, u, w
 _SCALE = np.array([0.0025, 0.0025, np.radians(0.3)])  # weights of position [m] and heading [rad]
 _HUBER = 3.0  # residual above which the loss is linear [_SCALE, or the spread of the residuals if larger]
 _ITERATIONS = 50
@@ -24,18 +21,12 @@ def arc(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
 
     All poses have equal weight: their covariances, optimistic where the plate is seen nearly edge-on, would make the
     fit worse. Huber's loss limits outliers. The covariance is that of an M-estimator with scores correlated in time.
-
-    Raises:
-        LogError: if there are fewer than MIN_ARC_POSES valid poses.
+    Raises LogError if there are fewer than MIN_ARC_POSES valid poses.
     """
-    rows = (log.time > window[0]) & (log.time < window[1]) & log.is_valid
-    if rows.sum() < MIN_ARC_POSES:
-        raise LogError(
-            f"run {log.run!r}: hardly any valid pose between {window[0]:g} s and {window[1]:g} s, where it is steady"
-        )
-    time, pose = log.time[rows], log.pose[rows]
-    time = time - time.mean()
-    parameters, hessian, scores, count = fit_arc(time, pose)
+    rows = within(log.time, window) & log.is_valid
+    require_poses(rows, MIN_ARC_POSES, log, window)
+    time = log.time[rows] - log.time[rows].mean()
+    parameters, hessian, scores, count = fit_arc(time, log.pose[rows])
     inverse = np.linalg.inv(hessian)
     covariance = inverse @ (len(time) * long_run_covariance(scores)) @ inverse
     correction = count / (count - len(parameters))
@@ -45,13 +36,13 @@ def arc(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
 def fit_arc(time: Array, pose: Array) -> tuple[Array, Array, Array, int]:
     """The arc that fits poses (T, 3) at times (T,) around 0 best.
 
-    Returns:
-        x, y, phi at time 0 and v, u, w (6,); the Hessian (6, 6) of half the weighted squares; the scores (T, 6) of the
-        rows; the number of residuals.
+    Returns x, y, phi at time 0 and v, u, w (6,); the Hessian (6, 6) of half the weighted squares; the scores (T, 6) of
+    the rows; the number of residuals.
     """
     parameters = _start(time, pose)
     for _ in range(_ITERATIONS):
-        residual, jacobian = _residual(parameters, time, pose)
+        predicted, jacobian = poses_on_arc(parameters, time)
+        residual, jacobian = (predicted - pose) / _SCALE, jacobian / _SCALE[:, None]
         spread = np.maximum(1.0, 1.4826 * np.median(np.abs(residual), axis=0))
         weight = np.minimum(1.0, _HUBER * spread / np.maximum(np.abs(residual), 1e-300))
         weighted = jacobian * weight[..., None]
@@ -73,12 +64,6 @@ def _start(time: Array, pose: Array) -> Array:
     v = np.sum(chord / np.sinc(turn / (2 * np.pi))) / (at[-1] - at[0])
     nearest = pose[np.abs(time).argmin()]
     return np.array([nearest[0], nearest[1], phi, v, 0.0, w])
-
-
-def _residual(parameters: Array, time: Array, pose: Array) -> tuple[Array, Array]:
-    """Scaled residuals (T, 3) of an arc and their Jacobian (T, 3, 6)."""
-    predicted, jacobian = poses_on_arc(parameters, time)
-    return (predicted - pose) / _SCALE, jacobian / _SCALE[:, None]
 
 
 def poses_on_arc(parameters: Array, time: Array) -> tuple[Array, Array]:

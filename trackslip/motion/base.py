@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 
@@ -32,6 +33,18 @@ MotionMethod = Callable[[RunLog, tuple[float, float]], SteadyTwist]
 """From a run and its steady window [s] to its twist; raises LogError for a run that it cannot be applied to."""
 
 
+def within(time: Array, window: tuple[float, float]) -> np.ndarray:
+    """(T,) bool: the times [s] in a window."""
+    return (time > window[0]) & (time < window[1])
+
+
+def require_poses(usable: np.ndarray, least: int, log: RunLog, window: tuple[float, float]) -> None:
+    """Raise LogError if fewer than `least` rows of (T,) bool are usable."""
+    if usable.sum() < least:
+        between = f"between {window[0]:g} s and {window[1]:g} s"
+        raise LogError(f"run {log.run!r}: hardly any valid pose {between}, where it is steady")
+
+
 def long_run_covariance(series: Array, share: float | None = None) -> Array:
     """Covariance (K, K) of the sum of a series (T, K) of mean zero, over T, accounting for correlation in time.
 
@@ -41,8 +54,7 @@ def long_run_covariance(series: Array, share: float | None = None) -> Array:
     rows = len(series)
     if share is None:
         power = np.sum(series**2, axis=0)
-        memory = np.sum(series[:-1] * series[1:], axis=0) / np.where(power > 0, power, 1.0)
-        memory = np.clip(memory, -0.97, 0.97)
+        memory = np.clip(np.sum(series[:-1] * series[1:], axis=0) / np.where(power > 0, power, 1.0), -0.97, 0.97)
         spread = (2 * memory / (1 - memory**2)) ** 2
         lags = int(min(1.1447 * (spread.max() * rows) ** (1 / 3), rows / 4))
     else:

@@ -15,7 +15,7 @@ from trackslip.kinematics import Array
 from trackslip.localization.likelihood import Beams, Evaluation, PlateLikelihood
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.arc import CHOSEN, MIN_ARC_POSES, fit_arc, poses_on_arc
-from trackslip.motion.base import SteadyTwist, long_run_covariance
+from trackslip.motion.base import SteadyTwist, long_run_covariance, require_poses, within
 
 _HUBER = 3.0  # residual of a range above which its loss is linear [standard deviations]
 _MISFIT = 3.0  # rms residual on the initial arc of returns that are not from the plate [standard deviations]
@@ -31,47 +31,40 @@ def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     Starts from the arc through the poses and excludes scans that do not fit it. The covariance is that of the
     likelihood, inflated if the scores of the scans scatter more or are more correlated in time than it predicts: ranges
     may be noisier than stated, and the edges of the silhouette are off by part of a beam in several successive scans.
-
-    Raises:
-        LogError: if the run has no ranges or fewer than MIN_ARC_POSES valid poses.
+    Raises LogError if the run has no ranges or fewer than MIN_ARC_POSES valid poses.
     """
     if log.scans is None:
         raise LogError(f"run {log.run!r}: has no ranges, which bundle needs; arc fits poses")
-    rows = (log.time > window[0]) & (log.time < window[1])
+    scans, rows = log.scans, within(log.time, window)
     valid = rows & log.is_valid
-    if valid.sum() < MIN_ARC_POSES:
-        raise LogError(
-            f"run {log.run!r}: hardly any valid pose between {window[0]:g} s and {window[1]:g} s, where it is steady"
-        )
+    require_poses(valid, MIN_ARC_POSES, log, window)
     centre = log.time[valid].mean()
-    scans = log.scans
     parameters = fit_arc(log.time[valid] - centre, scans.scan.from_world(log.pose[valid]))[0]
     seen = np.flatnonzero(rows & (scans.cluster.count >= 3))
     time = log.time[seen] - centre
     beams = Beams.of(scans.scan, scans.cluster.take(seen))
     likelihood = PlateLikelihood(scans.plate, _HUBER)
     fit = likelihood.evaluate(beams, poses_on_arc(parameters, time)[0], turn=True)
-    explained = (fit.misfit < _MISFIT) & (fit.cost < _COSTLY * (beams.hit.sum(axis=1) + 2))
-    kept = np.flatnonzero(explained)
+    kept = np.flatnonzero((fit.misfit < _MISFIT) & (fit.cost < _COSTLY * (beams.hit.sum(axis=1) + 2)))
     if kept.size < MIN_ARC_POSES:
         raise LogError(f"run {log.run!r}: its ranges don't fit its poses")
     time, beams = time[kept], beams.take(kept)
 
-    def climbed_from(parameters: Array) -> tuple[Evaluation, Array, Array, Array]:
+    def evaluate(parameters: Array) -> tuple[Evaluation, Array, Array]:
         pose, jacobian = poses_on_arc(parameters, time)
         fit = likelihood.evaluate(beams, pose, turn=True)
         scores = np.einsum("tki,tk->ti", jacobian, fit.gradient)
         hessian = np.einsum("tki,tkl,tlj->ij", jacobian, fit.hessian, jacobian)
-        return fit, scores, hessian, scores.sum(axis=0)
+        return fit, scores, hessian
 
-    fit, scores, hessian, gradient = climbed_from(parameters)
+    fit, scores, hessian = evaluate(parameters)
     damping = 1e-3
     for _ in range(_ITERATIONS):
-        step = -np.linalg.solve(hessian + damping * np.diag(np.diag(hessian)), gradient)
-        tried = climbed_from(parameters + step)
+        step = -np.linalg.solve(hessian + damping * np.diag(np.diag(hessian)), scores.sum(axis=0))
+        tried = evaluate(parameters + step)
         if tried[0].cost.sum() <= fit.cost.sum():
             parameters = parameters + step
-            fit, scores, hessian, gradient = tried
+            fit, scores, hessian = tried
             damping /= 10
             if np.abs(step * np.sqrt(np.diag(hessian))).max() < _CONVERGED:
                 break

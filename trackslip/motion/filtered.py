@@ -8,12 +8,10 @@ import scipy
 from trackslip.errors import LogError
 from trackslip.kinematics import Array, advance
 from trackslip.logs.runlog import RunLog
-from trackslip.motion.base import Motion, SteadyTwist, long_run_covariance
+from trackslip.motion.base import Motion, SteadyTwist, long_run_covariance, require_poses, within
 
-CUTOFF = 0.5
-"""Cutoff of the paper's Butterworth filter, relative to the Nyquist frequency."""
-MIN_POSES = 20
-"""Minimum number of steps for a mean twist."""
+_CUTOFF = 0.5  # of the paper's Butterworth filter, relative to the Nyquist frequency
+_MIN_STEPS = 20  # minimum number of steps for a mean twist
 _LAGS = 0.5  # width of the lag window for the error of a mean twist, relative to the number of rows
 _MIN_FILTERED_ROWS = 16  # rows needed to filter without transients
 _MAX_TURN_PER_ROW = 0.15  # turn per row at which the filter shrinks a circle by 8e-5 [rad]
@@ -25,13 +23,11 @@ def butterworth_motion(log: RunLog) -> Motion:
 
     A second-order Butterworth filter is applied to the heading and, since the paper does not specify its low-pass, to
     the coordinates too. The speed is the displacement between neighbouring rows projected onto the mean heading instead
-    of its length, which noise increases. Arcs bridge rows without a valid pose and resample unequal time steps.
-
-    Raises:
-        LogError: if there are too few valid poses, or the robot turns too far from row to row or within a gap.
+    of its length, which noise increases. Arcs bridge rows without a valid pose and resample unequal time steps. Raises
+    LogError if there are too few valid poses, or the robot turns too far from row to row or within a gap.
     """
     even, pose = even_poses(log)
-    return difference(even, scipy.signal.sosfiltfilt(scipy.signal.butter(2, CUTOFF, output="sos"), pose, axis=0))
+    return difference(even, scipy.signal.sosfiltfilt(scipy.signal.butter(2, _CUTOFF, output="sos"), pose, axis=0))
 
 
 def paper_motion(log: RunLog) -> Motion:
@@ -41,7 +37,7 @@ def paper_motion(log: RunLog) -> Motion:
     does.
     """
     even, pose = even_poses(log)
-    low_pass = scipy.signal.butter(2, CUTOFF, output="sos")
+    low_pass = scipy.signal.butter(2, _CUTOFF, output="sos")
     settled = scipy.signal.sosfilt_zi(low_pass)[..., None] * pose[0]
     smooth, _ = scipy.signal.sosfilt(low_pass, pose, axis=0, zi=settled)
     motion = difference(even, smooth)
@@ -51,19 +47,13 @@ def paper_motion(log: RunLog) -> Motion:
 
 
 def mean_twist(motion: Motion, log: RunLog, window: tuple[float, float]) -> SteadyTwist:
-    """The mean of the twists of a motion in a window.
+    """The mean of the twists of a motion in a window; raises LogError if there are too few.
 
     Twists are differences of poses, so their noise cancels in the mean except at the ends, which takes a wide lag
     window to account for.
-
-    Raises:
-        LogError: if there are fewer than MIN_POSES.
     """
-    rows = (motion.time > window[0]) & (motion.time < window[1])
-    if rows.sum() < MIN_POSES:
-        raise LogError(
-            f"run {log.run!r}: hardly any valid pose between {window[0]:g} s and {window[1]:g} s, where it is steady"
-        )
+    rows = within(motion.time, window)
+    require_poses(rows, _MIN_STEPS, log, window)
     twist = motion.twist[rows]
     mean = twist.mean(axis=0)
     return SteadyTwist(mean, long_run_covariance(twist - mean, _LAGS) / rows.sum())

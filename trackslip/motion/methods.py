@@ -2,25 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.arc import arc
-from trackslip.motion.base import Motion, MotionMethod, SteadyTwist
+from trackslip.motion.base import MotionMethod
 from trackslip.motion.bundle import bundle
 from trackslip.motion.filtered import butterworth_motion, mean_twist, paper_motion
 
-
-def _mean_of(motion: Callable[[RunLog], Motion]) -> MotionMethod:
-    def method(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
-        return mean_twist(motion(log), log, window)
-
-    return method
-
-
 MOTION_METHODS: dict[str, MotionMethod] = {
-    "paper": _mean_of(paper_motion),
-    "butterworth": _mean_of(butterworth_motion),
+    "paper": lambda log, window: mean_twist(paper_motion(log), log, window),
+    "butterworth": lambda log, window: mean_twist(butterworth_motion(log), log, window),
     "arc": arc,
     "bundle": bundle,
 }

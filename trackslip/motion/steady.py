@@ -1,9 +1,8 @@
-"""The steady part of a run, found by its sprocket speeds, clock and poses."""
+"""The steady part of a run, found by its sprocket speeds, clock and poses; the robot must move steadily in it too."""
 
 from __future__ import annotations
 
 import itertools
-from collections import deque
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,6 +10,8 @@ import numpy as np
 from trackslip.errors import LogError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
+from trackslip.motion.arc import MIN_ARC_POSES, arc
+from trackslip.motion.base import within
 
 SETTLE = 1.5
 """Default time from steady sprockets to a steady robot [s]."""
@@ -25,6 +26,10 @@ _OVERDRIVE = 3.0  # maximum ratio of the distance between plausible poses to tha
 _STANDING = 1e-3  # sprocket speed at rest: one turn takes more than an hour and a half [rad/s]
 _MOSTLY = 0.5  # share of implausible steps above which the units are wrong, not the poses
 _LENGTHS = (("millimetres", 1000.0), ("centimetres", 100.0))
+_MIN_HALF = 2 * MIN_ARC_POSES  # minimum number of valid poses in each half, to compare them
+_SIGNIFICANT = 6.0  # significant difference between the halves [standard errors]
+_CHANGE = 0.05  # relevant relative change of the twist
+_TURNING = 0.2  # curvature [1/m] of nearly straight paths, and radius [m] of turns nearly in place
 _RESETTLED = 1.0  # time after which displaced poses are the continuation of the track, not a glitch [s]
 
 
@@ -42,19 +47,13 @@ class SteadyPart:
     @property
     def rows(self) -> np.ndarray:
         """(T,) bool: the rows in the window."""
-        return (self.log.time > self.window[0]) & (self.log.time < self.window[1])
+        return within(self.log.time, self.window)
 
 
 def steady_part(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -> SteadyPart:
-    """The longest steady stretch of a run.
+    """The longest steady stretch of a run, less `settle` [s] at its start; the geometry limits jumps of the poses.
 
-    Args:
-        log: the run.
-        geometry: limits how far the robot can move from row to row.
-        settle: time excluded after the sprockets have become steady [s].
-
-    Raises:
-        LogError: if the run is at rest or has no steady stretch that is long enough.
+    Raises LogError if the run is at rest or has no steady stretch that is long enough.
     """
     log, breaks, notes = _without_jumps(log, geometry)
     step = np.diff(log.time)
@@ -62,15 +61,13 @@ def steady_part(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) ->
     gaps = np.flatnonzero(step > max(_GAP * usual, _MIN_GAP))
     notes += [f"its clock has a gap from t = {log.time[k]:g} s to {log.time[k + 1]:g} s" for k in gaps]
     begin, end = _longest_constant(log, np.union1d(breaks, gaps), usual)
-    window = (float(log.time[begin]) + max(settle, MARGIN), float(log.time[end]) - MARGIN)
-    rows = (log.time > window[0]) & (log.time < window[1])
+    lead = max(settle, MARGIN)
+    window = (float(log.time[begin]) + lead, float(log.time[end]) - MARGIN)
+    rows = within(log.time, window)
     if rows.sum() < 3:
-        raise LogError(
-            f"run {log.run!r}: "
-            + "; ".join([*notes, ""])
-            + f"steady from {log.time[begin]:g} s to {log.time[end]:g} s only, too short: "
-            f"the first {max(settle, MARGIN):g} s and last {MARGIN:g} s of it are left out"
-        )
+        notes.append(f"steady from {log.time[begin]:g} s to {log.time[end]:g} s only, too short")
+        left_out = f"the first {lead:g} s and last {MARGIN:g} s of it are left out"
+        raise LogError(f"run {log.run!r}: {'; '.join(notes)}: {left_out}")
     if not np.abs(log.omega[rows]).max() > _STANDING:
         raise LogError(f"run {log.run!r}: the sprockets stand still")
     if log.time[end] - log.time[begin] < 0.8 * (log.time[-1] - log.time[0]):
@@ -78,46 +75,66 @@ def steady_part(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) ->
     return SteadyPart(log, window, tuple(f"run {log.run!r}: {note}" for note in notes))
 
 
+def require_steady_motion(part: SteadyPart) -> None:
+    """Raise LogError if the twist differs between the halves of a steady part although the sprocket speeds do not.
+
+    For example, the robot drives onto other ground or against an obstacle.
+    """
+    begin, end = part.window
+    middle = (begin + end) / 2
+    halves = (part.rows & part.log.is_valid & (late == (part.log.time > middle)) for late in (False, True))
+    if min(half.sum() for half in halves) < _MIN_HALF:
+        return  # too few to compare
+    first, second = arc(part.log, (begin, middle)), arc(part.log, (middle, end))
+    change = second.twist - first.twist
+    error = np.sqrt(np.diag(first.covariance + second.covariance))
+    significant = np.abs(change) > _SIGNIFICANT * error
+    v, w = np.abs(np.stack([first.twist, second.twist])).max(axis=0)
+    size = np.array([v + _TURNING * w, w + _TURNING * v])
+    if (significant & (np.abs(change) > _CHANGE * size)).any():
+        v, w = change
+        raise LogError(
+            f"run {part.log.run!r}: its sprockets are steady from {begin:g} s to {end:g} s, but its motion is not: "
+            f"v changes by {v:+.3g} m/s and w by {w:+.3g} rad/s from the first half to the second"
+        )
+
+
 def _without_jumps(log: RunLog, geometry: RobotGeometry) -> tuple[RunLog, np.ndarray, list[str]]:
     """The run with glitches marked as not valid, the rows after which its poses continue elsewhere, and notes."""
     rows = np.flatnonzero(log.is_valid)
-    position = log.pose[rows, :2]
+    position, time = log.pose[rows, :2], log.time[rows]
     speed = _OVERDRIVE * geometry.sprocket_radius * np.abs(log.omega).max()
-    far = np.hypot(*np.diff(position, axis=0).T) > _JUMP + speed * np.diff(log.time[rows])
+    ways, steps = np.hypot(*np.diff(position, axis=0).T), np.diff(time)
+    far = ways > _JUMP + speed * steps
     if not far.any():
         return log, np.empty(0, int), []
     if far.mean() > _MOSTLY:
-        times = np.median(np.hypot(*np.diff(position, axis=0).T)) / np.median(
-            speed / _OVERDRIVE * np.diff(log.time[rows])
-        )
+        times = np.median(ways) / np.median(speed / _OVERDRIVE * steps)
         unit = next((f"; it looks like {name}" for name, per in _LENGTHS if per / 2 < times < per * 1.4), "")
         raise LogError(
             f"run {log.run!r}: its poses move {times:.3g} times as far as its sprockets drive: check the units "
             f"(m, rad/s){unit}"
         )
     valid = log.is_valid.copy()
-    breaks, notes = [], []
+    breaks: list[int] = []
+    notes: list[str] = []
     lost: list[int] = []
     last = 0  # the last plausible pose; `lost` are the implausible ones since
     for k in range(1, len(rows)):
-        way = float(np.hypot(*(position[k] - position[last])))
-        elapsed = log.time[rows[k]] - log.time[rows[last]]
-        if way <= _JUMP + speed * elapsed:
+        way, allowed = np.hypot(*(position[k] - position[last])), _JUMP + speed * (time[k] - time[last])
+        if way <= allowed:
             last, lost = k, []
             continue
         if not lost:
-            notes.append(
-                f"its pose jumps by {way:.3g} m at t = {log.time[rows[k]]:g} s, where its sprockets allow "
-                f"{_JUMP + speed * elapsed:.3g} m"
-            )
+            where = f"at t = {time[k]:g} s, where its sprockets allow {allowed:.3g} m"
+            notes.append(f"its pose jumps by {way:.3g} m {where}")
         lost.append(k)
         valid[rows[k]] = False
-        if log.time[rows[k]] - log.time[rows[lost[0]]] >= _RESETTLED:
-            breaks.append(rows[last])
+        if time[k] - time[lost[0]] >= _RESETTLED:
             valid[rows[lost]] = True
-            breaks.append(rows[lost[0]] - 1)
+            breaks += [rows[last], rows[lost[0]] - 1]
             last, lost = k, []
-    return replace(log, valid=valid), np.array(sorted(set(breaks)), int), notes
+    return replace(log, valid=valid), np.array(breaks, int), notes
 
 
 def _longest_constant(log: RunLog, breaks: np.ndarray, usual: float) -> tuple[int, int]:
@@ -129,12 +146,10 @@ def _longest_constant(log: RunLog, breaks: np.ndarray, usual: float) -> tuple[in
     for before, last in itertools.pairwise(edges):
         first = int(before) + 1
         mean = _means(log.omega[first : last + 1], size)
-        for a, b in _longest_within(mean, tolerance):
-            stretch = (first + a * size, min(first + (b + 1) * size - 1, int(last)))
-            if b == len(mean) - 1:
-                stretch = (stretch[0], int(last))
-            if log.time[stretch[1]] - log.time[stretch[0]] > log.time[best[1]] - log.time[best[0]]:
-                best = stretch
+        a, b = _longest_within(mean, tolerance)
+        stretch = (first + a * size, int(last) if b == len(mean) - 1 else first + (b + 1) * size - 1)
+        if log.time[stretch[1]] - log.time[stretch[0]] > log.time[best[1]] - log.time[best[0]]:
+            best = stretch
     return best
 
 
@@ -146,26 +161,17 @@ def _means(values: Array, size: int) -> Array:
     return np.add.reduceat(values, starts, axis=0) / counts[:, None]
 
 
-def _longest_within(mean: Array, tolerance: float) -> list[tuple[int, int]]:
+def _longest_within(mean: Array, tolerance: float) -> tuple[int, int]:
     """The longest run of rows (first, last) in which no column of `mean` (n, 2) varies by more than `tolerance`."""
     best, first = (0, 0), 0
-    lows: list[deque[int]] = [deque(), deque()]
-    highs: list[deque[int]] = [deque(), deque()]
-    for k in range(len(mean)):
-        for j in range(2):
-            while lows[j] and mean[lows[j][-1], j] >= mean[k, j]:
-                lows[j].pop()
-            while highs[j] and mean[highs[j][-1], j] <= mean[k, j]:
-                highs[j].pop()
-            lows[j].append(k)
-            highs[j].append(k)
-        while any(mean[highs[j][0], j] - mean[lows[j][0], j] > tolerance for j in range(2)):
-            first += 1
-            for j in range(2):
-                while lows[j][0] < first:
-                    lows[j].popleft()
-                while highs[j][0] < first:
-                    highs[j].popleft()
+    low = high = mean[0]
+    for k, value in enumerate(mean):
+        low, high = np.minimum(low, value), np.maximum(high, value)
+        if (high - low > tolerance).any():  # restart at the earliest row that varies little up to this one
+            back = mean[first : k + 1][::-1]
+            lows, highs = np.minimum.accumulate(back), np.maximum.accumulate(back)
+            length = int((highs - lows <= tolerance).all(axis=1).sum())
+            first, low, high = k + 1 - length, lows[length - 1], highs[length - 1]
         if k - first > best[1] - best[0]:
             best = (first, k)
-    return [best]
+    return best

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -75,9 +76,21 @@ def radius_of(kappa: ArrayLike) -> Array:
         return 1 / np.abs(np.asarray(kappa, float))
 
 
-def require_within(name: str, value: ArrayLike, low: float, high: float, allowed: str, *, closed: bool = False) -> None:
-    """Raise InvalidValueError unless all of `value` is between `low` and `high`, inclusively if `closed`."""
-    array = np.asarray(value, float)
-    inside = (array >= low) & (array <= high) if closed else (array > low) & (array < high)
-    if not inside.all():
-        raise InvalidValueError(name, array[~inside].flat[0] if array.ndim else value, allowed)
+def require_between(law: SlipLaw, names: Iterable[str], low: float, high: float, allowed: str) -> None:
+    """Raise InvalidValueError unless the parameters of these names are between `low` and `high`, both excluded."""
+    for name in names:
+        value = getattr(law, name)
+        array = np.asarray(value, float)
+        inside = (array > low) & (array < high)
+        if not inside.all():
+            raise InvalidValueError(name, array[~inside].flat[0] if array.ndim else value, allowed)
+
+
+def require_slips(law: SlipLaw, *names: str) -> None:
+    """Raise InvalidValueError unless the parameters of these names are slips of a moving track."""
+    require_between(law, names, -np.inf, 1, "finite and < 1 (slip 1 is a track that stands still)")
+
+
+def require_decays(law: SlipLaw, *names: str) -> None:
+    """Raise InvalidValueError unless slip decays with radius by the parameters of these names."""
+    require_between(law, names, -np.inf, 0, "finite and < 0 (no slip on a straight path)")

@@ -19,15 +19,12 @@ class Compensation(Protocol):
 
     def reset(self, start: Array) -> None:
         """Start a new run at poses (N, 3)."""
-        ...
 
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
         """Take the mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the N poses measured afterwards."""
-        ...
 
     def law(self) -> SlipLaw:
         """The current slip law, with one set of parameters per robot where they differ."""
-        ...
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.kinematics import Array
-from trackslip.slip.base import SlipLaw, by_side, require_within
+from trackslip.slip.base import SlipLaw, by_side, require_slips
 
 
 @dataclass(frozen=True)
@@ -30,10 +30,7 @@ class Constant(SlipLaw):
     """Slip of the inner track [-]."""
 
     def __post_init__(self) -> None:
-        for name in ("slip_outer", "slip_inner"):
-            require_within(
-                name, getattr(self, name), -np.inf, 1, "finite and < 1 (slip 1 is a track that stands still)"
-            )
+        require_slips(self, "slip_outer", "slip_inner")
 
     def __call__(self, kappa: ArrayLike) -> Array:
         """Slips (..., 2) at curvatures (...)."""

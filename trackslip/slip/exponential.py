@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.kinematics import Array, curvature
-from trackslip.slip.base import SlipLaw, by_side, radius_of, require_within
+from trackslip.slip.base import SlipLaw, by_side, radius_of, require_between, require_decays, require_slips
 
 
 @dataclass(frozen=True)
@@ -25,19 +25,17 @@ class Exponential(SlipLaw):
     """Decay of the inner track's slip with radius [1/m], < 0."""
 
     def __post_init__(self) -> None:
-        for name in ("alpha_outer", "alpha_inner"):
-            require_within(
-                name, getattr(self, name), -np.inf, 1, "finite and < 1 (slip 1 is a track that stands still)"
-            )
-        for name in ("beta_outer", "beta_inner"):
-            require_within(name, getattr(self, name), -np.inf, 0, "finite and < 0 (no slip on a straight path)")
+        require_slips(self, "alpha_outer", "alpha_inner")
+        require_decays(self, "beta_outer", "beta_inner")
 
     def __call__(self, kappa: ArrayLike) -> Array:
         """Slips (..., 2) at curvatures (...)."""
+        return self._decayed(kappa, self.alpha_inner, self.alpha_outer)
+
+    def _decayed(self, kappa: ArrayLike, inner: float | Array, outer: float | Array) -> Array:
+        """Slips (..., 2) at curvatures (...) from those at zero radius."""
         radius = radius_of(kappa)
-        inner = self.alpha_inner * np.exp(self.beta_inner * radius)
-        outer = self.alpha_outer * np.exp(self.beta_outer * radius)
-        return by_side(kappa, inner, outer)
+        return by_side(kappa, inner * np.exp(self.beta_inner * radius), outer * np.exp(self.beta_outer * radius))
 
 
 @dataclass(frozen=True)
@@ -51,16 +49,13 @@ class ExponentialSpeed(Exponential):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("gamma_outer", "gamma_inner"):
-            require_within(name, getattr(self, name), -np.inf, np.inf, "finite")
+        require_between(self, ("gamma_outer", "gamma_inner"), -np.inf, np.inf, "finite")
 
     def slip(self, twist: ArrayLike) -> Array:
         """Slips (..., 2) at twists (..., 2); calling the law gives the limit |v| = 0."""
-        kappa, speed = curvature(twist), np.abs(np.asarray(twist, float)[..., 0])
-        radius = radius_of(kappa)
-        inner = (self.alpha_inner + self.gamma_inner * speed) * np.exp(self.beta_inner * radius)
-        outer = (self.alpha_outer + self.gamma_outer * speed) * np.exp(self.beta_outer * radius)
-        return by_side(kappa, inner, outer)
+        speed = np.abs(np.asarray(twist, float)[..., 0])
+        inner, outer = self.alpha_inner + self.gamma_inner * speed, self.alpha_outer + self.gamma_outer * speed
+        return self._decayed(curvature(twist), inner, outer)
 
 
 PUBLISHED = Exponential(alpha_outer=0.07, beta_outer=-0.68, alpha_inner=-0.15, beta_inner=-0.63)

@@ -16,9 +16,8 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import Constant, NoSlip
 from trackslip.slip.exponential import Exponential, ExponentialSpeed
-from trackslip.slip.hyperbola import Hyperbola
 from trackslip.slip.icr import ConstantIcr, IcrSides
-from trackslip.slip.power import Power
+from trackslip.slip.power import Hyperbola, Power
 
 
 @dataclass(frozen=True)
@@ -72,64 +71,42 @@ class LawFamily:
         return np.array([half_gauge if p.unit == "m" else 1.0 for p in self.parameters.values()])
 
 
+def _build(kind: Callable[..., SlipLaw], gauge: bool = False) -> Callable[[Mapping[str, Any], RobotGeometry], SlipLaw]:
+    """Builds laws of a kind from their parameters and, with `gauge`, the robot's half gauge."""
+    return lambda p, geometry: kind(**p, half_gauge=geometry.half_gauge) if gauge else kind(**p)
+
+
 _SLIP_OUTER = Parameter((0.05,), -2.0, 0.99, 0.1, "")
 _SLIP_INNER = Parameter((-0.1,), -20.0, 0.99, 0.1, "")
 _DECAY = Parameter((-0.5, -2.0, -6.0), -50.0, -1e-3, 1.0, "1/m")
-_POWER = Parameter((-1.0, -0.3, -3.0), -50.0, -1e-3, 1.0, "")
+_EXPONENT = Parameter((-1.0, -0.3, -3.0), -50.0, -1e-3, 1.0, "")
 _GROWTH = Parameter((0.0,), -20.0, 20.0, 0.1, "s/m")
 _OFFSET = Parameter((0.3, 0.0, 2.0), -0.99, 50.0, 0.3, "m")
 _RADIUS_ERROR = Parameter((0.0,), -0.5, 0.5, 0.01, "")
-_EXPONENTIAL = {
-    "alpha_outer": _SLIP_OUTER,
-    "beta_outer": _DECAY,
-    "alpha_inner": _SLIP_INNER,
-    "beta_inner": _DECAY,
+
+_CONSTANT = {"slip_outer": _SLIP_OUTER, "slip_inner": _SLIP_INNER}
+_EXPONENTIAL = {"alpha_outer": _SLIP_OUTER, "beta_outer": _DECAY, "alpha_inner": _SLIP_INNER, "beta_inner": _DECAY}
+_SPEED = _EXPONENTIAL | {"gamma_outer": _GROWTH, "gamma_inner": _GROWTH}
+_POWER = _EXPONENTIAL | {"beta_outer": _EXPONENT, "beta_inner": _EXPONENT}
+_HYPERBOLA = {
+    "size": Parameter((0.3, 0.05, 1.0), -20.0, 50.0, 0.3, "m"),
+    "pole": Parameter((1.3, 0.5, 2.0), 0.0, 50.0, 0.3, "m"),
 }
+_RADIUS = {"offset": _OFFSET, "radius_error": _RADIUS_ERROR}
+_SIDES = {f"{name}_{side}": parameter for name, parameter in _RADIUS.items() for side in ("left", "right")}
 
 FAMILIES: dict[str, LawFamily] = {
-    "none": LawFamily("no slip", {}, lambda p, geometry: NoSlip()),
-    "constant": LawFamily(
-        "the same slip at every radius",
-        {"slip_outer": _SLIP_OUTER, "slip_inner": _SLIP_INNER},
-        lambda p, geometry: Constant(**p),
-    ),
-    "exponential": LawFamily("exponential in radius, the paper's", _EXPONENTIAL, lambda p, geometry: Exponential(**p)),
-    "exponential_speed": LawFamily(
-        "exponential in radius, with a term of speed",
-        _EXPONENTIAL | {"gamma_outer": _GROWTH, "gamma_inner": _GROWTH},
-        lambda p, geometry: ExponentialSpeed(**p),
-    ),
-    "power": LawFamily(
-        "power of radius",
-        {"alpha_outer": _SLIP_OUTER, "beta_outer": _POWER, "alpha_inner": _SLIP_INNER, "beta_inner": _POWER},
-        lambda p, geometry: Power(**p, half_gauge=geometry.half_gauge),
-    ),
-    "hyperbola": LawFamily(
-        "hyperbola with a free pole",
-        {
-            "size": Parameter((0.3, 0.05, 1.0), -20.0, 50.0, 0.3, "m"),
-            "pole": Parameter((1.3, 0.5, 2.0), 0.0, 50.0, 0.3, "m"),
-        },
-        lambda p, geometry: Hyperbola(**p),
-    ),
-    "icr": LawFamily(
-        "constant ICR", {"offset": _OFFSET}, lambda p, geometry: ConstantIcr(p["offset"], geometry.half_gauge)
-    ),
+    "none": LawFamily("no slip", {}, _build(NoSlip)),
+    "constant": LawFamily("the same slip at every radius", _CONSTANT, _build(Constant)),
+    "exponential": LawFamily("exponential in radius, the paper's", _EXPONENTIAL, _build(Exponential)),
+    "exponential_speed": LawFamily("exponential in radius, with a term of speed", _SPEED, _build(ExponentialSpeed)),
+    "power": LawFamily("power of radius", _POWER, _build(Power, gauge=True)),
+    "hyperbola": LawFamily("hyperbola with a free pole", _HYPERBOLA, _build(Hyperbola)),
+    "icr": LawFamily("constant ICR", {"offset": _OFFSET}, _build(ConstantIcr, gauge=True)),
     "icr_radius": LawFamily(
-        "constant ICR, with an error of the effective sprocket radius",
-        {"offset": _OFFSET, "radius_error": _RADIUS_ERROR},
-        lambda p, geometry: ConstantIcr(p["offset"], geometry.half_gauge, p["radius_error"]),
+        "constant ICR, with an error of the effective sprocket radius", _RADIUS, _build(ConstantIcr, gauge=True)
     ),
-    "icr_sides": LawFamily(
-        "constant ICR, left and right different",
-        {
-            "offset_left": _OFFSET,
-            "offset_right": _OFFSET,
-            "radius_error_left": _RADIUS_ERROR,
-            "radius_error_right": _RADIUS_ERROR,
-        },
-        lambda p, geometry: IcrSides(**p, half_gauge=geometry.half_gauge),
-    ),
+    "icr_sides": LawFamily("constant ICR, left and right different", _SIDES, _build(IcrSides, gauge=True)),
 }
 """Families by name, simple ones first."""
 TWO_SIDED = ("icr_sides",)
@@ -146,14 +123,13 @@ def family(name: str) -> LawFamily:
 def law_from_values(name: str, values: Mapping[str, Any], half_gauge: float) -> SlipLaw:
     """A law of FAMILIES from stored values; raises InvalidValueError for missing or invalid ones."""
     model = family(name)
-    given = {key: values.get(key) for key in model.names}
-    missing = [key for key, value in given.items() if isinstance(value, bool) or not isinstance(value, int | float)]
-    if missing:
-        raise InvalidValueError(f"{name}.{missing[0]}", values.get(missing[0]), "a number")
-    numbers = {key: float(values[key]) for key in model.names}
     geometry = RobotGeometry(half_gauge, sprocket_radius=1.0)
-    low, high, _ = model.limits(half_gauge)
-    for key, lowest, highest in zip(model.names, low, high, strict=True):
-        if not lowest <= numbers[key] <= highest:
-            raise InvalidValueError(f"{name}.{key}", numbers[key], f"from {lowest:g} to {highest:g}")
+    numbers = {}
+    for key, low, high, _ in zip(model.names, *model.limits(half_gauge), strict=True):
+        value = values.get(key)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise InvalidValueError(f"{name}.{key}", value, "a number")
+        numbers[key] = float(value)
+        if not low <= numbers[key] <= high:
+            raise InvalidValueError(f"{name}.{key}", numbers[key], f"from {low:g} to {high:g}")
     return model.build(numbers, geometry)

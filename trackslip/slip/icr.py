@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.kinematics import SIDES, Array, RobotGeometry
-from trackslip.slip.base import SlipLaw, require_within
+from trackslip.slip.base import SlipLaw, require_between
 
 
 class _Icr(SlipLaw):
@@ -19,6 +20,14 @@ class _Icr(SlipLaw):
     """
 
     half_gauge: float
+    _suffixes: ClassVar[tuple[str, ...]] = ("",)  # of the parameters of each track
+
+    def __post_init__(self) -> None:
+        require_between(self, ("half_gauge",), 0, np.inf, "finite and > 0")
+        for suffix in self._suffixes:
+            allowed = f"finite and > -half_gauge = {-self.half_gauge}"
+            require_between(self, (f"offset{suffix}",), -self.half_gauge, np.inf, allowed)
+            require_between(self, (f"radius_error{suffix}",), -1, np.inf, "finite and > -1")
 
     def _tracks(self) -> tuple[Array, Array]:
         """b + D and 1 + epsilon (..., 2) of the left and right track."""
@@ -63,10 +72,6 @@ class ConstantIcr(_Icr):
     radius_error: float = 0.0
     """epsilon: relative error of the effective sprocket radius, real / nominal - 1 [-]."""
 
-    def __post_init__(self) -> None:
-        require_within("half_gauge", self.half_gauge, 0, np.inf, "finite and > 0")
-        _require_tracks(self.offset, "offset", self.radius_error, "radius_error", self.half_gauge)
-
     def _tracks(self) -> tuple[Array, Array]:
         reach = np.asarray(self.half_gauge + np.asarray(self.offset))[..., None]
         scale = np.asarray(1 + np.asarray(self.radius_error))[..., None]
@@ -91,18 +96,9 @@ class IcrSides(_Icr):
     half_gauge: float
     """b: half the distance between the tracks' centre lines [m]."""
 
-    def __post_init__(self) -> None:
-        require_within("half_gauge", self.half_gauge, 0, np.inf, "finite and > 0")
-        for side in ("left", "right"):
-            offset, error = f"offset_{side}", f"radius_error_{side}"
-            _require_tracks(getattr(self, offset), offset, getattr(self, error), error, self.half_gauge)
+    _suffixes = ("_left", "_right")
 
     def _tracks(self) -> tuple[Array, Array]:
         reach = np.stack(np.broadcast_arrays(self.offset_left, self.offset_right), axis=-1) + self.half_gauge
         scale = np.stack(np.broadcast_arrays(self.radius_error_left, self.radius_error_right), axis=-1) + 1
         return reach, scale
-
-
-def _require_tracks(offset: float, offset_name: str, error: float, error_name: str, half_gauge: float) -> None:
-    require_within(offset_name, offset, -half_gauge, np.inf, f"finite and > -half_gauge = {-half_gauge}")
-    require_within(error_name, error, -1, np.inf, "finite and > -1")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -20,26 +21,14 @@ SHIPPED = Path(__file__).parent / "laws.json"
 
 
 def laws_content(laws: Mapping[str, Mapping[str, Any]], geometry: RobotGeometry) -> dict[str, Any]:
-    """The content of a file of laws.
-
-    Args:
-        laws: by family name, `values` (the parameters) and whatever else describes the law.
-        geometry: the robot that the laws were identified for.
-    """
-    return {
-        "format": FORMAT,
-        "geometry": {"half_gauge": geometry.half_gauge, "sprocket_radius": geometry.sprocket_radius},
-        "slip_laws": dict(laws),
-    }
+    """The content of a file of laws: by family name, `values` (the parameters) and whatever else describes the law."""
+    return {"format": FORMAT, "geometry": asdict(geometry), "slip_laws": dict(laws)}
 
 
 def save_laws(path: str | Path, laws: Mapping[str, SlipLaw], geometry: RobotGeometry) -> None:
-    """Write laws to a JSON file that `load_laws` and the commands' option `--laws` read.
+    """Write laws by family name to a JSON file that `load_laws` and the commands' option `--laws` read.
 
-    Args:
-        path: the file.
-        laws: by family name; laws without parameters are not stored.
-        geometry: the robot that the laws were identified for.
+    The geometry is that of the robot they were identified for. Laws without parameters are not stored.
 
     Raises:
         InvalidValueError: if a name is not that of a family, or a law does not belong to the family it is named for.
@@ -61,9 +50,7 @@ def save_laws(path: str | Path, laws: Mapping[str, SlipLaw], geometry: RobotGeom
 def load_laws(path: str | Path = SHIPPED, robot: RobotGeometry | None = None) -> dict[str, SlipLaw]:
     """The laws in a JSON file, or in the summary.json of a folder of results, by family name.
 
-    Args:
-        path: the file or folder.
-        robot: if given, the laws must have been identified for this geometry.
+    If `robot` is given, the laws must have been identified for this geometry.
 
     Raises:
         LogError: if the file does not exist, holds no slip laws, or was made for another robot or by a newer version.

@@ -29,9 +29,7 @@ from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.localization.base import PoseEstimate
 from trackslip.slip.icr import ConstantIcr
 
-_GAINS = (0.05, 10.0)  # limits of the yaw gain [-]
-_MAX_ERROR = 0.5  # relative error of the sprocket radius [-]
-_MAX_CENTRE = 1.0  # limit of c [m]
+_LIMITS = np.array([(0.05, -0.5, -1.0), (10.0, 0.5, 1.0)])  # of g [-], epsilon [-] and c [m]
 
 
 @dataclass(frozen=True)
@@ -149,18 +147,10 @@ class IcrFilter:
         self.covariance = np.einsum("nij,njk,nlk->nil", jacobian, self.covariance, jacobian)
         self._turning += (velocity[:, 2] - self._turning) / tuning.memory
         way, turn = np.abs(motion[:, 0]), np.abs(motion[:, 2])
-        spread = np.stack(
-            [
-                way * tuning.position_walk**2,
-                way * tuning.position_walk**2,
-                (way + turn) * tuning.heading_walk**2,
-                turn * tuning.gain_walk**2,
-                way * tuning.radius_error_walk**2,
-                turn * tuning.centre_walk**2,
-            ],
-            axis=1,
-        )
-        self.covariance[:, np.arange(6), np.arange(6)] += spread
+        excited = np.stack([way, way, way + turn, turn, way, turn], axis=1)
+        pose_walks = (tuning.position_walk, tuning.position_walk, tuning.heading_walk)
+        walks = (*pose_walks, tuning.gain_walk, tuning.radius_error_walk, tuning.centre_walk)
+        self.covariance[:, np.arange(6), np.arange(6)] += excited * np.square(walks)
         for k, most in enumerate(tuning.spreads, 3):
             over = self.covariance[:, k, k] > most**2  # never less certain than at the start
             shrink = np.where(over, most / np.sqrt(self.covariance[:, k, k]), 1.0)
@@ -179,7 +169,8 @@ class IcrFilter:
         self._refused[rows] = np.where(surprising, self._refused[rows] + 1, 0)
         good = np.flatnonzero(~surprising)
         self._learn(rows[good], white[good], root[good])
-        again = (self._refused[rows] >= tuning.patience) | (self._leaning(rows) > tuning.change)
+        lean = np.einsum("ni,ni->n", self._lean[rows], self._lean[rows]) / np.maximum(self._weight[rows], 1.0)
+        again = (self._refused[rows] >= tuning.patience) | (lean > tuning.change)
         self.restarts[rows[again]] += 1
         self._begin(rows[again], pose[again], noise[again], 1.0)
 
@@ -194,16 +185,10 @@ class IcrFilter:
         covariance = self.covariance[rows] - crossed - crossed.swapaxes(1, 2)
         covariance += np.einsum("nik,njk->nij", taken, taken)
         self.covariance[rows] = (covariance + covariance.swapaxes(1, 2)) / 2
-        self.state[rows, 3] = np.clip(self.state[rows, 3], *_GAINS)
-        self.state[rows, 4] = np.clip(self.state[rows, 4], -_MAX_ERROR, _MAX_ERROR)
-        self.state[rows, 5] = np.clip(self.state[rows, 5], -_MAX_CENTRE, _MAX_CENTRE)
+        self.state[rows, 3:] = np.clip(self.state[rows, 3:], *_LIMITS)
         fade = 1 - 1 / self._tuning.memory
         self._lean[rows] = fade * self._lean[rows] + white
         self._weight[rows] = fade**2 * self._weight[rows] + 1
-
-    def _leaning(self, rows: np.ndarray) -> Array:
-        """Bias (R,) of the recent innovations of the robots `rows` (chi-square, 3 degrees of freedom)."""
-        return np.einsum("ni,ni->n", self._lean[rows], self._lean[rows]) / np.maximum(self._weight[rows], 1.0)
 
     def _begin(self, rows: np.ndarray, pose: Array, noise: Array, share: float) -> None:
         """(Re)start at poses (R, 3) with covariances (R, 3, 3), and a `share` of the spreads of the constants."""
@@ -233,14 +218,9 @@ def icr_motion(law: Array, omega: Array, geometry: RobotGeometry) -> tuple[Array
 
 
 def drive_arc(pose: Array, motion: Array) -> tuple[Array, Array, Array]:
-    """Poses (N, 3) after a constant velocity, and their derivatives.
+    """Poses (N, 3) after a constant velocity, and their derivatives (N, 3, 3) with respect to `pose` and `motion`.
 
-    Args:
-        pose: (N, 3) before.
-        motion: distances forwards and to the left along the curve, and turns, (N, 3) [m, m, rad].
-
-    Returns:
-        The poses, and their derivatives with respect to the poses before (N, 3, 3) and the motion (N, 3, 3).
+    `motion` (N, 3) are distances forwards and to the left along the curve, and turns [m, m, rad].
     """
     forward, leftward, turn = motion.T
     half = turn / 2

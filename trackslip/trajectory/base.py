@@ -15,12 +15,9 @@ class Reference(Protocol):
     @property
     def duration(self) -> float:
         """Time at which the reference ends [s]."""
-        ...
 
     def pose(self, time: ArrayLike) -> Array:
         """Poses (..., 3) at times (...) [s]; phi unwrapped."""
-        ...
 
     def twist(self, time: ArrayLike) -> Array:
         """Twists (..., 2) at times (...) [s]."""
-        ...

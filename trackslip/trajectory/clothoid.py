@@ -51,7 +51,6 @@ class ClothoidPath:
         x, y, phi = np.asarray(start, float)
         turns = steps * (self._curvature + self._sharpness * steps / 2)
         self._heading = phi + np.concatenate([[0.0], np.cumsum(turns)[:-1]])  # (K - 1,), as the two before
-        self._point = np.zeros(len(steps), complex)
         chords = self._chord(np.arange(len(steps)), steps)
         self._point = complex(x, y) + np.concatenate([[0.0], np.cumsum(chords)[:-1]])
 
@@ -96,7 +95,6 @@ def clothoid(
         transition: length of the clothoid between a straight and an arc [m]; the one between the arcs is twice as long.
         radius: of the arcs [m].
         arc: length of each arc [m].
-        limits: of speeds and acceleration.
     """
     require_positive("radius", radius)
     bend = 1 / radius
@@ -121,7 +119,6 @@ def rounded_square(
         start: pose (3,), along the side.
         side: length of a side [m].
         radius: of the corners [m], less than half a side.
-        limits: of speeds and acceleration.
     """
     require_positive("side", side)
     if not 0 < radius < side / 2:

@@ -17,7 +17,6 @@ def figure_eight(start: ArrayLike, half_width: float = 1.5, limits: Limits = LIM
     Args:
         start: pose (3,) at the crossing; the long axis lies 45 deg to the left of its heading.
         half_width: distance from the crossing to either tip [m]; the smallest radius is a third of it.
-        limits: of speeds and acceleration.
     """
     require_positive("half_width", half_width)
 
@@ -34,11 +33,7 @@ def figure_eight(start: ArrayLike, half_width: float = 1.5, limits: Limits = LIM
 
 
 def slalom(
-    start: ArrayLike,
-    amplitude: float = 0.25,
-    wavelength: float = 2.0,
-    periods: int = 2,
-    limits: Limits = LIMITS,
+    start: ArrayLike, amplitude: float = 0.25, wavelength: float = 2.0, periods: int = 2, limits: Limits = LIMITS
 ) -> ProfiledReference:
     """A sine wave about a line, from one of its minima, first to the left.
 
@@ -47,7 +42,6 @@ def slalom(
         amplitude: half the width [m]; the smallest radius is (wavelength / 2 pi)^2 / amplitude.
         wavelength: of the sine [m].
         periods: number of periods, at least 1.
-        limits: of speeds and acceleration.
     """
     require_positive("amplitude", amplitude)
     require_positive("wavelength", wavelength)
@@ -67,11 +61,7 @@ def slalom(
 
 
 def spiral(
-    start: ArrayLike,
-    outer_radius: float = 1.2,
-    inner_radius: float = 0.45,
-    turns: float = 1.5,
-    limits: Limits = LIMITS,
+    start: ArrayLike, outer_radius: float = 1.2, inner_radius: float = 0.45, turns: float = 1.5, limits: Limits = LIMITS
 ) -> ProfiledReference:
     """Archimedes' spiral, inwards to the left: the radius decreases linearly with the angle.
 
@@ -80,7 +70,6 @@ def spiral(
         outer_radius: distance to the centre at the start [m].
         inner_radius: distance to the centre at the end [m].
         turns: number of turns about the centre, at most 50.
-        limits: of speeds and acceleration.
     """
     require_positive("inner_radius", inner_radius)
     if not inner_radius < outer_radius < np.inf:

@@ -31,15 +31,12 @@ class PlanarPath(Protocol):
 
         There are at least three, so that a path can be driven from rest to rest.
         """
-        ...
 
     def pose(self, s: Array) -> Array:
         """Poses (..., 3) at arc lengths (...) [m]; phi unwrapped."""
-        ...
 
     def curvature(self, s: Array) -> Array:
         """Curvatures (...) at arc lengths (...) [1/m], positive to the left."""
-        ...
 
 
 class Curve(Protocol):
@@ -47,7 +44,6 @@ class Curve(Protocol):
 
     def __call__(self, u: Array, nu: int, /) -> Complex:
         """Points (...) at parameters (...) for nu = 0, first and second derivatives for nu = 1 and 2."""
-        ...
 
 
 class ParametricPath:
@@ -107,7 +103,8 @@ class ParametricPath:
     def curvature(self, s: Array) -> Array:
         """Curvatures (...) at arc lengths (...) [1/m], positive to the left."""
         _, u = self._parameter(s)
-        return _curvature(self._curve, u)
+        velocity = self._curve(u, 1)
+        return (np.conj(velocity) * self._curve(u, 2)).imag / np.abs(velocity) ** 3
 
     def _parameter(self, s: Array) -> tuple[NDArray[np.intp], Array]:
         """Index of the cell and parameter of the curve, each (...)."""
@@ -126,11 +123,6 @@ def cell(knots: Array, at: Array) -> NDArray[np.intp]:
 def require_length(length: float) -> None:
     """Raise InvalidValueError for a path longer than MAX_LENGTH."""
     require_at_most("length of the path", round(length, 3), MAX_LENGTH, "m")
-
-
-def _curvature(curve: Curve, u: Array) -> Array:
-    velocity = curve(u, 1)
-    return (np.conj(velocity) * curve(u, 2)).imag / np.abs(velocity) ** 3
 
 
 def _arc_length(curve: Curve, start: Array, end: Array) -> Array:

@@ -68,12 +68,11 @@ class ProfiledReference:
         durations = 2 * steps / (self._speeds[:-1] + self._speeds[1:])
         self._accelerations = np.diff(self._speeds) / durations  # (K - 1,)
         self._times = np.concatenate([[0.0], np.cumsum(durations)])  # (K,)
-        self._duration = float(self._times[-1])
 
     @property
     def duration(self) -> float:
         """Time at which the reference ends [s]."""
-        return self._duration
+        return float(self._times[-1])
 
     @property
     def knots(self) -> Array:
@@ -89,7 +88,7 @@ class ProfiledReference:
         """Twists (..., 2) at times (...) [s]."""
         time = np.asarray(time, float)
         k, t = self._locate(time)
-        speed = np.where(time < self._duration, np.maximum(self._speeds[k] + self._accelerations[k] * t, 0.0), 0.0)
+        speed = np.where(time < self.duration, np.maximum(self._speeds[k] + self._accelerations[k] * t, 0.0), 0.0)
         return np.stack([speed, speed * self._path.curvature(self._way(k, t))], axis=-1)
 
     def _way(self, k: NDArray[np.intp], t: Array) -> Array:
@@ -99,7 +98,7 @@ class ProfiledReference:
 
     def _locate(self, time: ArrayLike) -> tuple[NDArray[np.intp], Array]:
         """Index of the cell and time since its start, each (...)."""
-        clipped = np.minimum(np.maximum(np.asarray(time, float), 0.0), self._duration)
+        clipped = np.minimum(np.maximum(np.asarray(time, float), 0.0), self.duration)
         k = cell(self._times, clipped)
         return k, clipped - self._times[k]
 

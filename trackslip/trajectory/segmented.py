@@ -1,15 +1,18 @@
-"""Straight lines and arcs at piecewise constant acceleration: the paper's path, circles."""
+"""Straight lines and arcs at piecewise constant acceleration: the paper's path, circles, stopping and reversing."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trackslip.errors import InvalidValueError, require_positive
 from trackslip.kinematics import Array, advance
+from trackslip.trajectory.path import cell
+from trackslip.trajectory.profile import LIMITS, Limits
 
 
 @dataclass(frozen=True)
@@ -41,15 +44,14 @@ class SegmentedReference:
         """`start` is the first pose (3,); raises InvalidValueError without segments."""
         if not segments:
             raise InvalidValueError("segments", segments, "at least one segment")
-        self._segments = tuple(segments)
         poses = [np.asarray(start, float)]
-        for s in self._segments:
+        for s in segments:
             poses.append(advance(poses[-1], [s.length, s.length * s.curvature], 1.0))
         self._start_poses = np.array(poses[:-1])  # (S, 3)
-        self._start_times = np.concatenate([[0.0], np.cumsum([s.duration for s in self._segments])])  # (S + 1,)
-        self._start_speeds = np.array([s.start_speed for s in self._segments])
-        self._accelerations = np.array([(s.end_speed - s.start_speed) / s.duration for s in self._segments])
-        self._curvatures = np.array([s.curvature for s in self._segments])
+        self._start_times = np.concatenate([[0.0], np.cumsum([s.duration for s in segments])])  # (S + 1,)
+        self._start_speeds = np.array([s.start_speed for s in segments])
+        self._accelerations = np.array([(s.end_speed - s.start_speed) / s.duration for s in segments])
+        self._curvatures = np.array([s.curvature for s in segments])
 
     @property
     def duration(self) -> float:
@@ -79,8 +81,7 @@ class SegmentedReference:
     def _locate(self, time: ArrayLike) -> tuple[NDArray[np.intp], Array]:
         """Index of the segment and time since its start, each (...)."""
         clipped: Array = np.clip(np.asarray(time, float), 0.0, self.duration)
-        k = np.searchsorted(self._start_times, clipped, side="right") - 1
-        k = np.minimum(k, len(self._segments) - 1)
+        k = cell(self._start_times, clipped)
         return k, clipped - self._start_times[k]
 
 
@@ -95,19 +96,48 @@ def paper_reference(start: ArrayLike = PAPER_START) -> SegmentedReference:
     """
     speed, yaw_rate = 0.15, 0.12
     turn = 4 * np.pi / 3 - np.pi / 2
-    return SegmentedReference(
-        start,
-        [
-            Segment(5.0, 0.0, speed),
-            Segment(7.0, speed, speed),
-            Segment(turn / yaw_rate, speed, speed, yaw_rate / speed),
-            Segment(7.0, speed, speed),
-            Segment(5.0, speed, 0.0),
-        ],
-    )
+    straight, arc = Segment(7.0, speed, speed), Segment(turn / yaw_rate, speed, speed, yaw_rate / speed)
+    return SegmentedReference(start, [Segment(5.0, 0.0, speed), straight, arc, straight, Segment(5.0, speed, 0.0)])
 
 
 def circle(radius: float, speed: float, duration: float, start: ArrayLike = (0.0, 0.0, 0.0)) -> SegmentedReference:
     """A circle of signed `radius` [m] (positive to the left), from `start`, at `speed` [m/s] for `duration` [s]."""
     require_positive("abs(radius)", abs(radius))
     return SegmentedReference(start, [Segment(duration, speed, speed, 1 / radius)])
+
+
+def stop_and_go(
+    start: ArrayLike,
+    straight: float = 2.5,
+    radius: float = 1.0,
+    arc: float = 1.6,
+    dwell: float = 2.0,
+    limits: Limits = LIMITS,
+) -> SegmentedReference:
+    """Forwards, a stop, backwards on an arc about a point to the left, a stop, forwards.
+
+    Args:
+        start: first pose (3,).
+        straight: length of the first and the last piece [m].
+        radius: of the arc [m].
+        arc: length of the arc [m].
+        dwell: duration of each stop [s].
+    """
+    for name, value in (("straight", straight), ("radius", radius), ("arc", arc), ("dwell", dwell)):
+        require_positive(name, value)
+    forwards, backwards = _leg(straight, 0.0, 1.0, limits), _leg(arc, 1 / radius, -1.0, limits)
+    stop = Segment(dwell, 0.0, 0.0)
+    return SegmentedReference(start, [*forwards, stop, *backwards, stop, *forwards])
+
+
+def _leg(length: float, curvature: float, direction: float, limits: Limits) -> list[Segment]:
+    """Segments from rest to rest: accelerate, cruise if the leg is long enough, brake."""
+    acceleration = limits.acceleration
+    speed = min(float(limits.speed_at(curvature)), float(np.sqrt(acceleration * length)))
+    cruise = length / speed - speed / acceleration
+    speeds = [0.0, speed, speed, 0.0] if cruise > 0 else [0.0, speed, 0.0]
+    durations = [speed / acceleration, cruise, speed / acceleration] if cruise > 0 else [speed / acceleration] * 2
+    return [
+        Segment(duration, direction * before, direction * after, curvature)
+        for duration, (before, after) in zip(durations, pairwise(speeds), strict=True)
+    ]

@@ -32,7 +32,6 @@ def waypoints(points: ArrayLike, limits: Limits = LIMITS) -> ProfiledReference:
 
     Args:
         points: (N, 2) in the world [m].
-        limits: of speeds and acceleration.
 
     Raises:
         InvalidValueError: if there are too few points, points too far away or too close, or bends too tight to drive.
@@ -50,20 +49,14 @@ def read_waypoints(path: Path, limits: Limits = LIMITS) -> ProfiledReference:
         ReferenceFileError: if the file cannot be read or driven; names the row, counted from 1 without the header, and
             the column.
     """
-    points = read_points(path)
-    try:
-        return _through(points, "row", limits)
-    except InvalidValueError as error:
-        raise ReferenceFileError(f"{path}: {error}") from error
-
-
-def read_points(path: Path) -> Array:
-    """The numbers (N, 2) in a CSV file of columns x and y; raises ReferenceFileError as `read_waypoints` does."""
     try:
         if not path.is_file():
             raise ReferenceFileError(f"{path}: no such file")
         with path.open(encoding="utf-8-sig", newline="") as file:
-            return np.array(list(_parse(file, path)), float).reshape(-1, 2)
+            points = np.array(list(_parse(file, path)), float).reshape(-1, 2)
+        return _through(points, "row", limits)
+    except InvalidValueError as error:
+        raise ReferenceFileError(f"{path}: {error}") from error
     except (OSError, csv.Error, UnicodeError) as error:
         raise ReferenceFileError(f"{path}: {first_line(error)}") from error
 

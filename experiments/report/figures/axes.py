@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from experiments.measuring.inner_outer import InnerOuterSamples
 from trackslip.kinematics import Array
@@ -31,14 +31,13 @@ def curve_radii(runs: InnerOuterSamples) -> Array:
 
 def show_radii(axis: Axes, runs: InnerOuterSamples) -> None:
     """Set scale, limits, ticks and label: linear from zero, or logarithmic where the radii differ much."""
-    axis.set_xlabel("observed radius R [m]")
     radius = curve_radii(runs)
+    axis.set_xlabel("observed radius R [m]")
     if is_wide(runs):
-        axis.set_xscale("log")
+        axis.set(xscale="log", xlim=(radius[0], radius[-1]))
         axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        axis.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axis.xaxis.set_major_formatter("{x:g}")
         axis.xaxis.set_minor_formatter(NullFormatter())
-        axis.set_xlim(radius[0], radius[-1])
     else:
         on_the_spot = float(runs.radius.min()) < _MIN_RADIUS
         axis.set_xlim(-0.04 * radius[-1] if on_the_spot else 0.0, radius[-1])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from experiments.measuring.inner_outer import TRACKS, InnerOuterSamples
 from experiments.measuring.value_groups import repeated
 from experiments.report.colours import COLOURS, GREEN, LABELS
 from experiments.report.figures.axes import bar_factor, bar_key, curve_radii, draw_bars, show_radii, with_bars
-from experiments.report.figures.style import BAND, INNER, OUTER, law_line, limits_around, styled
+from experiments.report.figures.style import BAND, INNER, OUTER, law_line, limits_around, styled, subplots
 from experiments.report.law_symbols import SYMBOLS
 from trackslip.identification.comparison import Comparison
 from trackslip.identification.fitted import FittedLaw
@@ -43,46 +43,39 @@ def shown_laws(comparison: Comparison) -> dict[str, SlipLaw]:
 @styled
 def fitted_laws(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
     """Fig. 6: slip against observed radius with every law; thick: the best, the paper's, and icr_radius."""
-    figure = Figure(figsize=(9.0, 5.4), layout="constrained")
-    axes = figure.subplots(1, 2)
+    figure, axes = subplots(5.4, 1, 2)
     laws = shown_laws(comparison)
     radius = curve_radii(runs)
     factor = bar_factor(runs)
     strong = {*_STRONG, comparison.best}
+    looks = {key: law_line(key, label=_title(key, comparison), lw=2.0 if key in strong else 1.0) for key in laws}
     for axis, name in zip(axes, reversed(TRACKS), strict=True):
         track = TRACKS.index(name)
         slip = runs.slip[:, track]
         near = [(runs.slip - runs.residual(law))[:, track] for key, law in laws.items() if key in strong]
         known = [value[np.abs(value) < _POLE] for value in near]  # the laws at the runs' radii
-        limits = limits_around(np.concatenate([with_bars(runs, track, factor), *known]))
+        low, high = limits_around(np.concatenate([with_bars(runs, track, factor), *known]))
         for key, law in laws.items():
             for curve in runs.curves(law, radius):
-                _line(axis, radius, curve[:, track], limits, key, strong=key in strong)
+                beyond = (curve <= 2 * low - high) | (curve >= 2 * high - low)  # far outside the axes, near a pole
+                axis.plot(radius, np.where(beyond, np.nan, curve)[:, track], **looks[key])
         axis.plot(runs.radius, slip, "o", color=_RUN, ms=4, mew=0, zorder=6)
         if runs.errors is not None:
             draw_bars(axis, runs.radius, slip, factor * runs.errors.radius, factor * runs.errors.slip[:, track])
-        axis.set(title=f"{name.capitalize()} track", ylim=limits)
+        axis.set(title=f"{name.capitalize()} track", ylim=(low, high))
         show_radii(axis, runs)
     axes[0].set_ylabel("slip i [–]")
     handles = [
         Line2D([], [], color=_RUN, marker="o", ms=4, ls="none", label="runs"),
         *bar_key(factor),
-        *(Line2D([], [], **_style(key, comparison.best, strong=key in strong)) for key in laws),
+        *(Line2D([], [], **look) for look in looks.values()),
     ]
     figure.legend(handles=handles, ncols=4, loc="outside lower center", handlelength=3.2)
     return figure
 
 
-def _line(axis: Axes, radius: Array, slip: Array, limits: tuple[float, float], key: str, *, strong: bool) -> None:
-    """Draw a law's curve, interrupted where it is far outside the axes, near its pole."""
-    low, high = limits
-    inside = np.where((slip > 2 * low - high) & (slip < 2 * high - low), slip, np.nan)
-    axis.plot(radius, inside, **_style(key, "", strong=strong))
-
-
-def _style(key: str, best: str, *, strong: bool) -> dict[str, Any]:
-    label = LABELS.get(key, key) + (" – best" if key == best else "")
-    return law_line(key, label=label, lw=2.0 if strong else 1.0)
+def _title(name: str, comparison: Comparison) -> str:
+    return LABELS.get(name, name) + (" – best" if name == comparison.best else "")
 
 
 @styled
@@ -90,26 +83,23 @@ def residuals(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
     """Residuals of every run, one panel per law on a common scale that is linear within the band of errors."""
     laws = shown_laws(comparison)
     rows = -(-len(laws) // _COLUMNS)
-    figure = Figure(figsize=(9.0, 0.7 + 1.75 * rows), layout="constrained")
-    axes = figure.subplots(rows, _COLUMNS, sharex=True, sharey=True, squeeze=False).ravel()
+    figure, axes = subplots(0.7 + 1.75 * rows, rows, _COLUMNS, sharex=True, sharey=True, squeeze=False)
+    axes = axes.ravel()
     band, meaning = residual_band(runs, comparison)
     largest = max(float(np.abs(runs.residual(law)).max()) for law in laws.values())
     threshold = 10.0 ** np.floor(np.log10(max(band, 1e-4 * largest, 1e-9)))
     for axis, (key, law) in zip(axes, laws.items(), strict=False):
         _residual_panel(axis, runs, runs.residual(law))
         axis.axhspan(-band, band, color=BAND, lw=0, zorder=0)
-        best = " – best" if key == comparison.best else ""
-        axis.set_title(f"{LABELS.get(key, key)}{best}", fontsize=8.5)
+        axis.set_title(_title(key, comparison), fontsize=8.5)
     axes[0].set_yscale("symlog", linthresh=threshold, linscale=0.6)
     axes[0].set_ylim(-2 * largest, 2 * largest)
     axes[0].set_yticks(_ticks(threshold, largest))
     for axis in axes[len(laws) :]:
         axis.set_visible(False)
-    for column in range(_COLUMNS):
-        lowest = axes[: len(laws)][column::_COLUMNS]
-        if len(lowest):
-            show_radii(lowest[-1], runs)
-            lowest[-1].tick_params(labelbottom=True)
+    for axis in axes[: len(laws)][-_COLUMNS:]:  # the lowest of each column
+        show_radii(axis, runs)
+        axis.tick_params(labelbottom=True)
     for axis in axes[::_COLUMNS]:
         axis.set_ylabel("measured − law [–]")
     handles = [
@@ -149,32 +139,26 @@ def _ticks(threshold: float, largest: float) -> list[float]:
 def criteria(comparison: Comparison) -> Figure:
     """AICc above the smallest, and errors of predicting left-out radii and speeds; one row per law, the best on top."""
     names = comparison.ranking
-    validation = comparison.validation
-    figure = Figure(figsize=(9.0, 1.7 + 0.27 * len(names)), layout="constrained")
-    axes = figure.subplots(1, 4, sharey=True)
-    known = [value for value in comparison.aicc.values() if value is not None]
-    above = {name: None if value is None else value - min(known) for name, value in comparison.aicc.items()}
-    fitted = {name: law.rms for name, law in comparison.laws.items()}
-    _dots(axes[0], {name: above[name] for name in names})
-    axes[0].axvspan(0, _INDISTINCT, color=BAND, lw=0, zorder=0)
-    axes[0].set_xscale("symlog", linthresh=_DECIDED)
-    axes[0].set_xlim(-0.8, None)
-    for axis, values, more in (
-        (axes[1], {name: validation[name].radius for name in names}, fitted),
-        (axes[2], {name: validation[name].speed for name in names}, fitted),
-        (axes[3], {name: _milli(validation[name].yaw_rate) for name in names}, {}),
+    figure, axes = subplots(1.7 + 0.27 * len(names), 1, 4, sharey=True)
+    aicc = np.array([comparison.aicc[name] for name in names], float)  # NaN where it is not known
+    errors = [comparison.validation[name] for name in names]
+    radius, speed, yaw_rate = np.array([(e.radius, e.speed, e.yaw_rate) for e in errors], float).T
+    fitted = np.array([comparison.laws[name].rms for name in names])
+    for axis, title, label, values, hollow in (
+        (axes[0], "Criterion", "AICc − smallest [–]", aicc - np.nanmin(aicc, initial=np.inf), None),
+        (axes[1], "Radius left out", "slip, rms [–]", radius, fitted),
+        (axes[2], "Speed left out", "slip, rms [–]", speed, fitted),
+        (axes[3], "Radius left out", "yaw rate, rms [mrad/s]", 1e3 * yaw_rate, None),
     ):
-        _dots(axis, values, more)
-        if any(value is not None and value > 0 for value in values.values()):
+        _dots(axis, names, values, hollow)
+        axis.set(title=title, xlabel=label)
+        if axis is axes[0]:
+            axis.axvspan(0, _INDISTINCT, color=BAND, lw=0, zorder=0)
+            axis.set_xscale("symlog", linthresh=_DECIDED)
+            axis.set_xlim(-0.8, None)
+        elif (values > 0).any():
             axis.set_xscale("log")
             axis.margins(x=0.12)
-    for axis, title, label in (
-        (axes[0], "Criterion", "AICc − smallest [–]"),
-        (axes[1], "Radius left out", "slip, rms [–]"),
-        (axes[2], "Speed left out", "slip, rms [–]"),
-        (axes[3], "Radius left out", "yaw rate, rms [mrad/s]"),
-    ):
-        axis.set(title=title, xlabel=label)
     axes[0].set_yticks(range(len(names)), [LABELS.get(name, name) for name in names])
     axes[0].set_ylim(len(names) - 0.4, -0.6)
     axes[0].get_yticklabels()[names.index(comparison.best)].set_fontweight("bold")
@@ -187,39 +171,33 @@ def criteria(comparison: Comparison) -> Figure:
     return figure
 
 
-def _milli(value: float | None) -> float | None:
-    return None if value is None else 1e3 * value
-
-
-def _dots(axis: Axes, values: Mapping[str, float | None], hollow: Mapping[str, float] | None = None) -> None:
+def _dots(axis: Axes, names: Sequence[str], values: Array, hollow: Array | None) -> None:
     """Draw one dot per law at its value, and a hollow one at a second value; a note where there is none."""
-    for row, (name, value) in enumerate(values.items()):
+    for row, (name, value) in enumerate(zip(names, values, strict=True)):
         colour = COLOURS.get(name, GREEN)
-        if value is None:
+        if np.isnan(value):
             beside = axis.get_yaxis_transform()
             axis.text(0.5, row, "not known", transform=beside, va="center", ha="center", fontsize=7.5, color="#666666")
             continue
         axis.plot(value, row, "o", color=colour, ms=6)
-        if hollow:
-            axis.plot(hollow[name], row, "o", color=colour, ms=8.5, mfc="none")
+        if hollow is not None:
+            axis.plot(hollow[row], row, "o", color=colour, ms=8.5, mfc="none")
 
 
 def correlated_laws(comparison: Comparison) -> list[FittedLaw]:
     """The best law and the paper's, if they have several parameters."""
     names = dict.fromkeys([comparison.best, "exponential", "icr_radius"])
-    several = [
-        comparison.laws[name] for name in names if name in comparison.laws and len(comparison.laws[name].values) > 1
-    ]
-    return several[:2]
+    known = [comparison.laws[name] for name in names if name in comparison.laws]
+    return [law for law in known if len(law.values) > 1][:2]
 
 
 @styled
 def correlations(laws: list[FittedLaw]) -> Figure:
     """Correlation matrices of the parameters of up to two laws."""
-    figure = Figure(figsize=(9.0, 3.7), layout="constrained")
-    for axis, law in zip(figure.subplots(1, 2), laws, strict=False):
+    figure, axes = subplots(3.7, 1, 2)
+    for axis, law in zip(axes, laws, strict=False):
         _matrix(axis, law)
-    for axis in figure.axes[len(laws) :]:
+    for axis in axes[len(laws) :]:
         axis.set_visible(False)
     return figure
 

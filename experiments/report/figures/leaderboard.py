@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from experiments.benchmark.rows import BenchmarkRow, settled_error
 from experiments.driving.lookup import reference
 from experiments.report.colours import BLACK, BLUE, GREEN, GREY, LABELS, ORANGE, RED
-from experiments.report.figures.style import law_line, styled
+from experiments.report.figures.style import law_line, styled, subplots
 from experiments.report.figures.tracking import draw_paths
 from experiments.storage.manifest import relative
 from trackslip.logs.runlog import RunLog
@@ -40,8 +40,8 @@ def board(rows: Sequence[BenchmarkRow]) -> Figure:
         list(dict.fromkeys(getattr(row, key) for row in rows)) for key in ("ground", "compensation", "start")
     )
     lines = list(dict.fromkeys((row.controller, row.start) for row in rows))
-    figure = Figure(figsize=(9.0, 1.6 + 0.42 * len(lines)), layout="constrained")
-    panels = figure.subplots(1, len(grounds), sharey=True, sharex=True, squeeze=False)[0]
+    figure, axes = subplots(1.6 + 0.42 * len(lines), 1, len(grounds), sharey=True, sharex=True, squeeze=False)
+    panels = axes[0]
     for axis, ground in zip(panels, grounds, strict=True):
         for k, compensation in enumerate(compensations):
             place = 0.5 * ((k + 0.5) / len(compensations) - 0.5)
@@ -52,9 +52,7 @@ def board(rows: Sequence[BenchmarkRow]) -> Figure:
                     if (row.ground, row.controller, row.start, row.compensation) == (ground, *line, compensation)
                 ]
                 _dots(axis, some, n + place, law_line(compensation)["color"], _MARKERS[k % len(_MARKERS)])
-        axis.set_title(f"on {relative(ground)}")
-        axis.set_xscale("log")
-        axis.set_xlabel("rms position error [mm], log scale")
+        axis.set(title=f"on {relative(ground)}", xscale="log", xlabel="rms position error [mm], log scale")
     labels = [relative(name) if len(starts) == 1 else f"{relative(name)}, start {start}" for name, start in lines]
     panels[0].set_yticks(range(len(lines)), labels)
     panels[0].set_ylim(len(lines) - 0.5, -0.5)

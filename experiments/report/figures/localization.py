@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from experiments.report.colours import BLUE, GREEN, ORANGE
-from experiments.report.figures.style import mark_span, styled
+from experiments.report.figures.style import mark_span, styled, subplots
 from sim.scanner.scanner import LaserScanner
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.localization.bound import MIN_ANGLE, pose_bound, viewing_angle
@@ -58,12 +58,11 @@ class Sightings:
 
 def sightings(logs: Sequence[RunLog]) -> Sightings | None:
     """About _MAX_POSES poses of the runs whose truth, plate, scanner and mount are known; None without any."""
-    known = [log for log in logs if log.truth is not None and _seen_by(log.metadata) is not None]
+    known = [(log, seen) for log in logs if log.truth is not None and (seen := _seen_by(log.metadata)) is not None]
     if not known:
         return None
-    step = max(1, sum(len(log.time) for log in known) // _MAX_POSES)
-    parts = [part for log in known if (part := _of(log, step)) is not None]
-    return Sightings(*(np.concatenate([getattr(part, key) for part in parts]) for key in ("angle", "error", "bound")))
+    step = max(1, sum(len(log.time) for log, _ in known) // _MAX_POSES)
+    return Sightings(*map(np.concatenate, zip(*(_of(log, *seen, step) for log, seen in known), strict=True)))
 
 
 def _seen_by(metadata: Mapping[str, Any]) -> tuple[Plate, Scan] | None:
@@ -76,12 +75,9 @@ def _seen_by(metadata: Mapping[str, Any]) -> tuple[Plate, Scan] | None:
     return Plate(**plate), Scan(device.bearings, np.empty((0, device.bearings.size)), device.noise, mount)
 
 
-def _of(log: RunLog, step: int) -> Sightings | None:
-    """Every `step`-th pose of a run."""
-    seen = _seen_by(log.metadata)
-    if seen is None or log.truth is None:
-        return None
-    plate, scan = seen
+def _of(log: RunLog, plate: Plate, scan: Scan, step: int) -> tuple[Array, Array, Array]:
+    """Angle, error and bound, as in Sightings, of every `step`-th pose of a run."""
+    assert log.truth is not None
     true = scan.from_world(log.truth.pose[::step])
     estimated = scan.from_world(log.pose[::step])
     sight = np.arctan2(true[:, 1], true[:, 0])
@@ -90,7 +86,7 @@ def _of(log: RunLog, step: int) -> Sightings | None:
     error[:, 2] = wrap_angle(error[:, 2])
     error[~log.is_valid[::step]] = np.nan
     bound = turn @ pose_bound(true, plate, scan.bearings, scan.noise) @ turn.swapaxes(1, 2)
-    return Sightings(viewing_angle(true), error, np.sqrt(np.einsum("nii->ni", bound)))
+    return viewing_angle(true), error, np.sqrt(np.einsum("nii->ni", bound))
 
 
 def _turned(angle: Array) -> Array:
@@ -102,8 +98,7 @@ def _turned(angle: Array) -> Array:
 @styled
 def error_against_viewing_angle(seen: Sightings) -> Figure:
     """Root mean square errors of position and heading in bins of the viewing angle, with the bound."""
-    figure = Figure(figsize=(9.0, 4.3), layout="constrained")
-    position, heading = figure.subplots(1, 2)
+    figure, (position, heading) = subplots(4.3, 1, 2)
     which = np.clip(np.digitize(seen.angle, _EDGES) - 1, 0, _EDGES.size - 2)
     held = seen.measured & np.isfinite(seen.bound).all(axis=1)
     bins = [rows for k in range(_EDGES.size - 1) if (rows := np.flatnonzero((which == k) & held)).size >= _MIN_POSES]
@@ -115,16 +110,12 @@ def error_against_viewing_angle(seen: Sightings) -> Figure:
         bound = factor * np.array([rms(seen.bound[rows, column]) for rows in bins])
         axis.plot(angle, error, marker, color=colour, ms=5, label=f"{name}: error")
         axis.plot(angle[bounded], bound[bounded], color=colour, lw=1.4, label=f"{name}: bound")
-    for axis, label, title in (
-        (position, "error of position, rms [mm]", "Position"),
-        (heading, "error of heading, rms [°]", "Heading"),
-    ):
-        axis.set_yscale("log")
+    for axis, name, unit in ((position, "position", "mm"), (heading, "heading", "°")):
+        axis.set(xlabel="angle between plate and line of sight [°]", xlim=(0, 90), xticks=range(0, 91, 15))
+        axis.set(ylabel=f"error of {name}, rms [{unit}]", title=name.capitalize(), yscale="log")
         axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        axis.yaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axis.yaxis.set_major_formatter("{x:g}")
         axis.yaxis.set_minor_formatter(NullFormatter())
-        axis.set(xlabel="angle between plate and line of sight [°]", ylabel=label, title=title, xlim=(0, 90))
-        axis.set_xticks(range(0, 91, 15))
         mark_span(axis, 0, float(np.degrees(MIN_ANGLE)))
     handles = [*position.get_legend_handles_labels()[0], *heading.get_legend_handles_labels()[0]]
     figure.legend(handles=handles, ncols=3, loc="outside lower center")

@@ -1,9 +1,9 @@
-"""Figures of steady runs, after Figs. 4 and 5 of the paper: pose and velocity, and slip against speed and radius."""
+"""Figures of steady runs: pose and velocity, slip against speed and radius (Figs. 4 and 5), and radii driven."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -11,20 +11,34 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from experiments.driving.paper_model import geometry_of, published_poses
+from experiments.measuring.grid import RadiusSummary
 from experiments.measuring.inner_outer import TRACKS, InnerOuterSamples, slip_at
 from experiments.measuring.value_groups import group_label, is_narrow, value_groups
-from experiments.report.colours import BLACK, BLUE, GREEN, ORANGE, RED
+from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE, RED
 from experiments.report.figures.axes import bar_factor, bar_key, curve_radii, draw_bars, show_radii, with_bars
-from experiments.report.figures.style import POINTS, RADII_SHADES, SPEED_SHADES, limits_around, shade, styled, thin
+from experiments.report.figures.style import (
+    INNER,
+    OUTER,
+    POINTS,
+    RADII_SHADES,
+    SPEED_SHADES,
+    limits_around,
+    shade,
+    styled,
+    subplots,
+    thin,
+)
 from trackslip.identification.fitted import FittedLaw
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.filtered import butterworth_motion
-from trackslip.paper import OBSERVED_RADII
+from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII
 from trackslip.slip.exponential import PUBLISHED
 
 _MARKERS = "osD^vP*X"
-_BY_PAPER: dict[str, Any] = {"color": RED, "lw": 1.4, "ls": "--"}  # the circle of the paper's law
+_PAPER: dict[str, Any] = {"color": BLACK, "marker": "x", "ms": 7, "mew": 1.6}
+_BY_PAPER: dict[str, Any] = {"color": RED, "lw": 1.4, "ls": "--", "label": "by Eq. 11"}  # the circle of the paper's law
+_TRUE: dict[str, Any] = {"color": BLACK, "lw": 0.8, "label": "truth"}
 
 
 def typical_run(logs: Sequence[RunLog], radius: float = 1.5, speed: float = 0.15) -> RunLog:
@@ -45,10 +59,9 @@ def pose_and_velocity(log: RunLog) -> Figure:
     motion = butterworth_motion(log)
     v, w = motion.twist.T
     phi = motion.pose[:, 2]
-    figure = Figure(figsize=(9.0, 4.8), layout="constrained")
-    axes = figure.subplots(2, 2, sharex=True)
+    figure, axes = subplots(4.8, 2, 2, sharex=True)
     position, velocity, heading, turning = axes.ravel()
-    rows = thin(len(log.time), 45)
+    rows, fine, smooth = thin(len(log.time), 45), thin(len(log.time)), thin(len(v), 2 * POINTS)
     pose = np.where(log.is_valid[:, None], log.pose, np.nan)
     for axis, column, colour, marker, name in (
         (position, 0, BLUE, "o", "x"),
@@ -61,41 +74,23 @@ def pose_and_velocity(log: RunLog) -> Figure:
         (velocity, v * np.sin(phi), ORANGE, "dy/dt"),
         (turning, w, GREEN, "dφ/dt"),
     ):
-        fine = thin(len(values), 2 * POINTS)
-        axis.plot(motion.time[fine], values[fine], color=colour, lw=0.8, label=name)
-    if log.truth is not None:
-        truth = _true_traces(log)
-        fine = thin(len(log.time))
-        for axis, columns in ((position, (0, 1)), (heading, (2,)), (velocity, (3, 4)), (turning, (5,))):
-            axis.plot(log.time[fine], truth[fine][:, columns], color=BLACK, lw=0.8)
-    if by_paper := geometry_of(log.metadata) is not None:
-        published = _with_derivatives(log, published_poses(log))
-        fine = thin(len(log.time))
-        for axis, columns in ((position, (0, 1)), (heading, (2,)), (velocity, (3, 4)), (turning, (5,))):
-            axis.plot(log.time[fine], published[fine][:, columns], **_BY_PAPER)
-    for axis, label, title in (
-        (position, "position [m]", "Position"),
-        (velocity, "velocity [m/s]", "Velocity"),
-        (heading, "heading φ [rad]", "Heading"),
-        (turning, "yaw rate [rad/s]", "Yaw rate"),
+        axis.plot(motion.time[smooth], values[smooth], color=colour, lw=0.8, label=name)
+    lines = [] if log.truth is None else [(_true_traces(log), _TRUE)]
+    if geometry_of(log.metadata) is not None:
+        lines.append((_with_derivatives(log, published_poses(log)), _BY_PAPER))
+    for axis, columns, label, title in (
+        (position, (0, 1), "position [m]", "Position"),
+        (velocity, (3, 4), "velocity [m/s]", "Velocity"),
+        (heading, (2,), "heading φ [rad]", "Heading"),
+        (turning, (5,), "yaw rate [rad/s]", "Yaw rate"),
     ):
-        handles = axis.get_legend_handles_labels()[0]
-        if log.truth is not None:
-            handles.append(Line2D([], [], color=BLACK, lw=0.8, label="truth"))
-        if by_paper:
-            handles.append(Line2D([], [], **_BY_PAPER, label="by Eq. 11"))
+        for traces, style in lines:
+            axis.plot(log.time[fine], traces[fine][:, columns], **{**style, "label": None})
+        handles = [*axis.get_legend_handles_labels()[0], *(Line2D([], [], **style) for _, style in lines)]
         axis.set(ylabel=label, title=title)
         # beside the title, because the traces of a turning robot visit every corner of the axes
-        axis.legend(
-            handles=handles,
-            ncols=4,
-            loc="lower right",
-            bbox_to_anchor=(1, 0.98),
-            borderaxespad=0,
-            columnspacing=1.0,
-            handlelength=1.5,
-            handletextpad=0.5,
-        )
+        beside: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1, 0.98), "borderaxespad": 0}
+        axis.legend(handles=handles, ncols=4, columnspacing=1.0, handlelength=1.5, handletextpad=0.5, **beside)
     for axis in axes[1]:
         axis.set_xlabel("time [s]")
     return figure
@@ -103,26 +98,55 @@ def pose_and_velocity(log: RunLog) -> Figure:
 
 def _with_derivatives(log: RunLog, pose: Array) -> Array:
     """Poses (T, 3) at a log's times and their derivatives, (T, 6), with headings close to the log's."""
-    pose = pose.copy()
-    pose[:, 2] += 2 * np.pi * np.round(np.nanmedian(log.pose[:, 2] - pose[:, 2]) / (2 * np.pi))
+    pose = _near(pose, log)
     return np.column_stack([pose, np.gradient(pose, log.time, axis=0)])
 
 
 def _true_traces(log: RunLog) -> Array:
     """True poses and their derivatives in the world frame, (T, 6)."""
     assert log.truth is not None
-    pose = log.truth.pose.copy()
-    pose[:, 2] += 2 * np.pi * np.round(np.nanmedian(log.pose[:, 2] - pose[:, 2]) / (2 * np.pi))
+    pose = _near(log.truth.pose, log)
     forward, left, w = log.truth.twist.T
     cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
     return np.column_stack([pose, forward * cos - left * sin, forward * sin + left * cos, w])
 
 
+def _near(pose: Array, log: RunLog) -> Array:
+    """Poses (T, 3) with the full turns added to their headings that bring them closest to the log's."""
+    turns = np.round(np.nanmedian(log.pose[:, 2] - pose[:, 2]) / (2 * np.pi))
+    return np.add(pose, [0, 0, 2 * np.pi * turns])
+
+
+@styled
+def published_and_simulated(radius: RadiusSummary, runs: InnerOuterSamples) -> Figure:
+    """Radius driven against radius commanded, and slip against radius, published and simulated."""
+    figure, (driven, slips) = subplots(3.7, 1, 2, width_ratios=(1, 1.35))
+    most = 1.08 * max(*radius.commanded, *COMMANDED_RADII)
+    driven.plot([0, most], [0, most], color=GREY, lw=1.0, label="without slip")
+    driven.plot(COMMANDED_RADII, OBSERVED_RADII, ls="none", label="published", **_PAPER)
+    driven.plot(radius.commanded, radius.observed, "o", color=OUTER, ms=6, label="simulated")
+    driven.set(xlabel="radius commanded [m]", ylabel="radius driven [m]", title="Wider than commanded")
+    driven.set(xlim=(0, None), ylim=(0, None))
+    driven.legend(loc="upper left")
+    curve = curve_radii(runs)
+    published = slip_at(PUBLISHED, np.array(OBSERVED_RADII), 1.0)
+    for track, (name, colour, marker) in enumerate(zip(TRACKS, (INNER, OUTER), "so", strict=True)):
+        slips.plot(curve, slip_at(PUBLISHED, curve, 1.0)[:, track], color=BLACK, ls="--", lw=1.3)
+        slips.plot(OBSERVED_RADII, published[:, track], ls="none", **_PAPER)
+        label = f"{name} track, simulated"
+        slips.plot(runs.radius, runs.slip[:, track], marker, color=colour, ms=6, mfc="none", label=label)
+    slips.plot([], [], ls="--", lw=1.3, label="Eq. 11, published", **_PAPER)
+    slips.axhline(0, color=GREY, lw=0.8, zorder=1)
+    slips.set(ylabel="slip i [–]", title="Because the tracks slip", ylim=limits_around(np.append(runs.slip, published)))
+    show_radii(slips, runs)
+    slips.legend(loc="lower right")
+    return figure
+
+
 @styled
 def slip_against_speed_and_radius(runs: InnerOuterSamples, best: FittedLaw) -> Figure:
     """Fig. 5: slip of the inner (top) and outer track (bottom) against speed (left) and radius (right)."""
-    figure = Figure(figsize=(9.0, 6.8), layout="constrained")
-    axes = figure.subplots(2, 2, sharey="row", sharex="col")
+    figure, axes = subplots(6.8, 2, 2, sharey="row", sharex="col")
     curve = curve_radii(runs)
     by_radius, by_speed = value_groups(runs.radius), value_groups(runs.speed)
     factor = bar_factor(runs)
@@ -146,9 +170,8 @@ def slip_against_speed_and_radius(runs: InnerOuterSamples, best: FittedLaw) -> F
             colour = shade(SPEED_SHADES, number / max(len(by_speed) - 1, 1))
             size = 9.0 - 1.1 * min(number, 4)  # runs at one radius nearly coincide: draw the first ones larger
             label = group_label(runs.speed[group], "m/s")
-            against_radius.plot(
-                runs.radius[group], slip[group], marker, color=colour, ms=size, mfc="none", mew=1.1, label=label
-            )
+            look: dict[str, Any] = {"color": colour, "ms": size, "mfc": "none", "mew": 1.1, "label": label}
+            against_radius.plot(runs.radius[group], slip[group], marker, **look)
         if runs.errors is not None:
             of_slip = factor * runs.errors.slip[:, row]
             draw_bars(against_speed, runs.speed, slip, factor * runs.errors.speed, of_slip)
@@ -163,8 +186,9 @@ def slip_against_speed_and_radius(runs: InnerOuterSamples, best: FittedLaw) -> F
     best_line = [Line2D([], [], color="#777777", lw=1.0, label="best law")] if lines else []
     dashed = Line2D([], [], color="#777777", ls="--", lw=0.9, label="Eq. 11 at the paper's radii")
     curve_line = Line2D([], [], color=BLACK, ls="--", lw=1.2, label="Eq. 11")
-    _legend_below(figure, axes[0, 0], [*best_line, dashed], "Left: observed R", "left")
-    _legend_below(figure, axes[0, 1], [curve_line, *bar_key(factor)], "Right: measured v", "right")
+    by_speed_lines, by_radius_lines = [*best_line, dashed], [curve_line, *bar_key(factor)]
+    _legend_below(figure, axes[0, 0], by_speed_lines, title="Left: observed R", ncols=3, loc="outside lower left")
+    _legend_below(figure, axes[0, 1], by_radius_lines, title="Right: measured v", ncols=4, loc="outside lower right")
     return figure
 
 
@@ -175,16 +199,7 @@ def _shade(radius: float, runs: InnerOuterSamples) -> tuple[float, float, float,
     return shade(RADII_SHADES, float(share))
 
 
-def _legend_below(
-    figure: Figure, axis: Axes, more: Sequence[Line2D], title: str, where: Literal["left", "right"]
-) -> None:
-    """Put a legend of `axis` and further lines under one half of the figure."""
+def _legend_below(figure: Figure, axis: Axes, more: Sequence[Line2D], **style: Any) -> None:
+    """Put a legend of `axis` and further lines below the axes."""
     handles = [*axis.get_legend_handles_labels()[0], *more]
-    figure.legend(
-        handles=handles,
-        title=title,
-        ncols=3 if where == "left" else 4,
-        loc="outside lower left" if where == "left" else "outside lower right",
-        columnspacing=1.2,
-        alignment="left",
-    )
+    figure.legend(handles=handles, columnspacing=1.2, alignment="left", **style)

@@ -6,30 +6,14 @@ from typing import Any
 
 import matplotlib
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
-from experiments.report.colours import BLUE, COLOURS, GREEN, GREY, ORANGE, SHADE
+from experiments.report.colours import BLACK, BLUE, COLOURS, DASHES, GREEN, GREY, ORANGE, RED, SHADE
 from trackslip.kinematics import Array
 
-DASHES = {
-    "none": (0, (12, 1.5)),
-    "published": "--",
-    "constant": (0, (6, 2)),
-    "exponential": "-.",
-    "exponential_speed": (0, (6, 1.5, 1, 1.5, 1, 1.5)),
-    "power": (0, (3, 1.5)),
-    "hyperbola": (0, (4, 1.5, 1, 1.5)),
-    "icr": (0, (2, 1)),
-    "icr_radius": "-",
-    "icr_sides": (0, (2, 2.5)),
-    "online": (0, (5, 1)),
-    "online_cold": (0, (5, 1, 1, 1)),
-}
-"""Line styles, all different, so that the laws can also be told apart without colour."""
-INNER, OUTER = ORANGE, BLUE
-"""Colours of the inner and the outer track."""
-BAND = "#d5e6d5"
-"""Background of values too small to matter."""
+INNER, OUTER = ORANGE, BLUE  # tracks
+BAND = "#d5e6d5"  # background of values too small to matter
 STYLE: dict[Any, Any] = {
     "font.size": 9.0,
     "axes.titlesize": 9.5,
@@ -46,20 +30,31 @@ STYLE: dict[Any, Any] = {
     "legend.fontsize": 8.0,
     "path.simplify_threshold": 0.3,
 }
-RADII_SHADES, SPEED_SHADES = ("viridis", 0.6), ("plasma", 0.6)
-"""Colour maps, and the share of each that is dark enough to be seen."""
-DESIRED: dict[str, Any] = {
-    "color": "#e3e3e3",
-    "lw": 3.6,
-    "solid_capstyle": "round",
-    "label": "desired",
-    "path_effects": [withStroke(linewidth=5.2, foreground=GREY)],
-}
-"""Keywords of the line of a reference, drawn like a road."""
-POINTS = 500
-"""Points of a line that can be told apart at the figures' width."""
+RADII_SHADES, SPEED_SHADES = ("viridis", 0.6), ("plasma", 0.6)  # colour maps, and the share dark enough to be seen
+_EDGES = [withStroke(linewidth=5.2, foreground=GREY)]
+DESIRED: dict[str, Any] = {"color": "#e3e3e3", "lw": 3.6, "solid_capstyle": "round", "path_effects": _EDGES}
+"""Look of the line of a reference, drawn like a road."""
+RECIPE: dict[str, Any] = {"color": BLUE, "marker": "o"}  # the model's contacts in the figures of a validation
+DEFAULT: dict[str, Any] = {"color": RED, "marker": "^"}  # MuJoCo's default contact
+THEORY: dict[str, Any] = {"color": BLACK, "lw": 1.0}
+POINTS = 500  # of a line that can be told apart at the figures' width
 
+Panels = tuple[Figure, ...]  # parts of a figure, drawn separately so that they stack on a narrow page
 styled = matplotlib.rc_context(STYLE)
+
+
+def subplots(height: float, *grid: int, **more: Any) -> tuple[Figure, Any]:
+    """A figure as wide as the page and `height` high [in], and its axes; `grid` and `more` as for Figure.subplots."""
+    figure = Figure(figsize=(9.0, height), layout="constrained")
+    return figure, figure.subplots(*grid, **more)
+
+
+def panel(title: str, xlabel: str, ylabel: str) -> tuple[Figure, Axes]:
+    """A figure with one set of axes, about as wide as a phone."""
+    figure = Figure(figsize=(4.6, 3.6), layout="constrained")
+    axes = figure.subplots()
+    axes.set(title=title, xlabel=xlabel, ylabel=ylabel)
+    return figure, axes
 
 
 def thin(rows: int, most: int = POINTS) -> slice:
@@ -85,6 +80,6 @@ def mark_span(axis: Axes, begin: float, end: float) -> None:
     axis.axvspan(begin, end, facecolor=SHADE, edgecolor=GREY, lw=0.8, ls=":", zorder=0)
 
 
-def law_line(name: str, **more: object) -> dict[str, object]:
+def law_line(name: str, **more: Any) -> dict[str, Any]:
     """Keywords of the line of the slip law or compensation `name`."""
     return {"color": COLOURS.get(name, GREEN), "linestyle": DASHES.get(name, "-"), **more}

@@ -16,7 +16,7 @@ from matplotlib.patches import Arc
 
 from experiments.driving.paper_model import geometry_of
 from experiments.report.colours import BLACK, BLUE, COLOURS, GREEN, GREY, LABELS, ORANGE
-from experiments.report.figures.style import DESIRED, law_line, mark_span, styled, thin
+from experiments.report.figures.style import DESIRED, law_line, mark_span, styled, subplots, thin
 from trackslip.identification.fitted import FittedLaw
 from trackslip.kinematics import Array, curvature, track_slip
 from trackslip.logs.runlog import RunLog
@@ -46,8 +46,7 @@ def runs_of(logs: Sequence[RunLog], controller: str) -> dict[str, RunLog]:
     for log in logs:
         if log.metadata.get("controller") == controller and log.metadata.get("reference", "paper") == "paper":
             found.setdefault(str(log.metadata.get("compensation")), log)
-    known = [name for name in COLOURS if name in found]
-    return {name: found[name] for name in [*known, *(set(found) - set(known))]}
+    return {name: found[name] for name in dict.fromkeys([*COLOURS, *found]) if name in found}
 
 
 def driven(log: RunLog) -> Array:
@@ -63,8 +62,7 @@ def planned_trajectory() -> Figure:
     reference = paper_reference()
     time = np.linspace(0, reference.duration, 460)
     pose = reference.pose(time)
-    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
-    position, heading = figure.subplots(1, 2)
+    figure, (position, heading) = subplots(3.6, 1, 2)
     position.plot(time, pose[:, 0], color=BLUE, label="x$_d$")
     position.plot(time, pose[:, 1], color=ORANGE, ls="--", label="y$_d$")
     heading.plot(time, pose[:, 2], color=GREEN, label="φ$_d$")
@@ -84,10 +82,9 @@ def planned_trajectory() -> Figure:
 
 def draw_paths(reference: Reference, runs: Mapping[str, tuple[RunLog, Mapping[str, Any]]]) -> tuple[Figure, Axes, Axes]:
     """Paths beside the reference, and distances from it over time; `runs` are logs with line keywords, by label."""
-    figure = Figure(figsize=(9.0, 4.6), layout="constrained")
-    plane, distance = figure.subplots(1, 2, width_ratios=(1.2, 1))
+    figure, (plane, distance) = subplots(4.6, 1, 2, width_ratios=(1.2, 1))
     desired = reference.pose(np.linspace(0, reference.duration, 600))
-    plane.plot(desired[:, 0], desired[:, 1], **DESIRED)
+    plane.plot(desired[:, 0], desired[:, 1], label="desired", **DESIRED)
     for label, (log, style) in runs.items():
         pose = driven(log)
         rows = thin(len(log.time))
@@ -105,14 +102,14 @@ def draw_paths(reference: Reference, runs: Mapping[str, tuple[RunLog, Mapping[st
 
 
 @styled
-def paths(runs: Mapping[str, RunLog], published: Mapping[str, RunLog] | None = None) -> Figure:
+def paths(runs: Mapping[str, RunLog], published: Mapping[str, RunLog]) -> Figure:
     """Figs. 8 and 10: paths with each compensation, and distances over time; crosses: `published`, by equations."""
     reference = paper_reference()
     lines = {LABELS.get(name, name): (log, law_line(name)) for name, log in runs.items()}
     figure, plane, distance = draw_paths(reference, lines)
     for name, log in runs.items():
         plane.plot(*driven(log)[-1, :2], "s", ms=4, color=law_line(name)["color"])
-    for name, log in (published or {}).items():
+    for name, log in published.items():
         rows = slice(None, None, _EVERY)
         norm = np.hypot(*body_errors(log.pose, reference.pose(log.time))[rows, :2].T)
         plane.plot(log.pose[rows, 0], log.pose[rows, 1], **_crosses(name))
@@ -126,9 +123,8 @@ def paths(runs: Mapping[str, RunLog], published: Mapping[str, RunLog] | None = N
 
 def _crosses(name: str) -> dict[str, Any]:
     """Keywords of the crosses that stand for the paper's equations with a compensation."""
-    label = f"{LABELS[name]}: by the paper's equations"
-    look = {"marker": {"none": "x", "published": "+"}[name], "ms": 5.5, "mew": 1.1}
-    return {"color": COLOURS[name], "ls": "none", "label": label, **look}
+    label, marker = f"{LABELS[name]}: by the paper's equations", {"none": "x", "published": "+"}[name]
+    return {"color": COLOURS[name], "ls": "none", "label": label, "marker": marker, "ms": 5.5, "mew": 1.1}
 
 
 def _arc_end() -> float:
@@ -139,27 +135,25 @@ def _arc_end() -> float:
 
 
 @styled
-def tracking_errors_over_time(runs: Mapping[str, RunLog], published: Mapping[str, RunLog] | None = None) -> Figure:
+def tracking_errors_over_time(runs: Mapping[str, RunLog], published: Mapping[str, RunLog]) -> Figure:
     """Fig. 11: body-frame position errors and their norm, right from 12 s on; crosses: `published`, by equations."""
     reference = paper_reference()
-    figure = Figure(figsize=(9.0, 6.0), layout="constrained")
-    axes = figure.subplots(3, 2, sharex="col", width_ratios=(1, 1.35))
+    figure, axes = subplots(6.0, 3, 2, sharex="col", width_ratios=(1, 1.35))
     for name in [n for n in ("none", "published", "icr_radius") if n in runs] or list(runs):
         log = runs[name]
         traces = _error_traces(log, reference)
-        late = log.time >= TRANSIENT
+        after = np.flatnonzero(log.time >= TRANSIENT)
+        rows, after = thin(len(log.time)), after[thin(len(after))]
         style = law_line(name, lw=1.2, label=LABELS.get(name, name))
         for k in range(3):
-            rows = thin(len(log.time))
             axes[k, 0].plot(log.time[rows], traces[rows, k], **style)
-            rows = thin(int(late.sum()))
-            axes[k, 1].plot(log.time[late][rows], 1e3 * traces[late][rows, k], **style)
-    for name, log in (published or {}).items():
-        traces = _error_traces(log, reference)[::_EVERY]
-        late = log.time[::_EVERY] >= TRANSIENT
+            axes[k, 1].plot(log.time[after], 1e3 * traces[after, k], **style)
+    for name, log in published.items():
+        time, traces = log.time[::_EVERY], _error_traces(log, reference)[::_EVERY]
+        late = time >= TRANSIENT
         for k in range(3):
-            axes[k, 0].plot(log.time[::_EVERY], traces[:, k], **_crosses(name))
-            axes[k, 1].plot(log.time[::_EVERY][late], 1e3 * traces[late, k], **_crosses(name))
+            axes[k, 0].plot(time, traces[:, k], **_crosses(name))
+            axes[k, 1].plot(time[late], 1e3 * traces[late, k], **_crosses(name))
     for k, symbol in enumerate(("e$_x$", "e$_y$", "‖e‖")):
         axes[k, 0].set_ylabel(f"{symbol} [m]")
         axes[k, 1].set_ylabel(f"{symbol} [mm]")
@@ -182,7 +176,7 @@ def _error_traces(log: RunLog, reference: Reference) -> Array:
 
 @styled
 def slip_during_tracking(
-    runs: Mapping[str, RunLog], laws: Mapping[str, FittedLaw], published: Mapping[str, RunLog] | None = None
+    runs: Mapping[str, RunLog], laws: Mapping[str, FittedLaw], published: Mapping[str, RunLog]
 ) -> Figure | None:
     """Fig. 12: the slip that the law predicted at each step and, where it is known, the true one.
 
@@ -194,12 +188,10 @@ def slip_during_tracking(
     names = [n for n in names if runs[n].twist_command is not None][:2]
     if not names:
         return None
-    figure = Figure(figsize=(9.0, 2.4 + 1.9 * len(names)), layout="constrained")
-    column = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+    figure, axes = subplots(2.4 + 1.9 * len(names), len(names), 1, sharex=True, squeeze=False)
+    column = axes[:, 0]
     for axis, name in zip(column, names, strict=True):
-        _slip_panel(axis, runs[name], known[name])
-        if published and name in published:
-            _slip_crosses(axis, published[name], known[name])
+        _slip_panel(axis, runs[name], known[name], published.get(name))
         axis.set(ylim=_SLIP_RANGE, ylabel="slip i [–]", title=f"Compensated by: {LABELS[name]}")
     column[-1].set(xlabel="time [s]", xlim=(0, paper_reference().duration))
     handles = [
@@ -211,12 +203,11 @@ def slip_during_tracking(
     return figure
 
 
-def _slip_panel(axis: Axes, log: RunLog, law: SlipLaw) -> None:
-    """Draw the slip of both tracks over time: thick from the law, thin the true one."""
-    assert log.twist_command is not None
+def _slip_panel(axis: Axes, log: RunLog, law: SlipLaw, published: RunLog | None) -> None:
+    """Draw the slip of both tracks over time: thick from the law, thin the true one, crosses by the equations."""
     mark_span(axis, TRANSIENT, _arc_end())
     axis.axhline(0, color="#888888", lw=0.7, zorder=1)
-    slip = law(curvature(log.twist_command))
+    slip = _slip_by(law, log)
     slip = np.where(np.abs(slip) < _POLE, slip, np.nan)
     true = _true_slip(log)
     rows = thin(len(log.time), 1000)
@@ -224,14 +215,16 @@ def _slip_panel(axis: Axes, log: RunLog, law: SlipLaw) -> None:
         axis.plot(log.time[rows], slip[rows, track], color=colour, **_LAW)
         if true is not None:
             axis.plot(log.time[rows], true[rows, track], color=colour, **_TRUE)
+    if published is not None:
+        slip = _slip_by(law, published)
+        for track, colour in _SIDES.items():
+            axis.plot(published.time[::_EVERY], slip[::_EVERY, track], color=colour, **_CROSS)
 
 
-def _slip_crosses(axis: Axes, log: RunLog, law: SlipLaw) -> None:
-    """Draw the slip of both tracks by the paper's equations."""
+def _slip_by(law: SlipLaw, log: RunLog) -> Array:
+    """The slip (T, 2) that a law gives for the commanded twists of a run."""
     assert log.twist_command is not None
-    slip = law(curvature(log.twist_command))[::_EVERY]
-    for track, colour in _SIDES.items():
-        axis.plot(log.time[::_EVERY], slip[:, track], color=colour, **_CROSS)
+    return law(curvature(log.twist_command))
 
 
 def _true_slip(log: RunLog) -> Array | None:
@@ -252,26 +245,21 @@ def _true_slip(log: RunLog) -> Array | None:
 def errors_defined() -> Figure:
     """Fig. 9: the errors of Eq. 18 between a robot and its desired pose, in the robot's frame."""
     e_x, e_y, e_phi = body_errors(_ROBOT_POSE, _DESIRED_POSE)
-    forward, left = (
-        np.array([np.cos(_ROBOT_POSE[2]), np.sin(_ROBOT_POSE[2])]),
-        np.array([-np.sin(_ROBOT_POSE[2]), np.cos(_ROBOT_POSE[2])]),
-    )
+    forward, left = _rotation(_ROBOT_POSE[2]).T
     corner = _ROBOT_POSE[:2] + e_x * forward
-    figure = Figure(figsize=(9.0, 3.6), layout="constrained")
-    axis = figure.subplots()
+    figure, axis = subplots(3.6)
     _robot(axis, _ROBOT_POSE, BLACK, "robot (x, y, φ)")
     _robot(axis, _DESIRED_POSE, GREY, "desired (x$_d$, y$_d$, φ$_d$)")
     axis.plot(*np.transpose([_ROBOT_POSE[:2], corner]), color=BLUE, lw=2.2)
     axis.plot(*np.transpose([corner, corner + e_y * left]), color=ORANGE, lw=2.2, ls="--")
-    axis.annotate(
-        "e$_x$, forward", (_ROBOT_POSE[:2] + corner) / 2, xytext=(8, -14), textcoords="offset points", color=BLUE
-    )
+    middle = (_ROBOT_POSE[:2] + corner) / 2
+    axis.annotate("e$_x$, forward", middle, xytext=(8, -14), textcoords="offset points", color=BLUE)
     axis.annotate("e$_y$, to the left", corner + e_y / 2 * left, xytext=(8, -4), textcoords="offset points")
     ahead = _DESIRED_POSE[:2] + 0.7 * forward
     axis.plot(*np.transpose([_DESIRED_POSE[:2], ahead]), color=GREY, lw=1.0, ls=":")
     angles = np.degrees([_ROBOT_POSE[2], _ROBOT_POSE[2] + e_phi])
     axis.add_patch(Arc(tuple(_DESIRED_POSE[:2]), 1.0, 1.0, theta1=angles[0], theta2=angles[1], color=GREEN, lw=2.2))
-    middle = _DESIRED_POSE[:2] + 0.56 * np.array([np.cos(np.radians(angles.mean())), np.sin(np.radians(angles.mean()))])
+    middle = _DESIRED_POSE[:2] + 0.56 * _rotation(np.radians(angles.mean()))[:, 0]
     axis.annotate("e$_φ$", (middle[0], middle[1]), color=GREEN, va="center")
     axis.set_aspect("equal")
     axis.set(xlabel="x [m]", ylabel="y [m]", xlim=(-1.2, 3.0), ylim=(-0.3, 1.9))
@@ -281,9 +269,14 @@ def errors_defined() -> Figure:
 def _robot(axis: Axes, pose: Array, colour: str, label: str) -> None:
     """Draw a body with an arrow that points forward."""
     x, y, phi = pose
-    turn = np.array([[np.cos(phi), -np.sin(phi)], [np.sin(phi), np.cos(phi)]])
+    turn = _rotation(phi)
     corners = np.array([[0.2, 0.17], [-0.2, 0.17], [-0.2, -0.17], [0.2, -0.17], [0.2, 0.17]]) @ turn.T
     axis.plot(x + corners[:, 0], y + corners[:, 1], color=colour, lw=1.5)
     tip = pose[:2] + 0.38 * turn[:, 0]
     axis.annotate("", (tip[0], tip[1]), (x, y), arrowprops={"arrowstyle": "->", "color": colour, "lw": 1.5})
     axis.annotate(label, (x, y), xytext=(-44, 0), textcoords="offset points", ha="right", va="center")
+
+
+def _rotation(angle: float) -> Array:
+    """The matrix (2, 2) that turns vectors by an angle [rad]."""
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import itertools
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator
 
 from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE, RED
-from experiments.report.figures.panels import DEFAULT, RECIPE, THEORY, Panels, panel
-from experiments.report.figures.style import styled, thin
+from experiments.report.figures.style import DEFAULT, RECIPE, THEORY, Panels, panel, styled, thin
 from experiments.validation import convergence
 from experiments.validation.convergence import Convergence
 from experiments.validation.energy import Energy
 from experiments.validation.standing import HEADINGS, REFERENCE_ANGLE, SLIDING_HEADINGS, Creep, Loads, Slide
 from sim.ground.ground import Ground, friction_angle
-from sim.robot.contact_sensors import POINTS
+from sim.robot.robot import CONTACT_POINTS
 from trackslip.kinematics import Array
 
 _LOOKS = ((BLUE, "o", "-"), (ORANGE, "s", "--"), (GREEN, "^", "-."))
@@ -49,7 +49,7 @@ def pad_loads(loads: Loads, naive: Loads) -> Panels:
 
 def _of_pads(points: Array) -> Array:
     """Means (..., P) of values (..., K) over the points of each pad."""
-    return points.reshape(*points.shape[:-1], -1, POINTS).mean(axis=-1)
+    return points.reshape(*points.shape[:-1], -1, CONTACT_POINTS).mean(axis=-1)
 
 
 def _make_room(axes: Axes, share: float = 0.15) -> None:
@@ -70,13 +70,11 @@ def _reach(axes: Axes, x: Array, load: Array, colour: str, marker: str, name: st
 def slopes(creep: Creep, slide: Slide, ground: Ground) -> Panels:
     """Creep on slopes that hold the robot, and acceleration on those that do not."""
     held, axes = panel("Parked: creep", "slope [°]", "creep [mm/s]")
-    for heading, angle, speed, (colour, marker, dash) in zip(
-        HEADINGS, creep.angle, creep.speed, itertools.cycle(_LOOKS)
-    ):
-        angle, first = np.unique(angle, return_index=True)
-        axes.plot(
-            np.degrees(angle), 1e3 * speed[first], color=colour, marker=marker, ls=dash, ms=4.5, label=_name(heading)
-        )
+    parked = zip(HEADINGS, creep.angle, creep.speed, itertools.cycle(_LOOKS), strict=False)
+    for heading, angle, speed, (colour, marker, dash) in parked:
+        angle, first = np.unique(np.degrees(angle), return_index=True)
+        style: dict[str, Any] = {"color": colour, "marker": marker, "ls": dash, "ms": 4.5}
+        axes.plot(angle, 1e3 * speed[first], label=_name(heading), **style)
         axes.axvline(np.degrees(friction_angle((ground.along, ground.across), heading)), color=colour, ls=dash, lw=0.9)
     axes.axvline(np.degrees(REFERENCE_ANGLE), color=GREY, lw=3.0, zorder=0)
     axes.set(yscale="log", xlim=(0, None))
@@ -89,11 +87,10 @@ def slopes(creep: Creep, slide: Slide, ground: Ground) -> Panels:
     ):
         limit = friction_angle((ground.along, ground.across), heading)
         name = "straight downhill" if heading == 0 else _name(heading)
-        axes.plot(
-            np.degrees([limit, *angle]), [0.0, *expected], color=colour, ls=dash, lw=1.2, label=f"{name}, Coulomb"
-        )
-        axes.plot(np.degrees(angle), measured, marker, color=colour, ms=5.5, mfc="none", mew=1.2,
-                  label=f"{name}, simulated")  # fmt: skip
+        coulomb: dict[str, Any] = {"color": colour, "ls": dash, "lw": 1.2, "label": f"{name}, Coulomb"}
+        axes.plot(np.degrees([limit, *angle]), [0.0, *expected], **coulomb)
+        simulated: dict[str, Any] = {"color": colour, "marker": marker, "ls": "none", "label": f"{name}, simulated"}
+        axes.plot(np.degrees(angle), measured, ms=5.5, mfc="none", mew=1.2, **simulated)
     axes.legend(loc="upper left")
     axes.set_ylim(bottom=0)
     return held, let_go

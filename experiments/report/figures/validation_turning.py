@@ -12,8 +12,7 @@ from matplotlib.lines import Line2D
 from scipy.interpolate import CubicSpline
 
 from experiments.report.colours import BLUE, GREEN, ORANGE, RED
-from experiments.report.figures.panels import DEFAULT, RECIPE, THEORY, Panels, panel
-from experiments.report.figures.style import SPEED_SHADES, shade, styled
+from experiments.report.figures.style import DEFAULT, RECIPE, SPEED_SHADES, THEORY, Panels, panel, shade, styled
 from experiments.validation.turning import Turns
 from sim.drive.drive import Drive
 from sim.ground.ground import Ground
@@ -55,10 +54,10 @@ def expected_twist(turns: Turns, parameters: RobotParameters) -> Array:
 @styled
 def icr_and_slip(turns: Turns, naive: Turns, parameters: RobotParameters) -> Panels:
     """Distribution of the ICRs' errors over the turns; and simulated slip against theoretical slip."""
-    ratios = np.unique(turns.ratio)
+    dashes = dict(zip(np.unique(turns.ratio), itertools.cycle(_DASHES), strict=False))
     shares, axes = panel("Error of the ICRs' half width b + D", "size of the error [%]", "turns with less error [%]")
     for found, style, name in ((turns, RECIPE, "recipe"), (naive, DEFAULT, "default\ncontact")):
-        for ratio, dash in zip(ratios, itertools.cycle(_DASHES), strict=False):
+        for ratio, dash in dashes.items():
             error = np.sort(100 * np.abs(found.icr_error[found.ratio == ratio]))
             share = 100 * np.arange(1, len(error) + 1) / len(error)
             axes.plot(error, share, color=style["color"], ls=dash, lw=1.3)
@@ -66,10 +65,7 @@ def icr_and_slip(turns: Turns, naive: Turns, parameters: RobotParameters) -> Pan
         axes.text(0.6 * left, 55, name, color=style["color"], weight="bold", ha="right", va="center")
     axes.set(xscale="log", xlim=(1e-2, None), ylim=(0, 101))
     axes.xaxis.set_major_formatter("{x:g}")
-    handles = [
-        Line2D([], [], color="#555555", ls=dash, label=f"{ratio:.3g}")
-        for ratio, dash in zip(ratios, itertools.cycle(_DASHES), strict=False)
-    ]
+    handles = [Line2D([], [], color="#555555", ls=dash, label=f"{ratio:.3g}") for ratio, dash in dashes.items()]
     axes.legend(handles=handles, title="friction\nacross / along", loc="center", bbox_to_anchor=(0.62, 0.3))
     return shares, _one_to_one(turns, naive, own(turns, parameters))
 
@@ -79,19 +75,12 @@ def _one_to_one(turns: Turns, naive: Turns, rows: np.ndarray) -> Figure:
     for found, style, name in ((naive, DEFAULT, "default"), (turns, RECIPE, "recipe")):
         for track, side in ((1, "outer"), (0, "inner")):
             face = style["color"] if side == "outer" else "none"
-            axes.plot(
-                turns.expected_slip[rows, track],
-                found.slip[rows, track],
-                **style,
-                ls="none",
-                ms=4.5,
-                mew=0.9,
-                mfc=face,
-                label=f"{name}, {side} track",
-            )
+            look = style | {"ls": "none", "ms": 4.5, "mew": 0.9, "mfc": face, "label": f"{name}, {side} track"}
+            axes.plot(turns.expected_slip[rows, track], found.slip[rows, track], **look)
     ends = [np.nanmin(turns.expected_slip[rows]), np.nanmax(turns.expected_slip[rows])]
     axes.plot(ends, ends, **THEORY, zorder=5, label="theory")
-    _cross(axes)
+    axes.axhline(0, color="#888888", lw=0.7, zorder=1)
+    axes.axvline(0, color="#888888", lw=0.7, zorder=1)
     axes.legend(loc="lower right")
     return figure
 
@@ -124,9 +113,8 @@ def _by_shape(turns: Turns, parameters: RobotParameters) -> Figure:
     place = np.round(100 * shift / np.column_stack([turns.length, np.full(len(shift), parameters.half_gauge)]))
     places = sorted(np.unique(place, axis=0), key=lambda p: np.abs(p).tolist()[::-1])
     lengths = np.unique(turns.length)
-    for k, (length, marker, colour) in enumerate(
-        zip(lengths, itertools.cycle(_MARKERS), itertools.cycle(_COLOURS), strict=False)
-    ):
+    looks = zip(lengths, itertools.cycle(_MARKERS), itertools.cycle(_COLOURS), strict=False)
+    for k, (length, marker, colour) in enumerate(looks):
         errors = [100 * turns.icr_error[(turns.length == length) & (place == p).all(axis=1)] for p in places]
         x = np.arange(len(places)) + 0.2 * (k - (len(lengths) - 1) / 2)
         middle = np.array([np.median(e) for e in errors])
@@ -164,18 +152,10 @@ def slip_against_radius(turns: Turns, naive: Turns, parameters: RobotParameters,
             colour = shade(SPEED_SHADES, k / max(len(speeds) - 1, 1))
             chosen = rows & (turns.speed == speed)
             for track in (0, 1):
-                axes.plot(
-                    turns.radius[chosen],
-                    found.slip[chosen, track],
-                    marker,
-                    color=colour,
-                    ms=9.0 - 1.1 * k,  # draw the first ones larger, because they are hidden
-                    mfc="none",
-                    mew=1.1,
-                    ls=":" if found is naive else "none",
-                    lw=0.9,
-                    label=f"{speed:g} m/s" if track else None,
-                )
+                # the first ones are hidden, so they are larger
+                look: dict[str, Any] = {"color": colour, "ms": 9.0 - 1.1 * k, "mfc": "none", "mew": 1.1, "lw": 0.9}
+                look |= {"ls": ":" if found is naive else "none", "label": f"{speed:g} m/s" if track else None}
+                axes.plot(turns.radius[chosen], found.slip[chosen, track], marker, **look)
         axes.axhline(0, color="#888888", lw=0.8, zorder=1)
         axes.set(ylim=(low - room, high + room), xlim=(0, None))
         axes.legend(loc="lower right", ncols=2)
@@ -193,8 +173,3 @@ def _theory_line(axes: Axes, turns: Turns, rows: np.ndarray) -> None:
         curvature = np.linspace(knots[0], knots[-1], 200)
         slip = CubicSpline(knots, turns.expected_slip[chosen, track])(curvature)
         axes.plot(1 / curvature, slip, **THEORY, label=label, zorder=1.5)
-
-
-def _cross(axes: Axes) -> None:
-    axes.axhline(0, color="#888888", lw=0.7, zorder=1)
-    axes.axvline(0, color="#888888", lw=0.7, zorder=1)

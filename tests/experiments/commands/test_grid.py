@@ -9,13 +9,16 @@ import pytest
 
 from experiments.cli import main
 from experiments.options.world import Motion
+from trackslip.identification.identify import identify
+from trackslip.kinematics import RobotGeometry
 from trackslip.logs.logfile import read_runs, write_csv
 from trackslip.motion.methods import MOTION_METHODS
 
 SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8")
-GEOMETRY = ("--half-gauge", "0.168", "--sprocket-radius", "0.06")
+GEOMETRY = RobotGeometry(half_gauge=0.168, sprocket_radius=0.06)
 
 
+@pytest.mark.usefixtures("few_resamples")
 def test_small_grid_then_identify_then_csv(trackslip, tmp_path, capsys):
     grid = trackslip("grid", *SMALL, "--seed", "3")
     assert {path.name for path in grid.folder.iterdir()} == {
@@ -43,15 +46,16 @@ def test_small_grid_then_identify_then_csv(trackslip, tmp_path, capsys):
     header = rows[0].replace('"', "").split(",")
     wanted = [header.index(name) for name in ("run", "t", "omega_l", "omega_r", "x", "y", "phi")]
     (tmp_path / "real.csv").write_text("\n".join(",".join(row.split(",")[k] for k in wanted) for row in rows))
-    real = trackslip("identify", str(tmp_path / "real.csv"), *GEOMETRY)
+    real = identify(tmp_path / "real.csv", GEOMETRY)
     for name in ("exponential", "icr", "icr_radius"):
-        ours, theirs = (s.summary["slip_laws"][name]["values"] for s in (real, found))
+        ours, theirs = real.comparison.laws[name].values, found.summary["slip_laws"][name]["values"]
         for key in ours:
             # without the flag every pose counts as measured: the few bridged ones change little
             assert ours[key] == pytest.approx(theirs[key], rel=0.05, abs=0.002)
     capsys.readouterr()
 
 
+@pytest.mark.usefixtures("few_resamples")
 def test_every_motion_method_is_an_option_and_has_its_errors(trackslip):
     assert set(typing.get_args(Motion)) == set(MOTION_METHODS)
     result = trackslip("grid", *SMALL[:-1], "20", "--motion", "butterworth")
@@ -61,12 +65,8 @@ def test_every_motion_method_is_an_option_and_has_its_errors(trackslip):
     for name, most in (("arc", 0.0006), ("butterworth", 0.004)):
         for track in ("outer", "inner"):
             assert abs(errors[name][track]["bias"]) + errors[name][track]["std"] < most
-    offsets = [
-        trackslip("identify", str(result.folder), "--motion", name).summary["slip_laws"]["icr_radius"]["values"][
-            "offset"
-        ]
-        for name in ("arc", "butterworth")
-    ]
+    found = [identify(result.folder, motion=name) for name in ("arc", "butterworth")]
+    offsets = [one.comparison.laws["icr_radius"].values["offset"] for one in found]
     assert offsets[0] == pytest.approx(offsets[1], abs=0.003)
 
 
@@ -124,3 +124,9 @@ def test_nothing_old_is_left_beside_new_results(trackslip, tmp_path):
     (tmp_path / "grid").mkdir()
     (tmp_path / "grid" / "report.html").write_text("of another command")
     assert not (trackslip("grid", *SMALL).folder / "report.html").exists()
+
+
+def test_a_scanner_without_noise_has_no_bound(trackslip):
+    result = trackslip("grid", "--radii", "1", "--speeds", "0.1", "--duration", "4", "--scanner.noise", "0")
+    assert result.summary["localization"]["ratio_to_bound"] is None
+    assert result.summary["localization"]["rmse_x"] < 1e-3

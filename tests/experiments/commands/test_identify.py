@@ -20,6 +20,7 @@ def test_steady_samples_of_a_real_robot(trackslip, tmp_path):
     assert (result.folder / "runs.parquet").is_file()
 
 
+@pytest.mark.usefixtures("few_resamples")
 def test_laws_whose_fit_ends_at_a_limit_are_told_of(trackslip, tmp_path):
     rows = "".join(f"{3 - k / 2},{3 + k / 2},0.2,{0.07 * k}\n" for k in (1, -1, 2, -2, 3, 4))
     (tmp_path / "samples.csv").write_text("omega_l,omega_r,v,w\n" + rows)
@@ -49,6 +50,7 @@ def test_bad_logs_get_one_line(refused, tmp_path, text, options, message):
     assert message in refused("identify", str(path), *options)
 
 
+@pytest.mark.usefixtures("few_resamples")
 def test_identify_takes_the_steady_runs_of_a_reproduction(trackslip):
     folder = trackslip("reproduce", *SMALL).folder
     result = trackslip("identify", str(folder))

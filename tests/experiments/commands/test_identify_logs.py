@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import socket
 import sys
-from functools import partial
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from trackslip.identification.fitted import fit_law
 from trackslip.identification.identify import identify
 from trackslip.kinematics import RobotGeometry, advance
 from trackslip.slip.icr import ConstantIcr, IcrSides
 
+pytestmark = pytest.mark.usefixtures("few_resamples")
 ROBOT = RobotGeometry(half_gauge=0.3, sprocket_radius=0.08)
 OPTIONS = ("--half-gauge", "0.3", "--sprocket-radius", "0.08")
 LAW = ConstantIcr(0.09, 0.3, 0.015)
@@ -48,12 +47,6 @@ def scaled(runs, **factors):
             for name, factor in factors.items():
                 row[COLUMNS.index(name)] *= factor
     return runs
-
-
-@pytest.fixture(autouse=True)
-def few_resamples(monkeypatch):
-    """Their number does not matter here, and they take most of the time."""
-    monkeypatch.setattr("trackslip.identification.comparison.fit_law", partial(fit_law, bootstraps=20))
 
 
 def values_of(found, name="icr_radius"):

@@ -113,7 +113,7 @@ EXAMPLES = {
 """Command -> command lines that together give every option; an option without a value is a switch."""
 NOT_RUN = {
     "view": {"web"},  # opens a browser
-    "train": {field.name for field in dataclasses.fields(COMMANDS["train"].options)},  # needs PyTorch
+    "train": {field.name for field in dataclasses.fields(COMMANDS["train"])},  # needs PyTorch
 }
 SLOW = ("calibrate", "validate", "coverage", "sensitivity", "reproduce")
 
@@ -152,8 +152,8 @@ def reads(monkeypatch):
             found.add((type(self), name, repr(value)))
         return value
 
-    for command in COMMANDS.values():
-        for cls in classes(command.options):
+    for options in COMMANDS.values():
+        for cls in classes(options):
             monkeypatch.setattr(cls, "__getattribute__", recording)
     return found
 
@@ -207,7 +207,7 @@ def test_every_option_is_used(name, workplace, reads):
                 for cls, field, read in reads
             ):
                 used.add(path)
-    options = {path for path, _ in leaves(COMMANDS[name].options)}
+    options = {path for path, _ in leaves(COMMANDS[name])}
     assert options - used - {(option,) for option in NOT_RUN.get(name, ())} == set()
 
 

@@ -110,6 +110,7 @@ def test_paths_are_relative_to_where_the_command_was_run(tmp_path, monkeypatch):
     assert str(tmp_path) not in conditions(manifest, command)
     page = render_page(
         "sensitivity.html.j2",
+        [],
         title="A page",
         command=command,
         manifest=manifest,
@@ -118,7 +119,7 @@ def test_paths_are_relative_to_where_the_command_was_run(tmp_path, monkeypatch):
         header=("",),
         table=(),
         warnings=(),
-    )
+    ).html
     assert "--laws=laws.json" in page
     assert str(tmp_path) not in page
 

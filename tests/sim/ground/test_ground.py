@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from pages import ROOT, file
 
-from sim.ground.file import load_ground
 from sim.ground.ground import Change, Ground, Patch
-from sim.ground.named import NAMED_GROUNDS
+from sim.ground.named import NAMED_GROUNDS, load_ground
 from sim.ground.pad_friction import PadFriction
 from trackslip.errors import InvalidValueError, SettingsFileError
 

@@ -70,7 +70,7 @@ def test_gains_do_not_fade_towards_the_end():
 def test_gains_are_worked_out_once_per_reference():
     controller = Lqr()
     first, second = circle(1.0, 0.15, 5.0), circle(-1.0, 0.15, 5.0)
-    kept = controller._gains(first)
-    assert controller._gains(first) is kept
-    assert controller._gains(second) is not kept
-    np.testing.assert_array_equal(controller._gains(first), kept)
+    kept = controller._gains(controller.gains, first)
+    assert controller._gains(controller.gains, first) is kept
+    assert controller._gains(controller.gains, second) is not kept
+    np.testing.assert_array_equal(controller._gains(controller.gains, first), kept)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from trackslip.controllers.path_ahead import PathAhead
+from trackslip.controllers.pure_pursuit import PathAhead
 from trackslip.kinematics import advance
 from trackslip.trajectory.segmented import Segment, SegmentedReference, circle, paper_reference
 

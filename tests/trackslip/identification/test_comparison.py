@@ -12,9 +12,8 @@ from trackslip.identification.samples import SlipSamples
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import Constant, NoSlip
 from trackslip.slip.exponential import PUBLISHED, ExponentialSpeed
-from trackslip.slip.hyperbola import Hyperbola
 from trackslip.slip.icr import ConstantIcr, IcrSides
-from trackslip.slip.power import Power
+from trackslip.slip.power import Hyperbola, Power
 
 ICR = ConstantIcr(0.045, 0.168, 0.0067)
 SPEED = ExponentialSpeed(0.07, -0.68, -0.15, -0.63, 0.1, -0.2)

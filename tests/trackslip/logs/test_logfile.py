@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from trackslip.errors import LogError
-from trackslip.logs.logfile import read_runs, read_table, write_csv, write_parquet
-from trackslip.logs.logjoin import join_parquet
+from trackslip.logs.logfile import join_parquet, read_runs, read_table, write_csv, write_parquet
 from trackslip.logs.runlog import RunLog, Truth
-from trackslip.logs.table import read_samples, runs_from_table, to_table
+from trackslip.logs.table import SAMPLE_COLUMNS, read_columns, runs_from_table, to_table
 
 HEADER = "run,t,omega_l,omega_r,x,y,phi\n"
 LINES = ["a,0.0,1,2,0,0,0\n", "a,0.1,1,2,0.1,0,0\n", "a,0.2,1,2,0.2,0,0\n"]
@@ -188,9 +187,8 @@ def test_two_runs_of_one_name_are_not_written(tmp_path):
 def test_steady_samples(tmp_path):
     path = tmp_path / "samples.csv"
     path.write_text("omega_l,omega_r,v,w\n1,2,0.1,0.2\n3,4,0.3,0.4\n")
-    omega, twist = read_samples(read_table(path), "samples")
-    np.testing.assert_array_equal(omega, [[1, 2], [3, 4]])
-    np.testing.assert_array_equal(twist, [[0.1, 0.2], [0.3, 0.4]])
+    samples = read_columns(read_table(path), SAMPLE_COLUMNS, "samples")
+    np.testing.assert_array_equal(samples, [[1, 2, 0.1, 0.2], [3, 4, 0.3, 0.4]])
 
 
 def test_files_that_are_no_logs(tmp_path):

@@ -16,8 +16,7 @@ import pytest
 import trackslip
 from trackslip.errors import LogError
 from trackslip.localization.scan import Plate, extract_plate
-from trackslip.logs.logfile import RUNS, write_csv, write_parquet
-from trackslip.logs.logjoin import join_parquet
+from trackslip.logs.logfile import RUNS, join_parquet, write_csv, write_parquet
 from trackslip.logs.runlog import RunLog, Truth
 from trackslip.logs.scanlog import ScanLog
 from trackslip.logs.schema import COLUMNS, NO_UNIT, PURE, markdown

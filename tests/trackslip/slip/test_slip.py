@@ -7,9 +7,8 @@ from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry, body_twist
 from trackslip.slip.constant import Constant, NoSlip
 from trackslip.slip.exponential import PUBLISHED, Exponential, ExponentialSpeed
-from trackslip.slip.hyperbola import Hyperbola
 from trackslip.slip.icr import ConstantIcr, IcrSides
-from trackslip.slip.power import Power
+from trackslip.slip.power import Hyperbola, Power
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 LAWS = [

@@ -11,7 +11,7 @@ from trackslip.trajectory.clothoid import ClothoidPath, Piece, clothoid, rounded
 from trackslip.trajectory.curves import figure_eight, slalom, spiral
 from trackslip.trajectory.path import ParametricPath
 from trackslip.trajectory.profile import Limits
-from trackslip.trajectory.stop_and_go import stop_and_go
+from trackslip.trajectory.segmented import stop_and_go
 
 ORIGIN = (0.0, 0.0, 0.0)
 

@@ -9,8 +9,7 @@ from trackslip.trajectory.clothoid import clothoid, rounded_square
 from trackslip.trajectory.curves import figure_eight, slalom, spiral
 from trackslip.trajectory.named import REFERENCES
 from trackslip.trajectory.profile import LIMITS, Limits
-from trackslip.trajectory.segmented import Segment, SegmentedReference, circle, paper_reference
-from trackslip.trajectory.stop_and_go import stop_and_go
+from trackslip.trajectory.segmented import Segment, SegmentedReference, circle, paper_reference, stop_and_go
 from trackslip.trajectory.waypoints import waypoints
 
 START = (0.7, -0.4, 2.5)
@@ -115,7 +114,7 @@ def test_a_reference_moves_with_its_start(name):
     time = np.linspace(0, REFERENCES[name]().duration, 50)
 
     def seen(start):
-        x, y, phi = (REFERENCES[name](start).pose(time) - np.array(start)).T
+        x, y, phi = (REFERENCES[name](start=start).pose(time) - np.array(start)).T
         return np.column_stack([np.exp(-1j * start[2]) * (x + 1j * y), phi])
 
     np.testing.assert_allclose(seen((3.0, -7.0, 2.0)), seen((0.0, 0.0, 0.0)), atol=1e-11)

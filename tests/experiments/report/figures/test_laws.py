@@ -6,10 +6,9 @@ import pytest
 from identified import GEOMETRY, driven, grid, identified
 
 from experiments.measuring.inner_outer import InnerOuterSamples
-from experiments.report.colours import COLOURS, LABELS
+from experiments.report.colours import COLOURS, DASHES, LABELS
 from experiments.report.figures import laws as law_figures
 from experiments.report.figures import steady_runs as figures
-from experiments.report.figures.style import DASHES
 from experiments.report.law_symbols import FORMULAS, SYMBOLS, unit_of
 from trackslip.slip.families import FAMILIES
 

@@ -12,9 +12,9 @@ from matplotlib.colors import to_rgb
 
 import experiments
 from experiments.report import colours
-from experiments.report.colours import COLOURS, LABELS
+from experiments.report.colours import COLOURS, DASHES, LABELS
 from experiments.report.figures.leaderboard import controller_line
-from experiments.report.figures.style import DASHES, RADII_SHADES, SPEED_SHADES, shade
+from experiments.report.figures.style import RADII_SHADES, SPEED_SHADES, shade
 
 MIN_CONTRAST = 3.0  # WCAG 2.1, success criterion 1.4.11: graphical objects
 TEMPLATE = (Path(experiments.__file__).parent / "report" / "templates" / "base.html.j2").read_text(encoding="utf-8")

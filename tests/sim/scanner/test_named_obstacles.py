@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from pages import ROOT, file
 
-from sim.scanner.named_obstacles import NAMED_OBSTACLES
-from sim.scanner.obstacle_file import load_obstacles
+from sim.scanner.named_obstacles import NAMED_OBSTACLES, load_obstacles
 from sim.scanner.obstacles import Obstacles, Post, Walker, Wall
 from trackslip.errors import InvalidValueError, SettingsFileError
 

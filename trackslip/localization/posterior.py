@@ -1,0 +1,131 @@
+"""Posterior means and covariances where the likelihood is not normal: plates seen nearly edge-on or from the side.
+
+Nearly edge-on, the position is fitted at each heading of a grid. A few beams that graze the long face determine the
+heading much more precisely than the spacing of the grid, so a peak may fall between grid points or its width may be
+overstated. The heading is therefore released at the lowest points of the grid, and a finer grid is placed around each
+peak that is reached.
+
+From the side, one or two beams may hit the short face. Such a beam determines the position along the plate precisely;
+if the plate slides until the beam hits the long face instead, the beam says nothing about it. The posterior along the
+plate is thus a narrow peak, or half of one, on the wide plateau that the silhouette's edges allow, and the curvature at
+the maximum describes neither. Where the curvature claims more accuracy than the edges allow, the posterior along the
+plate is summed over a grid instead.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackslip.kinematics import Array
+from trackslip.localization.bound import viewing_angle
+from trackslip.localization.likelihood import Beams, Evaluation, PlateLikelihood, covariances
+from trackslip.localization.line import fit_line
+from trackslip.localization.scan import Cluster, Scan
+from trackslip.localization.starts import chunks, place
+
+_EDGE_ON = np.radians(3.0)  # from the line of sight; at smaller angles the posterior is integrated over the heading
+_FEW = 5  # with at most this many returns, _EDGE_ON_BY_FEW applies instead
+_EDGE_ON_BY_FEW = np.radians(5.0)
+_GRID = np.radians(np.linspace(-8.0, 8.0, 49))  # headings, relative to the line of sight
+_FROM_SIDE = np.radians(45.0)  # from the line of sight; at larger angles few beams hit the short face
+_STEP = _GRID[1] - _GRID[0]
+_PEAKS = 3  # resolved by a finer grid, at most
+_ABOUT_PEAK = np.linspace(-4.0, 4.0, 13)  # headings about a peak [its standard deviations]
+_ITERATIONS = 3
+_CLAIMED = 0.9  # a fit is doubted below this fraction of the standard deviation that the edges allow
+_ALONG_PLATEAU = np.linspace(-3.0, 3.0, 21)  # along the plate [standard deviations that an edge allows]
+_ALONG_PEAK = np.linspace(-4.0, 4.0, 12)  # along the plate [standard deviations of the fit]
+
+
+def correct(
+    likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, pose: Array, covariance: Array, fits: np.ndarray
+) -> None:
+    """Correct, in place, those poses (S, 3) and covariances (S, 3, 3) of clusters that `fits` (S,) selects."""
+    sight = np.arctan2(pose[:, 1], pose[:, 0])
+    off = viewing_angle(pose)
+    edge_on = off < np.where(cluster.count > _FEW, _EDGE_ON, _EDGE_ON_BY_FEW)
+    for rows in chunks(cluster, len(_GRID), edge_on & fits):
+        pose[rows], covariance[rows] = _over_heading(likelihood, scan, cluster.take(rows), sight[rows])
+    for rows in chunks(cluster, 1, (off > _FROM_SIDE) & fits):
+        beams = Beams.of(scan, cluster.take(rows))
+        pose[rows], covariance[rows] = _along_plate(likelihood, beams, pose[rows], covariance[rows])
+
+
+def _over_heading(likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, sight: Array) -> tuple[Array, Array]:
+    """Posterior means (S, 3) and covariances (S, 3, 3) for plates seen nearly edge-on at bearings `sight` (S,)."""
+    beams, scans = Beams.of(scan, cluster), len(sight)
+    coarse = _given(likelihood, beams, cluster, sight[:, None] + _GRID)
+    fine = _given(likelihood, beams, cluster, _peaks(likelihood, beams, coarse))
+    pose = np.concatenate([fit.pose.reshape(scans, -1, 3) for fit in (coarse, fine)], axis=1)
+    cost = np.concatenate([fit.cost.reshape(scans, -1) for fit in (coarse, fine)], axis=1)
+    within = np.concatenate([covariances(fit.hessian).reshape(scans, -1, 3, 3) for fit in (coarse, fine)], axis=1)
+
+    weight, width = _quadrature(pose[..., 2], cost)
+    mean = np.sum(weight[..., None] * pose, axis=1)
+    away = pose - mean[:, None]
+    within[..., 2, 2] = width**2 / 12  # a fixed heading has no hessian
+    total = within + away[..., :, None] * away[..., None, :]
+    return mean, np.sum(np.where(weight[..., None, None] > 1e-9, weight[..., None, None] * total, 0.0), axis=1)
+
+
+def _along_plate(likelihood: PlateLikelihood, beams: Beams, pose: Array, covariance: Array) -> tuple[Array, Array]:
+    """Poses (M, 3) and covariances (M, 3, 3), corrected along the plate where the fit claims more than the edges."""
+    e = np.stack([np.cos(pose[:, 2]), np.sin(pose[:, 2]), np.zeros(len(pose))], axis=-1)
+    leaning = np.einsum("mij,mj->mi", covariance, e)
+    sigma = np.sqrt(np.maximum(np.sum(leaning * e, axis=1), 1e-12))
+    weight = np.min(beams.edge_weight, axis=1)
+    sight = np.arctan2(pose[:, 1], pose[:, 0])
+    edge = np.hypot(pose[:, 0], pose[:, 1]) / np.maximum(weight * np.abs(np.sin(pose[:, 2] - sight)), 1e-9)
+    doubted = np.flatnonzero((sigma < _CLAIMED * edge / np.sqrt(2)) & (weight > 0))
+    if doubted.size == 0:
+        return pose, covariance
+
+    e, leaning, sigma, edge = e[doubted], leaning[doubted], sigma[doubted, None], edge[doubted, None]
+    offset = np.concatenate([edge * _ALONG_PLATEAU, sigma * _ALONG_PEAK], axis=1)  # (N, K)
+    slid = pose[doubted, None, :] + offset[..., None] * e[:, None, :]
+    every = beams.take(np.repeat(doubted, offset.shape[1]))
+    share, span = _quadrature(offset, likelihood.cost(every, slid.reshape(-1, 3)).reshape(offset.shape))
+    mean = np.sum(share * offset, axis=1)
+    variance = np.sum(share * ((offset - mean[:, None]) ** 2 + span**2 / 12), axis=1)
+    pose, covariance = pose.copy(), covariance.copy()
+    pose[doubted] += mean[:, None] * e
+    given = leaning[:, :, None] * leaning[:, None, :] / (sigma**2)[..., None]
+    covariance[doubted] += variance[:, None, None] * e[:, :, None] * e[:, None, :] - given
+    return pose, covariance
+
+
+def _given(likelihood: PlateLikelihood, beams: Beams, cluster: Cluster, heading: Array) -> Evaluation:
+    """Fits (S * K,) of the position at headings (S, K)."""
+    every = np.repeat(np.arange(len(heading)), heading.shape[1])
+    middle = fit_line(cluster).middle[every]
+    start = place(cluster.take(every), heading.ravel(), middle, likelihood.plate)
+    return likelihood.climb(beams.take(every), start, _ITERATIONS, turn=False)
+
+
+def _peaks(likelihood: PlateLikelihood, beams: Beams, coarse: Evaluation) -> Array:
+    """Headings (S, K) around the peaks of the posterior, within a few steps of the coarse grid."""
+    cost = coarse.cost.reshape(-1, len(_GRID))
+    beside = np.pad(cost, ((0, 0), (1, 1)), constant_values=np.inf)
+    dip = (cost <= beside[:, :-2]) & (cost <= beside[:, 2:])
+    lowest = np.argsort(np.where(dip, cost, np.inf), axis=1, kind="stable")[:, :_PEAKS]
+    scan = np.repeat(np.arange(len(cost)), _PEAKS)
+    start = coarse.pose.reshape(len(cost), -1, 3)[scan, lowest.ravel()]
+    fit = likelihood.climb(beams.take(scan), start, 2 * _ITERATIONS)
+    sigma = np.sqrt(np.minimum(covariances(fit.hessian)[:, 2, 2], _STEP**2))
+    return (fit.pose[:, 2, None] + sigma[:, None] * _ABOUT_PEAK).reshape(len(cost), -1)
+
+
+def _quadrature(points: Array, cost: Array) -> tuple[Array, Array]:
+    """Probabilities (S, K) of points (S, K), in any order, and their widths (S, K) in the trapezoidal rule.
+
+    `cost` (S, K) are the negative log likelihoods.
+    """
+    order = np.argsort(points, axis=1, kind="stable")
+    ordered = np.take_along_axis(points, order, axis=1)
+    share = np.empty_like(ordered)
+    share[:, 1:-1] = (ordered[:, 2:] - ordered[:, :-2]) / 2
+    share[:, 0], share[:, -1] = (ordered[:, 1] - ordered[:, 0]) / 2, (ordered[:, -1] - ordered[:, -2]) / 2
+    width = np.empty_like(share)
+    np.put_along_axis(width, order, share, axis=1)
+    weight = np.exp(cost.min(axis=1, keepdims=True) - cost) * width
+    return weight / weight.sum(axis=1, keepdims=True), width

@@ -1,0 +1,24 @@
+"""Dataclasses of arrays that share their first axis: a row per scan, cluster or pose."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Base of such dataclasses; fields that are not arrays belong to all rows."""
+
+    def take(self, rows: np.ndarray) -> Self:
+        """The rows `rows`, in that order, possibly repeated."""
+        arrays = {name: array for name, array in vars(self).items() if isinstance(array, np.ndarray)}
+        return replace(self, **{name: array[rows] for name, array in arrays.items()})
+
+    def put(self, rows: np.ndarray, other: Self) -> None:
+        """Overwrite the rows `rows` (R,) with the R rows of `other`."""
+        for mine, others in zip(vars(self).values(), vars(other).values(), strict=True):
+            if isinstance(mine, np.ndarray):
+                mine[rows] = others
