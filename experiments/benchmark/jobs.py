@@ -1,7 +1,5 @@
 """Groups of runs that share a reference, each driven as one fleet, by one process or several at once."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path

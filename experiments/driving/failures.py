@@ -1,7 +1,5 @@
 """Driven fleets: how runs that fail are isolated, why they failed, and what was recorded until then."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar

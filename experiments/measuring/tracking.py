@@ -1,7 +1,5 @@
 """How closely simulated closed-loop runs follow their reference."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

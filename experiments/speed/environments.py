@@ -5,8 +5,6 @@ what the vector environment did in the turn before: same robots, same start, sam
 The single environments, in gymnasium's SyncVectorEnv, drive the same way.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Drive and measure a fleet of a sweep: what a worker does."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The options of a grid, by name, as axes of a sweep."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import functools

@@ -1,7 +1,5 @@
 """The numbers of a sweep: a few of each of its grids, and all of a grid that is the only one."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
