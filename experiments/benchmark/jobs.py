@@ -1,15 +1,12 @@
 """Groups of runs that share a reference, each driven as one fleet, by one process or several at once."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from experiments.benchmark.measure import measure
 from experiments.benchmark.setup import Setup
-from experiments.driving.failures import drive_isolating, logs_until
+from experiments.driving.failures import DrivenFleet, drive_isolating, logs_until
 from experiments.driving.lookup import policy_path, reference, user_modules
 from experiments.options.benchmark import BenchmarkConfig, Case
 from experiments.parallel.executors import processors, workers
@@ -71,18 +68,7 @@ def groups(cases: Iterable[Case]) -> list[tuple[Case, ...]]:
     return found
 
 
-@dataclass(frozen=True)
-class DrivenGroup:
-    """What became of a group."""
-
-    cases: tuple[Case, ...]
-    part: Part
-    """Rows (of CaseRow) and logs of its runs."""
-    unfinished: list[RunLog]
-    """What was recorded of runs that failed, until they did; empty unless recordings are wanted."""
-
-
-def drive_groups(config: BenchmarkConfig, missing: Mapping[Case, str]) -> Iterator[DrivenGroup]:
+def drive_groups(config: BenchmarkConfig, missing: Mapping[Case, str]) -> Iterator[DrivenFleet]:
     """Drive the cases, by their ids, in `config.jobs` processes, the longest groups first; each group when ready."""
 
     def work(group: Sequence[Case]) -> float:
@@ -95,13 +81,14 @@ def drive_groups(config: BenchmarkConfig, missing: Mapping[Case, str]) -> Iterat
         yield from pool.each(functools.partial(drive_group, config), tasks)
 
 
-def drive_group(config: BenchmarkConfig, wanted: Mapping[Case, str]) -> DrivenGroup:
+def drive_group(config: BenchmarkConfig, wanted: Mapping[Case, str]) -> DrivenFleet:
     """Drive and measure a group."""
     setup, cases = _setup(config), tuple(wanted)
     outcomes = drive_isolating(cases, setup.drive)
     rows = [row.to_part(wanted[row.case]) for row in measure(setup, cases, outcomes)]
     part = Part.of(rows, [one for one in outcomes if isinstance(one, RunLog)])
-    return DrivenGroup(cases, part, [log for one in outcomes for log in logs_until(one) if config.rrd])
+    unfinished = [log for one in outcomes for log in logs_until(one) if config.rrd]
+    return DrivenFleet(part, unfinished, seconds(cases))
 
 
 def seconds(cases: Iterable[Case]) -> float:

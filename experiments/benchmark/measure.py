@@ -1,7 +1,5 @@
 """From driven runs to rows: their errors, their expense, and the time that one step of one robot takes."""
 
-from __future__ import annotations
-
 import contextlib
 import time
 from collections.abc import Sequence

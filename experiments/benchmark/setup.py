@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -41,8 +41,11 @@ class Setup:
 
     def check(self, cases: Sequence[Case]) -> None:
         """Raise TrackslipError for an unknown name, before anything is driven."""
-        for field in ("controller", "compensation", "reference", "ground"):
-            look_up = reference if field == "reference" else getattr(self, field)
+        look_ups: dict[str, Callable[[str], object]] = {
+            "controller": self.controller, "compensation": self.compensation,
+            "reference": reference, "ground": self.ground,
+        }  # fmt: skip
+        for field, look_up in look_ups.items():
             for name in dict.fromkeys(getattr(case, field) for case in cases):
                 try:
                     look_up(name)

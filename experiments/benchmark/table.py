@@ -1,7 +1,5 @@
 """The leaderboard and the table of all rows, as text."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 

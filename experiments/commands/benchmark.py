@@ -86,7 +86,7 @@ def _drive(config: BenchmarkConfig, parts: Parts, wanted: Mapping[Case, str]) ->
         for group in drive_groups(config, missing) if missing else ():
             parts.keep(group.part)
             unfinished += group.unfinished
-            report(seconds(group.cases))
+            report(group.duration)
     return unfinished
 
 

@@ -1,7 +1,5 @@
 """Closed-loop runs of a fleet in front of the scanner, by the names of controller and compensation."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

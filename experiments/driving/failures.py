@@ -1,10 +1,10 @@
-"""Runs that fail: how they are isolated, why they failed, and what was recorded until then."""
+"""Driven fleets: how runs that fail are isolated, why they failed, and what was recorded until then."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TypeVar
 
+from experiments.storage.parts import Part
 from sim.run_recorder import RunFailedError
 from trackslip.errors import TrackslipError
 from trackslip.logs.runlog import RunLog
@@ -12,6 +12,20 @@ from trackslip.logs.runlog import RunLog
 RunT = TypeVar("RunT")
 Outcome = RunLog | BaseException
 """The log of a run, or the error that it failed with."""
+
+
+@dataclass(frozen=True)
+class DrivenFleet:
+    """What became of a fleet."""
+
+    part: Part
+    """Rows and logs of its runs."""
+    unfinished: list[RunLog]
+    """What was recorded of runs that failed, until they did; empty unless recordings are wanted."""
+    duration: float
+    """Simulated time of all its runs together [s]."""
+    stages: Mapping[str, float] = field(default_factory=dict)
+    """Work by stage, if it was timed [s]."""
 
 
 def drive_isolating(runs: Sequence[RunT], drive: Callable[[Sequence[RunT]], Sequence[RunLog]]) -> list[Outcome]:

@@ -1,7 +1,5 @@
 """Names on the command line resolved to objects: references, compensations, controllers, localisation methods."""
 
-from __future__ import annotations
-
 import functools
 import importlib
 import os

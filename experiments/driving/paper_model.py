@@ -3,8 +3,6 @@
 The paper prints no numbers for its Figs. 4, 8 and 10 to 12, but everything they follow from.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

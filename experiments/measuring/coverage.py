@@ -109,10 +109,7 @@ def scanned_again(
     repeats: int,
     step: Callable[[float], None],
 ) -> list[SlipSamples]:
-    """Samples of runs whose true ranges get new noise in each repeat, computed by several processes.
-
-    `step(1.0)` is called after each run.
-    """
+    """Samples of runs whose true ranges get new noise in each repeat; `step(1.0)` is called after each run."""
     jobs = [(log, geometry, config.scanner.noise, config.seed, repeats) for log in logs]
     omega = np.array([log.omega[steady_part(log, geometry).rows].mean(axis=0) for log in logs])
     twists, covariances = [], []

@@ -1,7 +1,5 @@
 """The paper's results beside the simulation's, quantity by quantity."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import degrees

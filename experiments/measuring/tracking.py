@@ -1,7 +1,5 @@
 """How closely simulated closed-loop runs follow their reference."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -34,9 +32,6 @@ def tracking_results(logs: Sequence[RunLog], reference: Reference) -> list[Track
     for log in logs:
         if log.truth is None:
             raise LogError(f"run {log.run!r}: has no truth")
-        controller, compensation, locator = (
-            str(log.metadata[key]) for key in ("controller", "compensation", "localization")
-        )
-        errors = tracking_errors(log.time, log.truth.pose, reference)
-        results.append(TrackingResult(controller, compensation, locator, errors))
+        names = {key: str(log.metadata[key]) for key in ("controller", "compensation", "localization")}
+        results.append(TrackingResult(**names, errors=tracking_errors(log.time, log.truth.pose, reference)))
     return results

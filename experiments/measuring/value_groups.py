@@ -1,7 +1,5 @@
 """Runs in groups of nearly equal values, as a grid of commands leaves them."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from trackslip.kinematics import Array

@@ -5,8 +5,6 @@ what the vector environment did in the turn before: same robots, same start, sam
 The single environments, in gymnasium's SyncVectorEnv, drive the same way.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -95,10 +93,7 @@ class EnvRig:
 
 
 def measure_env(config: BenchConfig, step: Callable[[str], None]) -> Rates:
-    """Rates (R,) of every case and number of threads in R rounds; the first round does not count.
-
-    `step` is called with a label after each round.
-    """
+    """Rates (R,) of every case and number of threads in R rounds after a warm-up; each calls `step` with a label."""
     size = config.env_size
     rates: dict[tuple[str, int, int], list[float]] = {}
     periods = max(2, math.ceil(config.seconds / (size * PERIOD) - 1e-9))

@@ -9,8 +9,6 @@ fastest turns would flatter: a ratio of two such rates compares one case's lucki
 of two printed rates may therefore differ slightly from the printed ratio.
 """
 
-from __future__ import annotations
-
 import functools
 import itertools
 import math

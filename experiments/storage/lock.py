@@ -1,7 +1,5 @@
 """One command at a time in a folder."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 from collections.abc import Iterator

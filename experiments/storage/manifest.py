@@ -1,7 +1,5 @@
 """What is needed to reproduce a result: options, code, models, versions of the libraries, git state."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 import hashlib

@@ -1,7 +1,5 @@
 """JSON from dataclasses, arrays and paths."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

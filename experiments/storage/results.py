@@ -158,9 +158,9 @@ def write_samples(folder: Path, samples: SlipSamples) -> None:
     from trackslip.logs.schema import with_units
     from trackslip.logs.table import SAMPLE_COLUMNS
 
-    columns = np.concatenate([samples.omega, samples.twist, samples.slip], axis=1)
-    names = (*SAMPLE_COLUMNS, "slip_l", "slip_r")
-    table = pa.table({"run": list(samples.run)} | {n: columns[:, k] for k, n in enumerate(names)})
+    columns = np.concatenate([samples.omega, samples.twist, samples.slip], axis=1).T
+    numbers = dict(zip((*SAMPLE_COLUMNS, "slip_l", "slip_r"), columns, strict=True))
+    table = pa.table({"run": list(samples.run), **numbers})
     table = table.cast(pa.schema(with_units(table.schema)))
     with arrow_errors(folder / RUNS_FILE):
         pa.parquet.write_table(table, folder / RUNS_FILE, write_page_checksum=True)

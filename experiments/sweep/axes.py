@@ -1,7 +1,5 @@
 """The axes of a sweep and their values."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping

@@ -1,13 +1,11 @@
 """Drive and measure a fleet of a sweep: what a worker does."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from experiments.driving.failures import drive_isolating, failure_text, logs_until
+from experiments.driving.failures import DrivenFleet, drive_isolating, failure_text, logs_until
 from experiments.driving.grid_runs import drive_cells
 from experiments.measuring.grid import PoseErrors
 from experiments.storage.parts import Part
@@ -20,20 +18,6 @@ from trackslip.identification.samples import true_samples, usable_samples
 from trackslip.logs.runlog import RunLog
 
 _SAMPLED = ("omega_l", "omega_r", "v", "w", "slip_l", "slip_r", "true_slip_l", "true_slip_r", "observed_radius")
-
-
-@dataclass(frozen=True)
-class DrivenFleet:
-    """What became of a fleet."""
-
-    part: Part
-    """Rows (of RunRow) and logs of its runs."""
-    unfinished: list[RunLog]
-    """What was recorded of runs that failed, until they did; empty unless recordings are wanted."""
-    stages: dict[str, float]
-    """Work by stage [s]."""
-    duration: float
-    """Simulated time of all its runs together [s]."""
 
 
 def drive(runs: Sequence[Run], threads: int = 1, report: Progress = lambda seconds: None) -> DrivenFleet:
@@ -59,7 +43,7 @@ def drive(runs: Sequence[Run], threads: int = 1, report: Progress = lambda secon
             unfinished += logs_until(outcome) if run.config.rrd else []
     with watch.stage("storing"):
         part = Part.of([row.to_json() for row in rows], logs)
-    return DrivenFleet(part, unfinished, watch.stages, sum(run.config.duration for run in runs))
+    return DrivenFleet(part, unfinished, sum(run.config.duration for run in runs), watch.stages)
 
 
 def _measured(log: RunLog, run: Run, row: RunRow) -> RunRow:

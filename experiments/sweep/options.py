@@ -1,7 +1,5 @@
 """The options of a grid, by name, as axes of a sweep."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import functools
@@ -10,7 +8,7 @@ import types
 import typing
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import docstring_parser
 
@@ -18,8 +16,6 @@ from experiments.options.grid import GridConfig
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import InvalidValueError
 from trackslip.logs.schema import NO_UNIT, PURE
-
-T = TypeVar("T")
 
 ALIASES = {"ground": "ground.source", "slope": "ground.slope"}
 """Axes that are options under another name."""
@@ -34,15 +30,17 @@ def names() -> list[str]:
     return [name for name in _leaves(GridConfig) if name not in _NO_AXES]
 
 
-def with_option(config: T, name: str, value: object) -> T:
+def with_option(config: Any, name: str, value: object) -> Any:
     """`config` with another value of the option `name`; raises InvalidValueError for a value that isn't allowed."""
+    head, _, rest = name.partition(".")
+    cls: Any = type(config)
+    if not rest:
+        return dataclasses.replace(config, **{head: converted(_hints(cls)[head], value, head)})
     try:
-        return _with(config, name.split("."), value, name)
+        inner = with_option(getattr(config, head), rest, value)
     except InvalidValueError as error:
-        prefix = name.rpartition(".")[0]
-        if prefix and "." not in error.field:
-            raise InvalidValueError(f"{prefix}.{error.field}", error.value, error.allowed) from error
-        raise
+        raise InvalidValueError(f"{head}.{error.field}", error.value, error.allowed) from error
+    return dataclasses.replace(config, **{head: inner})
 
 
 def option(config: Any, name: str) -> Any:
@@ -90,14 +88,6 @@ def _as(kind: Any, value: Any) -> Any:
         value.encode()  # an argument may contain surrogates, which can't be stored
         return kind(value)
     raise TypeError
-
-
-def _with(config: Any, path: list[str], value: object, name: str) -> Any:
-    head, *rest = path
-    if rest:
-        return dataclasses.replace(config, **{head: _with(getattr(config, head), rest, value, name)})
-    cls: Any = type(config)
-    return dataclasses.replace(config, **{head: converted(_hints(cls)[head], value, name)})
 
 
 def _owner(name: str) -> tuple[Any, str]:

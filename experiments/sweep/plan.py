@@ -1,7 +1,5 @@
 """The runs of a sweep, each with everything that its numbers depend on except code and model."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
 import itertools

@@ -1,7 +1,5 @@
 """The numbers of a sweep: a few of each of its grids, and all of a grid that is the only one."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -110,9 +108,9 @@ def grids_of(runs: Sequence[Run], rows: Sequence[RunRow]) -> list[Grid]:
 
 def warnings_of(rows: Sequence[RunRow]) -> list[str]:
     """What the user should know of the runs."""
-    at_limit = "a motor is at its limit for {:.1%} of the time"
-    saturated = [f"run {row.run!r}: {at_limit.format(row.saturated)}" for row in rows if row.saturated]
-    return saturated + [row.note for row in rows if row.note]
+    saturated = (row for row in rows if row.saturated)
+    warnings = [f"run {row.run!r}: a motor is at its limit for {row.saturated:.1%} of the time" for row in saturated]
+    return warnings + [row.note for row in rows if row.note]
 
 
 def numbers_in_full(

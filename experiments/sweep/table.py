@@ -1,7 +1,5 @@
 """The table of a sweep: one row per run, with units; and the choice of runs by the values of its axes."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Sequence
 from pathlib import Path

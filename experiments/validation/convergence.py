@@ -1,7 +1,5 @@
 """Effect of physics step and solver: the same random commands, integrated in different ways."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Energy balance: what the belts put in is lost in friction or stored in the moving robot."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import mujoco

@@ -1,7 +1,5 @@
 """The standing robot: contact loads, sink and lean; creep on slopes that hold it, sliding on those that do not."""
 
-from __future__ import annotations
-
 import itertools
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Steady turns against theory: slip and ICRs over radius, speed, friction, contact length and centre of mass."""
 
-from __future__ import annotations
-
 import contextlib
 import itertools
 from collections.abc import Callable, Iterator
