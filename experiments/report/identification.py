@@ -23,8 +23,7 @@ from trackslip.kinematics import Array
 from trackslip.metrics import rms
 from trackslip.slip.exponential import PUBLISHED
 
-BASELINES = ("none", "constant")
-"""Laws that serve as baselines."""
+_BASELINES = ("none", "constant")
 LAW_HEADER = ("law", "parameter", "value ± std. error", "95 % interval", "by bootstrap")
 CRITERIA_HEADER = ("law", "free", "rms", "AICc", "weight", "cv radius", "cv speed", "cv yaw [mrad/s]", "lack of fit")
 _CERTAIN = 0.001  # probabilities below this are printed as an upper limit
@@ -61,7 +60,7 @@ def facts(found: Identification) -> dict[str, Any]:
     # the largest difference of slip between runs of one radius, by track
     spread = {name: f"{max(np.ptp(turns.slip[g, k]) for g in same):.4f}" for k, name in enumerate(TRACKS) if same}
     lacks = {name: law.lack_of_fit for name, law in comparison.laws.items() if law.lack_of_fit is not None}
-    lacking = [name for name, lack in lacks.items() if lack.significant and name not in BASELINES]
+    lacking = [name for name, lack in lacks.items() if lack.significant and name not in _BASELINES]
     factors = [lacks[name].inflation for name in lacking if lacks[name].inflation > 1]
     band, meaning = residual_band(turns, comparison) if len(turns) else (0.0, "")
     return {

@@ -77,7 +77,8 @@ def pose_and_velocity(log: RunLog) -> Figure:
         axis.plot(motion.time[smooth], values[smooth], color=colour, lw=0.8, label=name)
     lines = [] if log.truth is None else [(_true_traces(log), _TRUE)]
     if geometry_of(log.metadata) is not None:
-        lines.append((_with_derivatives(log, published_poses(log)), _BY_PAPER))
+        published = _near(published_poses(log), log)
+        lines.append((np.column_stack([published, np.gradient(published, log.time, axis=0)]), _BY_PAPER))
     for axis, columns, label, title in (
         (position, (0, 1), "position [m]", "Position"),
         (velocity, (3, 4), "velocity [m/s]", "Velocity"),
@@ -94,12 +95,6 @@ def pose_and_velocity(log: RunLog) -> Figure:
     for axis in axes[1]:
         axis.set_xlabel("time [s]")
     return figure
-
-
-def _with_derivatives(log: RunLog, pose: Array) -> Array:
-    """Poses (T, 3) at a log's times and their derivatives, (T, 6), with headings close to the log's."""
-    pose = _near(pose, log)
-    return np.column_stack([pose, np.gradient(pose, log.time, axis=0)])
 
 
 def _true_traces(log: RunLog) -> Array:

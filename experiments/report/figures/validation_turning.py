@@ -131,9 +131,8 @@ def _by_shape(turns: Turns, parameters: RobotParameters) -> Figure:
 
 
 def _place(forwards: float, left: float) -> str:
-    parts = [f"{abs(forwards):.0f} % {'forward' if forwards > 0 else 'back'}"] if forwards else []
-    parts += [f"{abs(left):.0f} % {'left' if left > 0 else 'right'}"] if left else []
-    return ",\n".join(parts) or "the robot's\nown"
+    parts = [(forwards, "forward" if forwards > 0 else "back"), (left, "left" if left > 0 else "right")]
+    return ",\n".join(f"{abs(shift):.0f} % {way}" for shift, way in parts if shift) or "the robot's\nown"
 
 
 @styled
