@@ -49,10 +49,7 @@ class Belt:
     pitch: float  # distance between shoes along the belt [m]
 
     def shoes(self, travel: Array) -> tuple[Array, Array]:
-        """Middles (..., S, 3) [m] and quaternions (..., S, 4), xyzw, of the shoes when the belt has run `travel` (...).
-
-        Positive travel [m] drives the robot forwards.
-        """
+        """Middles (..., S, 3) [m] and xyzw quaternions (..., S, 4) of shoes after `travel` (...) [m], forwards if > 0."""
         count = len(self.place)
         turns, index = np.divmod(np.arange(count) + (travel / self.pitch)[..., None], count)
         knots = np.arange(count + 1)

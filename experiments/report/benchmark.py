@@ -38,10 +38,7 @@ def render(
     manifest: Mapping[str, Any],
     command: str,
 ) -> Page:
-    """Draw the figures and fill in the template: a leaderboard of `entries`, all `rows`, sentences on `lost` paths.
-
-    The logs of `runs` are in the Parquet file `runs_file`.
-    """
+    """Draw the figures, of `runs` whose logs are in the Parquet file `runs_file`, and fill in the template."""
     shown = list(_path_figures(runs_file, [run.case for run in runs if run.error is None]))
     drawings = [Drawing("leaderboard", figures.board(rows)), *(figure.drawing for figure in shown)]
     return render_page(

@@ -89,16 +89,10 @@ def facts(found: Identification) -> dict[str, Any]:
 
 def law_rows(comparison: Comparison) -> list[LawRow]:
     """The fitted laws with their parameters, simple ones first, and the published one."""
-    rows = [
-        LawRow(
-            name,
-            LABELS.get(name, name),
-            FORMULAS.get(name, (MISSING,)),
-            [_parameter(law, key) for key in law.values],
-            best=name == comparison.best,
-        )
-        for name, law in comparison.laws.items()
-    ]
+    rows = []
+    for name, law in comparison.laws.items():
+        formula, parameters = FORMULAS.get(name, (MISSING,)), [_parameter(law, key) for key in law.values]
+        rows.append(LawRow(name, LABELS.get(name, name), formula, parameters, best=name == comparison.best))
     published = [
         (SYMBOLS[key], f"{value:g} {unit_of('exponential', key)[1]}".rstrip().replace("-", "−"), MISSING, MISSING)
         for key, value in vars(PUBLISHED).items()
@@ -173,10 +167,10 @@ def _predictions(comparison: Comparison) -> list[tuple[str, ...]]:
     rows = []
     for name in dict.fromkeys([comparison.best, "exponential"]):
         if name in comparison.laws:
-            validation = comparison.validation[name]
-            yaw_rate = None if validation.yaw_rate is None else 1e3 * validation.yaw_rate
-            sizes = comparison.laws[name].rms, validation.radius, validation.speed, yaw_rate
-            rows.append((LABELS.get(name, name), *map(_size, sizes)))
+            errors = comparison.validation[name]
+            yaw_rate = None if errors.yaw_rate is None else 1e3 * errors.yaw_rate
+            sizes = map(_size, (comparison.laws[name].rms, errors.radius, errors.speed, yaw_rate))
+            rows.append((LABELS.get(name, name), *sizes))
     return rows
 
 

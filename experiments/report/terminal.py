@@ -31,7 +31,6 @@ class _Rate(ProgressColumn):
         self._unit = unit
 
     def render(self, task: Task) -> Text:
-        """The text of the column."""
         return Text("" if task.speed is None else _rate(task.speed, self._unit))
 
 

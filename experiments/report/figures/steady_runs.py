@@ -63,17 +63,12 @@ def pose_and_velocity(log: RunLog) -> Figure:
     position, velocity, heading, turning = axes.ravel()
     rows, fine, smooth = thin(len(log.time), 45), thin(len(log.time)), thin(len(v), 2 * POINTS)
     pose = np.where(log.is_valid[:, None], log.pose, np.nan)
-    for axis, column, colour, marker, name in (
-        (position, 0, BLUE, "o", "x"),
-        (position, 1, ORANGE, "s", "y"),
-        (heading, 2, GREEN, "^", "φ"),
-    ):
+    marked = ((position, 0, BLUE, "o", "x"), (position, 1, ORANGE, "s", "y"), (heading, 2, GREEN, "^", "φ"))
+    for axis, column, colour, marker, name in marked:
         axis.plot(log.time[rows], pose[rows, column], marker, ms=3.6, mew=0, color=colour, label=name)
-    for axis, values, colour, name in (
-        (velocity, v * np.cos(phi), BLUE, "dx/dt"),
-        (velocity, v * np.sin(phi), ORANGE, "dy/dt"),
-        (turning, w, GREEN, "dφ/dt"),
-    ):
+    dx, dy = v * np.cos(phi), v * np.sin(phi)
+    derived = ((velocity, dx, BLUE, "dx/dt"), (velocity, dy, ORANGE, "dy/dt"), (turning, w, GREEN, "dφ/dt"))
+    for axis, values, colour, name in derived:
         axis.plot(motion.time[smooth], values[smooth], color=colour, lw=0.8, label=name)
     lines = [] if log.truth is None else [(_true_traces(log), _TRUE)]
     if geometry_of(log.metadata) is not None:

@@ -1,7 +1,4 @@
-"""Figures of the tracking experiments, after Figs. 7 to 12 of the paper.
-
-Runs are drawn at their true poses where the log has them, as a simulator's has, else at their estimated poses.
-"""
+"""Figures of tracking, after Figs. 7-12 of the paper, at true poses where the logs have them, else estimated ones."""
 
 from __future__ import annotations
 
