@@ -24,10 +24,7 @@ def record_all(folder: Path, logs: Sequence[RunLog], compared: Mapping[str, Sequ
 def record(file: Path, logs: Sequence[RunLog], laws: Path | None = None) -> float:
     """Record a run, or several for comparison, as a .rrd file, complete or not at all.
 
-    Returns the start of the loop that the viewer plays [s].
-
-    Raises:
-        OutputError: if the file can't be written.
+    Returns the start of the loop that the viewer plays [s]; raises OutputError if the file can't be written.
     """
     from experiments.recording import stream
 

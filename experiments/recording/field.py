@@ -82,13 +82,9 @@ def _send_ground(stream: rr.RecordingStream, traces: Traces, within: Array) -> N
         stream.log(f"{FIELD}/patches", flat, static=True)
     slope, heading = (float(ground.get(key) or 0.0) for key in ("slope", "uphill"))
     if slope:
-        arrow = rr.Arrows3D(
-            vectors=[[np.cos(heading), np.sin(heading), 0.0]],
-            origins=[[*(within.min(axis=0) - 1.0), 0.02]],
-            colors=[rgb(_PATCH_COLOUR)],
-            radii=[0.02],
-            labels=[f"uphill, {slope:.3g} rad"],
-        )
+        uphill, begin = [np.cos(heading), np.sin(heading), 0.0], [*(within.min(axis=0) - 1.0), 0.02]
+        style: dict[str, Any] = {"colors": [rgb(_PATCH_COLOUR)], "radii": [0.02]}
+        arrow = rr.Arrows3D(vectors=[uphill], origins=[begin], labels=[f"uphill, {slope:.3g} rad"], **style)
         stream.log(f"{FIELD}/uphill", arrow, static=True)
 
 

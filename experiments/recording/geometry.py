@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -48,10 +49,7 @@ class Belt:
     pitch: float  # distance between shoes along the belt [m]
 
     def shoes(self, travel: Array) -> tuple[Array, Array]:
-        """Middles (..., S, 3) [m] and quaternions (..., S, 4), xyzw, of the shoes when the belt has run `travel` (...).
-
-        Positive travel [m] drives the robot forwards.
-        """
+        """Middles (..., S, 3) [m] and xyzw quaternions (..., S, 4) of shoes after forward `travel` (...) [m]."""
         count = len(self.place)
         turns, index = np.divmod(np.arange(count) + (travel / self.pitch)[..., None], count)
         knots = np.arange(count + 1)
@@ -73,23 +71,17 @@ def looks(parameters: RobotParameters) -> mujoco.MjModel:
 def parameters_of(log: RunLog) -> RobotParameters:
     """The parameters of the robot that drove a run, as far as its log has them; the shipped robot's for the rest."""
     known = log.metadata.get("robot") or log.metadata.get("geometry")
-    if not isinstance(known, Mapping):
-        return RobotParameters()
     names = RobotParameters.__dataclass_fields__
-    try:
-        return RobotParameters(**{str(key): float(value) for key, value in known.items() if key in names})
-    except (TrackslipError, TypeError, ValueError):  # a robot of another kind
-        return RobotParameters()
+    with contextlib.suppress(TrackslipError, TypeError, ValueError):  # a robot of another kind
+        if isinstance(known, Mapping):
+            return RobotParameters(**{str(key): float(value) for key, value in known.items() if key in names})
+    return RobotParameters()
 
 
 def body(model: mujoco.MjModel, name: str, without: Collection[str] = ()) -> Triangles:
     """The visible geoms of a body, in its frame."""
-    owner = model.body(name).id
-    parts = [
-        _of_geom(model, i)
-        for i in range(model.ngeom)
-        if model.geom_bodyid[i] == owner and model.geom_group[i] in _LOOKS and model.geom(i).name not in without
-    ]
+    chosen = (model.geom_bodyid == model.body(name).id) & np.isin(model.geom_group, _LOOKS)
+    parts = [_of_geom(model, int(i)) for i in np.flatnonzero(chosen) if model.geom(i).name not in without]
     return Triangles(np.concatenate([p.vertices for p in parts]), np.concatenate([p.colours for p in parts]))
 
 

@@ -53,8 +53,7 @@ def send_scans(stream: rr.RecordingStream, entity: str, traces: Traces, height: 
     scans = traces.log.scans
     if scans is None:
         return
-    x, y, heading = scans.scan.mount
-    origin = np.array([x, y, height])
+    origin, heading = np.append(scans.scan.mount[:2], height), float(scans.scan.mount[2])
     cluster = scans.cluster
     hit = cluster.hit & traces.log.is_valid[:, None]
     plate = _points(origin, heading, cluster.bearing, np.where(hit, cluster.range, np.nan))
@@ -62,8 +61,7 @@ def send_scans(stream: rr.RecordingStream, entity: str, traces: Traces, height: 
     _send_points(stream, f"{entity}/scan/other", traces.time, _others(scans, hit, origin, heading), OTHER_COLOUR)
     step = np.maximum(1, cluster.count // _MAX_RAYS)[:, None]
     ray = hit & (np.cumsum(hit, axis=1) % step == 0)
-    ends = plate[ray]
-    strips = np.stack([np.broadcast_to(origin, ends.shape), ends], axis=1)
+    strips = np.stack([np.broadcast_to(origin, plate[ray].shape), plate[ray]], axis=1)
     rays = f"{entity}/scan/rays"
     style = rr.LineStrips3D.from_fields(colors=[(*rgb(PLATE_COLOUR), 60)], radii=[0.0015])
     stream.log(rays, style, static=True)

@@ -139,10 +139,7 @@ def _slip_range(runs: Sequence[Traces]) -> tuple[float, float]:
 
 
 def readable(values: Array) -> tuple[float, float]:
-    """The range of an axis with zero, all values, and at least two labels, which the viewer puts at powers of ten.
-
-    The labels are multiples of one power, few enough for a low panel.
-    """
+    """The range of an axis with zero, all values, and two labels or more, at powers of ten, as many as have room."""
     low, high = min(float(values.min()), 0.0), max(float(values.max()), 0.0)
     margin = 0.08 * max(high - low, 1e-3)
     low, high = low - margin, high + margin

@@ -31,10 +31,7 @@ def new_stream(title: str) -> rr.RecordingStream:
 
 
 def send(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Path | None = None) -> float:
-    """Send a run, or several on one time line; `laws` is a file of identified laws, by default the shipped one.
-
-    Returns the start of the loop that the viewer plays [s].
-    """
+    """Send a run, or several on one time line, laws as in `traces_of`; returns the start of the loop to play [s]."""
     runs = [traces_of(log, laws) for log in logs]
     within = _within(runs)
     field.send_field(stream, runs[0], looks(parameters_of(logs[0])), within)

@@ -126,11 +126,7 @@ def _identified_slip(log: RunLog, geometry: RobotGeometry) -> tuple[Array | None
 
 
 def _smooth_motion(log: RunLog) -> Motion:
-    """Poses and twists at even times from polynomials fitted to a sliding window.
-
-    Raises:
-        LogError: if `even_poses` cannot resample the run.
-    """
+    """Poses and twists at even times from polynomials fitted to a sliding window; LogError if poses are too few."""
     time, pose = even_poses(log)
     step = float(time[1] - time[0])
     rate = abs(pose[-1, 2] - pose[0, 2]) / (time[-1] - time[0])
@@ -168,10 +164,7 @@ def _slip_by_law(
 
 
 def _compensated(log: RunLog, geometry: RobotGeometry) -> Array | None:
-    """The slips (T, 2) between commanded twists and set points: those of the law, wherever it came from.
-
-    NaN where the set points were scaled down to the top speed; None if that isn't known.
-    """
+    """Slips (T, 2) between commanded twists and set points; NaN where the top speed limited these, None if unknown."""
     drive = log.metadata.get("drive")
     fastest = drive.get("top_speed") if isinstance(drive, Mapping) else None
     if log.command is None or log.twist_command is None or not isinstance(fastest, int | float):

@@ -38,10 +38,7 @@ def render(
     manifest: Mapping[str, Any],
     command: str,
 ) -> Page:
-    """Draw the figures and fill in the template: a leaderboard of `entries`, all `rows`, sentences on `lost` paths.
-
-    The logs of `runs` are in the Parquet file `runs_file`.
-    """
+    """Draw the figures, of `runs` whose logs are in the Parquet file `runs_file`, and fill in the template."""
     shown = list(_path_figures(runs_file, [run.case for run in runs if run.error is None]))
     drawings = [Drawing("leaderboard", figures.board(rows)), *(figure.drawing for figure in shown)]
     return render_page(
@@ -67,9 +64,10 @@ def _path_figures(runs_file: Path, cases: Sequence[Case]) -> Iterator[_Figure]:
         compensations = dict.fromkeys(case.compensation for case in here)
         controllers = list(dict.fromkeys(case.controller for case in here))
         if len(controllers) > 1:
-            start = _commonest_start(here)
+            at_start = {start: [case for case in here if case.start == start] for start in (c.start for c in here)}
+            most = max(at_start.values(), key=lambda some: len({case.controller for case in some}))
             favourite = next((c for c in (*_FAVOURITES, *compensations) if c in compensations), "none")
-            alike = [case for case in here if (case.compensation, case.start) == (favourite, start)]
+            alike = [case for case in most if case.compensation == favourite]
             style = {key: figures.controller_line(k) for k, key in enumerate(controllers)}
             what = f"All with {figures.compensation_name(favourite)}"
             yield _figure(runs_file, _first(alike, "controller"), style, f"{relative(name)}: controllers", what)
@@ -81,18 +79,10 @@ def _path_figures(runs_file: Path, cases: Sequence[Case]) -> Iterator[_Figure]:
                 yield _figure(runs_file, chosen, {key: law_line(key) for key in chosen}, heading, "")
 
 
-def _commonest_start(cases: Sequence[Case]) -> str:
-    """The start with the most controllers."""
-    controllers = {case.start: len({c.controller for c in cases if c.start == case.start}) for case in cases}
-    return max(controllers, key=lambda start: controllers[start])
-
-
 def _first(cases: Sequence[Case], key: str) -> dict[str, Case]:
     """The first case for each value of the field `key`."""
-    found: dict[str, Case] = {}
-    for case in cases:
-        found.setdefault(getattr(case, key), case)
-    return found
+    values = [getattr(case, key) for case in cases]
+    return {value: cases[values.index(value)] for value in values}
 
 
 def _figure(

@@ -23,8 +23,7 @@ from trackslip.kinematics import Array
 from trackslip.metrics import rms
 from trackslip.slip.exponential import PUBLISHED
 
-BASELINES = ("none", "constant")
-"""Laws that serve as baselines."""
+_BASELINES = ("none", "constant")
 LAW_HEADER = ("law", "parameter", "value ± std. error", "95 % interval", "by bootstrap")
 CRITERIA_HEADER = ("law", "free", "rms", "AICc", "weight", "cv radius", "cv speed", "cv yaw [mrad/s]", "lack of fit")
 _CERTAIN = 0.001  # probabilities below this are printed as an upper limit
@@ -61,7 +60,7 @@ def facts(found: Identification) -> dict[str, Any]:
     # the largest difference of slip between runs of one radius, by track
     spread = {name: f"{max(np.ptp(turns.slip[g, k]) for g in same):.4f}" for k, name in enumerate(TRACKS) if same}
     lacks = {name: law.lack_of_fit for name, law in comparison.laws.items() if law.lack_of_fit is not None}
-    lacking = [name for name in lacks if comparison.laws[name].lacks_fit and name not in BASELINES]
+    lacking = [name for name in lacks if comparison.laws[name].lacks_fit and name not in _BASELINES]
     factors = [lacks[name].inflation for name in lacking if lacks[name].inflation > 1]
     band, meaning = residual_band(turns, comparison) if len(turns) else (0.0, "")
     return {
@@ -90,16 +89,10 @@ def facts(found: Identification) -> dict[str, Any]:
 
 def law_rows(comparison: Comparison) -> list[LawRow]:
     """The fitted laws with their parameters, simple ones first, and the published one."""
-    rows = [
-        LawRow(
-            name,
-            LABELS.get(name, name),
-            FORMULAS.get(name, (MISSING,)),
-            [_parameter(law, key) for key in law.values],
-            best=name == comparison.best,
-        )
-        for name, law in comparison.laws.items()
-    ]
+    rows = []
+    for name, law in comparison.laws.items():
+        formula, parameters = FORMULAS.get(name, (MISSING,)), [_parameter(law, key) for key in law.values]
+        rows.append(LawRow(name, LABELS.get(name, name), formula, parameters, best=name == comparison.best))
     published = [
         (SYMBOLS[key], f"{value:g} {unit_of('exponential', key)[1]}".rstrip().replace("-", "−"), MISSING, MISSING)
         for key, value in vars(PUBLISHED).items()
@@ -174,10 +167,10 @@ def _predictions(comparison: Comparison) -> list[tuple[str, ...]]:
     rows = []
     for name in dict.fromkeys([comparison.best, "exponential"]):
         if name in comparison.laws:
-            validation = comparison.validation[name]
-            yaw_rate = None if validation.yaw_rate is None else 1e3 * validation.yaw_rate
-            sizes = comparison.laws[name].rms, validation.radius, validation.speed, yaw_rate
-            rows.append((LABELS.get(name, name), *map(_size, sizes)))
+            errors = comparison.validation[name]
+            yaw_rate = None if errors.yaw_rate is None else 1e3 * errors.yaw_rate
+            sizes = map(_size, (comparison.laws[name].rms, errors.radius, errors.speed, yaw_rate))
+            rows.append((LABELS.get(name, name), *sizes))
     return rows
 
 

@@ -68,14 +68,9 @@ class Page:
 def render_page(
     template: str, drawings: Sequence[Drawing], *, title: str, command: str, manifest: Mapping[str, Any], **context: Any
 ) -> Page:
-    """Fill in the template file, which extends base.html.j2, with `context`; the HTML needs no other file.
-
-    The manifest, which may be anything that fits into JSON, is listed at the end; `command` made the results.
-    """
-    context = {
-        "figures": {drawing.name: drawing.inline for drawing in drawings},
-        "conditions": conditions(manifest, command),
-    } | context
+    """Fill in a template that extends base.html.j2; the manifest, which must fit into JSON, is listed at its end."""
+    inline = {drawing.name: drawing.inline for drawing in drawings}
+    context = {"figures": inline, "conditions": conditions(manifest, command)} | context
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("experiments.report", "templates"),
         autoescape=True,

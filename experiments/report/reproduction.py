@@ -86,7 +86,15 @@ def _figures(report: Report, seen: Sightings | None) -> Iterator[tuple[str, Figu
     if seen is not None:
         yield "localization_error", error_against_viewing_angle(seen)
     if found is not None and turns is not None:
-        yield from _law_figures(found, turns)
+        comparison = found.comparison
+        if len(turns):
+            slip = steady_figures.slip_against_speed_and_radius(turns, comparison.laws[comparison.best])
+            yield "fig05_slip_over_speed_and_radius", slip
+            yield "fig06_slip_laws", law_figures.fitted_laws(turns, comparison)
+            yield "residuals_of_laws", law_figures.residuals(turns, comparison)
+        yield "comparison_of_laws", law_figures.criteria(comparison)
+        if correlated := law_figures.correlated_laws(comparison):
+            yield "correlations_of_parameters", law_figures.correlations(correlated)
     feedforward = tracking_figures.runs_of(report.tracking_logs, "feedforward")
     linear = tracking_figures.runs_of(report.tracking_logs, "linear")
     if feedforward or linear:
@@ -99,9 +107,8 @@ def _figures(report: Report, seen: Sightings | None) -> Iterator[tuple[str, Figu
         yield "fig10_feedback_paths", tracking_figures.paths(linear, published)
         yield "fig11_feedback_errors", tracking_figures.tracking_errors_over_time(linear, published)
         laws = {} if found is None else found.comparison.laws
-        slip = tracking_figures.slip_during_tracking(linear, laws, published)
-        if slip is not None:
-            yield "fig12_slip_during_tracking", slip
+        if (tracked := tracking_figures.slip_during_tracking(linear, laws, published)) is not None:
+            yield "fig12_slip_during_tracking", tracked
 
 
 def _published(controller: str, runs: Mapping[str, RunLog]) -> dict[str, RunLog]:
@@ -111,23 +118,8 @@ def _published(controller: str, runs: Mapping[str, RunLog]) -> dict[str, RunLog]
     return {} if geometry is None else published_runs(controller, tracking_figures.driven(log)[0], geometry)
 
 
-def _law_figures(found: Identification, turns: InnerOuterSamples) -> Iterator[tuple[str, Figure]]:
-    comparison = found.comparison
-    if len(turns):
-        best = comparison.laws[comparison.best]
-        yield "fig05_slip_over_speed_and_radius", steady_figures.slip_against_speed_and_radius(turns, best)
-        yield "fig06_slip_laws", law_figures.fitted_laws(turns, comparison)
-        yield "residuals_of_laws", law_figures.residuals(turns, comparison)
-    yield "comparison_of_laws", law_figures.criteria(comparison)
-    correlated = law_figures.correlated_laws(comparison)
-    if correlated:
-        yield "correlations_of_parameters", law_figures.correlations(correlated)
-
-
 def _warnings(report: Report) -> list[str]:
     """All warnings but those of runs that were left out, which have a list of their own."""
     found = report.identification
-    if found is None:
-        return list(report.warnings)
-    left_out = set(map(str, found.outliers))
-    return [*report.warnings, *(warning for warning in found.warnings if warning not in left_out)]
+    known = [] if found is None else [warning for warning in found.warnings if warning not in map(str, found.outliers)]
+    return [*report.warnings, *known]

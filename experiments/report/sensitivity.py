@@ -36,18 +36,13 @@ def render(rows: Sequence[SensitivityRow], manifest: Mapping[str, Any], command:
 
 def table(rows: Sequence[SensitivityRow]) -> list[tuple[str, ...]]:
     """One line per disturbance, under HEADER."""
-    return [
-        (
-            row.effect,
-            *(_cells(row.slip_error.outer) + _cells(row.slip_error.inner) if row.slip_error else [MISSING] * 6),
-            number(1e3 * row.localization.rmse_x, 1),
-            number(1e3 * row.localization.rmse_y, 1),
-            number(degrees(row.localization.rmse_heading), 2),
-            f"{row.localization.valid_fraction:.1%}",
-            f"{row.runs.used}/{row.runs.all}",
-        )
-        for row in rows
-    ]
+    lines = []
+    for row in rows:
+        slip, errors = row.slip_error, row.localization
+        cells = [MISSING] * 6 if slip is None else _cells(slip.outer) + _cells(slip.inner)
+        pose = number(1e3 * errors.rmse_x, 1), number(1e3 * errors.rmse_y, 1), number(degrees(errors.rmse_heading), 2)
+        lines.append((row.effect, *cells, *pose, f"{errors.valid_fraction:.1%}", f"{row.runs.used}/{row.runs.all}"))
+    return lines
 
 
 def _cells(errors: SlipErrors) -> list[str]:

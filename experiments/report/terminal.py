@@ -20,8 +20,7 @@ _FIRST_LINE = 2.0  # how long a command may be silent in a log [s]
 _BETWEEN_LINES = 60.0  # [s]
 _RATED = ("s", "steps", "runs")  # units whose rates mean something
 
-Advance = Callable[[float], None]
-"""Call it with what has been done since the last call."""
+Advance = Callable[[float], None]  # call it with what has been done since the last call
 
 
 class _Rate(ProgressColumn):
@@ -32,7 +31,6 @@ class _Rate(ProgressColumn):
         self._unit = unit
 
     def render(self, task: Task) -> Text:
-        """The text of the column."""
         return Text("" if task.speed is None else _rate(task.speed, self._unit))
 
 

@@ -143,14 +143,9 @@ def conditions(found: Validation, manifest: Mapping[str, Any], command: str) -> 
     file = manifest.get("config", {}).get("robot")
     size = f"b {1e3 * p.half_gauge:g} mm, contact {1e3 * p.contact_length:g} mm, {p.mass:g} kg"
     robot = f"{'shipped robot' if file is None else Path(file).name}: {size}"
-    own_ground, ratios, nearest = (
-        f"friction {ground.along:g} along, {across} across"
-        for across in (
-            f"{ground.across:g}",
-            span(ground.along * found.turns.ratio),
-            f"{ground.along * nearest_ratio(found.turns, ground):.3g}",
-        )
-    )
+    friction = f"friction {ground.along:g} along, {{}} across".format
+    own_ground, ratios = friction(f"{ground.across:g}"), friction(span(ground.along * found.turns.ratio))
+    nearest = friction(f"{ground.along * nearest_ratio(found.turns, ground):.3g}")
     fixed, random = "no random numbers", f"seed {manifest.get('seed', MISSING)}"
     of_figures = {
         **dict.fromkeys(("turns", "left"), (ratios, fixed)),

@@ -69,6 +69,6 @@ def draw_bars(axis: Axes, x: Array, y: Array, x_error: Array, y_error: Array) ->
 
 def bar_key(factor: int) -> list[Line2D]:
     """The legend's entry for the error bars; empty where there are none."""
-    enlarged = f" × {factor}" if factor > 1 else ""
-    line = Line2D([], [], marker="+", ms=8, ls="none", color=_BAR_COLOUR, label=f"bars: standard error{enlarged}")
+    label = "bars: standard error" + (f" × {factor}" if factor > 1 else "")
+    line = Line2D([], [], marker="+", ms=8, ls="none", color=_BAR_COLOUR, label=label)
     return [line] if factor else []

@@ -43,23 +43,20 @@ def board(rows: Sequence[BenchmarkRow]) -> Figure:
     figure, axes = subplots(1.6 + 0.42 * len(lines), 1, len(grounds), sharey=True, sharex=True, squeeze=False)
     panels = axes[0]
     for axis, ground in zip(panels, grounds, strict=True):
+        axis.set(title=f"on {relative(ground)}", xscale="log", xlabel="rms position error [mm], log scale")
         for k, compensation in enumerate(compensations):
             place = 0.5 * ((k + 0.5) / len(compensations) - 0.5)
+            colour, marker = law_line(compensation)["color"], _MARKERS[k % len(_MARKERS)]
             for n, line in enumerate(lines):
-                some = [
-                    row
-                    for row in rows
-                    if (row.ground, row.controller, row.start, row.compensation) == (ground, *line, compensation)
-                ]
-                _dots(axis, some, n + place, law_line(compensation)["color"], _MARKERS[k % len(_MARKERS)])
-        axis.set(title=f"on {relative(ground)}", xscale="log", xlabel="rms position error [mm], log scale")
+                wanted = (ground, *line, compensation)
+                some = [row for row in rows if (row.ground, row.controller, row.start, row.compensation) == wanted]
+                _dots(axis, some, n + place, colour, marker)
     labels = [relative(name) if len(starts) == 1 else f"{relative(name)}, start {start}" for name, start in lines]
     panels[0].set_yticks(range(len(lines)), labels)
     panels[0].set_ylim(len(lines) - 0.5, -0.5)
     for k, compensation in enumerate(compensations):
-        colour = law_line(compensation)["color"]
-        label = compensation_name(compensation)
-        panels[0].plot([], [], _MARKERS[k % len(_MARKERS)], color=colour, ms=5, label=label)
+        look = law_line(compensation, marker=_MARKERS[k % len(_MARKERS)], label=compensation_name(compensation))
+        panels[0].plot([], [], ms=5, **look | {"linestyle": "none"})
     figure.legend(handles=panels[0].get_legend_handles_labels()[0], ncols=4, loc="outside lower center")
     return figure
 

@@ -63,21 +63,17 @@ def pose_and_velocity(log: RunLog) -> Figure:
     position, velocity, heading, turning = axes.ravel()
     rows, fine, smooth = thin(len(log.time), 45), thin(len(log.time)), thin(len(v), 2 * POINTS)
     pose = np.where(log.is_valid[:, None], log.pose, np.nan)
-    for axis, column, colour, marker, name in (
-        (position, 0, BLUE, "o", "x"),
-        (position, 1, ORANGE, "s", "y"),
-        (heading, 2, GREEN, "^", "φ"),
-    ):
+    marked = ((position, 0, BLUE, "o", "x"), (position, 1, ORANGE, "s", "y"), (heading, 2, GREEN, "^", "φ"))
+    for axis, column, colour, marker, name in marked:
         axis.plot(log.time[rows], pose[rows, column], marker, ms=3.6, mew=0, color=colour, label=name)
-    for axis, values, colour, name in (
-        (velocity, v * np.cos(phi), BLUE, "dx/dt"),
-        (velocity, v * np.sin(phi), ORANGE, "dy/dt"),
-        (turning, w, GREEN, "dφ/dt"),
-    ):
+    dx, dy = v * np.cos(phi), v * np.sin(phi)
+    derived = ((velocity, dx, BLUE, "dx/dt"), (velocity, dy, ORANGE, "dy/dt"), (turning, w, GREEN, "dφ/dt"))
+    for axis, values, colour, name in derived:
         axis.plot(motion.time[smooth], values[smooth], color=colour, lw=0.8, label=name)
     lines = [] if log.truth is None else [(_true_traces(log), _TRUE)]
     if geometry_of(log.metadata) is not None:
-        lines.append((_with_derivatives(log, published_poses(log)), _BY_PAPER))
+        published = _near(published_poses(log), log)
+        lines.append((np.column_stack([published, np.gradient(published, log.time, axis=0)]), _BY_PAPER))
     for axis, columns, label, title in (
         (position, (0, 1), "position [m]", "Position"),
         (velocity, (3, 4), "velocity [m/s]", "Velocity"),
@@ -94,12 +90,6 @@ def pose_and_velocity(log: RunLog) -> Figure:
     for axis in axes[1]:
         axis.set_xlabel("time [s]")
     return figure
-
-
-def _with_derivatives(log: RunLog, pose: Array) -> Array:
-    """Poses (T, 3) at a log's times and their derivatives, (T, 6), with headings close to the log's."""
-    pose = _near(pose, log)
-    return np.column_stack([pose, np.gradient(pose, log.time, axis=0)])
 
 
 def _true_traces(log: RunLog) -> Array:

@@ -69,6 +69,12 @@ def limits_around(values: Array) -> tuple[float, float]:
     return low - room, high + room
 
 
+def make_room(axes: Axes, share: float = 0.15) -> None:
+    """Raise the top of the axes by a share of their height to make room for a legend."""
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + share * (high - low))
+
+
 def shade(map_and_top: tuple[str, float], share: float) -> tuple[float, float, float, float]:
     """The colour at a share, 0 to 1, of the used part of a colour map."""
     name, top = map_and_top

@@ -1,7 +1,4 @@
-"""Figures of the tracking experiments, after Figs. 7 to 12 of the paper.
-
-Runs are drawn at their true poses where the log has them, as a simulator's has, else at their estimated poses.
-"""
+"""Figures of tracking, after Figs. 7-12 of the paper, at true poses where the logs have them, else estimated ones."""
 
 from __future__ import annotations
 
@@ -32,8 +29,7 @@ _CLOSEST = 3e-4  # distances below this are zero crossings [m]
 _POLE = 0.5  # slip beyond which a law is near its pole, where no line is drawn [-]
 _SLIP_RANGE = (-0.15, 0.10)  # of Fig. 12
 _EVERY = 20  # steps between crosses of a run by the paper's equations: 1 s
-_ROBOT_POSE = np.array([0.2, 0.15, np.radians(20)])  # of Fig. 9
-_DESIRED_POSE = np.array([1.5, 1.2, np.radians(55)])
+_ROBOT_POSE, _DESIRED_POSE = np.array([[0.2, 0.15, np.radians(20)], [1.5, 1.2, np.radians(55)]])  # of Fig. 9
 _SIDES = {1: ORANGE, 0: BLUE}  # tracks
 _LAW: dict[str, Any] = {"lw": 2.2, "ls": (0, (3, 1.2))}
 _TRUE: dict[str, Any] = {"lw": 0.8}
@@ -66,13 +62,12 @@ def planned_trajectory() -> Figure:
     position.plot(time, pose[:, 0], color=BLUE, label="x$_d$")
     position.plot(time, pose[:, 1], color=ORANGE, ls="--", label="y$_d$")
     heading.plot(time, pose[:, 2], color=GREEN, label="φ$_d$")
-    turning = np.flatnonzero(reference.twist(time)[:, 1])
+    begin, *_, end = time[reference.twist(time)[:, 1] != 0]
     for axis in (position, heading):
-        mark_span(axis, time[turning[0]], time[turning[-1]])
-        middle = (time[turning[0]] + time[turning[-1]]) / 2
-        axis.text(middle, 0.03, "arc", transform=axis.get_xaxis_transform(), ha="center", color="#666666")
-        axis.set_xlabel("time [s]")
-        axis.set_xlim(0, reference.duration)
+        mark_span(axis, begin, end)
+        beside = axis.get_xaxis_transform()
+        axis.text((begin + end) / 2, 0.03, "arc", transform=beside, ha="center", color="#666666")
+        axis.set(xlabel="time [s]", xlim=(0, reference.duration))
     position.set(ylabel="desired position [m]", title="Position")
     heading.set(ylabel="desired heading [rad]", title="Heading")
     heading.set_yticks(np.pi * np.array([1 / 2, 2 / 3, 1, 4 / 3]), ["π/2", "2π/3", "π", "4π/3"])
@@ -96,8 +91,8 @@ def draw_paths(reference: Reference, runs: Mapping[str, tuple[RunLog, Mapping[st
     plane.annotate("start", start[:2], xytext=(12, -3), textcoords="offset points", fontsize=8.5, annotation_clip=False)
     plane.set_aspect("equal", adjustable="datalim")
     plane.set(xlabel="x [m]", ylabel="y [m]", title="Path")
-    distance.set(xlabel="time [s]", ylabel="distance from the desired position [mm]")
-    distance.set(title="Position error (log scale)", xlim=(0, reference.duration))
+    distance.set(xlabel="time [s]", xlim=(0, reference.duration), title="Position error (log scale)")
+    distance.set_ylabel("distance from the desired position [mm]")
     return figure, plane, distance
 
 
@@ -131,7 +126,7 @@ def _arc_end() -> float:
     """Time at which the reference's arc ends [s]."""
     reference = paper_reference()
     time = np.arange(0, reference.duration, 0.05)
-    return float(time[np.flatnonzero(reference.twist(time)[:, 1])[-1]])
+    return float(time[reference.twist(time)[:, 1] != 0][-1])
 
 
 @styled
@@ -233,11 +228,10 @@ def _true_slip(log: RunLog) -> Array | None:
     if log.truth is None or robot is None:
         return None
     width = max(1, round(_SMOOTH / float(np.median(np.diff(log.time)))))
-    window = np.ones(width) / width
-    twist = log.truth.twist[:, [0, 2]]
-    smooth = [np.convolve(column, window, mode="same") for column in (*log.omega.T, *twist.T)]
-    omega = np.column_stack(smooth[:2])
-    slip = track_slip(omega, np.column_stack(smooth[2:]), robot)
+    speeds = np.column_stack([log.omega, log.truth.twist[:, [0, 2]]])
+    smooth = np.column_stack([np.convolve(column, np.ones(width) / width, mode="same") for column in speeds.T])
+    omega = smooth[:, :2]
+    slip = track_slip(omega, smooth[:, 2:], robot)
     return np.where(np.abs(omega) > _MIN_SPROCKET_SPEED, slip, np.nan)
 
 

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator
 
 from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE, RED
-from experiments.report.figures.style import DEFAULT, RECIPE, THEORY, Panels, panel, styled, thin
+from experiments.report.figures.style import DEFAULT, RECIPE, THEORY, Panels, make_room, panel, styled, thin
 from experiments.validation import convergence
 from experiments.validation.convergence import Convergence
 from experiments.validation.energy import Energy
@@ -36,26 +36,20 @@ def pad_loads(loads: Loads, naive: Loads) -> Panels:
         _reach(axes, place + shift, load, style["color"], style["marker"], name)
     axes.set_ylim(bottom=0)
     axes.legend(loc="upper center", ncols=2)
-    _make_room(axes)
+    make_room(axes)
     large, axes = panel("Points, recipe alone, enlarged", "along the track, forwards [mm]", "load / mean load [–]")
     for side, shift, (colour, marker, _) in zip(("left", "right"), (-2.0, 2.0), _LOOKS, strict=False):
         chosen = (loads.position[:, 1] > 0) == (side == "left")
         _reach(axes, 1e3 * loads.position[chosen, 0] + shift, loads.load[:, chosen], colour, marker, f"{side} track")
     axes.axhline(1, **THEORY, zorder=1)
     axes.legend(loc="upper center", ncols=2)
-    _make_room(axes)
+    make_room(axes)
     return both, large
 
 
 def _of_pads(points: Array) -> Array:
     """Means (..., P) of values (..., K) over the points of each pad."""
     return points.reshape(*points.shape[:-1], -1, CONTACT_POINTS).mean(axis=-1)
-
-
-def _make_room(axes: Axes, share: float = 0.15) -> None:
-    """Raise the top of the axes by a share of their height to make room for a legend."""
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + share * (high - low))
 
 
 def _reach(axes: Axes, x: Array, load: Array, colour: str, marker: str, name: str) -> None:
@@ -141,6 +135,6 @@ def energies(found: Energy) -> Panels:
     axes.plot(time, found.kinetic[rows], color=GREEN, lw=1.3, ls="--", label="kinetic and potential")
     axes.plot(time, (difference - found.kinetic)[rows], color=RED, ls="-.", lw=1.3, label="not accounted for")
     axes.axhline(0, color="#888888", lw=0.8, zorder=1)
-    _make_room(axes, 0.3)
+    make_room(axes, 0.3)
     axes.legend(loc="upper left")
     return whole, left

@@ -12,7 +12,17 @@ from matplotlib.lines import Line2D
 from scipy.interpolate import CubicSpline
 
 from experiments.report.colours import BLUE, GREEN, ORANGE, RED
-from experiments.report.figures.style import DEFAULT, RECIPE, SPEED_SHADES, THEORY, Panels, panel, shade, styled
+from experiments.report.figures.style import (
+    DEFAULT,
+    RECIPE,
+    SPEED_SHADES,
+    THEORY,
+    Panels,
+    make_room,
+    panel,
+    shade,
+    styled,
+)
 from experiments.validation.turning import Turns
 from sim.drive.drive import Drive
 from sim.ground.ground import Ground
@@ -38,10 +48,8 @@ def nearest_ratio(turns: Turns, ground: Ground) -> float:
 
 
 def expected_twist(turns: Turns, parameters: RobotParameters) -> Array:
-    """Forward speed [m/s] and yaw rate [rad/s] by theory, (M, 2).
-
-    From the ICRs and the outer track's slip, because an inner track that stands still has no slip.
-    """
+    """Forward speed [m/s] and yaw rate [rad/s] by theory, (M, 2)."""
+    # from the ICRs and the outer track's slip, because an inner track that stands still has no slip
     b, radius = parameters.half_gauge, parameters.sprocket_radius
     commanded = np.stack([turns.speed, turns.speed / turns.radius], axis=-1)
     nominal = sprocket_speeds(commanded, 0.0, RobotGeometry(b, radius))
@@ -125,15 +133,13 @@ def _by_shape(turns: Turns, parameters: RobotParameters) -> Figure:
     axes.set_xticks(np.arange(len(places)), [_place(*p) for p in places])
     axes.grid(visible=False, axis="x")
     axes.legend(title="length of contact", ncols=len(lengths), loc="upper left")
-    low, high = axes.get_ylim()
-    axes.set_ylim(low, high + 0.2 * (high - low))
+    make_room(axes, 0.2)
     return figure
 
 
 def _place(forwards: float, left: float) -> str:
-    parts = [f"{abs(forwards):.0f} % {'forward' if forwards > 0 else 'back'}"] if forwards else []
-    parts += [f"{abs(left):.0f} % {'left' if left > 0 else 'right'}"] if left else []
-    return ",\n".join(parts) or "the robot's\nown"
+    parts = [(forwards, "forward" if forwards > 0 else "back"), (left, "left" if left > 0 else "right")]
+    return ",\n".join(f"{abs(shift):.0f} % {way}" for shift, way in parts if shift) or "the robot's\nown"
 
 
 @styled
