@@ -49,7 +49,7 @@ class Belt:
     pitch: float  # distance between shoes along the belt [m]
 
     def shoes(self, travel: Array) -> tuple[Array, Array]:
-        """Middles (..., S, 3) [m] and xyzw quaternions (..., S, 4) of shoes after forward `travel` (...) [m]."""
+        """Middles (..., S, 3) [m] and xyzw quaternions (..., S, 4) of shoes after `travel` (...) [m], > 0 is ahead."""
         count = len(self.place)
         turns, index = np.divmod(np.arange(count) + (travel / self.pitch)[..., None], count)
         knots = np.arange(count + 1)
