@@ -17,8 +17,7 @@ from experiments.storage.results import results_folder, write_results
 from sim.path_tracking.config import Reward
 from sim.path_tracking.randomization import Randomization
 from sim.policy import Network, Policy
-from sim.run_recorder import RunFailedError
-from trackslip.errors import LogError, TrackslipError
+from trackslip.errors import InvalidValueError, LogError, TrackslipError
 from trackslip.logs.runlog import RunLog
 
 POLICY, CHECKPOINT = "policy.npz", "checkpoint.zip"
@@ -58,6 +57,7 @@ def _driven(config: TrainConfig, policy: Path, reference: str) -> list[RunLog]:
     from experiments.driving.world import World
     from experiments.options.track import TrackConfig
     from experiments.options.world import GroundOptions
+    from sim.run_recorder import RunFailedError
 
     course = TrackConfig(
         controller=f"ppo:{policy}",
@@ -109,24 +109,31 @@ def _model(config: TrainConfig) -> Any:
     )
     corrections, checkpoint = Corrections(robots, config.authority), config.out / CHECKPOINT
     rate = _falling(config.learning_rate)
+    settings = {
+        "n_steps": config.horizon,
+        "batch_size": config.batch,
+        "n_epochs": config.epochs,
+        "gamma": config.discount,
+        "seed": config.seed,
+    }
     if config.resume:
         if not checkpoint.is_file():
             raise LogError(f"{checkpoint}: no such file; training starts from scratch without --resume")
         try:
-            return PPO.load(checkpoint, corrections, device="cpu", custom_objects={"learning_rate": rate})
+            model = PPO.load(checkpoint, corrections, "cpu", {"learning_rate": rate}, **settings)
         except Exception as error:  # whatever is wrong with the file
             raise LogError(f"{checkpoint}: can't be resumed ({type(error).__name__}: {error})") from error
+        layers = tuple(model.policy_kwargs["net_arch"])
+        if layers != config.network:
+            raise InvalidValueError("network", config.network, f"{layers} with --resume, as in {checkpoint}")
+        return model
     return PPO(
         "MlpPolicy",
         corrections,
         learning_rate=rate,
-        n_steps=config.horizon,
-        batch_size=config.batch,
-        n_epochs=config.epochs,
-        gamma=config.discount,
-        seed=config.seed,
         device="cpu",
         policy_kwargs={"net_arch": list(config.network), "activation_fn": torch.nn.Tanh, "log_std_init": -1.2},
+        **settings,
     )
 
 

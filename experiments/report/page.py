@@ -108,7 +108,10 @@ def _ground(ground: Mapping[str, Any]) -> str:
     text = f"ground: friction {ground['along']:g} along, {ground['across']:g} across"
     if ground.get("slope"):
         text += f", slope {ground['slope']:.3g} rad, uphill {ground.get('uphill', 0.0):.3g} rad"
-    return text + "".join(f", {len(ground[key])} {key}" for key in ("patches", "changes") if ground.get(key))
+    for key, one in (("patches", "patch"), ("changes", "change")):
+        if count := len(ground.get(key) or ()):
+            text += f", {count} {one if count == 1 else key}"
+    return text
 
 
 def file_name(text: str) -> str:

@@ -36,7 +36,7 @@ NEEDED = {
     ("coverage",): {"mujoco", "pyarrow"},
     ("sensitivity",): {"mujoco", *DRAWN},
     ("reproduce",): {"mujoco", *DRAWN},
-    ("bench",): {"mujoco"},
+    ("bench",): {"mujoco", "pyarrow"},
     ("export",): {"pyarrow"},
     ("view",): {"pyarrow"},
 }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -70,7 +70,8 @@ def _seen_by(metadata: Mapping[str, Any]) -> tuple[Plate, Scan] | None:
     plate, scanner, lrf = (metadata.get(key) for key in ("plate", "scanner", "lrf"))
     if not (isinstance(plate, Mapping) and isinstance(scanner, Mapping) and isinstance(lrf, Mapping)):
         return None
-    device = LaserScanner(**scanner)
+    known = {field.name for field in fields(LaserScanner)}  # others are an older version's
+    device = LaserScanner(**{name: value for name, value in scanner.items() if name in known})
     mount = np.array(lrf["mount"], float)
     return Plate(**plate), Scan(device.bearings, np.empty((0, device.bearings.size)), device.noise, mount)
 

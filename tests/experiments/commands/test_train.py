@@ -5,20 +5,14 @@ import pytest
 from experiments.cli import main
 from sim.policy import Policy
 
-TINY = (
-    "--robots",
-    "4",
-    "--horizon",
-    "32",
-    "--batch",
-    "64",
-    "--epochs",
-    "1",
-    "--network",
-    "8",
-    "--references",
-    "slalom",
-)
+
+def small(**changed):
+    """Options of a small training, some of them changed."""
+    options = {"robots": 4, "horizon": 32, "batch": 64, "epochs": 1, "network": 8, "references": "slalom"} | changed
+    return tuple(word for name, value in options.items() for word in (f"--{name}", str(value)))
+
+
+TINY = small()
 
 
 def test_a_policy_is_trained_resumed_and_takes_part_in_the_benchmark(trackslip):
@@ -37,6 +31,23 @@ def test_a_policy_is_trained_resumed_and_takes_part_in_the_benchmark(trackslip):
     table = trackslip("benchmark", *options, *controllers, "--compensations", "icr_radius")
     assert json.dumps(table.summary["failures"]) == "[]"
     assert [row["controller"] for row in table.summary["rows"]] == ["feedforward", f"ppo:{more.folder}"]
+
+
+def test_a_training_of_a_few_thousand_steps_and_a_resumed_one_with_other_settings(trackslip, capsys):
+    """The curve, the policy and its recording; the checkpoint keeps its network and nothing else of the options."""
+    pytest.importorskip("stable_baselines3")
+    trained = trackslip("train", *TINY, "--steps", "4096", "--rrd")
+    assert trained.summary["steps"] == 4096
+    assert len(trained.summary["curve"]) == 32
+    assert all(-10 < point["reward"] < 1 for point in trained.summary["curve"])
+    assert [file.suffix for file in (trained.folder / "recordings").iterdir()] == [".rrd"]
+    resumed = ("--steps", "4352", "--resume", "--out", str(trained.folder))
+    longer = trackslip("train", *small(horizon=64, batch=128), *resumed)
+    assert [point["steps"] for point in longer.summary["curve"]] == [4352]  # 4 robots, 64 steps each
+    with pytest.raises(SystemExit) as stop:
+        main(["train", *small(network=16), *resumed])
+    assert stop.value.code == 2
+    assert "network = (16,): must be (8,) with --resume" in capsys.readouterr().err
 
 
 def test_an_interrupted_training_says_how_to_go_on_and_leaves_its_checkpoint(trackslip, monkeypatch, capsys):
