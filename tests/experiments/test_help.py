@@ -35,7 +35,7 @@ NEEDED = {
     ("validate",): {"mujoco", "scipy.optimize", "scipy.interpolate", *DRAWN},
     ("coverage",): {"mujoco", "pyarrow"},
     ("sensitivity",): {"mujoco", *DRAWN},
-    ("reproduce",): {"mujoco", *DRAWN},
+    ("reproduce",): {"mujoco", "pyarrow", *DRAWN},
     ("bench",): {"mujoco", "pyarrow"},
     ("export",): {"pyarrow"},
     ("view",): {"pyarrow"},
