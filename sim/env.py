@@ -40,7 +40,7 @@ class PathTrackingEnv(gymnasium.Env[Floats, Floats]):
         self._renderer = Renderer(self.tracking) if render_mode is not None else None
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Floats, dict[str, Any]]:
-        """Begin an episode, drawn from a generator with this seed, or from the present one if it is None.
+        """Begin an episode, drawn from a generator with this seed, or from the current one if it is None.
 
         `options` replace drawn values, see `path_tracking.episode.draw`. Raises InvalidValueError for unknown options
         and values out of range.

@@ -19,8 +19,8 @@ from trackslip.controllers.base import Controller, SensesSprockets
 from trackslip.errors import TrackslipError, require
 from trackslip.kinematics import Array, RobotGeometry, advance, limit_sprocket_speeds
 from trackslip.localization.base import Locator, PoseEstimate
+from trackslip.localization.pose_tracker import Tracker
 from trackslip.localization.scan import Cluster, extract_plate
-from trackslip.localization.tracker import Tracker
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.compensation import Compensation, FixedLaw
 from trackslip.trajectory.base import Reference
@@ -30,7 +30,7 @@ Progress = Callable[[float], None]
 
 PERIOD = LaserScanner().period
 """Time between the rows of a run without a scanner [s]."""
-_SCANS_AT_ONCE = 2000  # scans localised together, offline
+_SCANS_AT_ONCE = 2000  # scans localized together, offline
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def open_loop(
 
 
 class _Scans:
-    """The scans of an open-loop run, localised in blocks: nobody needs the poses before the run is over."""
+    """The scans of an open-loop run, localized in blocks: nobody needs the poses before the run is over."""
 
     def __init__(
         self, fleet: Fleet, record: RunRecorder, feed: ScannerFeed, locator: Locator, watch: Stopwatch
@@ -129,7 +129,7 @@ class _Scans:
             return self._record.logs(self._feed, plates, failure)
 
     def _locate(self) -> None:
-        """Measure and localise the scans that are waiting."""
+        """Measure and localize the scans that are waiting."""
         feed, record, first = self._feed, self._record, self._located
         with self._watch.stage("scans"):
             ranges = feed.measure(np.stack(self._waiting, axis=1)).ranges  # (N, block, B)
@@ -144,7 +144,7 @@ class _Scans:
     def _track(self, ranges: Array, first: int) -> None:
         """Record the poses of the rows from `first` on, found in ranges (N, block, B).
 
-        All scans are localised at once. Where the tracker rejects a pose, something else was taken for the plate, and
+        All scans are localized at once. Where the tracker rejects a pose, something else was taken for the plate, and
         the plate is searched for again, near the predicted pose.
         """
         robots, rows, _ = ranges.shape

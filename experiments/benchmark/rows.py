@@ -1,4 +1,4 @@
-"""What is known of each run of a benchmark, and the means over seeds."""
+"""What is known about each run of a benchmark, and the means over seeds."""
 
 from __future__ import annotations
 

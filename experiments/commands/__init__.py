@@ -1,1 +1,1 @@
-"""One file a command, each with a `run` that reads options, calls, stores and prints."""
+"""One file per command, each with a `run` that reads options, calls, stores and prints."""

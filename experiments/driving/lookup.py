@@ -1,4 +1,4 @@
-"""Names on the command line resolved to objects: references, compensations, controllers, localisation methods."""
+"""Names on the command line resolved to objects: references, compensations, controllers, localization methods."""
 
 import functools
 import importlib
@@ -76,7 +76,7 @@ def controller(name: str, robot: RobotGeometry, top_speed: float) -> Controller:
 
 
 def locator(name: str, robot: Robot) -> Locator:
-    """The localisation method called `name`: plate or line."""
+    """The localization method called `name`: plate or line."""
     return LineLocator(robot.plate) if name == "line" else PlateLocator(robot.plate)
 
 

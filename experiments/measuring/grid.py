@@ -1,4 +1,4 @@
-"""The numbers of a grid of steady left turns: radii, slips, and the errors of slip and localisation."""
+"""The numbers of a grid of steady left turns: radii, slips, and the errors of slip and localization."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ class GridLocalization(LocalizationErrors):
     ratio_to_bound: RatioToBound | None
     """None for runs without scans."""
     scans_per_s: float | None
-    """Scans localised per second of computing [1/s]; None where the time was not measured."""
+    """Scans localized per second of computing [1/s]; None where the time was not measured."""
 
 
 @dataclass(frozen=True)

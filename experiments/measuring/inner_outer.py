@@ -1,4 +1,4 @@
-"""Slip of the inner and the outer track in steady turns, with standard errors; and slip laws seen the same way."""
+"""Slip of the inner and outer track in steady turns, with standard errors; and slip laws expressed in the same terms."""
 
 from __future__ import annotations
 

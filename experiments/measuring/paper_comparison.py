@@ -29,7 +29,7 @@ class Quantity:
 def compare_with_paper(
     grid: GridSummary, laws: Mapping[str, SlipLaw], tracking: Sequence[TrackingResult]
 ) -> list[Quantity]:
-    """Every quantity of the paper's experiments: slip laws, radii, localisation, slip errors, tracking errors."""
+    """Every quantity of the paper's experiments: slip laws, radii, localization, slip errors, tracking errors."""
     exponential, icr = laws.get("exponential"), laws.get("icr_radius")
     assert exponential is None or isinstance(exponential, Exponential)
     assert icr is None or isinstance(icr, ConstantIcr)
@@ -46,8 +46,8 @@ def compare_with_paper(
         Quantity("spread over speeds, outer | inner", "almost none", (spread.outer, spread.inner)),
         Quantity("offset of the ICRs, D", (), (1e3 * icr.offset if icr else None,), "mm", 2),
         Quantity("error of the effective radius", (), (_percent(icr.radius_error) if icr else None,), "%", 2),
-        Quantity("localisation, rms x | y", (), (1e3 * poses.rmse_x, 1e3 * poses.rmse_y), "mm", 1),
-        Quantity("localisation, rms heading", (), (degrees(poses.rmse_heading),), "deg", 2),
+        Quantity("localization, rms x | y", (), (1e3 * poses.rmse_x, 1e3 * poses.rmse_y), "mm", 1),
+        Quantity("localization, rms heading", (), (degrees(poses.rmse_heading),), "deg", 2),
         Quantity("valid poses per second", "at least 10", (poses.rate_hz,), "", 1),
         Quantity("slip error std, outer | inner", (), (errors.outer.std, errors.inner.std), "", 5),
         Quantity("slip error bias, outer | inner", (), (errors.outer.bias, errors.inner.bias), "", 5),

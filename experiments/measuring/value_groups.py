@@ -1,4 +1,4 @@
-"""Runs in groups of nearly equal values, as a grid of commands leaves them."""
+"""Runs in groups of nearly equal values, such as a grid of commands produces."""
 
 import numpy as np
 

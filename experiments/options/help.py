@@ -1,4 +1,4 @@
-"""How `--help` looks where tyro's own way doesn't do: defaults in words, and long lines."""
+"""The format of `--help` where tyro's default falls short: defaults in words, and long lines."""
 
 import io
 import re

@@ -14,7 +14,7 @@ from experiments.options.world import MAX_COORDINATE, MAX_DURATION, MAX_PREVIEW,
 
 @dataclass(frozen=True)
 class TrackConfig(Simulation):
-    """Follow a path once in closed loop, localising with the scanner, and print the errors."""
+    """Follow a path once in closed loop, localizing with the scanner, and print the errors."""
 
     controller: Annotated[str, tyro.conf.arg(metavar=CONTROLLERS)] = "linear"
     """Controller: linear is the paper's Eq. 31, ppo:FOLDER a policy of train, MODULE:CLASS your own."""

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from experiments.recording import geometry
+from experiments.recording import robot_mesh
 from experiments.recording.series import Series
 from trackslip.kinematics import Array
 
@@ -38,7 +38,7 @@ def send_poses(stream: rr.RecordingStream, entity: str, time: Array, pose: Array
     send(stream, entity, time, columns)
 
 
-def mesh(triangles: geometry.Triangles) -> rr.Mesh3D:
+def mesh(triangles: robot_mesh.Triangles) -> rr.Mesh3D:
     """Triangles as a mesh."""
     corners, normals, colours = triangles.vertices, triangles.normals, triangles.colours
     return rr.Mesh3D(vertex_positions=corners, vertex_normals=normals, vertex_colors=colours)

@@ -1,4 +1,4 @@
-"""Results of commands whose runs may fail: what was driven until then is kept, because one wants to look at it."""
+"""Results of commands whose runs may fail: what was driven until then is kept, so that it can be inspected."""
 
 from __future__ import annotations
 

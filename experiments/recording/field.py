@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 import rerun as rr
 
-from experiments.recording import geometry
+from experiments.recording import robot_mesh
 from experiments.recording.columns import at_height, mesh, quaternion, rgb, send
 from experiments.recording.sensing import OTHER_COLOUR
 from experiments.recording.traces import Traces
@@ -31,7 +31,7 @@ def send_field(stream: rr.RecordingStream, traces: Traces, model: mujoco.MjModel
     if (mount := mount_of(traces)) is not None:
         turn = rr.Quaternion(xyzw=quaternion(mount[2:])[0])
         pose = rr.Transform3D(translation=[mount[0], mount[1], scan_height(model)], quaternion=turn)
-        stream.log(f"{FIELD}/scanner", pose, mesh(geometry.body(model, geometry.SCANNER)), static=True)
+        stream.log(f"{FIELD}/scanner", pose, mesh(robot_mesh.body(model, robot_mesh.SCANNER)), static=True)
     _send_ground(stream, traces, within)
     _send_obstacles(stream, traces)
 
@@ -47,10 +47,10 @@ def mount_of(traces: Traces) -> Array | None:
 
 def scan_height(model: mujoco.MjModel) -> float:
     """Height of the scan plane [m]."""
-    return float(model.body(geometry.SCANNER).pos[2])
+    return float(model.body(robot_mesh.SCANNER).pos[2])
 
 
-def _paving(within: Array) -> geometry.Triangles:
+def _paving(within: Array) -> robot_mesh.Triangles:
     low = np.floor((within.min(axis=0) - _MARGIN) / _STONE).astype(int)
     high = np.ceil((within.max(axis=0) + _MARGIN) / _STONE).astype(int)
     high = np.minimum(high, low + _MAX_STONES)
@@ -58,7 +58,7 @@ def _paving(within: Array) -> geometry.Triangles:
     corner = np.array([[0, 0], [1, 0], [1, 1], [0, 0], [1, 1], [0, 1]])
     flat = _STONE * (np.stack([i, j], axis=-1)[:, None] + corner).reshape(-1, 2)
     tone = np.repeat((i + j) % 2, len(corner))
-    return geometry.Triangles(np.column_stack([flat, np.zeros(len(flat))]), np.array(_TONES, np.uint8)[tone])
+    return robot_mesh.Triangles(np.column_stack([flat, np.zeros(len(flat))]), np.array(_TONES, np.uint8)[tone])
 
 
 def _send_ground(stream: rr.RecordingStream, traces: Traces, within: Array) -> None:

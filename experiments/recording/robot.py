@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import rerun as rr
 
-from experiments.recording import geometry
+from experiments.recording import robot_mesh
 from experiments.recording.columns import at_height, mesh, rgb, send, send_poses
 from experiments.recording.sensing import ESTIMATE_COLOUR
 from experiments.recording.traces import Traces
@@ -29,17 +29,17 @@ def send_robot(stream: rr.RecordingStream, entity: str, traces: Traces, model: m
     """Send the robot's geometry and pose, with moving shoes."""
     robot = f"{entity}/{ROBOT}"
     send_poses(stream, robot, traces.time, traces.pose)
-    stream.log(f"{robot}/body", mesh(geometry.body(model, geometry.CHASSIS, without=geometry.BELTS)), static=True)
+    stream.log(f"{robot}/body", mesh(robot_mesh.body(model, robot_mesh.CHASSIS, without=robot_mesh.BELTS)), static=True)
     speed = traces.log.omega * float(model.geom("left_sprocket").size[0])
     travel = np.cumsum(speed * np.diff(traces.time, prepend=0.0)[:, None], axis=0)
-    for track, name in enumerate(geometry.BELTS):
-        band, belt = geometry.belt(model, name)
+    for track, name in enumerate(robot_mesh.BELTS):
+        band, belt = robot_mesh.belt(model, name)
         stream.log(f"{robot}/{name}", mesh(band), static=True)
         if belt is not None:
             _send_shoes(stream, f"{robot}/{name}", traces.time, travel[:, track], belt)
 
 
-def _send_shoes(stream: rr.RecordingStream, entity: str, time: Array, travel: Array, belt: geometry.Belt) -> None:
+def _send_shoes(stream: rr.RecordingStream, entity: str, time: Array, travel: Array, belt: robot_mesh.Belt) -> None:
     """Send a belt's shoes after `travel` (T,) [m]: all of them within one pitch, painted ones all the way around."""
     step = np.rint(travel / belt.pitch * _PHASES) / _PHASES
     changed = np.flatnonzero(np.diff(step, prepend=np.nan) != 0)
@@ -49,7 +49,7 @@ def _send_shoes(stream: rr.RecordingStream, entity: str, time: Array, travel: Ar
         ("painted_shoes", slice(None), travel, painted, 1.15, (230, 159, 0, 255)),
     ):
         where, turn = (part[:, which] for part in belt.shoes(run))
-        shoe = geometry.Triangles(size * belt.shoe, np.tile(np.array(colour, np.uint8), (len(belt.shoe), 1)))
+        shoe = robot_mesh.Triangles(size * belt.shoe, np.tile(np.array(colour, np.uint8), (len(belt.shoe), 1)))
         stream.log(f"{entity}/{name}", mesh(shoe), static=True)
         poses = rr.InstancePoses3D.columns(translations=where.reshape(-1, 3), quaternions=turn.reshape(-1, 4))
         send(stream, f"{entity}/{name}", time[rows], poses.partition(np.full(len(where), where.shape[1])))
@@ -69,10 +69,10 @@ def send_simple_robot(
     """Send the robot painted in one colour, with tracks at rest."""
     robot = f"{entity}/{ROBOT}"
     send_poses(stream, robot, traces.time, traces.pose)
-    body = geometry.body(model, geometry.CHASSIS, without=("left_wheels", "right_wheels"))
+    body = robot_mesh.body(model, robot_mesh.CHASSIS, without=("left_wheels", "right_wheels"))
     rubber = body.colours[:, :3].max(axis=1, keepdims=True) < 40
     painted = np.where(rubber, body.colours, np.array([*rgb(colour), 255], np.uint8))
-    stream.log(f"{robot}/body", mesh(geometry.Triangles(body.vertices, painted)), static=True)
+    stream.log(f"{robot}/body", mesh(robot_mesh.Triangles(body.vertices, painted)), static=True)
 
 
 def send_contacts(stream: rr.RecordingStream, entity: str, traces: Traces, model: mujoco.MjModel) -> None:

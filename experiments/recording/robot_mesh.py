@@ -86,7 +86,7 @@ def body(model: mujoco.MjModel, name: str, without: Collection[str] = ()) -> Tri
 
 
 def belt(model: mujoco.MjModel, name: str) -> tuple[Triangles, Belt | None]:
-    """A geom that is a belt with its shoes, in two: the band, and the shoes; None if they cannot be separated."""
+    """Split a belt geom into its band and its shoes; None instead of shoes that cannot be separated."""
     whole = _of_geom(model, model.geom(name).id)
     corner = whole.vertices.reshape(-1, 3, 3)
     label = _connected(corner)

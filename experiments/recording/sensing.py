@@ -1,4 +1,4 @@
-"""What was measured of the robot: the scans, the plate found in them, and its covariance."""
+"""Measurements of the robot: the scans, the plate found in them, and its covariance."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ import rerun as rr
 
 from experiments.recording import columns, field, robot, sensing
 from experiments.recording.blueprint import begin_of_loop, blueprint
-from experiments.recording.geometry import looks, parameters_of
+from experiments.recording.robot_mesh import looks, parameters_of
 from experiments.recording.series import compared_series, panels, series_of
 from experiments.recording.traces import Traces, traces_of
 from experiments.report.colours import BLUE, COLOURS

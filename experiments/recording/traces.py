@@ -17,8 +17,8 @@ from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import TRANSIENT, body_errors
-from trackslip.motion.base import Motion
 from trackslip.motion.filtered import even_poses
+from trackslip.motion.steady_twist import Motion
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.icr import ConstantIcr
 from trackslip.slip.law_file import SHIPPED, load_laws

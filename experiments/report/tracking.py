@@ -18,7 +18,7 @@ def tracking_table(results: Sequence[TrackingResult]) -> list[tuple[str, ...]]:
 
 
 def tracking_rows(results: Sequence[TrackingResult]) -> list[tuple[str, ...]]:
-    """One row per run for a page: controller, compensation, localisation, and the errors in mm and degrees."""
+    """One row per run for a page: controller, compensation, localization, and the errors in mm and degrees."""
     return [(r.controller, LABELS.get(r.compensation, r.compensation), r.localization, *_errors(r)) for r in results]
 
 

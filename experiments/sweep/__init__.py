@@ -1,1 +1,1 @@
-"""`trackslip grid`: runs over any axes, on one process or many, to be gone on with whenever they are stopped."""
+"""`trackslip grid`: runs over any axes, on one process or many, which can be resumed after any interruption."""

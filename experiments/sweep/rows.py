@@ -1,4 +1,4 @@
-"""What is known of each run of a sweep. Units and meanings are the fields' metadata, which the table shows, too."""
+"""What is known about each run of a sweep. The metadata of the fields hold units and meanings, for the table."""
 
 from __future__ import annotations
 

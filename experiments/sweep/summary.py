@@ -1,4 +1,4 @@
-"""The numbers of a sweep: a few of each of its grids, and all of a grid that is the only one."""
+"""The numbers of a sweep: a few per grid, or all of them if there is only one grid."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence

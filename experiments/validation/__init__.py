@@ -1,1 +1,1 @@
-"""What `trackslip validate` measures: a file for each question that is put to the simulator."""
+"""What `trackslip validate` measures: one file per question asked of the simulator."""

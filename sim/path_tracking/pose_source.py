@@ -13,7 +13,7 @@ from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from trackslip.kinematics import Array
 from trackslip.localization.plate import PlateLocator
-from trackslip.localization.tracker import Tracker
+from trackslip.localization.pose_tracker import Tracker
 
 
 class TruePose:

@@ -8,8 +8,8 @@ import numpy as np
 
 from trackslip.kinematics import Array, RobotGeometry, advance
 from trackslip.localization.base import Locator, PoseEstimate
+from trackslip.localization.pose_tracker import Tracker
 from trackslip.localization.scan import Scan
-from trackslip.localization.tracker import Tracker
 
 PERIOD = 0.05
 GEOMETRY = RobotGeometry(half_gauge=0.168, sprocket_radius=0.06)

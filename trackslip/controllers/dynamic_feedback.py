@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.controllers.law import ControlLaw
+from trackslip.controllers.control_law import ControlLaw
 from trackslip.controllers.samson import Samson
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array

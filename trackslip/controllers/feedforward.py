@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.controllers.law import ControlLaw
+from trackslip.controllers.control_law import ControlLaw
 from trackslip.kinematics import Array
 from trackslip.trajectory.base import Reference
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.controllers.law import ErrorFeedback
+from trackslip.controllers.control_law import ErrorFeedback
 from trackslip.kinematics import Array
 
 

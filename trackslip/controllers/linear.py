@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.controllers.law import ErrorFeedback, natural_frequency
+from trackslip.controllers.control_law import ErrorFeedback, natural_frequency
 from trackslip.kinematics import Array
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.controllers.law import ControlLaw, OncePerReference, natural_frequency, speed_to_keep_up
+from trackslip.controllers.control_law import ControlLaw, OncePerReference, natural_frequency, speed_to_keep_up
 from trackslip.kinematics import Array, advance
 from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.controllers.law import ErrorFeedback, natural_frequency, speed_to_keep_up
+from trackslip.controllers.control_law import ErrorFeedback, natural_frequency, speed_to_keep_up
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array, wrap_angle
 

@@ -1,4 +1,4 @@
-"""Coverage of intervals: how often those of simulated samples contain the parameters of the simulation."""
+"""Coverage of intervals: how often intervals from simulated samples contain the true parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-r"""How accurately one scan determines a pose: the Cramer-Rao bound of the ray model and the silhouette's edges.
+r"""How accurately one scan determines a pose: the Cramér-Rao bound of the ray model and the silhouette's edges.
 
 A beam u from the LRF meets the face m.p = m.c - s of a plate centred on c, with outward normal -m and half size s, at
 

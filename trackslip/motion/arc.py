@@ -6,7 +6,7 @@ import numpy as np
 
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
-from trackslip.motion.base import SteadyTwist, long_run_covariance, require_poses, within
+from trackslip.motion.steady_twist import SteadyTwist, long_run_covariance, require_poses, within
 
 MIN_ARC_POSES = 12  # minimum number of valid poses for an arc
 CHOSEN = np.array([3, 5])  # indices of v and w among the parameters x, y, phi, v, u, w

@@ -15,7 +15,7 @@ from trackslip.kinematics import Array
 from trackslip.localization.likelihood import Beams, Evaluation, PlateLikelihood
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.arc import CHOSEN, MIN_ARC_POSES, fit_arc, poses_on_arc
-from trackslip.motion.base import SteadyTwist, long_run_covariance, require_poses, within
+from trackslip.motion.steady_twist import SteadyTwist, long_run_covariance, require_poses, within
 
 _HUBER = 3.0  # residual of a range above which its loss is linear [standard deviations]
 _MISFIT = 3.0  # rms residual on the initial arc of returns that are not from the plate [standard deviations]

@@ -8,7 +8,7 @@ import scipy
 from trackslip.errors import LogError
 from trackslip.kinematics import Array, advance
 from trackslip.logs.runlog import RunLog
-from trackslip.motion.base import Motion, SteadyTwist, long_run_covariance, require_poses, within
+from trackslip.motion.steady_twist import Motion, SteadyTwist, long_run_covariance, require_poses, within
 
 _CUTOFF = 0.5  # of the paper's Butterworth filter, relative to the Nyquist frequency
 _MIN_STEPS = 20  # minimum number of steps for a mean twist

@@ -1,4 +1,4 @@
-"""The steady part of a run, found by its sprocket speeds, clock and poses; the robot must move steadily in it too."""
+"""The steady part of a run, found by its sprocket speeds, clock and poses; its motion must be steady, too."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.arc import MIN_ARC_POSES, arc
-from trackslip.motion.base import within
+from trackslip.motion.steady_twist import within
 
 SETTLE = 1.5
 """Default time from steady sprockets to a steady robot [s]."""

@@ -1,4 +1,4 @@
-"""Localisation error against the angle at which the scanner sees the plate, with the Cramér-Rao bound."""
+"""Localization error against the angle at which the scanner sees the plate, with the Cramér-Rao bound."""
 
 from __future__ import annotations
 

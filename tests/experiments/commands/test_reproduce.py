@@ -45,7 +45,7 @@ def test_slips_and_radii_stand_beside_the_published(summary):
     assert max(summary["speed_spread"].values()) < 0.003
 
 
-def test_localisation_and_slip_errors(summary):
+def test_localization_and_slip_errors(summary):
     found = summary["localization"]
     assert max(found["rmse_x"], found["rmse_y"]) < 0.004
     assert np.degrees(found["rmse_heading"]) < 0.4

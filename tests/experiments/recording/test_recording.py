@@ -14,7 +14,7 @@ from rrd import CIRCLE, component, verify
 
 from experiments import recording
 from experiments.cli import main
-from experiments.recording.geometry import belt, body, looks
+from experiments.recording.robot_mesh import belt, body, looks
 from experiments.storage.plain_json import plain
 from sim.ground.ground import Ground, Patch
 from sim.robot.parameters import RobotParameters

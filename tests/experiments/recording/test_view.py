@@ -14,7 +14,7 @@ from rrd import component, verify
 from experiments import recording
 from experiments.cli import main
 from experiments.commands.view import choose, free_port, put_time
-from experiments.recording.geometry import parameters_of
+from experiments.recording.robot_mesh import parameters_of
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import LogError
 from trackslip.logs.logfile import write_csv

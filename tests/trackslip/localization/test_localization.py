@@ -7,8 +7,8 @@ from trackslip.kinematics import RobotGeometry, advance, body_twist
 from trackslip.localization.base import PoseEstimate
 from trackslip.localization.line import LineLocator
 from trackslip.localization.plate import PlateLocator
+from trackslip.localization.pose_tracker import Tracker
 from trackslip.localization.scan import Plate, Scan
-from trackslip.localization.tracker import Tracker
 
 PLATE = PlateLocator()
 

@@ -1,4 +1,4 @@
-"""The error of localisation against the viewing angle."""
+"""The error of localization against the viewing angle."""
 
 from __future__ import annotations
 
