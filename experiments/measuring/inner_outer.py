@@ -1,4 +1,4 @@
-"""Slip of the inner and outer track in steady turns, with standard errors; and slip laws expressed in the same terms."""
+"""Slip of the inner and outer track in steady turns, with standard errors; slip laws expressed in the same terms."""
 
 from __future__ import annotations
 
