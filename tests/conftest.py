@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import settings
 
 from sim.robot.robot import Robot, load_robot
+from trackslip.identification.fitted import fit_law
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Plate, Scan
 
@@ -58,3 +61,9 @@ def scan_rectangle():
         return Scan(bearings, ranges, noise, np.array(mount))
 
     return scan
+
+
+@pytest.fixture
+def few_resamples(monkeypatch):
+    """Identify with few resamples of the runs: they take most of the time, and not every test is about their number."""
+    monkeypatch.setattr("trackslip.identification.comparison.fit_law", partial(fit_law, bootstraps=20))

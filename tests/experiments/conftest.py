@@ -2,14 +2,12 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from experiments.cli import main
-from trackslip.identification.fitted import fit_law
 
 
 @dataclass(frozen=True)
@@ -84,9 +82,3 @@ def short(tmp_path, monkeypatch):
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "bend.csv").write_text("x,y\n0,0\n0.3,0.05\n0.6,0.2\n")
     return ("--references", "bend.csv", "--starts", "zero", "--localization", "truth", "--jobs", "1")
-
-
-@pytest.fixture
-def few_resamples(monkeypatch):
-    """Identify with few resamples of the runs: they take most of the time, and not every test is about their number."""
-    monkeypatch.setattr("trackslip.identification.comparison.fit_law", partial(fit_law, bootstraps=20))

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8")
 GEOMETRY = ("--half-gauge", "0.168", "--sprocket-radius", "0.06")
 TRACE = "run,t,omega_l,omega_r,x,y,phi\n" + "".join(f"a,{k / 20},2,3,{k / 100},0,0\n" for k in range(200))
 
@@ -48,12 +47,3 @@ def test_bad_logs_get_one_line(refused, tmp_path, text, options, message):
     path = tmp_path / "log.csv"
     path.write_text(text)
     assert message in refused("identify", str(path), *options)
-
-
-@pytest.mark.usefixtures("few_resamples")
-def test_identify_takes_the_steady_runs_of_a_reproduction(trackslip):
-    folder = trackslip("reproduce", *SMALL).folder
-    result = trackslip("identify", str(folder))
-    assert result.summary["samples"] == 4
-    assert result.manifest["seed"] == 0
-    assert len(result.manifest["model_sha256"]) == 64

@@ -12,7 +12,9 @@ import pytest
 from pages import ROOT, missing_line, shown
 
 from experiments.cli import main
+from trackslip.identification.source import origin, read_source
 from trackslip.logs.logfile import read_runs
+from trackslip.paper import COMMANDED_RADII, SPEEDS
 from trackslip.slip.law_file import SHIPPED, load_laws
 from trackslip.trajectory.segmented import paper_reference
 
@@ -152,3 +154,11 @@ def test_the_report_is_one_file_that_needs_no_network(folder):
     assert page.count("<svg") >= 8
     for needle in ('src="http', 'href="http', "<script src", "@import", "url(http"):
         assert needle not in page
+
+
+@pytest.mark.usefixtures("few_resamples")
+def test_identify_takes_the_steady_runs_of_a_reproduction(folder):
+    source = read_source(folder)
+    assert source.sampling.samples.run == tuple(f"radius={r} speed={v}" for r in COMMANDED_RADII for v in SPEEDS)
+    assert origin(source.logs)["seed"] == 0
+    assert len(origin(source.logs)["model_sha256"]) == 64

@@ -15,6 +15,7 @@ from trackslip.slip.exponential import PUBLISHED, ExponentialSpeed
 from trackslip.slip.icr import ConstantIcr, IcrSides
 from trackslip.slip.power import Hyperbola, Power
 
+pytestmark = pytest.mark.usefixtures("few_resamples")
 ICR = ConstantIcr(0.045, 0.168, 0.0067)
 SPEED = ExponentialSpeed(0.07, -0.68, -0.15, -0.63, 0.1, -0.2)
 LAWS = [
