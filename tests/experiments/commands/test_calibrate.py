@@ -34,7 +34,7 @@ def published(tmp_path_factory):
     """Folder, summary and output of a calibration to the paper."""
     folder, printed = tmp_path_factory.mktemp("published") / "out", io.StringIO()
     with contextlib.redirect_stdout(printed):
-        main(["calibrate", "--starts", "1", "--out", str(folder)])
+        main(["calibrate", "--starts", "0", "--out", str(folder)])
     return folder, json.loads((folder / "summary.json").read_text()), printed.getvalue()
 
 
@@ -46,7 +46,7 @@ def test_published_numbers(trackslip, published):
     assert found["radius_rms"] <= 0.046
     assert found["floor"]["slip_rms"] <= found["slip_rms"]
     assert found["slip_rms"] < found["centred"]["slip_rms"] <= 0.0072
-    assert len(found["starts"]) == 2
+    assert len(found["starts"]) == 1
     assert "com_y = 0" in printed
     parameters, ground = load_robot_file(folder / "robot.toml")
     assert parameters.half_gauge == 0.168
@@ -123,7 +123,8 @@ def test_bad_tables_get_one_line(refused, tmp_path, row, message):
 
 
 def test_results_do_not_depend_on_threads(trackslip):
-    options = ("--starts", "0", "--free", "friction_ratio")
-    one, two = (trackslip("calibrate", *options, "--threads", n).summary["parameters"] for n in ("1", "2"))
-    assert one == two
-    assert np.isfinite(one["friction_ratio"]["value"])
+    options = ("--starts", "1", "--free", "friction_ratio")
+    one, two = (trackslip("calibrate", *options, "--threads", n).summary for n in ("1", "2"))
+    assert len(one["starts"]) == 2
+    assert one["parameters"] == two["parameters"]
+    assert np.isfinite(one["parameters"]["friction_ratio"]["value"])
