@@ -194,7 +194,7 @@ def _present(blocks: Mapping[str, Array | None], rows: np.ndarray) -> dict[str, 
 
 
 def _truth(parts: dict[str, Any], contact: Array | None) -> Truth | None:
-    if not {"pose", "twist", "traction", "torque"} <= set(parts):
+    if not {"pose", "twist"} <= set(parts):
         return None
     if "lean" in parts:
         parts["lean"] = parts["lean"][:, 0]
