@@ -115,7 +115,8 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
             )
     omega, pose = columns.numbers(_BLOCKS["omega"]), columns.numbers(_BLOCKS["pose"], where=ok)
     blocks = {field: columns.optional(_BLOCKS[field]) for field in _OPTIONAL}
-    covariance = columns.optional(_COVARIANCE)
+    upper = columns.optional(_COVARIANCE)
+    blocks["covariance"] = None if upper is None else _symmetric(upper)
     truth = {field: columns.optional(names) for field, names in _TRUTH.items()}
     logs = []
     for key, rows in rows_of.items():
@@ -129,7 +130,6 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
                     omega=omega[rows],
                     pose=_unwrapped(pose[rows]),
                     **_present(blocks, rows),
-                    covariance=None if covariance is None else _symmetric(covariance[rows]),
                     valid=None if valid is None else valid[rows],
                     truth=_truth(_present(truth, rows), from_list_column(table, _CONTACT, rows)),
                     scans=scans_from_table(table, rows, metadata.get(key, {})),
