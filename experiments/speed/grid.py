@@ -75,11 +75,13 @@ def bare_seconds(runs: list[Run], threads: int) -> float:
     some = [runs[k] for k in np.unique(np.linspace(0, len(runs) - 1, count).round().astype(int))]
     world = some[0].world(threads)
     start = np.tile(before_scanner(world.robot), (len(some), 1))
-    fleet = Fleet(world.robot, start, [run.specification.ground for run in some], world.radius_error, threads=threads)
+    fleet = Fleet(
+        world.robot, start, [run.setting.specification.ground for run in some], world.radius_error, threads=threads
+    )
     twist = [(run.axes["speed"], run.axes["speed"] / run.axes["radius"]) for run in some]
     fleet.command(sprocket_speeds(np.array(twist), 0.0, world.robot.geometry))
     fleet.advance(_START)
     bare = bare_batch(fleet)
     began = perf_counter()
-    bare.step(nstep=round((SETTLING + some[0].config.duration) / world.robot.model.opt.timestep))
+    bare.step(nstep=round((SETTLING + some[0].setting.config.duration) / world.robot.model.opt.timestep))
     return (perf_counter() - began) * len(runs) / len(some)
