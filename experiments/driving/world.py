@@ -1,11 +1,9 @@
 """The simulated world that a command's options describe: robot, ground, drives, scanner, obstacles."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -35,7 +33,7 @@ class Specification:
     obstacles: Obstacles
 
     @classmethod
-    def of(cls, config: Simulation) -> Specification:
+    def of(cls, config: Simulation) -> "Specification":
         """Read the files that the options name; raises TrackslipError for a file or name that does not exist."""
         return WorldFiles().specification(config)
 
@@ -66,7 +64,7 @@ class World(Specification):
     robot: Robot
 
     @classmethod
-    def of(cls, config: Simulation, specification: Specification | None = None) -> World:
+    def of(cls, config: Simulation, specification: Specification | None = None) -> Self:
         """Build the world of a command; raises TrackslipError for a file or name that does not exist."""
         given = specification or Specification.of(config)
         return cls(**vars(given), config=config, robot=_compiled(given.parameters, config.rrd))

@@ -1,7 +1,5 @@
 """What a report says about an identification: tables of the laws and of their comparison, and facts for the text."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any

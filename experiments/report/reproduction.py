@@ -1,7 +1,5 @@
 """The page of an identification or a reproduction: tables and figures of whatever there is data for."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any

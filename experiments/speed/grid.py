@@ -5,11 +5,10 @@ with the same belt speeds, for as many steps, those for setting the robots down 
 threads as the grid has processes. It runs before and after each grid; the mean is what the grid is compared with.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from time import perf_counter
+from typing import Self
 
 import numpy as np
 
@@ -45,7 +44,7 @@ class GridSpeed:
     """Time of the grid without SENSING, over that of the bare engine [-]."""
 
     @classmethod
-    def of(cls, processes: int, runs: int, timing: Timing, bare_s: float) -> GridSpeed:
+    def of(cls, processes: int, runs: int, timing: Timing, bare_s: float) -> Self:
         """From the timing of a grid and the time of the bare engine [s]."""
         rest = timing.wall_s - sum(timing.stages.get(name, 0.0) for name in SENSING) / processes
         return cls(processes, runs, timing.wall_s, dict(timing.stages), bare_s, rest / bare_s)
