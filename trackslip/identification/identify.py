@@ -100,7 +100,13 @@ def identify_source(
     if steady is None:
         notes = tuple(source.sampling.notes) if source.sampling else ()
         return Identification(
-            source.geometry, "drive", None, drive, source.refused, (*notes, *drive.warnings), (*source.logs, *source.loops)
+            source.geometry,
+            "drive",
+            None,
+            drive,
+            source.refused,
+            (*notes, *drive.warnings),
+            (*source.logs, *source.loops),
         )
     chosen: Method = "drive" if main else "steady"
     warnings = drive.warnings if main else steady.warnings

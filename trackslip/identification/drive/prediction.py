@@ -73,7 +73,9 @@ def held_out(found: Fit) -> Predictions:
     a fit to the first. The fits start from `found`, whose outlying poses are left out everywhere.
     """
     parts = [_predicted(refitted, found, rows) for refitted, rows in _folds(found)]
-    return Predictions(*(np.concatenate(one) for one in zip(*((p.start, p.horizon, p.error) for p in parts), strict=True)))
+    return Predictions(
+        *(np.concatenate(one) for one in zip(*((p.start, p.horizon, p.error) for p in parts), strict=True))
+    )
 
 
 def _folds(found: Fit) -> list[tuple[Fit, np.ndarray]]:
@@ -98,8 +100,15 @@ def _refitted(found: Fit, rows: np.ndarray) -> Fit:
     link = np.append(nodes.link, 0.0)[rows][:-1] * whole.link
     part = replace(whole, weight=nodes.weight[rows], link=link)
     return fit(
-        found.model, part, found.states[rows], found.values, found.noise, found.free, found.mean,
-        rounds=_ROUNDS, gated=False,
+        found.model,
+        part,
+        found.states[rows],
+        found.values,
+        found.noise,
+        found.free,
+        found.mean,
+        rounds=_ROUNDS,
+        gated=False,
     )
 
 
@@ -125,7 +134,11 @@ def _predicted(law: Fit, whole: Fit, rows: np.ndarray) -> Predictions:
             turned = heading[start] - path[start, 2]
             moved = rotated(turned, path[end, :2] - path[start, :2])
             missed = rotated(-heading[start], pose[start, :2] + moved - pose[end, :2])
-            turn = wrap_angle(turned + path[end, 2] + yaw - pose[end, 2]) if drive.has_heading else np.full(len(end), np.nan)
+            turn = (
+                wrap_angle(turned + path[end, 2] + yaw - pose[end, 2])
+                if drive.has_heading
+                else np.full(len(end), np.nan)
+            )
             found.append((begin + start, np.full(len(start), horizon), np.column_stack([missed, turn])))
     if not found:
         return Predictions(np.zeros(0, int), np.zeros(0), np.zeros((0, 3)))
