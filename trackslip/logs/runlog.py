@@ -20,8 +20,8 @@ class Truth:
 
     pose: Array  # (T, 3) [m, m, rad]
     twist: Array  # (T, 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]
-    traction: Array  # (T, 2) force of the ground on each track, along the robot [N]
-    torque: Array  # (T, 2) torque of each motor, at its sprocket [N m]
+    traction: Array | None = None  # (T, 2) force of the ground on each track, along the robot [N]
+    torque: Array | None = None  # (T, 2) torque of each motor, at its sprocket [N m]
     power: Array | None = None  # (T, 2) electrical power of each motor, mean since the previous row [W]
     saturated: Array | None = None  # (T, 2) share of time since the previous row with the motor at its limit [-]
     lean: Array | None = None  # (T,) offset of the scanned plate to the left of the robot [m]

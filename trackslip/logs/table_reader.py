@@ -62,7 +62,8 @@ class _Reader:
         self._cells = {name: columns.cells(name) for name in ("t", *_ENCODER, *_POSE)}
         self._valid = columns.boolean("valid", self._label)
         self._blocks = {field: columns.optional(BLOCKS[field]) for field in _OPTIONAL}
-        self._covariance = columns.optional(COVARIANCE)
+        upper = columns.optional(COVARIANCE)
+        self._blocks["covariance"] = None if upper is None else _symmetric(upper)
         self._truth = {field: columns.optional(names) for field, names in TRUTH.items()}
         self._refused: list[Refused] = []
         self._notes: list[str] = []
@@ -124,7 +125,6 @@ class _Reader:
             omega=omega,
             pose=pose,
             **_present(self._blocks, rows),
-            covariance=None if self._covariance is None else _symmetric(self._covariance[rows]),
             valid=None if self._valid is None and valid.all() else valid,
             truth=_truth(_present(self._truth, rows), from_list_column(self._table, CONTACT, rows)),
             scans=scans_from_table(self._table, rows, metadata),
@@ -215,7 +215,7 @@ def _present(blocks: Mapping[str, Array | None], rows: np.ndarray) -> dict[str, 
 
 
 def _truth(parts: dict[str, Any], contact: Array | None) -> Truth | None:
-    if not {"pose", "twist", "traction", "torque"} <= set(parts):
+    if not {"pose", "twist"} <= set(parts):
         return None
     if "lean" in parts:
         parts["lean"] = parts["lean"][:, 0]
