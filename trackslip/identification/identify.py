@@ -12,7 +12,7 @@ from trackslip.identification.samples import Sampling
 from trackslip.identification.source import Reading, read_source, source_of_runs
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import RunLog
-from trackslip.motion.steady import SETTLE
+from trackslip.motion.constant_speed import SETTLE
 
 
 def identify(

@@ -13,8 +13,9 @@ from trackslip.identification.plausibility import NEARLY_STANDING, require_plaus
 from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
 from trackslip.logs.refused import Refused, none_usable
 from trackslip.logs.runlog import RunLog
+from trackslip.motion.constant_speed import SETTLE
 from trackslip.motion.methods import MOTION_METHODS, best_method
-from trackslip.motion.steady import SETTLE, SteadyPart, require_steady_motion, steady_part, steady_parts
+from trackslip.motion.steady import SteadyPart, require_steady_motion, steady_part, steady_parts
 
 _OPTIONAL = ("covariance", "lateral", "lateral_stderr")  # fields of SlipSamples
 

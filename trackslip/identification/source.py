@@ -17,7 +17,7 @@ from trackslip.logs.logfile import read_table, runs_file
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.table import REQUIRED, SAMPLE_COLUMNS
 from trackslip.logs.table_reader import ReadRuns, runs_from_table
-from trackslip.motion.steady import SETTLE
+from trackslip.motion.constant_speed import SETTLE
 
 _MATTERS = ("ground", "radius_error", "geometry", "model_sha256")  # to slip
 

@@ -9,6 +9,8 @@ import numpy as np
 
 from trackslip.kinematics import Array
 
+SETTLE = 1.5
+"""Default time from steady sprockets to a steady robot [s]."""
 _BLOCK = 0.5  # time over which sprocket speeds are averaged for comparison [s]
 _DRIFT = 0.05  # maximum change of a steady sprocket's mean speed, relative to the faster sprocket
 _SLOW = 0.2  # sprocket speed below which the maximum change is absolute, relative to the run's fastest

@@ -12,12 +12,10 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.arc import MIN_ARC_POSES, arc
-from trackslip.motion.constant_speed import constant_stretches
+from trackslip.motion.constant_speed import SETTLE, constant_stretches
 from trackslip.motion.jumps import Jumps, find_jumps
 from trackslip.motion.steady_twist import within
 
-SETTLE = 1.5
-"""Default time from steady sprockets to a steady robot [s]."""
 MARGIN = 0.5
 """Time excluded at the end of a steady stretch, and at least at its start, because of the filters' transients [s]."""
 _SHORTEST = 0.5  # what has to be left of a stretch [s]

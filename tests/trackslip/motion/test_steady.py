@@ -7,7 +7,8 @@ from trackslip.errors import LogError
 from trackslip.identification.samples import slip_samples, usable_samples
 from trackslip.kinematics import RobotGeometry, advance
 from trackslip.logs.runlog import RunLog
-from trackslip.motion.steady import MARGIN, SETTLE, steady_part, steady_parts
+from trackslip.motion.constant_speed import SETTLE
+from trackslip.motion.steady import MARGIN, steady_part, steady_parts
 from trackslip.slip.icr import ConstantIcr
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
