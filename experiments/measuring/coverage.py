@@ -1,11 +1,10 @@
 """How often 95 % intervals cover the truth: with samples drawn from every law, and with grids scanned repeatedly."""
 
-from __future__ import annotations
-
 import itertools
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 
@@ -48,7 +47,7 @@ class RunCoverage:
     @classmethod
     def of(
         cls, repeats: Sequence[tuple[SlipSamples, SlipSamples]], robot_truth: SlipSamples, geometry: RobotGeometry
-    ) -> RunCoverage:
+    ) -> Self:
         """Evaluate repeats: measured samples of a grid, and the true samples of its plates.
 
         `robot_truth` are the true samples of the robots in the last repeat.

@@ -1,9 +1,8 @@
 """Disturbances of scanner, mounting and field, and the errors of slip and localization under each."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 
@@ -75,7 +74,7 @@ class SlipErrors(ErrorStatistics):
     """Absolute [-]."""
 
     @classmethod
-    def of(cls, error: Array) -> SlipErrors:
+    def of(cls, error: Array) -> Self:
         """Of errors (n,) [-]."""
         return cls(float(error.mean()), float(error.std()), float(np.abs(error).max()))
 
@@ -105,9 +104,7 @@ class SensitivityRow:
     """Why runs could not be used."""
 
     @classmethod
-    def of(
-        cls, disturbance: Disturbance, logs: Sequence[RunLog], geometry: RobotGeometry, motion: str | None
-    ) -> SensitivityRow:
+    def of(cls, disturbance: Disturbance, logs: Sequence[RunLog], geometry: RobotGeometry, motion: str | None) -> Self:
         """Evaluate a disturbed grid of left turns with a motion method, by default the most exact one."""
         slip, warnings = slip_errors(logs, geometry, motion)
         errors = OuterInner.of(slip, SlipErrors.of) if len(slip) else None

@@ -3,8 +3,6 @@
 The viewer draws the entities of a panel, and lists them in its legend, by the alphabet: what comes later lies on top.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 

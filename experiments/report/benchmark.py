@@ -1,7 +1,5 @@
 """The page of a benchmark: leaderboard, lost paths, figures, all rows."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Colours and names, the same in every figure and recording."""
 
-from __future__ import annotations
-
 from typing import Any
 
 BLUE, ORANGE, GREEN, RED, BLACK = "#0072B2", "#C98200", "#009E73", "#C1272D", "#1a1a1a"
@@ -17,6 +15,7 @@ _LOOKS: dict[str, tuple[str, Any, str]] = {
     "hyperbola": ("#8C510A", (0, (4, 1.5, 1, 1.5)), "hyperbola"),
     "icr": ("#3A93C9", (0, (2, 1)), "constant ICR"),
     "icr_radius": (BLUE, "-", "constant ICR with ε"),
+    "turn_loss": ("#A63D6F", (0, (8, 2, 2, 2)), "constant ICR with turn loss"),
     "icr_sides": ("#6A3D9A", (0, (2, 2.5)), "constant ICR, two-sided"),
     "online": ("#117733", (0, (5, 1)), "online"),
     "online_cold": ("#999933", (0, (5, 1, 1, 1)), "online, from nothing"),

@@ -119,7 +119,8 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
                 f"the time before it in run {key!r}"
             )
     blocks = {field: columns.optional(_BLOCKS[field]) for field in _OPTIONAL}
-    covariance = columns.optional(_COVARIANCE)
+    upper = columns.optional(_COVARIANCE)
+    blocks["covariance"] = None if upper is None else _symmetric(upper)
     truth = {field: columns.optional(names) for field, names in _TRUTH.items()}
     logs = []
     for key, rows in rows_of.items():
@@ -137,7 +138,6 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
                     omega=omega[rows],
                     pose=_unwrapped(pose[rows]),
                     **_present(blocks, rows),
-                    covariance=None if covariance is None else _symmetric(covariance[rows]),
                     valid=None if stated is None and valid[rows].all() else valid[rows],
                     truth=_truth(_present(truth, rows), from_list_column(table, _CONTACT, rows)),
                     scans=scans_from_table(table, rows, metadata.get(key, {})),

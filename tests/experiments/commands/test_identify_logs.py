@@ -1,7 +1,5 @@
 """Logs as real robots make them, good and bad: identified correctly, or refused or listed in one line."""
 
-from __future__ import annotations
-
 import socket
 import sys
 

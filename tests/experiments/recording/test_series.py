@@ -1,7 +1,5 @@
 """What is plotted over time, and the axes of the plots."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -63,6 +63,15 @@ def test_runs_with_and_without_validity_go_together(tmp_path, suffix, write):
         np.testing.assert_array_equal(after.is_valid, before.is_valid)
 
 
+@pytest.mark.parametrize(("suffix", "write"), [("csv", write_csv), ("parquet", write_parquet)])
+def test_a_run_without_covariance_stays_without_beside_one_that_has_it(tmp_path, suffix, write):
+    logs = [make_log("a"), replace(make_log("b"), covariance=None)]
+    write(logs, tmp_path / f"runs.{suffix}")
+    with_covariance, without = read_runs(tmp_path / f"runs.{suffix}")
+    np.testing.assert_array_equal(with_covariance.covariance, logs[0].covariance)
+    assert without.covariance is None
+
+
 @given(arrays(float, (2, 2), elements=st.floats(allow_nan=False, allow_infinity=False)), st.floats(-1, 1))
 def test_csv_keeps_every_bit(tmp_path_factory, position, heading):
     pose = np.column_stack([position, [heading, -heading]])
