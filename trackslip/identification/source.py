@@ -151,7 +151,8 @@ def _sampled(columns: Columns, gear: float, geometry: RobotGeometry) -> Sampling
     if not len(values):
         raise LogError("no rows")
     bad = np.argwhere(np.isnan(values))
-    unread = {int(row): columns.complaint(SAMPLE_COLUMNS[column], int(row)) for row, column in reversed(bad)}
+    complaints = {int(row): columns.complaint(SAMPLE_COLUMNS[column], int(row)) for row, column in reversed(bad)}
+    unread = {row: complaint.removeprefix(f"row {row + 1}, ") for row, complaint in complaints.items()}
     return usable_rows(values[:, :2] / gear, values[:, 2:], geometry, unread)
 
 
