@@ -64,7 +64,7 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> Comparison:
         except LogError as error:
             warnings.append(str(error))
     if not any(not law.notes for name, law in laws.items() if name not in _WITHOUT_RADIUS):
-        raise LogError(warnings[-1])
+        raise LogError(next(why for why in warnings if why.startswith("law icr:")))
     predictions = {name: Predictions.of(law, samples, geometry) for name, law in laws.items()}
     validation = {name: one.errors(samples, geometry) for name, one in predictions.items()}
     aicc = {name: law.aicc(len(samples)) for name, law in laws.items()}
