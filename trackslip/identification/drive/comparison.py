@@ -16,8 +16,7 @@ from trackslip.identification.sensor import Sensor
 from trackslip.kinematics import RobotGeometry
 
 _SAME = 0.02  # difference of scores within which the likelihood decides [-]
-_INDISTINCT = 10.0  # difference of Akaike's criterion within which the simpler law is preferred; slip that lasts counts
-twice
+_INDISTINCT = 10.0  # difference of Akaike's criterion within which the simpler law is preferred
 
 
 @dataclass(frozen=True)
@@ -35,7 +34,7 @@ class DriveComparison:
     score: Mapping[str, float]
     """Mean ratio of a law's errors to the smallest; NaN if nothing could be predicted [-]."""
     best: str
-    """Of the laws whose score is within 2 % of the smallest, the one with the fewest parameters out of the likeliest."""
+    """Of the laws whose score is within 2 % of the smallest, the simplest of the likeliest."""
     clock: ClockProfile | None
     """Likelihood of clock offsets under the best law."""
     warnings: tuple[str, ...]
