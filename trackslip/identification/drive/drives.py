@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -35,10 +35,9 @@ class Drive:
         """Whether any heading was measured."""
         return bool(np.isfinite(self.pose[:, 2]).any())
 
-    def between(self, begin: float, end: float) -> Drive:
-        """The part whose nodes lie from `begin` to `end` [s]; the encoders stay."""
-        kept = (self.time >= begin) & (self.time <= end)
-        return Drive(self.name, self.edges, self.omega, self.time[kept], self.pose[kept], self.rows[kept], self.interval)
+    def kept(self, nodes: np.ndarray) -> Drive:
+        """The drive with the nodes of (K,) bool alone."""
+        return replace(self, time=self.time[nodes], pose=self.pose[nodes], rows=self.rows[nodes])
 
 
 def drives_of(logs: Sequence[RunLog]) -> tuple[list[Drive], list[str]]:

@@ -144,12 +144,13 @@ def _fitted(
         if vague is None:
             return _described(found, held)
         name, reason = vague
-        if name not in EXTRAS:
-            raise LogError(f"the drives don't determine {name}: {reason}")
         held[name] = f"not determined: {reason}"
+        if model.family.names and held.keys() >= set(model.family.names):
+            raise LogError(f"the drives determine no parameter of the law: {reason}")
         nodes, states, noise = found.nodes, found.states, found.noise
         values = found.values.copy()
-        values[model.index(name)] = mean[model.index(name)]
+        if name in EXTRAS or model.limits[0][model.index(name)] <= 0 <= model.limits[1][model.index(name)]:
+            values[model.index(name)] = mean[model.index(name)]
         gated = False
 
 

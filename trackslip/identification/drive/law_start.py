@@ -6,7 +6,7 @@ import numpy as np
 
 from trackslip.identification.drive.drives import Drive
 from trackslip.identification.drive.fit import Fit
-from trackslip.identification.drive.law_twist import twists
+from trackslip.identification.drive.law_twist import many_twists
 from trackslip.identification.drive.reckoning import rotated
 from trackslip.identification.solver import least_squares
 from trackslip.kinematics import Array, track_speeds
@@ -29,8 +29,8 @@ def law_start(name: str, reference: Fit) -> Array:
 
     def residual(values: Array, rows: np.ndarray) -> Array:
         del rows
-        found = [twists(family, row, omega, geometry)[0] for row in values]
-        return np.array([(track_speeds(one, geometry.half_gauge) - measured).ravel() for one in found])
+        found = track_speeds(many_twists(family, values, omega, geometry), geometry.half_gauge)
+        return (found - measured).reshape(len(values), -1)
 
     reached = least_squares(residual, starts, low, high, scale)
     return reached.values[int(reached.cost.argmin())]
