@@ -110,8 +110,8 @@ def truthful(name: str, logs: list[RunLog], geometry: RobotGeometry) -> SimpleNa
 
 @pytest.fixture
 def quick(monkeypatch):
-    monkeypatch.setattr(drive_coverage, "DURATION", 12.0)
-    monkeypatch.setattr(drive_study, "DURATION", 12.0)
+    monkeypatch.setattr(drive_coverage, "DURATION", 30.0)
+    monkeypatch.setattr(drive_study, "DURATION", 30.0)
     monkeypatch.setattr(drive_coverage, "fit_drives", truthful)
 
 
@@ -145,15 +145,16 @@ def test_a_fit_that_fails_is_recorded(monkeypatch):
     def failing(*_: object) -> None:
         raise LogError("the drives don't determine offset")
 
-    monkeypatch.setattr(drive_coverage, "DURATION", 12.0)
+    monkeypatch.setattr(drive_coverage, "DURATION", 30.0)
     monkeypatch.setattr(drive_coverage, "fit_drives", failing)
     found = repeat(Task(0, 0, 0, GEOMETRY))
     assert found.failure == "the drives don't determine offset"
     assert set(found.bound) == {"offset", "radius_error"}
 
 
-def test_steady_circles_of_the_same_speeds_have_icrs_farther_out(robot):
+def test_steady_circles_of_the_same_speeds_have_icrs_farther_out(robot, monkeypatch):
     """The tracks slip faster at a higher yaw rate, and the simulated friction grows a little with the speed of slip."""
+    monkeypatch.setattr(drive_study, "_CIRCLES", 5.0)
     same, paper = drive_study.steady_laws(robot, 1)
     assert 0.044 < paper["offset"] < same["offset"] < 0.047
     assert paper["radius_error"] == pytest.approx(0.0066, abs=5e-4)
