@@ -52,7 +52,7 @@ def test_drives_are_checked(trackslip):
     result = trackslip("coverage", "--drives", "--drive-repeats", "2", "--threads", "2")
     checks = result.summary["checks"]
     assert all(set(check) == {"name", "value", "bound", "unit", "holds"} for check in checks)
-    assert [check["value"] for check in checks if check["name"].endswith("fits that fail")] == [0.0] * 8
+    assert [check["value"] for check in checks if check["name"].endswith("fits without D or epsilon")] == [0.0] * 8
     errors = [check for check in checks if "rms error of offset" in check["name"]]
     assert len(errors) == 8
     assert all(check["unit"] == "m" and check["value"] < 0.005 for check in errors)

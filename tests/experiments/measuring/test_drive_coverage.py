@@ -27,6 +27,7 @@ CASE = Case(
     standard_errors=5.0,
 )
 """Errors of 1 mm are allowed 12 % of room, five standard errors of the rms of 1000 repeats."""
+EXACT = Estimate(TRUE_LAW["radius_error"], 0.001, 0.0, 1.0)
 
 
 def repeats(bias: float = 0.0, stderr: float = 0.001, count: int = 1000) -> list[Repeat]:
@@ -35,7 +36,7 @@ def repeats(bias: float = 0.0, stderr: float = 0.001, count: int = 1000) -> list
     for number, error in enumerate(np.random.default_rng(0).normal(bias, 0.001, count)):
         value = TRUE_LAW["offset"] + error
         estimate = Estimate(value, stderr, value - NORMAL * stderr, value + NORMAL * stderr)
-        found.append(Repeat(Task(0, number, 0, GEOMETRY), {"offset": estimate}, {}))
+        found.append(Repeat(Task(0, number, 0, GEOMETRY), {"offset": estimate, "radius_error": EXACT}, {}))
     return found
 
 
@@ -58,7 +59,8 @@ def test_honest_estimates_hold():
         (repeats(bias=0.001), {"rms error of offset", "coverage of offset"}),
         (repeats(stderr=0.0003), {"coverage of offset", "largest error of offset in standard errors"}),
         (repeats(stderr=0.01), {"coverage of offset"}),
-        ([*repeats()[1:], replace(repeats()[0], estimates={}, failure="why")], {"fits that fail"}),
+        ([*repeats()[1:], replace(repeats()[0], estimates={}, failure="why")], {"fits without D or epsilon"}),
+        ([*repeats()[1:], replace(repeats()[0], estimates={"offset": EXACT})], {"fits without D or epsilon"}),
         ([replace(one, estimates={}, failure="why") for one in repeats(count=3)], "all"),
     ],
 )
@@ -69,7 +71,8 @@ def test_dishonest_ones_do_not(found, broken):
 
 def test_wide_intervals_are_found():
     wide = [
-        replace(one, estimates={"offset": replace(one.estimates["offset"], low=0.0, high=1.0)}) for one in repeats()
+        replace(one, estimates=one.estimates | {"offset": replace(one.estimates["offset"], low=0.0, high=1.0)})
+        for one in repeats()
     ]
     assert not holding(checks_of(CASE, wide))["half width of offset over the model's"]
 
