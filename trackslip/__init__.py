@@ -56,6 +56,7 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.slip.online import IcrFilter as IcrFilter
     from trackslip.slip.power import Hyperbola as Hyperbola
     from trackslip.slip.power import Power as Power
+    from trackslip.slip.turn_loss import TurnLoss as TurnLoss
     from trackslip.trajectory.base import Reference as Reference
     from trackslip.trajectory.named import named_reference as named_reference
     from trackslip.trajectory.segmented import circle as circle
@@ -94,6 +95,7 @@ _NAMES = {
     "slip.law_file": ("load_laws", "save_laws"),
     "slip.online": ("IcrFilter",),
     "slip.power": ("Hyperbola", "Power"),
+    "slip.turn_loss": ("TurnLoss",),
     "trajectory.base": ("Reference",),
     "trajectory.named": ("named_reference",),
     "trajectory.segmented": ("circle", "paper_reference"),

@@ -15,6 +15,7 @@ _LOOKS: dict[str, tuple[str, Any, str]] = {
     "hyperbola": ("#8C510A", (0, (4, 1.5, 1, 1.5)), "hyperbola"),
     "icr": ("#3A93C9", (0, (2, 1)), "constant ICR"),
     "icr_radius": (BLUE, "-", "constant ICR with ε"),
+    "turn_loss": ("#A63D6F", (0, (8, 2, 2, 2)), "constant ICR with turn loss"),
     "icr_sides": ("#6A3D9A", (0, (2, 2.5)), "constant ICR, two-sided"),
     "online": ("#117733", (0, (5, 1)), "online"),
     "online_cold": ("#999933", (0, (5, 1, 1, 1)), "online, from nothing"),

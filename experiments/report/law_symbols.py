@@ -5,7 +5,8 @@ import math
 from trackslip.slip.families import FAMILIES
 
 _LETTERS = {
-    "alpha": "α", "beta": "β", "gamma": "γ", "slip": "i", "size": "a", "pole": "p", "offset": "D", "radius_error": "ε"
+    "alpha": "α", "beta": "β", "gamma": "γ", "slip": "i", "size": "a", "pole": "p", "offset": "D", "radius_error": "ε",
+    "turn_loss": "g"
 }  # fmt: skip
 _TRACKS = ("", " outer", " inner", " left", " right")
 SYMBOLS = {
@@ -21,7 +22,8 @@ FORMULAS = {
     "hyperbola": ("outer: a / (R + p)", "inner: −a / (R − p)"),
     "icr": ("outer: D / (R + b + D)", "inner: −D / (R − b − D)"),
     "icr_radius": ("outer: 1 − (1 + ε)(R + b) / (R + b + D)", "inner: 1 − (1 + ε)(R − b) / (R − b − D)"),
-    "icr_sides": ("as above, with D and ε", "of the left and the right track"),
+    "turn_loss": ("w as above, v = s (1 − g sin²θ)", "s: the belts' mean speed, tan θ = (b + D) w / s"),
+    "icr_sides": ("as icr_radius, with D and ε", "of the left and the right track"),
 }
 """Law -> the lines of its formula."""
 _MAX_DIGITS = 7

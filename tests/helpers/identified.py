@@ -9,8 +9,9 @@ import numpy as np
 from trackslip.identification.comparison import Comparison, CrossValidation, cross_validate
 from trackslip.identification.fitted import fit_law
 from trackslip.identification.result import Identification
-from trackslip.identification.samples import Refused, SlipSamples
+from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import RobotGeometry
+from trackslip.logs.refused import Refused
 from trackslip.slip.icr import ConstantIcr
 
 GEOMETRY = RobotGeometry(0.168, 0.06)

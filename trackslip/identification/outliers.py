@@ -6,9 +6,10 @@ import numpy as np
 
 from trackslip.identification.fit import fit
 from trackslip.identification.replicates import by_command
-from trackslip.identification.samples import Refused, SlipSamples
+from trackslip.identification.samples import SlipSamples
 from trackslip.identification.weighting import WeightedRuns
 from trackslip.kinematics import Array, RobotGeometry
+from trackslip.logs.refused import Refused
 from trackslip.slip.families import FAMILIES
 
 _MIN_SAMPLES = 6  # minimum number of samples to detect outliers

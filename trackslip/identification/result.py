@@ -12,8 +12,9 @@ from typing import Any
 from trackslip.errors import OutputError, TrackslipError
 from trackslip.identification.comparison import Comparison
 from trackslip.identification.fitted import FittedLaw
-from trackslip.identification.samples import Refused, SlipSamples
+from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import RobotGeometry
+from trackslip.logs.refused import Refused
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.families import FAMILIES

@@ -10,9 +10,12 @@ import numpy as np
 from trackslip.errors import InvalidValueError, LogError, require_non_negative
 from trackslip.identification.plausibility import require_plausible
 from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
+from trackslip.logs.refused import Refused
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.methods import MOTION_METHODS, best_method
 from trackslip.motion.steady import SETTLE, require_steady_motion, steady_part
+
+_OPTIONAL = ("covariance", "lateral", "lateral_stderr")  # fields of SlipSamples
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,8 @@ class SlipSamples:
     slip: Array  # (n, 2)
     run: tuple[str, ...]  # (n,) names
     covariance: Array | None = None  # (n, 2, 2) of the errors of the twists, if known
+    lateral: Array | None = None  # (n,) speed to the left in the frame of the measured heading, if measured [m/s]
+    lateral_stderr: Array | None = None  # (n,) its standard errors [m/s]
 
     def __len__(self) -> int:
         return len(self.run)
@@ -41,46 +46,46 @@ class SlipSamples:
 
     @classmethod
     def of(
-        cls, omega: Array, twist: Array, geometry: RobotGeometry, run: Sequence[str], covariance: Array | None = None
+        cls,
+        omega: Array,
+        twist: Array,
+        geometry: RobotGeometry,
+        run: Sequence[str],
+        covariance: Array | None = None,
+        lateral: Array | None = None,
+        lateral_stderr: Array | None = None,
     ) -> SlipSamples:
-        """Samples from steady sprocket speeds and twists (n, 2), with covariances (n, 2, 2) if known; Eqs. 2-3.
+        """Samples from steady sprocket speeds and twists (n, 2); Eqs. 2-3.
+
+        With covariances (n, 2, 2) of the twists, lateral speeds (n,) and their standard errors (n,) if known.
 
         Raises LogError if a sprocket stands still, so that its slip is undefined, or a slip is implausible.
         """
         slip = track_slip(omega, twist, geometry)
         require_plausible(omega, twist, slip, geometry, run)
-        return cls(omega, twist, slip, tuple(run), covariance)
+        return cls(omega, twist, slip, tuple(run), covariance, lateral, lateral_stderr)
 
     @classmethod
     def joined(cls, parts: Sequence[SlipSamples]) -> SlipSamples:
         """Concatenate samples."""
-        covariances = [part.covariance for part in parts if part.covariance is not None]
+
+        def known(name: str) -> Array | None:
+            values = [value for part in parts if (value := getattr(part, name)) is not None]
+            return np.concatenate(values) if len(values) == len(parts) else None
+
         return cls(
             omega=np.concatenate([part.omega for part in parts]),
             twist=np.concatenate([part.twist for part in parts]),
             slip=np.concatenate([part.slip for part in parts]),
             run=tuple(name for part in parts for name in part.run),
-            covariance=np.concatenate(covariances) if len(covariances) == len(parts) else None,
+            **{name: known(name) for name in _OPTIONAL},
         )
 
     def take(self, rows: np.ndarray) -> SlipSamples:
         """The samples `rows`."""
         run = tuple(np.array(self.run, object)[rows])
-        covariance = None if self.covariance is None else self.covariance[rows]
-        return SlipSamples(self.omega[rows], self.twist[rows], self.slip[rows], run, covariance)
-
-
-@dataclass(frozen=True)
-class Refused:
-    """A run that gave no sample or was excluded from the fits."""
-
-    run: str
-    """Name of the run."""
-    reason: str
-    """Why it was excluded."""
-
-    def __str__(self) -> str:
-        return f"run {self.run!r} left out: {self.reason}"
+        optional = {name: None if (values := getattr(self, name)) is None else values[rows] for name in _OPTIONAL}
+        return SlipSamples(self.omega[rows], self.twist[rows], self.slip[rows], run, **optional)
 
 
 @dataclass(frozen=True)
@@ -150,7 +155,11 @@ def _sample(
     require_steady_motion(part)
     omega = part.log.omega[part.rows].mean(axis=0)
     steady = MOTION_METHODS[method](part.log, part.window)
-    sample = SlipSamples.of(omega[None], steady.twist[None], geometry, [log.run], steady.covariance[None])
+    lateral = None if steady.lateral is None else np.array([steady.lateral])
+    lateral_stderr = None if steady.lateral_stderr is None else np.array([steady.lateral_stderr])
+    sample = SlipSamples.of(
+        omega[None], steady.twist[None], geometry, [log.run], steady.covariance[None], lateral, lateral_stderr
+    )
     return sample, part.notes
 
 

@@ -38,6 +38,10 @@ class Columns:
             raise LogError(f"{self._source}: row {k + 1}, column {name}: {given!r} is not a finite number")
         return values
 
+    def gappy(self, names: Sequence[str]) -> Array:
+        """Values (T, len(names)) with NaN for nulls and NaN."""
+        return np.stack([self._parse(name) for name in names], axis=-1)
+
     def optional(self, names: Sequence[str]) -> Array | None:
         """Values (T, len(names)) with NaN for nulls, or None if a column is missing."""
         if any(name not in self._table.column_names for name in names):

@@ -18,8 +18,8 @@ class Truth:
 
     pose: Array  # (T, 3) [m, m, rad]
     twist: Array  # (T, 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]
-    traction: Array  # (T, 2) force of the ground on each track, along the robot [N]
-    torque: Array  # (T, 2) torque of each motor, at its sprocket [N m]
+    traction: Array | None = None  # (T, 2) force of the ground on each track, along the robot [N]
+    torque: Array | None = None  # (T, 2) torque of each motor, at its sprocket [N m]
     power: Array | None = None  # (T, 2) electrical power of each motor, mean since the previous row [W]
     saturated: Array | None = None  # (T, 2) share of time since the previous row with the motor at its limit [-]
     lean: Array | None = None  # (T,) offset of the scanned plate to the left of the robot [m]
@@ -34,7 +34,7 @@ class RunLog:
     """Name of the run, unique within a file."""
     time: Array  # (T,) [s], ascending
     omega: Array  # (T, 2) measured sprocket speeds [rad/s]
-    pose: Array  # (T, 3) estimated pose [m, m, rad], phi unwrapped
+    pose: Array  # (T, 3) estimated pose [m, m, rad], phi unwrapped; phi is NaN where no heading was measured
     command: Array | None = None  # (T, 2) commanded sprocket speeds [rad/s]
     twist_command: Array | None = None  # (T, 2) body twist commanded by a controller [m/s, rad/s]
     icr: Array | None = None  # (T, 2) D [m] and epsilon [-] of the constant ICRs used for slip compensation
@@ -56,6 +56,7 @@ class RunLog:
         names = ("x", "y", "phi", "omega_l", "omega_r")
         bad = ~np.isfinite(np.concatenate([self.pose, self.omega], axis=1))
         bad[:, :3] &= self.is_valid[:, None]
+        bad[:, 2] &= ~np.isnan(self.pose[:, 2])  # no heading
         if bad.any():
             k, j = np.argwhere(bad)[0]
             raise LogError(f"run {self.run!r}: {names[j]} is not finite in row {k + 1}")
@@ -64,6 +65,11 @@ class RunLog:
     def is_valid(self) -> np.ndarray:
         """(T,) bool: whether each pose was measured."""
         return np.ones(len(self.time), bool) if self.valid is None else self.valid
+
+    @property
+    def has_heading(self) -> np.ndarray:
+        """(T,) bool: whether the pose was measured with its heading."""
+        return self.is_valid & np.isfinite(self.pose[:, 2])
 
     def __repr__(self) -> str:
         optional = ("command", "twist_command", "icr", "covariance", "valid", "truth", "scans")

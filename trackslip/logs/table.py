@@ -23,7 +23,7 @@ from trackslip.logs.runlog import RunLog, Truth
 from trackslip.logs.scan_columns import SCANNED, from_list_column, list_column, scan_columns, scans_from_table
 from trackslip.logs.schema import COLUMNS, with_units
 
-REQUIRED = ("run", "t", "omega_l", "omega_r", "x", "y", "phi")
+REQUIRED = ("run", "t", "omega_l", "omega_r", "x", "y")
 SAMPLE_COLUMNS = ("omega_l", "omega_r", "v", "w")
 _BLOCKS: dict[str, tuple[str, ...]] = {  # columns of fields of a RunLog
     "command": ("omega_cmd_l", "omega_cmd_r"),
@@ -101,9 +101,14 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
     if not keys:
         raise LogError(f"{source}: no rows")
     metadata = _stored_metadata(table, source)
-    valid = columns.boolean("valid", label)
-    ok = np.ones(len(label), bool) if valid is None else valid
     time = columns.numbers(("t",))[:, 0]
+    omega, pose = columns.gappy(_BLOCKS["omega"]), columns.gappy(_BLOCKS["pose"][:2])
+    phi = columns.optional(("phi",))
+    pose = np.column_stack([pose, np.full(len(pose), np.nan) if phi is None else phi])
+    ok = np.asarray(np.isfinite(pose[:, :2]).all(axis=1))
+    stated = columns.boolean("valid", label)
+    valid = ok if stated is None else ok & stated
+    ok = valid
     rows_of = {key: np.flatnonzero(label == number) for number, key in enumerate(keys)}
     for key, rows in rows_of.items():
         backwards = np.flatnonzero(np.diff(time[rows]) <= 0)
@@ -113,14 +118,17 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
                 f"{source}: row {row + 1}, column t: {time[row]:g} is not after {time[before]:g}, "
                 f"the time before it in run {key!r}"
             )
-    omega, pose = columns.numbers(_BLOCKS["omega"]), columns.numbers(_BLOCKS["pose"], where=ok)
     blocks = {field: columns.optional(_BLOCKS[field]) for field in _OPTIONAL}
     upper = columns.optional(_COVARIANCE)
     blocks["covariance"] = None if upper is None else _symmetric(upper)
     truth = {field: columns.optional(names) for field, names in _TRUTH.items()}
     logs = []
     for key, rows in rows_of.items():
-        measured = rows[ok[rows]]
+        with_encoder = np.flatnonzero(np.isfinite(omega[rows]).all(axis=1))
+        covering = np.searchsorted(with_encoder, np.arange(len(rows)))  # the next row that has a reading
+        rows = rows[: with_encoder[-1] + 1] if with_encoder.size else rows[:0]
+        omega[rows] = omega[rows[with_encoder[covering[: len(rows)]]]]
+        measured = rows[ok[rows] & np.isfinite(pose[rows, 2])]
         try:
             require_headings(time[measured], pose[measured], key)
             logs.append(
@@ -130,7 +138,7 @@ def runs_from_table(table: pa.Table, source: str) -> list[RunLog]:
                     omega=omega[rows],
                     pose=_unwrapped(pose[rows]),
                     **_present(blocks, rows),
-                    valid=None if valid is None else valid[rows],
+                    valid=None if stated is None and valid[rows].all() else valid[rows],
                     truth=_truth(_present(truth, rows), from_list_column(table, _CONTACT, rows)),
                     scans=scans_from_table(table, rows, metadata.get(key, {})),
                     metadata={k: value for k, value in metadata.get(key, {}).items() if k != SCANNED},
@@ -186,7 +194,7 @@ def _present(blocks: Mapping[str, Array | None], rows: np.ndarray) -> dict[str, 
 
 
 def _truth(parts: dict[str, Any], contact: Array | None) -> Truth | None:
-    if not {"pose", "twist", "traction", "torque"} <= set(parts):
+    if not {"pose", "twist"} <= set(parts):
         return None
     if "lean" in parts:
         parts["lean"] = parts["lean"][:, 0]

@@ -9,7 +9,6 @@ from trackslip.logs.runlog import RunLog
 from trackslip.motion.steady_twist import SteadyTwist, long_run_covariance, require_poses, within
 
 MIN_ARC_POSES = 12  # minimum number of valid poses for an arc
-CHOSEN = np.array([3, 5])  # indices of v and w among the parameters x, y, phi, v, u, w
 _SCALE = np.array([0.0025, 0.0025, np.radians(0.3)])  # weights of position [m] and heading [rad]
 _HUBER = 3.0  # residual above which the loss is linear [_SCALE, or the spread of the residuals if larger]
 _ITERATIONS = 50
@@ -23,14 +22,14 @@ def arc(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     fit worse. Huber's loss limits outliers. The covariance is that of an M-estimator with scores correlated in time.
     Raises LogError if there are fewer than MIN_ARC_POSES valid poses.
     """
-    rows = within(log.time, window) & log.is_valid
+    rows = within(log.time, window) & log.has_heading
     require_poses(rows, MIN_ARC_POSES, log, window)
     time = log.time[rows] - log.time[rows].mean()
     parameters, hessian, scores, count = fit_arc(time, log.pose[rows])
     inverse = np.linalg.inv(hessian)
     covariance = inverse @ (len(time) * long_run_covariance(scores)) @ inverse
     correction = count / (count - len(parameters))
-    return SteadyTwist(parameters[CHOSEN], covariance[np.ix_(CHOSEN, CHOSEN)] * correction)
+    return SteadyTwist.of_arc(parameters, covariance * correction)
 
 
 def fit_arc(time: Array, pose: Array) -> tuple[Array, Array, Array, int]:

@@ -14,7 +14,7 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.localization.likelihood import Beams, Evaluation, PlateLikelihood
 from trackslip.logs.runlog import RunLog
-from trackslip.motion.arc import CHOSEN, MIN_ARC_POSES, fit_arc, poses_on_arc
+from trackslip.motion.arc import MIN_ARC_POSES, fit_arc, poses_on_arc
 from trackslip.motion.steady_twist import SteadyTwist, long_run_covariance, require_poses, within
 
 _HUBER = 3.0  # residual of a range above which its loss is linear [standard deviations]
@@ -36,7 +36,7 @@ def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     if log.scans is None:
         raise LogError(f"run {log.run!r}: has no ranges, which bundle needs; arc fits poses")
     scans, rows = log.scans, within(log.time, window)
-    valid = rows & log.is_valid
+    valid = rows & log.has_heading
     require_poses(valid, MIN_ARC_POSES, log, window)
     centre = log.time[valid].mean()
     parameters = fit_arc(log.time[valid] - centre, scans.scan.from_world(log.pose[valid]))[0]
@@ -74,4 +74,4 @@ def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     scattered = len(time) * long_run_covariance(scores)
     excess = np.trace(covariance @ scattered) / len(parameters)  # 1 for uncorrelated ranges as noisy as stated
     inflation = excess if excess > _CHANCE else 1.0
-    return SteadyTwist(parameters[CHOSEN], inflation * covariance[np.ix_(CHOSEN, CHOSEN)])
+    return SteadyTwist.of_arc(parameters, inflation * covariance)

@@ -61,7 +61,7 @@ def mean_twist(motion: Motion, log: RunLog, window: tuple[float, float]) -> Stea
 
 def even_poses(log: RunLog) -> tuple[Array, Array]:
     """Evenly spaced times (M,) [s] and the poses (M, 3), resampled along arcs; raises LogError like the filters."""
-    valid = log.is_valid
+    valid = log.has_heading
     if valid.sum() < _MIN_FILTERED_ROWS:
         raise LogError(f"run {log.run!r}: {int(valid.sum())} valid poses, needs at least {_MIN_FILTERED_ROWS}")
     time = log.time[valid]

@@ -11,6 +11,8 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 
+_TWIST, _LATERAL = np.array([3, 5]), 4  # indices of v and w, and of u, among the parameters x, y, phi, v, u, w
+
 
 @dataclass(frozen=True)
 class Motion:
@@ -27,6 +29,20 @@ class SteadyTwist:
 
     twist: Array  # (2,) [m/s, rad/s]
     covariance: Array  # (2, 2) of its error, accounting for correlation in time
+    lateral: float | None = None
+    """Speed to the left in the frame of the measured heading [m/s]; None if the method does not measure it."""
+    lateral_stderr: float | None = None
+    """Its standard error, accounting for correlation in time [m/s]."""
+
+    @classmethod
+    def of_arc(cls, parameters: Array, covariance: Array) -> SteadyTwist:
+        """From the parameters x, y, phi, v, u, w (6,) of an arc and their covariance (6, 6)."""
+        return cls(
+            parameters[_TWIST],
+            covariance[np.ix_(_TWIST, _TWIST)],
+            float(parameters[_LATERAL]),
+            float(np.sqrt(covariance[_LATERAL, _LATERAL])),
+        )
 
 
 MotionMethod = Callable[[RunLog, tuple[float, float]], SteadyTwist]

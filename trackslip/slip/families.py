@@ -18,6 +18,7 @@ from trackslip.slip.constant import Constant, NoSlip
 from trackslip.slip.exponential import Exponential, ExponentialSpeed
 from trackslip.slip.icr import ConstantIcr, IcrSides
 from trackslip.slip.power import Hyperbola, Power
+from trackslip.slip.turn_loss import TurnLoss
 
 
 @dataclass(frozen=True)
@@ -83,6 +84,7 @@ _EXPONENT = Parameter((-1.0, -0.3, -3.0), -50.0, -1e-3, 1.0, "")
 _GROWTH = Parameter((0.0,), -20.0, 20.0, 0.1, "s/m")
 _OFFSET = Parameter((0.3, 0.0, 2.0), -0.99, 50.0, 0.3, "m")
 _RADIUS_ERROR = Parameter((0.0,), -0.5, 0.5, 0.01, "")
+_TURN_LOSS = Parameter((0.0, 0.5), -1.0, 0.99, 0.1, "")
 
 _CONSTANT = {"slip_outer": _SLIP_OUTER, "slip_inner": _SLIP_INNER}
 _EXPONENTIAL = {"alpha_outer": _SLIP_OUTER, "beta_outer": _DECAY, "alpha_inner": _SLIP_INNER, "beta_inner": _DECAY}
@@ -93,6 +95,7 @@ _HYPERBOLA = {
     "pole": Parameter((1.3, 0.5, 2.0), 0.0, 50.0, 0.3, "m"),
 }
 _RADIUS = {"offset": _OFFSET, "radius_error": _RADIUS_ERROR}
+_LOSS = _RADIUS | {"turn_loss": _TURN_LOSS}
 _SIDES = {f"{name}_{side}": parameter for name, parameter in _RADIUS.items() for side in ("left", "right")}
 
 FAMILIES: dict[str, LawFamily] = {
@@ -106,6 +109,7 @@ FAMILIES: dict[str, LawFamily] = {
     "icr_radius": LawFamily(
         "constant ICR, with an error of the effective sprocket radius", _RADIUS, _build(ConstantIcr, gauge=True)
     ),
+    "turn_loss": LawFamily("constant ICR, with a loss of speed in turns", _LOSS, _build(TurnLoss, gauge=True)),
     "icr_sides": LawFamily("constant ICR, left and right different", _SIDES, _build(IcrSides, gauge=True)),
 }
 """Families by name, simple ones first."""

@@ -9,6 +9,7 @@ from trackslip.slip.constant import Constant, NoSlip
 from trackslip.slip.exponential import PUBLISHED, Exponential, ExponentialSpeed
 from trackslip.slip.icr import ConstantIcr, IcrSides
 from trackslip.slip.power import Hyperbola, Power
+from trackslip.slip.turn_loss import TurnLoss
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 LAWS = [
@@ -18,6 +19,7 @@ LAWS = [
     ConstantIcr(0.045, 0.168, 0.0067),
     Hyperbola(0.043, 0.2),
     Power(0.33, -1.25, -0.85, -1.28, 0.168),
+    TurnLoss(0.045, 0.168, 0.0067, 0.3),
 ]
 SPEED = ExponentialSpeed(0.07, -0.68, -0.15, -0.63, 0.1, -0.2)
 SIDES = IcrSides(0.04, 0.05, 0.005, 0.012, 0.168)
@@ -79,10 +81,39 @@ def test_a_twist_is_found_from_its_sprocket_speeds(law, v, radius, left, backwar
     np.testing.assert_allclose(back, twist, atol=1e-9)
 
 
-@pytest.mark.parametrize("law", [NoSlip(), ConstantIcr(0.045, 0.168, 0.0067), SIDES])
+@pytest.mark.parametrize("law", [NoSlip(), ConstantIcr(0.045, 0.168, 0.0067), SIDES, LAWS[-1]])
 def test_turning_in_place_and_standing_are_twists_too(law):
     for twist in ([0.0, 0.5], [0.0, -0.5], [0.0, 0.0]):
         np.testing.assert_allclose(law.twist(law.sprocket_speeds(twist, GEOMETRY), GEOMETRY), twist, atol=1e-12)
+
+
+@given(v=st.floats(-3, 3), w=st.floats(-9, 9), loss=st.floats(-7.9, 0.99))
+def test_the_belts_of_a_robot_that_loses_speed_in_turns(v, w, loss):
+    """Their mean speed is the only real root of a cubic, which NumPy finds as an eigenvalue."""
+    law = TurnLoss(0.045, 0.168, 0.0067, loss)
+    omega = law.sprocket_speeds([v, w], GEOMETRY)
+    np.testing.assert_allclose(law.twist(omega, GEOMETRY), [v, w], rtol=1e-12, atol=1e-14)
+    left, right = omega * 0.06 * 1.0067
+    d = (0.168 + 0.045) * w
+    assert (right - left) / 2 == pytest.approx(d, abs=1e-14)
+    roots = np.roots([1, -v, (1 - loss) * d**2, -v * d**2])
+    assert np.abs(roots - (right + left) / 2).min() == pytest.approx(0, abs=1e-4)  # of a triple root, as with w = 0
+
+
+@given(kappa=curvatures)
+def test_without_a_loss_the_icr_is_constant(kappa):
+    icr, law = ConstantIcr(0.045, 0.168, 0.0067), TurnLoss(0.045, 0.168, 0.0067)
+    np.testing.assert_allclose(law(kappa), icr(kappa), atol=1e-9)
+    omega = [1.0, 1.0 + kappa]
+    np.testing.assert_allclose(law.twist(omega, GEOMETRY), icr.twist(omega, GEOMETRY), atol=1e-15)
+
+
+def test_losses_of_many_laws_at_once():
+    law = TurnLoss(np.array([[0.02], [0.1]]), 0.168, np.zeros((2, 1)), np.array([[0.5], [-0.5]]))
+    twist = np.array([[0.2, 0.5], [0.0, 0.5], [-1e-9, 0.5], [0.0, 0.0], [3.0, 1e-12]])
+    omega = law.sprocket_speeds(twist, GEOMETRY)
+    np.testing.assert_allclose(law.twist(omega, GEOMETRY), np.tile(twist, (2, 1, 1)), rtol=1e-12, atol=1e-15)
+    np.testing.assert_array_equal(omega[0], TurnLoss(0.02, 0.168, 0.0, 0.5).sprocket_speeds(twist, GEOMETRY))
 
 
 def test_many_laws_at_once():
@@ -118,6 +149,8 @@ def test_special_cases_agree():
         (lambda: ConstantIcr(0.04, 0.168, -1.0), "radius_error"),
         (lambda: IcrSides(0.04, -0.2, 0.0, 0.0, 0.168), "offset_right"),
         (lambda: Hyperbola(0.04, -0.1), "pole"),
+        (lambda: TurnLoss(-0.2, 0.168), "offset"),
+        (lambda: TurnLoss(0.04, 0.168, 0.0, 1.0), "turn_loss"),
         (lambda: Power(0.3, 0.2, -0.8, -1.0, 0.168), "beta_outer"),
         (lambda: Constant(0.0, 1.0), "slip_inner"),
         (lambda: ExponentialSpeed(0.07, -0.68, -0.15, -0.63, np.nan, 0.0), "gamma_outer"),
