@@ -114,7 +114,7 @@ def identify_samples(
 ) -> Identification:
     """Leave out outliers, fit and compare the laws; raises LogError if the samples determine no law.
 
-    `sensor` and `estimate_sensor` are those of `with_sensor`; by default the sensor is taken to be at the robot's centre.
+    `sensor` and `estimate_sensor` are those of `with_sensor`; by default the sensor is at the robot's centre.
     """
     centred, _, notes = with_sensor(sampling.samples, geometry, sensor, estimate_sensor)
     samples, outliers = split_outliers(centred, geometry)
