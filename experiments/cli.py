@@ -27,11 +27,13 @@ from experiments.options.track import TrackConfig
 from experiments.options.train import TrainConfig
 from experiments.options.validate import ValidateConfig
 from experiments.options.view import ViewConfig
+from experiments.options.wander import WanderConfig
 from trackslip.errors import InvalidValueError, TrackslipError
 
 COMMANDS: dict[str, Any] = {
     "reproduce": ReproduceConfig,
     "grid": SweepConfig,
+    "wander": WanderConfig,
     "identify": IdentifyConfig,
     "track": TrackConfig,
     "benchmark": BenchmarkConfig,
@@ -67,6 +69,10 @@ COMMAND_EXAMPLES = (
     ("a thousand runs", "trackslip grid --grounds stone ice --slope 0 0.05 --seeds 0 1 2 3 4 5 6 7 8 9"),
     ("over any option", "trackslip grid --vary scanner.noise=0.005,0.02 robot.half_gauge=0.15,0.2"),
     ("on a Dask cluster", "trackslip grid --sweep sweep.toml --executor dask://host:8786"),
+    ("two minutes of teleoperation, poses as from SLAM", "trackslip wander"),
+    ("ten drives with GNSS", "trackslip wander --drives 10 --source gnss --out out/gnss"),
+    ("a late clock and a jump", "trackslip wander --source.delay 0.15 --source.jumps 1 --source.jump-size 0.5"),
+    ("exactly by a law, to check an estimate", "trackslip wander --motion law --law.offset 0.04"),
     ("from a stored grid", "trackslip identify out/grid"),
     ("from a real robot's log", "trackslip identify log.csv --half-gauge 0.168 --sprocket-radius 0.06"),
     ("from some runs of a sweep", "trackslip identify out/grid --where ground=ice seed=0"),
@@ -89,7 +95,8 @@ COMMAND_EXAMPLES = (
     ("the shipped robot", "trackslip validate"),
     ("a calibrated robot", "trackslip validate --robot out/calibrate/robot.toml"),
     ("a thousand repeats", "trackslip coverage"),
-    ("fewer", "trackslip coverage --repeats 100 --run-repeats 40 --drives 4"),
+    ("fewer", "trackslip coverage --repeats 100 --run-repeats 40 --grids 4"),
+    ("laws from teleoperated drives", "trackslip coverage --drives"),
     ("the paper's grid", "trackslip sensitivity"),
     ("a smaller one", "trackslip sensitivity --radii 0.5 1.5 --speeds 0.1 0.2 --duration 20"),
     ("the simulator", "trackslip bench"),

@@ -1,10 +1,8 @@
 """What is known about each run of a benchmark, and the means over seeds."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -45,7 +43,7 @@ class Measures:
     """Error of the sprocket radius that it found, at the end [-]."""
 
     @classmethod
-    def mean(cls, measured: Sequence[Measures]) -> Measures:
+    def mean(cls, measured: Sequence[Self]) -> Self:
         """Means over the runs that have a value."""
         return cls(**{f.name: _mean(getattr(one, f.name) for one in measured) for f in fields(cls)})
 
@@ -81,7 +79,7 @@ class CaseRow:
         return {"run": self.case.run, "id": id, "error": self.error, "row": plain(self)}
 
     @classmethod
-    def from_part(cls, stored: Mapping[str, Any]) -> CaseRow:
+    def from_part(cls, stored: Mapping[str, Any]) -> Self:
         """From what `to_part` gave."""
         row = stored["row"]
         case, measures, times = Case(**row["case"]), Measures(**row["measures"]), tuple(row["compute_ms"])
@@ -125,7 +123,7 @@ class BenchmarkRow(BoardEntry):
         return row | means | {f"{name}_ci95": ends for name, ends in intervals.items()}
 
     @classmethod
-    def of(cls, runs: Sequence[CaseRow]) -> BenchmarkRow:
+    def of(cls, runs: Sequence[CaseRow]) -> Self:
         """From the rows of its runs."""
         measured = [run.measures for run in runs if run.error is None]
         times = [time for run in runs for time in run.compute_ms]

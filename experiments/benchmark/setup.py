@@ -1,11 +1,10 @@
 """A benchmark's names resolved to objects: robot, grounds, laws, references, controllers."""
 
-from __future__ import annotations
-
 import importlib.util
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Self
 
 import numpy as np
 
@@ -35,7 +34,7 @@ class Setup:
     world: World
 
     @classmethod
-    def of(cls, config: BenchmarkConfig) -> Setup:
+    def of(cls, config: BenchmarkConfig) -> Self:
         """The setup of a configuration; raises TrackslipError for a file or name that does not exist."""
         return cls(config, World.of(config.simulation()))
 

@@ -92,7 +92,7 @@ def _drive_and_gather(config: SweepConfig, runs: Sequence[Run], parts: Parts, fo
             write_table(rows, list(runs[0].axes), folder / TABLE_FILE)
     in_full = numbers_in_full(config, runs, rows, lambda: read_runs(file), watch)
     made_by = {one.row["made_by"]: one.made_by for one in sorted(stored, key=lambda one: one.row["made_by"])}
-    simulated = sum(one.config.duration for one in missing)
+    simulated = sum(one.setting.config.duration for one in missing)
     timing = Timing(simulated, driving, watch.stages, len(missing), len(runs) - len(missing), wall_s=0.0)
     return SweepSummary(grids_of(runs, rows), warnings_of(rows), in_full, rows, made_by, timing)
 
@@ -107,7 +107,7 @@ def _drive(
     unfinished: list[RunLog] = []
     jobs = config.jobs or processors()
     jobs = min(jobs, len(fleets(missing, jobs)))
-    total, left = (sum(one.config.duration for one in some) for some in (runs, missing))
+    total, left = (sum(one.setting.config.duration for one in some) for some in (runs, missing))
     with (
         progress(f"{len(runs)} runs, scans and poses", total, done=total - left) as report,
         workers(config.executor, jobs) as pool,

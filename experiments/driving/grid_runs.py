@@ -1,12 +1,10 @@
 """Open-loop runs in front of the scanner: the paper's grid of radii and speeds, and any other set of cells."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Self, cast
 
 import numpy as np
 
@@ -45,7 +43,7 @@ class Cell:
     metadata: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def at(cls, radius: float, speed: float) -> Cell:
+    def at(cls, radius: float, speed: float) -> Self:
         """A run defined by nothing but its radius [m] and speed [m/s]."""
         name = f"radius={radius!r} speed={speed!r}"
         return cls(name, name, radius, speed)

@@ -26,7 +26,8 @@ from trackslip.trajectory.named import load_reference
 _ONLINE, _ONLINE_COLD = "online", "online_cold"
 _POLICY = "ppo:"
 _MARGIN = 0.98  # share of the top speed that the MPC plans with
-_REACH = 1.27  # (b + D) / b on hard ground: how far out slip compensation places the tracks
+REACH = 1.27
+"""(b + D) / b on hard ground: how far out slip compensation places the tracks [-]."""
 _PRIOR = "icr_radius"  # the law that `online` starts from
 
 
@@ -60,7 +61,7 @@ def controller(name: str, robot: RobotGeometry, top_speed: float) -> Controller:
     `top_speed` is that of the tracks [m/s]. Raises InvalidValueError for any other name.
     """
     if name == "mpc":
-        return ModelPredictive(track_speed=_MARGIN * top_speed, half_gauge=_REACH * robot.half_gauge)
+        return ModelPredictive(track_speed=_MARGIN * top_speed, half_gauge=REACH * robot.half_gauge)
     if name in CONTROLLERS:
         return CONTROLLERS[name]()
     if name.startswith(_POLICY):

@@ -1,11 +1,9 @@
 """The simulated world that a command's options describe: robot, ground, drives, scanner, obstacles."""
 
-from __future__ import annotations
-
 import functools
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -35,14 +33,27 @@ class Specification:
     obstacles: Obstacles
 
     @classmethod
-    def of(cls, config: Simulation) -> Specification:
+    def of(cls, config: Simulation) -> "Specification":
         """Read the files that the options name; raises TrackslipError for a file or name that does not exist."""
-        parameters, ground = load_robot_file(config.robot)
+        return WorldFiles().specification(config)
+
+
+class WorldFiles:
+    """Robots, grounds and obstacles by name or file; each file is read once."""
+
+    def __init__(self) -> None:
+        self._robot = functools.cache(load_robot_file)
+        self._ground = functools.cache(load_ground)
+        self._obstacles = functools.cache(load_obstacles)
+
+    def specification(self, config: Simulation) -> Specification:
+        """The world that the options name; raises TrackslipError for a file or name that does not exist."""
+        parameters, ground = self._robot(config.robot)
         if config.ground.source is not None:
-            ground = load_ground(config.ground.source)
-        obstacles = Obstacles() if config.obstacles is None else load_obstacles(config.obstacles)
+            ground = self._ground(config.ground.source)
+        obstacles = Obstacles() if config.obstacles is None else self._obstacles(config.obstacles)
         error = parameters.radius_error if config.radius_error is None else config.radius_error
-        return cls(parameters, config.ground.changed(ground), error, obstacles)
+        return Specification(parameters, config.ground.changed(ground), error, obstacles)
 
 
 @dataclass(frozen=True)
@@ -53,7 +64,7 @@ class World(Specification):
     robot: Robot
 
     @classmethod
-    def of(cls, config: Simulation, specification: Specification | None = None) -> World:
+    def of(cls, config: Simulation, specification: Specification | None = None) -> Self:
         """Build the world of a command; raises TrackslipError for a file or name that does not exist."""
         given = specification or Specification.of(config)
         return cls(**vars(given), config=config, robot=_compiled(given.parameters, config.rrd))

@@ -1,12 +1,10 @@
 """The numbers of a grid of steady left turns: radii, slips, and the errors of slip and localization."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
 
@@ -34,7 +32,7 @@ class OuterInner(Generic[T]):
     inner: T
 
     @classmethod
-    def of(cls, values: Array, number: Callable[[Array], T]) -> OuterInner[T]:
+    def of(cls, values: Array, number: Callable[[Array], T]) -> "OuterInner[T]":
         """A number of each track from values (n, 2) in left turns, left track first."""
         return cls(number(values[:, 1]), number(values[:, 0]))
 
@@ -49,7 +47,7 @@ class ErrorStatistics:
     """Standard deviation [-]."""
 
     @classmethod
-    def of(cls, error: Array) -> ErrorStatistics:
+    def of(cls, error: Array) -> Self:
         """Of errors (n,) [-], leaving out NaN."""
         known = error[~np.isnan(error)]
         return cls(float(known.mean()), float(known.std())) if known.size else cls(math.nan, math.nan)
@@ -95,7 +93,7 @@ class PoseErrors:
     """Share of the scans that gave a pose [-]."""
 
     @classmethod
-    def of(cls, logs: Sequence[RunLog]) -> PoseErrors:
+    def of(cls, logs: Sequence[RunLog]) -> "PoseErrors":
         """Of simulated runs."""
         error = np.concatenate([log.pose - log.truth.pose for log in logs if log.truth is not None])
         valid = float(np.concatenate([log.is_valid for log in logs]).mean())
@@ -110,7 +108,7 @@ class LocalizationErrors(PoseErrors):
     """Valid poses per second [1/s]."""
 
     @classmethod
-    def of(cls, logs: Sequence[RunLog]) -> LocalizationErrors:
+    def of(cls, logs: Sequence[RunLog]) -> Self:
         """Of simulated runs with one sampling period."""
         poses = PoseErrors.of(logs)
         return cls(**vars(poses), rate_hz=poses.valid_fraction / float(np.median(np.diff(logs[0].time))))

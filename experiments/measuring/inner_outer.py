@@ -1,8 +1,7 @@
 """Slip of the inner and outer track in steady turns, with standard errors; slip laws expressed in the same terms."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -36,7 +35,7 @@ class InnerOuterSamples:
     """None where the samples have none."""
 
     @classmethod
-    def of(cls, samples: SlipSamples, geometry: RobotGeometry) -> InnerOuterSamples:
+    def of(cls, samples: SlipSamples, geometry: RobotGeometry) -> Self:
         """The left track is the inner one where the curvature is positive, the right one elsewhere."""
         turning = samples.take(np.abs(samples.radius) < _STRAIGHT)
         left = turning.curvature > 0

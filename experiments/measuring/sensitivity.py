@@ -1,9 +1,8 @@
 """Disturbances of scanner, mounting and field, and the errors of slip and localization under each."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 
@@ -75,7 +74,7 @@ class SlipErrors(ErrorStatistics):
     """Absolute [-]."""
 
     @classmethod
-    def of(cls, error: Array) -> SlipErrors:
+    def of(cls, error: Array) -> Self:
         """Of errors (n,) [-]."""
         return cls(float(error.mean()), float(error.std()), float(np.abs(error).max()))
 
@@ -105,9 +104,7 @@ class SensitivityRow:
     """Why runs could not be used."""
 
     @classmethod
-    def of(
-        cls, disturbance: Disturbance, logs: Sequence[RunLog], geometry: RobotGeometry, motion: str | None
-    ) -> SensitivityRow:
+    def of(cls, disturbance: Disturbance, logs: Sequence[RunLog], geometry: RobotGeometry, motion: str | None) -> Self:
         """Evaluate a disturbed grid of left turns with a motion method, by default the most exact one."""
         slip, warnings = slip_errors(logs, geometry, motion)
         errors = OuterInner.of(slip, SlipErrors.of) if len(slip) else None
@@ -118,7 +115,7 @@ class SensitivityRow:
 def slip_errors(logs: Sequence[RunLog], geometry: RobotGeometry, motion: str | None) -> tuple[Array, tuple[str, ...]]:
     """Errors (n, 2) [-] of slip in the n runs that can be used, left track first; and why the others cannot."""
     try:
-        sampling = usable_samples(logs, geometry, method=motion)
+        sampling = usable_samples(logs, geometry, method=motion, longest=True)
     except LogError as error:
         return np.empty((0, 2)), (str(error),)
     truth = true_samples([log for log in logs if log.run in sampling.samples.run], geometry)

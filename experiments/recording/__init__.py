@@ -1,7 +1,5 @@
 """Record RunLogs for the rerun viewer. Importing this does not import rerun; recording does."""
 
-from __future__ import annotations
-
 import itertools
 import re
 from collections.abc import Mapping, Sequence

@@ -1,7 +1,5 @@
 """How the viewer opens: 3-D and plan on the left, plots over time on the right, around the moment of interest."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 

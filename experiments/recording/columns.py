@@ -1,7 +1,5 @@
 """Send runs to rerun by columns: one call per quantity, not per row."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Results of commands whose runs may fail: what was driven until then is kept, so that it can be inspected."""
 
-from __future__ import annotations
-
 import contextlib
 import time
 from collections.abc import Iterator

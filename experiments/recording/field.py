@@ -1,7 +1,5 @@
 """The field: ground, scanner and obstacles, of which only people move."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The robot in a recording: its geometry, its pose, the forces on it, and its paths: driven, measured and desired."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import mujoco

@@ -1,7 +1,5 @@
 """The appearance of the compiled model: one mesh of coloured triangles per body, and the shoes of its tracks."""
 
-from __future__ import annotations
-
 import contextlib
 import functools
 from collections.abc import Collection, Mapping

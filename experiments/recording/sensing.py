@@ -1,7 +1,5 @@
 """Measurements of the robot: the scans, the plate found in them, and its covariance."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 import rerun as rr

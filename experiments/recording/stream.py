@@ -1,7 +1,5 @@
 """Send one run, or several side by side, to a rerun stream."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from uuid import uuid4

@@ -1,7 +1,5 @@
 """Quantities over time, derived from a run's log."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Mapping
 from dataclasses import dataclass

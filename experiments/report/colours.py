@@ -1,7 +1,5 @@
 """Colours and names, the same in every figure and recording."""
 
-from __future__ import annotations
-
 from typing import Any
 
 BLUE, ORANGE, GREEN, RED, BLACK = "#0072B2", "#C98200", "#009E73", "#C1272D", "#1a1a1a"

@@ -1,7 +1,5 @@
 """How numbers are printed: with a true minus sign, and a dash for those that do not exist."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 

@@ -1,14 +1,13 @@
 """What a report says about an identification: tables of the laws and of their comparison, and facts for the text."""
 
-from __future__ import annotations
-
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Self
 
 import numpy as np
 
-from experiments.measuring.inner_outer import TRACKS, InnerOuterSamples
+from experiments.measuring.grid import OuterInner
+from experiments.measuring.inner_outer import InnerOuterSamples
 from experiments.measuring.value_groups import is_narrow, repeated, value_groups
 from experiments.report.colours import LABELS
 from experiments.report.figures.axes import bar_factor
@@ -21,6 +20,7 @@ from trackslip.identification.replicates import LackOfFit
 from trackslip.identification.result import Identification
 from trackslip.identification.weighting import relative_errors
 from trackslip.kinematics import Array
+from trackslip.logs.refused import Refused
 from trackslip.metrics import rms
 from trackslip.slip.exponential import PUBLISHED
 
@@ -56,39 +56,83 @@ class CriteriaRow:
     best: bool = False
 
 
-def facts(found: Identification) -> dict[str, Any]:
+@dataclass(frozen=True)
+class TypicalErrors:
+    """Median standard errors of a run, as printed."""
+
+    slip: str  # [-]
+    radius: str  # with its unit
+    factor: str  # by which bars are enlarged
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """How well a law predicts, rms, as printed."""
+
+    title: str
+    residual: str  # of slip in the fit [-]
+    radius: str  # of slip at left-out radii [-]
+    speed: str  # of slip at left-out speeds [-]
+    yaw_rate: str  # at left-out radii [mrad/s]
+
+
+@dataclass(frozen=True)
+class Facts:
     """What the template says about an identification; None or empty where something is not known."""
-    comparison = found.comparison
-    turns = InnerOuterSamples.of(found.samples, found.geometry)
-    same = repeated(turns.radius)
-    # the largest difference of slip between runs of one radius, by track
-    spread = {name: f"{max(np.ptp(turns.slip[g, k]) for g in same):.4f}" for k, name in enumerate(TRACKS) if same}
-    lacks = {name: law.lack_of_fit for name, law in comparison.laws.items() if law.lack_of_fit is not None}
-    lacking = [name for name in lacks if comparison.laws[name].lacks_fit and name not in _BASELINES]
-    factors = [lacks[name].inflation for name in lacking if lacks[name].inflation > 1]
-    band, meaning = residual_band(turns, comparison) if len(turns) else (0.0, "")
-    return {
-        "runs": len(found.samples),
-        "turns": len(turns),
-        "radii": f"{_range(turns.radius, '.2f')} m" if len(turns) else None,
-        "speeds": f"{_range(turns.speed, '.2f')} m/s" if len(turns) else None,
-        "spread": spread,
-        # whether runs of different radii share a colour
-        "scattered": not all(is_narrow(turns.radius[group]) for group in value_groups(turns.radius)),
-        "errors": _errors(turns),
-        "band": (f"{band:.1g}", meaning) if len(turns) else None,
-        "half_gauge": f"{found.geometry.half_gauge:g} m",
-        "best": LABELS.get(comparison.best, comparison.best),
-        "best_law": comparison.laws[comparison.best],
-        "criterion": comparison.criterion,
-        "predictions": _predictions(comparison),
-        "laws": law_rows(comparison),
-        "criteria": criteria_rows(found),
-        "lacking": _listed(LABELS.get(name, name) for name in lacking) if lacking else None,
-        "inflation": _range(np.array(factors), ".2g") if factors else None,
-        "tests": {lack.test for lack in lacks.values()},
-        "outliers": found.outliers,
-    }
+
+    runs: int
+    turns: int
+    radii: str | None  # with unit, as are speeds and half gauge
+    speeds: str | None
+    spread: OuterInner[str] | None  # the largest difference of slip between runs of one radius [-]
+    scattered: bool  # runs of different radii share a colour
+    errors: TypicalErrors | None
+    band: tuple[str, str] | None  # half width of the residuals that need no better law [-], and its meaning
+    half_gauge: str
+    best: str  # title of the best law
+    best_law: FittedLaw
+    criterion: str  # what the best law was chosen by
+    predictions: Sequence[Prediction]  # of the best law, and of the paper's exponential where it differs
+    laws: Sequence[LawRow]
+    criteria: Sequence[CriteriaRow]
+    lacking: str | None  # titles of the laws of the wrong shape, other than baselines
+    inflation: str | None  # factor on their standard errors
+    tests: Collection[str]  # kinds of tests of lack of fit
+    outliers: Sequence[Refused]
+
+    @classmethod
+    def of(cls, found: Identification) -> Self:
+        """The facts about an identification."""
+        comparison = found.comparison
+        turns = InnerOuterSamples.of(found.samples, found.geometry)
+        same = repeated(turns.radius)
+        lacks = {name: law.lack_of_fit for name, law in comparison.laws.items() if law.lack_of_fit is not None}
+        lacking = [name for name in lacks if comparison.laws[name].lacks_fit and name not in _BASELINES]
+        factors = [lacks[name].inflation for name in lacking if lacks[name].inflation > 1]
+        band, meaning = residual_band(turns, comparison) if len(turns) else (0.0, "")
+        return cls(
+            runs=len(found.samples),
+            turns=len(turns),
+            radii=f"{_range(turns.radius, '.2f')} m" if len(turns) else None,
+            speeds=f"{_range(turns.speed, '.2f')} m/s" if len(turns) else None,
+            spread=OuterInner(outer=_spread(turns.slip[:, 1], same), inner=_spread(turns.slip[:, 0], same))
+            if same
+            else None,
+            scattered=not all(is_narrow(turns.radius[group]) for group in value_groups(turns.radius)),
+            errors=_errors(turns),
+            band=(f"{band:.1g}", meaning) if len(turns) else None,
+            half_gauge=f"{found.geometry.half_gauge:g} m",
+            best=LABELS.get(comparison.best, comparison.best),
+            best_law=comparison.laws[comparison.best],
+            criterion=comparison.criterion,
+            predictions=_predictions(comparison),
+            laws=law_rows(comparison),
+            criteria=criteria_rows(found),
+            lacking=_listed(LABELS.get(name, name) for name in lacking) if lacking else None,
+            inflation=_range(np.array(factors), ".2g") if factors else None,
+            tests={lack.test for lack in lacks.values()},
+            outliers=found.outliers,
+        )
 
 
 def law_rows(comparison: Comparison) -> list[LawRow]:
@@ -161,23 +205,26 @@ def _test(lack: LackOfFit | None) -> str:
     return f"{name}({freedom}) = {size}, {chance}"
 
 
-def _errors(turns: InnerOuterSamples) -> dict[str, str] | None:
-    """Typical standard errors of a run, and the factor by which bars are enlarged."""
+def _spread(slip: Array, groups: Iterable[np.ndarray]) -> str:
+    """The largest difference of a track's slip within a group of runs."""
+    return f"{max(np.ptp(slip[group]) for group in groups):.4f}"
+
+
+def _errors(turns: InnerOuterSamples) -> TypicalErrors | None:
     if turns.errors is None or not len(turns):
         return None
     slip, radius = _size(float(np.median(turns.errors.slip))), _size(1e3 * float(np.median(turns.errors.radius)))
-    return {"slip": slip, "radius": f"{radius} mm", "factor": str(bar_factor(turns))}
+    return TypicalErrors(slip, f"{radius} mm", str(bar_factor(turns)))
 
 
-def _predictions(comparison: Comparison) -> list[tuple[str, ...]]:
-    """Title, and rms errors of fit and prediction, of the best law and of the paper's exponential where it differs."""
+def _predictions(comparison: Comparison) -> list[Prediction]:
     rows = []
     for name in dict.fromkeys([comparison.best, "exponential"]):
         if name in comparison.laws:
             errors = comparison.validation[name]
             yaw_rate = None if errors.yaw_rate is None else 1e3 * errors.yaw_rate
             sizes = map(_size, (comparison.laws[name].rms, errors.radius, errors.speed, yaw_rate))
-            rows.append((LABELS.get(name, name), *sizes))
+            rows.append(Prediction(LABELS.get(name, name), *sizes))
     return rows
 
 

@@ -1,7 +1,5 @@
 """Symbols, formulas and units of slip laws, as printed."""
 
-from __future__ import annotations
-
 import math
 
 from trackslip.slip.families import FAMILIES

@@ -1,7 +1,5 @@
 """The report of `trackslip.identify(...)`, which the library finds by an entry point."""
 
-from __future__ import annotations
-
 from experiments.report.reproduction import Report, render
 from experiments.storage.manifest import versions
 from experiments.storage.plain_json import plain

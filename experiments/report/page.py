@@ -1,7 +1,5 @@
 """Pages: templates, figures as inline SVG and as files, and how the results were made."""
 
-from __future__ import annotations
-
 import functools
 import io
 import re

@@ -1,7 +1,5 @@
 """The page of an identification or a reproduction: tables and figures of whatever there is data for."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -18,7 +16,7 @@ from experiments.report.figures import steady_runs as steady_figures
 from experiments.report.figures import tracking as tracking_figures
 from experiments.report.figures.localization import Sightings, error_against_viewing_angle, sightings
 from experiments.report.formats import MISSING, number, pair
-from experiments.report.identification import facts
+from experiments.report.identification import Facts
 from experiments.report.page import Drawing, Page, render_page
 from experiments.report.tracking import tracking_rows
 from trackslip.identification.result import Identification
@@ -54,7 +52,7 @@ def render(report: Report) -> Page:
         command=report.command,
         manifest=report.manifest,
         comparison=comparison_table(report.comparison),
-        found=None if report.identification is None else facts(report.identification),
+        found=None if report.identification is None else Facts.of(report.identification),
         seen=None if seen is None else seen.facts(),
         warnings=_warnings(report),
         tracking=tracking_rows(report.tracking),

@@ -1,7 +1,5 @@
 """The page of a sensitivity study: slip errors under each disturbance, as a figure and as a table."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from math import degrees
 from typing import Any

@@ -1,7 +1,5 @@
 """Progress bars and tables on the terminal."""
 
-from __future__ import annotations
-
 import sys
 import threading
 import time

@@ -1,7 +1,5 @@
 """Tables of tracking errors, for the terminal and for pages."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from math import degrees
 

@@ -1,7 +1,5 @@
 """The page of a validation: headline numbers, and figures that compare the simulator with theory."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Mapping

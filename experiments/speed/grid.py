@@ -5,11 +5,10 @@ with the same belt speeds, for as many steps, those for setting the robots down 
 threads as the grid has processes. It runs before and after each grid; the mean is what the grid is compared with.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from time import perf_counter
+from typing import Self
 
 import numpy as np
 
@@ -45,7 +44,7 @@ class GridSpeed:
     """Time of the grid without SENSING, over that of the bare engine [-]."""
 
     @classmethod
-    def of(cls, processes: int, runs: int, timing: Timing, bare_s: float) -> GridSpeed:
+    def of(cls, processes: int, runs: int, timing: Timing, bare_s: float) -> Self:
         """From the timing of a grid and the time of the bare engine [s]."""
         rest = timing.wall_s - sum(timing.stages.get(name, 0.0) for name in SENSING) / processes
         return cls(processes, runs, timing.wall_s, dict(timing.stages), bare_s, rest / bare_s)
@@ -75,11 +74,13 @@ def bare_seconds(runs: list[Run], threads: int) -> float:
     some = [runs[k] for k in np.unique(np.linspace(0, len(runs) - 1, count).round().astype(int))]
     world = some[0].world(threads)
     start = np.tile(before_scanner(world.robot), (len(some), 1))
-    fleet = Fleet(world.robot, start, [run.specification.ground for run in some], world.radius_error, threads=threads)
+    fleet = Fleet(
+        world.robot, start, [run.setting.specification.ground for run in some], world.radius_error, threads=threads
+    )
     twist = [(run.axes["speed"], run.axes["speed"] / run.axes["radius"]) for run in some]
     fleet.command(sprocket_speeds(np.array(twist), 0.0, world.robot.geometry))
     fleet.advance(_START)
     bare = bare_batch(fleet)
     began = perf_counter()
-    bare.step(nstep=round((SETTLING + some[0].config.duration) / world.robot.model.opt.timestep))
+    bare.step(nstep=round((SETTLING + some[0].setting.config.duration) / world.robot.model.opt.timestep))
     return (perf_counter() - began) * len(runs) / len(some)

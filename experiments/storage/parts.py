@@ -4,8 +4,6 @@ A part holds the runs of a fleet: their rows as JSON, their logs as Parquet. A r
 everything its numbers depend on except code, models and libraries; those are recorded with its row.
 """
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json
@@ -13,7 +11,7 @@ import os
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import pyarrow
 import pyarrow.parquet
@@ -41,7 +39,7 @@ class Part:
     """Parquet file of the runs that did not fail, if any."""
 
     @classmethod
-    def of(cls, rows: Iterable[Any], logs: Sequence[RunLog]) -> Part:
+    def of(cls, rows: Iterable[Any], logs: Sequence[RunLog]) -> Self:
         """Rows, which may be dataclasses, and the logs of those that did not fail."""
         file = io.BytesIO()
         if logs:

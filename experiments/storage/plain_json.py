@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+_AS_IT_IS = (str, int, bool, type(None))
+
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
     """Write JSON with NaN as null and numpy's numbers as plain ones."""
@@ -17,6 +19,10 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
 
 def plain(value: Any) -> Any:
     """`value` as what JSON knows; dataclasses become mappings, numbers that aren't finite None."""
+    if type(value) in _AS_IT_IS:
+        return value
+    if type(value) is float:
+        return value if math.isfinite(value) else None
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
     if isinstance(value, Mapping):
@@ -27,6 +33,4 @@ def plain(value: Any) -> Any:
         return [plain(item) for item in value]
     if isinstance(value, np.generic):
         return plain(value.item())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
     return str(value) if isinstance(value, Path) else value

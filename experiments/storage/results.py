@@ -1,7 +1,5 @@
 """Folders of results: one per command, complete or not at all."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shutil
@@ -133,7 +131,7 @@ def _require_own_folders(out: Path) -> None:
 
 
 def write_results(
-    folder: Path, summary: Mapping[str, Any], about: Mapping[str, Any], logs: Sequence[RunLog] = ()
+    folder: Path, summary: Mapping[str, Any], about: Mapping[str, Any], logs: Sequence["RunLog"] = ()
 ) -> None:
     """Write what every command leaves: summary, manifest and, if it has any, runs."""
     if logs:
@@ -142,7 +140,7 @@ def write_results(
     write_json(folder / MANIFEST_FILE, about)
 
 
-def write_runs(folder: Path, logs: Sequence[RunLog]) -> None:
+def write_runs(folder: Path, logs: Sequence["RunLog"]) -> None:
     """Write runs as the folder's RUNS_FILE."""
     from trackslip.logs.logfile import write_parquet  # late: not every command has runs to write
 
@@ -150,7 +148,7 @@ def write_runs(folder: Path, logs: Sequence[RunLog]) -> None:
         write_parquet(logs, folder / RUNS_FILE)
 
 
-def write_samples(folder: Path, samples: SlipSamples) -> None:
+def write_samples(folder: Path, samples: "SlipSamples") -> None:
     """Write steady samples as the folder's RUNS_FILE."""
     import pyarrow as pa
     import pyarrow.parquet

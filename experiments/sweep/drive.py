@@ -40,17 +40,17 @@ def drive(runs: Sequence[Run], threads: int = 1, report: Progress = lambda secon
             logs.append(outcome)
         else:
             rows.append(replace(row, error=failure_text(outcome)))
-            unfinished += logs_until(outcome) if run.config.rrd else []
+            unfinished += logs_until(outcome) if run.setting.config.rrd else []
     with watch.stage("storing"):
         part = Part.of([row.to_json() for row in rows], logs)
-    return DrivenFleet(part, unfinished, sum(run.config.duration for run in runs), watch.stages)
+    return DrivenFleet(part, unfinished, sum(run.setting.config.duration for run in runs), watch.stages)
 
 
 def _measured(log: RunLog, run: Run, row: RunRow) -> RunRow:
     """The row with the run's numbers; without slips where there are none, and a note why."""
     geometry = run.world(1).robot.geometry
     try:
-        sampling = usable_samples([log], geometry, method=run.config.motion)
+        sampling = usable_samples([log], geometry, method=run.setting.config.motion, longest=True)
         sample, truth = sampling.samples, true_samples([log], geometry)
         numbers = np.concatenate([sample.omega[0], sample.twist[0], sample.slip[0], truth.slip[0], sample.radius])
         note = "; ".join(sampling.notes) or None

@@ -3,13 +3,17 @@
 import dataclasses
 import functools
 import itertools
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Hashable, Mapping, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import Any
 
 from experiments.driving.grid_runs import Cell, require_radius
-from experiments.driving.world import Specification, World
+from experiments.driving.world import Specification, World, WorldFiles
+from experiments.options.checks import require_integer
 from experiments.options.grid import GridConfig, SweepConfig
+from experiments.report.terminal import progress
 from experiments.storage.manifest import digest
 from experiments.sweep.axes import axes_of
 from experiments.sweep.options import ALIASES, option, with_option
@@ -21,6 +25,34 @@ _MIN_FLEET, _MAX_FLEET = 64, 128
 _EACH = 4
 """Minimum number of fleets per worker, so that all end at about the same time, unless fleets would be too small."""
 _DRIVEN = ("radius", "speed")
+_OF_A_RUN = (*_DRIVEN, "seed")  # axes on which the runs of a setting differ
+_QUICK = 10_000  # runs that are planned in about a second
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What runs that differ only in radius, speed and seed share."""
+
+    config: GridConfig
+    """Its options, with all radii and speeds."""
+    specification: Specification
+
+    @functools.cached_property
+    def id(self) -> str:
+        """Hash of all that the numbers of a run depend on, besides radius, speed and seed."""
+        return digest([_in_common(self.config), self.specification])
+
+    @functools.cached_property
+    def world_key(self) -> str:
+        """What random numbers depend on in a world other than that of `reproduce`, whose scans a grid meets."""
+        world = _world_digest(self.config, self.specification)
+        return "" if world == _shipped_world_digest() else f" {world}"
+
+    @functools.cached_property
+    def fleet(self) -> str:
+        """Hash of what the runs of a fleet share."""
+        shape = replace(self.specification.parameters, radius_error=0.0)
+        return _fleet_digest(shape, self.specification.obstacles, *_in_common(self.config).items())
 
 
 @dataclass(frozen=True)
@@ -31,15 +63,10 @@ class Run:
     """Its radius and speed, and every axis on which it differs from the options."""
     axes: Mapping[str, Any]
     """Values of the axes, by name."""
-    config: GridConfig
-    """Its options, with one radius and one speed."""
-    specification: Specification
-
-    @functools.cached_property
-    def id(self) -> str:
-        """Hash of what the run is and of how much of it is recorded, however it was requested."""
-        setting = digest([_in_common(self.config), self.specification])
-        return digest([setting, self.config.radii, self.config.speeds, self.config.seed, self.config.rrd])
+    seed: int
+    setting: Setting
+    id: str
+    """Hash of what the run is and of how much of it is recorded, however it was requested."""
 
     @property
     def cell(self) -> Cell:
@@ -48,21 +75,14 @@ class Run:
         Its random numbers follow from what is measured (seed, radius, speed and world), not from how the measurements
         are evaluated: runs that differ only in their method of localization or motion share their scans.
         """
-        radius, speed = self.config.radii[0], self.config.speeds[0]
-        key, world = Cell.at(radius, speed).key, _world_digest(self.config, self.specification)
-        if world != _shipped_world_digest():
-            key += f" {world}"
-        return Cell(self.name, key, radius, speed, {"id": self.id})
+        radius, speed = self.axes["radius"], self.axes["speed"]
+        return Cell(self.name, Cell.at(radius, speed).key + self.setting.world_key, radius, speed, {"id": self.id})
 
     def world(self, threads: int) -> World:
         """Its compiled world, for a fleet on that many worker threads."""
-        return World.of(replace(self.config, threads=threads), self.specification)
-
-    @functools.cached_property
-    def fleet(self) -> str:
-        """Hash of what the runs of a fleet share."""
-        shape = replace(self.specification.parameters, radius_error=0.0)
-        return digest([shape, self.specification.obstacles, _in_common(self.config)])
+        radius, speed = self.axes["radius"], self.axes["speed"]
+        own = replace(self.setting.config, radii=(radius,), speeds=(speed,), seed=self.seed, threads=threads)
+        return World.of(own, self.setting.specification)
 
     @property
     def grid(self) -> tuple[tuple[str, Any], ...]:
@@ -72,6 +92,11 @@ class Run:
 
 def _world_digest(config: GridConfig, specification: Specification) -> str:
     return digest([config.drive, config.scanner, specification])
+
+
+@functools.lru_cache
+def _fleet_digest(*shared: Hashable) -> str:
+    return digest(shared)
 
 
 @functools.cache
@@ -87,18 +112,27 @@ def _in_common(config: GridConfig) -> dict[str, Any]:
 
 
 def plan(config: SweepConfig) -> list[Run]:
-    """Every run; raises TrackslipError for invalid values, before anything is driven."""
+    """Every run; raises TrackslipError for invalid values, before anything is driven. Shows progress of many runs."""
     axes = axes_of(config)
+    for seed in axes.get("seed", ()):
+        require_integer("seed", seed)
     base = GridConfig(**{f.name: getattr(config, f.name) for f in dataclasses.fields(GridConfig)})
-    usual = {name: _usual(base, name) for name in axes if name not in _DRIVEN}
+    base = replace(base, radii=axes["radius"], speeds=axes["speed"])
+    files = WorldFiles()
+    given = files.specification(base)
+    usual = {name: _usual(base, given, name) for name in axes if name not in _DRIVEN}
+    settings: dict[tuple[Any, ...], Setting] = {}
     runs = []
-    for values in itertools.product(*axes.values()):
-        taken = dict(zip(axes, values, strict=True))
-        own = _config(base, taken)
-        unusual = [f"{name}={taken[name]}" for name, value in usual.items() if value != taken[name]]
-        name = " ".join([Cell.at(taken["radius"], taken["speed"]).name, *sorted(unusual)])
-        runs.append(Run(name, taken, own, _specification(own, taken)))
-    narrowest = min((run.specification.parameters for run in runs), key=lambda parameters: parameters.half_gauge)
+    total = math.prod(map(len, axes.values()))
+    with progress("planning", total, "runs") if total > _QUICK else nullcontext(lambda runs: None) as planned:
+        for values in itertools.product(*axes.values()):
+            taken = dict(zip(axes, values, strict=True))
+            shared = tuple(value for name, value in taken.items() if name not in _OF_A_RUN)
+            if shared not in settings:
+                settings[shared] = _setting(base, taken, files)
+            runs.append(_run(taken, usual, settings[shared]))
+            planned(1)
+    narrowest = min((one.specification.parameters for one in settings.values()), key=lambda one: one.half_gauge)
     for radius in axes["radius"]:  # a radius too tight for only some of the robots is a run that fails
         require_radius(radius, RobotGeometry(narrowest.half_gauge, narrowest.sprocket_radius))
     return runs
@@ -109,7 +143,7 @@ def fleets(runs: Sequence[Run], workers: int) -> list[tuple[Run, ...]]:
     size = min(max(_MIN_FLEET, -(-len(runs) // (_EACH * workers))), _MAX_FLEET)
     alike: dict[str, list[Run]] = {}
     for run in runs:
-        alike.setdefault(run.fleet, []).append(run)
+        alike.setdefault(run.setting.fleet, []).append(run)
     found = []
     for same in alike.values():
         count = -(-len(same) // size)
@@ -118,17 +152,24 @@ def fleets(runs: Sequence[Run], workers: int) -> list[tuple[Run, ...]]:
     return found
 
 
-def _config(base: GridConfig, taken: Mapping[str, Any]) -> GridConfig:
-    config = replace(base, radii=(taken["radius"],), speeds=(taken["speed"],))
+def _run(taken: Mapping[str, Any], usual: Mapping[str, Any], setting: Setting) -> Run:
+    radius, speed, seed = taken["radius"], taken["speed"], taken.get("seed", setting.config.seed)
+    unusual = [f"{name}={taken[name]}" for name, value in usual.items() if value != taken[name]]
+    name = " ".join([Cell.at(radius, speed).name, *sorted(unusual)])
+    return Run(name, taken, seed, setting, digest([setting.id, (radius,), (speed,), seed, setting.config.rrd]))
+
+
+def _setting(base: GridConfig, taken: Mapping[str, Any], files: WorldFiles) -> Setting:
+    config = base
     for name, value in taken.items():
-        if name not in (*_DRIVEN, "friction_ratio") and not name.startswith("robot."):
+        if name not in (*_OF_A_RUN, "friction_ratio") and not name.startswith("robot."):
             config = with_option(config, ALIASES.get(name, name), value)
-    return config
+    return Setting(config, _specification(config, taken, files))
 
 
-def _specification(config: GridConfig, taken: Mapping[str, Any]) -> Specification:
-    """The world of a run: that of its options, with its own robot and ratio of friction."""
-    given = Specification.of(config)
+def _specification(config: GridConfig, taken: Mapping[str, Any], files: WorldFiles) -> Specification:
+    """The world of a setting: that of its options, with its own robot and ratio of friction."""
+    given = files.specification(config)
     changed = {name.removeprefix("robot."): value for name, value in taken.items() if name.startswith("robot.")}
     try:
         parameters = replace(given.parameters, **changed)
@@ -140,9 +181,9 @@ def _specification(config: GridConfig, taken: Mapping[str, Any]) -> Specificatio
     return replace(given, parameters=parameters, ground=ground)
 
 
-def _usual(base: GridConfig, axis: str) -> Any:
+def _usual(base: GridConfig, given: Specification, axis: str) -> Any:
     """The value of an axis without the sweep."""
-    given, (room, _, name) = Specification.of(base), ALIASES.get(axis, axis).rpartition(".")
+    room, _, name = ALIASES.get(axis, axis).rpartition(".")
     match room, name:
         case _, "friction_ratio":
             return None

@@ -1,11 +1,9 @@
 """What is known about each run of a sweep. The metadata of the fields hold units and meanings, for the table."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Self
 
 from trackslip.logs.schema import NO_UNIT, PURE, Column
 
@@ -48,7 +46,7 @@ class RunRow:
         return {"run": row.pop("run"), "id": row.pop("id"), **self.axes, **row}
 
     @classmethod
-    def from_json(cls, row: Mapping[str, Any]) -> RunRow:
+    def from_json(cls, row: Mapping[str, Any]) -> Self:
         """A row as it was stored."""
         axes = {name: value for name, value in row.items() if name not in COLUMNS}
         return cls(**{name: row.get(name) for name in COLUMNS}, axes=axes)  # type: ignore[arg-type]

@@ -1,8 +1,7 @@
 """What a validation measured, and its summary."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -42,7 +41,7 @@ class Extent:
     median: float
 
     @classmethod
-    def of(cls, error: Array) -> Extent:
+    def of(cls, error: Array) -> Self:
         """Of errors of any shape."""
         size = np.abs(error)
         return cls(float(size.max()), float(np.median(size)))
@@ -99,7 +98,7 @@ class ValidationSummary:
     """Relative difference of the friction loss from Coulomb's law [-]."""
 
     @classmethod
-    def of(cls, found: Validation) -> ValidationSummary:
+    def of(cls, found: Validation) -> Self:
         """The numbers of everything that was measured."""
         at_reference = int(np.argmin(np.abs(ANGLES - REFERENCE_ANGLE)))
         turns = found.turns

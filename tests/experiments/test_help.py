@@ -28,6 +28,7 @@ NEEDED = {
     ("grid",): {"mujoco", "pyarrow"},
     ("predict", "--out", "predict"): set(),
     ("track", *PATH, "--out", "track"): {"mujoco", "pyarrow"},
+    ("wander", "--duration", "1", "--out", "wander"): {"mujoco", "pyarrow"},
     ("identify",): {"pyarrow", *DRAWN},
     ("benchmark",): {"mujoco", "pyarrow", *DRAWN},
     ("train",): set(),

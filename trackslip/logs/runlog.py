@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,8 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.logs.scanlog import ScanLog
 
+_BY_ROW = ("time", "omega", "pose", "command", "twist_command", "icr", "covariance", "valid")
+
 
 @dataclass(frozen=True)
 class Truth:
@@ -18,8 +20,8 @@ class Truth:
 
     pose: Array  # (T, 3) [m, m, rad]
     twist: Array  # (T, 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]
-    traction: Array  # (T, 2) force of the ground on each track, along the robot [N]
-    torque: Array  # (T, 2) torque of each motor, at its sprocket [N m]
+    traction: Array | None = None  # (T, 2) force of the ground on each track, along the robot [N]
+    torque: Array | None = None  # (T, 2) torque of each motor, at its sprocket [N m]
     power: Array | None = None  # (T, 2) electrical power of each motor, mean since the previous row [W]
     saturated: Array | None = None  # (T, 2) share of time since the previous row with the motor at its limit [-]
     lean: Array | None = None  # (T,) offset of the scanned plate to the left of the robot [m]
@@ -70,6 +72,19 @@ class RunLog:
     def has_heading(self) -> np.ndarray:
         """(T,) bool: whether the pose was measured with its heading."""
         return self.is_valid & np.isfinite(self.pose[:, 2])
+
+    def between(self, first: int, end: int) -> RunLog:
+        """The rows from `first` up to, but not including, `end`."""
+        if first == 0 and end == len(self.time):
+            return self
+        rows = slice(first, end)
+        changed: dict[str, Any] = {name: value[rows] for name in _BY_ROW if (value := getattr(self, name)) is not None}
+        if self.truth is not None:
+            known = {name: value for name, value in vars(self.truth).items() if value is not None}
+            changed["truth"] = Truth(**{name: value[rows] for name, value in known.items()})
+        if self.scans is not None:
+            changed["scans"] = self.scans.between(first, end)
+        return replace(self, **changed)
 
     def __repr__(self) -> str:
         optional = ("command", "twist_command", "icr", "covariance", "valid", "truth", "scans")

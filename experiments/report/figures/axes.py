@@ -1,7 +1,5 @@
 """What figures of steady runs share: the axis of observed radii, and error bars."""
 
-from __future__ import annotations
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D

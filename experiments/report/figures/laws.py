@@ -1,7 +1,5 @@
 """Figures of fitted slip laws: curves, residuals, criteria, and correlations of the parameters."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Figures of a benchmark: the leaderboard at a glance; paths and errors over time on a reference."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Localization error against the angle at which the scanner sees the plate, with the Cramér-Rao bound."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any

@@ -1,7 +1,5 @@
 """Figures of steady runs: pose and velocity, slip against speed and radius (Figs. 4 and 5), and radii driven."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The look of all figures: one colour and one line style per slip law everywhere."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import matplotlib

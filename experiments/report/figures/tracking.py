@@ -1,7 +1,5 @@
 """Figures of tracking, after Figs. 7-12 of the paper, at true poses where the logs have them, else estimated ones."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Figures of a validation other than turns: contact loads, slopes, convergence, energy."""
 
-from __future__ import annotations
-
 import itertools
 from typing import Any
 

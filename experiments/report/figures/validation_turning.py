@@ -1,7 +1,5 @@
 """Figures of the turns: errors of ICRs and slips against theory, and what the remaining errors depend on."""
 
-from __future__ import annotations
-
 import itertools
 from typing import Any
 

@@ -1,7 +1,5 @@
 """`trackslip export`: runs as CSV, and what it refuses."""
 
-from __future__ import annotations
-
 import csv
 import errno
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """`trackslip reproduce`, whole, against the numbers it must reach."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

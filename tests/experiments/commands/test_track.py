@@ -1,7 +1,5 @@
 """`trackslip track`: one run in closed loop, and runs that fail."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

@@ -1,7 +1,5 @@
 """`trackslip validate`: the bounds that the simulator must keep, and its report."""
 
-from __future__ import annotations
-
 import contextlib
 import io
 import json

@@ -1,7 +1,5 @@
 """The paper's robot by its own equations."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from scipy.optimize import brentq

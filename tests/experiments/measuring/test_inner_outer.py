@@ -1,7 +1,5 @@
 """Inner and outer track, errors propagated to slip and radius, groups of runs."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from identified import GEOMETRY, driven, grid

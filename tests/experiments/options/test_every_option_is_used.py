@@ -67,6 +67,15 @@ EXAMPLES = {
         {"grounds": "ice", "friction-ratio": "1.1", "slope": "0.01", "seeds": "4", "vary": "duration=5,6"}
         | {"sweep": "sweep.toml", "speeds": "0.2", "jobs": "1", "no-resume": "", "out": "b"},
     ),
+    "wander": (
+        REPEATABLE
+        | {name: value for name, value in EQUIPMENT.items() if not name.startswith(("scanner", "obstacles"))}
+        | GROUND
+        | {"driving": "eights", "drives": "2", "duration": "2", "max-speed": "0.25", "acceleration": "0.4"}
+        | {"encoder-rate": "25", "source": "mocap", "source.rate": "12", "out": "a"},
+        {"motion": "law", "law.offset": "0.03", "law.radius-error": "0.01", "law.slip": "lasting"}
+        | {"law.turning-centre": "0.02", "law.drift": "0.01", "law.lag": "0.1", "duration": "2"},
+    ),
     "identify": (
         {"": "log.csv", "half-gauge": "0.2", "sprocket-radius": "0.07", "gear": "2", "pdf": "", "out": "a"},
         {"": "sweep", "where": "seed=0", "motion": "butterworth", "settle": "0.5"},
@@ -99,7 +108,10 @@ EXAMPLES = {
         },
     ),
     "validate": (REPEATABLE | {"robot": "robot.toml", "rrd": "", "out": "a", "pdf": ""},),
-    "coverage": (RUNS | {"repeats": "2", "run-repeats": "2", "drives": "1", "out": "a"},),
+    "coverage": (
+        RUNS | {"repeats": "2", "run-repeats": "2", "grids": "1", "out": "a"},
+        {"drives": "", "drive-repeats": "2"},
+    ),
     "sensitivity": (GRID | {"out": "a", "pdf": ""},),
     "reproduce": (GRID | {"out": "a", "pdf": ""},),
     "bench": (
@@ -201,8 +213,8 @@ def test_every_option_is_used(name, workplace, reads):
             top = default[path[0]]
             if len(path) == 1 and repr(value) == repr(top.default):
                 continue  # not given
-            if path[0] == "ground":  # GroundOptions reads its own fields: it is used as a whole
-                used |= {path} if any(field == "ground" for _, field, _ in reads) else set()
+            if path[0] in ("ground", "source"):  # groups that read their own fields: they are used as a whole
+                used |= {path} if any(field == path[0] for _, field, _ in reads) else set()
             elif any(
                 (field, read) == (path[-1], repr(value)) and (len(path) == 1 or issubclass(cls, owner))
                 for cls, field, read in reads

@@ -1,7 +1,5 @@
 """A grid on MPI ranks leaves the same bytes as one in this process."""
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import shutil

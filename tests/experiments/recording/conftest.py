@@ -1,7 +1,5 @@
 """Runs with their recordings."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

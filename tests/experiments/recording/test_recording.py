@@ -1,7 +1,5 @@
 """Recordings, read back and compared with the logs that they were made of."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """`trackslip view`: which runs it shows, and how."""
 
-from __future__ import annotations
-
 import socket
 import types
 from dataclasses import replace

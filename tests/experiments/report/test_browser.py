@@ -1,7 +1,5 @@
 """The report in headless Chromium: a quiet console, nothing that overflows, light and dark."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A page's figures as files, and what its captions say of how it was made."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 
 import pytest

@@ -1,7 +1,5 @@
 """The page of an identification: tables, text and figures of whatever there is data for."""
 
-from __future__ import annotations
-
 import html
 import re
 

@@ -1,9 +1,12 @@
 """What a sweep is made of: axes, names, ids, fleets."""
 
+import contextlib
+
 import pytest
 
 from experiments.cli import parse
 from experiments.sweep.plan import fleets, plan
+from sim.toml_file import read_toml
 
 SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
 
@@ -35,6 +38,10 @@ def test_a_run_is_the_same_however_it_is_asked_for():
     assert len(ids) == 9
 
 
+def _shared(setting):
+    return (setting.specification.parameters, setting.config.scanner, setting.config.random_phase)
+
+
 def test_any_option_varies_and_only_equal_models_share_a_fleet(tmp_path):
     (tmp_path / "sweep.toml").write_text(
         'radius = [1.0, 2.0]\nspeed = 0.1\nground = ["stone", "gravel"]\n[robot]\nhalf_gauge = [0.15, 0.168]\n'
@@ -44,10 +51,39 @@ def test_any_option_varies_and_only_equal_models_share_a_fleet(tmp_path):
     assert len(runs) == 32
     assert len(fleets(runs, 2)) == 8
     for fleet in fleets(runs, 2):
-        assert len({(run.specification.parameters, run.config.scanner, run.config.random_phase) for run in fleet}) == 1
+        assert len({_shared(run.setting) for run in fleet}) == 1
     narrow = [run for run in runs if run.axes["robot.half_gauge"] == 0.15]
     assert {run.world(1).robot.geometry.half_gauge for run in narrow} == {0.15}
     assert len(narrow) == 16
+
+
+def test_each_file_is_read_once(tmp_path, monkeypatch):
+    for name, text in (("robot", "half_gauge = 0.17\n"), ("ground", "along = 0.5\n"), ("field", "")):
+        (tmp_path / f"{name}.toml").write_text(text)
+    read = []
+    for module in ("sim.robot.file.read_toml", "sim.toml_file.read_toml"):
+        monkeypatch.setattr(module, lambda path: read.append(path.name) or read_toml(path))
+    files = {name: str(tmp_path / f"{name}.toml") for name in ("robot", "ground", "field")}
+    runs = planned(
+        "--robot", files["robot"], "--obstacles", files["field"], "--grounds", files["ground"], "--slope", "0", "0.1"
+    )
+    assert len(runs) == 50
+    assert sorted(read) == ["field.toml", "ground.toml", "robot.toml"]
+
+
+def test_many_runs_show_how_far_their_plan_is(monkeypatch):
+    shown = []
+
+    @contextlib.contextmanager
+    def recorded(stage, total, unit):
+        shown.append((total, unit, 0))
+        yield lambda runs: shown.append((total, unit, shown[-1][2] + runs))
+
+    monkeypatch.setattr("experiments.sweep.plan.progress", recorded)
+    planned("--seeds", *map(str, range(400)))
+    assert shown == []  # quick
+    planned("--seeds", *map(str, range(401)))
+    assert shown[-1] == (10_025, "runs", 10_025)
 
 
 @pytest.mark.parametrize(

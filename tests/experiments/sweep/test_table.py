@@ -1,7 +1,5 @@
 """The table of a grid's runs, as documented."""
 
-from __future__ import annotations
-
 import dataclasses
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Figures of an identification: every law in them, units on the axes, error bars where errors are known."""
 
-from __future__ import annotations
-
 import pytest
 from identified import GEOMETRY, driven, grid, identified
 

@@ -1,7 +1,5 @@
 """The error of localization against the viewing angle."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from spin import METADATA, spun_before_the_scanner

@@ -1,7 +1,5 @@
 """Whether figures can be seen: contrast on the light page and the dark one, and without colour."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,0 +1,82 @@
+"""Teleoperated drives as the options describe them: commands, motion, and the logs of encoders and poses."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from experiments.driving.lookup import REACH
+from experiments.driving.world import World
+from experiments.options.wander import LawOptions, WanderConfig
+from experiments.storage.plain_json import plain
+from sim.run_recorder import Description
+from sim.runs import Progress
+from sim.seeds import generator
+from sim.wander.commands import Driver, track_commands
+from sim.wander.fleet_motion import drive_fleet
+from sim.wander.law_motion import LASTING, WHITE, LawMotion, SlipVariation
+from sim.wander.log import encoder_log, joined_log, quantised
+from sim.wander.motion import Motion
+from trackslip.kinematics import Array, RobotGeometry
+from trackslip.logs.runlog import RunLog
+from trackslip.slip.icr import ConstantIcr
+
+SLIPS: Mapping[str, SlipVariation] = {"white": WHITE, "lasting": LASTING, "none": SlipVariation()}
+"""Slip that varies, by name."""
+
+
+def wander(config: WanderConfig, world: World, progress: Progress = lambda seconds: None) -> list[RunLog]:
+    """Drive all drives, at once in MuJoCo; `progress` is called with the seconds simulated of all together.
+
+    Raises:
+        RunFailedError: when a robot tips over; its `logs` contain what was recorded until then.
+    """
+    geometry = world.robot.geometry
+    names = [f"{config.driving} {k + 1}" for k in range(config.drives)]
+    driver = Driver(config.max_speed, config.acceleration, REACH * geometry.half_gauge)
+    omega = [
+        track_commands(config.driving, config.duration, config.encoder_rate, driver, _random(config, name, "commands"))
+        / geometry.sprocket_radius
+        for name in names
+    ]
+    metadata = {"driving": config.driving, "source": plain(config.source.poses()), "motion": config.motion}
+    if config.motion == "law":
+        moved = _by_law(config, geometry, names, omega, metadata | {"law": plain(config.law), "seed": config.seed})
+    else:
+        about = [Description(name, world.metadata(config.source.source) | metadata) for name in names]
+        fleet = world.fleet(np.zeros((config.drives, 3)))
+        share = config.drives
+        logs = drive_fleet(fleet, np.stack(omega, axis=1), config.encoder_rate, about, lambda s: progress(s * share))
+        moved = [(log, Motion(log.time, log.pose)) for log in logs]
+    source = config.source.poses()
+    return [joined_log(log, *source.measure(motion, _random(config, log.run, "poses"))) for log, motion in moved]
+
+
+def law_motion(options: LawOptions, geometry: RobotGeometry) -> LawMotion:
+    """The motion by a law that options describe."""
+    law = ConstantIcr(options.offset, geometry.half_gauge, options.radius_error)
+    return LawMotion(law, geometry, SLIPS[options.slip], options.turning_centre, options.drift, options.lag)
+
+
+def _by_law(
+    config: WanderConfig,
+    geometry: RobotGeometry,
+    names: Sequence[str],
+    omega: Sequence[Array],
+    metadata: Mapping[str, Any],
+) -> list[tuple[RunLog, Motion]]:
+    """What the encoders read, and the true motion."""
+    moves, rate = law_motion(config.law, geometry), config.encoder_rate
+    moved = []
+    for name, speeds in zip(names, omega, strict=True):
+        motion, twist = moves.drive(speeds, rate, _random(config, name, "motion"))
+        log = encoder_log(name, rate, speeds, motion, twist, {"geometry": plain(geometry), **metadata})
+        moved.append((quantised(log, config.drive.encoder_counts), motion))
+    return moved
+
+
+def _random(config: WanderConfig, name: str, what: str) -> np.random.Generator:
+    """Random numbers for a part of a drive, the same however many drives there are."""
+    return generator(config.seed, f"wander {name} {what}")

@@ -1,0 +1,174 @@
+"""Options of `trackslip wander`."""
+
+from dataclasses import dataclass, field, fields, replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from experiments.options.checks import refuse_changed, require_between, require_integer, require_speed
+from experiments.options.help import default_is
+from experiments.options.world import MAX_DURATION, GroundOptions, Repeatable, Simulation
+from sim.drive.drive import MAX_RADIUS_ERROR, Drive
+from sim.scanner.scanner import LaserScanner
+from sim.wander.pose_source import SOURCES, PoseSource
+from trackslip.errors import InvalidValueError, require_at_most, require_non_negative, require_positive
+
+MAX_DRIVES = 1000
+_MIN_RATE, _MAX_RATE = 5.0, 1000.0  # of encoders and poses [Hz]
+_MAX_ACCELERATION = 100.0  # [m/s^2]
+_FLOAT = default_is("the source's", "FLOAT")
+_COUNT = default_is("the source's", "INT")
+
+
+@dataclass(frozen=True)
+class SourceOptions:
+    """The source of the poses, and properties that differ from the named one's."""
+
+    source: Annotated[Literal["scanner", "mocap", "slam", "gnss", "odometry"], tyro.conf.arg(name="")] = "slam"
+    """Poses as from the scanner, motion capture, SLAM, GNSS (no headings), or odometry that drifts."""
+    rate: Annotated[float | None, _FLOAT] = None
+    """Poses per second [Hz]."""
+    position_noise: Annotated[float | None, _FLOAT] = None
+    """Standard deviation of x and of y [m]."""
+    heading_noise: Annotated[float | None, _FLOAT] = None
+    """Standard deviation of the heading [rad]."""
+    heading: Annotated[bool | None, default_is("the source's", "{True,False}")] = None
+    """Whether the heading is measured."""
+    delay: Annotated[float | None, _FLOAT] = None
+    """Time stamp of a pose minus the encoders' of the same moment [s]."""
+    jitter: Annotated[float | None, _FLOAT] = None
+    """Standard deviation of the time stamps [s]."""
+    outliers: Annotated[float | None, _FLOAT] = None
+    """Share of the poses that are wrong [-]."""
+    outlier_size: Annotated[float | None, _FLOAT] = None
+    """Largest error of those, in x and in y [m]."""
+    outlier_turn: Annotated[float | None, _FLOAT] = None
+    """Largest error of their headings [rad]."""
+    dropouts: Annotated[float | None, _FLOAT] = None
+    """Share of the poses that are missing, one by one [-]."""
+    gaps: Annotated[int | None, _COUNT] = None
+    """Number of stretches without poses."""
+    gap_duration: Annotated[float | None, _FLOAT] = None
+    """Length of each of them [s]."""
+    jumps: Annotated[int | None, _COUNT] = None
+    """Number of lasting jumps of the poses."""
+    jump_size: Annotated[float | None, _FLOAT] = None
+    """Length of each of them [m]."""
+    jump_turn: Annotated[float | None, _FLOAT] = None
+    """Turn of each of them, to a random side [rad]."""
+    drift: Annotated[float | None, _FLOAT] = None
+    """Drift of odometry, a random walk of the position: its error at the end over the way [-]."""
+    heading_drift: Annotated[float | None, _FLOAT] = None
+    """Drift of its heading, a random walk as well [rad/sqrt(m)]."""
+    scale_error: Annotated[float | None, _FLOAT] = None
+    """Relative error of all ways and turns [-]."""
+    ahead: Annotated[float | None, _FLOAT] = None
+    """Place of the sensor forward of the robot's origin [m]."""
+    left: Annotated[float | None, _FLOAT] = None
+    """Place of the sensor to the left of it [m]."""
+    mounting: Annotated[float | None, _FLOAT] = None
+    """Heading of the sensor in the robot, counter-clockwise [rad]."""
+
+    def __post_init__(self) -> None:
+        require_between("rate", self.poses().rate, 0.1, _MAX_RATE, "Hz")
+
+    def poses(self) -> PoseSource:
+        """The named source with the properties that are given here."""
+        given = {option.name: getattr(self, option.name) for option in fields(PoseSource)}
+        return replace(SOURCES[self.source], **{name: value for name, value in given.items() if value is not None})
+
+
+@dataclass(frozen=True)
+class LawOptions:
+    """Motion by a law of constant ICRs instead of MuJoCo's; needs --motion law."""
+
+    offset: float = 0.045
+    """D: distance of the ICRs outside the tracks [m]."""
+    radius_error: float = 0.0066
+    """Relative error of the effective sprocket radius [-]."""
+    slip: Literal["white", "lasting", "none"] = "white"
+    """Slip that varies: 2 mm, 2 mm and 5 mrad per sqrt(m), or 2 % of each track's speed for 3 s, or none."""
+    turning_centre: float = 0.0
+    """Forward place of the point without lateral speed [m]."""
+    drift: float = 0.0
+    """Lateral speed outwards over forward speed times yaw rate [s]."""
+    lag: float = 0.0
+    """Time constant of the motion behind the belts [s]."""
+
+    def __post_init__(self) -> None:
+        require_between("offset", self.offset, 0, 10, "m")
+        require_between("radius_error", self.radius_error, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR)
+        require_between("turning_centre", self.turning_centre, -10, 10, "m")
+        require_between("drift", self.drift, -10, 10, "s")
+        require_non_negative("lag", self.lag)
+        require_at_most("lag", self.lag, 1.0, "s")
+
+
+@dataclass(frozen=True)
+class WanderConfig(Repeatable):
+    """Drive as people do, teleoperated, and store logs as labs have them: encoders and poses, each on its own clock."""
+
+    driving: Literal["random", "eights", "stop_and_go", "loop"] = "random"
+    """Commands: both hands at random, figure eights, constant speeds with stops, or rounds of a square."""
+    drives: int = 1
+    """Number of drives."""
+    duration: float = 120.0
+    """Length of each drive [s]."""
+    max_speed: float = 0.3
+    """Largest speed of a track [m/s]."""
+    acceleration: float = 0.5
+    """Largest acceleration of a track [m/s^2]."""
+    encoder_rate: float = 50.0
+    """Readings of the encoders per second [Hz]."""
+    source: SourceOptions = field(default_factory=SourceOptions)
+    motion: Literal["mujoco", "law"] = "mujoco"
+    """What moves the robot: the simulated ground, or a slip law exactly."""
+    law: LawOptions = field(default_factory=LawOptions)
+    robot: Annotated[Path | None, default_is("the shipped robot", "FILE")] = None
+    """Robot file as written by calibrate: the robot's parameters and its ground."""
+    radius_error: Annotated[float | None, default_is("the robot's", "FLOAT")] = None
+    """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
+    drive: Drive = field(default_factory=Drive)
+    ground: GroundOptions = field(default_factory=GroundOptions)
+    rrd: bool = False
+    """Also write recordings for the rerun viewer to OUT/recordings."""
+    out: Path = Path("out/wander")
+    """Folder for the results."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_integer("drives", self.drives, 1, MAX_DRIVES)
+        require_positive("duration", self.duration)
+        require_at_most("duration", self.duration, MAX_DURATION, "s")
+        require_speed("max_speed", self.max_speed, self.drive.top_speed)
+        require_positive("acceleration", self.acceleration)
+        require_at_most("acceleration", self.acceleration, _MAX_ACCELERATION, "m/s^2")
+        require_between("encoder_rate", self.encoder_rate, _MIN_RATE, _MAX_RATE, "Hz")
+        if self.duration < 2 / self.encoder_rate:
+            raise InvalidValueError("duration", self.duration, f"at least {2 / self.encoder_rate:g} s, two readings")
+        if self.motion == "law":
+            for name in ("ground", "radius_error"):
+                refuse_changed(name, getattr(self, name), getattr(WanderConfig(), name), "with --motion law")
+            used = replace(Drive(), top_speed=self.drive.top_speed, encoder_counts=self.drive.encoder_counts)
+            refuse_changed("drive", self.drive, used, "with --motion law")
+            return
+        refuse_changed("law", self.law, LawOptions(), "without --motion law")
+        periods = 1 / (self.encoder_rate * self.drive.period)
+        if abs(periods - round(periods)) > 1e-6 or periods < 0.5:
+            allowed = f"a rate whose period is a multiple of drive.period = {self.drive.period} s"
+            raise InvalidValueError("encoder_rate", self.encoder_rate, allowed)
+        self.simulation()
+
+    def simulation(self) -> Simulation:
+        """The world to drive in."""
+        return Simulation(
+            robot=self.robot,
+            radius_error=self.radius_error,
+            drive=self.drive,
+            scanner=LaserScanner(rate=self.encoder_rate),  # unused
+            rrd=self.rrd,
+            ground=self.ground,
+            seed=self.seed,
+            threads=self.threads,
+        )

@@ -1,0 +1,121 @@
+"""Track speeds of a driver with a lever for each track."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackslip.errors import InvalidValueError, require, require_positive
+from trackslip.kinematics import SIDES, Array
+
+_STEEPEST = 1.5  # slope of the smoothest step from 0 to 1 in a unit of time, 3 u^2 - 2 u^3, at its middle
+_CLOSING = 2.404825557695773  # first zero of J_0: a heading of this amplitude, sinusoidal in time, closes an eight
+_BACK = -0.3  # how far back a lever goes of its own [of the way forwards]
+_STRAIGHT = 4.0  # on each side of a loop [s]
+
+
+@dataclass(frozen=True)
+class Driver:
+    """What a driver keeps to, and reckons with."""
+
+    max_speed: float = 0.3
+    """Largest speed of a track [m/s]."""
+    acceleration: float = 0.5
+    """Largest acceleration of a track [m/s^2]."""
+    half_gauge: float = 0.168
+    """Half the distance between the tracks that turns are reckoned with, b + D for a robot that slips [m]."""
+
+    def __post_init__(self) -> None:
+        for name in ("max_speed", "acceleration", "half_gauge"):
+            require_positive(name, getattr(self, name))
+
+
+def track_commands(driving: str, duration: float, rate: float, driver: Driver, rng: np.random.Generator) -> Array:
+    """Track speeds (T, 2) [m/s] of a way of driving, one of DRIVING, at the times k / `rate` up to `duration` [s].
+
+    They start at rest. Raises InvalidValueError for an unknown name.
+    """
+    if driving not in DRIVING:
+        raise InvalidValueError("driving", driving, f"one of {', '.join(DRIVING)}")
+    require_positive("duration", duration)
+    require_positive("rate", rate)
+    time = np.arange(int(duration * rate + 1e-9) + 1) / rate
+    require(len(time) >= 2, "duration", duration, f"at least a period of the encoders, {1 / rate:g} s")
+    return DRIVING[driving](time, driver, rng)
+
+
+def _random(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
+    """Each lever is moved smoothly to a place of its own, now and then both to the same, back, or to rest."""
+    count = int(time[-1]) + 2  # of places: each takes longer than a second
+    levers = _BACK + (1 - _BACK) * rng.random((count, 2)) ** 0.6  # rather forwards
+    kinds = rng.choice(4, count, p=(0.8, 0.08, 0.06, 0.06))[:, None]
+    levers = np.choose(kinds, [levers, np.broadcast_to(np.abs(levers[:, :1]), levers.shape), -levers, 0 * levers])
+    return _levers(time, driver, driver.max_speed * levers, rng.uniform(0.8, 1.4, count), rng.uniform(0.5, 1.5, count))
+
+
+def _stop_and_go(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
+    """Stretches at constant speeds, straight ahead and to both sides, with stops between them."""
+    count = int(time[-1] / 4.0) + 2  # stretch and stop together last longer
+    speed = rng.uniform(0.4, 1.0, (count, 1))
+    levers = speed * np.concatenate([np.ones((count, 1)), rng.uniform(0.0, 1.0, (count, 1))], axis=1)
+    levers = np.where(rng.random((count, 1)) < 0.5, levers, levers[:, ::-1])
+    levers[::4] = speed[::4]  # straight
+    both = np.zeros((2 * count, 2))
+    both[::2] = levers
+    holding = np.stack([rng.uniform(3.5, 6.0, count), rng.uniform(0.5, 2.0, count)], axis=1).ravel()
+    return _levers(time, driver, driver.max_speed * both, np.full(2 * count, 0.5), holding)
+
+
+def _eights(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
+    """Figure eights at constant forward speed, their heading sinusoidal in time."""
+    ahead = rng.uniform(0.5, 0.7)  # share of the top speed; the rest is for turning
+    turning = min((1 - ahead) * driver.max_speed, np.sqrt(_CLOSING / 2 * driver.acceleration * driver.half_gauge))
+    frequency = turning / (driver.half_gauge * _CLOSING)
+    half = rng.choice([-1.0, 1.0]) * turning * np.sin(frequency * time)
+    return _begun(time, driver, ahead * driver.max_speed, half)
+
+
+def _loop(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
+    """Rounds of a square with rounded corners, all to the same side."""
+    turning = min(0.4 * driver.max_speed, np.sqrt(np.pi / 8 * driver.acceleration * driver.half_gauge))
+    corner = np.pi**2 / 4 * driver.half_gauge / turning  # its yaw rate is half a period of a sine [s]
+    into = np.clip(time % (_STRAIGHT + corner) - _STRAIGHT, 0.0, corner)
+    half = rng.choice([-1.0, 1.0]) * turning * np.sin(np.pi * into / corner)
+    return _begun(time, driver, 0.6 * driver.max_speed, half)
+
+
+def _begun(time: Array, driver: Driver, ahead: float, half: Array) -> Array:
+    """Speeds (T, 2) [m/s] ahead -+ half, reached from rest with half of the acceleration; the rest is for `half`."""
+    ramp = 2 * _STEEPEST * driver.max_speed / driver.acceleration
+    return (ahead + SIDES * half[:, None]) * _step(time / ramp)[:, None]
+
+
+def _levers(time: Array, driver: Driver, levers: Array, moving: Array, holding: Array) -> Array:
+    """Speeds (T, 2) [m/s] that go from rest to each of `levers` (K, 2) in turn and stay there.
+
+    Each is approached in `moving` (K,) and held for `holding` (K,) [s]; longer where the acceleration demands it.
+    """
+    change = np.abs(np.diff(levers, axis=0, prepend=np.zeros((1, 2)))).max(axis=1)
+    moving = np.maximum(moving, _STEEPEST * change / driver.acceleration)
+    ends = np.cumsum(moving + holding)
+    begins = np.concatenate([[0.0], ends[:-1]])
+    now = np.minimum(np.searchsorted(ends, time, side="right"), len(levers) - 1)
+    before = np.concatenate([np.zeros((1, 2)), levers[:-1]])[now]
+    return before + _step((time - begins[now]) / moving[now])[:, None] * (levers[now] - before)
+
+
+def _step(u: Array) -> Array:
+    """A smooth step (...) from 0 at u = 0 to 1 at u = 1."""
+    u = np.clip(u, 0.0, 1.0)
+    return u * u * (3 - 2 * u)
+
+
+DRIVING: dict[str, Callable[[Array, Driver, np.random.Generator], Array]] = {
+    "random": _random,
+    "eights": _eights,
+    "stop_and_go": _stop_and_go,
+    "loop": _loop,
+}
+"""Ways of driving by name."""

@@ -1,0 +1,137 @@
+"""A sensor of poses, with everything that makes poses hard to use: noise, clock, jumps, gaps, mounting."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.wander.motion import Motion, joined, steps_between
+from trackslip.errors import require, require_finite, require_non_negative, require_positive
+from trackslip.kinematics import Array
+
+_MAX_JITTER = 0.2  # of a period
+_MOST_EARLY = 0.45  # of a period: stamps stay in order
+
+
+@dataclass(frozen=True)
+class PoseSource:
+    """Where the poses of a log come from."""
+
+    rate: float = 20.0
+    """Poses per second [Hz]."""
+    position_noise: float = 0.0
+    """Standard deviation of x and of y [m]."""
+    heading_noise: float = 0.0
+    """Standard deviation of the heading [rad]."""
+    heading: bool = True
+    """Whether the heading is measured."""
+    delay: float = 0.0
+    """Time stamp of a pose minus the encoders' of the same moment; -tau [s]."""
+    jitter: float = 0.0
+    """Standard deviation of the time stamps [s]."""
+    outliers: float = 0.0
+    """Share of the poses that are wrong [-]."""
+    outlier_size: float = 0.5
+    """Largest error of those, in x and in y [m]."""
+    outlier_turn: float = 0.5
+    """Largest error of their headings [rad]."""
+    dropouts: float = 0.0
+    """Share of the poses that are missing, one by one [-]."""
+    gaps: int = 0
+    """Number of stretches without poses."""
+    gap_duration: float = 5.0
+    """Length of each [s]."""
+    jumps: int = 0
+    """Number of lasting jumps: all poses after one are displaced and turned about it."""
+    jump_size: float = 0.2
+    """Length of each [m]."""
+    jump_turn: float = 0.0
+    """Turn of each, to a random side [rad]."""
+    drift: float = 0.0
+    """Drift of odometry, a random walk of the position: its error at the end over the way [-]."""
+    heading_drift: float = 0.0
+    """Drift of its heading, a random walk as well [rad/sqrt(m)]."""
+    scale_error: float = 0.0
+    """Relative error of all ways and turns, as odometry with a wrong radius has it [-]."""
+    ahead: float = 0.0
+    """Place of the sensor forward of the robot's origin [m]."""
+    left: float = 0.0
+    """Place of the sensor to the left of it [m]."""
+    mounting: float = 0.0
+    """Heading of the sensor in the robot, counter-clockwise [rad]."""
+
+    def __post_init__(self) -> None:
+        require_positive("rate", self.rate)
+        sizes = ("outlier_size", "outlier_turn", "gap_duration", "jump_size", "jump_turn", "drift", "heading_drift")
+        for name in ("position_noise", "heading_noise", "jitter", "gaps", "jumps", *sizes):
+            require_non_negative(name, getattr(self, name))
+        for name in ("delay", "scale_error", "ahead", "left", "mounting"):
+            require_finite(name, getattr(self, name))
+        for name in ("outliers", "dropouts"):
+            require(0 <= getattr(self, name) < 1, name, getattr(self, name), "at least 0 and less than 1")
+        require(self.scale_error > -1, "scale_error", self.scale_error, "greater than -1")
+        most = _MAX_JITTER / self.rate
+        require(self.jitter <= most, "jitter", self.jitter, f"at most {most:g} s, {_MAX_JITTER:g} of a period")
+
+    def measure(self, motion: Motion, rng: np.random.Generator) -> tuple[Array, Array]:
+        """Time stamps (M,) [s], ascending, and poses (M, 3) [m, m, rad]; headings are NaN if they aren't measured.
+
+        The first pose is taken at a random moment in the first period.
+        """
+        first, last = motion.time[0], motion.time[-1]
+        moment = np.arange(first + rng.uniform(0, 1 / self.rate), last, 1 / self.rate)
+        pose = self._wandered(self._mounted(motion.at(moment)), moment, rng)
+        noise = np.array([self.position_noise, self.position_noise, self.heading_noise])
+        pose = pose + noise * rng.standard_normal(pose.shape)
+        wrong = rng.random(len(moment)) < self.outliers
+        largest = np.array([self.outlier_size, self.outlier_size, self.outlier_turn])
+        pose = pose + wrong[:, None] * largest * rng.uniform(-1, 1, pose.shape)
+        early = np.clip(self.jitter * rng.standard_normal(len(moment)), *(np.array([-1, 1]) * _MOST_EARLY / self.rate))
+        seen = (rng.random(len(moment)) >= self.dropouts) & ~self._in_gap(moment, rng)
+        if not self.heading:
+            pose[:, 2] = np.nan
+        return (moment + self.delay + early)[seen], pose[seen]
+
+    def _mounted(self, pose: Array) -> Array:
+        """Poses (M, 3) of the sensor, from those of the robot."""
+        cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+        x = pose[:, 0] + cos * self.ahead - sin * self.left
+        y = pose[:, 1] + sin * self.ahead + cos * self.left
+        return np.stack([x, y, pose[:, 2] + self.mounting], axis=-1)
+
+    def _wandered(self, pose: Array, moment: Array, rng: np.random.Generator) -> Array:
+        """Poses (M, 3) with drift and lasting jumps, which are errors of the steps between poses."""
+        if len(pose) < 2 or not (self.drift or self.heading_drift or self.scale_error or self.jumps):
+            return pose
+        steps = steps_between(pose)
+        way = np.hypot(steps[:, :1], steps[:, 1:2])
+        along = self.drift * np.sqrt(way.sum() / 2)  # [m/sqrt(m)], for each of two directions
+        walk = np.sqrt(way) * [along, along, self.heading_drift] * rng.standard_normal(steps.shape)
+        steps = (1 + self.scale_error) * steps + walk
+        at = np.searchsorted(moment, rng.uniform(moment[0], moment[-1], self.jumps))
+        direction = rng.uniform(-np.pi, np.pi, self.jumps)
+        turned = self.jump_turn * rng.choice([-1.0, 1.0], self.jumps)
+        jump = np.stack([self.jump_size * np.cos(direction), self.jump_size * np.sin(direction), turned], axis=-1)
+        np.add.at(steps, np.clip(at - 1, 0, len(steps) - 1), jump)
+        return joined(pose[0], steps)
+
+    def _in_gap(self, moment: Array, rng: np.random.Generator) -> np.ndarray:
+        """(M,) bool: whether a moment lies in a gap; gaps begin in equal parts of the time, one in each."""
+        if not self.gaps:
+            return np.zeros(len(moment), bool)
+        part = (moment[-1] - moment[0]) / self.gaps
+        free = max(0.0, part - self.gap_duration)
+        begin = moment[0] + part * np.arange(self.gaps) + rng.uniform(0, free, self.gaps)
+        return ((moment[:, None] >= begin) & (moment[:, None] < begin + self.gap_duration)).any(axis=1)
+
+
+SOURCES: Mapping[str, PoseSource] = {
+    "scanner": PoseSource(rate=20.0, position_noise=0.002, heading_noise=np.radians(0.25)),
+    "mocap": PoseSource(rate=50.0, position_noise=0.0005, heading_noise=np.radians(0.1), delay=0.02),
+    "slam": PoseSource(rate=10.0, position_noise=0.02, heading_noise=np.radians(1.0), delay=0.1, jitter=0.005),
+    "gnss": PoseSource(rate=5.0, position_noise=0.05, heading=False, delay=0.1),
+    "odometry": PoseSource(rate=20.0, drift=0.01, heading_drift=0.004),
+}
+"""Sources by name: the scanner in the field, motion capture, SLAM, GNSS (positions only), drifting odometry."""

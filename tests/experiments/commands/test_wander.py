@@ -1,0 +1,85 @@
+"""`trackslip wander`: what it stores, and what it refuses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from trackslip.logs.logfile import read_runs
+
+LAW = ("--motion", "law", "--duration", "20")
+
+
+@pytest.mark.parametrize("driving", ["random", "eights", "stop_and_go", "loop"])
+def test_each_driving_in_the_simulator(trackslip, driving):
+    result = trackslip("wander", "--driving", driving, "--drives", "2", "--duration", "6")
+    logs = read_runs(result.folder / "runs.parquet")
+    assert [log.run for log in logs] == [f"{driving} 1", f"{driving} 2"]
+    for log, contents in zip(logs, result.summary["drives"], strict=True):
+        assert log.valid.sum() == contents["poses"]
+        assert 55 <= contents["poses"] <= 60  # 10 Hz; the last come after the encoders' end
+        assert len(log.time) == contents["readings"] > 300
+        assert 0.1 < contents["way"] < 6 * 0.3
+        measured = log.valid
+        late = np.hypot(*(log.pose - log.truth.pose)[measured, :2].T)
+        assert late.max() < 0.02 * 5 + 0.3 * 0.12  # noise, and the way in the clock's delay
+        assert log.metadata["driving"] == driving
+        assert log.metadata["geometry"] == {"half_gauge": 0.168, "sprocket_radius": 0.06}
+        assert log.truth.traction is not None
+    assert f"trackslip identify {result.folder}" in result.printed
+
+
+def test_motion_by_a_law_follows_it(trackslip):
+    options = ("--law.offset", "0.03", "--law.radius-error", "0.02", "--law.slip", "none")
+    result = trackslip("wander", *LAW, *options, "--source", "mocap")
+    (log,) = read_runs(result.folder / "runs.parquet")
+    v, lateral, w = log.truth.twist.T
+    left = (v - (0.168 + 0.03) * w) / 1.02
+    rows = np.isin(log.time, np.arange(1001) / 50)
+    np.testing.assert_allclose(left[rows], 0.06 * log.omega[rows, 0], atol=0.06 * 50 * 2 * np.pi / 100_000)
+    np.testing.assert_array_equal(lateral, 0.0)
+    assert log.metadata["law"]["offset"] == 0.03
+
+
+def test_a_drive_does_not_depend_on_how_many_there_are(trackslip, tmp_path):
+    logs = [
+        read_runs(trackslip("wander", *LAW, "--drives", count, "--out", str(tmp_path / count)).folder / "runs.parquet")
+        for count in ("1", "3")
+    ]
+    np.testing.assert_array_equal(logs[0][0].pose, logs[1][0].pose)
+    assert not np.array_equal(logs[1][0].omega[:100], logs[1][1].omega[:100])
+
+
+@pytest.mark.parametrize("motion", ["mujoco", "law"])
+def test_the_same_seed_gives_the_same_file(trackslip, tmp_path, motion):
+    files = []
+    for k, (seed, threads) in enumerate((("1", "1"), ("1", "2"), ("2", "1"))):
+        out = ("--out", str(tmp_path / str(k)))
+        duration = ("--motion", motion, "--duration", "4")
+        result = trackslip("wander", *duration, "--seed", seed, "--threads", threads, *out)
+        files.append((result.folder / "runs.parquet").read_bytes())
+    assert files[0] == files[1]
+    assert files[0] != files[2]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--drives", "0"), "drives = 0: must be an integer from 1 to 1000"),
+        (("--duration", "0.03"), "duration = 0.03: must be at least 0.04 s, two readings"),
+        (("--max-speed", "0.4"), "max_speed = 0.4: must be at most drive.top_speed = 0.3 m/s"),
+        (("--acceleration", "0"), "acceleration = 0.0: must be a finite number > 0"),
+        (("--encoder-rate", "30"), "encoder_rate = 30.0: must be a rate whose period is a multiple of drive.period"),
+        (("--source.rate", "-1"), "source.rate = -1.0: must be a finite number > 0"),
+        (("--source.jitter", "0.1"), "source.jitter = 0.1: must be at most 0.02 s, 0.2 of a period"),
+        (("--source.outliers", "1"), "source.outliers = 1.0: must be at least 0 and less than 1"),
+        (("--law.offset", "0.1"), "law.offset = 0.1: must be left out without --motion law"),
+        (("--law.lag", "2"), "law.lag = 2.0: must be at most 1 s"),
+        (("--motion", "law", "--ground", "ice"), "ground = 'ice': must be left out with --motion law"),
+        (("--motion", "law", "--radius-error", "0.1"), "radius_error = 0.1: must be left out with --motion law"),
+        (("--motion", "law", "--drive.lag", "0.1"), "drive.lag = 0.1: must be left out with --motion law"),
+        (("--robot", "none.toml"), "none.toml"),
+    ],
+)
+def test_mistakes(refused, arguments, message):
+    assert message in refused("wander", *arguments)

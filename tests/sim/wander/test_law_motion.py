@@ -1,0 +1,105 @@
+"""Motion by a law, against the law; its variation, against what it was made with."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy
+
+from sim.wander.commands import Driver, track_commands
+from sim.wander.law_motion import LASTING, WHITE, LawMotion, SlipVariation
+from sim.wander.motion import arc_steps, joined, steps_between
+from trackslip.errors import InvalidValueError
+from trackslip.kinematics import RobotGeometry
+from trackslip.slip.icr import ConstantIcr
+
+RATE = 50.0
+GEOMETRY = RobotGeometry(half_gauge=0.168, sprocket_radius=0.06)
+LAW = ConstantIcr(offset=0.045, half_gauge=0.168, radius_error=0.0066)
+EXACT = SlipVariation()
+
+
+def sprockets(duration: float = 60.0, seed: int = 0) -> np.ndarray:
+    return track_commands("random", duration, RATE, Driver(), np.random.default_rng(seed)) / GEOMETRY.sprocket_radius
+
+
+def test_without_variation_the_law_decides():
+    omega = sprockets()
+    motion, twist = LawMotion(LAW, GEOMETRY, EXACT).drive(omega, RATE, np.random.default_rng(0))
+    law = np.insert(LAW.twist(omega, GEOMETRY), 1, 0.0, axis=-1)
+    np.testing.assert_allclose(twist[1:], law[1:], atol=1e-15)
+    time = np.arange(len(omega)) / RATE
+    np.testing.assert_allclose(motion.at(time), joined(np.zeros(3), arc_steps(law[1:], 1 / RATE)), atol=1e-10)
+
+
+@pytest.mark.parametrize("rate", [20.0, 50.0, 100.0])
+def test_white_slip_grows_with_the_way(rate):
+    omega = np.array([0.0, 0.0]) + np.r_[0.0, np.full(int(100 * rate), 4.0)][:, None] * [1.0, -0.5]
+    moved, twist = LawMotion(LAW, GEOMETRY, WHITE).drive(omega, rate, np.random.default_rng(1))
+    still, _ = LawMotion(LAW, GEOMETRY, EXACT).drive(omega, rate, np.random.default_rng(1))
+    count = len(moved.time) - 1
+    way = GEOMETRY.sprocket_radius * 3.0 * 100.0 / count  # of a step: the mean of |4| and |-2| rad/s
+    errors = steps_between(moved.pose) - steps_between(still.pose)
+    spread = errors.std(axis=0) / np.sqrt(way)
+    np.testing.assert_allclose(spread, [WHITE.along, WHITE.across, WHITE.turning], rtol=5 / np.sqrt(2 * count))
+    neighbours = (errors[1:] * errors[:-1]).mean(axis=0) / errors.var(axis=0)
+    assert np.abs(neighbours).max() < 5 / np.sqrt(count)
+    np.testing.assert_allclose(twist[1:, [0, 2]], LAW.twist(omega[1:], GEOMETRY))
+
+
+def test_lasting_slip_has_its_size_and_its_time():
+    variation = SlipVariation(lasting=0.02, lasting_time=0.5)
+    omega = np.r_[0.0, np.full(50_000, 3.0)][:, None] * np.ones(2)
+    _, twist = LawMotion(LAW, GEOMETRY, variation).drive(omega, RATE, np.random.default_rng(2))
+    surface = 0.06 * (1 + LAW.radius_error) * 3.0
+    left = (twist[1:, 0] - (0.168 + LAW.offset) * twist[1:, 2]) / surface - 1
+    assert left.std() == pytest.approx(0.02, rel=0.1)
+    lag = 25  # rows in half a second
+    assert np.corrcoef(left[lag:], left[:-lag])[0, 1] == pytest.approx(np.exp(-1), abs=0.1)
+    assert LASTING.lasting == 0.02
+
+
+def test_the_lag_is_of_first_order():
+    omega = np.r_[0.0, np.full(100, 3.0)][:, None] * np.ones(2)
+    motion, _ = LawMotion(LAW, GEOMETRY, EXACT, lag=0.2).drive(omega, RATE, np.random.default_rng(0))
+    speed, t = 0.06 * (1 + LAW.radius_error) * 3.0, motion.time
+    np.testing.assert_allclose(motion.pose[:, 0], speed * (t - 0.2 * (1 - np.exp(-t / 0.2))), atol=1e-12)
+
+
+def test_lateral_speed_follows_turning_centre_and_drift():
+    omega = sprockets()
+    moved = LawMotion(LAW, GEOMETRY, EXACT, turning_centre=0.03, drift=0.02)
+    _, twist = moved.drive(omega, RATE, np.random.default_rng(0))
+    v, lateral, w = twist.T
+    np.testing.assert_allclose(lateral, -0.03 * w - 0.02 * v * w, atol=1e-15)
+
+
+def test_the_turning_centre_stands_still_on_the_spot():
+    omega = np.r_[0.0, np.full(200, 3.0)][:, None] * [-1.0, 1.0]
+    motion, _ = LawMotion(LAW, GEOMETRY, EXACT, turning_centre=0.03).drive(omega, RATE, np.random.default_rng(0))
+    x, y, phi = motion.pose.T
+    np.testing.assert_allclose(x + 0.03 * np.cos(phi), 0.03, atol=1e-12)
+    np.testing.assert_allclose(y + 0.03 * np.sin(phi), 0.0, atol=1e-12)
+
+
+def test_the_same_seed_gives_the_same_bits():
+    omega = sprockets()
+    one, other, third = (
+        LawMotion(LAW, GEOMETRY, SlipVariation(0.002, 0.002, 0.005, 0.02)).drive(omega, RATE, np.random.default_rng(k))
+        for k in (5, 5, 6)
+    )
+    np.testing.assert_array_equal(one[0].pose, other[0].pose)
+    assert not np.array_equal(one[0].pose, third[0].pose)
+
+
+def test_white_slip_is_normal():
+    omega = np.r_[0.0, np.full(2000, 3.0)][:, None] * np.ones(2)
+    moved, _ = LawMotion(LAW, GEOMETRY, WHITE).drive(omega, RATE, np.random.default_rng(3))
+    assert scipy.stats.kstest(scipy.stats.zscore(steps_between(moved.pose)[:, 2]), "norm").pvalue > 1e-3
+
+
+def test_negative_variation_is_refused():
+    with pytest.raises(InvalidValueError, match="turning = -1"):
+        SlipVariation(turning=-1.0)
+    with pytest.raises(InvalidValueError, match=r"lag = -0\.1"):
+        LawMotion(LAW, GEOMETRY, lag=-0.1)

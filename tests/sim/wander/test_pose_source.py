@@ -1,0 +1,149 @@
+"""What a pose source does to true poses, measured from its poses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.wander.commands import Driver, track_commands
+from sim.wander.law_motion import LawMotion, SlipVariation
+from sim.wander.motion import Motion, steps_between
+from sim.wander.pose_source import SOURCES, PoseSource
+from trackslip.errors import InvalidValueError
+from trackslip.kinematics import RobotGeometry, wrap_angle
+from trackslip.slip.icr import ConstantIcr
+
+PERFECT = PoseSource(rate=10.0)
+
+
+@pytest.fixture(scope="module")
+def motion() -> Motion:
+    rng = np.random.default_rng(0)
+    geometry = RobotGeometry(0.168, 0.06)
+    omega = track_commands("random", 120.0, 50.0, Driver(), rng) / geometry.sprocket_radius
+    return LawMotion(ConstantIcr(0.045, 0.168, 0.0066), geometry, SlipVariation()).drive(omega, 50.0, rng)[0]
+
+
+def measure(source: PoseSource, motion: Motion, seed: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    return source.measure(motion, np.random.default_rng(seed))
+
+
+def test_a_perfect_source_returns_the_truth(motion):
+    stamps, poses = measure(PERFECT, motion)
+    np.testing.assert_allclose(poses, motion.at(stamps), atol=1e-12)
+    np.testing.assert_allclose(np.diff(stamps), 0.1, atol=1e-12)
+    assert 0 <= stamps[0] < 0.1
+    assert len(stamps) in (1199, 1200)
+
+
+def test_noise_is_white_and_as_large_as_stated(motion):
+    stamps, poses = measure(replace(PERFECT, rate=50.0, position_noise=0.02, heading_noise=0.03), motion)
+    errors = poses - motion.at(stamps)
+    np.testing.assert_allclose(errors.std(axis=0), [0.02, 0.02, 0.03], rtol=5 / np.sqrt(2 * len(errors)))
+    assert np.abs(np.corrcoef(errors[1:, 0], errors[:-1, 0])[0, 1]) < 5 / np.sqrt(len(errors))
+
+
+@pytest.mark.parametrize("delay", [0.15, -0.3])
+def test_a_late_clock_stamps_later(motion, delay):
+    """The shift at which speeds from poses correlate best with those of the truth is the delay."""
+    stamps, poses = measure(replace(PERFECT, rate=50.0, delay=delay), motion)
+    grid = np.arange(5.0, 115.0, 0.02)
+    seen = np.gradient(np.interp(grid, stamps, poses[:, 2]))
+    shifts = np.arange(-0.5, 0.5, 0.01)
+    alike = [np.corrcoef(seen, np.gradient(motion.at(grid - shift)[:, 2]))[0, 1] for shift in shifts]
+    assert shifts[int(np.argmax(alike))] == pytest.approx(delay, abs=0.011)
+
+
+def test_jittered_stamps_stay_in_order(motion):
+    stamps, poses = measure(replace(PERFECT, jitter=0.02), motion)
+    assert (np.diff(stamps) > 0).all()
+    early = stamps - 0.1 * np.arange(len(stamps))
+    assert early.std() == pytest.approx(0.02, rel=0.1)
+    speed = np.hypot(*np.gradient(motion.at(stamps)[:, :2], stamps, axis=0).T)
+    away = np.hypot(*(poses - motion.at(stamps))[:, :2].T)
+    assert np.sqrt((away**2).mean()) == pytest.approx(0.02 * np.sqrt((speed**2).mean()), rel=0.15)
+
+
+def test_gaps_have_their_number_and_length(motion):
+    stamps, _ = measure(replace(PERFECT, gaps=3, gap_duration=5.0), motion)
+    pauses = np.diff(stamps)
+    pauses = pauses[pauses > 0.11]
+    assert len(pauses) == 3
+    np.testing.assert_allclose(pauses, 5.0, atol=0.11)
+
+
+def test_dropouts_and_outliers_have_their_shares(motion):
+    stamps, poses = measure(replace(PERFECT, rate=50.0, dropouts=0.2, outliers=0.05, outlier_size=1.0), motion)
+    assert len(stamps) / 6000 == pytest.approx(0.8, abs=0.03)
+    errors = poses - motion.at(stamps)
+    wrong = np.abs(errors[:, 0]) > 1e-9
+    assert wrong.mean() == pytest.approx(0.05, abs=0.015)
+    assert 0.9 < np.abs(errors[:, :2]).max() <= 1.0
+
+
+def test_jumps_last(motion):
+    stamps, poses = measure(replace(PERFECT, jumps=2, jump_size=0.5, jump_turn=0.1), motion)
+    errors = steps_between(poses) - steps_between(motion.at(stamps))
+    size, turn = np.hypot(errors[:, 0], errors[:, 1]), np.abs(errors[:, 2])
+    assert np.flatnonzero(size > 1e-9).size == 2
+    np.testing.assert_allclose(size[size > 1e-9], 0.5)
+    np.testing.assert_allclose(turn[size > 1e-9], 0.1)
+
+
+def test_drift_grows_to_its_share_of_the_way(motion):
+    """The sums of the steps' errors are compared, because an error of the heading would turn all that follow."""
+    ends = []
+    for seed in range(300):
+        stamps, poses = measure(replace(PERFECT, rate=5.0, drift=0.01, heading_drift=0.004), motion, seed)
+        ends.append((steps_between(poses) - steps_between(motion.at(stamps))).sum(axis=0))
+    steps = steps_between(motion.at(stamps))
+    way = np.hypot(steps[:, 0], steps[:, 1]).sum()
+    spread = np.sqrt(np.square(ends).mean(axis=0))
+    assert np.hypot(*spread[:2]) == pytest.approx(0.01 * way, rel=0.12)
+    assert spread[2] == pytest.approx(0.004 * np.sqrt(way), rel=0.2)
+
+
+def test_a_scale_error_lengthens_all_ways_and_turns(motion):
+    stamps, poses = measure(replace(PERFECT, scale_error=0.02), motion)
+    np.testing.assert_allclose(steps_between(poses), 1.02 * steps_between(motion.at(stamps)), atol=1e-12)
+
+
+def test_a_mounted_sensor_is_where_it_is_mounted(motion):
+    stamps, poses = measure(replace(PERFECT, ahead=0.3, left=0.1, mounting=0.087), motion)
+    robot = motion.at(stamps)
+    cos, sin = np.cos(robot[:, 2]), np.sin(robot[:, 2])
+    away = poses[:, :2] - robot[:, :2]
+    np.testing.assert_allclose(cos * away[:, 0] + sin * away[:, 1], 0.3, atol=1e-12)
+    np.testing.assert_allclose(-sin * away[:, 0] + cos * away[:, 1], 0.1, atol=1e-12)
+    np.testing.assert_allclose(wrap_angle(poses[:, 2] - robot[:, 2]), 0.087, atol=1e-12)
+
+
+def test_a_source_without_headings_gives_none(motion):
+    _, poses = measure(SOURCES["gnss"], motion)
+    assert np.isnan(poses[:, 2]).all()
+    assert np.isfinite(poses[:, :2]).all()
+
+
+@pytest.mark.parametrize("name", SOURCES)
+def test_named_sources_are_deterministic(motion, name):
+    for one, other in zip(measure(SOURCES[name], motion), measure(SOURCES[name], motion), strict=True):
+        np.testing.assert_array_equal(one, other)
+    assert not np.array_equal(measure(SOURCES[name], motion)[1], measure(SOURCES[name], motion, 2)[1])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"rate": 0.0}, "rate = 0.0: must be a finite number > 0"),
+        ({"position_noise": -0.1}, "position_noise = -0.1: must be a finite number >= 0"),
+        ({"outliers": 1.0}, "outliers = 1.0: must be at least 0 and less than 1"),
+        ({"jitter": 0.011}, "jitter = 0.011: must be at most 0.01 s, 0.2 of a period"),
+        ({"delay": np.inf}, "delay = inf: must be a finite number"),
+        ({"scale_error": -1.0}, "scale_error = -1.0: must be greater than -1"),
+    ],
+)
+def test_mistakes(options, message):
+    with pytest.raises(InvalidValueError, match=message):
+        PoseSource(**options)

@@ -1,0 +1,1 @@
+"""Slip laws from any driving: the maximum likelihood of whole logs."""

@@ -1,0 +1,192 @@
+"""A law fitted to drives: values, errors, intervals, and what the driving doesn't tell."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackslip.errors import LogError
+from trackslip.identification.drive.determined import undetermined
+from trackslip.identification.drive.drives import Drive, drives_of
+from trackslip.identification.drive.equations import Nodes, Noise
+from trackslip.identification.drive.fit import Fit, fit
+from trackslip.identification.drive.intervals import half_widths, model_errors
+from trackslip.identification.drive.law_start import law_start
+from trackslip.identification.drive.model import EXTRAS, DriveModel
+from trackslip.identification.drive.noise import FIRST
+from trackslip.identification.drive.start import start, trajectory
+from trackslip.identification.sensor import Sensor
+from trackslip.kinematics import Array, RobotGeometry
+from trackslip.logs.runlog import RunLog
+from trackslip.slip.base import SlipLaw
+from trackslip.slip.families import FAMILIES, family
+
+REFERENCE = "icr_radius"
+"""The law that is fitted first; others start from its trajectory, and its gates hold for all."""
+DRIVE_LAWS = ("none", "icr", "icr_radius", "icr_sides", "turn_loss", "exponential", "power")
+"""Laws that can be fitted to drives."""
+_MAX_HELD = 6
+_LEVER_PRIOR = 0.1  # standard deviation of the turning centre's place ahead of the middle, if the sensor's is given [m]
+
+
+@dataclass(frozen=True)
+class DriveFit:
+    """A law fitted to drives by maximum likelihood."""
+
+    name: str
+    """Name of the family."""
+    law: SlipLaw
+    """The law with the values below."""
+    values: dict[str, float]
+    """Parameters of the law by name, in their units."""
+    extras: dict[str, float]
+    """The other parameters (see `model.EXTRAS`), held ones included, in m, s and rad."""
+    stderr: dict[str, float]
+    """Standard errors of all fitted parameters by the model of the noise."""
+    interval95: dict[str, tuple[float, float]]
+    """95 % intervals of all fitted parameters, wider than the model's where slip lasts."""
+    held: dict[str, str]
+    """Parameters that were held, and why."""
+    correlation: Array  # (f, f) of the fitted parameters, in the order of stderr
+    noise: dict[str, float]
+    """Standard deviations: position [m], heading [rad], slip_forward, slip_sideways [m/√m], slip_turn [rad/√m]."""
+    poses: int
+    """Poses used."""
+    left_out: int
+    """Poses left out as outlying."""
+    breaks: int
+    """Steps left out: lasting jumps of the poses, or slip out of all proportion."""
+    converged: bool
+    """Whether the fit converged."""
+    deviance: float
+    """-2 log likelihood, but for a constant that all laws share [-]."""
+    fit: Fit
+    """The fit in full, with the trajectory."""
+
+    @property
+    def free(self) -> tuple[str, ...]:
+        """Names of the fitted parameters."""
+        return tuple(self.stderr)
+
+
+def fit_drives(
+    name: str,
+    drives: Sequence[RunLog] | Sequence[Drive],
+    geometry: RobotGeometry,
+    sensor: Sensor | None = None,
+    held: Mapping[str, float] | None = None,
+    reference: DriveFit | None = None,
+) -> DriveFit:
+    """Fit a law, one of DRIVE_LAWS, to whole drives by maximum likelihood.
+
+    Args:
+        name: of the law.
+        drives: logs of drives, or prepared ones.
+        geometry: nominal geometry of the robot.
+        sensor: place and yaw of the sensor on the robot, if known; else estimated.
+        held: extras to hold at a value, by name.
+        reference: a fit of REFERENCE to the same drives, which saves fitting it again.
+
+    Raises:
+        LogError: if no drive can be used, or the driving doesn't determine the law.
+        InvalidValueError: for an unknown law.
+    """
+    model = DriveModel(family(name), geometry)
+    prepared = prepare(drives)
+    if reference is None:
+        reference = _reference(prepared, geometry, sensor, held or {})
+    if name == REFERENCE:
+        return reference
+    first = reference.fit
+    values = np.concatenate([law_start(name, first), first.values[len(first.model.family.names) :]])
+    return _fitted(model, first.nodes, first.states, values, first.noise, sensor, held or {}, gated=False)
+
+
+def prepare(drives: Sequence[RunLog] | Sequence[Drive]) -> list[Drive]:
+    """Drives ready to be fitted; raises LogError if there is none."""
+    ready = [drive for drive in drives if isinstance(drive, Drive)]
+    return ready or drives_of([log for log in drives if isinstance(log, RunLog)])[0]
+
+
+def _reference(
+    drives: Sequence[Drive], geometry: RobotGeometry, sensor: Sensor | None, held: Mapping[str, float]
+) -> DriveFit:
+    model = DriveModel(FAMILIES[REFERENCE], geometry)
+    offset, clock_offset = start(drives, geometry)
+    values = np.zeros(len(model.names))
+    values[model.index("offset")], values[model.index("clock_offset")] = offset, clock_offset
+    states = np.concatenate([trajectory(drive, geometry, offset, clock_offset) for drive in drives])
+    return _fitted(model, Nodes.of(drives), states, values, FIRST, sensor, held, gated=True)
+
+
+def _fitted(
+    model: DriveModel,
+    nodes: Nodes,
+    states: Array,
+    values: Array,
+    noise: Noise,
+    sensor: Sensor | None,
+    given: Mapping[str, float],
+    gated: bool,
+) -> DriveFit:
+    """Fit all parameters that are neither given nor known to be open, then hold what turns out not to be determined."""
+    held = {name: "given" for name in given}
+    values, mean = values.copy(), np.zeros(len(values))
+    for name, value in given.items():
+        values[model.index(name)] = value
+    if sensor is not None:
+        for name, value in (("sensor_x", sensor.x), ("sensor_y", sensor.y), ("sensor_yaw", sensor.yaw)):
+            values[model.index(name)] = mean[model.index(name)] = value
+        held |= dict.fromkeys(("sensor_x", "sensor_y", "sensor_yaw"), "given")
+    if not any(drive.has_heading for drive in nodes.drives):
+        held.setdefault("sensor_yaw", "no headings were measured")
+    held.setdefault("lag", "not fitted unless asked for")
+    if model.family is FAMILIES["icr_sides"]:
+        held.setdefault("sensor_y", "an offset of the sensor and unequal ICRs can't be told apart")
+    while True:
+        free = np.array([k for k, name in enumerate(model.names) if name not in held], int)
+        found = fit(model, nodes, states, values, noise, free, mean, gated=gated)
+        vague = undetermined(found)
+        if vague is None:
+            return _described(found, held)
+        name, reason = vague
+        held[name] = f"not determined: {reason}"
+        if model.family.names and held.keys() >= set(model.family.names):
+            raise LogError(f"the drives determine no parameter of the law: {reason}")
+        nodes, states, noise = found.nodes, found.states, found.noise
+        values = found.values.copy()
+        if name in EXTRAS or model.limits[0][model.index(name)] <= 0 <= model.limits[1][model.index(name)]:
+            values[model.index(name)] = mean[model.index(name)]
+        gated = False
+
+
+def _described(found: Fit, held: Mapping[str, str]) -> DriveFit:
+    model = found.model
+    law = len(model.family.names)
+    names = [model.names[k] for k in found.free]
+    best = found.values[found.free]
+    half, covariance = half_widths(found), found.covariance
+    errors = model_errors(found)
+    measured = Nodes.of(found.nodes.drives)
+    return DriveFit(
+        name=next(name for name, one in FAMILIES.items() if one is model.family),
+        law=model.family.law(found.values[:law], model.geometry),
+        values=dict(zip(model.family.names, found.values[:law].tolist(), strict=True)),
+        extras=dict(zip(EXTRAS, found.values[law:].tolist(), strict=True)),
+        stderr=dict(zip(names, errors.tolist(), strict=True)),
+        interval95={
+            name: (float(value - width), float(value + width))
+            for name, value, width in zip(names, best, half, strict=True)
+        },
+        held=dict(held),
+        correlation=covariance / np.outer(errors, errors),
+        noise=dict(zip(Noise.NAMES, found.noise.values.tolist(), strict=True)),
+        poses=int(found.nodes.weight[:, 0].sum()),
+        left_out=int((measured.weight[:, 0] > found.nodes.weight[:, 0]).sum()),
+        breaks=int((measured.link > found.nodes.link).sum()),
+        converged=found.converged,
+        deviance=found.deviance,
+        fit=found,
+    )
