@@ -10,7 +10,7 @@ from experiments.options.checks import require_distinct, require_positive_up_to
 from experiments.options.help import default_is
 from experiments.options.world import Method
 from trackslip.errors import require_non_negative
-from trackslip.motion.steady import SETTLE
+from trackslip.motion.constant_speed import SETTLE
 
 
 @dataclass(frozen=True)
