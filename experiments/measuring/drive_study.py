@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -28,6 +29,7 @@ from sim.runs import Progress, open_loop
 from sim.seeds import generator
 from sim.wander.commands import Driver, track_commands
 from sim.wander.fleet_motion import drive_fleet
+from trackslip.errors import LogError, TrackslipError
 from trackslip.identification.fitted import fit_law
 from trackslip.identification.samples import true_samples
 from trackslip.kinematics import RobotGeometry
@@ -87,7 +89,7 @@ def simulated_drives(robot: Robot, count: int, seed: int, threads: int, progress
 
 
 def steady_laws(robot: Robot, threads: int) -> tuple[dict[str, float], dict[str, float]]:
-    """The law's parameters from true motion on steady circles: the paper's, and some with the track speeds of the drives.
+    """The law's parameters from true motion on steady circles: the paper's, and those of the drives' track speeds.
 
     They differ because the ICRs of a simulated robot move outwards with the yaw rate.
     """
@@ -115,12 +117,15 @@ def study(
 ) -> DriveStudy:
     """Repeat every case; `drives` are those in MuJoCo, `steady` as by `steady_laws`.
 
-    `step(1.0)` is called after each of `size` fits.
+    `step(1.0)` is called after each of `size` fits. Raises LogError if no drive in MuJoCo determines the law.
     """
     exact: dict[int, Estimates] = {}
     for number, estimates in pool.each(_exact, [(k, log, geometry) for k, log in enumerate(drives)]):
-        exact[number] = estimates
+        if TRUE_LAW.keys() <= estimates.keys():
+            exact[number] = estimates
         step(1.0)
+    if not exact:
+        raise LogError("no drive in MuJoCo determines the law, even without noise")
     tasks = [
         task for case in range(len(CASES)) for task in _tasks(case, drives, exact, steady[0], geometry, repeats, seed)
     ]
@@ -151,15 +156,18 @@ def _tasks(
     """The repeats of a case; those in MuJoCo take the drives in turn."""
     if CASES[case] is not SIMULATED:
         return [Task(case, number, seed, geometry) for number in range(repeats)]
-    truths = [{name: one.value for name, one in exact[k].items()} for k in range(len(drives))]
-    turns = [number % len(drives) for number in range(repeats)]
+    truths = {k: {name: one.value for name, one in exact[k].items()} for k in sorted(exact)}
+    turns = itertools.islice(itertools.cycle(truths), repeats)
     return [Task(case, number, seed, geometry, drives[k], truths[k], steady) for number, k in enumerate(turns)]
 
 
 def _exact(job: tuple[int, RunLog, RobotGeometry]) -> tuple[int, Estimates]:
-    """A drive's number, and what it tells without noise."""
+    """A drive's number, and what it tells without noise; nothing if it can't be fitted."""
     number, log, geometry = job
-    return number, estimated(measured(log, NOISE_FREE, np.random.default_rng(number)), geometry)
+    try:
+        return number, estimated(measured(log, NOISE_FREE, np.random.default_rng(number)), geometry)
+    except TrackslipError:
+        return number, {}
 
 
 def _simulated(
