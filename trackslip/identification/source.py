@@ -1,9 +1,10 @@
-"""Steady samples from whatever was logged: traces or samples, a folder, a file or runs in memory."""
+"""Whatever was logged, traces or steady samples, in a folder, a file or memory; and steady samples from it."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -20,16 +21,6 @@ from trackslip.logs.table_reader import ReadRuns, runs_from_table
 from trackslip.motion.constant_speed import SETTLE
 
 _MATTERS = ("ground", "radius_error", "geometry", "model_sha256")  # to slip
-
-
-@dataclass(frozen=True)
-class Source:
-    """Steady samples, and the runs they were taken from."""
-
-    geometry: RobotGeometry
-    sampling: Sampling
-    logs: tuple[RunLog, ...]
-    """Empty if the log held samples instead of traces."""
 
 
 @dataclass(frozen=True)
@@ -51,13 +42,41 @@ class Reading:
         require_positive("gear", self.gear)
 
 
+@dataclass(frozen=True)
+class Source:
+    """What was logged: runs, or steady samples of them."""
+
+    name: str
+    """Name in messages: that of the file."""
+    geometry: RobotGeometry
+    logs: tuple[RunLog, ...]
+    """Empty if the log holds samples instead of traces."""
+    reading: Reading
+    left_out: ReadRuns = field(default_factory=ReadRuns)
+    """What could not be read."""
+    table: Columns | None = None
+    """The steady samples, if the log holds these."""
+
+    @cached_property
+    def sampling(self) -> Sampling:
+        """The steady samples, and what was left out; raises LogError if there is none."""
+        try:
+            if self.table is not None:
+                return _sampled(self.table, self.reading.gear, self.geometry)
+            refused = self.left_out.refused
+            found = usable_samples(self.logs, self.geometry, self.reading.settle, self.reading.motion, refused)
+            return replace(found, notes=(*self.left_out.notes, *found.notes))
+        except LogError as error:
+            raise LogError(f"{self.name}: {error}") from error
+
+
 def read_source(
     path: Path, reading: Reading = Reading(), chosen: Callable[[Path], Collection[str]] | None = None
 ) -> Source:
-    """Samples from a folder of results, or from a `.parquet` or `.csv` file of traces or steady samples.
+    """The runs in a folder of results, or the runs or steady samples in a `.parquet` or `.csv` file.
 
     Given the folder, `chosen` returns the names of the runs to use; None for all of them. Raises LogError if nothing in
-    the log can be used or it holds no runs to choose from, InvalidValueError if the geometry is unknown.
+    the log can be read or it holds no runs to choose from, InvalidValueError if the geometry is unknown.
     """
     file = runs_file(path)
     try:
@@ -69,10 +88,10 @@ def read_source(
 def source_of_runs(
     runs: Sequence[RunLog], reading: Reading = Reading(), name: str = "the runs", left_out: ReadRuns | None = None
 ) -> Source:
-    """Samples from runs in memory, called `name` in messages; closed loops among them are not used.
+    """Runs in memory, called `name` in messages, without the closed loops among them; `left_out` could not be read.
 
-    What reading has `left_out` is listed with what cannot be used. Raises LogError if no run can be used or they differ
-    in what matters to slip, InvalidValueError if neither `reading` nor the runs state the geometry.
+    Raises LogError if there are none or they differ in what matters to slip, InvalidValueError if neither `reading` nor
+    the runs state the geometry.
     """
     if not runs:
         raise LogError(f"{name}: there are none")
@@ -83,9 +102,7 @@ def source_of_runs(
     geometry = _geometry(reading, logs[0].metadata.get("geometry"), name)
     known = {"geometry": asdict(geometry)}
     logs = [replace(log, omega=log.omega / reading.gear, metadata=log.metadata | known) for log in logs]
-    left_out = left_out or ReadRuns()
-    found = usable_samples(logs, geometry, reading.settle, reading.motion, left_out.refused)
-    return Source(geometry, replace(found, notes=(*left_out.notes, *found.notes)), tuple(logs))
+    return Source(name, geometry, tuple(logs), reading, left_out or ReadRuns())
 
 
 def origin(logs: Sequence[RunLog]) -> dict[str, Any]:
@@ -105,9 +122,9 @@ def _read(file: Path, reading: Reading, chosen: Callable[[Path], Collection[str]
         if chosen is not None:
             raise LogError(f"{file}: holds steady samples, not runs of a sweep: --where must be left out")
         geometry = _geometry(reading, None, file)
-        return Source(geometry, _sampled(Columns(table, str(file)), reading.gear, geometry), ())
+        return Source(str(file), geometry, (), reading, table=Columns(table, str(file)))
     if not set(columns) & set(REQUIRED[1:]):
-        needed = f"{', '.join(REQUIRED)} or {', '.join(SAMPLE_COLUMNS)}"
+        needed = f"{', '.join(REQUIRED)} and usually phi, or {', '.join(SAMPLE_COLUMNS)}"
         raise LogError(f"{file}: needs the columns {needed}; found {', '.join(columns)[:200]!r}")
     read = runs_from_table(table, str(file))
     runs: Sequence[RunLog] = read.runs

@@ -111,7 +111,7 @@ class _Reader:
 
     def _run(self, called: str, name: str, rows: np.ndarray) -> RunLog:
         """A run of rows under one clock, with the metadata of the run `name`."""
-        rows = self._in_order(called, rows)
+        rows = self._in_order(called, self._joined(rows))
         omega, rows = self._encoder(called, rows)
         pose, valid = self._poses(called, rows)
         time = self._cells["t"].values[rows]
@@ -145,6 +145,23 @@ class _Reader:
         if count > _MOST * total:
             raise LogError(f"{reason}; so are {count} of its {total} {what}s" if total > 1 else reason)
         self._notes.append(f"run {name!r}: {count} {what}{'s' if count > 1 else ''} left out: {reason}")
+
+    def _joined(self, rows: np.ndarray) -> np.ndarray:
+        """The rows without those that only add an encoder reading or a pose to the row before, of the same time."""
+        same = np.flatnonzero(np.diff(self._cells["t"].values[rows]) == 0)
+        first, second = rows[same], rows[same + 1]
+        filled = {
+            block: np.all([np.isfinite(self._cells[column].values) for column in block[:2]], axis=0)
+            for block in (_ENCODER, _POSE)
+        }
+        adds = ~np.any([there[first] & there[second] for there in filled.values()], axis=0)
+        for block, there in filled.items():
+            into, out = first[adds & there[second]], second[adds & there[second]]
+            for column in block:
+                self._cells[column].values[into] = self._cells[column].values[out]
+            if block is _POSE and self._valid is not None:
+                self._valid.values[into] = self._valid.values[out]
+        return np.delete(rows, same[adds] + 1)
 
     def _in_order(self, name: str, rows: np.ndarray) -> np.ndarray:
         """The rows whose times ascend."""

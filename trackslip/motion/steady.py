@@ -122,7 +122,7 @@ def require_steady_motion(part: SteadyPart) -> None:
         return  # too few to compare
     first, second = arc(part.log, (begin, middle)), arc(part.log, (middle, end))
     change = second.twist - first.twist
-    error = np.sqrt(np.diag(first.covariance + second.covariance))
+    error = np.sqrt(np.maximum(np.diag(first.covariance + second.covariance), 0.0))
     significant = np.abs(change) > _SIGNIFICANT * error
     v, w = np.abs(np.stack([first.twist, second.twist])).max(axis=0)
     size = np.array([v + _TURNING * w, w + _TURNING * v])

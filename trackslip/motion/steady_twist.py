@@ -42,7 +42,7 @@ class SteadyTwist:
             parameters[_TWIST],
             covariance[np.ix_(_TWIST, _TWIST)],
             float(parameters[_LATERAL]),
-            float(np.sqrt(covariance[_LATERAL, _LATERAL])),
+            float(np.sqrt(max(covariance[_LATERAL, _LATERAL], 0.0))),
         )
 
 
