@@ -38,6 +38,8 @@ def _fitted(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     require_poses(rows, MIN_ARC_POSES, log, window)
     time = log.time[rows] - log.time[rows].mean()
     parameters, hessian, scores, count = fit_arc(time, log.pose[rows])
+    if not np.isfinite(np.sum(scores**2)):
+        raise np.linalg.LinAlgError
     inverse = np.linalg.inv(hessian)
     covariance = inverse @ (len(time) * long_run_covariance(scores)) @ inverse
     correction = count / (count - len(parameters))
