@@ -97,7 +97,7 @@ class _Reader:
             return [self._run(name, name, rows)]
         first = starts[0]
         self._notes.append(
-            f"run {name!r}: row {rows[first] + 1}, column t: goes back from {time[first - 1]:g} s to {time[first]:g} s:"
+            f"run {name!r}: row {rows[first] + 1}, column t: goes back from {time[first - 1]:.12g} s to {time[first]:.12g} s:"
             f" read as {starts.size + 1} runs"
         )
         runs = []
@@ -169,7 +169,9 @@ class _Reader:
         kept = clock.in_order(time)
         if len(kept) < len(rows):
             k = int(np.argmax(np.diff(time) <= 0))
-            reason = f"row {rows[k + 1] + 1}, column t: {time[k + 1]:g} is not after {time[k]:g}, the time before it"
+            reason = (
+                f"row {rows[k + 1] + 1}, column t: {time[k + 1]:.12g} is not after {time[k]:.12g}, the time before it"
+            )
             self._say(name, len(rows) - len(kept), len(rows), "row", reason)
         return rows[kept]
 

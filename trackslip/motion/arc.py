@@ -29,7 +29,7 @@ def arc(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     except np.linalg.LinAlgError:
         found = None
     if found is None or not np.isfinite([*found.twist, *found.covariance.ravel()]).all():
-        raise LogError(f"run {log.run!r}: no arc fits its poses between {window[0]:g} s and {window[1]:g} s")
+        raise LogError(f"run {log.run!r}: no arc fits its poses between {window[0]:.12g} s and {window[1]:.12g} s")
     return found
 
 
