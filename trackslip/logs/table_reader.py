@@ -97,8 +97,8 @@ class _Reader:
             return [self._run(name, name, rows)]
         first = starts[0]
         self._notes.append(
-            f"run {name!r}: row {rows[first] + 1}, column t: goes back from {time[first - 1]:.12g} s to {time[first]:.12g} s:"
-            f" read as {starts.size + 1} runs"
+            f"run {name!r}: row {rows[first] + 1}, column t: goes back from {time[first - 1]:.12g} s "
+            f"to {time[first]:.12g} s: read as {starts.size + 1} runs"
         )
         runs = []
         for number, part in enumerate(np.split(rows, starts), start=1):

@@ -129,8 +129,8 @@ def require_steady_motion(part: SteadyPart) -> None:
     if (significant & (np.abs(change) > _CHANGE * size)).any():
         v, w = change
         raise LogError(
-            f"run {part.log.run!r}: its sprockets are steady from {begin:.12g} s to {end:.12g} s, but its motion is not: "
-            f"v changes by {v:+.3g} m/s and w by {w:+.3g} rad/s from the first half to the second"
+            f"run {part.log.run!r}: its sprockets are steady from {begin:.12g} s to {end:.12g} s, "
+            f"but its motion is not: v changes by {v:+.3g} m/s and w by {w:+.3g} rad/s from the first half to the second"
         )
 
 

@@ -164,7 +164,7 @@ def test_uneven_rows_count_by_their_time():
     log.omega[:] *= (1 + 0.02 * np.sin(2 * np.pi * log.time / 18))[:, None]
     rows = np.concatenate([np.arange(0, 200), np.arange(203, 400, 4)])
     sparse = replace(log, time=log.time[rows], omega=log.omega[rows], pose=log.pose[rows])
-    assert sparse.omega[30:].mean(axis=0) == pytest.approx(1.0077 * log.omega[30:].mean(axis=0), rel=1e-3)
+    assert (np.abs(sparse.omega[30:].mean(axis=0) / log.omega[30:].mean(axis=0) - 1) > 0.005).all()
     np.testing.assert_allclose(steady_part(sparse, GEOMETRY).omega, steady_part(log, GEOMETRY).omega, rtol=1e-3)
 
 
