@@ -2,36 +2,54 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
+from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.comparison import compare_laws
+from trackslip.identification.drive.comparison import DriveComparison, compare_drives
+from trackslip.identification.drive.drives import drives_of
+from trackslip.identification.drive.estimate import DRIVE_LAWS
 from trackslip.identification.outliers import split_outliers
-from trackslip.identification.result import Identification
+from trackslip.identification.result import Identification, Method, SteadyLaws
 from trackslip.identification.samples import Sampling
-from trackslip.identification.source import Reading, read_source, source_of_runs
+from trackslip.identification.sensor import Sensor, with_sensor
+from trackslip.identification.source import Reading, Source, read_source, source_of_runs
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.constant_speed import SETTLE
+
+_MIN_SAMPLES = 4  # steady samples that identify laws without the rest of the driving
+_MIN_STEADY = 0.5  # share of the driving that is steady, if steady stretches are to identify the laws [-]
+_BESIDE = ("none", "icr", "icr_radius")  # laws of whole drives beside those of steady stretches
+_POSES_BESIDE = 6000  # poses used for them
 
 
 def identify(
     source: str | Path | RunLog | Sequence[RunLog],
     geometry: RobotGeometry | None = None,
     *,
+    method: Method | None = None,
+    sensor: Sensor | None = None,
+    estimate_sensor: bool | None = None,
     gear: float = 1.0,
     settle: float = SETTLE,
     motion: str | None = None,
 ) -> Identification:
-    """Identify slip laws from steady runs.
+    """Identify slip laws from steady runs or from any driving.
 
     Args:
         source: a folder of results, a `.parquet` or `.csv` file of traces or steady samples, or runs in memory.
         geometry: of the robot; needed if the log does not state it.
+        method: steady: from stretches of constant sprocket speeds; drive: from whole drives. By default steady where
+            most of the driving is, else drive.
+        sensor: place and yaw on the robot of the sensor that measured the poses, if known.
+        estimate_sensor: whether to estimate them from steady stretches; by default where the driving determines them.
         gear: turns of the encoder per turn of the sprocket, if omega is the speed of the encoder [-].
         settle: time after the sprockets have become steady that is left out of each run [s].
-        motion: how a run becomes a twist: paper, butterworth, arc or bundle; by default the most accurate method that
-            each run allows.
+        motion: how a steady run becomes a twist: paper, butterworth, arc or bundle; by default the most accurate method
+            that each run allows.
 
     Raises:
         LogError: if the log cannot be read, or its runs determine no law.
@@ -43,13 +61,78 @@ def identify(
         found = read_source(Path(source), reading)
     else:
         found = source_of_runs([source] if isinstance(source, RunLog) else list(source), reading)
-    return identify_samples(found.sampling, found.geometry, found.logs)
+    return identify_source(found, method, sensor, estimate_sensor)
 
 
-def identify_samples(sampling: Sampling, geometry: RobotGeometry, logs: tuple[RunLog, ...] = ()) -> Identification:
-    """Leave out outliers, fit and compare the laws; raises LogError if the samples determine no law."""
-    samples, outliers = split_outliers(sampling.samples, geometry)
+def identify_source(
+    source: Source,
+    method: Method | None = None,
+    sensor: Sensor | None = None,
+    estimate_sensor: bool | None = None,
+    step: Callable[[float], None] = lambda _: None,
+) -> Identification:
+    """Identify laws from a source that was read, like `identify`; `step(1.0)` is called after each stage or law."""
+    if method not in (None, "steady", "drive"):
+        raise InvalidValueError("method", method, "steady or drive")
+    steady: Identification | None = None
+    reason = source.unsteady
+    if method != "drive":
+        try:
+            steady = identify_samples(source.sampling, source.geometry, source.logs, sensor, estimate_sensor)
+        except LogError as error:
+            reason = str(error)
+    step(1.0)
+    if method == "steady":
+        if steady is None:
+            raise LogError(reason)
+        return steady
+    if not source.logs:
+        if steady is None or method == "drive":
+            raise LogError(reason or "holds steady samples, not traces: only method steady can be used")
+        return steady
+    main = steady is None or method == "drive" or not _mostly_steady(source)
+    try:
+        drive = _drive(source, sensor, None if main else _POSES_BESIDE, DRIVE_LAWS if main else _BESIDE, step)
+    except LogError as error:
+        if steady is None:
+            raise LogError(f"{error}; from steady stretches: {reason}" if reason else str(error)) from error
+        return replace(steady, warnings=(*steady.warnings, f"from whole drives nothing was identified: {error}"))
+    if steady is None:
+        warnings = (*source.notes, *map(str, source.refused), *drive.warnings)
+        return Identification(source.geometry, "drive", None, drive, source.refused, warnings, source.logs)
+    return replace(
+        steady, method="drive" if main else "steady", drive=drive, warnings=(*steady.warnings, *drive.warnings)
+    )
+
+
+def identify_samples(
+    sampling: Sampling,
+    geometry: RobotGeometry,
+    logs: tuple[RunLog, ...] = (),
+    sensor: Sensor | None = None,
+    estimate_sensor: bool | None = False,
+) -> Identification:
+    """Leave out outliers, fit and compare the laws; raises LogError if the samples determine no law.
+
+    `sensor` and `estimate_sensor` are those of `with_sensor`; by default the sensor is at the robot's centre.
+    """
+    centred, _, notes = with_sensor(sampling.samples, geometry, sensor, estimate_sensor)
+    samples, outliers = split_outliers(centred, geometry)
     left_out = (*sampling.refused, *outliers)
     comparison = compare_laws(samples, geometry)
-    warnings = (*sampling.notes, *map(str, left_out), *comparison.warnings)
-    return Identification(geometry, samples, left_out, comparison, warnings, logs)
+    warnings = (*sampling.notes, *notes, *map(str, left_out), *comparison.warnings)
+    return Identification(geometry, "steady", SteadyLaws(samples, comparison), None, left_out, warnings, logs)
+
+
+def _drive(
+    source: Source, sensor: Sensor | None, most: int | None, names: Sequence[str], step: Callable[[float], None]
+) -> DriveComparison:
+    drives, refused = drives_of(source.logs, *([most] if most else []))
+    found = compare_drives(drives, source.geometry, sensor, names, step)
+    return replace(found, warnings=(*refused, *found.warnings))
+
+
+def _mostly_steady(source: Source) -> bool:
+    """Whether steady stretches make up most of the driving."""
+    found = source.steady
+    return found is not None and len(found.samples) >= _MIN_SAMPLES and found.steady_share >= _MIN_STEADY

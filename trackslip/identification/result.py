@@ -7,10 +7,13 @@ from dataclasses import asdict, dataclass
 from html import escape
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from trackslip.errors import OutputError, TrackslipError
 from trackslip.identification.comparison import Comparison
+from trackslip.identification.drive.comparison import DriveComparison
+from trackslip.identification.drive.estimate import DriveFit
+from trackslip.identification.drive.summary import drive_to_json, prediction_to_json
 from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import RobotGeometry
@@ -20,45 +23,80 @@ from trackslip.slip.base import SlipLaw
 from trackslip.slip.families import FAMILIES
 from trackslip.slip.law_file import laws_content
 
+Method = Literal["steady", "drive"]
+"""Ways to identify laws: from stretches of constant sprocket speeds, or from whole drives."""
 _REPORTS = "trackslip.reports"  # entry point group of the packages that can draw reports
 _SHOWN = 3  # laws in a repr
 _HEADER = ("law", "parameter", "value", "95 % interval")
 
 
 @dataclass(frozen=True)
+class SteadyLaws:
+    """Laws identified from steady stretches of driving."""
+
+    samples: SlipSamples
+    """The samples that the laws were fitted to."""
+    comparison: Comparison
+    """The fits in full."""
+
+
+@dataclass(frozen=True)
 class Identification:
-    """Laws identified from samples, and what was left out on the way.
+    """Laws identified from logs, and what was left out on the way.
 
     `repr` shows the best laws as a table, a notebook all of them.
     """
 
     geometry: RobotGeometry
     """Nominal geometry of the robot."""
-    samples: SlipSamples
-    """The samples that the laws were fitted to."""
+    method: Method
+    """What `best`, `laws` and `intervals` come from: steady stretches or whole drives."""
+    steady: SteadyLaws | None
+    """What steady stretches give; None if there are too few."""
+    drive: DriveComparison | None
+    """What whole drives give; None if they were not evaluated."""
     outliers: tuple[Refused, ...]
     """Runs that gave no sample or were left out of the fits."""
-    comparison: Comparison
-    """The fits in full."""
     warnings: tuple[str, ...]
     """What a reader should know, one line each."""
     logs: tuple[RunLog, ...] = ()
-    """The runs the samples were taken from, if there were any."""
+    """The runs that the laws were identified from, if there were any."""
+
+    @property
+    def samples(self) -> SlipSamples:
+        """The steady samples; raises TrackslipError if there are none."""
+        return self._steady().samples
+
+    @property
+    def comparison(self) -> Comparison:
+        """The fits to steady samples; raises TrackslipError if there are none."""
+        return self._steady().comparison
 
     @property
     def best(self) -> str:
-        """Name of the best law: the simplest whose AICc is within 2 of the smallest."""
-        return self.comparison.best
+        """Name of the law that predicts motion best; of laws that predict it equally well, the simplest."""
+        return self._main().best
 
     @property
     def laws(self) -> dict[str, SlipLaw]:
-        """The identified laws by name, in order of their AICc, smallest first."""
-        return {name: self.comparison.laws[name].law for name in self.comparison.ranking}
+        """The identified laws by name, the best predictions first."""
+        return {name: self._fits()[name].law for name in self._main().ranking}
 
     @property
     def intervals(self) -> dict[str, Mapping[str, tuple[float, float]]]:
-        """95 % interval of every parameter by law and parameter, in the parameter's unit."""
-        return {name: self.comparison.laws[name].interval95 for name in self.comparison.ranking}
+        """95 % interval of every fitted parameter by law and parameter, in the parameter's unit."""
+        return {name: self._fits()[name].interval95 for name in self._main().ranking}
+
+    def _steady(self) -> SteadyLaws:
+        if self.steady is None:
+            raise TrackslipError("the laws were identified from whole drives: there are no steady samples")
+        return self.steady
+
+    def _main(self) -> Comparison | DriveComparison:
+        return self.drive if self.method == "drive" and self.drive is not None else self.comparison
+
+    def _fits(self) -> Mapping[str, FittedLaw | DriveFit]:
+        return self._main().laws
 
     def report(self, path: str | Path) -> Path:
         """Write the report, one self-contained HTML page, to a file, or as `report.html` to a folder; returns its path.
@@ -84,7 +122,7 @@ class Identification:
         rows = [_HEADER, *(row for name in shown for row in self._rows(name))]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-        more = len(self.comparison.laws) - len(shown)
+        more = len(self._fits()) - len(shown)
         return "\n".join([self._title(), *lines, *([f"and {more} more, see .laws"] if more else []), *self._notes()])
 
     def _repr_html_(self) -> str:
@@ -96,47 +134,55 @@ class Identification:
         return f"<p>{escape(self._title())}{notes}</p><table><tr>{head}</tr>{body}</table>"
 
     def _ranking(self) -> list[str]:
-        """Names of the laws with parameters, the best first, the others by AICc."""
-        names = [name for name in self.comparison.ranking if self.comparison.laws[name].values]
-        return sorted(names, key=lambda name: name != self.best)
+        """Names of the laws with parameters, the best first."""
+        fits = self._fits()
+        return sorted((name for name in self._main().ranking if fits[name].values), key=lambda name: name != self.best)
 
     def _rows(self, name: str) -> list[tuple[str, ...]]:
         """A row per parameter of a law."""
-        fit = self.comparison.laws[name]
+        fit = self._fits()[name]
         rows: list[tuple[str, ...]] = []
         for key, value in fit.values.items():
-            low, high = fit.interval95[key]
+            ends = fit.interval95.get(key)
             unit = FAMILIES[name].parameters[key].unit or "-"
             label = "" if rows else f"{name} (best)" if name == self.best else name
-            rows.append((label, f"{key} [{unit}]", f"{value:+.5f}", f"{low:+.5f} .. {high:+.5f}"))
+            interval = "held" if ends is None else f"{ends[0]:+.5f} .. {ends[1]:+.5f}"
+            rows.append((label, f"{key} [{unit}]", f"{value:+.5f}", interval))
         return rows
 
     def _title(self) -> str:
         size = f"b = {self.geometry.half_gauge:g} m, r = {self.geometry.sprocket_radius:g} m"
-        return f"Slip laws from {len(self.samples)} runs ({size}); best: {self.best}"
+        drive = self.drive
+        source = (
+            f"{len(drive.drives)} drives" if self.method == "drive" and drive else f"{len(self.samples)} steady samples"
+        )
+        return f"Slip laws from {source} ({size}); best: {self.best}"
 
     def _notes(self) -> list[str]:
         left_out = f"{len(self.outliers)} run(s) left out, " if self.outliers else ""
         return [f"{left_out}{len(self.warnings)} warning(s), see .warnings"] if self.warnings else []
 
 
-def laws_to_json(laws: Mapping[str, FittedLaw], geometry: RobotGeometry) -> dict[str, Any]:
+def laws_to_json(laws: Mapping[str, FittedLaw | DriveFit], geometry: RobotGeometry) -> dict[str, Any]:
     """`slip_laws` and `geometry`, as `load_laws` reads them."""
-    described = {
-        name: {"values": fit.values, "stderr": fit.stderr, "rms": fit.rms} for name, fit in laws.items() if fit.values
-    }
+    described: dict[str, dict[str, Any]] = {}
+    for name, fit in laws.items():
+        if fit.values:
+            described[name] = {"values": fit.values, "stderr": {key: fit.stderr.get(key) for key in fit.values}}
+            described[name] |= {"rms": fit.rms} if isinstance(fit, FittedLaw) else {"interval95": fit.interval95}
     return laws_content(described, geometry)
 
 
 def identification_to_json(found: Identification) -> dict[str, Any]:
-    """`laws_to_json`, and `laws` with everything known of each law, and what was left out."""
-    return laws_to_json(found.comparison.laws, found.geometry) | {
-        "laws": {name: _law_to_json(name, found.comparison) for name in found.comparison.laws},
-        "best": found.best,
-        "samples": len(found.samples),
-        "outliers": [asdict(outlier) for outlier in found.outliers],
-        "warnings": list(found.warnings),
-    }
+    """`laws_to_json`, `laws` with everything known of each law, `prediction` of drives, and what was left out."""
+    steady, drive = found.steady, found.drive
+    content: dict[str, Any] = laws_to_json(found._fits(), found.geometry) | {"method": found.method, "best": found.best}
+    if steady is not None:
+        content |= {"laws": {name: _law_to_json(name, steady.comparison) for name in steady.comparison.laws}}
+        content |= {"samples": len(steady.samples)}
+    if drive is not None:
+        content |= {"drive": drive_to_json(drive), "prediction": prediction_to_json(drive)}
+    return content | {"outliers": [asdict(outlier) for outlier in found.outliers], "warnings": list(found.warnings)}
 
 
 def _law_to_json(name: str, comparison: Comparison) -> dict[str, Any]:

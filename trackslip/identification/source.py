@@ -1,10 +1,9 @@
-"""Whatever was logged, traces or steady samples, in a folder, a file or memory; and steady samples from it."""
+"""Steady samples from whatever was logged: traces or samples, a folder, a file or runs in memory."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +14,37 @@ from trackslip.identification.samples import Sampling, usable_rows, usable_sampl
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.columns import Columns
 from trackslip.logs.logfile import read_table, runs_file
+from trackslip.logs.refused import Refused
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.table import REQUIRED, SAMPLE_COLUMNS
 from trackslip.logs.table_reader import ReadRuns, runs_from_table
 from trackslip.motion.constant_speed import SETTLE
 
 _MATTERS = ("ground", "radius_error", "geometry", "model_sha256")  # to slip
+
+
+@dataclass(frozen=True)
+class Source:
+    """What was logged: runs, and their steady samples."""
+
+    geometry: RobotGeometry
+    steady: Sampling | None
+    """Steady samples; None if there are none."""
+    logs: tuple[RunLog, ...]
+    """Runs; empty if the log held samples instead of traces. Samples are taken from those that are not closed loops."""
+    refused: tuple[Refused, ...] = ()
+    """Runs that cannot be read."""
+    notes: tuple[str, ...] = ()
+    """What was left out of the runs when they were read, one line each."""
+    unsteady: str = ""
+    """Why there are no steady samples."""
+
+    @property
+    def sampling(self) -> Sampling:
+        """The steady samples; raises LogError if there are none."""
+        if self.steady is None:
+            raise LogError(self.unsteady)
+        return self.steady
 
 
 @dataclass(frozen=True)
@@ -42,67 +66,51 @@ class Reading:
         require_positive("gear", self.gear)
 
 
-@dataclass(frozen=True)
-class Source:
-    """What was logged: runs, or steady samples of them."""
-
-    name: str
-    """Name in messages: that of the file."""
-    geometry: RobotGeometry
-    logs: tuple[RunLog, ...]
-    """Empty if the log holds samples instead of traces."""
-    reading: Reading
-    left_out: ReadRuns = field(default_factory=ReadRuns)
-    """What could not be read."""
-    table: Columns | None = None
-    """The steady samples, if the log holds these."""
-
-    @cached_property
-    def sampling(self) -> Sampling:
-        """The steady samples, and what was left out; raises LogError if there is none."""
-        try:
-            if self.table is not None:
-                return _sampled(self.table, self.reading.gear, self.geometry)
-            refused = self.left_out.refused
-            found = usable_samples(self.logs, self.geometry, self.reading.settle, self.reading.motion, refused)
-            return replace(found, notes=(*self.left_out.notes, *found.notes))
-        except LogError as error:
-            raise LogError(f"{self.name}: {error}") from error
-
-
 def read_source(
     path: Path, reading: Reading = Reading(), chosen: Callable[[Path], Collection[str]] | None = None
 ) -> Source:
-    """The runs in a folder of results, or the runs or steady samples in a `.parquet` or `.csv` file.
+    """Runs or samples from a folder of results, or from a `.parquet` or `.csv` file of traces or steady samples.
 
     Given the folder, `chosen` returns the names of the runs to use; None for all of them. Raises LogError if nothing in
     the log can be read or it holds no runs to choose from, InvalidValueError if the geometry is unknown.
     """
     file = runs_file(path)
     try:
-        return _read(file, reading, chosen)
+        found = _read(file, reading, chosen)
     except LogError as error:
-        raise error if str(file) in str(error) else LogError(f"{file}: {error}") from error
+        raise _of_file(file, error) from error
+    return replace(found, unsteady=str(_of_file(file, LogError(found.unsteady)))) if found.unsteady else found
+
+
+def _of_file(file: Path, error: LogError) -> LogError:
+    return error if str(file) in str(error) else LogError(f"{file}: {error}")
 
 
 def source_of_runs(
     runs: Sequence[RunLog], reading: Reading = Reading(), name: str = "the runs", left_out: ReadRuns | None = None
 ) -> Source:
-    """Runs in memory, called `name` in messages, without the closed loops among them; `left_out` could not be read.
+    """Runs in memory, called `name` in messages, and samples from those that are not closed loops.
 
-    Raises LogError if there are none or they differ in what matters to slip, InvalidValueError if neither `reading` nor
-    the runs state the geometry.
+    What reading has `left_out` is listed with what cannot be used. Raises LogError if there are no runs or they differ
+    in what matters to slip, InvalidValueError if neither `reading` nor the runs state the geometry.
     """
     if not runs:
         raise LogError(f"{name}: there are none")
-    logs = [log for log in runs if "controller" not in log.metadata]
-    if not logs:
-        raise LogError(f"{name}: its {len(runs)} run(s) are closed loops; slip is identified from steady runs")
-    _require_one_setting(logs, name)
-    geometry = _geometry(reading, logs[0].metadata.get("geometry"), name)
+    _require_one_setting(runs, name)
+    geometry = _geometry(reading, runs[0].metadata.get("geometry"), name)
     known = {"geometry": asdict(geometry)}
-    logs = [replace(log, omega=log.omega / reading.gear, metadata=log.metadata | known) for log in logs]
-    return Source(name, geometry, tuple(logs), reading, left_out or ReadRuns())
+    logs = [replace(log, omega=log.omega / reading.gear, metadata=log.metadata | known) for log in runs]
+    left_out = left_out or ReadRuns()
+    read = (tuple(left_out.refused), tuple(left_out.notes))
+    open_loop = [log for log in logs if "controller" not in log.metadata]
+    if not open_loop:
+        reason = f"{name}: its {len(runs)} run(s) are closed loops; slip is identified from steady runs"
+        return Source(geometry, None, tuple(logs), *read, reason)
+    try:
+        found = usable_samples(open_loop, geometry, reading.settle, reading.motion, left_out.refused)
+    except LogError as error:
+        return Source(geometry, None, tuple(logs), *read, str(error))
+    return Source(geometry, replace(found, notes=(*left_out.notes, *found.notes)), tuple(logs), *read)
 
 
 def origin(logs: Sequence[RunLog]) -> dict[str, Any]:
@@ -122,7 +130,7 @@ def _read(file: Path, reading: Reading, chosen: Callable[[Path], Collection[str]
         if chosen is not None:
             raise LogError(f"{file}: holds steady samples, not runs of a sweep: --where must be left out")
         geometry = _geometry(reading, None, file)
-        return Source(str(file), geometry, (), reading, table=Columns(table, str(file)))
+        return Source(geometry, _sampled(Columns(table, str(file)), reading.gear, geometry), ())
     if not set(columns) & set(REQUIRED[1:]):
         needed = f"{', '.join(REQUIRED)} and usually phi, or {', '.join(SAMPLE_COLUMNS)}"
         raise LogError(f"{file}: needs the columns {needed}; found {', '.join(columns)[:200]!r}")

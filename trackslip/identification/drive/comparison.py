@@ -15,7 +15,8 @@ from trackslip.identification.drive.prediction import Errors, Predictions, held_
 from trackslip.identification.sensor import Sensor
 from trackslip.kinematics import RobotGeometry
 
-_SAME = 0.02  # difference of scores within which the simpler law is preferred [-]
+_SAME = 0.02  # difference of scores within which the likelihood decides [-]
+_INDISTINCT = 10.0  # difference of Akaike's criterion within which the simpler law is preferred
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class DriveComparison:
     score: Mapping[str, float]
     """Mean ratio of a law's errors to the smallest; NaN if nothing could be predicted [-]."""
     best: str
-    """The law with the fewest parameters whose score is within 2 % of the smallest."""
+    """Of the laws whose score is within 2 % of the smallest, the simplest of the likeliest."""
     clock: ClockProfile | None
     """Likelihood of clock offsets under the best law."""
     warnings: tuple[str, ...]
@@ -42,7 +43,11 @@ class DriveComparison:
     @property
     def ranking(self) -> tuple[str, ...]:
         """Names of the laws, the best predictions first."""
-        return tuple(sorted(self.laws, key=lambda name: (np.nan_to_num(self.score[name], nan=np.inf), len(self.laws[name].values))))
+        return tuple(
+            sorted(
+                self.laws, key=lambda name: (np.nan_to_num(self.score[name], nan=np.inf), len(self.laws[name].values))
+            )
+        )
 
 
 def compare_drives(
@@ -85,7 +90,9 @@ def _best(laws: Mapping[str, DriveFit], scores: Mapping[str, float]) -> str:
     if not known:
         return REFERENCE if REFERENCE in laws else next(name for name in laws if laws[name].values)
     near = [name for name, value in known.items() if value <= min(known.values()) * (1 + _SAME)]
-    return min(near, key=lambda name: (len(laws[name].values), known[name]))
+    criterion = {name: laws[name].deviance + 2 * len(laws[name].values) for name in near}
+    likely = [name for name in near if criterion[name] <= min(criterion.values()) + _INDISTINCT]
+    return min(likely, key=lambda name: (len(laws[name].values), criterion[name]))
 
 
 def _doubts(laws: Mapping[str, DriveFit], best: str) -> list[str]:
@@ -98,8 +105,8 @@ def _doubts(laws: Mapping[str, DriveFit], best: str) -> list[str]:
     for name, value in law.values.items():
         if name.startswith("offset") and name in law.interval95 and law.interval95[name][1] < 0:
             doubts.append(
-                f"law {best}: {name} = {value * 1e3:+.1f} mm puts the centre of rotation inside the track, which friction "
-                "doesn't do: is half_gauge too large, or do the poses turn too far?"
+                f"law {best}: {name} = {value * 1e3:+.1f} mm puts the centre of rotation inside the track, which "
+                "friction doesn't do: is half_gauge too large, or do the poses turn too far?"
             )
         if name.startswith("radius_error") and abs(value) > 0.1:
             doubts.append(f"law {best}: {name} = {value:+.0%} is large: are gear and sprocket_radius right?")

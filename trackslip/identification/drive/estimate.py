@@ -21,7 +21,7 @@ from trackslip.identification.sensor import Sensor
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.base import SlipLaw
-from trackslip.slip.families import FAMILIES, TWO_SIDED, family
+from trackslip.slip.families import FAMILIES, family
 
 REFERENCE = "icr_radius"
 """The law that is fitted first; others start from its trajectory, and its gates hold for all."""
@@ -51,7 +51,7 @@ class DriveFit:
     """Parameters that were held, and why."""
     correlation: Array  # (f, f) of the fitted parameters, in the order of stderr
     noise: dict[str, float]
-    """Standard deviations: position [m], heading [rad], slip_forward, slip_sideways [m/sqrt(m)], slip_turn [rad/sqrt(m)]."""
+    """Standard deviations: position [m], heading [rad], slip_forward, slip_sideways [m/√m], slip_turn [rad/√m]."""
     poses: int
     """Poses used."""
     left_out: int
@@ -60,6 +60,8 @@ class DriveFit:
     """Steps left out: lasting jumps of the poses, or slip out of all proportion."""
     converged: bool
     """Whether the fit converged."""
+    deviance: float
+    """-2 log likelihood, but for a constant that all laws share [-]."""
     fit: Fit
     """The fit in full, with the trajectory."""
 
@@ -120,8 +122,14 @@ def _reference(
 
 
 def _fitted(
-    model: DriveModel, nodes: Nodes, states: Array, values: Array, noise: Noise, sensor: Sensor | None,
-    given: Mapping[str, float], gated: bool,
+    model: DriveModel,
+    nodes: Nodes,
+    states: Array,
+    values: Array,
+    noise: Noise,
+    sensor: Sensor | None,
+    given: Mapping[str, float],
+    gated: bool,
 ) -> DriveFit:
     """Fit all parameters that are neither given nor known to be open, then hold what turns out not to be determined."""
     held = {name: "given" for name in given}
@@ -179,5 +187,6 @@ def _described(found: Fit, held: Mapping[str, str]) -> DriveFit:
         left_out=int((measured.weight[:, 0] > found.nodes.weight[:, 0]).sum()),
         breaks=int((measured.link > found.nodes.link).sum()),
         converged=found.converged,
+        deviance=found.deviance,
         fit=found,
     )

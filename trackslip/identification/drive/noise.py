@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackslip.identification.drive.equations import Noise, Nodes, Residuals, log_determinant
+from trackslip.identification.drive.equations import Nodes, Noise, Residuals, log_determinant
 from trackslip.identification.drive.model import DriveModel
 from trackslip.kinematics import Array
 
@@ -23,21 +23,27 @@ def updated(
 ) -> Noise:
     """The next iterate of the variances, from residuals at the trajectory that `noise` led to.
 
-    Each variance is the sum of its squares over the number of its residuals less those used up by the trajectory and the
-    parameters: the derivative of the Hessian's log determinant by the logarithm of the variance's reciprocal. `trimmed` is
-    the share of the variance that poses keep when outlying ones are left out.
+    Each variance is the sum of its squares over the number of its residuals less those used up by the trajectory and
+    the parameters: the derivative of the Hessian's log determinant by the logarithm of the variance's reciprocal.
+    `trimmed` is the share of the variance that poses keep when outlying ones are left out.
     """
     yaw = model.index("sensor_yaw")
     base = log_determinant(found, nodes, noise, free, yaw, prior)
     squares = found.squares(nodes)
     counts = [2 * nodes.weight[:, 0].sum(), nodes.weight[:, 1].sum(), *[nodes.link.sum()] * 3]
     values = noise.values.copy()
-    for k in range(len(values)):
+    unknowns = 3 * len(nodes.pose) + len(free)
+    others = 0.0
+    for k in reversed(range(len(values))):  # the position's share follows from that of all others
         if not counts[k]:
             continue
-        beside = noise.values.copy()
-        beside[k] /= np.sqrt(1 + _DIFFERENCE)
-        used = (log_determinant(found, nodes, Noise(beside), free, yaw, prior) - base) / np.log1p(_DIFFERENCE)
+        if k:
+            beside = noise.values.copy()
+            beside[k] /= np.sqrt(1 + _DIFFERENCE)
+            used = (log_determinant(found, nodes, Noise(beside), free, yaw, prior) - base) / np.log1p(_DIFFERENCE)
+            others += used
+        else:
+            used = unknowns - others
         share = trimmed if k < 2 else 1.0
         variance = squares[k].sum() / share / max(counts[k] - used - _AVOIDED[k], _MIN_FREEDOM)
         ratio = np.clip(variance / noise.values[k] ** 2, 1 / _MAX_CHANGE, _MAX_CHANGE)

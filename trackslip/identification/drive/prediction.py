@@ -17,7 +17,6 @@ from trackslip.metrics import rms
 HORIZONS = (1.0, 2.0, 5.0, 10.0)
 """How far ahead is predicted [s]."""
 _MAX_FOLDS = 5
-_ROUNDS = 12
 _TRAIL = 10.0  # time over which positions give the heading at the start, without headings [s]
 _MIN_TRAIL = 5  # number of those positions
 _MIN_WAY = 0.3  # that the positions span [m]
@@ -69,11 +68,13 @@ class Predictions:
 def held_out(found: Fit) -> Predictions:
     """Predictions of driving that the law was not fitted to.
 
-    With several drives, each is predicted by a fit to the others (in at most five groups); of a single one, the second half by
-    a fit to the first. The fits start from `found`, whose outlying poses are left out everywhere.
+    With several drives, each is predicted by a fit to the others (in at most five groups); of a single one, the second
+    half by a fit to the first. The fits start from `found`, whose outlying poses are left out everywhere.
     """
     parts = [_predicted(refitted, found, rows) for refitted, rows in _folds(found)]
-    return Predictions(*(np.concatenate(one) for one in zip(*((p.start, p.horizon, p.error) for p in parts), strict=True)))
+    return Predictions(
+        *(np.concatenate(one) for one in zip(*((p.start, p.horizon, p.error) for p in parts), strict=True))
+    )
 
 
 def _folds(found: Fit) -> list[tuple[Fit, np.ndarray]]:
@@ -98,8 +99,15 @@ def _refitted(found: Fit, rows: np.ndarray) -> Fit:
     link = np.append(nodes.link, 0.0)[rows][:-1] * whole.link
     part = replace(whole, weight=nodes.weight[rows], link=link)
     return fit(
-        found.model, part, found.states[rows], found.values, found.noise, found.free, found.mean,
-        rounds=_ROUNDS, gated=False,
+        found.model,
+        part,
+        found.states[rows],
+        found.values,
+        found.noise,
+        found.free,
+        found.mean,
+        gated=False,
+        quiet=True,
     )
 
 
@@ -125,7 +133,11 @@ def _predicted(law: Fit, whole: Fit, rows: np.ndarray) -> Predictions:
             turned = heading[start] - path[start, 2]
             moved = rotated(turned, path[end, :2] - path[start, :2])
             missed = rotated(-heading[start], pose[start, :2] + moved - pose[end, :2])
-            turn = wrap_angle(turned + path[end, 2] + yaw - pose[end, 2]) if drive.has_heading else np.full(len(end), np.nan)
+            turn = (
+                wrap_angle(turned + path[end, 2] + yaw - pose[end, 2])
+                if drive.has_heading
+                else np.full(len(end), np.nan)
+            )
             found.append((begin + start, np.full(len(start), horizon), np.column_stack([missed, turn])))
     if not found:
         return Predictions(np.zeros(0, int), np.zeros(0), np.zeros((0, 3)))
@@ -164,10 +176,10 @@ def score(errors: Mapping[str, Mapping[float, Errors]], names: Sequence[str]) ->
     ratios: dict[str, list[float]] = {name: [] for name in names}
     for horizon in HORIZONS:
         for key in ("position_rms", "heading_rms"):
-            values = {name: getattr(errors[name].get(horizon), key, None) for name in names}
-            if any(value is None for value in values.values()):
+            values = {name: float(getattr(errors[name].get(horizon), key, None) or np.nan) for name in names}
+            if not np.isfinite(list(values.values())).all():
                 continue
-            least = max(min(values.values()), 1e-12)
+            least = min(values.values())
             for name in names:
                 ratios[name].append(values[name] / least)
     return {name: float(np.mean(ratio)) if ratio else np.nan for name, ratio in ratios.items()}
