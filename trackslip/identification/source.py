@@ -132,7 +132,7 @@ def _read(file: Path, reading: Reading, chosen: Callable[[Path], Collection[str]
         geometry = _geometry(reading, None, file)
         return Source(geometry, _sampled(Columns(table, str(file)), reading.gear, geometry), ())
     if not set(columns) & set(REQUIRED[1:]):
-        needed = f"{', '.join(REQUIRED)} or {', '.join(SAMPLE_COLUMNS)}"
+        needed = f"{', '.join(REQUIRED)} and usually phi, or {', '.join(SAMPLE_COLUMNS)}"
         raise LogError(f"{file}: needs the columns {needed}; found {', '.join(columns)[:200]!r}")
     read = runs_from_table(table, str(file))
     runs: Sequence[RunLog] = read.runs
