@@ -82,7 +82,8 @@ def steady_parts(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -
     gaps = np.flatnonzero(step > max(_GAP * float(np.median(step)), _MIN_GAP))
     notes = [f"its clock has a gap from t = {log.time[k]:.12g} s to {log.time[k + 1]:.12g} s" for k in gaps]
     lead = max(settle, MARGIN)
-    least = lead + MARGIN + _SHORTEST
+    enough = max(_SHORTEST, _time_of_poses(log, MIN_ARC_POSES))
+    least = lead + MARGIN + enough
     constant, longest = constant_stretches(log.time, log.omega, gaps, least)
     log, pieces, jumps = _without_jumps(log, constant)
     notes += jumps
@@ -91,7 +92,7 @@ def steady_parts(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -
         longest = max(pieces, key=lambda piece: log.time[piece[1]] - log.time[piece[0]], default=longest)
         begin, end = log.time[list(longest)]
         notes.append(f"steady from {begin:.12g} s to {end:.12g} s only, too short")
-        left_out = f"the first {lead:g} s and last {MARGIN:g} s of it are left out"
+        left_out = f"the first {lead:g} s and last {MARGIN:g} s of it are left out, and an arc needs {enough:.2g} s"
         raise LogError(f"run {log.run!r}: {'; '.join(notes)}: {left_out}")
     moving = [piece for piece in long if _turns(log.omega, *piece)]
     if not moving:
@@ -133,6 +134,12 @@ def require_steady_motion(part: SteadyPart) -> None:
             f"but its motion is not: v changes by {v:+.3g} m/s and w by {w:+.3g} rad/s "
             "from the first half to the second"
         )
+
+
+def _time_of_poses(log: RunLog, count: int) -> float:
+    """Usual time from the first to the last of some poses with heading [s]; 0 for a run without."""
+    headed = log.time[log.has_heading]
+    return (count - 1) * float(np.median(np.diff(headed))) if len(headed) > 1 else 0.0
 
 
 def _require_headings(log: RunLog) -> None:

@@ -200,3 +200,14 @@ def test_a_million_rows_take_seconds(tmp_path):
     assert process_time() - began < 10.0
     assert len(log.time) == 999_600
     assert len(parts) > 1600
+
+
+def test_how_short_a_stretch_may_be_depends_on_the_rate_of_poses():
+    log = driven(((0.0, 1.0), (10.0, 0.5), (14.0, 1.0)), duration=30.0)
+    assert len(steady_parts(log, GEOMETRY)) == 3
+    seldom = replace(log, valid=np.arange(len(log.time)) % 6 == 0)  # 3 Hz: 12 poses take longer than 2 s
+    assert [part.name for part in steady_parts(seldom, GEOMETRY)] == ["run @ 1.5 s", "run @ 15.5 s"]
+    assert usable_samples([seldom], GEOMETRY).refused == ()
+    brief = driven(duration=4.0)
+    with pytest.raises(LogError, match=r"too short: the first 1\.5 s and last 0\.5 s .* and an arc needs 3\.3 s"):
+        steady_parts(replace(brief, valid=np.arange(len(brief.time)) % 6 == 0), GEOMETRY)
