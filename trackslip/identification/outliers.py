@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from trackslip.identification.fit import fit
@@ -19,27 +21,32 @@ _AS_GOOD = 1.3  # spread of laws that fit about as well, relative to the best
 _WORTH_MENTIONING = 0.005  # minimum deviation of an outlier [-]
 _REPEATED = 3  # minimum number of runs of one radius for a median
 _ROUNDS = 15
+_SETTLED = 1e-3  # change of weights at convergence
 _TUKEY = 4.685  # cutoff of the biweight [robust standard deviations]
 _LAWS = ("exponential", "hyperbola", "power", "icr_radius", "turn_loss", "icr_sides")
 
 
-def split_outliers(samples: SlipSamples, geometry: RobotGeometry) -> tuple[SlipSamples, list[Refused]]:
+def split_outliers(
+    samples: SlipSamples, geometry: RobotGeometry, laws: Sequence[str] = _LAWS
+) -> tuple[SlipSamples, list[Refused]]:
     """Separate outliers, which are far from every law that fits the majority of the runs well.
 
-    Every law is fitted robustly, with Tukey's biweight of the larger deviation of a run, and laws whose median
-    deviation is near the smallest are used. Repeated runs are compared with their median: a common deviation is an error
-    of the law. Nothing is excluded from fewer than _MIN_SAMPLES samples, or if more than a quarter of them appear to be
-    outliers: then no law fits. Returns the samples without the outliers, and the outliers.
+    Each of the `laws` is fitted robustly, with Tukey's biweight of the larger deviation of a run, and those whose
+    median deviation is near the smallest are used. Repeated runs are compared with their median, because a common
+    deviation is an error of the law. Nothing is excluded from fewer than _MIN_SAMPLES samples, or if more than a
+    quarter of them appear to be outliers: then no law fits. Returns the samples without the outliers, and the outliers.
     """
     count = len(samples)
     if count < _MIN_SAMPLES:
         return samples, []
     runs = WeightedRuns.of(samples, geometry)
-    judged = [_robust_deviation(name, runs) for name in _LAWS if count > len(FAMILIES[name].names)]
+    judged = [_robust_deviation(name, runs) for name in laws if count > len(FAMILIES[name].names)]
     least = min(spread for _, spread in judged)
     labels = by_command(samples.omega, geometry)
     good = [(_worst(deviation, labels), spread) for deviation, spread in judged if spread <= _AS_GOOD * least]
-    far = np.all([worst > max(_FAR * spread, _WORTH_MENTIONING) for worst, spread in good], axis=0)
+    noise = np.sqrt(runs.eigenvalues.max(axis=1))  # (n,) of measurement
+    limits = [np.maximum(_FAR * np.hypot(spread, noise), _WORTH_MENTIONING) for _, spread in good]
+    far = np.all([worst > limit for (worst, _), limit in zip(good, limits, strict=True)], axis=0)
     if not far.any() or far.sum() > _MAX_OUTLIER_SHARE * count:
         return samples, []
     nearest = np.min([worst for worst, _ in good], axis=0)  # (n,) deviation from the law that fits the run best
@@ -63,11 +70,14 @@ def _robust_deviation(name: str, runs: WeightedRuns) -> tuple[Array, float]:
     family = FAMILIES[name]
     scatter = np.full(1, _WORTH_MENTIONING)
     found = fit(family, runs, scatter=scatter)
+    weight = np.zeros(runs.runs)
     for _ in range(_ROUNDS):
         deviation = runs.deviation(found.law)[0]
         spread = _spread(deviation)
         reach = np.abs(deviation).max(axis=1) / (_TUKEY * max(spread, _WORTH_MENTIONING / _FAR))
-        weight = np.where(reach < 1, (1 - reach**2) ** 2, 1e-9)
+        before, weight = weight, np.where(reach < 1, (1 - reach**2) ** 2, 1e-9)
+        if np.abs(weight - before).max() < _SETTLED:
+            break
         found = fit(family, runs.weighted(weight[None]), found.values, scatter)
     return runs.deviation(found.law)[0], spread
 
