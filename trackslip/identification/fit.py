@@ -15,7 +15,6 @@ from trackslip.slip.base import SlipLaw
 from trackslip.slip.families import LawFamily
 
 _FIRST_SCATTER = 0.003  # initial guess of the scatter of slip [-]
-_DIFFERENCE = 1e-5  # step of differences, relative to the scales of the parameters
 _ROUNDS = 8  # maximum number of alternating fits and scatter estimates
 _SETTLED = 1e-4  # relative change of the scatter at convergence
 
@@ -54,16 +53,8 @@ class Fits:
     @cached_property
     def jacobian(self) -> Array:
         """Derivatives (M, 2 n, p) of the deviations, unweighted; for values at a limit, taken just inside it."""
-        runs, count = self.runs, len(self.values)
-        low, high, scale = self.family.limits(runs.geometry.half_gauge)
-        inside = np.clip(self.values, low + _DIFFERENCE * scale, high - _DIFFERENCE * scale)
-        jacobian = np.empty((count, 2 * runs.runs, self.values.shape[1]))
-        for k, step in enumerate(np.diag(_DIFFERENCE * scale)):
-            ahead, behind = (
-                runs.deviation(self.family.law((inside + sign * step)[:, None, :], runs.geometry)) for sign in (1, -1)
-            )
-            jacobian[..., k] = ((ahead - behind) / (2 * step[k])).reshape(count, -1)
-        return jacobian
+        slopes = -self.runs.of_twists @ twist_slopes(self.family, self.values, self.runs.omega, self.runs.geometry)
+        return slopes.reshape(len(self.values), 2 * self.runs.runs, self.values.shape[1])
 
     @property
     def _weighted_jacobian(self) -> Array:
@@ -142,8 +133,7 @@ def minimise(
     if not family.names:
         cost = np.sum(residual(start, np.arange(len(start))) ** 2, axis=1)
         return Minimum(start, cost, np.zeros((len(start), 0, 0)))
-    by_hand = type(family.law(start[:1], runs.geometry)).twist is SlipLaw.twist
-    return least_squares(residual, start, low, high, scale, held, jacobian if by_hand else None)
+    return least_squares(residual, start, low, high, scale, held, jacobian)
 
 
 def _at(family: LawFamily, runs: WeightedRuns, scatter: Array, start: Array | None) -> Fits:

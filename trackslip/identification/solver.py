@@ -15,11 +15,13 @@ from trackslip.kinematics import Array
 
 Residual = Callable[[Array, np.ndarray], Array]
 """From values (m, p) of the problems `rows` (m,) to their residuals (m, K); values that are not finite are rejected."""
+Jacobian = Callable[[Array, np.ndarray], Array]
+"""From the same to the derivatives (m, K, p) of the residuals."""
 
 _ITERATIONS = 40
 _CONVERGED = 1e-9  # relative decrease of the cost at convergence
-_MIN_STEP = 1e-10  # relative to the scales of the parameters
 _DIFFERENCE = 1e-6  # step of differences, relative to the scales of the parameters
+_MIN_STEP = 1e-10  # relative to the scales of the parameters
 _MAX_DAMPING = 1e12
 
 
@@ -39,12 +41,12 @@ def least_squares(
     high: Array,
     scale: Array,
     held: np.ndarray | None = None,
-    jacobian: Residual | None = None,
+    jacobian: Jacobian | None = None,
 ) -> Minimum:
     """Minimise the sums of squares of M problems, from starting values (M, p) within the limits `low`, `high` (p,).
 
     `scale` (p,) are the sizes of significant changes; parameters where `held` (M, p) is true are kept fixed.
-    `jacobian` gives the derivatives (m, K, p) of the residuals like these; by default, they are taken by differences.
+    Without a `jacobian`, derivatives are taken by differences.
     """
     problems, parameters = start.shape
     held = np.zeros((problems, parameters), bool) if held is None else held
@@ -60,9 +62,9 @@ def least_squares(
     damping = np.full(problems, 1e-3)
     for _ in range(_ITERATIONS):
         if jacobian is None:
-            slopes = _jacobian(finite, values[rows], current[rows], rows, high, scale)
+            slopes = _differences(finite, values[rows], current[rows], rows, high, scale)
         else:
-            slopes = np.nan_to_num(jacobian(values[rows], rows), nan=0.0, posinf=0.0, neginf=0.0)
+            slopes = jacobian(values[rows], rows)
         slopes = np.where(held[rows][:, None, :], 0.0, slopes)
         gradient = np.einsum("mki,mk->mi", slopes, current[rows])
         normal = slopes.swapaxes(1, 2) @ slopes
@@ -93,7 +95,9 @@ def least_squares(
     return Minimum(values, cost, hessian)
 
 
-def _jacobian(residual: Residual, values: Array, current: Array, rows: np.ndarray, high: Array, scale: Array) -> Array:
+def _differences(
+    residual: Residual, values: Array, current: Array, rows: np.ndarray, high: Array, scale: Array
+) -> Array:
     """Derivatives (m, K, p) by one-sided differences within the limits."""
     problems, parameters = values.shape
     step = _DIFFERENCE * scale
