@@ -43,10 +43,13 @@ class Errors:
 class Predictions:
     """Predictions of held-out driving by a law."""
 
-    start: Array  # (n,) nodes to predict from
+    start: np.ndarray  # (n,) nodes to predict from
+    heading: Array  # (n,) of the robot there [rad]
     horizon: Array  # (n,) [s]
     error: Array  # (n, 3) predicted minus measured, in the frame of the start [m, m, rad]
     """NaN headings where none were measured."""
+    part: np.ndarray  # (n,) index of the fit that predicts
+    values: Array  # (F, p) parameter values of those fits
 
     def errors(self) -> dict[float, Errors]:
         """Errors by horizon [s], of those that the drives are long enough for."""
@@ -72,8 +75,11 @@ def held_out(found: Fit) -> Predictions:
     With several drives, each is predicted by a fit to the others (in at most five groups); of a single one, the second half by
     a fit to the first. The fits start from `found`, whose outlying poses are left out everywhere.
     """
-    parts = [_predicted(refitted, found, rows) for refitted, rows in _folds(found)]
-    return Predictions(*(np.concatenate(one) for one in zip(*((p.start, p.horizon, p.error) for p in parts), strict=True)))
+    folds = _folds(found)
+    parts = [_predicted(refitted, found, rows) for refitted, rows in folds]
+    joined = (np.concatenate(column) for column in zip(*parts, strict=True))
+    number = np.repeat(np.arange(len(parts)), [len(part[0]) for part in parts])
+    return Predictions(*joined, number, np.array([refitted.values for refitted, _ in folds]))
 
 
 def _folds(found: Fit) -> list[tuple[Fit, np.ndarray]]:
@@ -103,8 +109,8 @@ def _refitted(found: Fit, rows: np.ndarray) -> Fit:
     )
 
 
-def _predicted(law: Fit, whole: Fit, rows: np.ndarray) -> Predictions:
-    """Predictions from and to nodes `rows` (K,) bool by the law of a fit."""
+def _predicted(law: Fit, whole: Fit, rows: np.ndarray) -> tuple[np.ndarray, Array, Array, Array]:
+    """Start, heading, horizon and error of predictions from and to nodes `rows` (K,) bool by the law of a fit."""
     nodes = whole.nodes
     found = []
     for drive, begin in zip(nodes.drives, nodes.first, strict=False):
@@ -126,10 +132,11 @@ def _predicted(law: Fit, whole: Fit, rows: np.ndarray) -> Predictions:
             moved = rotated(turned, path[end, :2] - path[start, :2])
             missed = rotated(-heading[start], pose[start, :2] + moved - pose[end, :2])
             turn = wrap_angle(turned + path[end, 2] + yaw - pose[end, 2]) if drive.has_heading else np.full(len(end), np.nan)
-            found.append((begin + start, np.full(len(start), horizon), np.column_stack([missed, turn])))
+            found.append((begin + start, heading[start], np.full(len(start), horizon), np.column_stack([missed, turn])))
     if not found:
-        return Predictions(np.zeros(0, int), np.zeros(0), np.zeros((0, 3)))
-    return Predictions(*(np.concatenate(one) for one in zip(*found, strict=True)))
+        return np.zeros(0, int), np.zeros(0), np.zeros(0), np.zeros((0, 3))
+    start, headings, horizons, errors = (np.concatenate(column) for column in zip(*found, strict=True))
+    return start, headings, horizons, errors
 
 
 def _pairs(time: Array, usable: np.ndarray, horizon: float, interval: float) -> tuple[np.ndarray, np.ndarray]:
