@@ -18,7 +18,6 @@ from trackslip.identification.comparison import Comparison
 from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.replicates import LackOfFit
 from trackslip.identification.result import Identification
-from trackslip.identification.samples import Refused
 from trackslip.kinematics import Array
 from trackslip.metrics import rms
 from trackslip.slip.exponential import PUBLISHED
@@ -78,13 +77,12 @@ class Facts:
 
     runs: int
     turns: int
-    radii: str | None  # with unit, as are speeds and half gauge
+    radii: str | None  # with unit, as are speeds
     speeds: str | None
     spread: OuterInner[str] | None  # the largest difference of slip between runs of one radius [-]
     scattered: bool  # runs of different radii share a colour
     errors: TypicalErrors | None
     band: tuple[str, str] | None  # half width of the residuals that need no better law [-], and its meaning
-    half_gauge: str
     best: str  # title of the best law
     best_law: FittedLaw
     by_criterion: bool  # the best law was chosen by AICc
@@ -94,11 +92,10 @@ class Facts:
     lacking: str | None  # titles of the laws of the wrong shape, other than baselines
     inflation: str | None  # factor on their standard errors
     tests: Collection[str]  # kinds of tests of lack of fit
-    outliers: Sequence[Refused]
 
     @classmethod
     def of(cls, found: Identification) -> Self:
-        """The facts about an identification."""
+        """The facts about an identification from steady stretches."""
         comparison = found.comparison
         turns = InnerOuterSamples.of(found.samples, found.geometry)
         same = repeated(turns.radius)
@@ -117,7 +114,6 @@ class Facts:
             scattered=not all(is_narrow(turns.radius[group]) for group in value_groups(turns.radius)),
             errors=_errors(turns),
             band=(f"{band:.1g}", meaning) if len(turns) else None,
-            half_gauge=f"{found.geometry.half_gauge:g} m",
             best=LABELS.get(comparison.best, comparison.best),
             best_law=comparison.laws[comparison.best],
             by_criterion=comparison.aicc[comparison.best] is not None,
@@ -127,7 +123,6 @@ class Facts:
             lacking=_listed(LABELS.get(name, name) for name in lacking) if lacking else None,
             inflation=_range(np.array(factors), ".2g") if factors else None,
             tests={lack.test for lack in lacks.values()},
-            outliers=found.outliers,
         )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from trackslip.identification.comparison import Comparison, CrossValidation, cross_validate
 from trackslip.identification.fitted import fit_law
-from trackslip.identification.result import Identification
+from trackslip.identification.result import Identification, SteadyLaws
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.refused import Refused
@@ -48,4 +48,5 @@ def identified(samples, names=LAWS, *, best="icr_radius", outliers=(), determine
         warnings=("law power: the samples don't determine beta_outer",),
     )
     outliers = tuple(Refused(*outlier) for outlier in outliers)
-    return Identification(GEOMETRY, samples, outliers, comparison, (*map(str, outliers), *comparison.warnings))
+    warnings = (*map(str, outliers), *comparison.warnings)
+    return Identification(GEOMETRY, "steady", SteadyLaws(samples, comparison), None, outliers, warnings)
