@@ -28,6 +28,7 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.controllers.stanley import Stanley as Stanley
     from trackslip.errors import InvalidValueError as InvalidValueError
     from trackslip.errors import LogError as LogError
+    from trackslip.errors import LogWarning as LogWarning
     from trackslip.errors import OutputError as OutputError
     from trackslip.errors import TrackslipError as TrackslipError
     from trackslip.identification.identify import identify as identify
@@ -78,7 +79,7 @@ _NAMES = {
     "controllers.pure_pursuit": ("PurePursuit",),
     "controllers.samson": ("Samson",),
     "controllers.stanley": ("Stanley",),
-    "errors": ("InvalidValueError", "LogError", "OutputError", "TrackslipError"),
+    "errors": ("InvalidValueError", "LogError", "LogWarning", "OutputError", "TrackslipError"),
     "identification.identify": ("identify",),
     "identification.result": ("Identification",),
     "kinematics": ("RobotGeometry",),

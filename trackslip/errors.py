@@ -26,6 +26,10 @@ class LogError(TrackslipError, ValueError):
     """A log that cannot be read or used; the message names the file, row and column where it can."""
 
 
+class LogWarning(UserWarning):
+    """Rows or runs of a log that were left out; the message names the file, and row and column where it can."""
+
+
 class SettingsFileError(TrackslipError, ValueError):
     """A file of settings that cannot be read; the message names the file and the field."""
 

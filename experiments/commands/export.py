@@ -10,7 +10,7 @@ from pathlib import Path
 from experiments.options.export import ExportConfig
 from experiments.report.terminal import print_table
 from trackslip.errors import InvalidValueError, OutputError
-from trackslip.logs.logfile import load, write_csv
+from trackslip.logs.logfile import read_log, runs_file, write_csv
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.schema import COLUMNS
 from trackslip.logs.table import to_table
@@ -20,7 +20,10 @@ _SHOWN = 10  # names in a message
 
 def run(config: ExportConfig) -> None:
     """List the runs, or write them."""
-    logs = [replace(log, scans=None) for log in chosen(load(config.path), config.run or ())]
+    read = read_log(runs_file(config.path))
+    for line in read.warnings:
+        print(f"warning: {line}")
+    logs = [replace(log, scans=None) for log in chosen(read.runs, config.run or ())]
     if not config.csv:
         print_table(f"Runs in {config.path}", ("run", "rows", "duration [s]", "truth"), [_row(log) for log in logs])
         return

@@ -94,6 +94,10 @@ def _print_drive(drive: DriveComparison) -> None:
         print(line)
     rows = drive_tables.prediction_rows(drive)
     position, heading = drive_tables.position_table(rows), drive_tables.heading_table(rows)
-    print_table("\nHeld-out prediction of position, rms | median [m]", drive_tables.POSITION_HEADER, for_terminal(position))
+    print_table(
+        "\nHeld-out prediction of position, rms | median [m]", drive_tables.POSITION_HEADER, for_terminal(position)
+    )
     if heading:
-        print_table("Held-out prediction of heading, rms | median [deg]", drive_tables.HEADING_HEADER, for_terminal(heading))
+        print_table(
+            "Held-out prediction of heading, rms | median [deg]", drive_tables.HEADING_HEADER, for_terminal(heading)
+        )

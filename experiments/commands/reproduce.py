@@ -46,7 +46,7 @@ def run(config: ReproduceConfig) -> None:
             grid_logs = drive_grid(config, world, report, watch)
         with progress("slips and laws", 3, "stages") as report:
             with watch.stage("slips"):
-                sampling = usable_samples(grid_logs, geometry, method=config.motion)
+                sampling = usable_samples(grid_logs, geometry, method=config.motion, longest=True)
                 report(1)
             with watch.stage("laws"):
                 found = identify_samples(sampling, geometry)

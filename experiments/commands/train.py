@@ -150,18 +150,21 @@ def _learn(model: Any, config: TrainConfig, drafts: Path) -> list[dict[str, floa
     from stable_baselines3.common.callbacks import BaseCallback
 
     curve: list[dict[str, float]] = []
+    rewards: list[float] = []  # since the last update, mean of all robots
     with progress("training", config.steps, "steps", model.num_timesteps) as report:
 
         class Recorder(BaseCallback):  # type: ignore[misc, unused-ignore]
             updates = 0
 
             def _on_step(self) -> bool:
+                # PPO's own rewards also contain the expected ones after an episode that is cut off
+                rewards.append(float(np.mean(self.locals["rewards"])))
                 return True
 
             def _on_rollout_end(self) -> None:
-                rewards = self.locals["rollout_buffer"].rewards
                 curve.append({"steps": self.num_timesteps, "reward": float(np.mean(rewards))})
-                report(rewards.size)
+                report(len(rewards) * config.robots)
+                rewards.clear()
                 self.updates += 1
                 if self.updates % _CHECKPOINT_EVERY == 0:
                     _save(self.model, config.out, drafts)

@@ -18,7 +18,7 @@ from time import monotonic, sleep
 from experiments.options.view import ViewConfig
 from experiments.recording import file_names, record, title
 from trackslip.errors import LogError, TrackslipError
-from trackslip.logs.logfile import load
+from trackslip.logs.logfile import read_log, runs_file
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.law_file import load_laws
 
@@ -32,7 +32,10 @@ _PATIENCE, _BETWEEN = 30.0, 0.1  # how long to wait for the viewer to start, and
 
 def run(config: ViewConfig) -> None:
     """Read, choose, show."""
-    logs = load(config.path)
+    read = read_log(runs_file(config.path))
+    logs = read.runs
+    for line in read.warnings:
+        print(f"warning: {line}")
     chosen = choose(logs, config.run, config.path)
     if not config.run and len(logs) > 1:
         print(f"{len(logs)} runs; showing {chosen[0].run!r}. --run ID chooses one, --run ID ID compares")

@@ -110,7 +110,7 @@ def scanned_again(
 ) -> list[SlipSamples]:
     """Samples of runs whose true ranges get new noise in each repeat; `step(1.0)` is called after each run."""
     jobs = [(log, geometry, config.scanner.noise, config.seed, repeats) for log in logs]
-    omega = np.array([log.omega[steady_part(log, geometry).rows].mean(axis=0) for log in logs])
+    omega = np.array([steady_part(log, geometry).omega for log in logs])
     twists, covariances = [], []
     with processes(config.threads or os.cpu_count() or 1) as pool:
         with deaf_children():
@@ -127,11 +127,13 @@ def scanned_again(
 def _bundled(job: tuple[RunLog, RobotGeometry, float, int, int]) -> tuple[np.ndarray, np.ndarray]:
     """Twists (repeats, 2) and covariances (repeats, 2, 2) of one run, with new noise in each repeat."""
     log, geometry, noise, seed, repeats = job
-    assert log.scans is not None
-    rng, part, cluster = generator(seed, f"coverage {log.run}"), steady_part(log, geometry), log.scans.cluster
+    rng, part = generator(seed, f"coverage {log.run}"), steady_part(log, geometry)
+    clean = part.log.scans
+    assert clean is not None
+    cluster = clean.cluster
     found = []
     for _ in range(repeats):
         ranges = np.where(cluster.hit, cluster.range + rng.normal(0.0, noise, cluster.range.shape), 1.0)
-        scans = replace(log.scans, scan=replace(log.scans.scan, noise=noise), cluster=replace(cluster, range=ranges))
+        scans = replace(clean, scan=replace(clean.scan, noise=noise), cluster=replace(cluster, range=ranges))
         found.append(MOTION_METHODS[_MOTION](replace(part.log, scans=scans), part.window))
     return np.array([one.twist for one in found]), np.array([one.covariance for one in found])

@@ -115,7 +115,7 @@ class SensitivityRow:
 def slip_errors(logs: Sequence[RunLog], geometry: RobotGeometry, motion: str | None) -> tuple[Array, tuple[str, ...]]:
     """Errors (n, 2) [-] of slip in the n runs that can be used, left track first; and why the others cannot."""
     try:
-        sampling = usable_samples(logs, geometry, method=motion)
+        sampling = usable_samples(logs, geometry, method=motion, longest=True)
     except LogError as error:
         return np.empty((0, 2)), (str(error),)
     truth = true_samples([log for log in logs if log.run in sampling.samples.run], geometry)

@@ -10,8 +10,13 @@ import tyro
 from experiments.options.checks import refuse_unused, require_between, require_distinct, require_positive_up_to
 from experiments.options.help import default_is
 from experiments.options.world import Method
+<<<<<<< HEAD
 from trackslip.errors import InvalidValueError, require_non_negative
 from trackslip.motion.steady import SETTLE
+=======
+from trackslip.errors import require_non_negative
+from trackslip.motion.constant_speed import SETTLE
+>>>>>>> drive
 
 _MAX_LEVER = 100.0  # [m]
 

@@ -58,7 +58,9 @@ class SourceOptions:
     jump_turn: Annotated[float | None, _FLOAT] = None
     """Turn of each of them, to a random side [rad]."""
     drift: Annotated[float | None, _FLOAT] = None
-    """Drift of odometry at the end, as a share of the way and of the angle turned; a random walk [-]."""
+    """Drift of odometry, a random walk of the position: its error at the end over the way [-]."""
+    heading_drift: Annotated[float | None, _FLOAT] = None
+    """Drift of its heading, a random walk as well [rad/sqrt(m)]."""
     scale_error: Annotated[float | None, _FLOAT] = None
     """Relative error of all ways and turns [-]."""
     ahead: Annotated[float | None, _FLOAT] = None

@@ -19,7 +19,7 @@ _DIM = {LEFT: "#2B5F7D", RIGHT: "#7A5400"}
 _GREY = "#8a8a8a"
 _THICK, _LINE, _THIN = 4.5, 1.5, 0.8  # line widths [px]
 _RARE = 5.0  # share of the time, at either end, in which slips may be off their axis [%]
-_MAX_LABELS = 4.5  # along an axis
+_MAX_LABELS = 5  # along an axis
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ SLIP_LAW, SLIP_IDENTIFIED, SLIP_TRUE = "slip/by_law", "slip/identified", "slip/t
 _SLIP_RANGE = (-0.25, 0.20)
 _POSITION, _HEADING = "Position error [mm]", "Heading error [deg]"
 _DISTANCE = "Distance from the reference [mm]"
-_MOTION = "Twist and forces"
+_MOTION, _SPEEDS = "Twist and forces", "Speeds"
 PANELS = (
     Panel("Slip [-]", (SLIP_LAW, SLIP_IDENTIFIED, SLIP_TRUE), _SLIP_RANGE, 1.9),
     Panel("Sprocket speed [rad/s]", ("sprocket/command", "sprocket/measured"), height=1.4),
@@ -61,12 +61,12 @@ PANELS = (
 )
 """Panels of a single run."""
 COMPARED = (
-    Panel(_DISTANCE, ("error/distance",), height=2.0),
+    Panel(_DISTANCE, ("error/distance",), height=1.6),
     Panel(_HEADING, ("error/heading",), legend=False),
     Panel("True slip [-], pale: right track", (SLIP_TRUE,), _SLIP_RANGE, legend=False),
     Panel("Identified slip [-], pale: right track", (SLIP_IDENTIFIED,), _SLIP_RANGE, legend=False),
-    Panel("Sprocket speed [rad/s], pale: right track", ("sprocket/measured",), legend=False),
-    Panel("Yaw rate [rad/s], pale: commanded", ("twist/yaw",), legend=False),
+    Panel("Sprocket speed [rad/s], pale: right track", ("sprocket/measured",), tab=_SPEEDS),
+    Panel("Yaw rate [rad/s], pale: commanded", ("twist/yaw",), legend=False, tab=_SPEEDS),
 )
 """Panels of several runs; each run has one colour in all of them."""
 
@@ -141,8 +141,14 @@ def readable(values: Array) -> tuple[float, float]:
     low, high = min(float(values.min()), 0.0), max(float(values.max()), 0.0)
     margin = 0.08 * max(high - low, 1e-3)
     low, high = low - margin, high + margin
-    power = 10.0 ** np.ceil(np.log10((high - low) / _MAX_LABELS))
-    if np.floor(high / power) - np.ceil(low / power) < 1:
+
+    def labels(power: float) -> int:
+        return int(np.floor(high / power) - np.ceil(low / power)) + 1
+
+    power = 10.0 ** np.floor(np.log10(high - low))
+    if labels(power) > _MAX_LABELS:
+        power *= 10
+    if labels(power) < 2:
         low, high = (low, 1.08 * power) if high > -low else (-1.08 * power, high)
     return float(low), float(high)
 

@@ -14,7 +14,7 @@ from experiments.report.figures import leaderboard as figures
 from experiments.report.figures.style import law_line
 from experiments.report.page import Drawing, Page, file_name, render_page
 from experiments.storage.manifest import relative
-from trackslip.logs.table import runs_from_table
+from trackslip.logs.table_reader import runs_from_table
 
 _FAVOURITES = ("icr_radius", "online", "icr", "published", "none")  # compensations to compare controllers with
 _REPRESENTATIVES = ("linear", "feedforward")  # controllers to compare compensations with
@@ -87,7 +87,7 @@ def _figure(
     runs_file: Path, chosen: Mapping[str, Case], style: Mapping[str, Mapping[str, object]], heading: str, what: str
 ) -> _Figure:
     table = pyarrow.parquet.read_table(runs_file, filters=[("run", "in", [case.run for case in chosen.values()])])
-    logs = {log.run: log for log in runs_from_table(table, str(runs_file))}
+    logs = {log.run: log for log in runs_from_table(table, str(runs_file)).runs}
     one = next(iter(chosen.values()))
     lines = {figures.compensation_name(key): (logs[case.run], dict(style[key])) for key, case in chosen.items()}
     caption = f"{what + ', o' if what else 'O'}n {relative(one.ground)}, start {one.start}, seed {one.seed}."

@@ -50,7 +50,7 @@ def _measured(log: RunLog, run: Run, row: RunRow) -> RunRow:
     """The row with the run's numbers; without slips where there are none, and a note why."""
     geometry = run.world(1).robot.geometry
     try:
-        sampling = usable_samples([log], geometry, method=run.setting.config.motion)
+        sampling = usable_samples([log], geometry, method=run.setting.config.motion, longest=True)
         sample, truth = sampling.samples, true_samples([log], geometry)
         numbers = np.concatenate([sample.omega[0], sample.twist[0], sample.slip[0], truth.slip[0], sample.radius])
         note = "; ".join(sampling.notes) or None

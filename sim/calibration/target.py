@@ -96,8 +96,9 @@ class MeasuredTurns:
         return (difference / fastest / SLIP_SCALE).ravel()
 
     def slip_rms(self, twist: Array, geometry: RobotGeometry) -> float:
-        """RMS error of the slips of both tracks [-]."""
-        return rms(track_slip(self.samples.omega, twist, self.geometry) - self.samples.slip)
+        """RMS error of the slips of both tracks, but of those whose sprocket stands [-]."""
+        error = track_slip(self.samples.omega, twist, self.geometry) - self.samples.slip
+        return rms(error[~np.isnan(error)])
 
     def radius_rms(self, twist: Array) -> float | None:
         """RMS relative error of the radii, without straight runs [-]; None if there are no turns."""

@@ -50,7 +50,9 @@ class PoseSource:
     jump_turn: float = 0.0
     """Turn of each, to a random side [rad]."""
     drift: float = 0.0
-    """Drift of odometry, a random walk: its error at the end, over the way and over the angle turned [-]."""
+    """Drift of odometry, a random walk of the position: its error at the end over the way [-]."""
+    heading_drift: float = 0.0
+    """Drift of its heading, a random walk as well [rad/sqrt(m)]."""
     scale_error: float = 0.0
     """Relative error of all ways and turns, as odometry with a wrong radius has it [-]."""
     ahead: float = 0.0
@@ -62,7 +64,7 @@ class PoseSource:
 
     def __post_init__(self) -> None:
         require_positive("rate", self.rate)
-        sizes = ("outlier_size", "outlier_turn", "gap_duration", "jump_size", "jump_turn", "drift")
+        sizes = ("outlier_size", "outlier_turn", "gap_duration", "jump_size", "jump_turn", "drift", "heading_drift")
         for name in ("position_noise", "heading_noise", "jitter", "gaps", "jumps", *sizes):
             require_non_negative(name, getattr(self, name))
         for name in ("delay", "scale_error", "ahead", "left", "mounting"):
@@ -101,12 +103,13 @@ class PoseSource:
 
     def _wandered(self, pose: Array, moment: Array, rng: np.random.Generator) -> Array:
         """Poses (M, 3) with drift and lasting jumps, which are errors of the steps between poses."""
-        if len(pose) < 2 or not (self.drift or self.scale_error or self.jumps):
+        if len(pose) < 2 or not (self.drift or self.heading_drift or self.scale_error or self.jumps):
             return pose
         steps = steps_between(pose)
-        way, turn = np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])
-        spread = self.drift * np.sqrt(np.stack([way * way.sum() / 2, way * way.sum() / 2, turn * turn.sum()], axis=-1))
-        steps = (1 + self.scale_error) * steps + spread * rng.standard_normal(steps.shape)
+        way = np.hypot(steps[:, :1], steps[:, 1:2])
+        along = self.drift * np.sqrt(way.sum() / 2)  # [m/sqrt(m)], for each of two directions
+        walk = np.sqrt(way) * [along, along, self.heading_drift] * rng.standard_normal(steps.shape)
+        steps = (1 + self.scale_error) * steps + walk
         at = np.searchsorted(moment, rng.uniform(moment[0], moment[-1], self.jumps))
         direction = rng.uniform(-np.pi, np.pi, self.jumps)
         turned = self.jump_turn * rng.choice([-1.0, 1.0], self.jumps)
@@ -129,6 +132,6 @@ SOURCES: Mapping[str, PoseSource] = {
     "mocap": PoseSource(rate=50.0, position_noise=0.0005, heading_noise=np.radians(0.1), delay=0.02),
     "slam": PoseSource(rate=10.0, position_noise=0.02, heading_noise=np.radians(1.0), delay=0.1, jitter=0.005),
     "gnss": PoseSource(rate=5.0, position_noise=0.05, heading=False, delay=0.1),
-    "odometry": PoseSource(rate=20.0, drift=0.01),
+    "odometry": PoseSource(rate=20.0, drift=0.01, heading_drift=0.004),
 }
 """Sources by name: the scanner in the field, motion capture, SLAM, GNSS (positions only), drifting odometry."""

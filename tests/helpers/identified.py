@@ -6,10 +6,11 @@ import itertools
 
 import numpy as np
 
-from trackslip.identification.comparison import Comparison, CrossValidation, cross_validate
+from trackslip.identification.comparison import Comparison
 from trackslip.identification.fitted import fit_law
 from trackslip.identification.result import Identification, SteadyLaws
 from trackslip.identification.samples import SlipSamples
+from trackslip.identification.validation import CrossValidation, Predictions
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.refused import Refused
 from trackslip.slip.icr import ConstantIcr
@@ -38,13 +39,17 @@ def identified(samples, names=LAWS, *, best="icr_radius", outliers=(), determine
     """Laws fitted to samples; not `determined` stands for samples too few to compare them."""
     laws = {name: fit_law(name, samples, GEOMETRY, bootstraps=0) for name in names}
     aicc = {name: law.aicc(len(samples)) if determined else None for name, law in laws.items()}
-    unknown = CrossValidation(None, None, None)
+    unknown = CrossValidation(None, None, None, None, None)
     comparison = Comparison(
         laws=laws,
         aicc=aicc,
         weight={name: (1.0 if name == best else 0.0) if determined else None for name in laws},
-        validation={n: cross_validate(law, samples, GEOMETRY) if determined else unknown for n, law in laws.items()},
+        validation={
+            name: Predictions.of(law, samples, GEOMETRY).errors(samples, GEOMETRY) if determined else unknown
+            for name, law in laws.items()
+        },
         best=best,
+        criterion="left-out radii" if determined else "scatter",
         warnings=("law power: the samples don't determine beta_outer",),
     )
     outliers = tuple(Refused(*outlier) for outlier in outliers)

@@ -1,4 +1,4 @@
-"""Comparison of laws on the same samples: information criterion, cross-validation, lack of fit."""
+"""Comparison of laws on the same samples: by the motion they predict, by an information criterion, by lack of fit."""
 
 from __future__ import annotations
 
@@ -8,30 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackslip.errors import LogError
-from trackslip.identification.fit import fit
 from trackslip.identification.fitted import FittedLaw, fit_law
-from trackslip.identification.replicates import by_command, folds
 from trackslip.identification.samples import SlipSamples
-from trackslip.identification.weighting import WeightedRuns
-from trackslip.kinematics import RobotGeometry, body_twist
-from trackslip.metrics import rms
+from trackslip.identification.validation import CrossValidation, Predictions, best_predictors
+from trackslip.kinematics import RobotGeometry
 from trackslip.slip.families import FAMILIES, TWO_SIDED
 
+BASELINES = ("none", "exponential", "icr")
+"""Laws that are always reported, for others to be compared with."""
+_WITHOUT_RADIUS = ("none", "constant")  # laws that tell nothing of turns
 _INDISTINCT = 2.0  # difference of AICc within which the simpler law is preferred
-_BASELINES = ("none", "constant")
 _LARGE_RADIUS_ERROR = 0.1  # radius error above which a wrong gear or sprocket radius is more likely [-]
-
-
-@dataclass(frozen=True)
-class CrossValidation:
-    """Prediction errors of a law for runs it was not fitted to; None if the runs do not form two groups."""
-
-    radius: float | None
-    """Rms error of the slip, leaving out one radius at a time [-]."""
-    speed: float | None
-    """Rms error of the slip, leaving out one speed at a time [-]."""
-    yaw_rate: float | None
-    """Rms error of the yaw rate predicted from sprocket speeds, leaving out one radius at a time [rad/s]."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +34,9 @@ class Comparison:
     validation: Mapping[str, CrossValidation]
     """Cross-validation by name of the law."""
     best: str
-    """The law with the fewest parameters whose AICc is within 2 of the smallest."""
+    """The simplest of the laws that predict motion as well as any other, see `criterion`."""
+    criterion: str
+    """What the best law was chosen by: `left-out radii`, `left-out runs`, `AICc` or `scatter`, as the samples allow."""
     warnings: tuple[str, ...]
     """What a reader should know of the fits, one line each."""
 
@@ -59,7 +48,10 @@ class Comparison:
 
 
 def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> Comparison:
-    """Fit all families that the samples determine, and compare them; LogError if none of these has parameters."""
+    """Fit all families that the samples determine, and the baselines in any case, and compare them.
+
+    Raises LogError if the samples determine no law that tells of turns.
+    """
     laws: dict[str, FittedLaw] = {}
     warnings: list[str] = []
     sides = np.sign(samples.omega[:, 1] - samples.omega[:, 0]) * np.sign(samples.omega.sum(axis=1))
@@ -67,51 +59,50 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> Comparison:
         if name in TWO_SIDED and min((sides > 0).sum(), (sides < 0).sum()) < 2:
             continue
         try:
-            laws[name] = fit_law(name, samples, geometry)
+            laws[name] = fit_law(name, samples, geometry, vague=name in BASELINES)
+            warnings += laws[name].notes
         except LogError as error:
             warnings.append(str(error))
-    if not set(laws) - set(_BASELINES):
+    if not any(not law.notes for name, law in laws.items() if name not in _WITHOUT_RADIUS):
         raise LogError(warnings[-1])
+    predictions = {name: Predictions.of(law, samples, geometry) for name, law in laws.items()}
+    validation = {name: one.errors(samples, geometry) for name, one in predictions.items()}
     aicc = {name: law.aicc(len(samples)) for name, law in laws.items()}
+    known = {name: law for name, law in laws.items() if not law.notes}
+    scatter = min(law.scatter for law in known.values())
+    predictors = best_predictors({name: predictions[name] for name in known}, samples, geometry, scatter)
+    best, criterion = _best(known, predictors, aicc)
+    doubts = _doubts(laws, best)
+    return Comparison(laws, aicc, _weights(aicc), validation, best, criterion, (*warnings, *doubts))
+
+
+def _weights(aicc: Mapping[str, float | None]) -> dict[str, float | None]:
+    """Akaike weights; None where the criterion is not known."""
     known = {name: value for name, value in aicc.items() if value is not None}
     least = min(known.values(), default=0.0)
     likelihood = {name: float(np.exp((least - value) / 2)) for name, value in known.items()}
     total = sum(likelihood.values())
-    weight = {name: likelihood[name] / total if name in likelihood else None for name in laws}
-    near = [name for name, value in known.items() if value <= least + _INDISTINCT]
-    if near:
-        best = min(near, key=lambda name: (len(laws[name].values), known[name]))
-    else:  # too few samples for the criterion
-        best = min(laws, key=lambda name: laws[name].scatter)
-    validation = {name: cross_validate(law, samples, geometry) for name, law in laws.items()}
-    return Comparison(laws, aicc, weight, validation, best, (*warnings, *_doubts(laws, best)))
+    return {name: likelihood[name] / total if name in likelihood else None for name in aicc}
 
 
-def cross_validate(law: FittedLaw, samples: SlipSamples, geometry: RobotGeometry) -> CrossValidation:
-    """Leave out each radius, then each speed, in turn, and predict it from the rest."""
-    ideal = body_twist(samples.omega, 0.0, geometry)
-    radii = folds(by_command(samples.omega, geometry).astype(float))
-    speeds = folds(np.abs(ideal[:, 0]) + geometry.half_gauge * np.abs(ideal[:, 1]))
-    radius, yaw_rate = _left_out(law, samples, geometry, radii)
-    return CrossValidation(radius, _left_out(law, samples, geometry, speeds)[0], yaw_rate)
+def _best(
+    laws: Mapping[str, FittedLaw],
+    predictors: tuple[Mapping[str, float], str] | None,
+    aicc: Mapping[str, float | None],
+) -> tuple[str, str]:
+    """The best law, and what it was chosen by.
 
-
-def _left_out(
-    law: FittedLaw, samples: SlipSamples, geometry: RobotGeometry, labels: np.ndarray
-) -> tuple[float, float] | tuple[None, None]:
-    """Rms errors of slip [-] and yaw rate [rad/s] of the groups, each predicted by a fit to the others."""
-    groups = int(labels.max()) + 1
-    family = FAMILIES[law.name]
-    kept = (labels != np.arange(groups)[:, None]).astype(float)  # (groups, n)
-    if groups < 2 or 2 * kept.sum(axis=1).min() <= len(family.names):
-        return None, None
-    runs = WeightedRuns.of(samples, geometry).weighted(kept)
-    start = np.tile([law.values[name] for name in family.names], (groups, 1))
-    fits = fit(family, runs, start.reshape(groups, -1), np.full(groups, law.scatter))
-    laws = family.law(fits.values[labels], geometry)  # a law for each sample
-    slip = laws.slip(samples.twist) - samples.slip
-    yaw_rate = laws.twist(samples.omega, geometry)[:, 1] - samples.twist[:, 1]
-    return rms(slip), rms(yaw_rate)
+    It is the simplest of the laws that predict as well as any other and, of equally simple ones, the one that predicts
+    best. Where the samples are too few for predictions, the criterion, or else the scatter, stands in.
+    """
+    if predictors is not None:
+        errors, criterion = predictors
+        return min(errors, key=lambda name: (len(laws[name].values), errors[name])), criterion
+    known = {name: value for name in laws if (value := aicc[name]) is not None}
+    if known:
+        near = [name for name, value in known.items() if value <= min(known.values()) + _INDISTINCT]
+        return min(near, key=lambda name: (len(laws[name].values), known[name])), "AICc"
+    return min(laws, key=lambda name: laws[name].scatter), "scatter"
 
 
 def _doubts(laws: Mapping[str, FittedLaw], best: str) -> list[str]:
@@ -119,7 +110,7 @@ def _doubts(laws: Mapping[str, FittedLaw], best: str) -> list[str]:
     doubts = []
     for name, law in laws.items():
         lack = law.lack_of_fit
-        if lack is not None and law.lacks_fit and name not in _BASELINES:
+        if lack is not None and law.lacks_fit and name not in _WITHOUT_RADIUS and not law.notes:
             freedom = ", ".join(map(str, lack.freedom))
             doubts.append(
                 f"law {name}: lacks fit ({lack.test}({freedom}) = {lack.statistic:.3g}, p = {lack.probability:.2g}): "

@@ -10,9 +10,9 @@ import scipy
 from trackslip.errors import LogError
 from trackslip.identification.fit import Fits, fit
 from trackslip.identification.intervals import bootstrap_intervals, heights, profile_intervals, standard_errors
-from trackslip.identification.replicates import SIGNIFICANT, LackOfFit, lack_of_fit
+from trackslip.identification.replicates import SIGNIFICANT, LackOfFit, by_command, by_speed, lack_of_fit
 from trackslip.identification.samples import SlipSamples
-from trackslip.identification.weighting import MIN_SCATTER, WeightedRuns
+from trackslip.identification.weighting import MIN_SCATTER, WeightedRuns, relative_errors
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.metrics import rms
 from trackslip.slip.base import SlipLaw
@@ -20,9 +20,9 @@ from trackslip.slip.families import family
 
 _MIN_DRAWN = 4  # minimum number of runs for a bootstrap
 _VAGUE = 5.0  # standard error of an undetermined parameter, relative to its scale
+_REPLACEABLE = 1e6  # variance inflation of a parameter that others stand in for [-]
 _AT_LIMIT = 1e-3  # distance from a limit, relative to a range of at most 1
 _COARSE = 60  # number of scatters tried before the best one is refined
-_HOPELESS = 0.3  # rms deviation of a failed fit [-]
 
 
 @dataclass(frozen=True)
@@ -45,13 +45,15 @@ class FittedLaw:
     noise_stderr: dict[str, float]
     """Contribution of the measurement errors to the standard errors; 0 if these errors are not known."""
     rms: float
-    """Root mean square residual slip of both tracks at the observed motion [-]."""
+    """Root mean square error of the track speeds predicted, relative to the speed of the faster sprocket [-]."""
     scatter: float
-    """tau, scatter of slip about the law beyond the measurement errors [-]."""
+    """tau, scatter of the track speeds about the law beyond the measurement errors, relative likewise [-]."""
     likelihood: float
     """-2 log likelihood at its maximum, scatter included [-]."""
     lack_of_fit: LackOfFit | None
     """Test for lack of fit; None without repeated runs and measurement errors."""
+    notes: tuple[str, ...] = ()
+    """Why the samples do not determine the law, whose values then mean nothing; empty if they do."""
 
     @property
     def lacks_fit(self) -> bool:
@@ -69,11 +71,14 @@ class FittedLaw:
         return self.likelihood + 2 * free + 2 * free * (free + 1) / (data - free - 1)
 
 
-def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, bootstraps: int = 300) -> FittedLaw:
+def fit_law(
+    name: str, samples: SlipSamples, geometry: RobotGeometry, bootstraps: int = 300, vague: bool = False
+) -> FittedLaw:
     """Weighted least-squares fit to the measured motions (see `weighting`), with intervals.
 
     `geometry` is the robot's nominal one, `bootstraps` the number of resamples of the runs; 0 for none. Raises LogError
-    if the samples do not determine every parameter or the fit fails, InvalidValueError for an unknown law.
+    if the samples do not determine every parameter, unless a `vague` law is wanted that says so in its `notes`, and
+    InvalidValueError for an unknown law.
     """
     model = family(name)
     names, count, free = model.names, len(samples.run), len(model.names)
@@ -81,23 +86,25 @@ def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, bootstraps
         raise LogError(f"law {name}: {count} sample(s) of two tracks can't determine its {free} parameters")
     runs = WeightedRuns.of(samples, geometry)
     fits = fit(model, runs)
-    deviation = runs.deviation(fits.law)
-    if rms(deviation) > _HOPELESS:
-        raise LogError(
-            f"law {name}: misses the samples by {rms(deviation):.2g} rms: do some runs turn about one of their tracks?"
-        )
     measured = samples.covariance is not None
     tests = lack_of_fit(fits, measured)
     error = standard_errors(fits, tests, measured)[0]
-    _require_determined(name, fits, error)
-    interval = profile_intervals(fits, heights(fits, tests, measured))[0]
-    bootstrap = {}
-    if bootstraps and count > max(free, _MIN_DRAWN):
-        drawn = bootstrap_intervals(fits, bootstraps, np.random.default_rng(count))
-        bootstrap = dict(zip(names, map(tuple, drawn.tolist()), strict=True))
+    notes = _undetermined(name, fits, error)
+    if notes and not vague:
+        raise LogError(notes[0])
+    interval = fits.family.limits(geometry.half_gauge)[:2].T
+    if not notes:
+        interval = profile_intervals(fits, heights(fits, tests, measured))[0]
     values = dict(zip(names, fits.values[0].tolist(), strict=True))
     law = model.build(values, geometry)
     deviations = np.sqrt(np.diag(fits.covariance[0]))
+    with np.errstate(invalid="ignore"):
+        correlation = fits.covariance[0] / np.outer(deviations, deviations)
+        noise = np.sqrt(np.diag(fits.noise_covariance[0]))
+    bootstrap = {}
+    if bootstraps and count > max(free, _MIN_DRAWN) and not notes:
+        drawn = bootstrap_intervals(fits, bootstraps, np.random.default_rng(count))
+        bootstrap = dict(zip(names, map(tuple, drawn.tolist()), strict=True))
     return FittedLaw(
         name=name,
         law=law,
@@ -105,29 +112,43 @@ def fit_law(name: str, samples: SlipSamples, geometry: RobotGeometry, bootstraps
         stderr=dict(zip(names, error.tolist(), strict=True)),
         interval95=dict(zip(names, map(tuple, interval.tolist()), strict=True)),
         bootstrap95=bootstrap,
-        correlation=fits.covariance[0] / np.outer(deviations, deviations),
-        noise_stderr=dict(zip(names, np.sqrt(np.diag(fits.noise_covariance[0])).tolist(), strict=True)),
-        rms=rms(law.slip(samples.twist) - samples.slip),
+        correlation=correlation,
+        noise_stderr=dict(zip(names, noise.tolist(), strict=True)),
+        rms=rms(relative_errors(law.twist(samples.omega, geometry), samples, geometry)),
         scatter=float(fits.scatter[0]),
-        likelihood=_likelihood(fits, deviation),
+        likelihood=_likelihood(fits),
         lack_of_fit=tests[0] if tests else None,
+        notes=notes,
     )
 
 
-def _require_determined(name: str, fits: Fits, error: Array) -> None:
+def _undetermined(name: str, fits: Fits, error: Array) -> tuple[str, ...]:
+    """Why the samples do not determine a parameter; empty if they determine all of them."""
     names, limits = fits.family.names, fits.family.limits(fits.runs.geometry.half_gauge)
-    for key, value, spread, least, most, scale in zip(names, fits.values[0], error, *limits, strict=True):
+    with np.errstate(invalid="ignore"):
+        replaceable = ~(np.diag(fits.hessian[0]) * np.diag(fits.covariance[0]) < _REPLACEABLE)
+    for key, value, spread, replaced, least, most, scale in zip(
+        names, fits.values[0], error, replaceable, *limits, strict=True
+    ):
         at_limit = min(value - least, most - value) < _AT_LIMIT * min(most - least, 1.0)
-        if at_limit or not spread < _VAGUE * scale:
-            raise LogError(
-                f"law {name}: the {fits.runs.runs} samples don't determine {key} (the fit stopped at {value:.3g}); "
-                "runs of different radii are needed, in rad/s, m, rad and s"
-            )
+        if not at_limit and not replaced and spread < max(_VAGUE * scale, abs(value) / 2):
+            continue
+        why = f"no value below {most:.4g}" if most - value < value - least else f"no value above {least:.4g}"
+        why = f"{why} fits, so they don't follow this law" if at_limit else f"its standard error is {spread:.2g}"
+        if replaced:
+            why = "other parameters make up for any value of it"
+        if by_command(fits.runs.omega, fits.runs.geometry).max() == 0:
+            why = "it takes runs of different radii"
+        elif key.startswith("gamma") and by_speed(fits.runs.omega).max() == 0:
+            why = "it takes runs of different speeds"
+        stopped = f"the {fits.runs.runs} samples don't determine {key} (the fit stopped at {value:.3g})"
+        return (f"law {name}: {stopped}: {why}",)
+    return ()
 
 
-def _likelihood(fits: Fits, deviation: Array) -> float:
+def _likelihood(fits: Fits) -> float:
     """-2 log likelihood of the measured motions, without constants, at the most likely scatter."""
-    eigenvalues = fits.runs.eigenvalues
+    eigenvalues, deviation = fits.runs.eigenvalues, fits.runs.deviation(fits.law)
 
     def minus(log_scatter: float) -> float:
         variance = eigenvalues + np.exp(2 * log_scatter)

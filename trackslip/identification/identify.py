@@ -18,7 +18,7 @@ from trackslip.identification.sensor import Sensor
 from trackslip.identification.source import Reading, Source, read_source, source_of_runs
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import RunLog
-from trackslip.motion.steady import SETTLE
+from trackslip.motion.constant_speed import SETTLE
 
 _MIN_SAMPLES = 4  # steady samples that identify laws without the rest of the driving
 _MIN_STEADY = 0.5  # share of the driving that is steady, if steady stretches are to identify the laws [-]
@@ -100,7 +100,13 @@ def identify_source(
     if steady is None:
         notes = tuple(source.sampling.notes) if source.sampling else ()
         return Identification(
-            source.geometry, "drive", None, drive, source.refused, (*notes, *drive.warnings), (*source.logs, *source.loops)
+            source.geometry,
+            "drive",
+            None,
+            drive,
+            source.refused,
+            (*notes, *drive.warnings),
+            (*source.logs, *source.loops),
         )
     chosen: Method = "drive" if main else "steady"
     warnings = drive.warnings if main else steady.warnings

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import scipy
 
-from trackslip.identification.fit import Fits, fit, minimise
+from trackslip.identification.fit import Fits, minimise
 from trackslip.identification.replicates import LackOfFit
 from trackslip.kinematics import Array
 
@@ -21,12 +21,12 @@ def standard_errors(fits: Fits, lacks: Sequence[LackOfFit] | None, measured: boo
     """Standard errors (M, p) of the values of M fits, with their tests for lack of fit, if any.
 
     If the measurement errors of the runs are known (`measured`), these are the least-squares errors; otherwise the
-    robust ones, because runs may differ in quality. If a law lacks fit, they are multiplied by the inflation.
+    robust ones, because runs may differ in quality. If a law lacks fit, they are multiplied by the factors.
     """
     variance = np.einsum("mii->mi", fits.covariance if measured else fits.robust_covariance)
-    inflation = np.array([lack.inflation for lack in lacks]) if lacks else np.ones(len(fits.values))
+    factors = np.array([lack.factors for lack in lacks]) if lacks else np.ones(fits.values.shape)
     with np.errstate(invalid="ignore"):
-        return np.sqrt(np.maximum(variance, 0.0)) * inflation[:, None]
+        return np.sqrt(np.maximum(variance, 0.0)) * factors
 
 
 def heights(fits: Fits, lacks: Sequence[LackOfFit] | None, measured: bool) -> Array:
@@ -84,11 +84,19 @@ def profile_intervals(fits: Fits, height: Array) -> Array:
 def bootstrap_intervals(fits: Fits, count: int, rng: np.random.Generator) -> Array:
     """Percentile intervals (p, 2) of the values from `count` resamples of the runs, with replacement.
 
-    The two tracks of a run stay together. Only for a single set of runs.
+    The two tracks of a run stay together. Each resample is fitted by one step of Gauss and Newton from the values.
+    Only for a single set of runs.
     """
-    runs, n = fits.runs, fits.runs.runs
+    n, parameters = fits.runs.runs, fits.values.shape[1]
     drawn = rng.multinomial(n, np.full(n, 1 / n), size=count).astype(float)
-    start = np.tile(fits.values, (count, 1))
-    again = fit(fits.family, runs.weighted(drawn), start, np.repeat(fits.scatter, count))
+    factor = 1 / np.sqrt(fits.runs.eigenvalues + fits.scatter[0] ** 2)  # (n, 2)
+    jacobian = fits.jacobian[0].reshape(n, 2, parameters) * factor[..., None]
+    residual = fits.runs.deviation(fits.law)[0] * factor
+    normal = np.einsum("kn,nij->kij", drawn, np.einsum("nai,naj->nij", jacobian, jacobian))
+    gradient = np.einsum("kn,ni->ki", drawn, np.einsum("nai,na->ni", jacobian, residual))
+    low, high, scale = fits.family.limits(fits.runs.geometry.half_gauge)
+    weakest = 1e-12 * np.einsum("kii->ki", normal).max(axis=1, initial=1e-300)
+    normal += weakest[:, None, None] * np.diag(scale.min(initial=np.inf) ** 2 / scale**2)
+    again = np.clip(fits.values - np.linalg.solve(normal, gradient[..., None])[..., 0], low, high)
     tail = (1 - CONFIDENCE) / 2
-    return np.quantile(again.values, [tail, 1 - tail], axis=0).T
+    return np.quantile(again, [tail, 1 - tail], axis=0).T

@@ -7,12 +7,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackslip.errors import LogError
-from trackslip.kinematics import Array, RobotGeometry, body_twist
+from trackslip.kinematics import Array, RobotGeometry, body_twist, track_speeds
 
-_NEARLY_STANDING = 0.02  # ratio of the slower to the faster sprocket speed below which its slip is meaningless
+NEARLY_STANDING = 0.02
+"""Ratio of the slower to the faster sprocket speed below which the slower track's slip is meaningless [-]."""
 _WILD = 0.8  # slip of the faster track that no robot reaches in steady motion
 _SWIFT = 0.4  # ratio of track speeds above which a track cannot move against its sprocket
 _TWICE = 3.0  # slip of a track that moves in the opposite direction, twice as fast as its sprocket
+_KEPT_SPEED = (0.5, 1.3)  # share of the commanded speed that friction leaves
+_KEPT_YAW_RATE = (0.1, 1.5)  # share of the commanded yaw rate that friction leaves
+_ASIDE = 0.1  # error of the same, relative to the faster track: radii differ, the sensor sits off the centre
+_SIGNIFICANT = 4.0  # yaw rate that is certainly not zero [standard errors]
 _NEAR = 1.4  # factor within which a ratio indicates a unit
 _SLIPPING = 0.75  # typical ratio of real to commanded speed, to guess a gear
 _FACTORS = (
@@ -27,19 +32,23 @@ _FACTORS = (
 )
 
 
-def require_plausible(omega: Array, twist: Array, slip: Array, geometry: RobotGeometry, run: Sequence[str]) -> None:
-    """Raise LogError for samples (n, 2) with undefined or implausible slip, or that turn in the wrong direction."""
-    if (k := _first(~np.isfinite(slip).all(axis=1))) is not None:
-        raise LogError(f"run {run[k]!r}: a sprocket stands still, its slip is undefined")
+def require_plausible(
+    omega: Array, twist: Array, slip: Array, geometry: RobotGeometry, run: Sequence[str], yaw_stderr: Array
+) -> None:
+    """Raise LogError for samples (n, 2) with implausible slip, or that turn in the wrong direction.
+
+    A robot may lose much of its yaw rate, and its inner track may even be dragged forwards: what moves as commanded to
+    within what friction can do is plausible. `yaw_stderr` (n,) is the standard error of the yaw rate [rad/s].
+    """
     size = np.abs(omega)
-    if (k := _first(size.min(axis=1) < _NEARLY_STANDING * size.max(axis=1))) is not None:
-        raise LogError(
-            f"run {run[k]!r}: one sprocket nearly stands ({omega[k].min():.3g} and {omega[k].max():.3g} rad/s): "
-            "its slip is meaningless, leave the run out"
-        )
-    speed = geometry.sprocket_radius * omega * (1 - slip)  # (n, 2) of the tracks over the ground
+    if (k := _first(size.max(axis=1) == 0)) is not None:
+        raise LogError(f"run {run[k]!r}: the sprockets stand still")
+    ideal = body_twist(omega, 0.0, geometry)
+    fastest = geometry.sprocket_radius * size.max(axis=1)  # (n,) [m/s]
+    suspicious = ~_as_commanded(ideal, twist, geometry.half_gauge, fastest)
+    speed = track_speeds(twist, geometry.half_gauge)  # (n, 2)
     swift = np.abs(speed) > _SWIFT * np.abs(speed).max(axis=1, keepdims=True)
-    against = (slip > 1) & (slip < _TWICE) & swift
+    against = (slip > 1) & (slip < _TWICE) & swift & suspicious[:, None]
     if (k := _first(against.sum(axis=1) == 1)) is not None:
         track = int(np.argmax(against[k]))
         says = geometry.sprocket_radius * omega[k, track]
@@ -48,21 +57,33 @@ def require_plausible(omega: Array, twist: Array, slip: Array, geometry: RobotGe
             f"sprocket says {says:+.3g} m/s: does its encoder count backwards?"
         )
     of_faster = np.take_along_axis(slip, size.argmax(axis=1)[:, None], axis=1)[:, 0]
-    wild = np.abs(of_faster) > _WILD
-    ideal = body_twist(omega, 0.0, geometry)
-    backwards = (ideal[:, 1] * twist[:, 1] < 0) & (np.abs(twist[:, 1]) > 0.2 * np.abs(ideal[:, 1]))
-    reversed_turn = backwards & wild & (np.abs(twist[:, 1]) < 2 * np.abs(ideal[:, 1]))
+    wild = (np.abs(of_faster) > _WILD) & suspicious
+    opposite = (ideal[:, 1] * twist[:, 1] < 0) & (np.abs(twist[:, 1]) > 0.2 * np.abs(ideal[:, 1]))
+    reversed_turn = opposite & wild & (np.abs(twist[:, 1]) < 2 * np.abs(ideal[:, 1]))
     if (k := _first(wild & ~reversed_turn.any())) is not None:
         raise LogError(
             f"run {run[k]!r}: slip {of_faster[k]:.3g} of the faster track is implausible (over {_WILD}): "
             f"check the units (rad/s, m, rad, s), the gear and sprocket_radius = {geometry.sprocket_radius:g} m"
             f"{_guess(ideal[k], twist[k])}"
         )
+    relevant = geometry.half_gauge * np.abs(twist[:, 1] - ideal[:, 1]) > _ASIDE * fastest
+    backwards = opposite & relevant & (np.abs(twist[:, 1]) > _SIGNIFICANT * yaw_stderr)
     if (k := _first(backwards)) is not None:
         raise LogError(
             f"run {run[k]!r}: it turns at {twist[k, 1]:+.3g} rad/s where its sprockets say {ideal[k, 1]:+.3g} rad/s: "
             "are the tracks swapped, or phi not counter-clockwise?"
         )
+
+
+def _as_commanded(ideal: Array, twist: Array, half_gauge: float, fastest: Array) -> np.ndarray:
+    """(n,) bool: speed and yaw rate keep their direction and a plausible share of what is commanded, `ideal` (n, 2)."""
+    plausible = np.ones(len(twist), bool)
+    for column, length, (low, high) in ((0, 1.0, _KEPT_SPEED), (1, half_gauge, _KEPT_YAW_RATE)):
+        along = np.sign(ideal[:, column]) * twist[:, column] * length
+        commanded = np.abs(ideal[:, column]) * length
+        error = np.where(commanded > _ASIDE * fastest, 0.0, _ASIDE * fastest)
+        plausible &= (along >= low * commanded - error) & (along <= high * commanded + error)
+    return plausible
 
 
 def _first(bad: np.ndarray | np.bool) -> int | None:

@@ -153,7 +153,9 @@ class Identification:
     def _title(self) -> str:
         size = f"b = {self.geometry.half_gauge:g} m, r = {self.geometry.sprocket_radius:g} m"
         drive = self.drive
-        source = f"{len(drive.drives)} drives" if self.method == "drive" and drive else f"{len(self.samples)} steady samples"
+        source = (
+            f"{len(drive.drives)} drives" if self.method == "drive" and drive else f"{len(self.samples)} steady samples"
+        )
         return f"Slip laws from {source} ({size}); best: {self.best}"
 
     def _notes(self) -> list[str]:

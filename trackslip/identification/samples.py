@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 
 from trackslip.errors import InvalidValueError, LogError, require_non_negative
-from trackslip.identification.plausibility import require_plausible
+from trackslip.identification.plausibility import NEARLY_STANDING, require_plausible
 from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
-from trackslip.logs.refused import Refused
+from trackslip.logs.refused import Refused, none_usable
 from trackslip.logs.runlog import RunLog
+from trackslip.motion.constant_speed import SETTLE
 from trackslip.motion.methods import MOTION_METHODS, best_method
-from trackslip.motion.steady import SETTLE, require_steady_motion, steady_part
+from trackslip.motion.steady import SteadyPart, require_steady_motion, steady_part, steady_parts
 
 _OPTIONAL = ("covariance", "lateral", "lateral_stderr")  # fields of SlipSamples
 
@@ -59,10 +61,14 @@ class SlipSamples:
 
         With covariances (n, 2, 2) of the twists, lateral speeds (n,) and their standard errors (n,) if known.
 
-        Raises LogError if a sprocket stands still, so that its slip is undefined, or a slip is implausible.
+        The slip of a track whose sprocket stands, or nearly so, is undefined: NaN. Raises LogError if both stand or the
+        motion is implausible.
         """
-        slip = track_slip(omega, twist, geometry)
-        require_plausible(omega, twist, slip, geometry, run)
+        size = np.abs(omega)
+        standing = size < NEARLY_STANDING * size.max(axis=1, keepdims=True)
+        slip = np.where(standing, np.nan, track_slip(omega, twist, geometry))
+        yaw_stderr = np.zeros(len(twist)) if covariance is None else np.sqrt(covariance[:, 1, 1])
+        require_plausible(omega, twist, slip, geometry, run, yaw_stderr)
         return cls(omega, twist, slip, tuple(run), covariance, lateral, lateral_stderr)
 
     @classmethod
@@ -90,12 +96,12 @@ class SlipSamples:
 
 @dataclass(frozen=True)
 class Sampling:
-    """The samples of a set of runs, and why some runs gave none."""
+    """The samples of a set of runs, and why some runs or stretches gave none."""
 
     samples: SlipSamples
-    """One sample per usable run."""
+    """One sample per usable stretch."""
     refused: tuple[Refused, ...]
-    """Runs without a sample."""
+    """Runs and steady stretches without a sample."""
     notes: tuple[str, ...]
     """What was excluded from usable runs, one line each."""
 
@@ -108,59 +114,96 @@ def slip_samples(
     The first `settle` [s] of the stretch are left out. The method is one of MOTION_METHODS, by default the most
     accurate that each run allows. Raises LogError if a run has no steady stretch, or too few valid poses in it.
     """
-    return SlipSamples.joined([_sample(log, geometry, settle, method)[0] for log in logs])
+    _require_known(settle, method)
+    return SlipSamples.joined([_sample(steady_part(log, geometry, settle), geometry, method) for log in logs])
 
 
 def usable_samples(
-    logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE, method: str | None = None
+    logs: Sequence[RunLog],
+    geometry: RobotGeometry,
+    settle: float = SETTLE,
+    method: str | None = None,
+    refused: Sequence[Refused] = (),
+    longest: bool = False,
 ) -> Sampling:
-    """The samples of all usable runs, and why the others give none, like `slip_samples`; LogError if none is usable."""
-    return _usable([log.run for log in logs], lambda k: _sample(logs[k], geometry, settle, method))
+    """The samples of all steady stretches of all runs, and why others give none; LogError if none is usable.
 
-
-def usable_rows(omega: Array, twist: Array, geometry: RobotGeometry) -> Sampling:
-    """The usable samples of steady sprocket speeds and twists (n, 2), named row 1, row 2, ...; LogError if none is."""
-    names = [f"row {k + 1}" for k in range(len(omega))]
-    return _usable(names, lambda k: (SlipSamples.of(omega[[k]], twist[[k]], geometry, names[k : k + 1]), ()))
-
-
-def _usable(names: Sequence[str], sample_of: Callable[[int], tuple[SlipSamples, tuple[str, ...]]]) -> Sampling:
-    """The samples of all runs for which `sample_of` raises no LogError."""
-    usable: list[SlipSamples] = []
-    refused: list[Refused] = []
-    notes: list[str] = []
-    for k, name in enumerate(names):
+    A run with several stretches gives as many samples, named by when they begin; with `longest`, only the longest
+    stretch of each run counts, as in `slip_samples`. `refused` are runs that were left out before.
+    """
+    _require_known(settle, method)
+    found = _Found(list(refused))
+    stretches = _longest_only if longest else steady_parts
+    for log in logs:
         try:
-            sample, noted = sample_of(k)
+            parts = stretches(log, geometry, settle)
         except LogError as error:
-            refused.append(Refused(name, str(error).removeprefix(f"run {name!r}: ")))
-        else:
-            usable.append(sample)
-            notes += noted
-    if not usable:
-        every = f"none of the {len(refused)} runs can be used; " if len(refused) > 1 else ""
-        raise LogError(f"{every}run {refused[0].run!r}: {refused[0].reason}")
-    return Sampling(SlipSamples.joined(usable), tuple(refused), tuple(notes))
+            found.refused.append(Refused.of(log.run, error))
+            continue
+        before = len(found.usable)
+        for part in parts:
+            try:
+                found.usable.append(_sample(part, geometry, method))
+            except LogError as error:
+                found.refused.append(Refused(part.name, Refused.of(log.run, error).reason))
+        found.notes += parts[0].notes if len(found.usable) > before else ()
+    return found.sampling()
 
 
-def _sample(
-    log: RunLog, geometry: RobotGeometry, settle: float, method: str | None
-) -> tuple[SlipSamples, tuple[str, ...]]:
-    """The sample of a run, and notes on what was excluded from the run."""
+def usable_rows(
+    omega: Array, twist: Array, geometry: RobotGeometry, unread: Mapping[int, str] = MappingProxyType({})
+) -> Sampling:
+    """The usable samples of steady sprocket speeds and twists (n, 2), named row 1, row 2, ...; LogError if none is.
+
+    `unread` are rows that cannot be read, with the reason.
+    """
+    found = _Found([])
+    for k in range(len(omega)):
+        name = f"row {k + 1}"
+        try:
+            if k in unread:
+                raise LogError(unread[k])
+            found.usable.append(SlipSamples.of(omega[[k]], twist[[k]], geometry, [name]))
+        except LogError as error:
+            found.refused.append(Refused.of(name, error))
+    return found.sampling()
+
+
+def _longest_only(log: RunLog, geometry: RobotGeometry, settle: float) -> tuple[SteadyPart, ...]:
+    return (steady_part(log, geometry, settle),)
+
+
+@dataclass
+class _Found:
+    """Samples found so far."""
+
+    refused: list[Refused]
+    usable: list[SlipSamples] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+    def sampling(self) -> Sampling:
+        """All of them; raises LogError if there is no sample."""
+        if not self.usable:
+            raise LogError(none_usable(self.refused))
+        return Sampling(SlipSamples.joined(self.usable), tuple(self.refused), tuple(self.notes))
+
+
+def _require_known(settle: float, method: str | None) -> None:
+    """Raise InvalidValueError for an invalid option."""
     require_non_negative("settle", settle)
-    method = method or best_method(log)
-    if method not in MOTION_METHODS:
+    if method is not None and method not in MOTION_METHODS:
         raise InvalidValueError("motion", method, f"one of {', '.join(MOTION_METHODS)}")
-    part = steady_part(log, geometry, settle)
+
+
+def _sample(part: SteadyPart, geometry: RobotGeometry, method: str | None) -> SlipSamples:
+    """The sample of a steady stretch."""
     require_steady_motion(part)
-    omega = part.log.omega[part.rows].mean(axis=0)
-    steady = MOTION_METHODS[method](part.log, part.window)
+    steady = MOTION_METHODS[method or best_method(part.log)](part.log, part.window)
     lateral = None if steady.lateral is None else np.array([steady.lateral])
     lateral_stderr = None if steady.lateral_stderr is None else np.array([steady.lateral_stderr])
-    sample = SlipSamples.of(
-        omega[None], steady.twist[None], geometry, [log.run], steady.covariance[None], lateral, lateral_stderr
+    return SlipSamples.of(
+        part.omega[None], steady.twist[None], geometry, [part.name], steady.covariance[None], lateral, lateral_stderr
     )
-    return sample, part.notes
 
 
 def true_samples(
@@ -175,10 +218,12 @@ def true_samples(
     for log in logs:
         if log.truth is None or (of_plate and log.truth.lean is None):
             raise LogError(f"run {log.run!r}: has no truth")
-        rows = steady_part(log, geometry, settle).rows
-        true = log.truth.twist[rows][:, [0, 2]]
-        if of_plate and log.truth.lean is not None:
-            true = np.column_stack([true[:, 0] - true[:, 1] * log.truth.lean[rows], true[:, 1]])
-        omega.append(log.omega[rows].mean(axis=0))
+        part = steady_part(log, geometry, settle)
+        truth, rows = part.log.truth, part.rows
+        assert truth is not None
+        true = truth.twist[rows][:, [0, 2]]
+        if of_plate and truth.lean is not None:
+            true = np.column_stack([true[:, 0] - true[:, 1] * truth.lean[rows], true[:, 1]])
+        omega.append(part.omega)
         twist.append(true.mean(axis=0))
     return SlipSamples.of(np.array(omega), np.array(twist), geometry, [log.run for log in logs])

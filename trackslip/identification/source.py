@@ -7,13 +7,17 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from trackslip.errors import InvalidValueError, LogError, require_positive
 from trackslip.identification.samples import Sampling, usable_rows, usable_samples
 from trackslip.kinematics import RobotGeometry
+from trackslip.logs.columns import Columns
 from trackslip.logs.logfile import read_table, runs_file
 from trackslip.logs.runlog import RunLog
-from trackslip.logs.table import REQUIRED, SAMPLE_COLUMNS, read_columns, runs_from_table
-from trackslip.motion.steady import SETTLE
+from trackslip.logs.table import REQUIRED, SAMPLE_COLUMNS
+from trackslip.logs.table_reader import ReadRuns, runs_from_table
+from trackslip.motion.constant_speed import SETTLE
 
 _MATTERS = ("ground", "radius_error", "geometry", "model_sha256")  # to slip
 
@@ -62,11 +66,13 @@ def read_source(
         raise error if str(file) in str(error) else LogError(f"{file}: {error}") from error
 
 
-def source_of_runs(runs: Sequence[RunLog], reading: Reading = Reading(), name: str = "the runs") -> Source:
+def source_of_runs(
+    runs: Sequence[RunLog], reading: Reading = Reading(), name: str = "the runs", left_out: ReadRuns | None = None
+) -> Source:
     """Samples from runs in memory, called `name` in messages; closed loops among them are not used.
 
-    Raises LogError if no run can be used or they differ in what matters to slip, InvalidValueError if neither `reading`
-    nor the runs state the geometry.
+    What reading has `left_out` is listed with what cannot be used. Raises LogError if no run can be used or they differ
+    in what matters to slip, InvalidValueError if neither `reading` nor the runs state the geometry.
     """
     if not runs:
         raise LogError(f"{name}: there are none")
@@ -77,7 +83,9 @@ def source_of_runs(runs: Sequence[RunLog], reading: Reading = Reading(), name: s
     geometry = _geometry(reading, logs[0].metadata.get("geometry"), name)
     known = {"geometry": asdict(geometry)}
     logs = [replace(log, omega=log.omega / reading.gear, metadata=log.metadata | known) for log in logs]
-    return Source(geometry, usable_samples(logs, geometry, reading.settle, reading.motion), tuple(logs))
+    left_out = left_out or ReadRuns()
+    found = usable_samples(logs, geometry, reading.settle, reading.motion, left_out.refused)
+    return Source(geometry, replace(found, notes=(*left_out.notes, *found.notes)), tuple(logs))
 
 
 def origin(logs: Sequence[RunLog]) -> dict[str, Any]:
@@ -97,18 +105,29 @@ def _read(file: Path, reading: Reading, chosen: Callable[[Path], Collection[str]
         if chosen is not None:
             raise LogError(f"{file}: holds steady samples, not runs of a sweep: --where must be left out")
         geometry = _geometry(reading, None, file)
-        samples = read_columns(table, SAMPLE_COLUMNS, str(file))
-        return Source(geometry, usable_rows(samples[:, :2] / reading.gear, samples[:, 2:], geometry), ())
+        return Source(geometry, _sampled(Columns(table, str(file)), reading.gear, geometry), ())
     if not set(columns) & set(REQUIRED[1:]):
         needed = f"{', '.join(REQUIRED)} or {', '.join(SAMPLE_COLUMNS)}"
         raise LogError(f"{file}: needs the columns {needed}; found {', '.join(columns)[:200]!r}")
-    runs = runs_from_table(table, str(file))
+    read = runs_from_table(table, str(file))
+    runs: Sequence[RunLog] = read.runs
     if chosen is not None:
         names = chosen(file.parent)
         runs = [log for log in runs if log.run in names]
         if not runs:
             raise LogError(f"{file}: none of the {len(names)} chosen run(s) is there: they failed")
-    return source_of_runs(runs, reading, str(file))
+    return source_of_runs(runs, reading, str(file), read)
+
+
+def _sampled(columns: Columns, gear: float, geometry: RobotGeometry) -> Sampling:
+    """The samples in a table of steady samples."""
+    columns.require(SAMPLE_COLUMNS)
+    values = np.stack([columns.cells(name).values for name in SAMPLE_COLUMNS], axis=-1)
+    if not len(values):
+        raise LogError("no rows")
+    bad = np.argwhere(np.isnan(values))
+    unread = {int(row): columns.complaint(SAMPLE_COLUMNS[column], int(row)) for row, column in reversed(bad)}
+    return usable_rows(values[:, :2] / gear, values[:, 2:], geometry, unread)
 
 
 def _require_one_setting(logs: Sequence[RunLog], source: str) -> None:

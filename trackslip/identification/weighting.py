@@ -4,12 +4,13 @@ The measured twist of a run is random; its sprocket speeds are known. A law pred
 slip and radius, both functions of the measured twist with correlated errors, need not be treated separately: the
 residual of a run is the measured minus the predicted speed V of either track, (2,) [m/s]. Its covariance is
 
-    C = N + tau^2 S^2,    N = B P B^T,    S = diag(r |omega|)
+    C = N + tau^2 s^2 I,    N = B P B^T,    s = r max |omega|
 
-P is the covariance of the measured twist, B maps twists to track speeds, and tau is the scatter of slip beyond the
-measurement errors: effects outside the law (uneven ground, speed, its wrong shape). S is at least a tenth of that of
-the faster track, because slip is meaningless for a sprocket that hardly turns. N and S^2 are diagonalised together once
-per run, N = S Q diag(lambda) Q^T S, so that changing tau is cheap.
+P is the covariance of the measured twist, B maps twists to track speeds, and tau is the scatter of the track speeds
+beyond the measurement errors, relative to s, the speed of the faster sprocket: effects outside the law (uneven ground,
+speed, its wrong shape). They act on the robot as a whole, so a slow sprocket is not predicted better than a fast one,
+and one that stands still is as good as any. N is diagonalised once per run, N = s^2 Q diag(lambda) Q^T, so that
+changing tau is cheap.
 """
 
 from __future__ import annotations
@@ -23,8 +24,7 @@ from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import SIDES, Array, RobotGeometry, track_speeds
 from trackslip.slip.base import SlipLaw
 
-_MIN_RELATIVE_SPEED = 0.1  # minimum sprocket speed in S, relative to the faster one
-MIN_SCATTER = 1e-9  # tau of samples that follow a law to within rounding [-]
+MIN_SCATTER = 1e-9  # tau of samples that follow a law to within rounding, and their least relative error [-]
 _MAX_SCATTER = 10.0
 _HALVINGS = 60
 _EXPLAINED = 0.99  # quantile of chi-square up to which measurement errors explain it
@@ -37,27 +37,33 @@ class WeightedRuns:
     geometry: RobotGeometry
     omega: Array  # (n, 2) [rad/s]
     speeds: Array  # (M or 1, n, 2) measured speeds V of the tracks [m/s]
-    turn: Array  # (n, 2, 2) Q^T S^-1
+    turn: Array  # (n, 2, 2) Q^T / s
     eigenvalues: Array  # (n, 2) lambda
     weight: Array  # (M or 1, n) multiplicity of each run
 
     @classmethod
     def of(cls, samples: SlipSamples, geometry: RobotGeometry) -> WeightedRuns:
         """One set of runs. Without covariances of the twists, all scatter is tau."""
-        size = np.abs(samples.omega)
-        scale = geometry.sprocket_radius * np.maximum(size, _MIN_RELATIVE_SPEED * size.max(axis=1, keepdims=True))
-        to_tracks = np.column_stack([np.ones(2), SIDES * geometry.half_gauge])
-        covariance = np.zeros((len(size), 2, 2)) if samples.covariance is None else samples.covariance
-        noise = to_tracks @ covariance @ to_tracks.T
-        eigenvalues, vectors = np.linalg.eigh(noise / scale[:, :, None] / scale[:, None, :])
-        turn = vectors.swapaxes(1, 2) / scale[:, None, :]
+        scale = geometry.sprocket_radius * np.abs(samples.omega).max(axis=1)[:, None, None]
         speeds = track_speeds(samples.twist, geometry.half_gauge)[None]
-        return cls(geometry, samples.omega, speeds, turn, np.maximum(eigenvalues, 0.0), np.ones((1, len(size))))
+        weight = np.ones((1, len(scale)))
+        if samples.covariance is None:
+            return cls(geometry, samples.omega, speeds, np.eye(2) / scale, np.zeros((len(scale), 2)), weight)
+        to_tracks = np.column_stack([np.ones(2), SIDES * geometry.half_gauge])
+        noise = to_tracks @ samples.covariance @ to_tracks.T
+        eigenvalues, vectors = np.linalg.eigh(noise / scale**2)
+        turn = vectors.swapaxes(1, 2) / scale
+        return cls(geometry, samples.omega, speeds, turn, np.maximum(eigenvalues, MIN_SCATTER**2), weight)
 
     @property
     def runs(self) -> int:
         """Number of runs, n."""
         return len(self.omega)
+
+    @property
+    def axes(self) -> Array:
+        """Q^T (n, 2, 2): from deviations of the tracks relative to s to those along the eigenvectors."""
+        return self.turn * (self.geometry.sprocket_radius * np.abs(self.omega).max(axis=1)[:, None, None])
 
     def weighted(self, weight: Array) -> WeightedRuns:
         """The same with weights (M, n)."""
@@ -68,7 +74,7 @@ class WeightedRuns:
         return replace(self, speeds=track_speeds(twist, self.geometry.half_gauge))
 
     def deviation(self, law: SlipLaw, rows: np.ndarray | slice = slice(None)) -> Array:
-        """Residuals (m, n, 2) of the sets `rows` along the eigenvectors, in units of slip; `law` is m laws (m, 1)."""
+        """Residuals (m, n, 2) of the sets `rows` along the eigenvectors, relative to s; `law` is m laws (m, 1)."""
         predicted = track_speeds(law.twist(self.omega, self.geometry), self.geometry.half_gauge)
         speeds = self.speeds if len(self.speeds) == 1 else self.speeds[rows]
         return np.einsum("nij,mnj->mni", self.turn, speeds - predicted)
@@ -97,3 +103,9 @@ class WeightedRuns:
             unscattered = np.sum(self.whiten(deviation, np.zeros(len(deviation))) ** 2, axis=1)
             least |= unscattered < scipy.stats.chi2.ppf(_EXPLAINED, freedom)
         return np.where(least, 0.0 if known else MIN_SCATTER, np.exp((low + high) / 2))
+
+
+def relative_errors(twist: Array, samples: SlipSamples, geometry: RobotGeometry) -> Array:
+    """Errors (n, 2) of the track speeds of predicted twists (n, 2), relative to the speed of the faster sprocket."""
+    missed = track_speeds(twist - samples.twist, geometry.half_gauge)
+    return missed / (geometry.sprocket_radius * np.abs(samples.omega).max(axis=1, keepdims=True))

@@ -1,15 +1,30 @@
-"""Columns of an arbitrary table as arrays, with validation."""
+"""Columns of an arbitrary table as arrays, cell by cell: what is empty, and what is damaged."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.logs.schema import COLUMNS
+
+_HUGE = 1e21  # no measurement in SI units is larger, nor a time in ns
+_NUMBER = r"^-?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$"  # what Arrow parses
+_BOOLEANS = {"true": True, "1": True, "1.0": True, "false": False, "0": False, "0.0": False}
+
+
+@dataclass(frozen=True)
+class Cells:
+    """A column of numbers."""
+
+    values: Array  # (T,); NaN where the cell is empty or holds no number
+    nan: np.ndarray  # (T,) bool: the cell is not empty, but NaN
+    damaged: np.ndarray  # (T,) bool: it holds text, infinity or a number beyond all measurements
 
 
 class Columns:
@@ -28,58 +43,88 @@ class Columns:
             if name not in found:
                 raise LogError(f"{self._source}: column {name} is missing (found {', '.join(found)})")
 
-    def numbers(self, names: Sequence[str], where: np.ndarray | None = None) -> Array:
-        """Values (T, len(names)), all finite, or at least those in the rows `where`."""
-        values = np.stack([self._parse(name) for name in names], axis=-1)
-        bad = np.argwhere(~np.isfinite(values.T) & (True if where is None else where))
+    def cells(self, name: str) -> Cells:
+        """A column of numbers; raises LogError for another type or unit, all NaN for a missing column."""
+        if name not in self._table.column_names:
+            none = np.zeros(len(self._table), bool)
+            return Cells(np.full(len(none), np.nan), none, none)
+        values, empty, unreadable = self._parse(name)
+        damaged = unreadable | (np.abs(values) > _HUGE)
+        nan = np.isnan(values) & ~empty & ~unreadable
+        values[damaged] = np.nan
+        return Cells(values, nan, damaged)
+
+    def numbers(self, names: Sequence[str]) -> Array:
+        """Values (T, len(names)), all finite; raises LogError naming the first row and column that is not."""
+        values = np.stack([self.cells(name).values for name in names], axis=-1)
+        bad = np.argwhere(~np.isfinite(values.T))
         if bad.size:
-            name, k = names[bad[0, 0]], int(bad[0, 1])
-            given = self._table.column(name)[k].as_py()
-            raise LogError(f"{self._source}: row {k + 1}, column {name}: {given!r} is not a finite number")
+            raise LogError(f"{self._source}: {self.complaint(names[bad[0, 0]], int(bad[0, 1]))}")
         return values
 
-    def gappy(self, names: Sequence[str]) -> Array:
-        """Values (T, len(names)) with NaN for nulls and NaN."""
-        return np.stack([self._parse(name) for name in names], axis=-1)
-
     def optional(self, names: Sequence[str]) -> Array | None:
-        """Values (T, len(names)) with NaN for nulls, or None if a column is missing."""
+        """Values (T, len(names)) with NaN for what is no number, or None if a column is missing."""
         if any(name not in self._table.column_names for name in names):
             return None
-        return np.stack([self._parse(name) for name in names], axis=-1)
+        return np.stack([self.cells(name).values for name in names], axis=-1)
 
-    def boolean(self, name: str, label: np.ndarray) -> np.ndarray | None:
-        """Values (T,), true in runs (numbered by `label` (T,)) without any; None if the column is missing."""
+    def complaint(self, name: str, row: int) -> str:
+        """What is wrong with a cell."""
+        value = self._table.column(name)[row].as_py()
+        shown = repr(value) if len(repr(value)) <= 40 else repr(value)[:40] + "…"
+        expected = "true or false" if name == "valid" else "a finite number"
+        return f"row {row + 1}, column {name}: {shown} is not {expected}"
+
+    def boolean(self, name: str, label: np.ndarray) -> Cells | None:
+        """1 or 0, NaN where the cell is empty; None if the column is missing.
+
+        In runs without any value, numbered by `label` (T,), it is 1.
+        """
         if name not in self._table.column_names:
             return None
         column = self._table.column(name)
         if pa.types.is_nested(column.type):
             raise LogError(f"{self._source}: column {name}: {column.type} is not true or false")
-        text = column.cast(pa.string()).to_pylist()
-        known = {"true": True, "1": True, "1.0": True, "false": False, "0": False, "0.0": False}
-        given = np.array([value not in (None, "") for value in text])
-        lacking = np.bincount(label, given) == 0  # runs
-        for k, value in enumerate(text):
-            if str(value).lower() not in known and not lacking[label[k]]:
-                raise LogError(f"{self._source}: row {k + 1}, column {name}: {value!r} is not true or false")
-        return np.array([known.get(str(value).lower(), True) for value in text])
+        text = pc.fill_null(column.cast(pa.string()), "").combine_chunks().dictionary_encode()
+        known = [_BOOLEANS.get(value.lower(), np.nan) for value in text.dictionary.to_pylist()]
+        empty = np.array([value == "" for value in text.dictionary.to_pylist()])
+        index = text.indices.to_numpy()
+        values, given = np.array(known, float)[index], ~empty[index]
+        lacking = np.bincount(label + 1, given) == 0  # runs; label -1 is none
+        values[lacking[label + 1]] = 1.0
+        return Cells(values, np.zeros(len(values), bool), np.isnan(values) & given)
 
-    def _parse(self, name: str) -> Array:
+    def _parse(self, name: str) -> tuple[Array, np.ndarray, np.ndarray]:
+        """Values (T,), NaN where there is none, and which cells are empty or not numbers."""
         column = self._table.column(name)
         stated = (self._table.schema.field(name).metadata or {}).get(b"unit")
         if stated is not None and name in COLUMNS:
             unit, expected = stated.decode(errors="replace"), COLUMNS[name].unit
             if unit != expected:
                 raise LogError(f"{self._source}: column {name}: in {unit!r}, must be in {expected or 'no unit'}")
-        if not (pa.types.is_string(column.type) or pa.types.is_large_string(column.type)):
-            if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
-                raise LogError(f"{self._source}: column {name}: {column.type} is not a number")
-            return np.asarray(column.cast(pa.float64(), safe=False).to_numpy(zero_copy_only=False), float)
-        values = np.full(len(column), np.nan)
-        for k, text in enumerate(column.to_pylist()):
-            if text:
-                try:
-                    values[k] = float(text)
-                except ValueError:
-                    raise LogError(f"{self._source}: row {k + 1}, column {name}: {text!r} is not a number") from None
-        return values
+        if pa.types.is_string(column.type) or pa.types.is_large_string(column.type):
+            return _from_text(column)
+        if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
+            raise LogError(f"{self._source}: column {name}: {column.type} is not a number")
+        return _as_floats(column), column.is_null().to_numpy(), np.zeros(len(column), bool)
+
+
+def _from_text(column: pa.ChunkedArray) -> tuple[Array, np.ndarray, np.ndarray]:
+    """Values (T,) of text, NaN where it is no number, and which texts are empty or not numbers."""
+    text = pc.utf8_trim_whitespace(pc.fill_null(column, ""))
+    plain = pc.match_substring_regex(text, _NUMBER)
+    values = _as_floats(pc.if_else(plain, text, None))
+    unreadable = np.zeros(len(values), bool)
+    empty = pc.equal(text, "").to_numpy()
+    others = np.flatnonzero(~plain.to_numpy() & ~empty)
+    for k, other in zip(others, text.take(others).to_pylist(), strict=True):
+        try:
+            values[k] = float(other)
+        except ValueError:
+            unreadable[k] = True
+    return values, empty, unreadable
+
+
+def _as_floats(column: pa.ChunkedArray) -> Array:
+    """A writable copy (T,) of a column, NaN for nulls."""
+    return np.array(column.cast(pa.float64(), safe=False).to_numpy(), float)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import warnings
 from collections import deque
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -16,10 +17,11 @@ import pyarrow as pa
 import pyarrow.csv
 import pyarrow.parquet
 
-from trackslip.errors import LogError, first_line
+from trackslip.errors import LogError, LogWarning, first_line
 from trackslip.logs.file_format import require_known_manifest
 from trackslip.logs.runlog import RunLog
-from trackslip.logs.table import file_metadata, runs_from_table, stored_text, to_table
+from trackslip.logs.table import file_metadata, stored_text, to_table
+from trackslip.logs.table_reader import ReadRuns, runs_from_table
 
 RUNS = "runs.parquet"
 """Name of the file of runs in a folder of results."""
@@ -79,8 +81,10 @@ def read_table(path: Path) -> pa.Table:
 def load(path: str | Path) -> list[RunLog]:
     """The runs in a folder of results, or in a `.parquet` or `.csv` file.
 
+    Rows and runs that cannot be read are left out, each with a LogWarning that says why.
+
     Raises:
-        LogError: if there are none, or the file is damaged; the message is one line.
+        LogError: if no run can be read, or the file is damaged; the message is one line.
     """
     return read_runs(runs_file(Path(path)))
 
@@ -99,7 +103,15 @@ def runs_file(path: Path) -> Path:
 
 
 def read_runs(path: Path) -> list[RunLog]:
-    """The runs in a file; raises LogError naming the row and column that cannot be read."""
+    """The runs in a file, with a LogWarning for what is left out; raises LogError if no run can be read."""
+    read = read_log(path)
+    for line in read.warnings:
+        warnings.warn(f"{path}: {line}", LogWarning, stacklevel=3)
+    return list(read.runs)
+
+
+def read_log(path: Path) -> ReadRuns:
+    """The runs in a file, and what was left out of it; raises LogError if no run can be read."""
     return runs_from_table(read_table(path), str(path))
 
 

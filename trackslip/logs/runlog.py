@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,8 @@ import numpy as np
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.logs.scanlog import ScanLog
+
+_BY_ROW = ("time", "omega", "pose", "command", "twist_command", "icr", "covariance", "valid")
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,19 @@ class RunLog:
     def has_heading(self) -> np.ndarray:
         """(T,) bool: whether the pose was measured with its heading."""
         return self.is_valid & np.isfinite(self.pose[:, 2])
+
+    def between(self, first: int, end: int) -> RunLog:
+        """The rows from `first` up to, but not including, `end`."""
+        if first == 0 and end == len(self.time):
+            return self
+        rows = slice(first, end)
+        changed: dict[str, Any] = {name: value[rows] for name in _BY_ROW if (value := getattr(self, name)) is not None}
+        if self.truth is not None:
+            known = {name: value for name, value in vars(self.truth).items() if value is not None}
+            changed["truth"] = Truth(**{name: value[rows] for name, value in known.items()})
+        if self.scans is not None:
+            changed["scans"] = self.scans.between(first, end)
+        return replace(self, **changed)
 
     def __repr__(self) -> str:
         optional = ("command", "twist_command", "icr", "covariance", "valid", "truth", "scans")

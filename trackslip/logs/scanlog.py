@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,11 @@ class ScanLog:
     cluster: Cluster
     """One cluster per row of the log, without returns where none was found."""
     full: Array | None = None  # (T, B) all ranges of the scans, NaN for no return [m]
+
+    def between(self, first: int, end: int) -> ScanLog:
+        """The scans from row `first` up to, but not including, `end`."""
+        full = None if self.full is None else self.full[first:end]
+        return replace(self, cluster=self.cluster.take(np.arange(first, end)), full=full)
 
     def first_beam(self) -> np.ndarray:
         """(T,) index of the first beam of the cluster; 0 if there is none."""

@@ -1,8 +1,9 @@
-"""The steady part of a run, found by its sprocket speeds, clock and poses; its motion must be steady, too."""
+"""The steady stretches of a run, found by its sprocket speeds, clock and poses; its motion must be steady, too."""
 
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,68 +12,102 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.arc import MIN_ARC_POSES, arc
+from trackslip.motion.constant_speed import SETTLE, constant_stretches
+from trackslip.motion.jumps import Jumps, find_jumps
 from trackslip.motion.steady_twist import within
 
-SETTLE = 1.5
-"""Default time from steady sprockets to a steady robot [s]."""
 MARGIN = 0.5
-"""Time excluded at the end of a steady part, and at least at its start, because of the filters' transients [s]."""
-_BLOCK = 0.5  # time over which sprocket speeds are averaged for comparison [s]
-_DRIFT = 0.05  # maximum change of a steady sprocket's mean speed, relative to the faster sprocket
+"""Time excluded at the end of a steady stretch, and at least at its start, because of the filters' transients [s]."""
+_SHORTEST = 0.5  # what has to be left of a stretch [s]
 _GAP = 5.0  # time step that is a gap in the clock [median time steps]
 _MIN_GAP = 0.3  # [s]
-_JUMP = 0.3  # maximum error of a plausible pose [m]
+_FAR = 0.3  # error of a pose beyond which its step says something about the units [m]
 _OVERDRIVE = 3.0  # maximum ratio of the distance between plausible poses to that of the faster sprocket [-]
 _STANDING = 1e-3  # sprocket speed at rest: one turn takes more than an hour and a half [rad/s]
+_RESTING = 0.01  # the same, relative to the run's fastest
 _MOSTLY = 0.5  # share of implausible steps above which the units are wrong, not the poses
 _LENGTHS = (("millimetres", 1000.0), ("centimetres", 100.0))
 _MIN_HALF = 2 * MIN_ARC_POSES  # minimum number of valid poses in each half, to compare them
 _SIGNIFICANT = 6.0  # significant difference between the halves [standard errors]
 _CHANGE = 0.05  # relevant relative change of the twist
 _TURNING = 0.2  # curvature [1/m] of nearly straight paths, and radius [m] of turns nearly in place
-_RESETTLED = 1.0  # time after which displaced poses are the continuation of the track, not a glitch [s]
+_EVEN = 1e-3  # relative difference of time steps that count as equal
+_MIN_COMPARED = 8  # poses needed to find jumps
+_LISTED = 3  # jumps of a run that are described one by one
 
 
 @dataclass(frozen=True)
 class SteadyPart:
-    """A run and its longest stretch of constant sprocket speeds without breaks in poses and clock."""
+    """A stretch of constant sprocket speeds without breaks in poses and clock."""
 
+    name: str
+    """Name of the run and, if the run has several stretches, when this one begins."""
     log: RunLog
-    """The run, with poses that jump away and back marked as not valid."""
+    """The run from the stretch before to the one after; poses that jump away and back are marked as not valid."""
     window: tuple[float, float]
     """Start and end [s]."""
     notes: tuple[str, ...]
-    """What was excluded besides settling, one line each."""
+    """What was excluded from the run besides settling, one line each; the same for all its stretches."""
 
     @property
     def rows(self) -> np.ndarray:
         """(T,) bool: the rows in the window."""
         return within(self.log.time, self.window)
 
+    @property
+    def omega(self) -> Array:
+        """Mean sprocket speeds (2,) in the window [rad/s]."""
+        rows = self.rows
+        step = np.diff(self.log.time)[rows[1:]]
+        uneven = np.ptp(step) > _EVEN * step.max()
+        mean: Array = np.average(self.log.omega[rows], axis=0, weights=step if uneven else None)
+        return mean
+
 
 def steady_part(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -> SteadyPart:
-    """The longest steady stretch of a run, less `settle` [s] at its start; the geometry limits jumps of the poses.
+    """The longest steady stretch of a run, under the name of the run; raises LogError like `steady_parts`."""
+    longest = max(steady_parts(log, geometry, settle), key=lambda part: part.window[1] - part.window[0])
+    return replace(longest, name=log.run)
 
-    Raises LogError if the run is at rest or has no steady stretch that is long enough.
+
+def steady_parts(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -> tuple[SteadyPart, ...]:
+    """All steady stretches of a run in which its sprockets turn, each less `settle` [s] at its start.
+
+    The geometry tells wrong units of length. Raises LogError if the run is at rest, has no headings or no steady
+    stretch that is long enough.
     """
-    log, breaks, notes = _without_jumps(log, geometry)
+    _require_headings(log)
+    _require_lengths(log, geometry)
     step = np.diff(log.time)
-    usual = float(np.median(step))
-    gaps = np.flatnonzero(step > max(_GAP * usual, _MIN_GAP))
-    notes += [f"its clock has a gap from t = {log.time[k]:g} s to {log.time[k + 1]:g} s" for k in gaps]
-    begin, end = _longest_constant(log, np.union1d(breaks, gaps), usual)
+    gaps = np.flatnonzero(step > max(_GAP * float(np.median(step)), _MIN_GAP))
+    notes = [f"its clock has a gap from t = {log.time[k]:g} s to {log.time[k + 1]:g} s" for k in gaps]
     lead = max(settle, MARGIN)
-    window = (float(log.time[begin]) + lead, float(log.time[end]) - MARGIN)
-    rows = within(log.time, window)
-    if rows.sum() < 3:
-        notes.append(f"steady from {log.time[begin]:g} s to {log.time[end]:g} s only, too short")
+    least = lead + MARGIN + _SHORTEST
+    constant, longest = constant_stretches(log.time, log.omega, gaps, least)
+    log, pieces, jumps = _without_jumps(log, constant)
+    notes += jumps
+    long = [(first, last) for first, last in pieces if log.time[last] - log.time[first] >= least]
+    if not long:
+        longest = max(pieces, key=lambda piece: log.time[piece[1]] - log.time[piece[0]], default=longest)
+        begin, end = log.time[list(longest)]
+        notes.append(f"steady from {begin:g} s to {end:g} s only, too short")
         left_out = f"the first {lead:g} s and last {MARGIN:g} s of it are left out"
         raise LogError(f"run {log.run!r}: {'; '.join(notes)}: {left_out}")
-    if not np.abs(log.omega[rows]).max() > _STANDING:
+    moving = [piece for piece in long if _turns(log.omega, *piece)]
+    if not moving:
         raise LogError(f"run {log.run!r}: the sprockets stand still")
-    if log.time[end] - log.time[begin] < 0.8 * (log.time[-1] - log.time[0]):
-        notes.append(f"steady, and used, from {window[0]:g} s to {window[1]:g} s only")
-    return SteadyPart(log, window, tuple(f"run {log.run!r}: {note}" for note in notes))
+    windows = [(float(log.time[first]) + lead, float(log.time[last]) - MARGIN) for first, last in moving]
+    first, last = moving[0]
+    if len(long) == 1 and log.time[last] - log.time[first] < 0.8 * (log.time[-1] - log.time[0]):
+        notes.append(f"steady, and used, from {windows[0][0]:g} s to {windows[0][1]:g} s only")
+    said = tuple(f"run {log.run!r}: {note}" for note in notes)
+    parts = []
+    for k, window in enumerate(windows):
+        before = moving[k - 1][1] + 1 if k else 0
+        after = moving[k + 1][0] if k + 1 < len(moving) else len(log.time)
+        name = log.run if len(moving) == 1 else f"{log.run} @ {window[0]:.1f} s"
+        parts.append(SteadyPart(name, log.between(before, after), window, said))
+    return tuple(parts)
 
 
 def require_steady_motion(part: SteadyPart) -> None:
@@ -99,79 +134,68 @@ def require_steady_motion(part: SteadyPart) -> None:
         )
 
 
-def _without_jumps(log: RunLog, geometry: RobotGeometry) -> tuple[RunLog, np.ndarray, list[str]]:
-    """The run with glitches marked as not valid, the rows after which its poses continue elsewhere, and notes."""
+def _require_headings(log: RunLog) -> None:
+    """Raise LogError for a run all of whose poses lack a heading."""
+    if log.is_valid.any() and not log.has_heading.any():
+        raise LogError(f"run {log.run!r}: has no headings: steady stretches need phi, the drive estimator does not")
+
+
+def _require_lengths(log: RunLog, geometry: RobotGeometry) -> None:
+    """Raise LogError if most poses are farther apart than the sprockets could drive."""
     rows = np.flatnonzero(log.is_valid)
-    position, time = log.pose[rows, :2], log.time[rows]
-    speed = _OVERDRIVE * geometry.sprocket_radius * np.abs(log.omega).max()
-    ways, steps = np.hypot(*np.diff(position, axis=0).T), np.diff(time)
-    far = ways > _JUMP + speed * steps
-    if not far.any():
-        return log, np.empty(0, int), []
-    if far.mean() > _MOSTLY:
-        times = np.median(ways) / np.median(speed / _OVERDRIVE * steps)
+    if len(rows) < 2:
+        return
+    ways, steps = np.hypot(*np.diff(log.pose[rows, :2], axis=0).T), np.diff(log.time[rows])
+    driven = geometry.sprocket_radius * float(np.abs(log.omega).max()) * steps
+    if (ways > _FAR + _OVERDRIVE * driven).mean() > _MOSTLY:
+        times = float(np.median(ways)) / max(float(np.median(driven)), 1e-300)
         unit = next((f"; it looks like {name}" for name, per in _LENGTHS if per / 2 < times < per * 1.4), "")
         raise LogError(
             f"run {log.run!r}: its poses move {times:.3g} times as far as its sprockets drive: check the units "
             f"(m, rad/s){unit}"
         )
+
+
+def _turns(omega: Array, first: int, last: int) -> bool:
+    """Whether a sprocket turns in a stretch, and more than its encoder's noise."""
+    of_stretch = omega[first : last + 1]
+    rest = max(_STANDING, _RESTING * float(np.abs(omega).max()), float(of_stretch.std(axis=0).max()))
+    return float(np.abs(of_stretch.mean(axis=0)).max()) > rest
+
+
+def _without_jumps(
+    log: RunLog, stretches: Sequence[tuple[int, int]]
+) -> tuple[RunLog, list[tuple[int, int]], list[str]]:
+    """The run with glitches marked as not valid, the stretches cut where poses jump for good, and notes."""
+    headed = np.flatnonzero(log.has_heading)
     valid = log.is_valid.copy()
-    breaks: list[int] = []
+    pieces: list[tuple[int, int]] = []
     notes: list[str] = []
-    lost: list[int] = []
-    last = 0  # the last plausible pose; `lost` are the implausible ones since
-    for k in range(1, len(rows)):
-        way, allowed = np.hypot(*(position[k] - position[last])), _JUMP + speed * (time[k] - time[last])
-        if way <= allowed:
-            last, lost = k, []
-            continue
-        if not lost:
-            where = f"at t = {time[k]:g} s, where its sprockets allow {allowed:.3g} m"
-            notes.append(f"its pose jumps by {way:.3g} m {where}")
-        lost.append(k)
-        valid[rows[k]] = False
-        if time[k] - time[lost[0]] >= _RESETTLED:
-            valid[rows[lost]] = True
-            breaks += [rows[last], rows[lost[0]] - 1]
-            last, lost = k, []
-    return replace(log, valid=valid), np.array(breaks, int), notes
+    for first, last in stretches:
+        rows = headed[np.searchsorted(headed, first) : np.searchsorted(headed, last + 1)]
+        starts: list[int] = []
+        if len(rows) >= _MIN_COMPARED:
+            jumps = find_jumps(log.time[rows], log.pose[rows])
+            valid[rows[jumps.glitch]] = False
+            starts = [int(rows[k]) for k in jumps.lasting]
+            notes += _described(log.time[rows], jumps)
+        edges = [first, *starts, last + 1]
+        pieces += [(begin, end - 1) for begin, end in itertools.pairwise(edges)]
+    if len(notes) > _LISTED:
+        notes = [*notes[:_LISTED], f"its poses jump {len(notes) - _LISTED} more times"]
+    if valid.sum() < log.is_valid.sum():
+        log = replace(log, valid=valid, pose=log.pose.copy())
+        kept = log.has_heading
+        log.pose[kept, 2] = np.unwrap(log.pose[kept, 2])  # a glitch may have added a turn
+    return log, pieces, notes
 
 
-def _longest_constant(log: RunLog, breaks: np.ndarray, usual: float) -> tuple[int, int]:
-    """First and last row of the longest stretch without a break whose sprocket speeds change by at most _DRIFT."""
-    size = max(1, round(_BLOCK / usual))
-    tolerance = _DRIFT * np.abs(_means(log.omega, size)).max()
-    best = (0, 0)
-    edges = np.concatenate([[-1], breaks, [len(log.time) - 1]])
-    for before, last in itertools.pairwise(edges):
-        first = int(before) + 1
-        mean = _means(log.omega[first : last + 1], size)
-        a, b = _longest_within(mean, tolerance)
-        stretch = (first + a * size, int(last) if b == len(mean) - 1 else first + (b + 1) * size - 1)
-        if log.time[stretch[1]] - log.time[stretch[0]] > log.time[best[1]] - log.time[best[0]]:
-            best = stretch
-    return best
-
-
-def _means(values: Array, size: int) -> Array:
-    """Means (blocks, 2) of blocks of `size` rows out of (T, 2); the last block includes the remainder."""
-    blocks = max(1, len(values) // size)
-    starts = np.arange(blocks) * size
-    counts = np.diff(np.append(starts, len(values)))
-    return np.add.reduceat(values, starts, axis=0) / counts[:, None]
-
-
-def _longest_within(mean: Array, tolerance: float) -> tuple[int, int]:
-    """The longest run of rows (first, last) in which no column of `mean` (n, 2) varies by more than `tolerance`."""
-    best, first = (0, 0), 0
-    low = high = mean[0]
-    for k, value in enumerate(mean):
-        low, high = np.minimum(low, value), np.maximum(high, value)
-        if (high - low > tolerance).any():  # restart at the earliest row that varies little up to this one
-            back = mean[first : k + 1][::-1]
-            lows, highs = np.minimum.accumulate(back), np.maximum.accumulate(back)
-            length = int((highs - lows <= tolerance).all(axis=1).sum())
-            first, low, high = k + 1 - length, lows[length - 1], highs[length - 1]
-        if k - first > best[1] - best[0]:
-            best = (first, k)
-    return best
+def _described(time: Array, jumps: Jumps) -> list[str]:
+    """A line for each jump; successive glitches count as one."""
+    notes = []
+    begins = jumps.glitch & ~np.concatenate([[False], jumps.glitch[:-1]])
+    for k in sorted([*np.flatnonzero(begins), *jumps.lasting]):
+        way, turn = float(np.hypot(*jumps.size[k, :2])), float(np.degrees(np.abs(jumps.size[k, 2])))
+        size = f"pose jumps by {way:.3g} m" + (f" and {turn:.2g}°" if turn > 1 else "")
+        notes.append(f"its {size} at t = {time[k]:g} s" + (" and stays there" if k in jumps.lasting else ""))
+    return notes

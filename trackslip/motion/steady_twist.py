@@ -11,6 +11,7 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 
+_MOST = 0.5  # share of valid poses that is no lack of them
 _TWIST, _LATERAL = np.array([3, 5]), 4  # indices of v and w, and of u, among the parameters x, y, phi, v, u, w
 
 
@@ -55,10 +56,16 @@ def within(time: Array, window: tuple[float, float]) -> np.ndarray:
 
 
 def require_poses(usable: np.ndarray, least: int, log: RunLog, window: tuple[float, float]) -> None:
-    """Raise LogError if fewer than `least` rows of (T,) bool are usable."""
-    if usable.sum() < least:
-        between = f"between {window[0]:g} s and {window[1]:g} s"
-        raise LogError(f"run {log.run!r}: hardly any valid pose {between}, where it is steady")
+    """Raise LogError if fewer than `least` rows of (T,) bool are usable; it says whether poses lack or time."""
+    count, rows = int(usable.sum()), int(within(log.time, window).sum())
+    if count >= least:
+        return
+    between = f"between {window[0]:g} s and {window[1]:g} s"
+    if count > _MOST * rows:
+        raise LogError(
+            f"run {log.run!r}: its steady window {between} is short: it has {count} poses, needs at least {least}"
+        )
+    raise LogError(f"run {log.run!r}: hardly any valid pose {between}, where it is steady ({count} of {rows})")
 
 
 def long_run_covariance(series: Array, share: float | None = None) -> Array:

@@ -32,7 +32,9 @@ def path_and_predictions(found: DriveComparison) -> Figure:
     measured = Nodes.of(fit.nodes.drives).weight[rows, 0] > 0
     low, high = _limits(state[:, :2], pose[used, :2])
     height, width = high[1] - low[1], high[0] - low[0]
-    figure, (left, right) = subplots(float(np.clip(4.2 * height / width, 2.4, 6.2)) + 1.0, 1, 2, sharex=True, sharey=True)
+    figure, (left, right) = subplots(
+        float(np.clip(4.2 * height / width, 2.4, 6.2)) + 1.0, 1, 2, sharex=True, sharey=True
+    )
     left.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     seen = np.flatnonzero(used)[thin(int(used.sum()), _POINTS)]
     left.plot(*pose[seen, :2].T, ".", color=GREY, ms=5, mew=0, label="measured poses")

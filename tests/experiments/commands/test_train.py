@@ -1,5 +1,6 @@
 import json
 
+import numpy as np
 import pytest
 
 from experiments.cli import main
@@ -33,21 +34,30 @@ def test_a_policy_is_trained_resumed_and_takes_part_in_the_benchmark(trackslip):
     assert [row["controller"] for row in table.summary["rows"]] == ["feedforward", f"ppo:{more.folder}"]
 
 
-def test_a_training_of_a_few_thousand_steps_and_a_resumed_one_with_other_settings(trackslip, capsys):
-    """The curve, the policy and its recording; the checkpoint keeps its network and nothing else of the options."""
+LEARNS = {"robots": 32, "horizon": 16, "batch": 128, "epochs": 6, "network": 32}
+
+
+def test_a_training_learns_and_resumes_with_other_settings(trackslip, capsys):
+    """The curve, the policy and its recording; the checkpoint keeps its network and nothing else of the options.
+
+    Untrained, the mean reward falls from 0.2 to 0.1 as the robots leave the path; with any of four seeds, training ends
+    above 0.5.
+    """
     pytest.importorskip("stable_baselines3")
-    trained = trackslip("train", *TINY, "--steps", "4096", "--rrd")
-    assert trained.summary["steps"] == 4096
-    assert len(trained.summary["curve"]) == 32
-    assert all(-10 < point["reward"] < 1 for point in trained.summary["curve"])
+    trained = trackslip("train", *small(**LEARNS), "--learning-rate", "3e-3", "--steps", "30720", "--rrd")
+    assert trained.summary["steps"] == 30720
+    reward = np.array([point["reward"] for point in trained.summary["curve"]])
+    assert len(reward) == 60
+    assert reward.max() < 1
+    assert reward[-15:].mean() > 0.35
     assert [file.suffix for file in (trained.folder / "recordings").iterdir()] == [".rrd"]
-    resumed = ("--steps", "4352", "--resume", "--out", str(trained.folder))
-    longer = trackslip("train", *small(horizon=64, batch=128), *resumed)
-    assert [point["steps"] for point in longer.summary["curve"]] == [4352]  # 4 robots, 64 steps each
+    resumed = ("--steps", "31744", "--resume", "--out", str(trained.folder))
+    longer = trackslip("train", *small(**LEARNS | {"horizon": 32}), *resumed)
+    assert [point["steps"] for point in longer.summary["curve"]] == [31744]  # 32 robots, 32 steps each
     with pytest.raises(SystemExit) as stop:
-        main(["train", *small(network=16), *resumed])
+        main(["train", *small(**LEARNS | {"network": 16}), *resumed])
     assert stop.value.code == 2
-    assert "network = (16,): must be (8,) with --resume" in capsys.readouterr().err
+    assert "network = (16,): must be (32,) with --resume" in capsys.readouterr().err
 
 
 def test_an_interrupted_training_says_how_to_go_on_and_leaves_its_checkpoint(trackslip, monkeypatch, capsys):

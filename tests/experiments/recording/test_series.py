@@ -94,11 +94,19 @@ def test_lines_lie_on_thicker_ones(driven):
             assert not set(line.colours) & {LEFT, RIGHT}
 
 
-@pytest.mark.parametrize("values", [(-40.0, 50.0), (0.2, 11.9), (-0.7, 0.99), (-5.0, -0.1), (0.0, 0.0), (0.0, 1420.0)])
+@pytest.mark.parametrize(
+    "values", [(-40.0, 50.0), (0.2, 11.9), (-0.7, 0.99), (-5.0, -0.1), (0.0, 0.0), (0.0, 1420.0), (0.0, 4.0)]
+)
 def test_errors_axes_have_two_labels_or_more(values):
     low, high = readable(np.array(values))
     assert low < min(values) <= max(values) < high
     assert has_labels(low, high)
+
+
+def test_an_axis_is_not_much_longer_than_what_it_shows():
+    """Unless there would be only one label: speeds up to 4 rad/s don't get an axis up to 10."""
+    for high in np.linspace(1.0, 4.5, 15):
+        assert readable(np.array([0.0, high]))[1] < 1.25 * high
 
 
 def test_names_that_tell_runs_apart():

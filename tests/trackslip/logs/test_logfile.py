@@ -12,7 +12,8 @@ from hypothesis.extra.numpy import arrays
 from trackslip.errors import LogError
 from trackslip.logs.logfile import join_parquet, read_runs, read_table, write_csv, write_parquet
 from trackslip.logs.runlog import RunLog, Truth
-from trackslip.logs.table import SAMPLE_COLUMNS, read_columns, runs_from_table, to_table
+from trackslip.logs.table import SAMPLE_COLUMNS, read_columns, to_table
+from trackslip.logs.table_reader import runs_from_table
 
 HEADER = "run,t,omega_l,omega_r,x,y,phi\n"
 LINES = ["a,0.0,1,2,0,0,0\n", "a,0.1,1,2,0.1,0,0\n", "a,0.2,1,2,0.2,0,0\n"]
@@ -72,7 +73,7 @@ def test_a_run_without_covariance_stays_without_beside_one_that_has_it(tmp_path,
     assert without.covariance is None
 
 
-@given(arrays(float, (2, 2), elements=st.floats(allow_nan=False, allow_infinity=False)), st.floats(-1, 1))
+@given(arrays(float, (2, 2), elements=st.floats(-1e21, 1e21)), st.floats(-1, 1))
 def test_csv_keeps_every_bit(tmp_path_factory, position, heading):
     pose = np.column_stack([position, [heading, -heading]])
     path = tmp_path_factory.mktemp("csv") / "run.csv"
@@ -103,17 +104,17 @@ def test_a_real_robots_log_needs_seven_columns(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("run,t,omega_l,omega_r,x,y\n", "column phi is missing"),
+        ("run,t,omega_l,omega_r,x,phi\n", "column y is missing"),
         (HEADER, "no rows"),
         ("", "Empty CSV file"),
-        (HEADER + LINES[0] + "a,0.1,1,2,oops,0,0\n", r"row 2, column x: 'oops' is not a number"),
-        (HEADER + LINES[0] + "a,0.1,1,2,nan,0,0\n", r"row 2, column x: 'nan' is not a finite number"),
-        (HEADER + LINES[0] + "a,0.1,1,2,0,,0\n", r"row 2, column y: '' is not a finite number"),
-        (HEADER + LINES[0] + "a,0.1,1,inf,0,0,0\n", r"row 2, column omega_r: 'inf'"),
+        (HEADER + LINES[0] + "a,1,1,2,oops,0,0\na,2,1,2,oops,0,0\n", "row 2, column x: 'oops' .*; so are 2 of its 3"),
+        (HEADER + LINES[0] + "a,0.1,1,inf,0,0,0\n", "run 'a': 1 row"),
         (HEADER + LINES[0] + "a,0.1,1,2\n", "Expected 7 columns, got 4"),
-        (HEADER + LINES[0] + LINES[0], "row 2, column t: 0 is not after 0, the time before it in run 'a'"),
-        (HEADER + LINES[0], "1 row"),
-        (HEADER + LINES[0] + ",0.1,1,2,0,0,0\n", "row 2, column run: empty"),
+        (HEADER + LINES[0] + LINES[0], "run 'a': 1 row"),
+        (HEADER + 3 * LINES[0], "row 2, column t: 0 is not after 0, the time before it; so are 2 of its 3 rows"),
+        (HEADER + LINES[0], "run 'a': 1 row"),
+        (HEADER + 2 * ",0.1,1,2,0,0,0\n", "2 rows left out: row 1, column run: empty"),
+        (HEADER + "a,0,,2,0,0,0\na,1,1,,0,0,0\n", "run 'a': columns omega_l, omega_r: no row has both"),
     ],
 )
 def test_malformed_logs_are_named_by_row_and_column(tmp_path: Path, text, message):
@@ -133,9 +134,6 @@ def test_poses_that_were_not_measured_may_be_missing(tmp_path):
     log = read_runs(path)[0]
     assert log.valid is not None
     assert log.valid.tolist() == [True, False, True]
-    path.write_text(HEADER[:-1] + ",valid\n" + "a,0,1,2,0,0,0,perhaps\n")
-    with pytest.raises(LogError, match="row 1, column valid: 'perhaps'"):
-        read_runs(path)
 
 
 def test_wrapped_headings_are_unwrapped(tmp_path):
@@ -149,23 +147,14 @@ def test_wrapped_headings_are_unwrapped(tmp_path):
     np.testing.assert_allclose(read_runs(tmp_path / "wrapped.csv")[0].pose[:, 2], pose[:, 2])
 
 
-def test_rows_are_counted_in_the_file(tmp_path):
-    path = tmp_path / "two.csv"
-    path.write_text(HEADER + "".join(LINES) + "b,0.3,1,1,0,0,0\nb,0.2,1,1,0,0,0\n")
-    with pytest.raises(LogError, match=r"row 5, column t: 0\.2 is not after 0\.3"):
-        read_runs(path)
-
-
 @pytest.mark.parametrize(
     ("column", "values"),
     [
         ("t", pa.array([0, 1, 2], pa.timestamp("ns"))),
         ("x", pa.array([[0.0], [1.0], [2.0]])),
         ("x", pa.array([True, False, True])),
-        ("phi", pa.array(["0", "east", "2"], pa.large_string())),
         ("run", pa.array([[1], [1], [1]])),
         ("valid", pa.array([[1], [1], [1]])),
-        ("y", pa.array([0.0, None, 1.0])),
     ],
 )
 def test_odd_columns_are_named(tmp_path, column, values):
@@ -212,7 +201,7 @@ def test_files_that_are_no_logs(tmp_path):
 
 
 def test_a_table_in_memory_is_read_as_well():
-    assert_same(runs_from_table(to_table([make_log("a")]), "memory")[0], make_log("a"))
+    assert_same(runs_from_table(to_table([make_log("a")]), "memory").runs[0], make_log("a"))
 
 
 def test_damage_to_what_is_remembered_of_runs_is_noticed(tmp_path):

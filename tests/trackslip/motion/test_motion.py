@@ -142,5 +142,9 @@ def test_noise_makes_the_papers_speed_larger():
 
 @pytest.mark.parametrize("method", ["arc", "butterworth"])
 def test_a_window_without_poses_is_refused(method):
-    with pytest.raises(LogError, match="hardly any valid pose"):
-        METHODS[method](circle_log((0.1, 0.1)), (29.9, 30.0))
+    time = np.arange(600) * 0.05
+    log = circle_log((0.1, 0.1), valid=(time < 20) | (time > 24.5))
+    with pytest.raises(LogError, match="hardly any valid pose between 20 s and 25 s, where it is steady"):
+        METHODS["arc"](log, (20.0, 25.0))
+    with pytest.raises(LogError, match=r"its steady window between 29\.5 s and 30 s is short: it has 9 poses"):
+        METHODS[method](circle_log((0.1, 0.1)), (29.5, 30.0))

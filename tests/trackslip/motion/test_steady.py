@@ -7,7 +7,8 @@ from trackslip.errors import LogError
 from trackslip.identification.samples import slip_samples, usable_samples
 from trackslip.kinematics import RobotGeometry, advance
 from trackslip.logs.runlog import RunLog
-from trackslip.motion.steady import MARGIN, SETTLE, steady_part
+from trackslip.motion.constant_speed import SETTLE
+from trackslip.motion.steady import MARGIN, steady_part, steady_parts
 from trackslip.slip.icr import ConstantIcr
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
@@ -39,8 +40,33 @@ def test_the_longest_steady_stretch_is_found():
     part = steady_part(log, GEOMETRY)
     assert part.window[0] == pytest.approx(6.0 + SETTLE, abs=0.5)
     assert part.window[1] == pytest.approx(18.0 - MARGIN, abs=0.5)
-    assert "used, from" in part.notes[0]
     np.testing.assert_allclose(slip_samples([log], GEOMETRY).slip[0], LAW(0.5), atol=1e-6)
+
+
+def test_a_run_that_is_steady_for_a_while_only():
+    log = driven()
+    log.omega[200:] *= np.linspace(1, 3, 200)[:, None]  # ever faster: nowhere else steady
+    (part,) = steady_parts(log, GEOMETRY)
+    assert part.name == "run"
+    assert part.window == pytest.approx((SETTLE, 10.0 - MARGIN), abs=0.5)
+    assert "run 'run': steady, and used, from 1.5 s to" in part.notes[0]
+
+
+def test_every_steady_stretch_is_a_sample():
+    log = driven(((0.0, 0.5), (6.0, 1.0), (12.0, 0.0), (15.0, 0.7), (21.0, -0.5), (22.0, 1.3)), duration=30.0)
+    parts = steady_parts(log, GEOMETRY)
+    assert [part.name for part in parts] == ["run @ 1.5 s", "run @ 7.5 s", "run @ 16.5 s", "run @ 23.5 s"]
+    found = usable_samples([log], GEOMETRY)
+    assert found.samples.run == tuple(part.name for part in parts)
+    np.testing.assert_allclose(found.samples.slip, np.tile(LAW(0.5), (4, 1)), atol=1e-6)
+    np.testing.assert_allclose(found.samples.twist, np.outer([0.5, 1.0, 0.7, 1.3], TWIST), atol=1e-6)
+    assert found.refused == ()
+
+
+def test_slow_stretches_are_told_apart_beside_fast_ones():
+    log = driven(((0.0, 1.0), (10.0, 0.06), (20.0, 0.1)), duration=30.0)
+    found = usable_samples([log], GEOMETRY)
+    np.testing.assert_allclose(found.samples.twist, np.outer([1.0, 0.06, 0.1], TWIST), atol=1e-6)
 
 
 def test_a_glitch_is_left_out_and_listed():
@@ -49,7 +75,7 @@ def test_a_glitch_is_left_out_and_listed():
     part = steady_part(log, GEOMETRY)
     assert np.flatnonzero(~part.log.is_valid).tolist() == [200, 201, 202]
     assert part.window == pytest.approx((SETTLE, 19.95 - MARGIN))
-    assert "run 'run': its pose jumps by 5.01 m at t = 10 s" in part.notes[0]
+    assert part.notes == ("run 'run': its pose jumps by 5 m at t = 10 s",)
     np.testing.assert_allclose(slip_samples([log], GEOMETRY).slip[0], LAW(0.5), atol=1e-6)
 
 

@@ -42,7 +42,11 @@ class DriveComparison:
     @property
     def ranking(self) -> tuple[str, ...]:
         """Names of the laws, the best predictions first."""
-        return tuple(sorted(self.laws, key=lambda name: (np.nan_to_num(self.score[name], nan=np.inf), len(self.laws[name].values))))
+        return tuple(
+            sorted(
+                self.laws, key=lambda name: (np.nan_to_num(self.score[name], nan=np.inf), len(self.laws[name].values))
+            )
+        )
 
 
 def compare_drives(

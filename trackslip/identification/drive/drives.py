@@ -11,7 +11,7 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 
-MAX_POSES = 30_000  # poses used in all; more are thinned
+MAX_POSES = 24_000  # poses used in all; more are thinned
 MAX_ROWS = 400_000  # encoder intervals used in all; more are merged
 MIN_POSES = 10  # of a drive
 _MAX_STEP = 2.5  # time between nodes [median time between poses]
@@ -40,13 +40,16 @@ class Drive:
         return replace(self, time=self.time[nodes], pose=self.pose[nodes], rows=self.rows[nodes])
 
 
-def drives_of(logs: Sequence[RunLog]) -> tuple[list[Drive], list[str]]:
-    """The drives that can be used, and a line for each that cannot be; raises LogError if there is none."""
+def drives_of(logs: Sequence[RunLog], max_poses: int = MAX_POSES) -> tuple[list[Drive], list[str]]:
+    """The drives that can be used, and a line for each that cannot be; raises LogError if there is none.
+
+    Of more than `max_poses` poses in all, a part is used.
+    """
     drives, refused = [], []
-    share = len(logs)
+    share = max(len(logs), 1)
     for log in logs:
         try:
-            drives.append(drive_of(log, MAX_POSES // share, MAX_ROWS // share))
+            drives.append(drive_of(log, max_poses // share, MAX_ROWS // share))
         except LogError as error:
             refused.append(str(error))
     if not drives:

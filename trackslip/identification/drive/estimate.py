@@ -120,8 +120,14 @@ def _reference(
 
 
 def _fitted(
-    model: DriveModel, nodes: Nodes, states: Array, values: Array, noise: Noise, sensor: Sensor | None,
-    given: Mapping[str, float], gated: bool,
+    model: DriveModel,
+    nodes: Nodes,
+    states: Array,
+    values: Array,
+    noise: Noise,
+    sensor: Sensor | None,
+    given: Mapping[str, float],
+    gated: bool,
 ) -> DriveFit:
     """Fit all parameters that are neither given nor known to be open, then hold what turns out not to be determined."""
     held = {name: "given" for name in given}

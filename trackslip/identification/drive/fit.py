@@ -13,12 +13,13 @@ from trackslip.identification.drive.noise import updated
 from trackslip.identification.drive.outliers import outlying
 from trackslip.kinematics import Array
 
-VERBOSE=False
-_ROUNDS = 40  # maximum number of Gauss-Newton steps
+_ROUNDS = 30  # maximum number of Gauss-Newton steps
 _GATED = 12  # rounds after which gates stay as they are
 _HALVINGS = 6
-_SETTLED = 0.01  # change of the values, in standard errors
+_SETTLED = 0.03  # change of the values, in standard errors
 _QUIET = 0.02  # relative change of the standard deviations of settled noise
+_LOUD = 0.1  # relative change of standard deviations far from settled
+_MIN_ROUNDS = 3  # before which gates may still change
 _GATE = 0.99  # quantile beyond which a pose is left out
 _STEP_GATE = 0.9999  # quantile beyond which a step is left out
 
@@ -45,8 +46,15 @@ class Fit:
 
 
 def fit(
-    model: DriveModel, nodes: Nodes, states: Array, values: Array, noise: Noise, free: np.ndarray, mean: Array,
-    rounds: int = _ROUNDS, gated: bool = True,
+    model: DriveModel,
+    nodes: Nodes,
+    states: Array,
+    values: Array,
+    noise: Noise,
+    free: np.ndarray,
+    mean: Array,
+    rounds: int = _ROUNDS,
+    gated: bool = True,
 ) -> Fit:
     """Fit the values `free` (f,) of (p,) and the states (K, 3), starting from those given.
 
@@ -54,22 +62,25 @@ def fit(
     """
     yaw, prior = model.index("sensor_yaw"), model.prior
     measured = Nodes.of(nodes.drives)
-    trimmed, converged, settled = _trimming(nodes, measured), False, 0
+    trimmed, converged, changed = _trimming(nodes, measured), False, np.inf
+    if gated:
+        bad, lasting = far_off(model, measured, states, values)
+        nodes = _without(measured, bad, lasting)
     found = residuals(model, nodes, states, values)
     for k in range(rounds):
         step = solve(found, nodes, noise, free, yaw, prior, values - mean)
         states, values, found = _advanced(model, nodes, noise, states, values, found, free, step, mean)
         errors = 1 / np.sqrt(np.maximum(np.diag(step.information), 1e-300))
         moved = float(np.abs(step.values / errors).max(initial=0.0))
-        before = noise
-        noise = updated(model, found, nodes, noise, free, prior, trimmed)
-        changed = float(np.abs(np.log(noise.values / before.values)).max())
-        if gated and 1 < k <= _GATED and moved < 3:
-            nodes, trimmed = _gate(model, measured, found, noise, states, values, nodes)
+        if moved < _SETTLED or k % (1 if changed > _LOUD else 2 if changed > _QUIET else 4) == 0:
+            before = noise
+            noise = updated(model, found, nodes, noise, free, prior, trimmed)
+            changed = float(np.abs(np.log(noise.values / before.values)).max())
+        if gated and 1 < k <= _GATED:
+            nodes = _gated(model, measured, found, noise, states, values)
+            trimmed = _trimming(nodes, measured)
             found = residuals(model, nodes, states, values)
-        if VERBOSE: print(k,round(moved,4),round(changed,3),np.round(noise.values*1e3,3),(nodes.weight[:,0]==0).sum(),(nodes.link==0).sum())
-        settled = settled + 1 if moved < _SETTLED and changed < _QUIET else 0
-        if settled >= 1 and (not gated or k > 3):
+        if moved < _SETTLED and changed < _QUIET and (not gated or k > _MIN_ROUNDS):
             converged = True
             break
     step = solve(found, nodes, noise, free, yaw, prior, values - mean)
@@ -77,8 +88,15 @@ def fit(
 
 
 def _advanced(
-    model: DriveModel, nodes: Nodes, noise: Noise, states: Array, values: Array, found: Residuals, free: np.ndarray,
-    step: Solution, mean: Array,
+    model: DriveModel,
+    nodes: Nodes,
+    noise: Noise,
+    states: Array,
+    values: Array,
+    found: Residuals,
+    free: np.ndarray,
+    step: Solution,
+    mean: Array,
 ) -> tuple[Array, Array, Residuals]:
     """States, values and residuals after a step, halved until the cost doesn't rise."""
     low, high, _ = model.limits
@@ -99,23 +117,24 @@ def _advanced(
     return moved, tried, there
 
 
-def _gate(
-    model: DriveModel, measured: Nodes, found: Residuals, noise: Noise, states: Array, values: Array, nodes: Nodes
-) -> tuple[Nodes, float]:
-    """Weights of poses and steps by their residuals, and the share of the variance that the poses left in keep."""
-    weight, link = measured.weight.copy(), measured.link.copy()
-    lasting = lasting_jumps(model, measured, states, values)
-    link[lasting] = 0.0
+def _gated(model: DriveModel, measured: Nodes, found: Residuals, noise: Noise, states: Array, values: Array) -> Nodes:
+    """The nodes without poses and steps whose residuals are too large, and without steps across lasting jumps."""
+    _, lasting = far_off(model, measured, states, values)
     pose = _pose_residuals(model, measured, states, values)
-    heading = weight[:, 1]
-    squares = (weight[:, [0, 0, 1]] * (pose / noise.values[[0, 0, 1]]) ** 2).sum(axis=1)
-    far = squares > scipy.stats.chi2.ppf(_GATE, 2 + heading)
-    weight[far] = 0.0
+    squares = (measured.weight[:, [0, 0, 1]] * (pose / noise.values[[0, 0, 1]]) ** 2).sum(axis=1)
+    far = squares > scipy.stats.chi2.ppf(_GATE, 2 + measured.weight[:, 1])
     scaled = found.step / np.sqrt(found.distance)[:, None] / noise.values[2:]
     slipped = (scaled**2).sum(axis=1) > scipy.stats.chi2.ppf(_STEP_GATE, 3)
-    link[slipped] = 0.0
-    kept = replace(nodes, weight=weight, link=link)
-    return kept, _trimming(kept, measured)
+    return _without(measured, far, slipped | lasting)
+
+
+def _without(measured: Nodes, poses: np.ndarray, steps: np.ndarray) -> Nodes:
+    """The nodes without poses (K,) bool and steps (K - 1,) bool."""
+    return replace(
+        measured,
+        weight=np.where(poses[:, None], 0.0, measured.weight),
+        link=np.where(steps, 0.0, measured.link),
+    )
 
 
 def _pose_residuals(model: DriveModel, measured: Nodes, states: Array, values: Array) -> Array:
@@ -134,12 +153,13 @@ def _trimming(nodes: Nodes, measured: Nodes) -> float:
     return float(scipy.stats.chi2.cdf(gate, kinds + 2) / _GATE)
 
 
-def lasting_jumps(model: DriveModel, nodes: Nodes, states: Array, values: Array) -> np.ndarray:
-    """Indices of the steps over which the poses jump lastingly."""
-    found = []
+def far_off(model: DriveModel, nodes: Nodes, states: Array, values: Array) -> tuple[np.ndarray, np.ndarray]:
+    """(K,) bool of poses far from where dead reckoning leads from their neighbours, (K - 1,) of steps with lasting jumps."""
+    poses, steps = np.zeros(len(nodes.pose), bool), np.zeros(len(nodes.pose) - 1, bool)
     for drive, begin in zip(nodes.drives, nodes.first, strict=False):
         rows = np.flatnonzero(nodes.weight[begin : begin + len(drive.time), 0])
         path = model.sensor_path(values, drive)[rows]
-        _, jumped = outlying(nodes.pose[begin + rows], states[begin + rows], path)
-        found.append(begin + rows[jumped] - 1)
-    return np.concatenate(found)
+        bad, jumped = outlying(nodes.pose[begin + rows], states[begin + rows], path)
+        poses[begin + rows[bad]] = True
+        steps[begin + rows[jumped] - 1] = True
+    return poses, steps

@@ -98,9 +98,7 @@ class DriveModel:
         slope[:, [0, 2], :law] = by_law
         lag = extra["lag"]
         lagged = _lagging(twist, drive.edges, lag)
-        slope[:, [0, 2], at["lag"]] = (
-            _lagging(twist, drive.edges, lag + _LAG_DIFFERENCE) - lagged
-        ) / _LAG_DIFFERENCE
+        slope[:, [0, 2], at["lag"]] = (_lagging(twist, drive.edges, lag + _LAG_DIFFERENCE) - lagged) / _LAG_DIFFERENCE
         if lag > 0 and law:
             flat = _lagging(by_law.reshape(len(twist), -1), drive.edges, lag)
             slope[:, [0, 2], :law] = flat.reshape(by_law.shape)

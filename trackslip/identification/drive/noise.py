@@ -32,12 +32,18 @@ def updated(
     squares = found.squares(nodes)
     counts = [2 * nodes.weight[:, 0].sum(), nodes.weight[:, 1].sum(), *[nodes.link.sum()] * 3]
     values = noise.values.copy()
-    for k in range(len(values)):
+    unknowns = 3 * len(nodes.pose) + len(free)
+    others = 0.0
+    for k in reversed(range(len(values))):  # the position's share follows from that of all others
         if not counts[k]:
             continue
-        beside = noise.values.copy()
-        beside[k] /= np.sqrt(1 + _DIFFERENCE)
-        used = (log_determinant(found, nodes, Noise(beside), free, yaw, prior) - base) / np.log1p(_DIFFERENCE)
+        if k:
+            beside = noise.values.copy()
+            beside[k] /= np.sqrt(1 + _DIFFERENCE)
+            used = (log_determinant(found, nodes, Noise(beside), free, yaw, prior) - base) / np.log1p(_DIFFERENCE)
+            others += used
+        else:
+            used = unknowns - others
         share = trimmed if k < 2 else 1.0
         variance = squares[k].sum() / share / max(counts[k] - used - _AVOIDED[k], _MIN_FREEDOM)
         ratio = np.clip(variance / noise.values[k] ** 2, 1 / _MAX_CHANGE, _MAX_CHANGE)

@@ -27,7 +27,9 @@ def outlying(pose: Array, state: Array, motion: Array) -> tuple[np.ndarray, np.n
     before = _missed(pose, state, motion)
     after = _missed(pose[::-1], state[::-1], motion[::-1])[::-1]
     known = np.isfinite(before + after)
-    usual = [np.median(np.minimum(a, b)[k]) if k.any() else 0.0 for a, b, k in zip(before.T, after.T, known.T, strict=True)]
+    usual = [
+        np.median(np.minimum(a, b)[k]) if k.any() else 0.0 for a, b, k in zip(before.T, after.T, known.T, strict=True)
+    ]
     spread = np.maximum(1.4826 * np.array(usual), _MIN_SPREAD)
     far_before, far_after = ((np.nan_to_num(error / spread) > _FAR).any(axis=1) for error in (before, after))
     bad = far_before & far_after
@@ -49,8 +51,6 @@ def _missed(pose: Array, state: Array, motion: Array) -> Array:
     predicted = z[window] + turned[window] * (c[rows, None] - c[window])
     middle = np.median(predicted.real, axis=1) + 1j * np.median(predicted.imag, axis=1)
     errors[rows, 0] = np.abs(z[rows] - middle)
-    heading = wrapped_difference(
-        pose[window, 2] + motion[rows, None, 2] - motion[window, 2], pose[rows, None, 2]
-    )
+    heading = wrapped_difference(pose[window, 2] + motion[rows, None, 2] - motion[window, 2], pose[rows, None, 2])
     errors[rows, 1] = np.abs(np.median(heading, axis=1))
     return errors

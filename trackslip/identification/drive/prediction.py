@@ -104,8 +104,15 @@ def _refitted(found: Fit, rows: np.ndarray) -> Fit:
     link = np.append(nodes.link, 0.0)[rows][:-1] * whole.link
     part = replace(whole, weight=nodes.weight[rows], link=link)
     return fit(
-        found.model, part, found.states[rows], found.values, found.noise, found.free, found.mean,
-        rounds=_ROUNDS, gated=False,
+        found.model,
+        part,
+        found.states[rows],
+        found.values,
+        found.noise,
+        found.free,
+        found.mean,
+        rounds=_ROUNDS,
+        gated=False,
     )
 
 
@@ -131,7 +138,11 @@ def _predicted(law: Fit, whole: Fit, rows: np.ndarray) -> tuple[np.ndarray, Arra
             turned = heading[start] - path[start, 2]
             moved = rotated(turned, path[end, :2] - path[start, :2])
             missed = rotated(-heading[start], pose[start, :2] + moved - pose[end, :2])
-            turn = wrap_angle(turned + path[end, 2] + yaw - pose[end, 2]) if drive.has_heading else np.full(len(end), np.nan)
+            turn = (
+                wrap_angle(turned + path[end, 2] + yaw - pose[end, 2])
+                if drive.has_heading
+                else np.full(len(end), np.nan)
+            )
             found.append((begin + start, heading[start], np.full(len(start), horizon), np.column_stack([missed, turn])))
     if not found:
         return np.zeros(0, int), np.zeros(0), np.zeros(0), np.zeros((0, 3))

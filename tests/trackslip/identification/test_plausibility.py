@@ -1,0 +1,100 @@
+"""Samples that are refused, and ones that look odd but are what robots do."""
+
+import numpy as np
+import pytest
+
+from trackslip.errors import LogError
+from trackslip.identification.samples import SlipSamples
+from trackslip.kinematics import RobotGeometry, body_twist
+
+GEOMETRY = RobotGeometry(0.168, 0.06)
+ROBOTS = (GEOMETRY, RobotGeometry(0.3, 0.165), RobotGeometry(1.1, 0.4))
+
+
+def sample(omega, twist, geometry=GEOMETRY, yaw_stderr=None):
+    covariance = None if yaw_stderr is None else np.diag([1e-8, yaw_stderr**2])[None]
+    return SlipSamples.of(np.array([omega]), np.array([twist]), geometry, ["odd"], covariance)
+
+
+@pytest.mark.parametrize("geometry", ROBOTS)
+@pytest.mark.parametrize("kept", [1.3, 1.0, 0.7, 0.4, 0.2])
+def test_a_robot_that_loses_most_of_its_yaw_rate_is_plausible(geometry, kept):
+    rng = np.random.default_rng(0)
+    for _ in range(300):
+        omega = rng.uniform(-10, 10, 2)
+        ideal = body_twist(omega, 0.0, geometry)
+        twist = ideal * [rng.uniform(0.8, 1.05), kept]
+        found = sample(omega, twist, geometry)
+        assert len(found) == 1
+
+
+def test_an_inner_track_that_is_dragged_along():
+    """A fast skid-steered robot: its inner wheels move five times as fast as they turn."""
+    omega = np.array([1.0, 9.0])
+    v, w = body_twist(omega, 0.0, GEOMETRY)
+    assert sample(omega, [v, 0.4 * w]).slip[0, 0] < -2
+
+
+@pytest.mark.parametrize(
+    ("omega", "twist"),
+    [
+        ([5.00, 5.05], [0.3, -0.004]),  # straight, but for unequal radii
+        ([5.0, 5.0], [0.3, 0.01]),
+        ([5.0, 5.1], [0.3, -0.02]),
+    ],
+)
+def test_nearly_straight_rows_say_nothing_of_swapped_tracks(omega, twist):
+    assert len(sample(omega, twist)) == 1
+
+
+def test_a_yaw_rate_within_its_error_says_nothing_of_swapped_tracks():
+    omega, twist = [2.0, 3.0], [0.15, -0.05]
+    with pytest.raises(LogError, match="are the tracks swapped"):
+        sample(omega, twist, yaw_stderr=0.001)
+    assert len(sample(omega, twist, yaw_stderr=0.05)) == 1
+
+
+@pytest.mark.parametrize("radius", [0.5, 1.0, 2.0])
+def test_swapped_tracks_are_noticed_in_turns(radius):
+    twist = np.array([0.15, 0.15 / radius])
+    left, right = (twist[0] + np.array([-1, 1]) * 0.21 * twist[1]) / 0.06
+    with pytest.raises(LogError, match="are the tracks swapped"):
+        sample([right, left], twist)
+
+
+@pytest.mark.parametrize("track", [0, 1])
+def test_an_encoder_that_counts_backwards_is_noticed(track):
+    twist = np.array([0.2, 0.1])
+    omega = (twist[0] + np.array([-1, 1]) * 0.21 * twist[1]) / 0.06
+    omega[track] *= -1
+    with pytest.raises(LogError, match=f"its {('left', 'right')[track]} track moves .* count backwards"):
+        sample(omega, twist)
+
+
+@pytest.mark.parametrize("radius", [0.6, 2.0, 1e6])
+@pytest.mark.parametrize(
+    ("factor", "guess"),
+    [
+        ((180 / np.pi, 1, 1), "deg/s"),
+        ((30 / np.pi, 1, 1), "rpm"),
+        ((1, 1000, 1), "millimetres"),
+        ((1, 100, 1), "centimetres"),
+        ((30, 1, 1), "a gear of about"),
+    ],
+)
+def test_wrong_units_are_guessed(radius, factor, guess):
+    twist = np.array([0.2, 0.2 / radius])
+    omega = (twist[0] + np.array([-1, 1]) * 0.21 * twist[1]) / 0.06
+    with pytest.raises(LogError, match=f"check the units .*{guess}"):
+        sample(omega * factor[0], twist * factor[1:])
+
+
+def test_degrees_are_noticed_when_turning_in_place():
+    with pytest.raises(LogError, match="check the units"):
+        sample(np.array([-2.0, 2.0]) * 180 / np.pi, [0.0, 0.6])
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.001])
+def test_a_sprocket_at_rest_is_kept(speed):
+    found = sample([speed, 3.0], [0.09, 0.4])
+    assert np.isnan(found.slip[0]).tolist() == [True, False]

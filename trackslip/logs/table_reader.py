@@ -1,0 +1,231 @@
+"""Runs from a table of any origin: rows and runs that cannot be read are left out one by one, each with its reason."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from trackslip.errors import LogError, first_line
+from trackslip.kinematics import Array
+from trackslip.logs import clock
+from trackslip.logs.columns import Columns
+from trackslip.logs.heading_check import require_headings
+from trackslip.logs.refused import Refused, none_usable
+from trackslip.logs.runlog import RunLog, Truth
+from trackslip.logs.scan_columns import SCANNED, from_list_column, scans_from_table
+from trackslip.logs.table import BLOCKS, CONTACT, COVARIANCE, REQUIRED, TRUTH, UPPER, stored_metadata
+
+_OPTIONAL = ("command", "twist_command", "icr")
+_ENCODER, _POSE = BLOCKS["omega"], BLOCKS["pose"]
+_MOST = 0.5  # share of damaged rows above which a run cannot be read
+
+
+@dataclass(frozen=True)
+class ReadRuns:
+    """The runs of a log, and what was left out of it."""
+
+    runs: tuple[RunLog, ...] = ()
+    refused: tuple[Refused, ...] = ()
+    """Runs that cannot be read."""
+    notes: tuple[str, ...] = ()
+    """What was left out of the others, one line each."""
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """All that was left out, one line each."""
+        return (*self.notes, *map(str, self.refused))
+
+
+def runs_from_table(table: pa.Table, source: str) -> ReadRuns:
+    """The runs in a table; `source` names it in errors. Raises LogError if it holds no run that can be read.
+
+    A row without pose, or with one that cannot be read, counts as not valid. A row without encoder reading gets that
+    of the next row that has one, a mean that covers it. Rows with a damaged reading or time are left out.
+    """
+    return _Reader(table, source).read()
+
+
+class _Reader:
+    """The columns of a table, and what was left out so far."""
+
+    def __init__(self, table: pa.Table, source: str) -> None:
+        columns = Columns(table, source)
+        columns.require(REQUIRED)
+        self._table, self._source, self._columns = table, source, columns
+        self._label, self._names = _labels(table, source)
+        self._metadata = stored_metadata(table, source)
+        self._cells = {name: columns.cells(name) for name in ("t", *_ENCODER, *_POSE)}
+        self._valid = columns.boolean("valid", self._label)
+        self._blocks = {field: columns.optional(BLOCKS[field]) for field in _OPTIONAL}
+        upper = columns.optional(COVARIANCE)
+        self._blocks["covariance"] = None if upper is None else _symmetric(upper)
+        self._truth = {field: columns.optional(names) for field, names in TRUTH.items()}
+        self._refused: list[Refused] = []
+        self._notes: list[str] = []
+
+    def read(self) -> ReadRuns:
+        """All runs that can be read."""
+        if not len(self._label):
+            raise LogError(f"{self._source}: no rows")
+        order = np.argsort(self._label, kind="stable")
+        edges = np.searchsorted(self._label[order], np.arange(len(self._names) + 1))
+        if edges[0]:
+            self._notes.append(f"{_rows(edges[0])} left out: row {order[0] + 1}, column run: empty")
+        runs: list[RunLog] = []
+        for number, name in enumerate(self._names):
+            try:
+                runs += self._runs(name, order[edges[number] : edges[number + 1]])
+            except LogError as error:
+                self._refused.append(Refused.of(name, error))
+        if not runs:
+            raise LogError(f"{self._source}: {none_usable(self._refused) if self._refused else self._notes[0]}")
+        return ReadRuns(tuple(runs), tuple(self._refused), tuple(self._notes))
+
+    def _runs(self, name: str, rows: np.ndarray) -> list[RunLog]:
+        """The run in `rows`, or several if its clock restarts; raises LogError if it cannot be read."""
+        unread = {column: self._cells[column].damaged for column in _ENCODER}
+        unread["t"] = np.isnan(self._cells["t"].values)
+        rows = rows[~self._left_out(name, rows, unread, "row")]
+        time = self._cells["t"].values[rows]
+        starts = clock.restarts(time)
+        if not starts.size:
+            return [self._run(name, name, rows)]
+        first = starts[0]
+        self._notes.append(
+            f"run {name!r}: row {rows[first] + 1}, column t: goes back from {time[first - 1]:g} s to {time[first]:g} s:"
+            f" read as {starts.size + 1} runs"
+        )
+        runs = []
+        for number, part in enumerate(np.split(rows, starts), start=1):
+            called = f"{name}, part {number}"
+            try:
+                runs.append(self._run(called, name, part))
+            except LogError as error:
+                self._refused.append(Refused.of(called, error))
+        return runs
+
+    def _run(self, called: str, name: str, rows: np.ndarray) -> RunLog:
+        """A run of rows under one clock, with the metadata of the run `name`."""
+        rows = self._in_order(called, rows)
+        omega, rows = self._encoder(called, rows)
+        pose, valid = self._poses(called, rows)
+        time = self._cells["t"].values[rows]
+        headed = valid & np.isfinite(pose[:, 2])
+        require_headings(time[headed], pose[headed], called)
+        pose[headed, 2] = np.unwrap(pose[headed, 2])
+        metadata = self._metadata.get(name, {})
+        return RunLog(
+            run=called,
+            time=time,
+            omega=omega,
+            pose=pose,
+            **_present(self._blocks, rows),
+            valid=None if self._valid is None and valid.all() else valid,
+            truth=_truth(_present(self._truth, rows), from_list_column(self._table, CONTACT, rows)),
+            scans=scans_from_table(self._table, rows, metadata),
+            metadata={key: value for key, value in metadata.items() if key != SCANNED},
+        )
+
+    def _left_out(self, name: str, rows: np.ndarray, unread: Mapping[str, np.ndarray], what: str) -> np.ndarray:
+        """Which of the rows (n,) are bad in any column, said in a note; raises LogError if most of them are."""
+        bad = np.any([marks[rows] for marks in unread.values()], axis=0)
+        if bad.any():
+            row = rows[np.argmax(bad)]
+            column = next(column for column, marks in unread.items() if marks[row])
+            self._say(name, int(bad.sum()), len(rows), what, self._columns.complaint(column, int(row)))
+        return bad
+
+    def _say(self, name: str, count: int, total: int, what: str, reason: str) -> None:
+        """Note that rows or poses are left out; raises LogError if these are most of them."""
+        if count > _MOST * total:
+            raise LogError(f"{reason}; so are {count} of its {total} {what}s" if total > 1 else reason)
+        self._notes.append(f"run {name!r}: {count} {what}{'s' if count > 1 else ''} left out: {reason}")
+
+    def _in_order(self, name: str, rows: np.ndarray) -> np.ndarray:
+        """The rows whose times ascend."""
+        time = self._cells["t"].values[rows]
+        kept = clock.in_order(time)
+        if len(kept) < len(rows):
+            k = int(np.argmax(np.diff(time) <= 0))
+            reason = f"row {rows[k + 1] + 1}, column t: {time[k + 1]:g} is not after {time[k]:g}, the time before it"
+            self._say(name, len(rows) - len(kept), len(rows), "row", reason)
+        return rows[kept]
+
+    def _encoder(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray]:
+        """Sprocket speeds (n, 2), and the rows (n,) up to the last reading; a row without one takes the next one."""
+        omega = np.stack([self._cells[column].values[rows] for column in _ENCODER], axis=-1)
+        read = np.flatnonzero(np.isfinite(omega).all(axis=1))
+        if not read.size:
+            raise LogError("columns omega_l, omega_r: no row has both")
+        count = read[-1] + 1
+        nan = np.any([self._cells[column].nan[rows] for column in _ENCODER], axis=0)
+        if nan.any():
+            row = rows[np.argmax(nan)]
+            column = next(column for column in _ENCODER if self._cells[column].nan[row])
+            reason = self._columns.complaint(column, int(row))
+            self._notes.append(f"run {name!r}: {_rows(nan.sum())} without encoder reading: {reason}")
+        if count < len(rows):
+            self._notes.append(f"run {name!r}: {_rows(len(rows) - count)} after its last encoder reading left out")
+        return omega[read[np.searchsorted(read, np.arange(count))]], rows[:count]
+
+    def _poses(self, name: str, rows: np.ndarray) -> tuple[Array, np.ndarray]:
+        """Poses (n, 3), and which of them were measured."""
+        cells = {column: self._cells[column] for column in _POSE}
+        pose = np.stack([cell.values[rows] for cell in cells.values()], axis=-1)
+        stated = np.ones(len(self._label)) if self._valid is None else self._valid.values
+        unread = {column: cells[column].damaged | cells[column].nan for column in ("x", "y")}
+        unread["phi"] = cells["phi"].damaged
+        claimed = {column: marks & (stated == 1) for column, marks in unread.items()}
+        if self._valid is not None:
+            claimed["valid"] = self._valid.damaged
+        bad = self._left_out(name, rows, claimed, "pose")
+        return pose, np.isfinite(pose[:, :2]).all(axis=1) & (stated[rows] == 1) & ~bad
+
+
+def _labels(table: pa.Table, source: str) -> tuple[np.ndarray, list[str]]:
+    """Numbers of the runs (T,), -1 for rows without a name, and the names."""
+    if pa.types.is_nested(table.schema.field("run").type):
+        raise LogError(f"{source}: column run: {table.schema.field('run').type} is not a name")
+    try:
+        names = table.column("run").cast(pa.string())
+    except pa.ArrowException as error:
+        raise LogError(f"{source}: column run: {first_line(error)}") from error
+    encoded = pc.fill_null(names, "").combine_chunks().dictionary_encode()
+    listed = encoded.dictionary.to_pylist()
+    named = [name for name in listed if name.strip()]
+    numbers = {name: number for number, name in enumerate(named)}
+    number = np.array([numbers.get(name, -1) for name in listed], int)
+    return number[encoded.indices.to_numpy()], named
+
+
+def _rows(count: int) -> str:
+    return f"{count} row{'s' if count > 1 else ''}"
+
+
+def _present(blocks: Mapping[str, Array | None], rows: np.ndarray) -> dict[str, Any]:
+    """Rows of the blocks of columns that the run has: the others are null in its rows."""
+    return {
+        field: block[rows] for field, block in blocks.items() if block is not None and not np.isnan(block[rows]).all()
+    }
+
+
+def _truth(parts: dict[str, Any], contact: Array | None) -> Truth | None:
+    if not {"pose", "twist"} <= set(parts):
+        return None
+    if "lean" in parts:
+        parts["lean"] = parts["lean"][:, 0]
+    pads = None if contact is None or contact.shape[1] % 3 else contact.reshape(len(contact), -1, 3)
+    return Truth(**parts, contact=pads)
+
+
+def _symmetric(upper: Array) -> Array:
+    """Symmetric matrices (T, 3, 3) from their upper triangles (T, 6)."""
+    full = np.empty((len(upper), 3, 3))
+    full[:, *UPPER] = upper
+    full[:, UPPER[1], UPPER[0]] = upper
+    return full
