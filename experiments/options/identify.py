@@ -10,14 +10,10 @@ import tyro
 from experiments.options.checks import refuse_unused, require_between, require_distinct, require_positive_up_to
 from experiments.options.help import default_is
 from experiments.options.world import Method
-<<<<<<< HEAD
 from trackslip.errors import InvalidValueError, require_non_negative
-from trackslip.motion.steady import SETTLE
-=======
-from trackslip.errors import require_non_negative
 from trackslip.motion.constant_speed import SETTLE
->>>>>>> drive
 
+_SHOWN = tyro.conf.arg(help_behavior_hint="(default: where the driving shows it)")
 _MAX_LEVER = 100.0  # [m]
 
 
@@ -38,11 +34,13 @@ class IdentifyConfig:
     """Radius of the sprockets [m]."""
     gear: float = 1.0
     """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
-    method: Annotated[Literal["steady", "drive"] | None, default_is("steady where most driving is", "{steady,drive}")] = None
+    method: Annotated[
+        Literal["steady", "drive"] | None, default_is("steady where most of the driving is", "{steady,drive}")
+    ] = None
     """What the laws are fitted to: stretches of constant sprocket speeds, or whole drives."""
     sensor: Annotated[tuple[float, float, float] | None, default_is("estimated", "X Y YAW")] = None
     """Place of the poses' sensor, ahead of and left of the middle of the tracks, and its heading there [m, m, rad]."""
-    estimate_sensor: Annotated[bool | None, tyro.conf.arg(help_behavior_hint="(default: where the driving shows it)")] = None
+    estimate_sensor: Annotated[bool | None, _SHOWN] = None
     """Whether steady stretches tell where the sensor sits; whole drives always do unless --sensor is given."""
     motion: Method = None
     """How a twist is estimated from a run; bundle needs ranges (see grid)."""

@@ -19,7 +19,6 @@ from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.replicates import LackOfFit
 from trackslip.identification.result import Identification
 from trackslip.kinematics import Array
-from trackslip.logs.refused import Refused
 from trackslip.metrics import rms
 from trackslip.slip.exponential import PUBLISHED
 

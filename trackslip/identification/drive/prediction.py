@@ -77,9 +77,9 @@ def held_out(found: Fit) -> Predictions:
     """
     folds = _folds(found)
     parts = [_predicted(refitted, found, rows) for refitted, rows in folds]
-    joined = (np.concatenate(column) for column in zip(*parts, strict=True))
-    number = np.repeat(np.arange(len(parts)), [len(part[0]) for part in parts])
-    return Predictions(*joined, number, np.array([refitted.values for refitted, _ in folds]))
+    start, heading, horizon, error = (np.concatenate(column) for column in zip(*parts, strict=True))
+    part = np.repeat(np.arange(len(parts)), [len(found[0]) for found in parts])
+    return Predictions(start, heading, horizon, error, part, np.array([refitted.values for refitted, _ in folds]))
 
 
 def _folds(found: Fit) -> list[tuple[Fit, np.ndarray]]:
