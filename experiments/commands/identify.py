@@ -92,10 +92,11 @@ def _print_drive(drive: DriveComparison) -> None:
     print_table("Sensor and clock, by the best law", drive_tables.EXTRA_HEADER, for_terminal(extras))
     for line in drive_tables.held_lines(best):
         print(line)
+    print()
     rows = drive_tables.prediction_rows(drive)
     position, heading = drive_tables.position_table(rows), drive_tables.heading_table(rows)
     print_table(
-        "\nHeld-out prediction of position, rms | median [m]", drive_tables.POSITION_HEADER, for_terminal(position)
+        "Held-out prediction of position, rms | median [m]", drive_tables.POSITION_HEADER, for_terminal(position)
     )
     if heading:
         print_table(

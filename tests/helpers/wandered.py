@@ -17,7 +17,7 @@ LAW = ConstantIcr(0.045, GEOMETRY.half_gauge, 0.006)
 
 
 def wandered(*, name="drive", duration=30.0, noise=0.005, headings=True, outliers=0, straight=False, seed=0):
-    """A log at 20 Hz of a robot that wanders; poses at 10 Hz have this noise [m], and three times it in heading [rad]."""
+    """A log at 20 Hz of a robot that wanders; poses at 10 Hz have noise [m], and thrice it in heading [rad]."""
     rng = np.random.default_rng(seed)
     time = np.arange(0.0, duration, 0.05)
     at = time[:, None] + rng.uniform(0, 10, 2)
