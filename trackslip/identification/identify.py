@@ -76,9 +76,9 @@ def identify_source(
         raise InvalidValueError("method", method, "steady or drive")
     steady: Identification | None = None
     reason = source.unsteady
-    if method != "drive" and source.sampling is not None:
+    if method != "drive":
         try:
-            steady = identify_samples(source.sampling, source.geometry, source.logs, sensor, estimate_sensor)
+            steady = identify_samples(source.sampling, source.geometry, source.logs)
         except LogError as error:
             reason = str(error)
     step(1.0)
@@ -86,11 +86,11 @@ def identify_source(
         if steady is None:
             raise LogError(reason)
         return steady
-    if not source.logs and not source.loops:
+    if not source.logs:
         if steady is None or method == "drive":
             raise LogError(reason or "holds steady samples, not traces: only method steady can be used")
         return steady
-    main = steady is None or not _mostly_steady(source)
+    main = steady is None or method == "drive" or not _mostly_steady(source)
     try:
         drive = _drive(source, sensor, None if main else _POSES_BESIDE, DRIVE_LAWS if main else _BESIDE, step)
     except LogError as error:
@@ -98,30 +98,19 @@ def identify_source(
             raise LogError(f"{error}; from steady stretches: {reason}" if reason else str(error)) from error
         return replace(steady, warnings=(*steady.warnings, f"from whole drives nothing was identified: {error}"))
     if steady is None:
-        notes = tuple(source.sampling.notes) if source.sampling else ()
-        return Identification(
-            source.geometry,
-            "drive",
-            None,
-            drive,
-            source.refused,
-            (*notes, *drive.warnings),
-            (*source.logs, *source.loops),
-        )
-    chosen: Method = "drive" if main else "steady"
-    warnings = drive.warnings if main else steady.warnings
-    return replace(steady, method=chosen, drive=drive, warnings=warnings)
+        warnings = (*source.notes, *map(str, source.refused), *drive.warnings)
+        return Identification(source.geometry, "drive", None, drive, source.refused, warnings, source.logs)
+    return replace(
+        steady, method="drive" if main else "steady", drive=drive, warnings=(*steady.warnings, *drive.warnings)
+    )
 
 
 def identify_samples(
     sampling: Sampling,
     geometry: RobotGeometry,
     logs: tuple[RunLog, ...] = (),
-    sensor: Sensor | None = None,
-    estimate_sensor: bool | None = None,
 ) -> Identification:
     """Leave out outliers, fit and compare the laws; raises LogError if the samples determine no law."""
-    del sensor, estimate_sensor
     samples, outliers = split_outliers(sampling.samples, geometry)
     left_out = (*sampling.refused, *outliers)
     comparison = compare_laws(samples, geometry)
@@ -132,12 +121,12 @@ def identify_samples(
 def _drive(
     source: Source, sensor: Sensor | None, most: int | None, names: Sequence[str], step: Callable[[float], None]
 ) -> DriveComparison:
-    drives, refused = drives_of((*source.logs, *source.loops), *([most] if most else []))
+    drives, refused = drives_of(source.logs, *([most] if most else []))
     found = compare_drives(drives, source.geometry, sensor, names, step)
     return replace(found, warnings=(*refused, *found.warnings))
 
 
 def _mostly_steady(source: Source) -> bool:
     """Whether steady stretches make up most of the driving."""
-    sampling = source.sampling
-    return sampling is not None and len(sampling.samples) >= _MIN_SAMPLES and sampling.steady_share >= _MIN_STEADY
+    found = source.steady
+    return found is not None and len(found.samples) >= _MIN_SAMPLES and found.steady_share >= _MIN_STEADY

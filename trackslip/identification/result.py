@@ -122,7 +122,7 @@ class Identification:
         rows = [_HEADER, *(row for name in shown for row in self._rows(name))]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-        more = len(self.comparison.laws) - len(shown)
+        more = len(self._fits()) - len(shown)
         return "\n".join([self._title(), *lines, *([f"and {more} more, see .laws"] if more else []), *self._notes()])
 
     def _repr_html_(self) -> str:

@@ -15,7 +15,7 @@ from trackslip.logs.refused import Refused, none_usable
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.constant_speed import SETTLE
 from trackslip.motion.methods import MOTION_METHODS, best_method
-from trackslip.motion.steady import SteadyPart, require_steady_motion, steady_part, steady_parts
+from trackslip.motion.steady import MARGIN, STANDING, SteadyPart, require_steady_motion, steady_part, steady_parts
 
 _OPTIONAL = ("covariance", "lateral", "lateral_stderr")  # fields of SlipSamples
 
@@ -104,6 +104,8 @@ class Sampling:
     """Runs and steady stretches without a sample."""
     notes: tuple[str, ...]
     """What was excluded from usable runs, one line each."""
+    steady_share: float = 1.0
+    """Share of the time of driving that is in steady stretches, settling included [-]."""
 
 
 def slip_samples(
@@ -144,10 +146,16 @@ def usable_samples(
         for part in parts:
             try:
                 found.usable.append(_sample(part, geometry, method))
+                found.steady += part.window[1] - part.window[0] + max(settle, MARGIN) + MARGIN
             except LogError as error:
                 found.refused.append(Refused(part.name, Refused.of(log.run, error).reason))
         found.notes += parts[0].notes if len(found.usable) > before else ()
-    return found.sampling()
+    return found.sampling(sum(_moving_time(log) for log in logs))
+
+
+def _moving_time(log: RunLog) -> float:
+    """Time in which a sprocket turns [s]."""
+    return float(np.diff(log.time)[np.abs(log.omega[1:]).max(axis=1) > STANDING].sum())
 
 
 def usable_rows(
@@ -180,12 +188,14 @@ class _Found:
     refused: list[Refused]
     usable: list[SlipSamples] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
+    steady: float = 0.0  # time in the stretches used [s]
 
-    def sampling(self) -> Sampling:
-        """All of them; raises LogError if there is no sample."""
+    def sampling(self, moving: float = 0.0) -> Sampling:
+        """All of them, out of a time of driving [s]; raises LogError if there is no sample."""
         if not self.usable:
             raise LogError(none_usable(self.refused))
-        return Sampling(SlipSamples.joined(self.usable), tuple(self.refused), tuple(self.notes))
+        share = min(1.0, self.steady / moving) if moving > 0 else 1.0
+        return Sampling(SlipSamples.joined(self.usable), tuple(self.refused), tuple(self.notes), share)
 
 
 def _require_known(settle: float, method: str | None) -> None:

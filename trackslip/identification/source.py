@@ -14,6 +14,7 @@ from trackslip.identification.samples import Sampling, usable_rows, usable_sampl
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.columns import Columns
 from trackslip.logs.logfile import read_table, runs_file
+from trackslip.logs.refused import Refused
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.table import REQUIRED, SAMPLE_COLUMNS
 from trackslip.logs.table_reader import ReadRuns, runs_from_table
@@ -24,12 +25,26 @@ _MATTERS = ("ground", "radius_error", "geometry", "model_sha256")  # to slip
 
 @dataclass(frozen=True)
 class Source:
-    """Steady samples, and the runs they were taken from."""
+    """What was logged: runs, and their steady samples."""
 
     geometry: RobotGeometry
-    sampling: Sampling
+    steady: Sampling | None
+    """Steady samples; None if there are none."""
     logs: tuple[RunLog, ...]
-    """Empty if the log held samples instead of traces."""
+    """Runs; empty if the log held samples instead of traces. Samples are taken from those that are not closed loops."""
+    refused: tuple[Refused, ...] = ()
+    """Runs that cannot be read."""
+    notes: tuple[str, ...] = ()
+    """What was left out of the runs when they were read, one line each."""
+    unsteady: str = ""
+    """Why there are no steady samples."""
+
+    @property
+    def sampling(self) -> Sampling:
+        """The steady samples; raises LogError if there are none."""
+        if self.steady is None:
+            raise LogError(self.unsteady)
+        return self.steady
 
 
 @dataclass(frozen=True)
@@ -54,38 +69,48 @@ class Reading:
 def read_source(
     path: Path, reading: Reading = Reading(), chosen: Callable[[Path], Collection[str]] | None = None
 ) -> Source:
-    """Samples from a folder of results, or from a `.parquet` or `.csv` file of traces or steady samples.
+    """Runs or samples from a folder of results, or from a `.parquet` or `.csv` file of traces or steady samples.
 
     Given the folder, `chosen` returns the names of the runs to use; None for all of them. Raises LogError if nothing in
-    the log can be used or it holds no runs to choose from, InvalidValueError if the geometry is unknown.
+    the log can be read or it holds no runs to choose from, InvalidValueError if the geometry is unknown.
     """
     file = runs_file(path)
     try:
-        return _read(file, reading, chosen)
+        found = _read(file, reading, chosen)
     except LogError as error:
-        raise error if str(file) in str(error) else LogError(f"{file}: {error}") from error
+        raise _of_file(file, error) from error
+    return replace(found, unsteady=str(_of_file(file, LogError(found.unsteady)))) if found.unsteady else found
+
+
+def _of_file(file: Path, error: LogError) -> LogError:
+    return error if str(file) in str(error) else LogError(f"{file}: {error}")
 
 
 def source_of_runs(
     runs: Sequence[RunLog], reading: Reading = Reading(), name: str = "the runs", left_out: ReadRuns | None = None
 ) -> Source:
-    """Samples from runs in memory, called `name` in messages; closed loops among them are not used.
+    """Runs in memory, called `name` in messages, and samples from those that are not closed loops.
 
-    What reading has `left_out` is listed with what cannot be used. Raises LogError if no run can be used or they differ
+    What reading has `left_out` is listed with what cannot be used. Raises LogError if there are no runs or they differ
     in what matters to slip, InvalidValueError if neither `reading` nor the runs state the geometry.
     """
     if not runs:
         raise LogError(f"{name}: there are none")
-    logs = [log for log in runs if "controller" not in log.metadata]
-    if not logs:
-        raise LogError(f"{name}: its {len(runs)} run(s) are closed loops; slip is identified from steady runs")
-    _require_one_setting(logs, name)
-    geometry = _geometry(reading, logs[0].metadata.get("geometry"), name)
+    _require_one_setting(runs, name)
+    geometry = _geometry(reading, runs[0].metadata.get("geometry"), name)
     known = {"geometry": asdict(geometry)}
-    logs = [replace(log, omega=log.omega / reading.gear, metadata=log.metadata | known) for log in logs]
+    logs = [replace(log, omega=log.omega / reading.gear, metadata=log.metadata | known) for log in runs]
     left_out = left_out or ReadRuns()
-    found = usable_samples(logs, geometry, reading.settle, reading.motion, left_out.refused)
-    return Source(geometry, replace(found, notes=(*left_out.notes, *found.notes)), tuple(logs))
+    read = (tuple(left_out.refused), tuple(left_out.notes))
+    open_loop = [log for log in logs if "controller" not in log.metadata]
+    if not open_loop:
+        reason = f"{name}: its {len(runs)} run(s) are closed loops; slip is identified from steady runs"
+        return Source(geometry, None, tuple(logs), *read, reason)
+    try:
+        found = usable_samples(open_loop, geometry, reading.settle, reading.motion, left_out.refused)
+    except LogError as error:
+        return Source(geometry, None, tuple(logs), *read, str(error))
+    return Source(geometry, replace(found, notes=(*left_out.notes, *found.notes)), tuple(logs), *read)
 
 
 def origin(logs: Sequence[RunLog]) -> dict[str, Any]:

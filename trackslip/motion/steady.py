@@ -23,7 +23,7 @@ _GAP = 5.0  # time step that is a gap in the clock [median time steps]
 _MIN_GAP = 0.3  # [s]
 _FAR = 0.3  # error of a pose beyond which its step says something about the units [m]
 _OVERDRIVE = 3.0  # maximum ratio of the distance between plausible poses to that of the faster sprocket [-]
-_STANDING = 1e-3  # sprocket speed at rest: one turn takes more than an hour and a half [rad/s]
+STANDING = 1e-3  # sprocket speed at rest: one turn takes more than an hour and a half [rad/s]
 _RESTING = 0.01  # the same, relative to the run's fastest
 _MOSTLY = 0.5  # share of implausible steps above which the units are wrong, not the poses
 _LENGTHS = (("millimetres", 1000.0), ("centimetres", 100.0))
@@ -159,7 +159,7 @@ def _require_lengths(log: RunLog, geometry: RobotGeometry) -> None:
 def _turns(omega: Array, first: int, last: int) -> bool:
     """Whether a sprocket turns in a stretch, and more than its encoder's noise."""
     of_stretch = omega[first : last + 1]
-    rest = max(_STANDING, _RESTING * float(np.abs(omega).max()), float(of_stretch.std(axis=0).max()))
+    rest = max(STANDING, _RESTING * float(np.abs(omega).max()), float(of_stretch.std(axis=0).max()))
     return float(np.abs(of_stretch.mean(axis=0)).max()) > rest
 
 

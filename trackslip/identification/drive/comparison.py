@@ -102,8 +102,8 @@ def _doubts(laws: Mapping[str, DriveFit], best: str) -> list[str]:
     for name, value in law.values.items():
         if name.startswith("offset") and name in law.interval95 and law.interval95[name][1] < 0:
             doubts.append(
-                f"law {best}: {name} = {value * 1e3:+.1f} mm puts the centre of rotation inside the track, which friction "
-                "doesn't do: is half_gauge too large, or do the poses turn too far?"
+                f"law {best}: {name} = {value * 1e3:+.1f} mm puts the centre of rotation inside the track, which "
+                "friction doesn't do: is half_gauge too large, or do the poses turn too far?"
             )
         if name.startswith("radius_error") and abs(value) > 0.1:
             doubts.append(f"law {best}: {name} = {value:+.0%} is large: are gear and sprocket_radius right?")

@@ -1,4 +1,4 @@
-"""Drives prepared for the estimator: the encoders' intervals and the poses of one or several logs, on their own clocks."""
+"""Drives prepared for the estimator: encoder intervals and poses of one or several logs, each on its own clock."""
 
 from __future__ import annotations
 

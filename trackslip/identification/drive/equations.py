@@ -1,4 +1,5 @@
-"""Residuals of poses and steps, and their normal equations: block-tridiagonal in the trajectory, bordered by parameters.
+"""Residuals of poses and steps, and their normal equations: block-tridiagonal in the trajectory, bordered by
+parameters.
 
 Unknown are the state of every node, the sensor's position and the robot's heading (x, y, phi), and the parameters. The
 lower Cholesky factor of the trajectory's part has five bands, so that a solution takes a time linear in the nodes.
@@ -26,7 +27,8 @@ _MIN_INFORMATION = 1e-3  # of a state, for nodes that no pose and no step ties [
 class Noise:
     """Standard deviations of the five kinds of residuals."""
 
-    values: Array  # (5,): position [m] and heading [rad] of poses; slip forwards, sideways [m/sqrt(m)], in turn [rad/sqrt(m)]
+    values: Array
+    """(5,): position [m] and heading [rad] of poses; slip forwards, sideways [m/sqrt(m)] and in turn [rad/sqrt(m)]."""
 
     NAMES = ("position", "heading", "slip_forward", "slip_sideways", "slip_turn")
 

@@ -21,7 +21,7 @@ from trackslip.identification.sensor import Sensor
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.base import SlipLaw
-from trackslip.slip.families import FAMILIES, TWO_SIDED, family
+from trackslip.slip.families import FAMILIES, family
 
 REFERENCE = "icr_radius"
 """The law that is fitted first; others start from its trajectory, and its gates hold for all."""
@@ -51,7 +51,7 @@ class DriveFit:
     """Parameters that were held, and why."""
     correlation: Array  # (f, f) of the fitted parameters, in the order of stderr
     noise: dict[str, float]
-    """Standard deviations: position [m], heading [rad], slip_forward, slip_sideways [m/sqrt(m)], slip_turn [rad/sqrt(m)]."""
+    """Standard deviations: position [m], heading [rad], slip_forward, slip_sideways [m/√m], slip_turn [rad/√m]."""
     poses: int
     """Poses used."""
     left_out: int

@@ -58,7 +58,8 @@ def fit(
 ) -> Fit:
     """Fit the values `free` (f,) of (p,) and the states (K, 3), starting from those given.
 
-    `mean` (p,) is that of the priors. With `gated`, outlying poses and steps are left out, else the weights of `nodes` stay.
+    `mean` (p,) is that of the priors. With `gated`, outlying poses and steps are left out, else the weights of `nodes`
+    stay.
     """
     yaw, prior = model.index("sensor_yaw"), model.prior
     measured = Nodes.of(nodes.drives)
@@ -154,7 +155,7 @@ def _trimming(nodes: Nodes, measured: Nodes) -> float:
 
 
 def far_off(model: DriveModel, nodes: Nodes, states: Array, values: Array) -> tuple[np.ndarray, np.ndarray]:
-    """(K,) bool of poses far from where dead reckoning leads from their neighbours, (K - 1,) of steps with lasting jumps."""
+    """Poses (K,) bool that their neighbours' dead reckoning misses far, and steps (K - 1,) bool with lasting jumps."""
     poses, steps = np.zeros(len(nodes.pose), bool), np.zeros(len(nodes.pose) - 1, bool)
     for drive, begin in zip(nodes.drives, nodes.first, strict=False):
         rows = np.flatnonzero(nodes.weight[begin : begin + len(drive.time), 0])

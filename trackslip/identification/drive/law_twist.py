@@ -51,8 +51,8 @@ def _by_direction(laws: SlipLaw) -> bool:
 def _table(laws: SlipLaw, count: int, geometry: RobotGeometry) -> Array:
     """Twists (n, _KNOTS + 1, 2) of n laws at commanded motions (v, b w) of size 1 and directions from -pi to pi.
 
-    The inverse of a table of the commanded motions that directions of the real one demand. Where a law jumps, as between
-    left and right turns in place, or is not unique, it takes the direction reached first.
+    The inverse of a table of the commanded motions that directions of the real one demand. Where a law jumps, as
+    between left and right turns in place, or is not unique, it takes the direction reached first.
     """
     b = geometry.half_gauge
     direction = np.linspace(-np.pi, np.pi, _KNOTS + 1)

@@ -2,8 +2,8 @@
 
 Parameters are those of the law, followed by EXTRAS:
 
-- sensor_x: how far ahead of the turning centre the sensor sits [m]. The centre may lie ahead of or behind the middle of the
-  tracks; the two can't be told apart.
+- sensor_x: how far ahead of the turning centre the sensor sits [m]. The centre may lie ahead of or behind the middle of
+  the tracks; the two can't be told apart.
 - sensor_y: how far to the left of the middle the sensor sits [m].
 - drift: c, outward drift in turns, a lateral speed of -c v w [s].
 - clock_offset: tau, encoder clock minus pose clock [s]: encoders show at stamp t + tau what poses show at stamp t.
@@ -84,7 +84,7 @@ class DriveModel:
 
     @property
     def prior(self) -> Array:
-        """Standard deviations (p,) of the priors; the law's are so wide that they matter only where data say nothing."""
+        """Standard deviations (p,) of the priors; the law's are too wide to matter where data say anything."""
         scale = self.family.limits(self.geometry.half_gauge)[2]
         return np.concatenate([10 * scale, [extra.prior for extra in EXTRAS.values()]])
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackslip.identification.drive.equations import Noise, Nodes, Residuals, log_determinant
+from trackslip.identification.drive.equations import Nodes, Noise, Residuals, log_determinant
 from trackslip.identification.drive.model import DriveModel
 from trackslip.kinematics import Array
 
@@ -23,9 +23,9 @@ def updated(
 ) -> Noise:
     """The next iterate of the variances, from residuals at the trajectory that `noise` led to.
 
-    Each variance is the sum of its squares over the number of its residuals less those used up by the trajectory and the
-    parameters: the derivative of the Hessian's log determinant by the logarithm of the variance's reciprocal. `trimmed` is
-    the share of the variance that poses keep when outlying ones are left out.
+    Each variance is the sum of its squares over the number of its residuals less those used up by the trajectory and
+    the parameters: the derivative of the Hessian's log determinant by the logarithm of the variance's reciprocal.
+    `trimmed` is the share of the variance that poses keep when outlying ones are left out.
     """
     yaw = model.index("sensor_yaw")
     base = log_determinant(found, nodes, noise, free, yaw, prior)

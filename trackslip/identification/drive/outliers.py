@@ -16,8 +16,9 @@ _MIN_SPREAD = np.array([1e-3, np.radians(0.05)])  # [m, rad]
 def outlying(pose: Array, state: Array, motion: Array) -> tuple[np.ndarray, np.ndarray]:
     """Outlying poses (n,) bool, and poses after lasting jumps (n,) bool, of one drive.
 
-    Each pose is predicted from its neighbours before, and from those after it: the median of where dead reckoning from each
-    leads. An outlying pose misses both predictions, the first one after a lasting jump only the prediction from before.
+    Each pose is predicted from its neighbours before, and from those after it: the median of where dead reckoning from
+    each leads. An outlying pose misses both predictions, the first one after a lasting jump only the prediction from
+    before.
 
     Args:
         pose: (n, 3) measured poses; NaN headings are not compared.

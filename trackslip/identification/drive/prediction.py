@@ -72,8 +72,8 @@ class Predictions:
 def held_out(found: Fit) -> Predictions:
     """Predictions of driving that the law was not fitted to.
 
-    With several drives, each is predicted by a fit to the others (in at most five groups); of a single one, the second half by
-    a fit to the first. The fits start from `found`, whose outlying poses are left out everywhere.
+    With several drives, each is predicted by a fit to the others (in at most five groups); of a single one, the second
+    half by a fit to the first. The fits start from `found`, whose outlying poses are left out everywhere.
     """
     folds = _folds(found)
     parts = [_predicted(refitted, found, rows) for refitted, rows in folds]
@@ -182,10 +182,10 @@ def score(errors: Mapping[str, Mapping[float, Errors]], names: Sequence[str]) ->
     ratios: dict[str, list[float]] = {name: [] for name in names}
     for horizon in HORIZONS:
         for key in ("position_rms", "heading_rms"):
-            values = {name: getattr(errors[name].get(horizon), key, None) for name in names}
-            if any(value is None for value in values.values()):
+            values = {name: float(getattr(errors[name].get(horizon), key, None) or np.nan) for name in names}
+            if not np.isfinite(list(values.values())).all():
                 continue
-            least = max(min(values.values()), 1e-12)
+            least = min(values.values())
             for name in names:
                 ratios[name].append(values[name] / least)
     return {name: float(np.mean(ratio)) if ratio else np.nan for name, ratio in ratios.items()}

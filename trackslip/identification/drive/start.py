@@ -1,4 +1,4 @@
-"""Starting values: the clock offset and the ratio of turns, found by comparing turns or paths; the trajectory from them."""
+"""Starting values: clock offset and ratio of turns from comparing turns or paths, and the trajectory from them."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def start(drives: Sequence[Drive], geometry: RobotGeometry) -> tuple[float, floa
 
 
 def trajectory(drive: Drive, geometry: RobotGeometry, offset: float, clock_offset: float) -> Array:
-    """States (K, 3) of a drive's nodes: measured, and dead reckoned with D = `offset` [m] where nothing was measured."""
+    """States (K, 3) of a drive's nodes: measured, else dead reckoned with D = `offset` [m]."""
     ratio = geometry.half_gauge / (geometry.half_gauge + offset)
     place, heading = reckoned(drive, geometry, ratio, drive.time + clock_offset)
     measured = np.isfinite(drive.pose[:, 0])
