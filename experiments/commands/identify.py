@@ -7,6 +7,7 @@ from experiments.options.identify import IdentifyConfig
 from experiments.report import drives as drive_tables
 from experiments.report import identification as steady_tables
 from experiments.report.formats import for_terminal
+from experiments.report.law_rows import law_table
 from experiments.report.reproduction import Report, render
 from experiments.report.terminal import print_table, progress
 from experiments.storage.manifest import command_line, make_manifest
@@ -74,14 +75,14 @@ def _print(found: Identification) -> None:
 
 
 def _print_steady_laws(found: Identification) -> None:
-    laws = steady_tables.law_table(steady_tables.law_rows(found.comparison))
+    laws = law_table(steady_tables.law_rows(found.comparison))
     print_table(f"Slip laws from {len(found.samples)} steady samples", steady_tables.LAW_HEADER, for_terminal(laws))
 
 
 def _print_drive_laws(drive: DriveComparison) -> None:
     count = len(drive.drives)
     title = f"Slip laws from {'a whole drive' if count == 1 else f'{count} whole drives'}"
-    laws = steady_tables.law_table(drive_tables.law_rows(drive))
+    laws = law_table(drive_tables.law_rows(drive))
     print_table(title, drive_tables.LAW_HEADER, for_terminal(laws))
 
 

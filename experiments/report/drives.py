@@ -9,7 +9,7 @@ import numpy as np
 
 from experiments.report.colours import LABELS
 from experiments.report.formats import MISSING, number, pair, significant
-from experiments.report.identification import LawRow
+from experiments.report.law_rows import LawRow
 from experiments.report.law_symbols import (
     EXTRA_SYMBOLS,
     EXTRA_TITLES,

@@ -13,6 +13,7 @@ from experiments.report.colours import LABELS
 from experiments.report.figures.axes import bar_factor
 from experiments.report.figures.laws import residual_band
 from experiments.report.formats import MISSING, number, significant
+from experiments.report.law_rows import LawRow
 from experiments.report.law_symbols import FORMULAS, SYMBOLS, digits_for, unit_of
 from trackslip.identification.comparison import Comparison
 from trackslip.identification.fitted import FittedLaw
@@ -26,17 +27,6 @@ _BASELINES = ("none", "constant")
 LAW_HEADER = ("law", "parameter", "value ± std. error", "95 % interval", "by bootstrap")
 CRITERIA_HEADER = ("law", "free", "rms", "AICc", "weight", "cv radius", "cv speed", "cv yaw [mrad/s]", "lack of fit")
 _CERTAIN = 0.001  # probabilities below this are printed as an upper limit
-
-
-@dataclass(frozen=True)
-class LawRow:
-    """A law and its parameters, as printed."""
-
-    law: str  # its name in files and options
-    title: str
-    formula: Sequence[str]  # lines
-    parameters: Sequence[tuple[str, ...]]  # symbol; value with standard error and unit; both 95 % intervals
-    best: bool = False
 
 
 @dataclass(frozen=True)
@@ -137,11 +127,6 @@ def law_rows(comparison: Comparison) -> list[LawRow]:
         for key, value in vars(PUBLISHED).items()
     ]
     return [*rows, LawRow("published", LABELS["published"], FORMULAS["exponential"], published)]
-
-
-def law_table(rows: Sequence[LawRow]) -> list[tuple[str, ...]]:
-    """One line per parameter, under LAW_HEADER."""
-    return [(row.law if k == 0 else "", *cells) for row in rows for k, cells in enumerate(row.parameters)]
 
 
 def criteria_rows(found: Identification) -> list[CriteriaRow]:
