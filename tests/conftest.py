@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -67,3 +68,16 @@ def scan_rectangle():
 def few_resamples(monkeypatch):
     """Identify with few resamples of the runs: they take most of the time, and not every test is about their number."""
     monkeypatch.setattr("trackslip.identification.comparison.fit_law", partial(fit_law, bootstraps=20))
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leave figures empty: drawing takes most of a report's time, and has tests of its own."""
+
+    def save(figure, file, **_):
+        if isinstance(file, Path):
+            file.touch()
+        else:
+            file.write("<svg></svg>")
+
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", save)

@@ -14,8 +14,12 @@ from experiments.measuring.coverage import (
     generating_values,
     scanned_again,
 )
+from experiments.measuring.drive_cases import DURATION
+from experiments.measuring.drive_study import MAX_SIMULATED, simulated_drives, size, steady_laws, study
 from experiments.options.coverage import CoverageConfig
+from experiments.parallel.executors import processors, workers
 from experiments.recording import record_all
+from experiments.report.drive_checks import CHECKS_HEADER, SIMULATED_HEADER, checks_table, simulated_table
 from experiments.report.law_symbols import SYMBOLS
 from experiments.report.terminal import print_table, progress
 from experiments.storage.results import SUMMARY_FILE, results_folder, write_results
@@ -25,6 +29,39 @@ from trackslip.slip.families import FAMILIES
 
 
 def run(config: CoverageConfig) -> None:
+    """Check the intervals of steady samples, or those of drives."""
+    if config.drives:
+        check_drives(config)
+    else:
+        check_grids(config)
+
+
+def check_drives(config: CoverageConfig) -> None:
+    """Drive in MuJoCo and by the law, fit every drive, store and print what has to hold."""
+    began = time.perf_counter()
+    with results_folder(config.out) as folder:
+        world = World.of(config)
+        count = min(config.drive_repeats, MAX_SIMULATED)
+        with progress(f"{count} drives and circles", count * DURATION) as report:
+            steady = steady_laws(world.robot, config.threads)
+            drives = simulated_drives(world.robot, count, config.seed, config.threads, lambda s: report(count * s))
+        jobs = config.threads or processors()
+        fits = size(count, config.drive_repeats)
+        with progress("fits of drives", fits, "fits") as step, workers("processes", jobs) as pool:
+            found = study(drives, steady, world.robot.geometry, config.drive_repeats, config.seed, pool, step)
+        wall = time.perf_counter() - began
+        timing = {"wall_s": wall, "stages": {"coverage": wall}}
+        write_results(folder, found.to_json() | {"timing": timing}, world.manifest("coverage", wall, config))
+    print_table(f"{found.repeats} drives in each case", CHECKS_HEADER, checks_table(found.checks))
+    print_table("MuJoCo's drives without noise, and steady circles", SIMULATED_HEADER, simulated_table(found.simulated))
+    for line in found.failures:
+        print(f"a fit failed: {line}")
+    held = sum(check.holds for check in found.checks)
+    print(f"{held} of {len(found.checks)} checks hold")
+    print(f"{config.out / SUMMARY_FILE}: {wall:.1f} s")
+
+
+def check_grids(config: CoverageConfig) -> None:
     """Drive grids without noise, repeat what is random, store and print."""
     began = time.perf_counter()
     with results_folder(config.out) as folder:
@@ -32,10 +69,10 @@ def run(config: CoverageConfig) -> None:
         geometry = world.robot.geometry
         repeats: list[tuple[SlipSamples, SlipSamples]] = []
         size = len(cells_of(config))
-        stage = f"{config.drives} grids of {size} runs, {config.run_repeats} scans"
-        with progress(stage, 2 * config.drives, "stages") as step:
-            for k in range(config.drives):
-                count = len(range(k, config.run_repeats, config.drives))
+        stage = f"{config.grids} grids of {size} runs, {config.run_repeats} scans"
+        with progress(stage, 2 * config.grids, "stages") as step:
+            for k in range(config.grids):
+                count = len(range(k, config.run_repeats, config.grids))
                 logs = drive_grid(config.grid(k), world)
                 step(1.0)
                 if k == 0 and config.rrd:

@@ -55,3 +55,18 @@ def refuse_unused(options: Any, names: Iterable[str], reason: str) -> None:
         value = getattr(options, option.name)
         if option.name in names and value != option.default:
             raise InvalidValueError(option.name, value, f"left out {reason}")
+
+
+def refuse_changed(name: str, value: Any, default: Any, reason: str) -> None:
+    """Refuse an option, or the first of a group, that would have no effect but has another value than by default."""
+    if dataclasses.is_dataclass(value):
+        for option in dataclasses.fields(value):
+            inner = f"{name}.{option.name}".removesuffix(".source")
+            refuse_changed(inner, getattr(value, option.name), getattr(default, option.name), reason)
+    elif value != default:
+        raise InvalidValueError(name, value, f"left out {reason}")
+
+
+def default_of(option: dataclasses.Field[Any]) -> Any:
+    """The default value of an option that has one."""
+    return option.default if option.default_factory is dataclasses.MISSING else option.default_factory()

@@ -1,12 +1,12 @@
 """Options of `trackslip wander`."""
 
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import tyro
 
-from experiments.options.checks import require_between, require_integer, require_speed
+from experiments.options.checks import refuse_changed, require_between, require_integer, require_speed
 from experiments.options.help import default_is
 from experiments.options.world import MAX_DURATION, GroundOptions, Repeatable, Simulation
 from sim.drive.drive import MAX_RADIUS_ERROR, Drive
@@ -149,11 +149,11 @@ class WanderConfig(Repeatable):
             raise InvalidValueError("duration", self.duration, f"at least {2 / self.encoder_rate:g} s, two readings")
         if self.motion == "law":
             for name in ("ground", "radius_error"):
-                _refuse_changed(name, getattr(self, name), getattr(WanderConfig(), name), "with --motion law")
+                refuse_changed(name, getattr(self, name), getattr(WanderConfig(), name), "with --motion law")
             used = replace(Drive(), top_speed=self.drive.top_speed, encoder_counts=self.drive.encoder_counts)
-            _refuse_changed("drive", self.drive, used, "with --motion law")
+            refuse_changed("drive", self.drive, used, "with --motion law")
             return
-        _refuse_changed("law", self.law, LawOptions(), "without --motion law")
+        refuse_changed("law", self.law, LawOptions(), "without --motion law")
         periods = 1 / (self.encoder_rate * self.drive.period)
         if abs(periods - round(periods)) > 1e-6 or periods < 0.5:
             allowed = f"a rate whose period is a multiple of drive.period = {self.drive.period} s"
@@ -172,12 +172,3 @@ class WanderConfig(Repeatable):
             seed=self.seed,
             threads=self.threads,
         )
-
-
-def _refuse_changed(name: str, value: Any, default: Any, reason: str) -> None:
-    """Refuse an option, or the first of a group, that has no effect but another value than by default."""
-    if is_dataclass(value):
-        for option in fields(value):
-            _refuse_changed(f"{name}.{option.name}", getattr(value, option.name), getattr(default, option.name), reason)
-    elif value != default:
-        raise InvalidValueError(name.removesuffix(".source"), value, f"left out {reason}")

@@ -19,13 +19,17 @@ from trackslip.identification.comparison import Comparison
 from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.replicates import LackOfFit
 from trackslip.identification.result import Identification
+from trackslip.identification.weighting import relative_errors
 from trackslip.kinematics import Array
 from trackslip.metrics import rms
 from trackslip.slip.exponential import PUBLISHED
 
 _BASELINES = ("none", "constant")
 LAW_HEADER = ("law", "parameter", "value ± std. error", "95 % interval", "by bootstrap")
-CRITERIA_HEADER = ("law", "free", "rms", "AICc", "weight", "cv radius", "cv speed", "cv yaw [mrad/s]", "lack of fit")
+CRITERIA_HEADER = (
+    *("law", "free", "rms", "AICc", "weight", "cv radius", "cv speed", "cv run"),
+    *("cv v [mm/s]", "cv w [mrad/s]", "lack of fit"),
+)
 _CERTAIN = 0.001  # probabilities below this are printed as an upper limit
 
 
@@ -75,7 +79,7 @@ class Facts:
     band: tuple[str, str] | None  # half width of the residuals that need no better law [-], and its meaning
     best: str  # title of the best law
     best_law: FittedLaw
-    by_criterion: bool  # the best law was chosen by AICc
+    criterion: str  # what the best law was chosen by
     predictions: Sequence[Prediction]  # of the best law, and of the paper's exponential where it differs
     laws: Sequence[LawRow]
     criteria: Sequence[CriteriaRow]
@@ -106,7 +110,7 @@ class Facts:
             band=(f"{band:.1g}", meaning) if len(turns) else None,
             best=LABELS.get(comparison.best, comparison.best),
             best_law=comparison.laws[comparison.best],
-            by_criterion=comparison.aicc[comparison.best] is not None,
+            criterion=comparison.criterion,
             predictions=_predictions(comparison),
             laws=law_rows(comparison),
             criteria=criteria_rows(found),
@@ -143,13 +147,16 @@ def criteria_rows(found: Identification) -> list[CriteriaRow]:
             number(comparison.weight[name], 2),
             number(validation.radius, 5),
             number(validation.speed, 5),
+            number(validation.run, 5),
+            number(None if validation.linear_speed is None else 1e3 * validation.linear_speed, 2),
             number(None if validation.yaw_rate is None else 1e3 * validation.yaw_rate, 2),
         )
         verdict = "unknown" if law.lack_of_fit is None else "misses" if law.lacks_fit else "fits"
         best = name == comparison.best
         rows.append(CriteriaRow(name, LABELS.get(name, name), numbers, verdict, _test(law.lack_of_fit), best))
-    residual = number(rms(PUBLISHED.slip(samples.twist) - samples.slip), 5)
-    return [*rows, CriteriaRow("published", LABELS["published"], ("0", residual, *[MISSING] * 5), MISSING, "")]
+    predicted = PUBLISHED.twist(samples.omega, found.geometry)
+    residual = number(rms(relative_errors(predicted, samples, found.geometry)), 5)
+    return [*rows, CriteriaRow("published", LABELS["published"], ("0", residual, *[MISSING] * 7), MISSING, "")]
 
 
 def criteria_table(rows: Sequence[CriteriaRow]) -> list[tuple[str, ...]]:

@@ -12,6 +12,7 @@ from trackslip.kinematics import SIDES, Array
 
 _STEEPEST = 1.5  # slope of the smoothest step from 0 to 1 in a unit of time, 3 u^2 - 2 u^3, at its middle
 _CLOSING = 2.404825557695773  # first zero of J_0: a heading of this amplitude, sinusoidal in time, closes an eight
+_BACK = -0.3  # how far back a lever goes of its own [of the way forwards]
 _STRAIGHT = 4.0  # on each side of a loop [s]
 
 
@@ -46,17 +47,12 @@ def track_commands(driving: str, duration: float, rate: float, driver: Driver, r
 
 
 def _random(time: Array, driver: Driver, rng: np.random.Generator) -> Array:
-    """Straight stretches, curves to both sides, turns on the spot, reversals and stops, each for a second or two."""
-    count = int(time[-1]) + 2  # of manoeuvres: each lasts longer than a second
-    kinds = rng.choice(5, count, p=(0.2, 0.45, 0.15, 0.12, 0.08))
-    fast, slow = np.sort(rng.uniform(0.2, 1.0, (count, 2)), axis=1).T[::-1]
-    straight, stop = np.stack([fast, fast], axis=1), np.zeros((count, 2))
-    curve = np.stack([fast, slow], axis=1)
-    spin = np.stack([fast, -rng.uniform(0.6, 1.0, count) * fast], axis=1)
-    levers = np.choose(kinds[:, None], [straight, curve, spin, -0.7 * curve, stop])
-    levers = np.where(rng.random((count, 1)) < 0.5, levers, levers[:, ::-1])  # to either side
-    moving, holding = rng.uniform(0.5, 1.2, count), rng.uniform(0.5, 2.0, count)
-    return _levers(time, driver, driver.max_speed * levers, moving, holding)
+    """Each lever is moved smoothly to a place of its own, now and then both to the same, back, or to rest."""
+    count = int(time[-1]) + 2  # of places: each takes longer than a second
+    levers = _BACK + (1 - _BACK) * rng.random((count, 2)) ** 0.6  # rather forwards
+    kinds = rng.choice(4, count, p=(0.8, 0.08, 0.06, 0.06))[:, None]
+    levers = np.choose(kinds, [levers, np.broadcast_to(np.abs(levers[:, :1]), levers.shape), -levers, 0 * levers])
+    return _levers(time, driver, driver.max_speed * levers, rng.uniform(0.8, 1.4, count), rng.uniform(0.5, 1.5, count))
 
 
 def _stop_and_go(time: Array, driver: Driver, rng: np.random.Generator) -> Array:

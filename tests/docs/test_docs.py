@@ -15,18 +15,12 @@ def ids(page):
     return str(page.relative_to(ROOT))
 
 
-def undrawn(figure, file, **_):
-    """In place of drawing, which would take most of the time and has tests of its own."""
-    file.write("<svg></svg>")
-
-
 @pytest.fixture
-def workplace(tmp_path, monkeypatch):
+def workplace(tmp_path, monkeypatch, undrawn):
     """An empty folder to run a page in, whose modules are forgotten afterwards."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", list(sys.path))
     monkeypatch.setenv("COLUMNS", "200")
-    monkeypatch.setattr("matplotlib.figure.Figure.savefig", undrawn)
     for module in ("experiments.commands.grid", "experiments.benchmark.jobs"):  # others would take longer to start
         monkeypatch.setattr(f"{module}.processors", lambda: 1)
     importlib.invalidate_caches()

@@ -10,6 +10,7 @@ import numpy as np
 from trackslip.errors import LogError
 from trackslip.identification.fitted import FittedLaw, fit_law
 from trackslip.identification.samples import SlipSamples
+from trackslip.identification.sensor import offset_between_sides
 from trackslip.identification.validation import CrossValidation, Predictions, best_predictors
 from trackslip.kinematics import RobotGeometry
 from trackslip.slip.families import FAMILIES, TWO_SIDED
@@ -18,6 +19,7 @@ BASELINES = ("none", "exponential", "icr")
 """Laws that are always reported, for others to be compared with."""
 _WITHOUT_RADIUS = ("none", "constant")  # laws that tell nothing of turns
 _INDISTINCT = 2.0  # difference of AICc within which the simpler law is preferred
+_CERTAIN = 3.0  # difference of ICRs that is no chance [standard errors]
 _LARGE_RADIUS_ERROR = 0.1  # radius error above which a wrong gear or sprocket radius is more likely [-]
 
 
@@ -64,7 +66,7 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> Comparison:
         except LogError as error:
             warnings.append(str(error))
     if not any(not law.notes for name, law in laws.items() if name not in _WITHOUT_RADIUS):
-        raise LogError(warnings[-1])
+        raise LogError(next(why for why in warnings if why.startswith("law icr:")))
     predictions = {name: Predictions.of(law, samples, geometry) for name, law in laws.items()}
     validation = {name: one.errors(samples, geometry) for name, one in predictions.items()}
     aicc = {name: law.aicc(len(samples)) for name, law in laws.items()}
@@ -121,6 +123,30 @@ def _doubts(laws: Mapping[str, FittedLaw], best: str) -> list[str]:
             doubts.append(
                 f"law {best}: {key} = {value:+.0%} is implausible for a track: are gear and sprocket radius right?"
             )
+    doubts += _odd_centres(laws)
     if best in TWO_SIDED:
         doubts.append(f"left and right turns differ: {best} describes both, the other laws assume symmetry")
+    return doubts
+
+
+def _odd_centres(laws: Mapping[str, FittedLaw]) -> list[str]:
+    """Questions about ICRs inside their tracks, and about ICRs that differ."""
+    doubts = []
+    for name in ("icr", "icr_radius"):
+        if name not in laws or laws[name].notes or laws[name].interval95["offset"][1] >= 0:
+            continue
+        size = f"{1e3 * laws[name].values['offset']:.1f} ± {1e3 * laws[name].stderr['offset']:.2g} mm"
+        doubts.append(
+            f"law {name}: D = {size} is negative, but tracks that skid have their ICRs outside: is half_gauge right, "
+            "or does the sensor sit off the middle (--sensor X Y YAW, or --estimate-sensor)?"
+        )
+    if "icr_sides" in laws:
+        offset, error = offset_between_sides(laws["icr_sides"])
+        if abs(offset) > _CERTAIN * error:
+            differ, sits = (f"{1e3 * k * abs(offset):.1f} ± {1e3 * k * error:.2g} mm" for k in (2, 1))
+            doubts.append(
+                f"law icr_sides: D_left and D_right differ by {differ}: the sensor may sit {sits} to the "
+                f"{'left' if offset > 0 else 'right'} of the middle (--sensor X Y YAW, or --estimate-sensor); an "
+                "offset and unequal ICRs can't be told apart"
+            )
     return doubts

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from trackslip.identification.sensitivity import twist_slopes
 from trackslip.identification.solver import Minimum, least_squares
 from trackslip.identification.weighting import WeightedRuns
 from trackslip.kinematics import Array
@@ -133,10 +134,16 @@ def minimise(
         deviation = runs.deviation(family.law(values[:, None, :], runs.geometry), chosen)
         return runs.whiten(deviation, scatter[chosen], chosen)
 
+    def jacobian(values: Array, rows: np.ndarray) -> Array:
+        chosen = sets[rows]
+        slopes = -runs.of_twists @ twist_slopes(family, values, runs.omega, runs.geometry)
+        return (slopes * runs.roots(scatter[chosen], chosen)[..., None]).reshape(len(rows), -1, values.shape[1])
+
     if not family.names:
         cost = np.sum(residual(start, np.arange(len(start))) ** 2, axis=1)
         return Minimum(start, cost, np.zeros((len(start), 0, 0)))
-    return least_squares(residual, start, low, high, scale, held)
+    by_hand = type(family.law(start[:1], runs.geometry)).twist is SlipLaw.twist
+    return least_squares(residual, start, low, high, scale, held, jacobian if by_hand else None)
 
 
 def _at(family: LawFamily, runs: WeightedRuns, scatter: Array, start: Array | None) -> Fits:

@@ -14,7 +14,7 @@ from trackslip.identification.drive.estimate import DRIVE_LAWS
 from trackslip.identification.outliers import split_outliers
 from trackslip.identification.result import Identification, Method, SteadyLaws
 from trackslip.identification.samples import Sampling
-from trackslip.identification.sensor import Sensor
+from trackslip.identification.sensor import Sensor, with_sensor
 from trackslip.identification.source import Reading, Source, read_source, source_of_runs
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import RunLog
@@ -78,7 +78,7 @@ def identify_source(
     reason = source.unsteady
     if method != "drive":
         try:
-            steady = identify_samples(source.sampling, source.geometry, source.logs)
+            steady = identify_samples(source.sampling, source.geometry, source.logs, sensor, estimate_sensor)
         except LogError as error:
             reason = str(error)
     step(1.0)
@@ -109,12 +109,18 @@ def identify_samples(
     sampling: Sampling,
     geometry: RobotGeometry,
     logs: tuple[RunLog, ...] = (),
+    sensor: Sensor | None = None,
+    estimate_sensor: bool | None = False,
 ) -> Identification:
-    """Leave out outliers, fit and compare the laws; raises LogError if the samples determine no law."""
-    samples, outliers = split_outliers(sampling.samples, geometry)
+    """Leave out outliers, fit and compare the laws; raises LogError if the samples determine no law.
+
+    `sensor` and `estimate_sensor` are those of `with_sensor`; by default the sensor is at the robot's centre.
+    """
+    centred, _, notes = with_sensor(sampling.samples, geometry, sensor, estimate_sensor)
+    samples, outliers = split_outliers(centred, geometry)
     left_out = (*sampling.refused, *outliers)
     comparison = compare_laws(samples, geometry)
-    warnings = (*sampling.notes, *map(str, left_out), *comparison.warnings)
+    warnings = (*sampling.notes, *notes, *map(str, left_out), *comparison.warnings)
     return Identification(geometry, "steady", SteadyLaws(samples, comparison), None, left_out, warnings, logs)
 
 

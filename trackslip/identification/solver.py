@@ -33,11 +33,18 @@ class Minimum:
 
 
 def least_squares(
-    residual: Residual, start: Array, low: Array, high: Array, scale: Array, held: np.ndarray | None = None
+    residual: Residual,
+    start: Array,
+    low: Array,
+    high: Array,
+    scale: Array,
+    held: np.ndarray | None = None,
+    jacobian: Residual | None = None,
 ) -> Minimum:
     """Minimise the sums of squares of M problems, from starting values (M, p) within the limits `low`, `high` (p,).
 
     `scale` (p,) are the sizes of significant changes; parameters where `held` (M, p) is true are kept fixed.
+    `jacobian` gives the derivatives (m, K, p) of the residuals like these; by default, they are taken by differences.
     """
     problems, parameters = start.shape
     held = np.zeros((problems, parameters), bool) if held is None else held
@@ -52,10 +59,13 @@ def least_squares(
     hessian = np.tile(np.eye(parameters), (problems, 1, 1))
     damping = np.full(problems, 1e-3)
     for _ in range(_ITERATIONS):
-        jacobian = _jacobian(finite, values[rows], current[rows], rows, high, scale)
-        jacobian = np.where(held[rows][:, None, :], 0.0, jacobian)
-        gradient = np.einsum("mki,mk->mi", jacobian, current[rows])
-        normal = np.einsum("mki,mkj->mij", jacobian, jacobian)
+        if jacobian is None:
+            slopes = _jacobian(finite, values[rows], current[rows], rows, high, scale)
+        else:
+            slopes = np.nan_to_num(jacobian(values[rows], rows), nan=0.0, posinf=0.0, neginf=0.0)
+        slopes = np.where(held[rows][:, None, :], 0.0, slopes)
+        gradient = np.einsum("mki,mk->mi", slopes, current[rows])
+        normal = slopes.swapaxes(1, 2) @ slopes
         diagonal = np.einsum("mii->mi", normal)  # a view
         diagonal[held[rows]] = 1.0
         hessian[rows] = normal

@@ -132,7 +132,7 @@ def _read(file: Path, reading: Reading, chosen: Callable[[Path], Collection[str]
         geometry = _geometry(reading, None, file)
         return Source(geometry, _sampled(Columns(table, str(file)), reading.gear, geometry), ())
     if not set(columns) & set(REQUIRED[1:]):
-        needed = f"{', '.join(REQUIRED)} or {', '.join(SAMPLE_COLUMNS)}"
+        needed = f"{', '.join(REQUIRED)} and usually phi, or {', '.join(SAMPLE_COLUMNS)}"
         raise LogError(f"{file}: needs the columns {needed}; found {', '.join(columns)[:200]!r}")
     read = runs_from_table(table, str(file))
     runs: Sequence[RunLog] = read.runs
@@ -151,7 +151,8 @@ def _sampled(columns: Columns, gear: float, geometry: RobotGeometry) -> Sampling
     if not len(values):
         raise LogError("no rows")
     bad = np.argwhere(np.isnan(values))
-    unread = {int(row): columns.complaint(SAMPLE_COLUMNS[column], int(row)) for row, column in reversed(bad)}
+    complaints = {int(row): columns.complaint(SAMPLE_COLUMNS[column], int(row)) for row, column in reversed(bad)}
+    unread = {row: complaint.removeprefix(f"row {row + 1}, ") for row, complaint in complaints.items()}
     return usable_rows(values[:, :2] / gear, values[:, 2:], geometry, unread)
 
 

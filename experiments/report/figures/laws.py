@@ -144,8 +144,8 @@ def criteria(comparison: Comparison) -> Figure:
     fitted = np.array([comparison.laws[name].rms for name in names])
     for axis, title, label, values, hollow in (
         (axes[0], "Criterion", "AICc − smallest [–]", aicc - np.nanmin(aicc, initial=np.inf), None),
-        (axes[1], "Radius left out", "slip, rms [–]", radius, fitted),
-        (axes[2], "Speed left out", "slip, rms [–]", speed, fitted),
+        (axes[1], "Radius left out", "track speeds, rms [–]", radius, fitted),
+        (axes[2], "Speed left out", "track speeds, rms [–]", speed, fitted),
         (axes[3], "Radius left out", "yaw rate, rms [mrad/s]", 1e3 * yaw_rate, None),
     ):
         _dots(axis, names, values, hollow)

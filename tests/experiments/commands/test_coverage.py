@@ -8,7 +8,7 @@ SMALL = ("--radii", "0.6", "1.2", "2.4", "--speeds", "0.1", "0.2", "--duration",
 
 
 def test_every_parameter_of_every_law_has_its_share(trackslip):
-    result = trackslip("coverage", *SMALL, "--run-repeats", "6", "--drives", "2")
+    result = trackslip("coverage", *SMALL, "--run-repeats", "6", "--grids", "2")
     assert result.summary["repeats"] == 40
     for key in ("laws", "laws_errors_unknown"):
         laws = result.summary[key]
@@ -27,10 +27,33 @@ def test_every_parameter_of_every_law_has_its_share(trackslip):
     ("arguments", "message"),
     [
         (("--repeats", "0"), "repeats = 0"),
-        (("--run-repeats", "4", "--drives", "5"), "drives = 5: must be an integer from 1 to run_repeats = 4"),
+        (("--run-repeats", "4", "--grids", "5"), "grids = 5: must be an integer from 1 to run_repeats = 4"),
         (("--scanner.noise", "0"), "scanner.noise = 0"),
         (("--radii", "0.6"), "radii = (0.6,): must be at least two"),
     ],
 )
 def test_mistakes(refused, arguments, message):
     assert message in refused("coverage", *arguments)
+
+
+def test_drives_refuse_what_is_about_grids(refused):
+    for arguments, message in (
+        (("--repeats", "10"), "repeats = 10: must be left out with --drives"),
+        (("--scanner.noise", "0"), "scanner.noise = 0.0: must be left out with --drives"),
+        (("--ground", "ice"), "ground = 'ice': must be left out with --drives"),
+        (("--drive-repeats", "1"), "drive_repeats = 1: must be an integer from 2 to 100000"),
+    ):
+        assert message in refused("coverage", "--drives", *arguments)
+    assert "drive_repeats = 9: must be left out without --drives" in refused("coverage", "--drive-repeats", "9")
+
+
+@pytest.mark.slow
+def test_drives_are_checked(trackslip):
+    result = trackslip("coverage", "--drives", "--drive-repeats", "2", "--threads", "2")
+    checks = result.summary["checks"]
+    assert all(set(check) == {"name", "value", "bound", "unit", "holds"} for check in checks)
+    assert [check["value"] for check in checks if check["name"].endswith("fits without D or epsilon")] == [0.0] * 8
+    errors = [check for check in checks if "rms error of offset" in check["name"]]
+    assert len(errors) == 8
+    assert all(check["unit"] == "m" and check["value"] < 0.005 for check in errors)
+    assert "of the same speeds" in result.printed

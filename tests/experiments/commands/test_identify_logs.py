@@ -125,14 +125,35 @@ def test_gaps_in_the_clock_and_poses_that_teleport_are_listed(tmp_path):
     assert "run 'run 0': its clock has a gap from t = 4.9 s to 35 s" in warnings
     assert "run 'run 1': its pose jumps by" in warnings
     assert "run 'run 2': its pose jumps by" in warnings
-    assert len(found.samples) == len(TWISTS)
+    assert [name for name in found.samples.run if name.startswith("run 0")] == ["run 0 @ 1.5 s", "run 0 @ 36.5 s"]
+    assert len(found.samples) == len(TWISTS) + 1
     assert values_of(found)["offset"] == pytest.approx(0.09, abs=0.003)
 
 
-def test_duplicate_times_are_named(refused, tmp_path):
+def test_rows_and_runs_that_cannot_be_read_are_listed(tmp_path):
     runs = traces()
     runs[1][7][1] = runs[1][6][1]
-    assert "row 208, column t: 0.6 is not after 0.6" in refused("identify", written(runs, tmp_path / "l.csv"), *OPTIONS)
+    runs[2][8][4] = "nan"
+    for row in runs[3]:
+        row[6] = np.degrees(row[6])
+    found = identify(written(runs, tmp_path / "log.csv"), ROBOT)
+    assert found.warnings[:2] == (
+        "run 'run 1': 1 row left out: row 208, column t: 0.6 is not after 0.6, the time before it",
+        "run 'run 2': 1 pose left out: row 409, column x: 'nan' is not a finite number",
+    )
+    assert [refused.run for refused in found.outliers] == ["run 3"]
+    assert "run 'run 3' left out: column phi: headings fit the path in degrees" in found.warnings[2]
+    assert values_of(found)["offset"] == pytest.approx(0.09, abs=0.002)
+
+
+def test_a_sprocket_at_rest_is_used(tmp_path):
+    """Turning about one track, nearly: the encoder of the inner one says nothing, the robot's turn says all."""
+    twist = (0.3, 0.3 / (0.3 + 0.09))
+    found = identify(written(traces(twists=(*TWISTS, twist)), tmp_path / "log.csv"), ROBOT)
+    assert found.outliers == ()
+    assert len(found.samples) == len(TWISTS) + 1
+    assert np.isnan(found.samples.slip[-1]).tolist() == [True, False]
+    assert values_of(found)["offset"] == pytest.approx(0.09, abs=0.002)
 
 
 def test_a_run_on_other_ground_is_an_outlier(tmp_path):

@@ -108,7 +108,10 @@ EXAMPLES = {
         },
     ),
     "validate": (REPEATABLE | {"robot": "robot.toml", "rrd": "", "out": "a", "pdf": ""},),
-    "coverage": (RUNS | {"repeats": "2", "run-repeats": "2", "drives": "1", "out": "a"},),
+    "coverage": (
+        RUNS | {"repeats": "2", "run-repeats": "2", "grids": "1", "out": "a"},
+        {"drives": "", "drive-repeats": "2"},
+    ),
     "sensitivity": (GRID | {"out": "a", "pdf": ""},),
     "reproduce": (GRID | {"out": "a", "pdf": ""},),
     "bench": (
@@ -187,7 +190,7 @@ def command_line(name, given):
     return words
 
 
-@pytest.mark.usefixtures("few_resamples")
+@pytest.mark.usefixtures("few_resamples", "undrawn")
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in EXAMPLES]
 )

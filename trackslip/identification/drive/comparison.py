@@ -15,7 +15,8 @@ from trackslip.identification.drive.prediction import Errors, Predictions, held_
 from trackslip.identification.sensor import Sensor
 from trackslip.kinematics import RobotGeometry
 
-_SAME = 0.02  # difference of scores within which the simpler law is preferred [-]
+_SAME = 0.02  # difference of scores within which the likelihood decides [-]
+_INDISTINCT = 10.0  # difference of Akaike's criterion within which the simpler law is preferred
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ class DriveComparison:
     score: Mapping[str, float]
     """Mean ratio of a law's errors to the smallest; NaN if nothing could be predicted [-]."""
     best: str
-    """The law with the fewest parameters whose score is within 2 % of the smallest."""
+    """Of the laws whose score is within 2 % of the smallest, the simplest of the likeliest."""
     clock: ClockProfile | None
     """Likelihood of clock offsets under the best law."""
     warnings: tuple[str, ...]
@@ -89,7 +90,9 @@ def _best(laws: Mapping[str, DriveFit], scores: Mapping[str, float]) -> str:
     if not known:
         return REFERENCE if REFERENCE in laws else next(name for name in laws if laws[name].values)
     near = [name for name, value in known.items() if value <= min(known.values()) * (1 + _SAME)]
-    return min(near, key=lambda name: (len(laws[name].values), known[name]))
+    criterion = {name: laws[name].deviance + 2 * len(laws[name].values) for name in near}
+    likely = [name for name in near if criterion[name] <= min(criterion.values()) + _INDISTINCT]
+    return min(likely, key=lambda name: (len(laws[name].values), criterion[name]))
 
 
 def _doubts(laws: Mapping[str, DriveFit], best: str) -> list[str]:

@@ -60,6 +60,8 @@ class DriveFit:
     """Steps left out: lasting jumps of the poses, or slip out of all proportion."""
     converged: bool
     """Whether the fit converged."""
+    deviance: float
+    """-2 log likelihood, but for a constant that all laws share [-]."""
     fit: Fit
     """The fit in full, with the trajectory."""
 
@@ -185,5 +187,6 @@ def _described(found: Fit, held: Mapping[str, str]) -> DriveFit:
         left_out=int((measured.weight[:, 0] > found.nodes.weight[:, 0]).sum()),
         breaks=int((measured.link > found.nodes.link).sum()),
         converged=found.converged,
+        deviance=found.deviance,
         fit=found,
     )

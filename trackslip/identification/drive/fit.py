@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from trackslip.identification.drive.equations import Nodes, Noise, Residuals, Solution, cost, residuals, solve
+from trackslip.identification.drive.equations import Nodes, Noise, Residuals, Solution, cost, residuals, solve, weights
 from trackslip.identification.drive.model import DriveModel
 from trackslip.identification.drive.noise import updated
 from trackslip.identification.drive.outliers import outlying
@@ -40,6 +40,14 @@ class Fit:
     converged: bool
 
     @property
+    def deviance(self) -> float:
+        """-2 log likelihood of the poses, but for a constant that all laws share that are fitted to the same nodes."""
+        poses, steps = weights(self.residuals, self.nodes, self.noise)
+        logs = sum(float(np.log(part[part > 0]).sum()) for part in (poses, steps))
+        determinant = 2 * float(np.log(self.solution.factor[0]).sum())
+        return cost(self.residuals, self.nodes, self.noise) + determinant - logs
+
+    @property
     def covariance(self) -> Array:
         """Covariance (f, f) of the free values by the model."""
         return np.linalg.inv(self.solution.information)
@@ -53,27 +61,27 @@ def fit(
     noise: Noise,
     free: np.ndarray,
     mean: Array,
-    rounds: int = _ROUNDS,
     gated: bool = True,
+    quiet: bool = False,
 ) -> Fit:
     """Fit the values `free` (f,) of (p,) and the states (K, 3), starting from those given.
 
     `mean` (p,) is that of the priors. With `gated`, outlying poses and steps are left out, else the weights of `nodes`
-    stay.
+    stay. With `quiet`, the noise stays as given.
     """
     yaw, prior = model.index("sensor_yaw"), model.prior
     measured = Nodes.of(nodes.drives)
-    trimmed, converged, changed = _trimming(nodes, measured), False, np.inf
+    trimmed, converged, changed = _trimming(nodes, measured), False, 0.0 if quiet else np.inf
     if gated:
         bad, lasting = far_off(model, measured, states, values)
         nodes = _without(measured, bad, lasting)
     found = residuals(model, nodes, states, values)
-    for k in range(rounds):
+    for k in range(_ROUNDS):
         step = solve(found, nodes, noise, free, yaw, prior, values - mean)
         states, values, found = _advanced(model, nodes, noise, states, values, found, free, step, mean)
         errors = 1 / np.sqrt(np.maximum(np.diag(step.information), 1e-300))
         moved = float(np.abs(step.values / errors).max(initial=0.0))
-        if moved < _SETTLED or k % (1 if changed > _LOUD else 2 if changed > _QUIET else 4) == 0:
+        if not quiet and (moved < _SETTLED or k % (1 if changed > _LOUD else 2 if changed > _QUIET else 4) == 0):
             before = noise
             noise = updated(model, found, nodes, noise, free, prior, trimmed)
             changed = float(np.abs(np.log(noise.values / before.values)).max())

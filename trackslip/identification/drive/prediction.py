@@ -17,7 +17,6 @@ from trackslip.metrics import rms
 HORIZONS = (1.0, 2.0, 5.0, 10.0)
 """How far ahead is predicted [s]."""
 _MAX_FOLDS = 5
-_ROUNDS = 12
 _TRAIL = 10.0  # time over which positions give the heading at the start, without headings [s]
 _MIN_TRAIL = 5  # number of those positions
 _MIN_WAY = 0.3  # that the positions span [m]
@@ -111,8 +110,8 @@ def _refitted(found: Fit, rows: np.ndarray) -> Fit:
         found.noise,
         found.free,
         found.mean,
-        rounds=_ROUNDS,
         gated=False,
+        quiet=True,
     )
 
 

@@ -39,6 +39,7 @@ def _law(law: DriveFit) -> dict[str, Any]:
         "held": law.held,
         "correlation": law.correlation.tolist(),
         "noise": law.noise,
+        "deviance": law.deviance,
         "poses": law.poses,
         "left_out": law.left_out,
         "breaks": law.breaks,

@@ -1,0 +1,29 @@
+"""What a drive is made of, from its true motion."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.measuring.wander import DriveContents
+from sim.wander.motion import Motion, arc_steps, joined
+from trackslip.errors import LogError
+from trackslip.logs.runlog import RunLog, Truth
+
+
+def test_ways_turns_and_rests_are_summed():
+    """2 s to the left, 1 s to the right, 1 s at rest."""
+    twist = np.repeat([[0.2, 0.0, 0.5], [0.1, 0.0, -1.0], [0.0, 0.0, 0.0]], [200, 100, 100], axis=0)
+    time, pose = np.arange(401) / 100, joined(np.zeros(3), arc_steps(twist, 0.01))
+    valid = np.arange(401) % 5 == 0
+    truth = Truth(Motion(time, pose).pose, np.concatenate([np.zeros((1, 3)), twist]))
+    log = RunLog("drive", time, np.zeros((401, 2)), pose, valid=valid, truth=truth)
+    found = DriveContents.of(log)
+    assert (found.readings, found.poses) == (401, 81)
+    np.testing.assert_allclose(
+        (found.way, found.turned_left, found.turned_right, found.standing), (0.5, 1.0, 1.0, 0.25), rtol=1e-4
+    )
+    with pytest.raises(LogError, match="run 'drive': has no truth"):
+        DriveContents.of(replace(log, truth=None))
