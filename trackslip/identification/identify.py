@@ -75,7 +75,7 @@ def identify_source(
     if method not in (None, "steady", "drive"):
         raise InvalidValueError("method", method, "steady or drive")
     steady: Identification | None = None
-    reason = source.unsteady
+    reason = ""
     if method != "drive":
         try:
             steady = identify_samples(source.sampling, source.geometry, source.logs, sensor, estimate_sensor)
@@ -90,7 +90,7 @@ def identify_source(
         if steady is None or method == "drive":
             raise LogError(reason or "holds steady samples, not traces: only method steady can be used")
         return steady
-    main = steady is None or method == "drive" or not _mostly_steady(source)
+    main = steady is None or not _mostly_steady(source.sampling)
     try:
         drive = _drive(source, sensor, None if main else _POSES_BESIDE, DRIVE_LAWS if main else _BESIDE, step)
     except LogError as error:
@@ -132,7 +132,6 @@ def _drive(
     return replace(found, warnings=(*refused, *found.warnings))
 
 
-def _mostly_steady(source: Source) -> bool:
+def _mostly_steady(sampling: Sampling) -> bool:
     """Whether steady stretches make up most of the driving."""
-    found = source.steady
-    return found is not None and len(found.samples) >= _MIN_SAMPLES and found.steady_share >= _MIN_STEADY
+    return len(sampling.samples) >= _MIN_SAMPLES and sampling.steady_share >= _MIN_STEADY

@@ -40,8 +40,7 @@ def _far(pose: Array, state: Array, motion: Array) -> tuple[np.ndarray, np.ndarr
     after = _missed(pose[::-1], state[::-1], motion[::-1])[::-1]
     known = np.isfinite(before + after)
     usual = [
-        np.median(np.minimum(a, b)[k]) if k.any() else 0.0
-        for a, b, k in zip(before.T, after.T, known.T, strict=True)
+        np.median(np.minimum(a, b)[k]) if k.any() else 0.0 for a, b, k in zip(before.T, after.T, known.T, strict=True)
     ]
     far = _FAR * np.maximum(1.4826 * np.array(usual), _MIN_SPREAD)
     return (np.nan_to_num(before) > far).any(axis=1), (np.nan_to_num(after) > far).any(axis=1)
