@@ -91,6 +91,8 @@ def identify_source(
             raise LogError(reason or "holds steady samples, not traces: only method steady can be used")
         return steady
     main = steady is None or not _mostly_steady(source.sampling)
+    if main and steady is not None and len(steady.samples) < _MIN_SAMPLES:
+        steady, reason = None, f"{len(steady.samples)} steady sample(s)"
     try:
         drive = _drive(source, sensor, None if main else _POSES_BESIDE, DRIVE_LAWS if main else _BESIDE, step)
     except LogError as error:
