@@ -27,7 +27,6 @@ REFERENCE = "icr_radius"
 """The law that is fitted first; others start from its trajectory, and its gates hold for all."""
 DRIVE_LAWS = ("none", "icr", "icr_radius", "icr_sides", "turn_loss", "exponential", "power")
 """Laws that can be fitted to drives."""
-_MAX_HELD = 6
 _LEVER_PRIOR = 0.1  # standard deviation of the turning centre's place ahead of the middle, if the sensor's is given [m]
 
 
