@@ -53,13 +53,6 @@ def constant_speeds(left: float, right: float, duration: float = 30.0) -> Array:
     return ramp[:, None] * np.array([left, right])
 
 
-def with_poses(log: RunLog, change: Array, rows: np.ndarray | slice = slice(None)) -> RunLog:
-    """The log with `change` (..., 3) added to the poses of some rows."""
-    pose = log.pose.copy()
-    pose[rows] += change
-    return replace(log, pose=pose)
-
-
 def without_poses(log: RunLog, rows: np.ndarray) -> RunLog:
     """The log without the poses of `rows` (T,) bool."""
     return replace(log, valid=log.is_valid & ~rows, pose=np.where(rows[:, None], np.nan, log.pose))

@@ -61,7 +61,7 @@ def test_residuals_vanish_at_the_truth():
     values = np.array([*LAWS["icr_radius"], *PLACED, 0.0])
     states = driven.sensor_path(values, drive)
     yaw = values[driven.index("sensor_yaw")]
-    seen = replace(drive, pose=states + [0, 0, yaw])
+    seen = replace(drive, pose=states + np.array([0, 0, yaw]))
     found = residuals(driven, Nodes.of([seen]), states, values)
     np.testing.assert_allclose(found.pose, 0, atol=1e-12)
     np.testing.assert_allclose(found.step, 0, atol=1e-12)

@@ -37,7 +37,9 @@ def test_sideways_motion_is_forward_motion_of_a_robot_turned_by_a_right_angle():
 
 
 def test_the_first_and_the_last_motion_continue_beyond_the_ends():
-    path = path_at(EDGES, MOTION * [1, 0, 1], np.zeros((40, 3, 0)), np.array([EDGES[0] - 0.5, EDGES[-1], EDGES[-1] + 0.5]))
+    path = path_at(
+        EDGES, MOTION * [1, 0, 1], np.zeros((40, 3, 0)), np.array([EDGES[0] - 0.5, EDGES[-1], EDGES[-1] + 0.5])
+    )
     before = advance(np.zeros(3), MOTION[0, [0, 2]], -0.5)
     np.testing.assert_allclose(np.append(path.position[0], path.heading[0]), before, atol=1e-13)
     last = np.append(path.position[1], path.heading[1])
