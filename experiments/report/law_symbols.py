@@ -42,6 +42,7 @@ EXTRA_TITLES = {
 """What they are."""
 _PRINTED = {"m": (1e3, "mm"), "s": (1e3, "ms"), "rad": (math.degrees(1.0), "°")}
 _MAX_DIGITS = 7
+_UNKNOWN_DIGITS = 2
 
 
 def unit_of(law: str, parameter: str) -> tuple[float, str]:
@@ -58,5 +59,7 @@ def unit_of_extra(name: str) -> tuple[float, str]:
 
 
 def digits_for(error: float) -> int:
-    """Decimals that show two digits of an error."""
+    """Decimals that show two digits of an error; few where a law is not determined."""
+    if math.isinf(error):
+        return _UNKNOWN_DIGITS
     return min(_MAX_DIGITS, max(0, 1 - math.floor(math.log10(error)))) if error > 0 else _MAX_DIGITS
