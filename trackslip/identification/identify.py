@@ -91,15 +91,14 @@ def identify_source(
             raise LogError(reason or "holds steady samples, not traces: only method steady can be used")
         return steady
     main = steady is None or not _mostly_steady(source.sampling)
-    if main and steady is not None and len(steady.samples) < _MIN_SAMPLES:
-        steady, reason = None, f"{len(steady.samples)} steady sample(s)"
     try:
         drive = _drive(source, sensor, None if main else _POSES_BESIDE, DRIVE_LAWS if main else _BESIDE, step)
     except LogError as error:
         if steady is None:
-            raise LogError(f"{error}; from steady stretches: {reason}" if reason else str(error)) from error
+            both = f"{error}; from steady stretches: {reason}"
+            raise LogError(both if reason and method is None else str(error)) from error
         return replace(steady, warnings=(*steady.warnings, f"from whole drives nothing was identified: {error}"))
-    if steady is None:
+    if steady is None or len(steady.samples) < _MIN_SAMPLES:
         warnings = (*source.notes, *map(str, source.refused), *drive.warnings)
         return Identification(source.geometry, "drive", None, drive, source.refused, warnings, source.logs)
     return replace(

@@ -95,15 +95,16 @@ def _guess(ideal: Array, twist: Array) -> str:
     """A guess at the cause from the ratios of measured to commanded v and w (2,), or an empty text."""
     with np.errstate(divide="ignore", invalid="ignore"):
         v, w = np.abs(twist / ideal)
+        slowed = 1 / v
 
     def near(value: float, factor: float) -> bool:
         return bool(factor / _NEAR < value < factor * _NEAR)
 
     for what, factor, name in _FACTORS:
         if (
-            (what in ("omega", "t") and near(1 / v, factor / _SLIPPING**0.5))
+            (what in ("omega", "t") and near(slowed, factor / _SLIPPING**0.5))
             or (what == "v" and near(v, factor))
             or (what == "w" and near(v, 1.0) and near(w, factor * _SLIPPING))
         ):
             return f"; it looks like {name}"
-    return f"; it looks like a gear of about {1 / v:.3g} between encoder and sprocket" if 0 < v < 1 / 2 else ""
+    return f"; it looks like a gear of about {slowed:.3g} between encoder and sprocket" if 0 < v < 1 / 2 else ""

@@ -64,7 +64,7 @@ def drive_of(log: RunLog, max_poses: int = MAX_POSES, max_rows: int = MAX_ROWS) 
         rows = rows[_changing(log.pose[rows], _moving(log, rows))]
     if len(rows) < MIN_POSES:
         raise LogError(f"run {log.run!r}: {len(rows)} pose(s) while it drives, needs at least {MIN_POSES}")
-    if not np.abs(log.omega).max() > _STANDING:
+    if not np.abs(log.omega[1:]).max() > _STANDING:
         raise LogError(f"run {log.run!r}: the sprockets stand still")
     rows = rows[:: -(-len(rows) // max(max_poses, MIN_POSES))]
     edges, omega = merged(log.time, log.omega[1:], max_rows)

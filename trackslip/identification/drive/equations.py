@@ -215,7 +215,7 @@ def _hessian(found: Residuals, poses: Array, steps: Array, free: np.ndarray, yaw
     border[:-1] += first_t @ slope
     border[1:] += second_t @ slope
     border[:, 2, free == yaw] += poses[:, 2:]
-    return bands.reshape(6, -1), border.reshape(-1, f)
+    return bands.reshape(6, -1), border.reshape(3 * count, f)
 
 
 def _eliminated(bands: Array, right: Array) -> tuple[Array, Array]:
@@ -223,5 +223,6 @@ def _eliminated(bands: Array, right: Array) -> tuple[Array, Array]:
     factor, info = scipy.linalg.lapack.dpbtrf(bands, lower=1)
     if info:
         raise np.linalg.LinAlgError(f"the trajectory's Hessian isn't positive definite at {info}")
-    reduced, _ = scipy.linalg.lapack.dtbtrs(factor, right, uplo="L")
-    return factor, reduced
+    if right.size:  # LAPACK may crash without
+        right, _ = scipy.linalg.lapack.dtbtrs(factor, right, uplo="L")
+    return factor, right

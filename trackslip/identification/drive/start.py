@@ -17,22 +17,26 @@ _TURN_TIME = 1.0  # over which turns are compared [s]
 _WINDOW = 10.0  # of paths that are laid over each other, without headings [s]
 _CAP = 3.0  # deviations beyond which turns count no further [median deviations]
 _RATIO_LIMITS = (0.2, 2.0)
+_EXPLAINED = 0.7  # share of the cost that turns to the wrong side leave, below which they are believed
 
 
 def start(drives: Sequence[Drive], geometry: RobotGeometry) -> tuple[float, float]:
-    """Offset D of a constant ICR [m] and clock offset [s] that fit the drives best."""
-    ratios = np.ones(1) if all(drive.has_heading for drive in drives) else _TURN_RATIOS
+    """Offset D of a constant ICR [m] and clock offset [s] that fit the drives best.
 
-    def best(offsets: Array) -> tuple[float, float, float]:
-        tried = [
-            (cost, ratio, float(offset))
-            for offset in offsets
-            for ratio, cost in _costs(drives, geometry, float(offset), ratios)
-        ]
-        return min(tried)
+    Raises LogError if the robot clearly turns against its sprockets.
+    """
+    costs = _turning_costs if all(drive.has_heading for drive in drives) else _path_costs
 
-    _, ratio, offset = best(_OFFSETS)
-    _, ratio, offset = best(offset + _FINE)
+    def tried(offsets: Array) -> list[tuple[float, float, float]]:
+        return [(c, ratio, float(offset)) for offset in offsets for ratio, c in costs(drives, geometry, float(offset))]
+
+    coarse = tried(_OFFSETS)
+    against = min((cost for cost, ratio, _ in coarse if ratio < 0), default=np.inf)
+    if against < _EXPLAINED * min(cost for cost, ratio, _ in coarse if ratio >= 0):
+        raise LogError("the robot turns against its sprockets: are the tracks swapped, or do encoders count backwards?")
+    turning = [one for one in coarse if one[1] > 0]
+    _, ratio, offset = min(turning, default=(0.0, 1.0, 0.0))
+    _, ratio, offset = min((one for one in tried(offset + _FINE) if one[1] > 0), default=(0.0, ratio, offset))
     return geometry.half_gauge * (1 / float(np.clip(ratio, *_RATIO_LIMITS)) - 1), offset
 
 
@@ -64,22 +68,28 @@ def reckoned(drive: Drive, geometry: RobotGeometry, ratio: float, time: Array) -
     return np.interp(time, drive.edges, place), np.interp(time, drive.edges, heading)
 
 
-def _costs(drives: Sequence[Drive], geometry: RobotGeometry, offset: float, ratios: Array) -> list[tuple[float, float]]:
-    """Ratios of turns and the costs that they leave, at a clock offset."""
-    if len(ratios) == 1:
-        real, commanded = (
-            np.concatenate(parts) for parts in zip(*(_turns(d, geometry, offset) for d in drives), strict=True)
-        )
-        power = float(commanded @ commanded)
-        ratio = float(real @ commanded) / power if power > 0 else 1.0
-        for _ in range(3):  # a few times, because turns across a jump must not count
-            deviation = np.abs(real - ratio * commanded)
-            weight = deviation <= _CAP * 1.4826 * np.median(deviation)
-            power = float(np.sum(weight * commanded**2))
-            ratio = float(np.sum(weight * real * commanded)) / power if power > 0 else 1.0
+def _turning_costs(drives: Sequence[Drive], geometry: RobotGeometry, offset: float) -> list[tuple[float, float]]:
+    """The ratio of measured to commanded turns at a clock offset, and 0, with the costs that they leave."""
+    parts = zip(*(_turns(drive, geometry, offset) for drive in drives), strict=True)
+    real, commanded = (np.concatenate(part) for part in parts)
+    if not len(real):
+        return [(1.0, 0.0)]
+    ratio, weight = 0.0, np.ones(len(real), bool)
+    for _ in range(4):  # a few times, because turns across a jump must not count
+        power = float(np.sum(weight * commanded**2))
+        ratio = float(np.sum(weight * real * commanded)) / power if power > 0 else 1.0
         deviation = np.abs(real - ratio * commanded)
-        return [(ratio, float(np.mean(np.minimum(deviation, 0.2))))]
-    return [(float(ratio), sum(_misfit(drive, geometry, offset, float(ratio)) for drive in drives)) for ratio in ratios]
+        weight = deviation <= _CAP * 1.4826 * np.median(deviation)
+    return [(one, float(np.mean(np.minimum(np.abs(real - one * commanded), 0.2)))) for one in (ratio, 0.0)]
+
+
+def _path_costs(drives: Sequence[Drive], geometry: RobotGeometry, offset: float) -> list[tuple[float, float]]:
+    """Ratios of turns, to the commanded side and, negative, to the other one, with the costs that they leave."""
+    found = []
+    for ratio in _TURN_RATIOS.tolist():
+        same, other = np.sum([_misfits(drive, geometry, offset, ratio) for drive in drives], axis=0).tolist()
+        found += [(ratio, same), (-ratio, other)]
+    return found
 
 
 def _turns(drive: Drive, geometry: RobotGeometry, offset: float) -> tuple[Array, Array]:
@@ -92,8 +102,8 @@ def _turns(drive: Drive, geometry: RobotGeometry, offset: float) -> tuple[Array,
     return (phi[stride:] - phi[:-stride])[near], (heading[stride:] - heading[:-stride])[near]
 
 
-def _misfit(drive: Drive, geometry: RobotGeometry, offset: float, ratio: float) -> float:
-    """Median distance of windows of dead reckoning, each laid over the measured positions [m]."""
+def _misfits(drive: Drive, geometry: RobotGeometry, offset: float, ratio: float) -> tuple[float, float]:
+    """Median distances of windows of dead reckoning, and of their mirror images, laid over measured positions [m]."""
     measured = np.flatnonzero(np.isfinite(drive.pose[:, 0]))
     time = drive.time[measured]
     place, _ = reckoned(drive, geometry, ratio, time + offset)
@@ -104,8 +114,10 @@ def _misfit(drive: Drive, geometry: RobotGeometry, offset: float, ratio: float) 
     if not len(rows):
         raise LogError(f"run {drive.name!r}: too few poses")
     a, c = (values[rows] - values[rows].mean(axis=1, keepdims=True) for values in (z, place))
-    squares = np.sum(np.abs(a) ** 2 + np.abs(c) ** 2, axis=1) - 2 * np.abs(np.sum(a * c.conj(), axis=1))
-    return float(np.median(np.sqrt(np.maximum(squares, 0) / size)))
+    both = np.sum(np.abs(a) ** 2 + np.abs(c) ** 2, axis=1)
+    squares = [both - 2 * np.abs(np.sum(a * turned, axis=1)) for turned in (c.conj(), c)]
+    same, other = np.median(np.sqrt(np.maximum(squares, 0) / size), axis=1).tolist()
+    return same, other
 
 
 def _turned_to(place: np.ndarray, z: np.ndarray, measured: np.ndarray, time: Array) -> Array:

@@ -1,0 +1,63 @@
+"""Logs of robots that are driven about, with known laws and errors, for tests."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from sim.wander.commands import Driver, track_commands
+from sim.wander.law_motion import WHITE, LawMotion, SlipVariation
+from sim.wander.log import encoder_log, joined_log
+from sim.wander.pose_source import PoseSource
+from trackslip.identification.drive.estimate import REFERENCE
+from trackslip.identification.drive.model import DriveModel
+from trackslip.kinematics import Array, RobotGeometry
+from trackslip.logs.runlog import RunLog
+from trackslip.slip.base import SlipLaw
+from trackslip.slip.families import FAMILIES
+from trackslip.slip.icr import ConstantIcr
+
+GEOMETRY = RobotGeometry(0.168, 0.06)
+ICR = ConstantIcr(0.045, 0.168, 0.0066)
+SLAM = PoseSource(rate=10.0, position_noise=0.02, heading_noise=np.radians(1.0))
+EXACT = PoseSource(rate=10.0)
+STILL = SlipVariation()
+"""No variation of slip: motion exactly by the law."""
+NOISE = np.array([SLAM.position_noise, SLAM.heading_noise, WHITE.along, WHITE.across, WHITE.turning])
+"""Of SLAM and WHITE, in the order of equations.Noise."""
+_ENCODERS = 50.0  # [Hz]
+
+
+def drive_log(
+    seed: int,
+    duration: float = 60.0,
+    source: PoseSource = SLAM,
+    variation: SlipVariation = WHITE,
+    law: SlipLaw = ICR,
+    driving: str | Array = "random",
+    **motion: float,
+) -> RunLog:
+    """A log of `duration` [s]; `driving` is a name or track speeds (T, 2) [m/s] at 50 Hz, `motion` is of LawMotion."""
+    rng = np.random.default_rng(seed)
+    speeds = track_commands(driving, duration, _ENCODERS, Driver(), rng) if isinstance(driving, str) else driving
+    omega = speeds / GEOMETRY.sprocket_radius
+    driven, twist = LawMotion(law, GEOMETRY, variation, **motion).drive(omega, _ENCODERS, rng)
+    encoders = encoder_log(f"drive {seed}", _ENCODERS, omega, driven, twist, {})
+    return joined_log(encoders, *source.measure(driven, rng))
+
+
+def constant_speeds(left: float, right: float, duration: float = 30.0) -> Array:
+    """Track speeds (T, 2) [m/s] at 50 Hz that don't change, after a start from rest."""
+    ramp = np.minimum(np.arange(int(duration * _ENCODERS) + 1) / _ENCODERS, 1.0)
+    return ramp[:, None] * np.array([left, right])
+
+
+def without_poses(log: RunLog, rows: np.ndarray) -> RunLog:
+    """The log without the poses of `rows` (T,) bool."""
+    return replace(log, valid=log.is_valid & ~rows, pose=np.where(rows[:, None], np.nan, log.pose))
+
+
+def model(name: str = REFERENCE) -> DriveModel:
+    """The model of a family of laws for the robot of these tests."""
+    return DriveModel(FAMILIES[name], GEOMETRY)

@@ -1,0 +1,262 @@
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+import scipy
+from drives import EXACT, GEOMETRY, ICR, NOISE, SLAM, STILL, constant_speeds, drive_log, without_poses
+
+from sim.wander.pose_source import PoseSource
+from trackslip.errors import InvalidValueError, LogError
+from trackslip.identification.drive.drives import drive_of
+from trackslip.identification.drive.equations import Noise, solve
+from trackslip.identification.drive.estimate import DRIVE_LAWS, fit_drives
+from trackslip.identification.sensor import Sensor
+from trackslip.slip.families import FAMILIES
+from trackslip.slip.icr import ConstantIcr
+from trackslip.slip.turn_loss import TurnLoss
+
+GNSS = PoseSource(rate=5.0, position_noise=0.05, heading=False)
+MOUNTED = replace(SLAM, ahead=0.3, left=0.1, mounting=np.radians(5), delay=0.15)
+TRUTH = {"offset": ICR.offset, "radius_error": ICR.radius_error}
+SLOW_GNSS = pytest.param(GNSS, marks=pytest.mark.slow)
+PLACE = {"sensor_x": 0.3, "sensor_y": 0.1, "sensor_yaw": np.radians(5), "clock_offset": -0.15}
+
+
+@cache
+def fitted(seed, duration=40.0, source=SLAM, name="icr_radius"):
+    return fit_drives(name, [drive_log(seed, duration, source)], GEOMETRY)
+
+
+def bound(found, noise=NOISE):
+    """Cramér-Rao bounds of the fitted parameters, by name, from the information at the true noise."""
+    fit, driven = found.fit, found.fit.model
+    pull = np.zeros(len(fit.values))
+    at = solve(fit.residuals, fit.nodes, Noise(noise), fit.free, driven.index("sensor_yaw"), driven.prior, pull)
+    return dict(zip(found.free, np.sqrt(np.diag(np.linalg.inv(at.information))).tolist(), strict=True))
+
+
+def within(found, names=TRUTH, sizes=4.0, noise=NOISE):
+    """Whether parameters are within some bounds of their true values."""
+    true, bounds = TRUTH | PLACE, bound(found, noise)
+    values = found.values | found.extras
+    return {name: abs(values[name] - true[name]) < sizes * bounds[name] for name in names}
+
+
+@pytest.mark.parametrize(
+    ("name", "law"),
+    [
+        ("icr_radius", ICR),
+        ("icr_radius", ConstantIcr(-0.02, 0.168, -0.03)),
+        ("turn_loss", TurnLoss(0.1, 0.168, 0.01, 0.4)),
+    ],
+)
+def test_motion_without_noise_gives_the_law_exactly(name, law):
+    found = fit_drives(name, [drive_log(1, 30, EXACT, STILL, law)], GEOMETRY)
+    assert found.converged
+    assert found.breaks == 0
+    for key, value in found.values.items():
+        assert value == pytest.approx(getattr(law, key), abs=1e-6)
+    for key, value in found.extras.items():
+        assert value == pytest.approx(0, abs=1e-4 if key == "drift" else 1e-5)
+
+
+def test_place_mounting_and_clock_are_found_with_the_law():
+    found = fit_drives("icr_radius", [drive_log(1, 40, MOUNTED)], GEOMETRY)
+    assert all(within(found, (*TRUTH, *PLACE)).values())
+    assert not set(found.held) & {*TRUTH, *PLACE}
+    exact = replace(EXACT, ahead=0.3, left=0.1, mounting=np.radians(5), delay=0.15)
+    found = fit_drives("icr_radius", [drive_log(1, 30, exact, STILL, drift=0.1, turning_centre=-0.05)], GEOMETRY)
+    place = PLACE | TRUTH | {"sensor_x": 0.35, "drift": 0.1}
+    for key, value in place.items():
+        assert (found.values | found.extras)[key] == pytest.approx(value, abs=1e-4), key
+
+
+def test_a_given_sensor_is_held_and_improves_the_rest():
+    log = drive_log(1, 30, MOUNTED)
+    sensor = Sensor(0.3, 0.1, np.radians(5))
+    given = fit_drives("icr_radius", [log], GEOMETRY, sensor)
+    assert {key for key, why in given.held.items() if why == "given"} == {"sensor_x", "sensor_y", "sensor_yaw"}
+    assert given.extras["sensor_y"] == 0.1
+    assert given.stderr["radius_error"] < fit_drives("icr_radius", [log], GEOMETRY).stderr["radius_error"]
+
+
+def test_the_lag_is_fitted_where_it_is_asked_for_by_holding_it_at_a_value():
+    log = drive_log(2, 30, EXACT, STILL, lag=0.08)
+    found = fit_drives("icr_radius", [log], GEOMETRY, held={"lag": 0.08})
+    assert found.extras["clock_offset"] == pytest.approx(0, abs=2e-3)
+    assert found.values["offset"] == pytest.approx(ICR.offset, abs=1e-4)
+    behind = fit_drives("icr_radius", [log], GEOMETRY)
+    assert behind.extras["clock_offset"] == pytest.approx(-0.08, abs=0.01)  # the clock takes it up
+
+
+@pytest.mark.parametrize("source", [SLAM, SLOW_GNSS])
+def test_errors_are_those_of_the_bound_and_intervals_cover(source):
+    noise = NOISE if source is SLAM else np.array([0.05, 1.0, *NOISE[2:]])
+    found = [fitted(seed, source=source) for seed in range(5)]
+    for name, true in TRUTH.items():
+        errors = [(one.values[name] - true) / bound(one, noise)[name] for one in found]
+        assert np.sum(np.square(errors)) < scipy.stats.chi2.ppf(0.9999, len(errors))
+        inside = [one.interval95[name][0] < true < one.interval95[name][1] for one in found]
+        assert sum(inside) >= 3  # less has a chance of 0.1 %
+
+
+@pytest.mark.slow
+def test_sixty_errors_are_those_of_the_bound_and_intervals_cover():
+    found = [fitted(seed, 120.0) for seed in range(60)]
+    for name, true in TRUTH.items():
+        errors = np.array([(one.values[name] - true) / bound(one)[name] for one in found])
+        low, high = scipy.stats.chi2.ppf([0.0005, 0.9995], len(errors)) / len(errors)
+        assert low < np.mean(errors**2) < high
+        inside = np.mean([one.interval95[name][0] < true < one.interval95[name][1] for one in found])
+        assert inside >= 0.9
+
+
+def test_noise_is_found_to_within_its_sampling_error():
+    """REML: squares of the poses' noise scatter by sqrt(2 / n), those of slip much more: each pose hides it."""
+    found = [fitted(seed) for seed in range(5)]
+    mean = {key: np.mean([one.noise[key] ** 2 for one in found]) for key in Noise.NAMES}
+    poses = sum(one.poses for one in found)
+    assert mean["position"] == pytest.approx(NOISE[0] ** 2, rel=4 * np.sqrt(2 / (2 * poses)) + 0.02)
+    assert mean["heading"] == pytest.approx(NOISE[1] ** 2, rel=4 * np.sqrt(2 / poses) + 0.02)
+    sharp = PoseSource(rate=20.0, position_noise=0.002, heading_noise=np.radians(0.25))
+    clear = fit_drives("icr_radius", [drive_log(1, 40, sharp)], GEOMETRY)
+    for key, true in zip(Noise.NAMES[2:], NOISE[2:], strict=True):
+        assert clear.noise[key] == pytest.approx(true, rel=0.35)
+
+
+def test_the_optimum_is_where_the_gradient_vanishes():
+    found = fitted(1)
+    step = found.fit.solution
+    error = np.sqrt(np.diag(found.fit.covariance))
+    assert np.abs(step.values / error).max() < 0.05
+
+
+@pytest.mark.parametrize("source", [SLAM, SLOW_GNSS])
+@pytest.mark.parametrize(("offset", "delay"), [(-0.05, -1.8), (0.5, 1.8), (0.0, 0.9)])
+def test_far_starts_are_found(source, offset, delay):
+    law = ConstantIcr(offset, 0.168)
+    found = fit_drives("icr_radius", [drive_log(4, 40, replace(source, delay=delay), law=law)], GEOMETRY)
+    assert found.values["offset"] == pytest.approx(offset, abs=max(5 * found.stderr["offset"], 1e-3))
+    assert found.extras["clock_offset"] == pytest.approx(-delay, abs=5 * found.stderr["clock_offset"])
+
+
+def test_outlying_poses_are_left_out():
+    found = fit_drives("icr_radius", [drive_log(5, 40, replace(SLAM, outliers=0.05))], GEOMETRY)
+    assert 10 < found.left_out < 50
+    assert all(within(found).values())
+
+
+def test_a_lasting_jump_is_a_step_that_is_left_out():
+    found = fit_drives("icr_radius", [drive_log(6, 40, replace(SLAM, jumps=1, jump_size=0.5, jump_turn=0.2))], GEOMETRY)
+    assert found.breaks == 1
+    (broken,) = np.flatnonzero(found.fit.nodes.link == 0)
+    pose = found.fit.nodes.pose
+    assert np.hypot(*(pose[broken + 1] - pose[broken])[:2]) > 0.4
+    assert found.left_out < 0.05 * found.poses
+    assert all(within(found).values())
+
+
+def test_gaps_and_held_poses_do_no_harm():
+    log = drive_log(7, 40)
+    gap = (log.time > 15) & (log.time < 20)
+    found = fit_drives("icr_radius", [without_poses(log, gap)], GEOMETRY)
+    assert all(within(found).values())
+    pose = log.pose.copy()
+    seen = np.flatnonzero(log.is_valid)
+    pose[seen[1::3]] = pose[seen[:-1:3]][: len(seen[1::3])]  # each third pose repeats the one before
+    driven = drive_of(replace(log, pose=pose))
+    moving = np.abs(log.omega).max(axis=1)[seen[1::3]] > 0.1
+    assert not set(seen[1::3][moving]) & set(driven.rows)
+    assert all(within(fit_drives("icr_radius", [replace(log, pose=pose)], GEOMETRY)).values())
+
+
+def test_a_robot_at_rest_for_a_while_does_no_harm():
+    speeds = np.tile(np.array([[0.1, 0.2], [0.0, 0.0], [0.2, 0.05], [0.2, 0.2]]), (2, 1)).repeat(250, axis=0)
+    found = fit_drives("icr_radius", [drive_log(8, driving=speeds)], GEOMETRY)
+    assert all(within(found).values())
+
+
+def test_several_drives_have_their_joint_information():
+    logs = [drive_log(seed, 40) for seed in (1, 2, 3)]
+    found = fit_drives("icr_radius", logs, GEOMETRY)
+    alone = [fitted(seed) for seed in (1, 2, 3)]
+    bounds = [bound(one) for one in alone]
+    for name in TRUTH:
+        joint = sum(one[name] ** -2 for one in bounds) ** -0.5
+        assert bound(found)[name] == pytest.approx(joint, rel=0.15)
+    assert all(within(found).values())
+
+
+@pytest.mark.parametrize(
+    ("speeds", "held", "known", "true"),
+    [
+        ((0.2, 0.2), "offset", "radius_error", ICR.radius_error),
+        ((-0.2, 0.2), "radius_error", "offset", 0.213 / 1.0066 - 0.168),  # both turn faster
+        ((0.1, 0.2), "sensor_y", "offset", ICR.offset),
+    ],
+)
+def test_what_the_driving_does_not_tell_is_held_at_0_and_said(speeds, held, known, true):
+    found = fit_drives("icr_radius", [drive_log(1, driving=constant_speeds(*speeds))], GEOMETRY)
+    assert (found.values | found.extras)[held] == 0.0
+    assert found.held[held].startswith("not determined: the driving ")
+    assert held not in found.stderr
+    assert held not in found.interval95
+    assert found.values[known] == pytest.approx(true, abs=4 * found.stderr[known])
+
+
+def test_without_headings_the_mounting_is_held():
+    found = fit_drives("icr_radius", [drive_log(1, 30, GNSS)], GEOMETRY)
+    assert found.held["sensor_yaw"] == "no headings were measured"
+    assert found.extras["sensor_yaw"] == 0.0
+
+
+@pytest.mark.slow
+def test_a_drive_without_headings_among_others():
+    logs = [drive_log(1, 40), drive_log(2, 40), drive_log(3, 40, replace(SLAM, heading=False))]
+    found = fit_drives("icr_radius", logs, GEOMETRY)
+    assert "sensor_yaw" not in found.held
+    assert all(within(found).values())
+
+
+def test_drives_that_tell_nothing_are_refused():
+    straight = drive_log(1, driving=constant_speeds(0.2, 0.2))
+    with pytest.raises(LogError, match=r"^the drives determine no parameter of the law: "):
+        fit_drives("icr", [straight], GEOMETRY)
+    with pytest.raises(InvalidValueError, match="cubic"):
+        fit_drives("cubic", [straight], GEOMETRY)
+
+
+@pytest.mark.parametrize("source", [SLAM, GNSS])
+def test_swapped_tracks_and_reversed_encoders_are_said(source):
+    log = drive_log(3, 40, source, driving="eights")
+    for omega in (log.omega[:, ::-1], -log.omega):
+        with pytest.raises(LogError, match="turns against its sprockets: are the tracks swapped"):
+            fit_drives("icr_radius", [replace(log, omega=omega)], GEOMETRY)
+
+
+@pytest.mark.parametrize(
+    "name", [*(name for name in DRIVE_LAWS if name != "power"), pytest.param("power", marks=pytest.mark.slow)]
+)
+def test_every_law_is_fitted_from_the_trajectory_of_the_reference(name):
+    found = fit_drives(name, [drive_log(1, 40)], GEOMETRY, reference=fitted(1))
+    assert found.name == name
+    assert tuple(found.values) == FAMILIES[name].names
+    assert found.fit.nodes is fitted(1).fit.nodes
+    assert np.isfinite(list(found.stderr.values())).all()
+    assert np.isfinite(found.deviance)
+    assert found.correlation.shape == (len(found.free),) * 2
+    np.testing.assert_allclose(np.diag(found.correlation), 1.0)
+    for key, (low, high) in found.interval95.items():
+        half = scipy.stats.norm.ppf(0.975) * found.stderr[key]
+        value = (found.values | found.extras)[key]
+        assert low <= value - half + 1e-12
+        assert high >= value + half - 1e-12
+
+
+def test_the_simpler_law_is_never_likelier():
+    logs, reference = [drive_log(1, 40)], fitted(1)
+    deviance = {
+        name: fit_drives(name, logs, GEOMETRY, reference=reference).deviance for name in ("none", "icr", "icr_radius")
+    }
+    assert deviance["none"] > deviance["icr"] > deviance["icr_radius"] - 1
