@@ -59,7 +59,8 @@ def test_a_drive_is_chosen_by_itself(trackslip, tmp_path):
     ):
         assert any(line.strip() == title for line in lines), title
     assert sum("no slip compensation" in line for line in lines) == 2
-    assert "held: T (lag), not fitted unless asked for" in result.printed
+    held = result.summary["drive"]["laws"][result.summary["best"]]["held"]
+    assert f"held: T (lag), {held['lag']}" in lines
     assert f"best: {result.summary['best']}," in result.printed
     page = (result.folder / "report.html").read_text(encoding="utf-8")
     assert "Whole drives" in page
