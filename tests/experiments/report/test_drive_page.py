@@ -40,7 +40,7 @@ def test_a_page_of_drives_alone(page, two_drives):
     assert page.count("<svg") == len(OF_DRIVES)
     words = text_of(page)
     assert "Measured slip" not in words
-    assert "Every pose and every encoder reading of 2 drives counts here (50 s," in words
+    assert "Every pose and every encoder reading of 2 drives counts here (40 s," in words
     assert "b = 0.168 m is half the distance" in words
     assert words.count("no slip compensation") >= 4
     for heading in (

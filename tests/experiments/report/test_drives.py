@@ -85,7 +85,7 @@ def test_without_headings_there_is_no_table_of_them(without_headings):
 def test_facts(two_drives):
     facts = tables.DriveFacts.of(two_drives.drive, main=True)
     assert facts.drives == 2
-    assert facts.duration == "50 s"
+    assert facts.duration == "40 s"
     assert facts.shown == "drive"
     assert facts.left_out >= 4
     assert len(facts.laws) == len(facts.predictions) == len(LAWS)
