@@ -31,7 +31,7 @@ def wandered(*, name="drive", duration=30.0, noise=0.005, headings=True, outlier
     pose[10 : 10 + 20 * outliers : 20, :2] += 0.5
     if not headings:
         pose[:, 2] = np.nan
-    return RunLog(name, time, omega, pose, np.arange(len(time)) % 2 == 0)
+    return RunLog(name, time, omega, pose, valid=np.arange(len(time)) % 2 == 0)
 
 
 def compared(*logs, names=LAWS) -> DriveComparison:

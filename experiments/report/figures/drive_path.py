@@ -33,7 +33,7 @@ def path_and_predictions(found: DriveComparison) -> Figure:
     low, high = _limits(state[:, :2], pose[used, :2])
     height, width = high[1] - low[1], high[0] - low[0]
     figure, (left, right) = subplots(
-        float(np.clip(4.2 * height / width, 2.4, 6.2)) + 1.0, 1, 2, sharex=True, sharey=True
+        float(np.clip(4.2 * height / width, 1.6, 6.2)) + 1.0, 1, 2, sharex=True, sharey=True
     )
     left.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     seen = np.flatnonzero(used)[thin(int(used.sum()), _POINTS)]

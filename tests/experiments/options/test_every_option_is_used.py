@@ -77,8 +77,10 @@ EXAMPLES = {
         | {"law.turning-centre": "0.02", "law.drift": "0.01", "law.lag": "0.1", "duration": "2"},
     ),
     "identify": (
-        {"": "log.csv", "half-gauge": "0.2", "sprocket-radius": "0.07", "gear": "2", "pdf": "", "out": "a"},
-        {"": "sweep", "where": "seed=0", "motion": "butterworth", "settle": "0.5"},
+        {"": "log.csv", "half-gauge": "0.2", "sprocket-radius": "0.07", "gear": "2", "pdf": "", "out": "a"}
+        | {"sensor": "0.01 0 0"},
+        {"": "sweep", "where": "seed=0", "motion": "butterworth", "settle": "0.5", "method": "steady"}
+        | {"estimate-sensor": ""},
     ),
     "track": (
         SIMULATION

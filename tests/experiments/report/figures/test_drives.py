@@ -92,7 +92,7 @@ def test_correlations_have_a_cell_for_each_pair(two_drives):
 
 
 def test_a_drive_too_short_to_predict():
-    found = compared(wandered(duration=3.0))
+    found = compared(wandered(duration=3.0), names=("icr_radius",))
     figure = drawn(drive_path.path_and_predictions(found))
     assert figure.axes[1].get_title(loc="left").startswith(("Predicted", "No prediction"))
     drawn(drives.prediction_errors(found))
