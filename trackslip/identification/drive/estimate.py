@@ -15,7 +15,7 @@ from trackslip.identification.drive.fit import Fit, fit
 from trackslip.identification.drive.intervals import half_widths, model_errors
 from trackslip.identification.drive.law_start import law_start
 from trackslip.identification.drive.model import EXTRAS, DriveModel
-from trackslip.identification.drive.noise import FIRST
+from trackslip.identification.drive.noise import FIRST, unlike_sprockets
 from trackslip.identification.drive.start import start, trajectory
 from trackslip.identification.sensor import Sensor
 from trackslip.kinematics import Array, RobotGeometry
@@ -153,6 +153,7 @@ def _fitted(
         name, reason = vague
         held[name] = f"not determined: {reason}"
         if model.family.names and held.keys() >= set(model.family.names):
+            reason = unlike_sprockets(found.noise) or reason
             raise LogError(f"the drives determine no parameter of the law: {reason}")
         nodes, states, noise = found.nodes, found.states, found.noise
         values = found.values.copy()
