@@ -14,12 +14,9 @@ from experiments.measuring.coverage import (
     generating_values,
     scanned_again,
 )
-from experiments.measuring.drive_cases import DURATION
-from experiments.measuring.drive_study import MAX_SIMULATED, simulated_drives, size, steady_laws, study
 from experiments.options.coverage import CoverageConfig
 from experiments.parallel.executors import processors, workers
 from experiments.recording import record_all
-from experiments.report.drive_checks import CHECKS_HEADER, SIMULATED_HEADER, checks_table, simulated_table
 from experiments.report.law_symbols import SYMBOLS
 from experiments.report.terminal import print_table, progress
 from experiments.storage.results import SUMMARY_FILE, results_folder, write_results
@@ -38,6 +35,11 @@ def run(config: CoverageConfig) -> None:
 
 def check_drives(config: CoverageConfig) -> None:
     """Drive in MuJoCo and by the law, fit every drive, store and print what has to hold."""
+    # late: grids need none of it
+    from experiments.measuring.drive_cases import DURATION
+    from experiments.measuring.drive_study import MAX_SIMULATED, simulated_drives, size, steady_laws, study
+    from experiments.report.drive_checks import CHECKS_HEADER, SIMULATED_HEADER, checks_table, simulated_table
+
     began = time.perf_counter()
     with results_folder(config.out) as folder:
         world = World.of(config)

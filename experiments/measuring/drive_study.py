@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -28,6 +29,7 @@ from sim.runs import Progress, open_loop
 from sim.seeds import generator
 from sim.wander.commands import Driver, track_commands
 from sim.wander.fleet_motion import drive_fleet
+from trackslip.errors import LogError, TrackslipError
 from trackslip.identification.fitted import fit_law
 from trackslip.identification.samples import true_samples
 from trackslip.kinematics import RobotGeometry
@@ -47,9 +49,9 @@ class SimulatedDrives:
 
     drives: int
     steady: Mapping[str, float]
-    """The law's parameters from steady circles of the drives' track speeds."""
-    paper: Mapping[str, float]
-    """Those from the paper's circles."""
+    """The law's parameters from the paper's steady circles, which errors are measured from."""
+    same_speeds: Mapping[str, float]
+    """Those from steady circles with the track speeds of the drives."""
     mean: Mapping[str, float]
     """Mean of the drives' parameters."""
     scatter: Mapping[str, float]
@@ -87,14 +89,13 @@ def simulated_drives(robot: Robot, count: int, seed: int, threads: int, progress
 
 
 def steady_laws(robot: Robot, threads: int) -> tuple[dict[str, float], dict[str, float]]:
-    """The law's parameters from true motion on steady circles: with the track speeds of the drives, and the paper's.
+    """The law's parameters from true motion on steady circles: the paper's, and those of the drives' track speeds.
 
-    The ICRs of a simulated robot move outwards with the yaw rate, so that only circles with the track speeds of a drive
-    tell its law.
+    They differ because the ICRs of a simulated robot move outwards with the yaw rate.
     """
     same = [(inner * outer, outer) for outer in _OUTER for inner in _INNER]
     paper = [(v - robot.geometry.half_gauge * v / r, v + robot.geometry.half_gauge * v / r) for r, v in _PAPER]
-    return _steady_law(robot, same, threads), _steady_law(robot, paper, threads)
+    return _steady_law(robot, paper, threads), _steady_law(robot, same, threads)
 
 
 def _steady_law(robot: Robot, speeds: Sequence[tuple[float, float]], threads: int) -> dict[str, float]:
@@ -116,12 +117,15 @@ def study(
 ) -> DriveStudy:
     """Repeat every case; `drives` are those in MuJoCo, `steady` as by `steady_laws`.
 
-    `step(1.0)` is called after each of `size` fits.
+    `step(1.0)` is called after each of `size` fits. Raises LogError if no drive in MuJoCo determines the law.
     """
     exact: dict[int, Estimates] = {}
     for number, estimates in pool.each(_exact, [(k, log, geometry) for k, log in enumerate(drives)]):
-        exact[number] = estimates
+        if TRUE_LAW.keys() <= estimates.keys():
+            exact[number] = estimates
         step(1.0)
+    if not exact:
+        raise LogError("no drive in MuJoCo determines the law, even without noise")
     tasks = [
         task for case in range(len(CASES)) for task in _tasks(case, drives, exact, steady[0], geometry, repeats, seed)
     ]
@@ -152,22 +156,25 @@ def _tasks(
     """The repeats of a case; those in MuJoCo take the drives in turn."""
     if CASES[case] is not SIMULATED:
         return [Task(case, number, seed, geometry) for number in range(repeats)]
-    truths = [{name: one.value for name, one in exact[k].items()} for k in range(len(drives))]
-    turns = [number % len(drives) for number in range(repeats)]
+    truths = {k: {name: one.value for name, one in exact[k].items()} for k in sorted(exact)}
+    turns = itertools.islice(itertools.cycle(truths), repeats)
     return [Task(case, number, seed, geometry, drives[k], truths[k], steady) for number, k in enumerate(turns)]
 
 
 def _exact(job: tuple[int, RunLog, RobotGeometry]) -> tuple[int, Estimates]:
-    """A drive's number, and what it tells without noise."""
+    """A drive's number, and what it tells without noise; nothing if it can't be fitted."""
     number, log, geometry = job
-    return number, estimated(measured(log, NOISE_FREE, np.random.default_rng(number)), geometry)
+    try:
+        return number, estimated(measured(log, NOISE_FREE, np.random.default_rng(number)), geometry)
+    except TrackslipError:
+        return number, {}
 
 
 def _simulated(
     exact: Mapping[int, Estimates],
     repeats: Sequence[Repeat],
     steady: Mapping[str, float],
-    paper: Mapping[str, float],
+    same_speeds: Mapping[str, float],
 ) -> SimulatedDrives:
     values = {name: np.array([one[name].value for one in exact.values()]) for name in steady}
     covered = {
@@ -177,7 +184,7 @@ def _simulated(
     return SimulatedDrives(
         drives=len(exact),
         steady=steady,
-        paper=paper,
+        same_speeds=same_speeds,
         mean={name: float(found.mean()) for name, found in values.items()},
         scatter={name: float(found.std(ddof=1)) if len(found) > 1 else 0.0 for name, found in values.items()},
         coverage_of_steady=covered,

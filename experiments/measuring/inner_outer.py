@@ -25,7 +25,8 @@ class StandardErrors:
 
 @dataclass(frozen=True)
 class InnerOuterSamples:
-    """Steady turns by inner and outer track. Straight runs have neither and are left out."""
+    """Steady turns by inner and outer track. Straight runs have neither and are left out, as are runs without slip,
+    where a sprocket stands still."""
 
     twist: Array  # (n, 2) [m/s, rad/s]
     radius: Array  # (n,) of the observed path [m], >= 0
@@ -37,7 +38,7 @@ class InnerOuterSamples:
     @classmethod
     def of(cls, samples: SlipSamples, geometry: RobotGeometry) -> Self:
         """The left track is the inner one where the curvature is positive, the right one elsewhere."""
-        turning = samples.take(np.abs(samples.radius) < _STRAIGHT)
+        turning = samples.take((np.abs(samples.radius) < _STRAIGHT) & np.isfinite(samples.slip).all(axis=1))
         left = turning.curvature > 0
         slip = inner_outer(turning.slip, left)
         return cls(turning.twist, np.abs(turning.radius), left, slip, _errors(turning, left, geometry))

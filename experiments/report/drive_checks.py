@@ -33,8 +33,8 @@ def checks_table(checks: Sequence[Check]) -> list[tuple[str, ...]]:
 def simulated_table(found: SimulatedDrives) -> list[tuple[str, ...]]:
     """What drives and circles give, under SIMULATED_HEADER."""
     lines = (
-        ("steady circles of the same speeds", found.steady),
-        ("the paper's circles", found.paper),
+        ("steady circles, the paper's", found.steady),
+        ("steady circles of the same speeds", found.same_speeds),
         (f"mean of {found.drives} drives", found.mean),
         ("scatter between drives", found.scatter),
     )

@@ -13,6 +13,7 @@ from experiments.report.colours import LABELS
 from experiments.report.figures.axes import bar_factor
 from experiments.report.figures.laws import residual_band
 from experiments.report.formats import MISSING, number, significant
+from experiments.report.law_rows import LawRow
 from experiments.report.law_symbols import FORMULAS, SYMBOLS, digits_for, unit_of
 from trackslip.identification.comparison import Comparison
 from trackslip.identification.fitted import FittedLaw
@@ -20,7 +21,6 @@ from trackslip.identification.replicates import LackOfFit
 from trackslip.identification.result import Identification
 from trackslip.identification.weighting import relative_errors
 from trackslip.kinematics import Array
-from trackslip.logs.refused import Refused
 from trackslip.metrics import rms
 from trackslip.slip.exponential import PUBLISHED
 
@@ -31,17 +31,6 @@ CRITERIA_HEADER = (
     *("cv v [mm/s]", "cv w [mrad/s]", "lack of fit"),
 )
 _CERTAIN = 0.001  # probabilities below this are printed as an upper limit
-
-
-@dataclass(frozen=True)
-class LawRow:
-    """A law and its parameters, as printed."""
-
-    law: str  # its name in files and options
-    title: str
-    formula: Sequence[str]  # lines
-    parameters: Sequence[tuple[str, ...]]  # symbol; value with standard error and unit; both 95 % intervals
-    best: bool = False
 
 
 @dataclass(frozen=True)
@@ -82,13 +71,12 @@ class Facts:
 
     runs: int
     turns: int
-    radii: str | None  # with unit, as are speeds and half gauge
+    radii: str | None  # with unit, as are speeds
     speeds: str | None
     spread: OuterInner[str] | None  # the largest difference of slip between runs of one radius [-]
     scattered: bool  # runs of different radii share a colour
     errors: TypicalErrors | None
     band: tuple[str, str] | None  # half width of the residuals that need no better law [-], and its meaning
-    half_gauge: str
     best: str  # title of the best law
     best_law: FittedLaw
     criterion: str  # what the best law was chosen by
@@ -98,11 +86,10 @@ class Facts:
     lacking: str | None  # titles of the laws of the wrong shape, other than baselines
     inflation: str | None  # factor on their standard errors
     tests: Collection[str]  # kinds of tests of lack of fit
-    outliers: Sequence[Refused]
 
     @classmethod
     def of(cls, found: Identification) -> Self:
-        """The facts about an identification."""
+        """The facts about an identification from steady stretches."""
         comparison = found.comparison
         turns = InnerOuterSamples.of(found.samples, found.geometry)
         same = repeated(turns.radius)
@@ -121,7 +108,6 @@ class Facts:
             scattered=not all(is_narrow(turns.radius[group]) for group in value_groups(turns.radius)),
             errors=_errors(turns),
             band=(f"{band:.1g}", meaning) if len(turns) else None,
-            half_gauge=f"{found.geometry.half_gauge:g} m",
             best=LABELS.get(comparison.best, comparison.best),
             best_law=comparison.laws[comparison.best],
             criterion=comparison.criterion,
@@ -131,7 +117,6 @@ class Facts:
             lacking=_listed(LABELS.get(name, name) for name in lacking) if lacking else None,
             inflation=_range(np.array(factors), ".2g") if factors else None,
             tests={lack.test for lack in lacks.values()},
-            outliers=found.outliers,
         )
 
 
@@ -146,11 +131,6 @@ def law_rows(comparison: Comparison) -> list[LawRow]:
         for key, value in vars(PUBLISHED).items()
     ]
     return [*rows, LawRow("published", LABELS["published"], FORMULAS["exponential"], published)]
-
-
-def law_table(rows: Sequence[LawRow]) -> list[tuple[str, ...]]:
-    """One line per parameter, under LAW_HEADER."""
-    return [(row.law if k == 0 else "", *cells) for row in rows for k, cells in enumerate(row.parameters)]
 
 
 def criteria_rows(found: Identification) -> list[CriteriaRow]:

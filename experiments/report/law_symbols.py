@@ -2,6 +2,7 @@
 
 import math
 
+from trackslip.identification.drive.model import EXTRAS
 from trackslip.slip.families import FAMILIES
 
 _LETTERS = {
@@ -26,7 +27,22 @@ FORMULAS = {
     "icr_sides": ("as icr_radius, with D and ε", "of the left and the right track"),
 }
 """Law -> the lines of its formula."""
+EXTRA_SYMBOLS = {
+    "sensor_x": "X", "sensor_y": "Y", "drift": "c", "clock_offset": "τ", "sensor_yaw": "ψ", "lag": "T"
+}  # fmt: skip
+"""The same for parameters of a drive that aren't its law's."""
+EXTRA_TITLES = {
+    "sensor_x": "sensor ahead of the turning centre",
+    "sensor_y": "sensor to the left",
+    "drift": "outward drift in turns",
+    "clock_offset": "encoder clock minus pose clock",
+    "sensor_yaw": "heading of the sensor in the robot",
+    "lag": "lag of the motion behind the belts",
+}
+"""What they are."""
+_PRINTED = {"m": (1e3, "mm"), "s": (1e3, "ms"), "rad": (math.degrees(1.0), "°")}
 _MAX_DIGITS = 7
+_UNKNOWN_DIGITS = 2
 
 
 def unit_of(law: str, parameter: str) -> tuple[float, str]:
@@ -37,6 +53,13 @@ def unit_of(law: str, parameter: str) -> tuple[float, str]:
     return (1e3, "mm") if unit == "m" else (1.0, unit)
 
 
+def unit_of_extra(name: str) -> tuple[float, str]:
+    """Factor from SI and unit in which another parameter of a drive is printed."""
+    return _PRINTED[EXTRAS[name].unit]
+
+
 def digits_for(error: float) -> int:
-    """Decimals that show two digits of an error."""
+    """Decimals that show two digits of an error; few where a law is not determined."""
+    if math.isinf(error):
+        return _UNKNOWN_DIGITS
     return min(_MAX_DIGITS, max(0, 1 - math.floor(math.log10(error)))) if error > 0 else _MAX_DIGITS

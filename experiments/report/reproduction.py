@@ -11,14 +11,18 @@ from experiments.measuring.grid import RadiusSummary
 from experiments.measuring.inner_outer import InnerOuterSamples
 from experiments.measuring.paper_comparison import Quantity, Values
 from experiments.measuring.tracking import TrackingResult
+from experiments.report.drives import DriveFacts
+from experiments.report.figures import drives as drive_figures
 from experiments.report.figures import laws as law_figures
 from experiments.report.figures import steady_runs as steady_figures
 from experiments.report.figures import tracking as tracking_figures
+from experiments.report.figures.drive_path import path_and_predictions
 from experiments.report.figures.localization import Sightings, error_against_viewing_angle, sightings
 from experiments.report.formats import MISSING, number, pair
 from experiments.report.identification import Facts
 from experiments.report.page import Drawing, Page, render_page
 from experiments.report.tracking import tracking_rows
+from trackslip.identification.drive.comparison import DriveComparison
 from trackslip.identification.result import Identification
 from trackslip.logs.runlog import RunLog
 
@@ -34,7 +38,7 @@ class Report:
     manifest: Mapping[str, Any]  # configuration, versions, seed: anything that fits into JSON
     comparison: Sequence[Quantity] = ()  # the paper's results beside the simulation's
     radius: RadiusSummary | None = None  # radii of the grid
-    grid_logs: Sequence[RunLog] = ()  # steady runs
+    grid_logs: Sequence[RunLog] = ()  # runs, of which figures show one if they are steady
     identification: Identification | None = None
     tracking: Sequence[TrackingResult] = ()  # errors of the runs along the paper's path
     tracking_logs: Sequence[RunLog] = ()  # these runs, with `controller` and `compensation` in their metadata
@@ -43,6 +47,9 @@ class Report:
 
 def render(report: Report) -> Page:
     """Draw the figures and fill in the template."""
+    found = report.identification
+    steady = found if found is not None and found.steady is not None else None
+    drive = None if found is None else found.drive
     seen = sightings(report.grid_logs)
     drawings = [Drawing(name, figure) for name, figure in _figures(report, seen)]
     return render_page(
@@ -52,7 +59,10 @@ def render(report: Report) -> Page:
         command=report.command,
         manifest=report.manifest,
         comparison=comparison_table(report.comparison),
-        found=None if report.identification is None else Facts.of(report.identification),
+        found=None if steady is None else Facts.of(steady),
+        drives=None if found is None or drive is None else DriveFacts.of(drive, main=found.method == "drive"),
+        half_gauge="" if found is None else f"{found.geometry.half_gauge:g} m",
+        outliers=() if found is None else found.outliers,
         seen=None if seen is None else seen.facts(),
         warnings=_warnings(report),
         tracking=tracking_rows(report.tracking),
@@ -76,15 +86,16 @@ def _text(values: Values | str, quantity: Quantity) -> str:
 def _figures(report: Report, seen: Sightings | None) -> Iterator[tuple[str, Figure]]:
     """Name and figure of whatever the report has data for."""
     found = report.identification
-    turns = None if found is None else InnerOuterSamples.of(found.samples, found.geometry)
+    steady = None if found is None else found.steady
+    turns = None if found is None or steady is None else InnerOuterSamples.of(steady.samples, found.geometry)
     if report.radius is not None and turns:
         yield "published_and_simulated", steady_figures.published_and_simulated(report.radius, turns)
-    if report.grid_logs:
+    if report.grid_logs and (found is None or steady is not None):
         yield "fig04_pose_and_velocity", steady_figures.pose_and_velocity(steady_figures.typical_run(report.grid_logs))
     if seen is not None:
         yield "localization_error", error_against_viewing_angle(seen)
-    if found is not None and turns is not None:
-        comparison = found.comparison
+    if steady is not None and turns is not None:
+        comparison = steady.comparison
         if len(turns):
             slip = steady_figures.slip_against_speed_and_radius(turns, comparison.laws[comparison.best])
             yield "fig05_slip_over_speed_and_radius", slip
@@ -93,6 +104,8 @@ def _figures(report: Report, seen: Sightings | None) -> Iterator[tuple[str, Figu
         yield "comparison_of_laws", law_figures.criteria(comparison)
         if correlated := law_figures.correlated_laws(comparison):
             yield "correlations_of_parameters", law_figures.correlations(correlated)
+    if found is not None and found.drive is not None:
+        yield from _drive_figures(found.drive)
     feedforward = tracking_figures.runs_of(report.tracking_logs, "feedforward")
     linear = tracking_figures.runs_of(report.tracking_logs, "linear")
     if feedforward or linear:
@@ -104,9 +117,21 @@ def _figures(report: Report, seen: Sightings | None) -> Iterator[tuple[str, Figu
         published = _published("linear", linear)
         yield "fig10_feedback_paths", tracking_figures.paths(linear, published)
         yield "fig11_feedback_errors", tracking_figures.tracking_errors_over_time(linear, published)
-        laws = {} if found is None else found.comparison.laws
+        laws = {} if steady is None else steady.comparison.laws
         if (tracked := tracking_figures.slip_during_tracking(linear, laws, published)) is not None:
             yield "fig12_slip_during_tracking", tracked
+
+
+def _drive_figures(drive: DriveComparison) -> Iterator[tuple[str, Figure]]:
+    """Figures of laws identified from whole drives."""
+    best = drive.laws[drive.best]
+    yield "drive_path", path_and_predictions(drive)
+    yield "drive_prediction_errors", drive_figures.prediction_errors(drive)
+    yield "drive_residuals", drive_figures.residuals_over_time(best)
+    if drive.clock is not None:
+        yield "drive_clock_offset", drive_figures.clock_offset(drive)
+    if len(best.free) > 1:
+        yield "drive_correlations", drive_figures.drive_correlations(best)
 
 
 def _published(controller: str, runs: Mapping[str, RunLog]) -> dict[str, RunLog]:

@@ -109,7 +109,9 @@ def _rate(rate: float, unit: str) -> str:
 
 def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print a table; all columns but the first are right-aligned, and NaN is printed as a dash."""
-    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=0, pad_edge=False)
+    table = Table(
+        title=escape(title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=0, pad_edge=False
+    )
     for k, name in enumerate(header):
         table.add_column(escape(name), justify="left" if k == 0 else "right", no_wrap=True)
     for row in rows:

@@ -17,7 +17,7 @@ SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8")
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("paint",), "COMMAND = 'paint': must be one of reproduce, grid, identify, "),
+        (("paint",), "COMMAND = 'paint': must be one of reproduce, grid, wander, identify, "),
         (("grid", "--out", ""), "--out = '': must be non-empty"),
         (("grid", "--out="), "--out = '': must be non-empty"),
         (("grid", "--out", "\udcff"), "--out = '\\udcff': must be valid UTF-8"),

@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
+from trackslip.identification.sensitivity import twist_slopes
 from trackslip.identification.solver import Minimum, least_squares
 from trackslip.identification.weighting import WeightedRuns
 from trackslip.kinematics import Array
@@ -14,7 +15,6 @@ from trackslip.slip.base import SlipLaw
 from trackslip.slip.families import LawFamily
 
 _FIRST_SCATTER = 0.003  # initial guess of the scatter of slip [-]
-_DIFFERENCE = 1e-5  # step of differences, relative to the scales of the parameters
 _ROUNDS = 8  # maximum number of alternating fits and scatter estimates
 _SETTLED = 1e-4  # relative change of the scatter at convergence
 
@@ -53,16 +53,8 @@ class Fits:
     @cached_property
     def jacobian(self) -> Array:
         """Derivatives (M, 2 n, p) of the deviations, unweighted; for values at a limit, taken just inside it."""
-        runs, count = self.runs, len(self.values)
-        low, high, scale = self.family.limits(runs.geometry.half_gauge)
-        inside = np.clip(self.values, low + _DIFFERENCE * scale, high - _DIFFERENCE * scale)
-        jacobian = np.empty((count, 2 * runs.runs, self.values.shape[1]))
-        for k, step in enumerate(np.diag(_DIFFERENCE * scale)):
-            ahead, behind = (
-                runs.deviation(self.family.law((inside + sign * step)[:, None, :], runs.geometry)) for sign in (1, -1)
-            )
-            jacobian[..., k] = ((ahead - behind) / (2 * step[k])).reshape(count, -1)
-        return jacobian
+        slopes = -self.runs.of_twists @ twist_slopes(self.family, self.values, self.runs.omega, self.runs.geometry)
+        return slopes.reshape(len(self.values), 2 * self.runs.runs, self.values.shape[1])
 
     @property
     def _weighted_jacobian(self) -> Array:
@@ -133,10 +125,15 @@ def minimise(
         deviation = runs.deviation(family.law(values[:, None, :], runs.geometry), chosen)
         return runs.whiten(deviation, scatter[chosen], chosen)
 
+    def jacobian(values: Array, rows: np.ndarray) -> Array:
+        chosen = sets[rows]
+        slopes = -runs.of_twists @ twist_slopes(family, values, runs.omega, runs.geometry)
+        return (slopes * runs.roots(scatter[chosen], chosen)[..., None]).reshape(len(rows), -1, values.shape[1])
+
     if not family.names:
         cost = np.sum(residual(start, np.arange(len(start))) ** 2, axis=1)
         return Minimum(start, cost, np.zeros((len(start), 0, 0)))
-    return least_squares(residual, start, low, high, scale, held)
+    return least_squares(residual, start, low, high, scale, held, jacobian)
 
 
 def _at(family: LawFamily, runs: WeightedRuns, scatter: Array, start: Array | None) -> Fits:

@@ -75,7 +75,7 @@ def identify_source(
     if method not in (None, "steady", "drive"):
         raise InvalidValueError("method", method, "steady or drive")
     steady: Identification | None = None
-    reason = source.unsteady
+    reason = ""
     if method != "drive":
         try:
             steady = identify_samples(source.sampling, source.geometry, source.logs, sensor, estimate_sensor)
@@ -90,7 +90,7 @@ def identify_source(
         if steady is None or method == "drive":
             raise LogError(reason or "holds steady samples, not traces: only method steady can be used")
         return steady
-    main = steady is None or method == "drive" or not _mostly_steady(source)
+    main = steady is None or not _mostly_steady(source.sampling)
     try:
         drive = _drive(source, sensor, None if main else _POSES_BESIDE, DRIVE_LAWS if main else _BESIDE, step)
     except LogError as error:
@@ -98,7 +98,7 @@ def identify_source(
             both = f"{error}; from steady stretches: {reason}"
             raise LogError(both if reason and method is None else str(error)) from error
         return replace(steady, warnings=(*steady.warnings, f"from whole drives nothing was identified: {error}"))
-    if steady is None:
+    if steady is None or len(steady.samples) < _MIN_SAMPLES:
         warnings = (*source.notes, *map(str, source.refused), *drive.warnings)
         return Identification(source.geometry, "drive", None, drive, source.refused, warnings, source.logs)
     return replace(
@@ -133,7 +133,6 @@ def _drive(
     return replace(found, warnings=(*refused, *found.warnings))
 
 
-def _mostly_steady(source: Source) -> bool:
+def _mostly_steady(sampling: Sampling) -> bool:
     """Whether steady stretches make up most of the driving."""
-    found = source.steady
-    return found is not None and len(found.samples) >= _MIN_SAMPLES and found.steady_share >= _MIN_STEADY
+    return len(sampling.samples) >= _MIN_SAMPLES and sampling.steady_share >= _MIN_STEADY

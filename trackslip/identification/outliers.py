@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from trackslip.identification.fit import fit
@@ -15,40 +17,52 @@ from trackslip.slip.families import FAMILIES
 _MIN_SAMPLES = 6  # minimum number of samples to detect outliers
 _MAX_OUTLIER_SHARE = 0.25  # maximum share of outliers
 _FAR = 6.0  # deviation of an outlier [robust standard deviations]
+_AS_GOOD = 1.3  # spread of laws that fit about as well, relative to the best
 _WORTH_MENTIONING = 0.005  # minimum deviation of an outlier [-]
 _REPEATED = 3  # minimum number of runs of one radius for a median
 _ROUNDS = 15
+_SETTLED = 1e-3  # change of weights at convergence
 _TUKEY = 4.685  # cutoff of the biweight [robust standard deviations]
-_LAWS = ("exponential", "hyperbola", "power", "icr_radius", "icr_sides")
+_LAWS = ("exponential", "hyperbola", "power", "icr_radius", "turn_loss", "icr_sides")
 
 
-def split_outliers(samples: SlipSamples, geometry: RobotGeometry) -> tuple[SlipSamples, list[Refused]]:
-    """Separate outliers, which are far from the law that fits the majority of the runs best.
+def split_outliers(
+    samples: SlipSamples, geometry: RobotGeometry, laws: Sequence[str] = _LAWS
+) -> tuple[SlipSamples, list[Refused]]:
+    """Separate outliers, which are far from every law that fits the majority of the runs well.
 
-    Every law is fitted robustly, with Tukey's biweight of the larger deviation of a run, and the law with the smallest
-    median deviation is used. Repeated runs are compared with their median, because a common deviation is an error of
-    the law. Nothing is excluded from fewer than _MIN_SAMPLES samples, or if more than a quarter of them appear to be
-    outliers: then no law fits. Returns the samples without the outliers, and the outliers.
+    Each of the `laws` is fitted robustly, with Tukey's biweight of the larger deviation of a run, and those whose
+    median deviation is near the smallest are used. Repeated runs are compared with their median, because a common
+    deviation is an error of the law. Nothing is excluded from fewer than _MIN_SAMPLES samples, or if more than a
+    quarter of them appear to be outliers: then no law fits. Returns the samples without the outliers, and the outliers.
     """
     count = len(samples)
     if count < _MIN_SAMPLES:
         return samples, []
     runs = WeightedRuns.of(samples, geometry)
-    judged = [_robust_deviation(name, runs) for name in _LAWS if count > len(FAMILIES[name].names)]
-    deviation, _ = min(judged, key=lambda pair: pair[1])
+    judged = [_robust_deviation(name, runs) for name in laws if count > len(FAMILIES[name].names)]
+    least = min(spread for _, spread in judged)
     labels = by_command(samples.omega, geometry)
-    for label in range(int(labels.max()) + 1):
-        rows = labels == label
-        if rows.sum() >= _REPEATED:
-            deviation[rows] -= np.median(deviation[rows], axis=0)
-    spread = _spread(deviation)
-    worst = np.abs(deviation).max(axis=1)  # (n,)
-    far = worst > max(_FAR * spread, _WORTH_MENTIONING)
+    good = [(_worst(deviation, labels), spread) for deviation, spread in judged if spread <= _AS_GOOD * least]
+    noise = np.sqrt(runs.eigenvalues.max(axis=1))  # (n,) of measurement
+    limits = [np.maximum(_FAR * np.hypot(spread, noise), _WORTH_MENTIONING) for _, spread in good]
+    far = np.all([worst > limit for (worst, _), limit in zip(good, limits, strict=True)], axis=0)
     if not far.any() or far.sum() > _MAX_OUTLIER_SHARE * count:
         return samples, []
-    reason = "its slip deviates by {:.3g} from what fits the other runs, which scatter by {:.2g}"
-    outliers = [Refused(samples.run[k], reason.format(worst[k], spread)) for k in np.flatnonzero(far)]
+    nearest = np.min([worst for worst, _ in good], axis=0)  # (n,) deviation from the law that fits the run best
+    reason = "its motion deviates by {:.3g} of its speed from what fits the other runs, which scatter by {:.2g}"
+    outliers = [Refused(samples.run[k], reason.format(nearest[k], least)) for k in np.flatnonzero(far)]
     return samples.take(~far), outliers
+
+
+def _worst(deviation: Array, labels: np.ndarray) -> Array:
+    """The larger deviation (n,) of the two of a run (n, 2), repeated runs being compared with their median."""
+    own = deviation.copy()
+    for label in np.flatnonzero(np.bincount(labels) >= _REPEATED):
+        rows = labels == label
+        own[rows] -= np.median(deviation[rows], axis=0)
+    worst: Array = np.abs(own).max(axis=1)
+    return worst
 
 
 def _robust_deviation(name: str, runs: WeightedRuns) -> tuple[Array, float]:
@@ -56,11 +70,14 @@ def _robust_deviation(name: str, runs: WeightedRuns) -> tuple[Array, float]:
     family = FAMILIES[name]
     scatter = np.full(1, _WORTH_MENTIONING)
     found = fit(family, runs, scatter=scatter)
+    weight = np.zeros(runs.runs)
     for _ in range(_ROUNDS):
         deviation = runs.deviation(found.law)[0]
         spread = _spread(deviation)
         reach = np.abs(deviation).max(axis=1) / (_TUKEY * max(spread, _WORTH_MENTIONING / _FAR))
-        weight = np.where(reach < 1, (1 - reach**2) ** 2, 1e-9)
+        before, weight = weight, np.where(reach < 1, (1 - reach**2) ** 2, 1e-9)
+        if np.abs(weight - before).max() < _SETTLED:
+            break
         found = fit(family, runs.weighted(weight[None]), found.values, scatter)
     return runs.deviation(found.law)[0], spread
 

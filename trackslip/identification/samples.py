@@ -67,7 +67,7 @@ class SlipSamples:
         size = np.abs(omega)
         standing = size < NEARLY_STANDING * size.max(axis=1, keepdims=True)
         slip = np.where(standing, np.nan, track_slip(omega, twist, geometry))
-        yaw_stderr = np.zeros(len(twist)) if covariance is None else np.sqrt(covariance[:, 1, 1])
+        yaw_stderr = np.zeros(len(twist)) if covariance is None else np.sqrt(np.maximum(covariance[:, 1, 1], 0.0))
         require_plausible(omega, twist, slip, geometry, run, yaw_stderr)
         return cls(omega, twist, slip, tuple(run), covariance, lateral, lateral_stderr)
 

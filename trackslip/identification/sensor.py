@@ -19,6 +19,7 @@ import numpy as np
 
 from trackslip.errors import InvalidValueError, LogError, require_finite
 from trackslip.identification.fitted import FittedLaw, fit_law
+from trackslip.identification.outliers import split_outliers
 from trackslip.identification.replicates import by_command
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import Array, RobotGeometry, track_slip
@@ -85,6 +86,7 @@ def corrected(samples: SlipSamples, sensor: Sensor, geometry: RobotGeometry) -> 
 
 def estimate_sensor(samples: SlipSamples, geometry: RobotGeometry) -> SensorEstimate:
     """The sensor's mounting and place from lateral speeds, and its offset from turns to both sides, for equal ICRs."""
+    samples, _ = split_outliers(samples, geometry, ("icr_sides",))
     values, stderr, reasons = _from_lateral(samples, geometry)
     straight = corrected(samples, Sensor(yaw=values.get("yaw", 0.0)), geometry)
     offset = _offset(straight, geometry)

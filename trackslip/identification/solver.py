@@ -15,11 +15,13 @@ from trackslip.kinematics import Array
 
 Residual = Callable[[Array, np.ndarray], Array]
 """From values (m, p) of the problems `rows` (m,) to their residuals (m, K); values that are not finite are rejected."""
+Jacobian = Callable[[Array, np.ndarray], Array]
+"""From the same to the derivatives (m, K, p) of the residuals."""
 
 _ITERATIONS = 40
 _CONVERGED = 1e-9  # relative decrease of the cost at convergence
-_MIN_STEP = 1e-10  # relative to the scales of the parameters
 _DIFFERENCE = 1e-6  # step of differences, relative to the scales of the parameters
+_MIN_STEP = 1e-10  # relative to the scales of the parameters
 _MAX_DAMPING = 1e12
 
 
@@ -33,11 +35,18 @@ class Minimum:
 
 
 def least_squares(
-    residual: Residual, start: Array, low: Array, high: Array, scale: Array, held: np.ndarray | None = None
+    residual: Residual,
+    start: Array,
+    low: Array,
+    high: Array,
+    scale: Array,
+    held: np.ndarray | None = None,
+    jacobian: Jacobian | None = None,
 ) -> Minimum:
     """Minimise the sums of squares of M problems, from starting values (M, p) within the limits `low`, `high` (p,).
 
     `scale` (p,) are the sizes of significant changes; parameters where `held` (M, p) is true are kept fixed.
+    Without a `jacobian`, derivatives are taken by differences.
     """
     problems, parameters = start.shape
     held = np.zeros((problems, parameters), bool) if held is None else held
@@ -52,10 +61,13 @@ def least_squares(
     hessian = np.tile(np.eye(parameters), (problems, 1, 1))
     damping = np.full(problems, 1e-3)
     for _ in range(_ITERATIONS):
-        jacobian = _jacobian(finite, values[rows], current[rows], rows, high, scale)
-        jacobian = np.where(held[rows][:, None, :], 0.0, jacobian)
-        gradient = np.einsum("mki,mk->mi", jacobian, current[rows])
-        normal = np.einsum("mki,mkj->mij", jacobian, jacobian)
+        if jacobian is None:
+            slopes = _differences(finite, values[rows], current[rows], rows, high, scale)
+        else:
+            slopes = jacobian(values[rows], rows)
+        slopes = np.where(held[rows][:, None, :], 0.0, slopes)
+        gradient = np.einsum("mki,mk->mi", slopes, current[rows])
+        normal = slopes.swapaxes(1, 2) @ slopes
         diagonal = np.einsum("mii->mi", normal)  # a view
         diagonal[held[rows]] = 1.0
         hessian[rows] = normal
@@ -83,7 +95,9 @@ def least_squares(
     return Minimum(values, cost, hessian)
 
 
-def _jacobian(residual: Residual, values: Array, current: Array, rows: np.ndarray, high: Array, scale: Array) -> Array:
+def _differences(
+    residual: Residual, values: Array, current: Array, rows: np.ndarray, high: Array, scale: Array
+) -> Array:
     """Derivatives (m, K, p) by one-sided differences within the limits."""
     problems, parameters = values.shape
     step = _DIFFERENCE * scale

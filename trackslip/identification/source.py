@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -21,30 +22,6 @@ from trackslip.logs.table_reader import ReadRuns, runs_from_table
 from trackslip.motion.constant_speed import SETTLE
 
 _MATTERS = ("ground", "radius_error", "geometry", "model_sha256")  # to slip
-
-
-@dataclass(frozen=True)
-class Source:
-    """What was logged: runs, and their steady samples."""
-
-    geometry: RobotGeometry
-    steady: Sampling | None
-    """Steady samples; None if there are none."""
-    logs: tuple[RunLog, ...]
-    """Runs; empty if the log held samples instead of traces. Samples are taken from those that are not closed loops."""
-    refused: tuple[Refused, ...] = ()
-    """Runs that cannot be read."""
-    notes: tuple[str, ...] = ()
-    """What was left out of the runs when they were read, one line each."""
-    unsteady: str = ""
-    """Why there are no steady samples."""
-
-    @property
-    def sampling(self) -> Sampling:
-        """The steady samples; raises LogError if there are none."""
-        if self.steady is None:
-            raise LogError(self.unsteady)
-        return self.steady
 
 
 @dataclass(frozen=True)
@@ -66,6 +43,39 @@ class Reading:
         require_positive("gear", self.gear)
 
 
+@dataclass(frozen=True)
+class Source:
+    """What was logged: runs, and their steady samples."""
+
+    name: str
+    """What messages call it."""
+    geometry: RobotGeometry
+    reading: Reading
+    logs: tuple[RunLog, ...] = ()
+    """Runs; empty if the log held samples instead of traces. Samples are taken from those that are not closed loops."""
+    rows: Sampling | None = None
+    """Samples, if the log held them."""
+    refused: tuple[Refused, ...] = ()
+    """Runs that cannot be read."""
+    notes: tuple[str, ...] = ()
+    """What was left out of the runs when they were read, one line each."""
+
+    @cached_property
+    def sampling(self) -> Sampling:
+        """The steady samples; raises LogError if there are none."""
+        if self.rows is not None:
+            return self.rows
+        steady = [log for log in self.logs if "controller" not in log.metadata]
+        if not steady:
+            number = len(self.logs)
+            raise LogError(f"{self.name}: its {number} run(s) are closed loops; slip is identified from steady runs")
+        try:
+            found = usable_samples(steady, self.geometry, self.reading.settle, self.reading.motion, self.refused)
+        except LogError as error:
+            raise _of(self.name, error) from error
+        return replace(found, notes=(*self.notes, *found.notes))
+
+
 def read_source(
     path: Path, reading: Reading = Reading(), chosen: Callable[[Path], Collection[str]] | None = None
 ) -> Source:
@@ -76,14 +86,14 @@ def read_source(
     """
     file = runs_file(path)
     try:
-        found = _read(file, reading, chosen)
+        return _read(file, reading, chosen)
     except LogError as error:
-        raise _of_file(file, error) from error
-    return replace(found, unsteady=str(_of_file(file, LogError(found.unsteady)))) if found.unsteady else found
+        raise _of(str(file), error) from error
 
 
-def _of_file(file: Path, error: LogError) -> LogError:
-    return error if str(file) in str(error) else LogError(f"{file}: {error}")
+def _of(name: str, error: LogError) -> LogError:
+    """The error with the name of its source in front."""
+    return error if name in str(error) else LogError(f"{name}: {error}")
 
 
 def source_of_runs(
@@ -101,16 +111,7 @@ def source_of_runs(
     known = {"geometry": asdict(geometry)}
     logs = [replace(log, omega=log.omega / reading.gear, metadata=log.metadata | known) for log in runs]
     left_out = left_out or ReadRuns()
-    read = (tuple(left_out.refused), tuple(left_out.notes))
-    open_loop = [log for log in logs if "controller" not in log.metadata]
-    if not open_loop:
-        reason = f"{name}: its {len(runs)} run(s) are closed loops; slip is identified from steady runs"
-        return Source(geometry, None, tuple(logs), *read, reason)
-    try:
-        found = usable_samples(open_loop, geometry, reading.settle, reading.motion, left_out.refused)
-    except LogError as error:
-        return Source(geometry, None, tuple(logs), *read, str(error))
-    return Source(geometry, replace(found, notes=(*left_out.notes, *found.notes)), tuple(logs), *read)
+    return Source(name, geometry, reading, tuple(logs), refused=tuple(left_out.refused), notes=tuple(left_out.notes))
 
 
 def origin(logs: Sequence[RunLog]) -> dict[str, Any]:
@@ -130,9 +131,10 @@ def _read(file: Path, reading: Reading, chosen: Callable[[Path], Collection[str]
         if chosen is not None:
             raise LogError(f"{file}: holds steady samples, not runs of a sweep: --where must be left out")
         geometry = _geometry(reading, None, file)
-        return Source(geometry, _sampled(Columns(table, str(file)), reading.gear, geometry), ())
+        rows = _sampled(Columns(table, str(file)), reading.gear, geometry)
+        return Source(str(file), geometry, reading, rows=rows)
     if not set(columns) & set(REQUIRED[1:]):
-        needed = f"{', '.join(REQUIRED)} or {', '.join(SAMPLE_COLUMNS)}"
+        needed = f"{', '.join(REQUIRED)} and usually phi, or {', '.join(SAMPLE_COLUMNS)}"
         raise LogError(f"{file}: needs the columns {needed}; found {', '.join(columns)[:200]!r}")
     read = runs_from_table(table, str(file))
     runs: Sequence[RunLog] = read.runs

@@ -49,7 +49,7 @@ class WeightedRuns:
         weight = np.ones((1, len(scale)))
         if samples.covariance is None:
             return cls(geometry, samples.omega, speeds, np.eye(2) / scale, np.zeros((len(scale), 2)), weight)
-        to_tracks = np.column_stack([np.ones(2), SIDES * geometry.half_gauge])
+        to_tracks = _to_tracks(geometry)
         noise = to_tracks @ samples.covariance @ to_tracks.T
         eigenvalues, vectors = np.linalg.eigh(noise / scale**2)
         turn = vectors.swapaxes(1, 2) / scale
@@ -59,6 +59,11 @@ class WeightedRuns:
     def runs(self) -> int:
         """Number of runs, n."""
         return len(self.omega)
+
+    @property
+    def of_twists(self) -> Array:
+        """Q^T B / s (n, 2, 2): from twists to deviations along the eigenvectors."""
+        return self.turn @ _to_tracks(self.geometry)
 
     @property
     def axes(self) -> Array:
@@ -81,9 +86,12 @@ class WeightedRuns:
 
     def whiten(self, deviation: Array, scatter: Array, rows: np.ndarray | slice = slice(None)) -> Array:
         """Residuals (m, 2 n) in standard deviations, times the roots of the weights, for scatters (m,)."""
+        return (deviation * self.roots(scatter, rows)).reshape(len(deviation), -1)
+
+    def roots(self, scatter: Array, rows: np.ndarray | slice = slice(None)) -> Array:
+        """Roots (m, n, 2) of the weights over the standard deviations, for scatters (m,)."""
         weight = self.weight if len(self.weight) == 1 else self.weight[rows]
-        factor = np.sqrt(weight[..., None] / (self.eigenvalues + scatter[:, None, None] ** 2))
-        return (deviation * factor).reshape(len(deviation), -1)
+        return np.sqrt(weight[..., None] / (self.eigenvalues + scatter[:, None, None] ** 2))
 
     def scatter(self, deviation: Array, freedom: float) -> Array:
         """tau (M,) at which chi-square equals its expectation `freedom`, after Paule and Mandel (1982).
@@ -103,6 +111,11 @@ class WeightedRuns:
             unscattered = np.sum(self.whiten(deviation, np.zeros(len(deviation))) ** 2, axis=1)
             least |= unscattered < scipy.stats.chi2.ppf(_EXPLAINED, freedom)
         return np.where(least, 0.0 if known else MIN_SCATTER, np.exp((low + high) / 2))
+
+
+def _to_tracks(geometry: RobotGeometry) -> Array:
+    """B (2, 2): from a twist to track speeds."""
+    return np.column_stack([np.ones(2), SIDES * geometry.half_gauge])
 
 
 def relative_errors(twist: Array, samples: SlipSamples, geometry: RobotGeometry) -> Array:

@@ -54,7 +54,9 @@ class RunLog:
         backwards = np.flatnonzero(~(np.diff(self.time) > 0))
         if backwards.size:
             k = int(backwards[0]) + 1
-            raise LogError(f"run {self.run!r}: t = {self.time[k]:g} in its row {k + 1} is not after the previous row")
+            raise LogError(
+                f"run {self.run!r}: t = {self.time[k]:.12g} in its row {k + 1} is not after the previous row"
+            )
         names = ("x", "y", "phi", "omega_l", "omega_r")
         bad = ~np.isfinite(np.concatenate([self.pose, self.omega], axis=1))
         bad[:, :3] &= self.is_valid[:, None]

@@ -97,8 +97,8 @@ class _Reader:
             return [self._run(name, name, rows)]
         first = starts[0]
         self._notes.append(
-            f"run {name!r}: row {rows[first] + 1}, column t: goes back from {time[first - 1]:g} s to {time[first]:g} s:"
-            f" read as {starts.size + 1} runs"
+            f"run {name!r}: row {rows[first] + 1}, column t: goes back from {time[first - 1]:.12g} s "
+            f"to {time[first]:.12g} s: read as {starts.size + 1} runs"
         )
         runs = []
         for number, part in enumerate(np.split(rows, starts), start=1):
@@ -111,7 +111,7 @@ class _Reader:
 
     def _run(self, called: str, name: str, rows: np.ndarray) -> RunLog:
         """A run of rows under one clock, with the metadata of the run `name`."""
-        rows = self._in_order(called, rows)
+        rows = self._in_order(called, self._joined(rows))
         omega, rows = self._encoder(called, rows)
         pose, valid = self._poses(called, rows)
         time = self._cells["t"].values[rows]
@@ -146,13 +146,32 @@ class _Reader:
             raise LogError(f"{reason}; so are {count} of its {total} {what}s" if total > 1 else reason)
         self._notes.append(f"run {name!r}: {count} {what}{'s' if count > 1 else ''} left out: {reason}")
 
+    def _joined(self, rows: np.ndarray) -> np.ndarray:
+        """The rows without those that only add an encoder reading or a pose to the row before, of the same time."""
+        same = np.flatnonzero(np.diff(self._cells["t"].values[rows]) == 0)
+        first, second = rows[same], rows[same + 1]
+        filled = {
+            block: np.all([np.isfinite(self._cells[column].values) for column in block[:2]], axis=0)
+            for block in (_ENCODER, _POSE)
+        }
+        adds = ~np.any([there[first] & there[second] for there in filled.values()], axis=0)
+        for block, there in filled.items():
+            into, out = first[adds & there[second]], second[adds & there[second]]
+            for column in block:
+                self._cells[column].values[into] = self._cells[column].values[out]
+            if block is _POSE and self._valid is not None:
+                self._valid.values[into] = self._valid.values[out]
+        return np.delete(rows, same[adds] + 1)
+
     def _in_order(self, name: str, rows: np.ndarray) -> np.ndarray:
         """The rows whose times ascend."""
         time = self._cells["t"].values[rows]
         kept = clock.in_order(time)
         if len(kept) < len(rows):
             k = int(np.argmax(np.diff(time) <= 0))
-            reason = f"row {rows[k + 1] + 1}, column t: {time[k + 1]:g} is not after {time[k]:g}, the time before it"
+            reason = (
+                f"row {rows[k + 1] + 1}, column t: {time[k + 1]:.12g} is not after {time[k]:.12g}, the time before it"
+            )
             self._say(name, len(rows) - len(kept), len(rows), "row", reason)
         return rows[kept]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.steady_twist import SteadyTwist, long_run_covariance, require_poses, within
@@ -20,12 +21,25 @@ def arc(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
 
     All poses have equal weight: their covariances, optimistic where the plate is seen nearly edge-on, would make the
     fit worse. Huber's loss limits outliers. The covariance is that of an M-estimator with scores correlated in time.
-    Raises LogError if there are fewer than MIN_ARC_POSES valid poses.
+    Raises LogError if there are fewer than MIN_ARC_POSES valid poses or their numbers are too large to compute with.
     """
+    try:
+        with np.errstate(all="ignore"):
+            found = _fitted(log, window)
+    except np.linalg.LinAlgError:
+        found = None
+    if found is None or not np.isfinite([*found.twist, *found.covariance.ravel()]).all():
+        raise LogError(f"run {log.run!r}: no arc fits its poses between {window[0]:.12g} s and {window[1]:.12g} s")
+    return found
+
+
+def _fitted(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     rows = within(log.time, window) & log.has_heading
     require_poses(rows, MIN_ARC_POSES, log, window)
     time = log.time[rows] - log.time[rows].mean()
     parameters, hessian, scores, count = fit_arc(time, log.pose[rows])
+    if not np.isfinite(np.sum(scores**2)):
+        raise np.linalg.LinAlgError
     inverse = np.linalg.inv(hessian)
     covariance = inverse @ (len(time) * long_run_covariance(scores)) @ inverse
     correction = count / (count - len(parameters))

@@ -34,7 +34,7 @@ def constant_stretches(
     Stretches do not overlap, nor extend across `breaks`, the rows after which a new section begins. The longest is
     taken first, then the longest of what is left.
     """
-    size = max(1, round(_BLOCK / float(np.median(np.diff(time)))))
+    size = max(1, round(min(_BLOCK / float(np.median(np.diff(time))), len(time))))
     jitter = 1.4826 * float(np.median(np.abs(np.diff(omega, axis=0)))) / np.sqrt(2)
     edges = np.concatenate([[0], breaks + 1, [len(time)]])
     sections = [(int(first), _block_means(omega[first:end], size)) for first, end in itertools.pairwise(edges)]

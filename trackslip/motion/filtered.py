@@ -72,8 +72,8 @@ def even_poses(log: RunLog) -> tuple[Array, Array]:
     if turn.max() > _MAX_GAP_TURN:
         k = int(np.argmax(turn))
         raise LogError(
-            f"run {log.run!r}: turns by {turn[k]:.1f} rad between the valid poses at t = {time[k]:g} s and "
-            f"{time[k + 1]:g} s: at most {_MAX_GAP_TURN:.1f} rad can be bridged"
+            f"run {log.run!r}: turns by {turn[k]:.1f} rad between the valid poses at t = {time[k]:.12g} s and "
+            f"{time[k + 1]:.12g} s: at most {_MAX_GAP_TURN:.1f} rad can be bridged"
         )
     per_step = float(np.median(turn))
     if per_step > _MAX_TURN_PER_ROW:

@@ -37,7 +37,7 @@ class Jumps:
 def find_jumps(time: Array, pose: Array) -> Jumps:
     """The jumps among poses (n, 3) at times (n,) of steady motion."""
     period = float(np.median(np.diff(time)))
-    half = min(int(np.clip(round(_BACK / period), 2, _MOST_AVERAGED)), (len(time) - 1) // 2)
+    half = min(max(2, round(min(_BACK / period, _MOST_AVERAGED))), (len(time) - 1) // 2)
     size = np.zeros(pose.shape)
     path, heading, rate = _off_reckoning(time, pose, half)
     off = path - _running_median(path, half)
@@ -57,7 +57,7 @@ def _lasting(time: Array, pose: Array, period: float, half: int) -> list[tuple[i
     """First rows after lasting jumps, and their sizes (3,), the largest first."""
     path, _, rate = _off_reckoning(time, pose, half)
     count = len(time)
-    width = int(np.clip(round(_COMPARED / period), _AVERAGED, _MOST_AVERAGED))
+    width = max(_AVERAGED, round(min(_COMPARED / period, _MOST_AVERAGED)))
     width = max(1, min(width, count // 8))
     fewest = -(-width // 3)
     row = np.arange(fewest, count - fewest + 1)

@@ -80,9 +80,10 @@ def steady_parts(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -
     _require_lengths(log, geometry)
     step = np.diff(log.time)
     gaps = np.flatnonzero(step > max(_GAP * float(np.median(step)), _MIN_GAP))
-    notes = [f"its clock has a gap from t = {log.time[k]:g} s to {log.time[k + 1]:g} s" for k in gaps]
+    notes = [f"its clock has a gap from t = {log.time[k]:.12g} s to {log.time[k + 1]:.12g} s" for k in gaps]
     lead = max(settle, MARGIN)
-    least = lead + MARGIN + _SHORTEST
+    enough = max(_SHORTEST, _time_of_poses(log, MIN_ARC_POSES))
+    least = lead + MARGIN + enough
     constant, longest = constant_stretches(log.time, log.omega, gaps, least)
     log, pieces, jumps = _without_jumps(log, constant)
     notes += jumps
@@ -90,8 +91,8 @@ def steady_parts(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -
     if not long:
         longest = max(pieces, key=lambda piece: log.time[piece[1]] - log.time[piece[0]], default=longest)
         begin, end = log.time[list(longest)]
-        notes.append(f"steady from {begin:g} s to {end:g} s only, too short")
-        left_out = f"the first {lead:g} s and last {MARGIN:g} s of it are left out"
+        notes.append(f"steady from {begin:.12g} s to {end:.12g} s only, too short")
+        left_out = f"the first {lead:g} s and last {MARGIN:g} s of it are left out, and an arc needs {enough:.2g} s"
         raise LogError(f"run {log.run!r}: {'; '.join(notes)}: {left_out}")
     moving = [piece for piece in long if _turns(log.omega, *piece)]
     if not moving:
@@ -99,7 +100,7 @@ def steady_parts(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -
     windows = [(float(log.time[first]) + lead, float(log.time[last]) - MARGIN) for first, last in moving]
     first, last = moving[0]
     if len(long) == 1 and log.time[last] - log.time[first] < 0.8 * (log.time[-1] - log.time[0]):
-        notes.append(f"steady, and used, from {windows[0][0]:g} s to {windows[0][1]:g} s only")
+        notes.append(f"steady, and used, from {windows[0][0]:.12g} s to {windows[0][1]:.12g} s only")
     said = tuple(f"run {log.run!r}: {note}" for note in notes)
     parts = []
     for k, window in enumerate(windows):
@@ -122,22 +123,29 @@ def require_steady_motion(part: SteadyPart) -> None:
         return  # too few to compare
     first, second = arc(part.log, (begin, middle)), arc(part.log, (middle, end))
     change = second.twist - first.twist
-    error = np.sqrt(np.diag(first.covariance + second.covariance))
+    error = np.sqrt(np.maximum(np.diag(first.covariance + second.covariance), 0.0))
     significant = np.abs(change) > _SIGNIFICANT * error
     v, w = np.abs(np.stack([first.twist, second.twist])).max(axis=0)
     size = np.array([v + _TURNING * w, w + _TURNING * v])
     if (significant & (np.abs(change) > _CHANGE * size)).any():
         v, w = change
         raise LogError(
-            f"run {part.log.run!r}: its sprockets are steady from {begin:g} s to {end:g} s, but its motion is not: "
-            f"v changes by {v:+.3g} m/s and w by {w:+.3g} rad/s from the first half to the second"
+            f"run {part.log.run!r}: its sprockets are steady from {begin:.12g} s to {end:.12g} s, "
+            f"but its motion is not: v changes by {v:+.3g} m/s and w by {w:+.3g} rad/s "
+            "from the first half to the second"
         )
+
+
+def _time_of_poses(log: RunLog, count: int) -> float:
+    """Usual time from the first to the last of some poses with heading [s]; 0 for a run without."""
+    headed = log.time[log.has_heading]
+    return (count - 1) * float(np.median(np.diff(headed))) if len(headed) > 1 else 0.0
 
 
 def _require_headings(log: RunLog) -> None:
     """Raise LogError for a run all of whose poses lack a heading."""
     if log.is_valid.any() and not log.has_heading.any():
-        raise LogError(f"run {log.run!r}: has no headings: steady stretches need phi, the drive estimator does not")
+        raise LogError(f"run {log.run!r}: has no headings: steady stretches need phi, --method drive does not")
 
 
 def _require_lengths(log: RunLog, geometry: RobotGeometry) -> None:
@@ -197,5 +205,5 @@ def _described(time: Array, jumps: Jumps) -> list[str]:
     for k in sorted([*np.flatnonzero(begins), *jumps.lasting]):
         way, turn = float(np.hypot(*jumps.size[k, :2])), float(np.degrees(np.abs(jumps.size[k, 2])))
         size = f"pose jumps by {way:.3g} m" + (f" and {turn:.2g}°" if turn > 1 else "")
-        notes.append(f"its {size} at t = {time[k]:g} s" + (" and stays there" if k in jumps.lasting else ""))
+        notes.append(f"its {size} at t = {time[k]:.12g} s" + (" and stays there" if k in jumps.lasting else ""))
     return notes

@@ -42,7 +42,7 @@ class SteadyTwist:
             parameters[_TWIST],
             covariance[np.ix_(_TWIST, _TWIST)],
             float(parameters[_LATERAL]),
-            float(np.sqrt(covariance[_LATERAL, _LATERAL])),
+            float(np.sqrt(max(covariance[_LATERAL, _LATERAL], 0.0))),
         )
 
 
@@ -60,7 +60,7 @@ def require_poses(usable: np.ndarray, least: int, log: RunLog, window: tuple[flo
     count, rows = int(usable.sum()), int(within(log.time, window).sum())
     if count >= least:
         return
-    between = f"between {window[0]:g} s and {window[1]:g} s"
+    between = f"between {window[0]:.12g} s and {window[1]:.12g} s"
     if count > _MOST * rows:
         raise LogError(
             f"run {log.run!r}: its steady window {between} is short: it has {count} poses, needs at least {least}"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.kinematics import Array
+from trackslip.kinematics import Array, RobotGeometry, twist_of_tracks
 from trackslip.slip.base import SlipLaw, by_side, require_slips
 
 
@@ -35,3 +35,29 @@ class Constant(SlipLaw):
     def __call__(self, kappa: ArrayLike) -> Array:
         """Slips (..., 2) at curvatures (...)."""
         return by_side(kappa, np.asarray(self.slip_inner), np.asarray(self.slip_outer))
+
+    def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
+        """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce.
+
+        Where neither a left nor a right turn has these sprocket speeds, the robot goes straight or turns in place, with
+        slips in between.
+        """
+        belt = geometry.sprocket_radius * np.asarray(omega, float)
+        inner, outer = (1 - np.asarray(slip)[..., None] for slip in (self.slip_inner, self.slip_outer))
+        left, right = (belt * np.concatenate(pair, axis=-1) for pair in ((inner, outer), (outer, inner)))
+        is_left, is_right = _outwards(left) > 0, _outwards(right) < 0
+        to_left = is_left & (~is_right | (_outwards(belt) > 0))
+        product = belt[..., :1] * belt[..., 1:]
+        side = np.where(product < 0, -1.0, 1.0)
+        both = belt[..., :1] + side * belt[..., 1:]
+        between = (
+            (inner + outer) * product / np.where(both == 0, np.inf, both) * np.concatenate([side, side**2], axis=-1)
+        )
+        speeds = np.where(to_left[..., None], left, np.where(is_right[..., None], right, between))
+        return twist_of_tracks(speeds, geometry.half_gauge)
+
+
+def _outwards(speeds: Array) -> Array:
+    """Positive (...) for track speeds (..., 2) of a left turn, negative for those of a right one."""
+    turning = np.abs(speeds[..., 1]) - np.abs(speeds[..., 0])
+    return np.where(speeds[..., 0] + speeds[..., 1] == 0, speeds[..., 1], turning)

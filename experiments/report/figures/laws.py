@@ -194,26 +194,26 @@ def correlations(laws: list[FittedLaw]) -> Figure:
     """Correlation matrices of the parameters of up to two laws."""
     figure, axes = subplots(3.7, 1, 2)
     for axis, law in zip(axes, laws, strict=False):
-        _matrix(axis, law)
+        draw_matrix(axis, law.correlation, [SYMBOLS.get(key, key) for key in law.values])
+        axis.set_title(f"Correlations [–], {LABELS.get(law.name, law.name)}")
     for axis in axes[len(laws) :]:
         axis.set_visible(False)
     return figure
 
 
-def _matrix(axis: Axes, law: FittedLaw) -> None:
-    """Draw a cell for each pair of parameters, red for positive correlation, blue for negative."""
+def draw_matrix(axis: Axes, correlation: Array, names: Sequence[str]) -> None:
+    """Draw a cell for each pair of parameters (f, f), red for positive correlation, blue for negative."""
     # polygons, because a bitmap would blur on the page
-    axis.pcolormesh(law.correlation, cmap="RdBu_r", vmin=-1, vmax=1, edgecolors="white", linewidth=1.5)
-    names = [SYMBOLS.get(key, key) for key in law.values]
+    axis.pcolormesh(correlation, cmap="RdBu_r", vmin=-1, vmax=1, edgecolors="white", linewidth=1.5)
     places = np.arange(len(names)) + 0.5
     axis.set_xticks(places, names)
     axis.set_yticks(places, names)
     axis.tick_params(length=0)
     axis.invert_yaxis()
-    axis.set(aspect="equal", title=f"Correlations [–], {LABELS.get(law.name, law.name)}")
+    axis.set_aspect("equal")
     axis.grid(visible=False)
     axis.spines[:].set_visible(False)
-    for (row, column), value in np.ndenumerate(law.correlation):
+    for (row, column), value in np.ndenumerate(correlation):
         text = "1" if row == column else f"{value:+.2f}".replace("-", "−")
         colour = "white" if abs(value) > _DARK else "black"
         axis.text(column + 0.5, row + 0.5, text, ha="center", va="center", color=colour)

@@ -64,7 +64,9 @@ def sightings(logs: Sequence[RunLog]) -> Sightings | None:
 
 
 def _seen_by(metadata: Mapping[str, Any]) -> tuple[Plate, Scan] | None:
-    """The plate, and a scan without ranges of the scanner that saw it; None where the metadata lack them."""
+    """The plate, and a scan without ranges of the scanner that saw it; None where either isn't known."""
+    if "source" in metadata:  # of poses, as teleoperated drives have
+        return None
     plate, scanner, lrf = (metadata.get(key) for key in ("plate", "scanner", "lrf"))
     if not (isinstance(plate, Mapping) and isinstance(scanner, Mapping) and isinstance(lrf, Mapping)):
         return None

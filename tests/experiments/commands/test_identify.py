@@ -34,7 +34,7 @@ def test_laws_whose_fit_ends_at_a_limit_are_told_of(trackslip, tmp_path):
         (
             TRACE.replace(",2,", ",inf,"),
             GEOMETRY,
-            "run 'a': row 1, column omega_l: 'inf' is not a finite number; so are",
+            "run 'a': row 1, column omega_l: 'inf' is not a finite number",
         ),
         (TRACE.replace(",0,0\n", ",oops,0\n"), GEOMETRY, "run 'a': row 1, column y: 'oops' is not a finite number"),
         (TRACE.replace(",0,0\n", ",0,\n"), GEOMETRY, "run 'a': has no headings"),

@@ -69,10 +69,14 @@ def test_turns_either_way_forwards_backwards_and_in_place(trackslip, tmp_path):
 
 def test_sides_that_differ(tmp_path):
     sides = IcrSides(0.07, 0.11, 0.0, 0.02, 0.3)
-    found = identify(written(traces(sides), tmp_path / "log.csv"), ROBOT)
+    log = written(traces(sides), tmp_path / "log.csv")
+    found = identify(log, ROBOT, estimate_sensor=False)
     assert found.best == "icr_sides"
     assert "left and right turns differ" in "".join(found.warnings)
     assert values_of(found, "icr_sides")["offset_right"] == pytest.approx(0.11, abs=0.004)
+    assumed = identify(log, ROBOT)
+    assert any("to the left of the middle, if the ICRs of both sides are equal" in note for note in assumed.warnings)
+    assert values_of(assumed)["offset"] == pytest.approx(0.09, abs=0.004)
 
 
 def test_encoders_before_a_gear(refused, tmp_path):

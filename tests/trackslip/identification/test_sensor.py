@@ -73,11 +73,11 @@ def test_place_and_mounting_are_found_from_turns_to_both_sides(sign):
 
 
 def test_standard_errors_are_the_scatter_of_the_estimates():
-    found = [estimate_sensor(seen(MOUNTED, seed=seed), GEOMETRY) for seed in range(60)]
+    found = [estimate_sensor(seen(MOUNTED, seed=seed), GEOMETRY) for seed in range(40)]
     for name in ("x", "y", "yaw"):
         scatter = np.std([getattr(one.sensor, name) for one in found])
         stated = np.sqrt(np.mean([one.stderr[name] ** 2 for one in found]))
-        assert stated == pytest.approx(scatter, rel=0.35)
+        assert stated == pytest.approx(scatter, rel=0.4)
 
 
 def test_a_sensor_in_the_middle_stays_there():

@@ -6,6 +6,7 @@ from slip_data import GEOMETRY, grid
 
 from trackslip.identification.fit import fit
 from trackslip.identification.intervals import profile_intervals
+from trackslip.identification.sensitivity import twist_slopes
 from trackslip.identification.solver import least_squares
 from trackslip.identification.weighting import WeightedRuns
 from trackslip.slip.exponential import PUBLISHED
@@ -43,6 +44,21 @@ def test_a_problem_does_not_depend_on_its_neighbours():
     together = solved(y)
     for k in range(8):
         np.testing.assert_allclose(solved(y[k : k + 1]).values[0], together.values[k], rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", [name for name, family in FAMILIES.items() if family.names])
+def test_slopes_of_twists_are_those_of_finite_differences(name):
+    family, step = FAMILIES[name], 1e-5
+    samples = grid(PUBLISHED, errors=None)
+    values = family.starts(GEOMETRY.half_gauge)
+    slopes = twist_slopes(family, values, samples.omega, GEOMETRY)
+
+    def twist(values):
+        return family.law(values[:, None, :], GEOMETRY).twist(samples.omega, GEOMETRY)
+
+    for k, only in enumerate(step * np.eye(values.shape[1])):
+        difference = (twist(values + only) - twist(values - only)) / (2 * step)
+        np.testing.assert_allclose(slopes[..., k], difference, atol=1e-4 * np.abs(difference).max())
 
 
 def test_limits_and_held_parameters():

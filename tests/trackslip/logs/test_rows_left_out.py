@@ -189,3 +189,18 @@ def test_numbers_in_text_are_read_as_python_reads_them(tmp_path, text):
     rows = lines()
     rows[4] = changed(rows[4], "y", text)
     assert read(tmp_path, rows).runs[0].pose[4, 1] == 1.5
+
+
+def test_rows_of_one_time_that_complement_each_other_are_one(tmp_path):
+    """Encoder and poses in rows of their own, sorted by time, as from two topics of a bag."""
+    rows = []
+    for k in range(100):
+        encoder, pose = f"a,{k / 50},{k},{2 * k},,,,\n", f"a,{k / 50},,,{k},{-k},0.1,true\n"
+        rows += ([encoder, pose] if k % 20 else [pose, encoder]) if k % 5 == 0 else [encoder]
+    found = read(tmp_path, rows)
+    (run,) = found.runs
+    assert found.warnings == ()
+    np.testing.assert_array_equal(run.time, np.arange(100) / 50)
+    np.testing.assert_array_equal(run.omega, np.arange(100)[:, None] * [1, 2])
+    np.testing.assert_array_equal(np.flatnonzero(run.is_valid), np.arange(0, 100, 5))
+    np.testing.assert_array_equal(run.pose[run.is_valid, 0], np.arange(0, 100, 5))

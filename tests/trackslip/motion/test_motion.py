@@ -122,7 +122,21 @@ def test_a_lateral_speed_does_not_bend_the_arc():
     x = (v * np.sin(phi) + u * np.cos(phi)) / w
     y = (-v * np.cos(phi) + u * np.sin(phi)) / w
     log = RunLog("sideways", time, np.ones((600, 2)), np.column_stack([x, y, phi]))
-    np.testing.assert_allclose(arc(log, WINDOW).twist, [v, w], atol=2e-6)
+    found = arc(log, WINDOW)
+    np.testing.assert_allclose(found.twist, [v, w], atol=2e-6)
+    assert found.lateral == pytest.approx(u, abs=2e-6)
+
+
+def test_lateral_speeds_scatter_as_much_as_they_state():
+    """Headings mounted 2 degrees off: the robot seems to go sideways."""
+    errors = []
+    for seed in range(100):
+        log = circle_log((0.2, 0.3), noise=(0.002, 0.002, 0.004), seed=seed)
+        log.pose[:, 2] += np.radians(2.0)
+        found = arc(log, WINDOW)
+        errors.append((found.lateral + 0.2 * np.sin(np.radians(2.0))) / found.lateral_stderr)
+    assert np.std(errors) == pytest.approx(1.0, abs=0.3)
+    assert abs(np.mean(errors)) < 0.4
 
 
 def test_outliers_do_not_bend_the_arc():

@@ -1,4 +1,5 @@
 from dataclasses import replace
+from time import process_time
 
 import numpy as np
 import pytest
@@ -6,6 +7,7 @@ import pytest
 from trackslip.errors import LogError
 from trackslip.identification.samples import slip_samples, usable_samples
 from trackslip.kinematics import RobotGeometry, advance
+from trackslip.logs.logfile import read_runs, write_csv
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.constant_speed import SETTLE
 from trackslip.motion.steady import MARGIN, steady_part, steady_parts
@@ -124,3 +126,88 @@ def test_bad_runs_are_listed_and_the_others_used():
     assert [str(refused) for refused in found.refused] == ["run 'still' left out: the sprockets stand still"]
     with pytest.raises(LogError, match="run 'still': the sprockets stand still"):
         usable_samples([still], GEOMETRY)
+
+
+def test_times_since_1970_are_told_to_the_second():
+    log = driven(((0.0, 1.0), (10.0, 0.5)))
+    late = replace(log, time=log.time + 1.7e9)
+    assert usable_samples([late], GEOMETRY).samples.run == ("run @ 1700000001.5 s", "run @ 1700000011.5 s")
+
+
+def test_a_session_gives_as_much_as_its_commands_one_by_one():
+    """Twenty minutes of commands of six seconds, as one run and cut into a run for each command."""
+    rng = np.random.default_rng(0)
+    twists = np.column_stack([rng.uniform(0.05, 0.3, 200), rng.uniform(-0.5, 0.5, 200)])
+    command = np.repeat(np.arange(200), 60)
+    omega = LAW.sprocket_speeds(twists, GEOMETRY)[command]
+    time = 0.1 * np.arange(len(command))
+    pose = [np.zeros(3)]
+    for k in command[1:]:
+        pose.append(advance(pose[-1], twists[k], 0.1))
+    noisy = np.array(pose) + rng.normal(size=(len(pose), 3)) * [0.005, 0.005, 0.005]
+    session = usable_samples([RunLog("session", time, omega, noisy)], GEOMETRY)
+    parts = [RunLog(str(k), *(values[command == k] for values in (time, omega, noisy))) for k in range(200)]
+    alone = usable_samples(parts, GEOMETRY)
+    assert len(alone.samples) == 200
+    assert len(session.samples) >= 195  # some commands differ too little from the next
+    assert session.refused == alone.refused == ()
+    for samples in (session.samples, alone.samples):
+        error = samples.twist - LAW.twist(samples.omega, GEOMETRY)
+        stderr = np.sqrt(np.diagonal(samples.covariance, axis1=1, axis2=2))
+        assert np.sqrt(np.median((error / stderr) ** 2)) == pytest.approx(0.67, abs=0.1)  # of a normal distribution
+        assert np.median(stderr[:, 1]) < 0.0012
+
+
+def test_uneven_rows_count_by_their_time():
+    """Sprocket speeds that drift within what counts as steady, logged more often at first."""
+    log = driven()
+    log.omega[:] *= (1 + 0.02 * np.sin(2 * np.pi * log.time / 18))[:, None]
+    rows = np.concatenate([np.arange(0, 200), np.arange(203, 400, 4)])
+    sparse = replace(log, time=log.time[rows], omega=log.omega[rows], pose=log.pose[rows])
+    assert (np.abs(sparse.omega[30:].mean(axis=0) / log.omega[30:].mean(axis=0) - 1) > 0.005).all()
+    np.testing.assert_allclose(steady_part(sparse, GEOMETRY).omega, steady_part(log, GEOMETRY).omega, rtol=1e-3)
+
+
+def test_a_run_without_headings_has_no_steady_stretch():
+    log = driven()
+    log.pose[:, 2] = np.nan
+    with pytest.raises(LogError, match="run 'run': has no headings: steady stretches need phi"):
+        steady_parts(log, GEOMETRY)
+
+
+def test_standing_still_between_commands_is_no_sample():
+    log = driven(((0.0, 1.0), (10.0, 0.0)))
+    log.omega[:] += np.random.default_rng(0).normal(0, 0.003, log.omega.shape)
+    (part,) = steady_parts(log, GEOMETRY)
+    assert part.name == "run"
+    assert part.window[1] < 10.0
+
+
+@pytest.mark.slow
+def test_a_million_rows_take_seconds(tmp_path):
+    """Reading and finding all stretches of one run, in CPU time; Parquet takes half as long to read."""
+    rng = np.random.default_rng(0)
+    twists = np.column_stack([rng.uniform(0.05, 0.3, 1666), rng.uniform(-0.5, 0.5, 1666)])
+    command = np.repeat(np.arange(1666), 600)
+    omega = LAW.sprocket_speeds(twists, GEOMETRY)[command]
+    turn = np.cumsum(twists[command, 1]) * 0.01
+    place = np.cumsum(twists[command, 0] * np.exp(1j * turn)) * 0.01
+    pose = np.column_stack([place.real, place.imag, turn]) + rng.normal(0, 0.005, (len(turn), 3))
+    write_csv([RunLog("long", 0.01 * np.arange(len(turn)), omega, pose)], tmp_path / "log.csv")
+    began = process_time()
+    (log,) = read_runs(tmp_path / "log.csv")
+    parts = steady_parts(log, GEOMETRY)
+    assert process_time() - began < 10.0
+    assert len(log.time) == 999_600
+    assert len(parts) > 1600
+
+
+def test_how_short_a_stretch_may_be_depends_on_the_rate_of_poses():
+    log = driven(((0.0, 1.0), (10.0, 0.5), (14.0, 1.0)), duration=30.0)
+    assert len(steady_parts(log, GEOMETRY)) == 3
+    seldom = replace(log, valid=np.arange(len(log.time)) % 6 == 0)  # 3 Hz: 12 poses take longer than 2 s
+    assert [part.name for part in steady_parts(seldom, GEOMETRY)] == ["run @ 1.5 s", "run @ 15.5 s"]
+    assert usable_samples([seldom], GEOMETRY).refused == ()
+    brief = driven(duration=4.0)
+    with pytest.raises(LogError, match=r"too short: the first 1\.5 s and last 0\.5 s .* and an arc needs 3\.3 s"):
+        steady_parts(replace(brief, valid=np.arange(len(brief.time)) % 6 == 0), GEOMETRY)

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from trackslip.errors import InvalidValueError
-from trackslip.kinematics import RobotGeometry, body_twist
+from trackslip.kinematics import RobotGeometry, body_twist, track_speeds
 from trackslip.slip.constant import Constant, NoSlip
 from trackslip.slip.exponential import PUBLISHED, Exponential, ExponentialSpeed
 from trackslip.slip.icr import ConstantIcr, IcrSides
@@ -160,3 +160,13 @@ def test_special_cases_agree():
 def test_impossible_laws_are_refused(make, field):
     with pytest.raises(InvalidValueError, match=field):
         make()
+
+
+@given(left=st.integers(-300, 300), right=st.integers(-300, 300))
+def test_constant_slip_lies_between_those_of_both_turns_where_it_jumps(left, right):
+    law = Constant(0.03, -0.05)
+    belts = 0.06 * np.array([left, right])
+    speeds = track_speeds(law.twist([left, right], GEOMETRY), GEOMETRY.half_gauge)
+    slip = 1 - speeds[belts != 0] / belts[belts != 0]
+    assert (slip > -0.05 - 1e-9).all()
+    assert (slip < 0.03 + 1e-9).all()

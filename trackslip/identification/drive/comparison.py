@@ -16,6 +16,32 @@ from trackslip.identification.drive.prediction import Errors, Predictions, held_
 from trackslip.identification.sensor import Sensor
 from trackslip.kinematics import RobotGeometry
 
+_TOLD = (  # extra, its unit as printed, SI to unit, size worth a line, words for positive and negative values
+    (
+        "sensor_y",
+        "mm",
+        1e3,
+        5.0,
+        (
+            "the sensor sits {} to the left, if the ICRs are equal",
+            "the sensor sits {} to the right, if the ICRs are equal",
+        ),
+    ),
+    (
+        "sensor_yaw",
+        "°",
+        180 / np.pi,
+        0.5,
+        ("the sensor is mounted {} counter-clockwise", "the sensor is mounted {} clockwise"),
+    ),
+    (
+        "clock_offset",
+        "ms",
+        1e3,
+        20.0,
+        ("the encoders' stamps are {} later than the poses'", "the poses' stamps are {} later than the encoders'"),
+    ),
+)
 _SAME = 0.02  # difference of scores within which the likelihood decides [-]
 _INDISTINCT = 10.0  # difference of Akaike's criterion within which the simpler law is preferred
 
@@ -113,6 +139,22 @@ def _doubts(laws: Mapping[str, DriveFit], best: str) -> list[str]:
             )
         if name.startswith("radius_error") and abs(value) > 0.1:
             doubts.append(f"law {best}: {name} = {value:+.0%} is large: are gear and sprocket_radius right?")
+    return [*doubts, *_mounting(law), *_left_out(law)]
+
+
+def _mounting(law: DriveFit) -> list[str]:
+    """What the drive tells of the sensor and its clock, where it is neither chance nor negligible."""
+    told = []
+    for name, unit, factor, least, ways in _TOLD:
+        value, error = factor * law.extras[name], factor * law.stderr.get(name, np.inf)
+        if abs(value) > max(3 * error, least):
+            told.append(f"{ways[value < 0].format(f'{abs(value):.3g} ± {error:.2g} {unit}')}; the law allows for it")
+    return told
+
+
+def _left_out(law: DriveFit) -> list[str]:
+    """What was left out of the drives."""
+    doubts = []
     if law.left_out > 0.1 * (law.poses + law.left_out):
         doubts.append(f"{law.left_out} of {law.left_out + law.poses} poses are outlying and left out")
     if law.breaks:

@@ -27,7 +27,9 @@ REFERENCE = "icr_radius"
 """The law that is fitted first; others start from its trajectory, and its gates hold for all."""
 DRIVE_LAWS = ("none", "icr", "icr_radius", "icr_sides", "turn_loss", "exponential", "power")
 """Laws that can be fitted to drives."""
-_LEVER_PRIOR = 0.1  # standard deviation of the turning centre's place ahead of the middle, if the sensor's is given [m]
+_LAG = 0.03  # starting value [s]
+_CERTAIN = 3.0  # lag that shows [standard errors]
+_LIKELIER = 10.0  # fall of -2 log likelihood that a lag must bring
 
 
 @dataclass(frozen=True)
@@ -100,7 +102,8 @@ def fit_drives(
         return reference
     first = reference.fit
     values = np.concatenate([law_start(name, first), first.values[len(first.model.family.names) :]])
-    return _fitted(model, first.nodes, first.states, values, first.noise, sensor, held or {}, gated=False)
+    lagging = "lag" in reference.free
+    return _fitted(model, first.nodes, first.states, values, first.noise, sensor, held or {}, False, lagging)
 
 
 def prepare(drives: Sequence[RunLog] | Sequence[Drive]) -> list[Drive]:
@@ -114,10 +117,21 @@ def _reference(
 ) -> DriveFit:
     model = DriveModel(FAMILIES[REFERENCE], geometry)
     offset, clock_offset = start(drives, geometry)
-    values = np.zeros(len(model.names))
+    values: Array = np.zeros(len(model.names))
     values[model.index("offset")], values[model.index("clock_offset")] = offset, clock_offset
     states = np.concatenate([trajectory(drive, geometry, offset, clock_offset) for drive in drives])
-    return _fitted(model, Nodes.of(drives), states, values, FIRST, sensor, held, gated=True)
+    found = _fitted(model, Nodes.of(drives), states, values, FIRST, sensor, held, gated=True, lagging=False)
+    if "lag" in held or "clock_offset" not in found.free:
+        return found
+    first = found.fit
+    values = np.array(first.values)
+    values[model.index("lag")] = _LAG
+    try:
+        lagging = _fitted(model, first.nodes, first.states, values, first.noise, sensor, held, False, lagging=True)
+    except LogError:
+        return found
+    shown = "lag" in lagging.free and lagging.extras["lag"] > _CERTAIN * lagging.stderr["lag"]
+    return lagging if shown and lagging.deviance < found.deviance - _LIKELIER else found
 
 
 def _fitted(
@@ -129,6 +143,7 @@ def _fitted(
     sensor: Sensor | None,
     given: Mapping[str, float],
     gated: bool,
+    lagging: bool,
 ) -> DriveFit:
     """Fit all parameters that are neither given nor known to be open, then hold what turns out not to be determined."""
     held = {name: "given" for name in given}
@@ -138,10 +153,11 @@ def _fitted(
     if sensor is not None:
         for name, value in (("sensor_x", sensor.x), ("sensor_y", sensor.y), ("sensor_yaw", sensor.yaw)):
             values[model.index(name)] = mean[model.index(name)] = value
-        held |= dict.fromkeys(("sensor_x", "sensor_y", "sensor_yaw"), "given")
+        held |= dict.fromkeys(("sensor_y", "sensor_yaw"), "given")  # x is ahead of the turning centre, not the middle
     if not any(drive.has_heading for drive in nodes.drives):
         held.setdefault("sensor_yaw", "no headings were measured")
-    held.setdefault("lag", "not fitted unless asked for")
+    if not lagging:
+        held.setdefault("lag", "none shows")
     if model.family is FAMILIES["icr_sides"]:
         held.setdefault("sensor_y", "an offset of the sensor and unequal ICRs can't be told apart")
     while True:

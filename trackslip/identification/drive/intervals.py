@@ -11,7 +11,7 @@ from trackslip.identification.intervals import CONFIDENCE
 from trackslip.kinematics import Array
 
 _STRETCH = 10.0  # usual duration of a stretch [s]
-_MIN_STRETCHES = 12
+_MIN_STRETCHES = 16
 
 
 def model_errors(fit: Fit) -> Array:

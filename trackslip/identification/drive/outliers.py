@@ -25,17 +25,25 @@ def outlying(pose: Array, state: Array, motion: Array) -> tuple[np.ndarray, np.n
         state: (n, 3) positions and headings to reckon from.
         motion: (n, 3) path of dead reckoning from anywhere.
     """
+    before, after = _far(pose, state, motion)
+    bad = before & after
+    kept = np.flatnonzero(~bad)  # an outlying pose beside a jump would hide it
+    before, after = _far(pose[kept], state[kept], motion[kept])
+    lasting = np.zeros(len(pose), bool)
+    lasting[kept[1:]] = before[1:] & ~after[1:] & after[:-1] & ~before[:-1]
+    return bad, lasting
+
+
+def _far(pose: Array, state: Array, motion: Array) -> tuple[np.ndarray, np.ndarray]:
+    """Poses (n,) bool that those before them mispredict far, and poses that those after them do."""
     before = _missed(pose, state, motion)
     after = _missed(pose[::-1], state[::-1], motion[::-1])[::-1]
     known = np.isfinite(before + after)
     usual = [
         np.median(np.minimum(a, b)[k]) if k.any() else 0.0 for a, b, k in zip(before.T, after.T, known.T, strict=True)
     ]
-    spread = np.maximum(1.4826 * np.array(usual), _MIN_SPREAD)
-    far_before, far_after = ((np.nan_to_num(error / spread) > _FAR).any(axis=1) for error in (before, after))
-    bad = far_before & far_after
-    previous = np.append(False, ~bad[:-1] & far_after[:-1] & ~far_before[:-1])
-    return bad, ~bad & far_before & ~far_after & previous
+    far = _FAR * np.maximum(1.4826 * np.array(usual), _MIN_SPREAD)
+    return (np.nan_to_num(before) > far).any(axis=1), (np.nan_to_num(after) > far).any(axis=1)
 
 
 def _missed(pose: Array, state: Array, motion: Array) -> Array:

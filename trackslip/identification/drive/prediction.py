@@ -42,10 +42,13 @@ class Errors:
 class Predictions:
     """Predictions of held-out driving by a law."""
 
-    start: Array  # (n,) nodes to predict from
+    start: np.ndarray  # (n,) nodes to predict from
+    heading: Array  # (n,) of the robot there [rad]
     horizon: Array  # (n,) [s]
     error: Array  # (n, 3) predicted minus measured, in the frame of the start [m, m, rad]
     """NaN headings where none were measured."""
+    part: np.ndarray  # (n,) index of the fit that predicts
+    values: Array  # (F, p) parameter values of those fits
 
     def errors(self) -> dict[float, Errors]:
         """Errors by horizon [s], of those that the drives are long enough for."""
@@ -71,10 +74,11 @@ def held_out(found: Fit) -> Predictions:
     With several drives, each is predicted by a fit to the others (in at most five groups); of a single one, the second
     half by a fit to the first. The fits start from `found`, whose outlying poses are left out everywhere.
     """
-    parts = [_predicted(refitted, found, rows) for refitted, rows in _folds(found)]
-    return Predictions(
-        *(np.concatenate(one) for one in zip(*((p.start, p.horizon, p.error) for p in parts), strict=True))
-    )
+    folds = _folds(found)
+    parts = [_predicted(refitted, found, rows) for refitted, rows in folds]
+    start, heading, horizon, error = (np.concatenate(column) for column in zip(*parts, strict=True))
+    part = np.repeat(np.arange(len(parts)), [len(found[0]) for found in parts])
+    return Predictions(start, heading, horizon, error, part, np.array([refitted.values for refitted, _ in folds]))
 
 
 def _folds(found: Fit) -> list[tuple[Fit, np.ndarray]]:
@@ -111,8 +115,8 @@ def _refitted(found: Fit, rows: np.ndarray) -> Fit:
     )
 
 
-def _predicted(law: Fit, whole: Fit, rows: np.ndarray) -> Predictions:
-    """Predictions from and to nodes `rows` (K,) bool by the law of a fit."""
+def _predicted(law: Fit, whole: Fit, rows: np.ndarray) -> tuple[np.ndarray, Array, Array, Array]:
+    """Start, heading, horizon and error of predictions from and to nodes `rows` (K,) bool by the law of a fit."""
     nodes = whole.nodes
     found = []
     for drive, begin in zip(nodes.drives, nodes.first, strict=False):
@@ -138,10 +142,11 @@ def _predicted(law: Fit, whole: Fit, rows: np.ndarray) -> Predictions:
                 if drive.has_heading
                 else np.full(len(end), np.nan)
             )
-            found.append((begin + start, np.full(len(start), horizon), np.column_stack([missed, turn])))
+            found.append((begin + start, heading[start], np.full(len(start), horizon), np.column_stack([missed, turn])))
     if not found:
-        return Predictions(np.zeros(0, int), np.zeros(0), np.zeros((0, 3)))
-    return Predictions(*(np.concatenate(one) for one in zip(*found, strict=True)))
+        return np.zeros(0, int), np.zeros(0), np.zeros(0), np.zeros((0, 3))
+    start, headings, horizons, errors = (np.concatenate(column) for column in zip(*found, strict=True))
+    return start, headings, horizons, errors
 
 
 def _pairs(time: Array, usable: np.ndarray, horizon: float, interval: float) -> tuple[np.ndarray, np.ndarray]:

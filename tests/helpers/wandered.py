@@ -1,0 +1,45 @@
+"""Drives by a law, small enough to be identified in a test."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackslip.identification.drive.comparison import DriveComparison, compare_drives
+from trackslip.identification.drive.estimate import prepare
+from trackslip.identification.result import Identification
+from trackslip.kinematics import RobotGeometry, advance
+from trackslip.logs.runlog import RunLog
+from trackslip.slip.icr import ConstantIcr
+
+GEOMETRY = RobotGeometry(0.168, 0.06)
+LAWS = ("none", "icr", "icr_radius")
+LAW = ConstantIcr(0.045, GEOMETRY.half_gauge, 0.006)
+
+
+def wandered(*, name="drive", duration=30.0, noise=0.005, headings=True, outliers=0, straight=False, seed=0):
+    """A log at 20 Hz of a robot that wanders; poses at 10 Hz have noise [m], and thrice it in heading [rad]."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, duration, 0.05)
+    at = time[:, None] + rng.uniform(0, 10, 2)
+    sway = 0.0 if straight else np.sin(2.3 * at[:, 1]) + 0.6 * np.sin(0.7 * at[:, 0])
+    twist = np.column_stack([0.12 + 0.08 * np.sin(0.9 * at[:, 0]), 0.5 * sway * np.ones(len(time))])
+    omega = LAW.sprocket_speeds(twist, GEOMETRY)
+    pose = np.zeros((len(time), 3))
+    for k in range(1, len(time)):
+        pose[k] = advance(pose[k - 1], twist[k], time[k] - time[k - 1])
+    pose += noise * np.array([1.0, 1.0, 3.0]) * rng.standard_normal(pose.shape)
+    pose[10 : 10 + 20 * outliers : 20, :2] += 0.5
+    if not headings:
+        pose[:, 2] = np.nan
+    return RunLog(name, time, omega, pose, np.arange(len(time)) % 2 == 0)
+
+
+def compared(*logs, names=LAWS) -> DriveComparison:
+    """Laws fitted to drives."""
+    return compare_drives(prepare(logs), GEOMETRY, names=names)
+
+
+def identified_from(*logs, names=LAWS) -> Identification:
+    """The same as an identification."""
+    found = compared(*logs, names=names)
+    return Identification(GEOMETRY, "drive", None, found, (), found.warnings, logs)
