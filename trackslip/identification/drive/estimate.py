@@ -169,7 +169,7 @@ def _fitted(
         name, reason = vague
         held[name] = f"not determined: {reason}"
         if model.family.names and held.keys() >= set(model.family.names):
-            reason = unlike_sprockets(found.noise) or reason
+            reason = unlike_sprockets(found.noise, hopeless=True) or reason
             raise LogError(f"the drives determine no parameter of the law: {reason}")
         nodes, states, noise = found.nodes, found.states, found.noise
         values = found.values.copy()

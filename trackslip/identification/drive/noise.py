@@ -16,6 +16,7 @@ _MIN_FREEDOM = 0.25
 _RELAXATION = 1.5  # exponent of a change, which would take small steps otherwise
 _DIFFERENCE = 1e-3  # relative change of a variance for differences
 _WILD = 0.3  # standard deviation of slip that no driving on the ground shows [m/sqrt(m), rad/sqrt(m)]
+_HARDLY = 0.1  # likewise, that makes one doubt a drive which tells nothing else
 _UNITS = ("m/√m", "m/√m", "rad/√m")
 _MAX_CHANGE = 16.0  # factor of variances in one update
 
@@ -53,13 +54,17 @@ def updated(
     return Noise(values)
 
 
-def unlike_sprockets(noise: Noise) -> str:
-    """Words for slip so large that the motion hardly depends on the sprocket speeds; empty if it does."""
+def unlike_sprockets(noise: Noise, hopeless: bool = False) -> str:
+    """Words for slip so large that the motion hardly depends on the sprocket speeds; empty if it does.
+
+    A drive from which nothing else follows, a `hopeless` one, is doubted earlier.
+    """
+    most = _HARDLY if hopeless else _WILD
     slips = dict(zip(Noise.NAMES[2:], noise.values[2:].tolist(), strict=True))
     wild = [
         f"{name} = {value:.2g} {unit}"
         for (name, value), unit in zip(slips.items(), _UNITS, strict=True)
-        if value > _WILD
+        if value > most
     ]
     if not wild:
         return ""

@@ -149,12 +149,14 @@ MISTAKES = {
     "jumps": lambda log, rng: replace(
         log, pose=log.pose + 10 * np.cumsum(rng.random((len(log.time), 1)) < 0.05)[:, None]
     ),
-    "encoders stop": lambda log, rng: replace(log, omega=np.where(log.time[:, None] > 3, log.omega[150], log.omega)),
+    "encoders stop": lambda log, rng: replace(
+        log, omega=np.where(log.time[:, None] > log.time[len(log.time) // 3], log.omega[len(log.omega) // 3], log.omega)
+    ),
     "speeds at random": lambda log, rng: replace(log, omega=rng.normal(size=log.omega.shape) * 5),
     "one huge": lambda log, rng: _one_huge(log, rng),
     "gap": lambda log, rng: replace(log, time=log.time + 1e4 * (log.time > 5)),
     "same pose": lambda log, rng: replace(
-        log, pose=np.where(log.time[:, None] > 5, log.pose[log.is_valid][20], log.pose)
+        log, pose=np.where(log.time[:, None] > 5, log.pose[log.is_valid][0], log.pose)
     ),
 }
 

@@ -219,7 +219,7 @@ def test_what_the_driving_does_not_tell_is_held_at_0_and_said(speeds, held, know
 
 
 def test_without_headings_the_mounting_is_held():
-    found = unlagged([drive_log(1, 30, GNSS)])
+    found = unlagged([drive_log(1, 20, GNSS)])
     assert found.held["sensor_yaw"] == "no headings were measured"
     assert found.extras["sensor_yaw"] == 0.0
 
@@ -240,7 +240,7 @@ def test_drives_that_tell_nothing_are_refused():
         fit_drives("cubic", [straight], GEOMETRY)
 
 
-@pytest.mark.parametrize("source", [SLAM, GNSS])
+@pytest.mark.parametrize("source", [SLAM, SLOW_GNSS])
 def test_swapped_tracks_and_reversed_encoders_are_said(source):
     log = drive_log(3, 40, source, driving="eights")
     for omega in (log.omega[:, ::-1], -log.omega):
