@@ -167,7 +167,7 @@ def laws_to_json(laws: Mapping[str, FittedLaw | DriveFit], geometry: RobotGeomet
     """`slip_laws` and `geometry`, as `load_laws` reads them."""
     described: dict[str, dict[str, Any]] = {}
     for name, fit in laws.items():
-        if fit.values:
+        if fit.values and not (isinstance(fit, FittedLaw) and fit.notes):
             described[name] = {"values": fit.values, "stderr": {key: fit.stderr.get(key) for key in fit.values}}
             described[name] |= {"rms": fit.rms} if isinstance(fit, FittedLaw) else {"interval95": fit.interval95}
     return laws_content(described, geometry)

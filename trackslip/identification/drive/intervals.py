@@ -23,7 +23,7 @@ def half_widths(fit: Fit) -> Array:
     """Half widths (f,) of the 95 % intervals of the free values.
 
     Stretches of a drive are so long that their scores are independent even if slip lasts for seconds. There are at
-    least 12 of them, and twice as many as free values.
+    least 16 of them, and twice as many as free values.
     """
     covariance, f = fit.covariance, len(fit.free)
     scores = np.diff(innovation_scores(fit, _cuts(fit)), axis=0, prepend=0.0)
