@@ -11,8 +11,9 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 
-MAX_POSES = 24_000  # poses used in all; more are thinned
-MAX_ROWS = 400_000  # encoder intervals used in all; more are merged
+MAX_POSES = 24_000  # poses that are all used
+MAX_ROWS = 100_000  # encoder intervals used in all; more are merged
+_THINNED = 10_000  # poses used out of more than MAX_POSES
 MIN_POSES = 10  # of a drive
 _MAX_STEP = 2.5  # time between nodes [median time between poses]
 _MAX_SPEED = 1e4  # of a sprocket [rad/s]
@@ -48,6 +49,8 @@ def drives_of(logs: Sequence[RunLog], max_poses: int = MAX_POSES) -> tuple[list[
     """
     drives, refused = [], []
     share = max(len(logs), 1)
+    if sum(int(log.is_valid.sum()) for log in logs) > max_poses:
+        max_poses = min(max_poses, _THINNED)
     for log in logs:
         try:
             drives.append(drive_of(log, max_poses // share, MAX_ROWS // share))
