@@ -72,7 +72,7 @@ EXTRAS: Mapping[str, float] = {
 SIMULATED = Case(
     "20 mm, 1 deg, 10 Hz; MuJoCo's own motion", COARSE, None, {D: 0.0005, EPSILON: 0.001}, coverage=(0.9, 1.0)
 )
-"""Errors from steady circles' law, coverage of the same drive's fit without noise."""
+"""Errors from the law of steady circles, coverage of the same drive's fit without noise."""
 CASES = (
     Case("20 mm, 1 deg, 10 Hz; white slip", COARSE, over_bound=1.15, over_model=1.5),
     Case("2 mm, 0.25 deg, 20 Hz; white slip", FINE, rms={D: 0.0002, EPSILON: 0.0006}),

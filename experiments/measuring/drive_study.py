@@ -49,9 +49,9 @@ class SimulatedDrives:
 
     drives: int
     steady: Mapping[str, float]
-    """The law's parameters from the paper's steady circles, which errors are measured from."""
-    same_speeds: Mapping[str, float]
-    """Those from steady circles with the track speeds of the drives."""
+    """The law's parameters from steady circles with the track speeds of the drives; errors are measured from them."""
+    paper: Mapping[str, float]
+    """Those from the paper's circles, most of which are slower and wider."""
     mean: Mapping[str, float]
     """Mean of the drives' parameters."""
     scatter: Mapping[str, float]
@@ -89,13 +89,13 @@ def simulated_drives(robot: Robot, count: int, seed: int, threads: int, progress
 
 
 def steady_laws(robot: Robot, threads: int) -> tuple[dict[str, float], dict[str, float]]:
-    """The law's parameters from true motion on steady circles: the paper's, and those of the drives' track speeds.
+    """The law's parameters from true motion on steady circles: of the drives' track speeds, and the paper's.
 
-    They differ because the ICRs of a simulated robot move outwards with the yaw rate.
+    They differ because the ICRs of a simulated robot move outwards with the yaw rate, by 2.5 mm up to 1.4 rad/s.
     """
     same = [(inner * outer, outer) for outer in _OUTER for inner in _INNER]
     paper = [(v - robot.geometry.half_gauge * v / r, v + robot.geometry.half_gauge * v / r) for r, v in _PAPER]
-    return _steady_law(robot, paper, threads), _steady_law(robot, same, threads)
+    return _steady_law(robot, same, threads), _steady_law(robot, paper, threads)
 
 
 def _steady_law(robot: Robot, speeds: Sequence[tuple[float, float]], threads: int) -> dict[str, float]:
@@ -174,7 +174,7 @@ def _simulated(
     exact: Mapping[int, Estimates],
     repeats: Sequence[Repeat],
     steady: Mapping[str, float],
-    same_speeds: Mapping[str, float],
+    paper: Mapping[str, float],
 ) -> SimulatedDrives:
     values = {name: np.array([one[name].value for one in exact.values()]) for name in steady}
     covered = {
@@ -184,7 +184,7 @@ def _simulated(
     return SimulatedDrives(
         drives=len(exact),
         steady=steady,
-        same_speeds=same_speeds,
+        paper=paper,
         mean={name: float(found.mean()) for name, found in values.items()},
         scatter={name: float(found.std(ddof=1)) if len(found) > 1 else 0.0 for name, found in values.items()},
         coverage_of_steady=covered,

@@ -33,8 +33,8 @@ def checks_table(checks: Sequence[Check]) -> list[tuple[str, ...]]:
 def simulated_table(found: SimulatedDrives) -> list[tuple[str, ...]]:
     """What drives and circles give, under SIMULATED_HEADER."""
     lines = (
-        ("steady circles, the paper's", found.steady),
-        ("steady circles of the same speeds", found.same_speeds),
+        ("steady circles of the same speeds", found.steady),
+        ("steady circles, the paper's", found.paper),
         (f"mean of {found.drives} drives", found.mean),
         ("scatter between drives", found.scatter),
     )

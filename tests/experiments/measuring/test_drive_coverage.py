@@ -158,6 +158,6 @@ def test_a_fit_that_fails_is_recorded(monkeypatch):
 def test_steady_circles_of_the_same_speeds_have_icrs_farther_out(robot, monkeypatch):
     """The tracks slip faster at a higher yaw rate, and the simulated friction grows a little with the speed of slip."""
     monkeypatch.setattr(drive_study, "_CIRCLES", 5.0)
-    paper, same = drive_study.steady_laws(robot, 1)
+    same, paper = drive_study.steady_laws(robot, 1)
     assert 0.044 < paper["offset"] < same["offset"] < 0.047
     assert paper["radius_error"] == pytest.approx(0.0066, abs=5e-4)

@@ -11,6 +11,7 @@ from trackslip.errors import LogError
 from trackslip.identification.drive.clock import ClockProfile, clock_profile
 from trackslip.identification.drive.drives import Drive
 from trackslip.identification.drive.estimate import DRIVE_LAWS, REFERENCE, DriveFit, fit_drives
+from trackslip.identification.drive.noise import unlike_sprockets
 from trackslip.identification.drive.prediction import Errors, Predictions, held_out, score
 from trackslip.identification.sensor import Sensor
 from trackslip.kinematics import RobotGeometry
@@ -95,7 +96,7 @@ def compare_drives(
         try:
             laws[name] = fit_drives(name, drives, geometry, sensor, reference=reference)
             predictions[name] = held_out(laws[name].fit)
-        except (LogError, np.linalg.LinAlgError) as error:
+        except LogError as error:
             laws.pop(name, None)
             warnings.append(f"law {name}: {error}")
         step(1.0)
@@ -125,6 +126,8 @@ def _doubts(laws: Mapping[str, DriveFit], best: str) -> list[str]:
     """Warnings about the fits."""
     doubts = [f"law {name}: the fit did not converge" for name, law in laws.items() if not law.converged]
     law = laws[best]
+    if wild := unlike_sprockets(law.fit.noise):
+        doubts.append(f"law {best}: {wild}")
     for name, reason in law.held.items():
         if reason.startswith("not determined"):
             doubts.append(f"{name} is held at {law.values.get(name, law.extras.get(name, 0.0)):g}: {reason}")

@@ -15,6 +15,7 @@ MAX_POSES = 24_000  # poses used in all; more are thinned
 MAX_ROWS = 400_000  # encoder intervals used in all; more are merged
 MIN_POSES = 10  # of a drive
 _MAX_STEP = 2.5  # time between nodes [median time between poses]
+_MAX_SPEED = 1e4  # of a sprocket [rad/s]
 _STANDING = 1e-3  # sprocket speed of a robot at rest [rad/s]
 
 
@@ -66,6 +67,14 @@ def drive_of(log: RunLog, max_poses: int = MAX_POSES, max_rows: int = MAX_ROWS) 
         raise LogError(f"run {log.run!r}: {len(rows)} pose(s) while it drives, needs at least {MIN_POSES}")
     if not np.abs(log.omega[1:]).max() > _STANDING:
         raise LogError(f"run {log.run!r}: the sprockets stand still")
+    wild = np.flatnonzero(np.abs(log.omega).max(axis=1) > _MAX_SPEED)
+    if len(wild):
+        k = int(wild[0])
+        side = int(np.argmax(np.abs(log.omega[k])))
+        name, speed = ("omega_l", "omega_r")[side], log.omega[k, side]
+        raise LogError(
+            f"run {log.run!r}: {name} = {speed:g} rad/s in its row {k + 1}, at most {_MAX_SPEED:g} is allowed"
+        )
     rows = rows[:: -(-len(rows) // max(max_poses, MIN_POSES))]
     edges, omega = merged(log.time, log.omega[1:], max_rows)
     time, pose = log.time[rows], log.pose[rows].copy()

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
+from trackslip.errors import LogError
 from trackslip.identification.drive.drives import Drive
 from trackslip.identification.drive.model import DriveModel
 from trackslip.identification.drive.reckoning import quarter, rotated
@@ -20,6 +21,7 @@ from trackslip.kinematics import Array, wrap_angle
 
 _MIN_DISTANCE = 1e-3  # of a step, so that a robot at rest isn't known to stay exactly [m]
 
+_HOPELESS = "the poses can't be reconciled with the sprocket speeds: check units, clocks and wild readings"
 _MIN_INFORMATION = 1e-3  # of a state, for nodes that no pose and no step ties [1/m^2, 1/rad^2]
 
 
@@ -166,10 +168,21 @@ def solve(
     information = corner - reduced[:, :f].T @ reduced[:, :f]
     right = score.sum(axis=0) - reduced[:, :f].T @ reduced[:, f]
     right = right + pull[free] / prior[free] ** 2
-    values = -np.linalg.solve(information, right) if f else np.zeros(0)
+    try:
+        values = -_solved(information, right) if f else np.zeros(0)
+    except np.linalg.LinAlgError as error:
+        raise LogError(_HOPELESS) from error
+    if not np.isfinite(values).all():
+        raise LogError(_HOPELESS)
     rest = -(reduced[:, f] + reduced[:, :f] @ values)
     states, _ = scipy.linalg.lapack.dtbtrs(factor, rest[:, None], uplo="L", trans="T")
     return Solution(states.reshape(-1, 3), values, information, score, factor, reduced.reshape(-1, 3, f + 1))
+
+
+def _solved(information: Array, right: Array) -> Array:
+    """The solution of positive definite equations; raises LinAlgError where they aren't, by rounding."""
+    factor = scipy.linalg.cho_factor(information, check_finite=False)
+    return np.asarray(scipy.linalg.cho_solve(factor, right, check_finite=False))
 
 
 def log_determinant(found: Residuals, nodes: Nodes, noise: Noise, free: np.ndarray, yaw: int, prior: Array) -> float:
@@ -222,7 +235,7 @@ def _eliminated(bands: Array, right: Array) -> tuple[Array, Array]:
     """The lower Cholesky factor L (6, n) of a banded matrix, and L^-1 `right` (n, m)."""
     factor, info = scipy.linalg.lapack.dpbtrf(bands, lower=1)
     if info:
-        raise np.linalg.LinAlgError(f"the trajectory's Hessian isn't positive definite at {info}")
+        raise LogError(_HOPELESS)
     if right.size:  # LAPACK may crash without
         right, _ = scipy.linalg.lapack.dtbtrs(factor, right, uplo="L")
     return factor, right

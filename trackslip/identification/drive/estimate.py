@@ -15,7 +15,7 @@ from trackslip.identification.drive.fit import Fit, fit
 from trackslip.identification.drive.intervals import half_widths, model_errors
 from trackslip.identification.drive.law_start import law_start
 from trackslip.identification.drive.model import EXTRAS, DriveModel
-from trackslip.identification.drive.noise import FIRST
+from trackslip.identification.drive.noise import FIRST, unlike_sprockets
 from trackslip.identification.drive.start import start, trajectory
 from trackslip.identification.sensor import Sensor
 from trackslip.kinematics import Array, RobotGeometry
@@ -126,7 +126,10 @@ def _reference(
     first = found.fit
     values = np.array(first.values)
     values[model.index("lag")] = _LAG
-    lagging = _fitted(model, first.nodes, first.states, values, first.noise, sensor, held, gated=False, lagging=True)
+    try:
+        lagging = _fitted(model, first.nodes, first.states, values, first.noise, sensor, held, False, lagging=True)
+    except LogError:
+        return found
     shown = "lag" in lagging.free and lagging.extras["lag"] > _CERTAIN * lagging.stderr["lag"]
     return lagging if shown and lagging.deviance < found.deviance - _LIKELIER else found
 
@@ -150,9 +153,7 @@ def _fitted(
     if sensor is not None:
         for name, value in (("sensor_x", sensor.x), ("sensor_y", sensor.y), ("sensor_yaw", sensor.yaw)):
             values[model.index(name)] = mean[model.index(name)] = value
-        held |= dict.fromkeys(
-            ("sensor_y", "sensor_yaw"), "given"
-        )  # x is that of the turning centre, which is not known
+        held |= dict.fromkeys(("sensor_y", "sensor_yaw"), "given")  # x is ahead of the turning centre, not the middle
     if not any(drive.has_heading for drive in nodes.drives):
         held.setdefault("sensor_yaw", "no headings were measured")
     if not lagging:
@@ -168,6 +169,7 @@ def _fitted(
         name, reason = vague
         held[name] = f"not determined: {reason}"
         if model.family.names and held.keys() >= set(model.family.names):
+            reason = unlike_sprockets(found.noise, hopeless=True) or reason
             raise LogError(f"the drives determine no parameter of the law: {reason}")
         nodes, states, noise = found.nodes, found.states, found.noise
         values = found.values.copy()

@@ -10,8 +10,9 @@ from trackslip.identification.drive.fit import Fit
 from trackslip.identification.intervals import CONFIDENCE
 from trackslip.kinematics import Array
 
-_STRETCH = 10.0  # usual duration of a stretch [s]
-_MIN_STRETCHES = 16
+_STRETCH = 10.0  # usual duration of a long stretch [s]
+_MIN_STRETCHES = 12
+_LASTING = 1.1  # scatter of long stretches' scores over the model's, beyond which slip lasts
 
 
 def model_errors(fit: Fit) -> Array:
@@ -22,16 +23,24 @@ def model_errors(fit: Fit) -> Array:
 def half_widths(fit: Fit) -> Array:
     """Half widths (f,) of the 95 % intervals of the free values.
 
-    Stretches of a drive are so long that their scores are independent even if slip lasts for seconds. There are at
-    least 16 of them, and twice as many as free values.
+    Long stretches of a drive have independent scores even if slip lasts for seconds. Where their scores scatter no more
+    than the model says, stretches half as long are taken: these are more, so that their scatter is known better.
     """
-    covariance, f = fit.covariance, len(fit.free)
-    scores = np.diff(innovation_scores(fit, _cuts(fit)), axis=0, prepend=0.0)
-    k = len(scores)
-    robust = covariance @ (scores.T @ scores) @ covariance
-    quantile = (1 + CONFIDENCE) / 2
-    wide = scipy.stats.t.ppf(quantile, k - 1) * np.sqrt(np.diag(robust) * k / max(k - f, 1))
-    return np.asarray(np.maximum(scipy.stats.norm.ppf(quantile) * np.sqrt(np.diag(covariance)), wide))
+    errors, f = model_errors(fit), len(fit.free)
+    duration = float(sum(drive.time[-1] - drive.time[0] for drive in fit.nodes.drives))
+    long = max(_MIN_STRETCHES, 3 * f // 2, int(duration / _STRETCH))
+    (scatter, half), (_, narrow) = _scattered(fit, long), _scattered(fit, 2 * long)
+    wide = np.where(scatter > _LASTING * errors, half, narrow)
+    return np.asarray(np.maximum(scipy.stats.norm.ppf((1 + CONFIDENCE) / 2) * errors, wide))
+
+
+def _scattered(fit: Fit, count: int) -> tuple[Array, Array]:
+    """Standard errors (f,) and half widths (f,) by the scatter of the scores of about `count` stretches."""
+    scores = np.diff(innovation_scores(fit, _cuts(fit, count)), axis=0, prepend=0.0)
+    k, f = scores.shape
+    errors = np.sqrt(np.diag(fit.covariance @ (scores.T @ scores) @ fit.covariance))
+    quantile = scipy.stats.t.ppf((1 + CONFIDENCE) / 2, max(k - 1, 1))
+    return errors * np.sqrt(k / max(k - 1, 1)), quantile * errors * np.sqrt(k / max(k - f, 1))
 
 
 def innovation_scores(fit: Fit, cuts: np.ndarray) -> Array:
@@ -58,11 +67,10 @@ def innovation_scores(fit: Fit, cuts: np.ndarray) -> Array:
     return scores
 
 
-def _cuts(fit: Fit) -> np.ndarray:
-    """Last nodes of the stretches."""
+def _cuts(fit: Fit, count: int) -> np.ndarray:
+    """Last nodes of about `count` stretches of equal duration."""
     time, first = fit.nodes.time, fit.nodes.first
     spans = time[first[1:] - 1] - time[first[:-1]]
-    count = max(_MIN_STRETCHES, 2 * len(fit.free), int(spans.sum() / _STRETCH))
     cuts = []
     for begin, end, span in zip(first[:-1], first[1:], spans, strict=True):
         parts = max(1, round(count * span / spans.sum()))

@@ -15,6 +15,9 @@ _AVOIDED = np.array([0.0, 0.0, 1.0, 1.0, 1.0])  # power of a standard deviation 
 _MIN_FREEDOM = 0.25
 _RELAXATION = 1.5  # exponent of a change, which would take small steps otherwise
 _DIFFERENCE = 1e-3  # relative change of a variance for differences
+_WILD = 0.3  # standard deviation of slip that no driving on the ground shows [m/sqrt(m), rad/sqrt(m)]
+_HARDLY = 0.1  # likewise, that makes one doubt a drive which tells nothing else
+_UNITS = ("m/√m", "m/√m", "rad/√m")
 _MAX_CHANGE = 16.0  # factor of variances in one update
 
 
@@ -49,3 +52,20 @@ def updated(
         ratio = np.clip(variance / noise.values[k] ** 2, 1 / _MAX_CHANGE, _MAX_CHANGE)
         values[k] = max(values[k] * ratio ** (_RELAXATION / 2), _FLOOR[k])
     return Noise(values)
+
+
+def unlike_sprockets(noise: Noise, hopeless: bool = False) -> str:
+    """Words for slip so large that the motion hardly depends on the sprocket speeds; empty if it does.
+
+    A drive from which nothing else follows, a `hopeless` one, is doubted earlier.
+    """
+    most = _HARDLY if hopeless else _WILD
+    slips = dict(zip(Noise.NAMES[2:], noise.values[2:].tolist(), strict=True))
+    wild = [
+        f"{name} = {value:.2g} {unit}"
+        for (name, value), unit in zip(slips.items(), _UNITS, strict=True)
+        if value > most
+    ]
+    if not wild:
+        return ""
+    return f"the motion hardly follows the sprockets ({', '.join(wild)}): are units, gear, signs and clocks right?"

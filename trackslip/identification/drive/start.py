@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +18,10 @@ _TURN_TIME = 1.0  # over which turns are compared [s]
 _WINDOW = 10.0  # of paths that are laid over each other, without headings [s]
 _CAP = 3.0  # deviations beyond which turns count no further [median deviations]
 _RATIO_LIMITS = (0.2, 2.0)
+_AGAINST = (
+    "the robot turns against its sprockets: are the tracks swapped, does phi run clockwise, or do the encoders count "
+    "backwards?"
+)
 _EXPLAINED = 0.7  # share of the cost that turns to the wrong side leave, below which they are believed
 
 
@@ -33,11 +38,23 @@ def start(drives: Sequence[Drive], geometry: RobotGeometry) -> tuple[float, floa
     coarse = tried(_OFFSETS)
     against = min((cost for cost, ratio, _ in coarse if ratio < 0), default=np.inf)
     if against < _EXPLAINED * min(cost for cost, ratio, _ in coarse if ratio >= 0):
-        raise LogError("the robot turns against its sprockets: are the tracks swapped, or do encoders count backwards?")
+        raise LogError(_AGAINST)
+    if costs is _turning_costs:
+        _require_both_forwards(drives, geometry, min(coarse)[0])
     turning = [one for one in coarse if one[1] > 0]
     _, ratio, offset = min(turning, default=(0.0, 1.0, 0.0))
     _, ratio, offset = min((one for one in tried(offset + _FINE) if one[1] > 0), default=(0.0, ratio, offset))
     return geometry.half_gauge * (1 / float(np.clip(ratio, *_RATIO_LIMITS)) - 1), offset
+
+
+def _require_both_forwards(drives: Sequence[Drive], geometry: RobotGeometry, cost: float) -> None:
+    """Raise LogError if turns are explained much better, than with `cost`, by an encoder that counts backwards."""
+    mirrored = [replace(drive, omega=drive.omega * [-1, 1]) for drive in drives]
+    tried = [one for offset in _OFFSETS[::2] for one in _turning_costs(mirrored, geometry, float(offset))]
+    ratio, least = min(tried, key=lambda one: one[1])
+    if least < _EXPLAINED * cost and 0.1 < abs(ratio) < 10:
+        side = "left" if ratio > 0 else "right"
+        raise LogError(f"the robot turns as if the encoder of the {side} sprocket counted backwards: does it?")
 
 
 def trajectory(drive: Drive, geometry: RobotGeometry, offset: float, clock_offset: float) -> Array:

@@ -21,7 +21,7 @@ from trackslip.identification.source import Source
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.law_file import load_laws
 
-DRIVEN = 20.0  # [s]
+DRIVEN = 12.0  # [s]
 
 
 @pytest.fixture(autouse=True)
@@ -32,7 +32,7 @@ def few_laws(monkeypatch):
 
 @cache
 def identified():
-    return identify([drive_log(seed, 30) for seed in (1, 2)], GEOMETRY, method="drive")
+    return identify([drive_log(seed, 20) for seed in (1, 2)], GEOMETRY, method="drive")
 
 
 def test_a_drive_gives_laws_intervals_and_predictions():
@@ -52,7 +52,7 @@ def test_a_drive_gives_laws_intervals_and_predictions():
 def test_a_summary_is_json_that_load_laws_reads(tmp_path):
     content = json.loads(json.dumps(identification_to_json(identified()), allow_nan=False))
     assert content["method"] == "drive"
-    assert content["drive"]["laws"]["icr_radius"]["held"] == {"lag": "not fitted unless asked for"}
+    assert content["drive"]["laws"]["icr_radius"]["held"]["lag"] == "none shows"
     assert set(content["prediction"]["icr"]) <= {"1", "2", "5", "10"}
     file = tmp_path / "summary.json"
     file.write_text(json.dumps(content))
@@ -72,6 +72,7 @@ def test_driving_that_changes_all_the_time_is_identified_as_a_drive_by_itself():
     assert found.method == "drive"
 
 
+@pytest.mark.slow
 def test_steady_driving_stays_steady_with_whole_drives_beside_it():
     speeds = [(0.1, 0.2), (0.2, 0.1), (0.05, 0.2), (0.2, 0.05), (0.15, 0.2), (0.2, 0.2)]
     logs = [
@@ -141,7 +142,7 @@ MISTAKES = {
     "units of times": lambda log, rng: replace(log, time=log.time * 10.0 ** rng.integers(-9, 10)),
     "late": lambda log, rng: replace(log, time=log.time + 10.0 ** rng.integers(0, 10)),
     "one sprocket at rest": lambda log, rng: replace(log, omega=log.omega * [1, 0]),
-    "nearly at rest": lambda log, rng: replace(log, omega=np.where(log.time[:, None] < 9, 0, log.omega)),
+    "nearly at rest": lambda log, rng: replace(log, omega=np.where(log.time[:, None] < 5, 0, log.omega)),
     "far away": lambda log, rng: replace(log, pose=log.pose + 10.0 ** rng.integers(3, 13, (1, 3)) * [1, 1, 0]),
     "poses at random": lambda log, rng: replace(
         log, pose=np.where(log.is_valid[:, None], rng.normal(size=log.pose.shape), log.pose)
@@ -149,12 +150,14 @@ MISTAKES = {
     "jumps": lambda log, rng: replace(
         log, pose=log.pose + 10 * np.cumsum(rng.random((len(log.time), 1)) < 0.05)[:, None]
     ),
-    "encoders stop": lambda log, rng: replace(log, omega=np.where(log.time[:, None] > 3, log.omega[150], log.omega)),
+    "encoders stop": lambda log, rng: replace(
+        log, omega=np.where(log.time[:, None] > log.time[len(log.time) // 3], log.omega[len(log.omega) // 3], log.omega)
+    ),
     "speeds at random": lambda log, rng: replace(log, omega=rng.normal(size=log.omega.shape) * 5),
     "one huge": lambda log, rng: _one_huge(log, rng),
-    "gap": lambda log, rng: replace(log, time=log.time + 1e4 * (log.time > 5)),
+    "gap": lambda log, rng: replace(log, time=log.time + 1e4 * (log.time > 3)),
     "same pose": lambda log, rng: replace(
-        log, pose=np.where(log.time[:, None] > 5, log.pose[log.is_valid][20], log.pose)
+        log, pose=np.where(log.time[:, None] > 5, log.pose[log.is_valid][0], log.pose)
     ),
 }
 
@@ -176,7 +179,7 @@ def complaint_of(mistakes, seed):
     """What identification complains about; it ends in laws or a TrackslipError, without a warning of NumPy's."""
     rng = np.random.default_rng(seed)
     driving = ("random", "eights", "stop_and_go", "loop")[seed % 4]
-    log = drive_log(seed, 10.0, SLAM, driving=driving)
+    log = drive_log(seed, 6.0, SLAM, driving=driving)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:
@@ -202,6 +205,14 @@ def malformed(count):
     return of
 
 
+@pytest.fixture
+def few_rounds(monkeypatch):
+    """Stop fits early: these of malformed drives go on as long as they may."""
+    monkeypatch.setattr("trackslip.identification.drive.fit._ROUNDS", 3)
+    monkeypatch.setattr("trackslip.identification.identify.DRIVE_LAWS", ("none", "icr"))
+
+
+@pytest.mark.usefixtures("few_rounds")
 @malformed(40)
 def test_malformed_drives_end_in_laws_or_one_line(mistakes, seed):
     complaint = complaint_of(mistakes, seed)

@@ -23,9 +23,14 @@ SLOW_GNSS = pytest.param(GNSS, marks=pytest.mark.slow)
 PLACE = {"sensor_x": 0.3, "sensor_y": 0.1, "sensor_yaw": np.radians(5), "clock_offset": -0.15}
 
 
+def unlagged(logs, sensor=None):
+    """A fit without a search for a lag, which takes as long again."""
+    return fit_drives("icr_radius", logs, GEOMETRY, sensor, held={"lag": 0.0})
+
+
 @cache
-def fitted(seed, duration=40.0, source=SLAM, name="icr_radius"):
-    return fit_drives(name, [drive_log(seed, duration, source)], GEOMETRY)
+def fitted(seed, duration=40.0, source=SLAM):
+    return unlagged([drive_log(seed, duration, source)])
 
 
 def bound(found, noise=NOISE):
@@ -54,7 +59,6 @@ def within(found, names=TRUTH, sizes=4.0, noise=NOISE):
 def test_motion_without_noise_gives_the_law_exactly(name, law):
     found = fit_drives(name, [drive_log(1, 30, EXACT, STILL, law)], GEOMETRY)
     assert found.converged
-    assert found.breaks == 0
     for key, value in found.values.items():
         assert value == pytest.approx(getattr(law, key), abs=1e-6)
     for key, value in found.extras.items():
@@ -62,11 +66,11 @@ def test_motion_without_noise_gives_the_law_exactly(name, law):
 
 
 def test_place_mounting_and_clock_are_found_with_the_law():
-    found = fit_drives("icr_radius", [drive_log(1, 40, MOUNTED)], GEOMETRY)
+    found = unlagged([drive_log(1, 40, MOUNTED)])
     assert all(within(found, (*TRUTH, *PLACE)).values())
     assert not set(found.held) & {*TRUTH, *PLACE}
     exact = replace(EXACT, ahead=0.3, left=0.1, mounting=np.radians(5), delay=0.15)
-    found = fit_drives("icr_radius", [drive_log(1, 30, exact, STILL, drift=0.1, turning_centre=-0.05)], GEOMETRY)
+    found = unlagged([drive_log(1, 30, exact, STILL, drift=0.1, turning_centre=-0.05)])
     place = PLACE | TRUTH | {"sensor_x": 0.35, "drift": 0.1}
     for key, value in place.items():
         assert (found.values | found.extras)[key] == pytest.approx(value, abs=1e-4), key
@@ -75,30 +79,38 @@ def test_place_mounting_and_clock_are_found_with_the_law():
 def test_a_given_sensor_is_held_and_improves_the_rest():
     log = drive_log(1, 30, MOUNTED)
     sensor = Sensor(0.3, 0.1, np.radians(5))
-    given = fit_drives("icr_radius", [log], GEOMETRY, sensor)
-    assert {key for key, why in given.held.items() if why == "given"} == {"sensor_x", "sensor_y", "sensor_yaw"}
+    given = unlagged([log], sensor)
+    assert {key for key, why in given.held.items() if why == "given"} == {"sensor_y", "sensor_yaw", "lag"}
     assert given.extras["sensor_y"] == 0.1
-    assert given.stderr["radius_error"] < fit_drives("icr_radius", [log], GEOMETRY).stderr["radius_error"]
+    assert given.stderr["radius_error"] < unlagged([log]).stderr["radius_error"]
 
 
-def test_the_lag_is_fitted_where_it_is_asked_for_by_holding_it_at_a_value():
+def test_a_lag_is_fitted_where_it_shows_and_taken_up_by_the_clock_where_it_is_held_at_0():
     log = drive_log(2, 30, EXACT, STILL, lag=0.08)
-    found = fit_drives("icr_radius", [log], GEOMETRY, held={"lag": 0.08})
+    found = fit_drives("icr_radius", [log], GEOMETRY)
+    assert found.extras["lag"] == pytest.approx(0.08, abs=2e-3)
     assert found.extras["clock_offset"] == pytest.approx(0, abs=2e-3)
     assert found.values["offset"] == pytest.approx(ICR.offset, abs=1e-4)
-    behind = fit_drives("icr_radius", [log], GEOMETRY)
-    assert behind.extras["clock_offset"] == pytest.approx(-0.08, abs=0.01)  # the clock takes it up
+    behind = unlagged([log])
+    assert behind.held["lag"] == "given"
+    assert behind.extras["clock_offset"] == pytest.approx(-0.08, abs=0.01)
+
+
+def test_a_robot_without_lag_shows_none():
+    found = fit_drives("icr_radius", [drive_log(1, 30)], GEOMETRY)
+    assert found.held["lag"] == "none shows"
+    assert found.extras["lag"] == 0.0
 
 
 @pytest.mark.parametrize("source", [SLAM, SLOW_GNSS])
 def test_errors_are_those_of_the_bound_and_intervals_cover(source):
     noise = NOISE if source is SLAM else np.array([0.05, 1.0, *NOISE[2:]])
-    found = [fitted(seed, source=source) for seed in range(5)]
+    found = [fitted(seed, 40.0 if source is SLAM else 120.0, source) for seed in range(4)]
     for name, true in TRUTH.items():
         errors = [(one.values[name] - true) / bound(one, noise)[name] for one in found]
         assert np.sum(np.square(errors)) < scipy.stats.chi2.ppf(0.9999, len(errors))
         inside = [one.interval95[name][0] < true < one.interval95[name][1] for one in found]
-        assert sum(inside) >= 3  # less has a chance of 0.1 %
+        assert sum(inside) >= 2  # less has a chance of 0.1 %
 
 
 @pytest.mark.slow
@@ -114,13 +126,13 @@ def test_sixty_errors_are_those_of_the_bound_and_intervals_cover():
 
 def test_noise_is_found_to_within_its_sampling_error():
     """REML: squares of the poses' noise scatter by sqrt(2 / n), those of slip much more: each pose hides it."""
-    found = [fitted(seed) for seed in range(5)]
+    found = [fitted(seed) for seed in range(4)]
     mean = {key: np.mean([one.noise[key] ** 2 for one in found]) for key in Noise.NAMES}
     poses = sum(one.poses for one in found)
     assert mean["position"] == pytest.approx(NOISE[0] ** 2, rel=4 * np.sqrt(2 / (2 * poses)) + 0.02)
     assert mean["heading"] == pytest.approx(NOISE[1] ** 2, rel=4 * np.sqrt(2 / poses) + 0.02)
     sharp = PoseSource(rate=20.0, position_noise=0.002, heading_noise=np.radians(0.25))
-    clear = fit_drives("icr_radius", [drive_log(1, 40, sharp)], GEOMETRY)
+    clear = unlagged([drive_log(1, 30, sharp)])
     for key, true in zip(Noise.NAMES[2:], NOISE[2:], strict=True):
         assert clear.noise[key] == pytest.approx(true, rel=0.35)
 
@@ -136,19 +148,20 @@ def test_the_optimum_is_where_the_gradient_vanishes():
 @pytest.mark.parametrize(("offset", "delay"), [(-0.05, -1.8), (0.5, 1.8), (0.0, 0.9)])
 def test_far_starts_are_found(source, offset, delay):
     law = ConstantIcr(offset, 0.168)
-    found = fit_drives("icr_radius", [drive_log(4, 40, replace(source, delay=delay), law=law)], GEOMETRY)
+    duration = 40.0 if source is SLAM else 120.0
+    found = unlagged([drive_log(4, duration, replace(source, delay=delay), law=law)])
     assert found.values["offset"] == pytest.approx(offset, abs=max(5 * found.stderr["offset"], 1e-3))
     assert found.extras["clock_offset"] == pytest.approx(-delay, abs=5 * found.stderr["clock_offset"])
 
 
 def test_outlying_poses_are_left_out():
-    found = fit_drives("icr_radius", [drive_log(5, 40, replace(SLAM, outliers=0.05))], GEOMETRY)
+    found = unlagged([drive_log(5, 40, replace(SLAM, outliers=0.05))])
     assert 10 < found.left_out < 50
     assert all(within(found).values())
 
 
 def test_a_lasting_jump_is_a_step_that_is_left_out():
-    found = fit_drives("icr_radius", [drive_log(6, 40, replace(SLAM, jumps=1, jump_size=0.5, jump_turn=0.2))], GEOMETRY)
+    found = unlagged([drive_log(6, 40, replace(SLAM, jumps=1, jump_size=0.5, jump_turn=0.2))])
     assert found.breaks == 1
     (broken,) = np.flatnonzero(found.fit.nodes.link == 0)
     pose = found.fit.nodes.pose
@@ -160,7 +173,7 @@ def test_a_lasting_jump_is_a_step_that_is_left_out():
 def test_gaps_and_held_poses_do_no_harm():
     log = drive_log(7, 40)
     gap = (log.time > 15) & (log.time < 20)
-    found = fit_drives("icr_radius", [without_poses(log, gap)], GEOMETRY)
+    found = unlagged([without_poses(log, gap)])
     assert all(within(found).values())
     pose = log.pose.copy()
     seen = np.flatnonzero(log.is_valid)
@@ -168,18 +181,19 @@ def test_gaps_and_held_poses_do_no_harm():
     driven = drive_of(replace(log, pose=pose))
     moving = np.abs(log.omega).max(axis=1)[seen[1::3]] > 0.1
     assert not set(seen[1::3][moving]) & set(driven.rows)
-    assert all(within(fit_drives("icr_radius", [replace(log, pose=pose)], GEOMETRY)).values())
+    assert all(within(unlagged([replace(log, pose=pose)])).values())
 
 
 def test_a_robot_at_rest_for_a_while_does_no_harm():
     speeds = np.tile(np.array([[0.1, 0.2], [0.0, 0.0], [0.2, 0.05], [0.2, 0.2]]), (2, 1)).repeat(250, axis=0)
-    found = fit_drives("icr_radius", [drive_log(8, driving=speeds)], GEOMETRY)
+    found = unlagged([drive_log(8, driving=speeds)])
     assert all(within(found).values())
 
 
+@pytest.mark.slow
 def test_several_drives_have_their_joint_information():
     logs = [drive_log(seed, 40) for seed in (1, 2, 3)]
-    found = fit_drives("icr_radius", logs, GEOMETRY)
+    found = unlagged(logs)
     alone = [fitted(seed) for seed in (1, 2, 3)]
     bounds = [bound(one) for one in alone]
     for name in TRUTH:
@@ -197,7 +211,7 @@ def test_several_drives_have_their_joint_information():
     ],
 )
 def test_what_the_driving_does_not_tell_is_held_at_0_and_said(speeds, held, known, true):
-    found = fit_drives("icr_radius", [drive_log(1, driving=constant_speeds(*speeds))], GEOMETRY)
+    found = unlagged([drive_log(1, driving=constant_speeds(*speeds))])
     assert (found.values | found.extras)[held] == 0.0
     assert found.held[held].startswith("not determined: the driving ")
     assert held not in found.stderr
@@ -206,7 +220,7 @@ def test_what_the_driving_does_not_tell_is_held_at_0_and_said(speeds, held, know
 
 
 def test_without_headings_the_mounting_is_held():
-    found = fit_drives("icr_radius", [drive_log(1, 30, GNSS)], GEOMETRY)
+    found = unlagged([drive_log(1, 20, GNSS)])
     assert found.held["sensor_yaw"] == "no headings were measured"
     assert found.extras["sensor_yaw"] == 0.0
 
@@ -214,7 +228,7 @@ def test_without_headings_the_mounting_is_held():
 @pytest.mark.slow
 def test_a_drive_without_headings_among_others():
     logs = [drive_log(1, 40), drive_log(2, 40), drive_log(3, 40, replace(SLAM, heading=False))]
-    found = fit_drives("icr_radius", logs, GEOMETRY)
+    found = unlagged(logs)
     assert "sensor_yaw" not in found.held
     assert all(within(found).values())
 
@@ -227,12 +241,33 @@ def test_drives_that_tell_nothing_are_refused():
         fit_drives("cubic", [straight], GEOMETRY)
 
 
-@pytest.mark.parametrize("source", [SLAM, GNSS])
+@pytest.mark.parametrize("source", [SLAM, SLOW_GNSS])
 def test_swapped_tracks_and_reversed_encoders_are_said(source):
     log = drive_log(3, 40, source, driving="eights")
     for omega in (log.omega[:, ::-1], -log.omega):
         with pytest.raises(LogError, match="turns against its sprockets: are the tracks swapped"):
-            fit_drives("icr_radius", [replace(log, omega=omega)], GEOMETRY)
+            unlagged([replace(log, omega=omega)])
+
+
+@pytest.mark.parametrize("driving", ["random", "loop"])
+def test_an_encoder_that_counts_backwards_is_named(driving):
+    log = drive_log(3, 20, driving=driving)
+    for side, sign in (("left", [-1, 1]), ("right", [1, -1])):
+        with pytest.raises(LogError, match=f"encoder of the {side} sprocket counted backwards"):
+            unlagged([replace(log, omega=log.omega * sign)])
+
+
+def test_wild_readings_and_motion_unlike_the_sprockets_are_said():
+    log = drive_log(3, 20)
+    omega = log.omega.copy()
+    omega[100, 1] = 1e6
+    with pytest.raises(LogError, match="omega_r = 1e\\+06 rad/s in its row 101, at most 10000 is allowed"):
+        unlagged([replace(log, omega=omega)])
+    other = replace(log, omega=np.sin(np.outer(log.time, [0.5, 0.7])) * 5)
+    with pytest.raises(
+        LogError, match=r"hardly follows the sprockets \(slip_.* = .* are units, gear, signs and clocks"
+    ):
+        unlagged([other])
 
 
 @pytest.mark.parametrize(
