@@ -64,7 +64,7 @@ def require_plausible(
         raise LogError(
             f"run {run[k]!r}: slip {of_faster[k]:.3g} of the faster track is implausible (over {_WILD}): "
             f"check the units (rad/s, m, rad, s), the gear and sprocket_radius = {geometry.sprocket_radius:g} m"
-            f"{_guess(ideal[k], twist[k])}"
+            f"{unit_guess(ideal[k], twist[k])}"
         )
     relevant = geometry.half_gauge * np.abs(twist[:, 1] - ideal[:, 1]) > _ASIDE * fastest
     backwards = opposite & relevant & (np.abs(twist[:, 1]) > _SIGNIFICANT * yaw_stderr)
@@ -91,7 +91,7 @@ def _first(bad: np.ndarray | np.bool) -> int | None:
     return int(np.argmax(bad)) if bad.any() else None
 
 
-def _guess(ideal: Array, twist: Array) -> str:
+def unit_guess(ideal: Array, twist: Array) -> str:
     """A guess at the cause from the ratios of measured to commanded v and w (2,), or an empty text."""
     with np.errstate(divide="ignore", invalid="ignore"):
         v, w = np.abs(twist / ideal)

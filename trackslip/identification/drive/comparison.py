@@ -43,7 +43,7 @@ _TOLD = (  # extra, its unit as printed, SI to unit, size worth a line, words fo
     ),
 )
 _SAME = 0.02  # difference of scores within which the likelihood decides [-]
-_INDISTINCT = 10.0  # difference of Akaike's criterion within which the simpler law is preferred
+_INDISTINCT = 4.0  # difference of Akaike's criterion within which the simpler law is preferred
 
 
 @dataclass(frozen=True)

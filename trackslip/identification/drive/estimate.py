@@ -17,6 +17,7 @@ from trackslip.identification.drive.law_start import law_start
 from trackslip.identification.drive.model import EXTRAS, DriveModel
 from trackslip.identification.drive.noise import FIRST, unlike_sprockets
 from trackslip.identification.drive.start import start, trajectory
+from trackslip.identification.drive.units import require_units
 from trackslip.identification.sensor import Sensor
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
@@ -116,6 +117,7 @@ def _reference(
     drives: Sequence[Drive], geometry: RobotGeometry, sensor: Sensor | None, held: Mapping[str, float]
 ) -> DriveFit:
     model = DriveModel(FAMILIES[REFERENCE], geometry)
+    require_units(drives, geometry)
     offset, clock_offset = start(drives, geometry)
     values: Array = np.zeros(len(model.names))
     values[model.index("offset")], values[model.index("clock_offset")] = offset, clock_offset
