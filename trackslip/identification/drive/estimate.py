@@ -117,8 +117,8 @@ def _reference(
     drives: Sequence[Drive], geometry: RobotGeometry, sensor: Sensor | None, held: Mapping[str, float]
 ) -> DriveFit:
     model = DriveModel(FAMILIES[REFERENCE], geometry)
-    require_units(drives, geometry)
     offset, clock_offset = start(drives, geometry)
+    require_units(drives, geometry)
     values: Array = np.zeros(len(model.names))
     values[model.index("offset")], values[model.index("clock_offset")] = offset, clock_offset
     states = np.concatenate([trajectory(drive, geometry, offset, clock_offset) for drive in drives])

@@ -29,13 +29,13 @@ def require_units(drives: Sequence[Drive], geometry: RobotGeometry) -> None:
             "does phi point backwards?"
         )
     real, commanded = (np.concatenate(part) for part in zip(*(_ways(drive, geometry) for drive in drives), strict=True))
-    if not len(real):
+    if len(real) < _MIN_WINDOWS or commanded[:, 0].max() < geometry.half_gauge / 2:  # too little, or spinning
         return
     long = commanded[:, 0] >= commanded[:, 0].max() / 2
     way = float(np.median(real[long, 0] / np.maximum(commanded[long, 0], 1e-9)))
     known = np.isfinite(real[:, 1]) & (commanded[:, 1] >= commanded[:, 1].max() / 2) & (commanded[:, 1] > 0)
     turn = float(np.median(real[known, 1] / commanded[known, 1])) if known.any() else 1.0
-    if len(real) < _MIN_WINDOWS or (_LIMITS[0] <= way <= _LIMITS[1] and turn <= _TURN_LIMIT):
+    if _LIMITS[0] <= way <= _LIMITS[1] and turn <= _TURN_LIMIT:
         return
     wrong = f"move {way:.3g} times as far" if not _LIMITS[0] <= way <= _LIMITS[1] else f"turn {turn:.3g} times as far"
     guess = unit_guess(np.ones(2), np.array([way, turn]))
