@@ -113,7 +113,7 @@ def test_a_parameter_that_does_not_exist_is_rejected(rejected):
         ("0,0.1,0.6,0.05,-0.1", "row 1, column radius: 0 must be > 0"),
         ("0.5,0.1,-1,0.05,-0.1", "row 1, column observed_radius: -1 must be > 0"),
         ("0.5,0.1,0.6,1.5,-0.1", "row 1, column slip_outer: 1.5 must be < 1"),
-        ("0.5,0.1,0.6,x,-0.1", "row 1, column slip_outer: 'x' is not a number"),
+        ("0.5,0.1,0.6,x,-0.1", "row 1, column slip_outer: 'x' is not a finite number"),
     ],
 )
 def test_bad_tables_get_one_line(refused, tmp_path, row, message):

@@ -37,7 +37,7 @@ def test_laws_whose_fit_ends_at_a_limit_are_told_of(trackslip, tmp_path):
             "run 'a': row 1, column omega_l: 'inf' is not a finite number",
         ),
         (TRACE.replace(",0,0\n", ",oops,0\n"), GEOMETRY, "run 'a': row 1, column y: 'oops' is not a finite number"),
-        (TRACE.replace(",0,0\n", ",0,\n"), GEOMETRY, "run 'a': has no headings"),
+        (TRACE.replace(",0,0\n", ",0,\n"), (*GEOMETRY, "--method", "steady"), "run 'a': has no headings"),
         (TRACE.replace("omega_r", "omega_right"), GEOMETRY, "column omega_r is missing"),
         ("a,b\n1,2\n", GEOMETRY, "needs the columns"),
         (TRACE.replace(",", ";"), GEOMETRY, "must be separated by commas"),
@@ -45,7 +45,7 @@ def test_laws_whose_fit_ends_at_a_limit_are_told_of(trackslip, tmp_path):
         ("omega_l,omega_r,v,w\n1,2,0.1,x\n", GEOMETRY, "run 'row 1': column w: 'x' is not a finite number"),
         ("omega_l,omega_r,v,w\n0,0,0.1,0.2\n", GEOMETRY, "run 'row 1': the sprockets stand still"),
         ("omega_l,omega_r,v,w\n1,1,0.06,0\n", GEOMETRY, "determine"),
-        (TRACE[: TRACE.index("a,1.0")], GEOMETRY, "too short"),
+        (TRACE[: TRACE.index("a,1.0")], (*GEOMETRY, "--method", "steady"), "too short"),
     ],
 )
 def test_bad_logs_get_one_line(refused, tmp_path, text, options, message):
