@@ -37,7 +37,7 @@ def test_drive_a_fleet(run, tmp_path):
 
 def test_identify_from_python(run, tmp_path):
     printed = run("identify_from_python", tmp_path)
-    assert printed.startswith("Slip laws from 8 runs")
+    assert printed.startswith("Slip laws from 8 steady samples")
     ((low, high),) = re.findall(r"offset is between (\S+) and (\S+)", printed)
     assert 0 < float(low) < float(high)
     assert (tmp_path / "laws.json").is_file()
