@@ -18,6 +18,9 @@ Array = NDArray[np.floating[Any]]
 SIDES = np.array([-1.0, 1.0])  # (2,) track speeds are v + SIDES * b * w: the left track is slower when w > 0
 
 
+_SMALL_TURN = 1e-3  # turn below which series replace quotients [rad]
+
+
 @dataclass(frozen=True)
 class RobotGeometry:
     """Geometry of a robot, as needed by the kinematics."""
@@ -90,6 +93,18 @@ def advance(pose: ArrayLike, twist: ArrayLike, duration: float | Array) -> Array
     chord = v * duration * np.sinc(turn / (2 * np.pi))
     heading = phi + turn / 2
     return np.stack([x + chord * np.cos(heading), y + chord * np.sin(heading), phi + turn], axis=-1)
+
+
+def arc_quotients(turn: Array) -> tuple[Array, Array, Array, Array]:
+    """sin(t) / t and (1 - cos t) / t of turns (...), and their derivatives."""
+    small = np.abs(turn) < _SMALL_TURN
+    safe = np.where(small, 1.0, turn)
+    sin, cos = np.sin(safe), np.cos(safe)
+    along = np.where(small, 1 - turn**2 / 6, sin / safe)
+    across = np.where(small, turn / 2 - turn**3 / 24, (1 - cos) / safe)
+    d_along = np.where(small, -turn / 3 + turn**3 / 30, (cos - along) / safe)
+    d_across = np.where(small, 0.5 - turn**2 / 8, (sin - across) / safe)
+    return along, across, d_along, d_across
 
 
 def wrap_angle(angle: ArrayLike) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trackslip.errors import LogError
-from trackslip.kinematics import Array
+from trackslip.kinematics import Array, arc_quotients
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.steady_twist import SteadyTwist, long_run_covariance, require_poses, within
 
@@ -103,12 +103,5 @@ def poses_on_arc(parameters: Array, time: Array) -> tuple[Array, Array]:
 
 def _integrals(w: float, time: Array) -> tuple[Array, Array, Array, Array]:
     """Integrals of cos(w t) and sin(w t) from 0 to `time` (T,), and their derivatives by w."""
-    turn = w * time
-    small = np.abs(turn) < 1e-3
-    safe = np.where(small, 1.0, turn)
-    sin, cos = np.sin(turn), np.cos(turn)
-    forward = np.where(small, 1 - turn**2 / 6, np.sin(safe) / safe)
-    sideways = np.where(small, turn / 2 - turn**3 / 24, (1 - np.cos(safe)) / safe)
-    d_forward = np.where(small, -turn / 3 + turn**3 / 30, (cos - forward) / safe)
-    d_sideways = np.where(small, 0.5 - turn**2 / 8, (sin - sideways) / safe)
+    forward, sideways, d_forward, d_sideways = arc_quotients(w * time)
     return time * forward, time * sideways, time**2 * d_forward, time**2 * d_sideways

@@ -11,7 +11,7 @@ from trackslip.identification.drive.equations import Nodes, Noise, Residuals, So
 from trackslip.identification.drive.model import DriveModel
 from trackslip.identification.drive.noise import updated
 from trackslip.identification.drive.outliers import outlying
-from trackslip.kinematics import Array
+from trackslip.kinematics import Array, wrap_angle
 
 _ROUNDS = 30  # maximum number of Gauss-Newton steps
 _GATED = 12  # rounds after which gates stay as they are
@@ -149,7 +149,7 @@ def _without(measured: Nodes, poses: np.ndarray, steps: np.ndarray) -> Nodes:
 def _pose_residuals(model: DriveModel, measured: Nodes, states: Array, values: Array) -> Array:
     pose = states - np.where(np.isfinite(measured.pose), measured.pose, states)
     turn = pose[:, 2] + np.where(np.isfinite(measured.pose[:, 2]), values[model.index("sensor_yaw")], 0.0)
-    pose[:, 2] = (turn + np.pi) % (2 * np.pi) - np.pi
+    pose[:, 2] = wrap_angle(turn)
     return pose
 
 

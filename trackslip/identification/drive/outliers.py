@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from trackslip.identification.drive.start import wrapped_difference
-from trackslip.kinematics import Array
+from trackslip.kinematics import Array, wrap_angle
 
 _NEIGHBOURS = 7  # poses that predict the next one
 _FAR = 6.0  # outlying error of prediction [robust standard deviations]
@@ -60,6 +59,6 @@ def _missed(pose: Array, state: Array, motion: Array) -> Array:
     predicted = z[window] + turned[window] * (c[rows, None] - c[window])
     middle = np.median(predicted.real, axis=1) + 1j * np.median(predicted.imag, axis=1)
     errors[rows, 0] = np.abs(z[rows] - middle)
-    heading = wrapped_difference(pose[window, 2] + motion[rows, None, 2] - motion[window, 2], pose[rows, None, 2])
+    heading = wrap_angle(pose[window, 2] + motion[rows, None, 2] - motion[window, 2] - pose[rows, None, 2])
     errors[rows, 1] = np.abs(np.median(heading, axis=1))
     return errors

@@ -6,9 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.kinematics import Array
-
-_SMALL = 1e-3  # turn below which series replace the quotients [rad]
+from trackslip.kinematics import Array, arc_quotients
 
 
 @dataclass(frozen=True)
@@ -66,7 +64,7 @@ def _displaced(motion: Array, slope: Array, step: Array, heading: Array, heading
     """World displacement (M, 2) by constant motions (M, 3) for `step` (M,) from headings (M,), and derivatives."""
     v, u, w = motion.T
     turn = w * step
-    along, across, d_along, d_across = _quotients(turn)
+    along, across, d_along, d_across = arc_quotients(turn)
     body = np.stack([v * along - u * across, v * across + u * along], axis=-1) * step[:, None]
     by_turn = np.stack([v * d_along - u * d_across, v * d_across + u * d_along], axis=-1) * step[:, None] ** 2
     dv, du, dw = slope[:, 0], slope[:, 1], slope[:, 2]
@@ -76,18 +74,6 @@ def _displaced(motion: Array, slope: Array, step: Array, heading: Array, heading
     body_slope = body_slope * step[:, None, None] + by_turn[..., None] * dw[:, None, :]
     body_slope = body_slope + quarter(body, 1)[..., None] * heading_slope[:, None, :]
     return rotated(heading, body), rotated(heading, body_slope)
-
-
-def _quotients(turn: Array) -> tuple[Array, Array, Array, Array]:
-    """sin(t) / t and (1 - cos t) / t of turns (...), and their derivatives."""
-    small = np.abs(turn) < _SMALL
-    safe = np.where(small, 1.0, turn)
-    sin, cos = np.sin(safe), np.cos(safe)
-    along = np.where(small, 1 - turn**2 / 6, sin / safe)
-    across = np.where(small, turn / 2 - turn**3 / 24, (1 - cos) / safe)
-    d_along = np.where(small, -turn / 3 + turn**3 / 30, (cos - along) / safe)
-    d_across = np.where(small, 0.5 - turn**2 / 8, (sin - across) / safe)
-    return along, across, d_along, d_across
 
 
 def _started(increments: Array) -> Array:

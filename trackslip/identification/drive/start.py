@@ -9,7 +9,7 @@ import numpy as np
 
 from trackslip.errors import LogError
 from trackslip.identification.drive.drives import Drive
-from trackslip.kinematics import Array, RobotGeometry, body_twist, wrap_angle
+from trackslip.kinematics import Array, RobotGeometry, body_twist
 
 _OFFSETS = np.arange(-2.0, 2.0001, 0.05)  # clock offsets tried [s]
 _FINE = np.arange(-0.06, 0.0601, 0.01)  # around the best of them [s]
@@ -145,8 +145,3 @@ def _turned_to(place: np.ndarray, z: np.ndarray, measured: np.ndarray, time: Arr
     high = np.searchsorted(time, time + _WINDOW / 2, side="right")
     number, a, c, product = sums[:, high] - sums[:, low]
     return np.unwrap(np.angle(product - a * c.conj() / np.maximum(number.real, 1)))
-
-
-def wrapped_difference(a: Array, b: Array) -> Array:
-    """a - b (...) in [-pi, pi)."""
-    return wrap_angle(a - b)
