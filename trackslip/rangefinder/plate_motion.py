@@ -1,0 +1,132 @@
+"""How the plate moves when the sprockets turn: three rows by two tracks, fitted to the plate's own poses.
+
+The robot's geometry, its slip and the plate's place on it all enter linearly where the ICRs are constant, so neither has
+to be known to predict where the plate will be in the next scans, and which of its ends is the front one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackslip.kinematics import Array, arc_quotients
+
+_APART = 0.3  # time between the poses of a pair, at least [s]
+_AT_MOST = 1.0  # the same, at most [s]
+_MIN_PAIRS = 20
+_ITERATIONS = 8
+_HUBER = 1.5  # residual above which the loss is linear [standard deviations]
+
+
+@dataclass(frozen=True)
+class Turned:
+    """Angles by which the sprockets have turned since the first reading."""
+
+    time: Array  # (E,) of the encoders' readings, ascending [s]
+    angle: Array  # (E, 2) [rad]
+
+    @classmethod
+    def of(cls, time: Array, omega: Array) -> Turned:
+        """From sprocket speeds (E, 2), means since the previous reading [rad/s]."""
+        steps = omega[1:] * np.diff(time)[:, None]
+        return cls(time, np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)]))
+
+    def at(self, time: Array) -> Array:
+        """Angles (S, 2) at times (S,)."""
+        return np.stack([np.interp(time, self.time, side) for side in self.angle.T], axis=-1)
+
+
+@dataclass(frozen=True)
+class PlateMotion:
+    """Forward way, way to the left [m] and turn [rad] of the plate per radian of the left and right sprocket."""
+
+    matrix: Array  # (3, 2)
+
+    def path(self, angle: Array) -> Array:
+        """Poses (S, 3) of the plate, from (0, 0, 0), where the sprockets have turned by angles (S, 2)."""
+        step = np.diff(angle, axis=0) @ self.matrix.T
+        heading = np.append(0.0, np.cumsum(step[:, 2]))
+        along, across, _, _ = arc_quotients(step[:, 2])
+        ahead, left = along * step[:, 0] - across * step[:, 1], across * step[:, 0] + along * step[:, 1]
+        cos, sin = np.cos(heading[:-1]), np.sin(heading[:-1])
+        x, y = np.cumsum(cos * ahead - sin * left), np.cumsum(sin * ahead + cos * left)
+        return np.column_stack([np.append(0.0, x), np.append(0.0, y), heading])
+
+
+def plate_motion(time: Array, angle: Array, pose: Array) -> PlateMotion | None:
+    """The motion that fits poses (n, 3) at times (n,) best, known up to half a turn each; None for too few of them.
+
+    Some poses may be wrong altogether. The front of the plate is the end that leads when both sprockets turn forwards.
+    """
+    first, second = _pairs(time)
+    if len(first) < _MIN_PAIRS:
+        return None
+    rolled = angle[second] - angle[first]
+    turn = _half_turn(pose[second, 2] - pose[first, 2])
+    by_turn = _slope(rolled[:, 1] - rolled[:, 0], turn)
+    expected = by_turn * (rolled[:, 1] - rolled[:, 0])
+    turn = expected + _half_turn(turn - expected)
+    way = pose[second, :2] - pose[first, :2]
+    forward, sideways = ways(way, pose[first, 2], turn)
+    sign = _signs(forward, sideways, rolled.sum(axis=1))
+    targets = (sign * forward, sign * sideways, turn)
+    return PlateMotion(np.stack([_robust(rolled, target) for target in targets]))
+
+
+def ways(way: Array, heading: Array, turn: Array) -> tuple[Array, Array]:
+    """Ways forward and to the left (n,) on arcs that turn by `turn` (n,) and lead along `way` (n, 2) in the world."""
+    cos, sin = np.cos(heading), np.sin(heading)
+    ahead, left = cos * way[:, 0] + sin * way[:, 1], cos * way[:, 1] - sin * way[:, 0]
+    along, across, _, _ = arc_quotients(turn)
+    scale = along**2 + across**2
+    return (along * ahead + across * left) / scale, (along * left - across * ahead) / scale
+
+
+def _pairs(time: Array) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of poses and of those about _APART later."""
+    second = np.searchsorted(time, time + _APART)
+    first = np.flatnonzero(second < len(time))
+    second = second[first]
+    close = time[second] - time[first] < _AT_MOST
+    return first[close], second[close]
+
+
+def _signs(forward: Array, sideways: Array, rolled: Array) -> Array:
+    """(n,) 1, or -1 where a pair's heading is that of the rear end.
+
+    The direction of motion, an axis in the plate, is the same for all pairs if the sprockets turn alike.
+    """
+    weight = rolled**2 * np.hypot(forward, sideways)
+    axis = np.angle(np.sum(weight * np.exp(2j * np.arctan2(sideways, forward)))) / 2
+    leads = (np.cos(axis) * forward + np.sin(axis) * sideways) * rolled
+    return np.where(leads < 0, -1.0, 1.0)
+
+
+def _slope(x: Array, y: Array) -> float:
+    """The slope that minimises the sum of absolute residuals of y = slope x: a weighted median of y / x."""
+    moves = np.abs(x) > 1e-9
+    if not moves.any():
+        return 0.0
+    ratio, weight = y[moves] / x[moves], np.abs(x[moves])
+    order = np.argsort(ratio)
+    half = np.searchsorted(np.cumsum(weight[order]), weight.sum() / 2)
+    return float(ratio[order[half]])
+
+
+def _robust(x: Array, y: Array) -> Array:
+    """Coefficients (2,) of y (n,) on x (n, 2) under a Huber loss."""
+    weight = np.ones(len(y))
+    found = np.zeros(2)
+    for _ in range(_ITERATIONS):
+        root = np.sqrt(weight)
+        found = np.linalg.lstsq(x * root[:, None], y * root, rcond=1e-6)[0]
+        size = np.abs(y - x @ found)
+        scale = max(1.4826 * float(np.median(size)), 1e-6)
+        weight = np.minimum(1.0, _HUBER * scale / np.maximum(size, 1e-12)) ** 2
+    return found
+
+
+def _half_turn(angle: Array) -> Array:
+    """Angles modulo half a turn, in [-pi/2, pi/2)."""
+    return np.asarray((angle + np.pi / 2) % np.pi - np.pi / 2)
