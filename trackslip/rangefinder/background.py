@@ -19,6 +19,7 @@ _MIN_SEEN = 5  # returns at the level, at least
 _MIN_SHARE = 0.08  # of the scans that see the level, at least
 _MIN_SOLID = 0.5  # share of the returns and misses from the level on that are at the level
 _CERTAIN = 5.0  # returns this close to the level belong to it [standard deviations]
+_MAX_SPREAD = 0.04  # standard deviation of ranges to a surface; evenly spread over the window, they have more [m]
 _MIN_BEAMS = 10  # with background, from which to tell the noise
 
 
@@ -81,6 +82,9 @@ def background_of(ranges: np.ndarray, hidden: np.ndarray | None = None) -> Backg
         level[found] = np.nanmedian(part, axis=1)
         spread[found] = _spread(part - level[found, None])
         level[found] = _mean_near(part, level[found], spread[found])
+        vague = spread > _MAX_SPREAD
+        level[vague] = spread[vague] = np.nan
+        found &= ~vague
     lost = none[found].sum() / max(int((none + seen[row, best])[found].sum()), 1)
     return Background(level, spread, float(lost))
 

@@ -25,7 +25,9 @@ _FIRST_NOISE = 0.02  # until the plate tells the noise of a scanner without back
 _MIN_RETURNS = 8  # of a scan that tells the noise
 _AT_ONCE = 2000  # scans that are located together, which bounds the memory
 _MIN_LOCATED = 12  # scans
-_ROUNDS = 2  # of the background without the plate, and the plate without the background
+_ROUNDS = 4  # of the background without the plate, and the plate without the background, at most
+_SETTLED = 0.05  # change of the noise that needs no further round [-]
+_NO_OUTLIER = 1e6  # residual of a range [standard deviations]
 _BESIDE = 0.02  # half the time over which the speed of a sprocket is taken [s]
 
 
@@ -87,9 +89,12 @@ def sight_plate(series: ScanSeries, turned: Turned, plate: Plate, noise: float |
     track = _track(scanner, series, plate, angle)
     for _ in range(_ROUNDS):
         background = _behind(series, plate, track)
-        scatter = _scatter(scanner, series, plate, track.estimate)
-        scanner = _scanner(series, background, noise or background.noise or scatter)
+        found = noise or background.noise or _scatter(scanner, series, plate, track.estimate)
+        settled = abs(found / scanner.noise - 1) < _SETTLED
+        scanner = _scanner(series, background, found)
         track = _track(scanner, series, plate, angle)
+        if settled:
+            break
     rate = _rates(track, turned, series.time)
     pose = np.where(track.estimate.valid[:, None], track.estimate.pose, track.expected)
     ranges = straightened(series.ranges, series.bearings, series.lag, plate, pose, rate, scanner.noise)
@@ -202,7 +207,7 @@ def _scatter(scanner: Scan, series: ScanSeries, plate: Plate, estimate: PoseEsti
     if not full.size:
         return scanner.noise
     beams = Beams.of(scan, cluster.take(full))
-    misfit = PlateLikelihood(plate, np.inf).evaluate(beams, estimate.pose[rows][full]).misfit
+    misfit = PlateLikelihood(plate, _NO_OUTLIER).evaluate(beams, estimate.pose[rows][full]).misfit
     count = cluster.count[full]
     return float(np.median(misfit * np.sqrt(count / (count - 2)))) * beams.noise
 
