@@ -15,6 +15,7 @@ from trackslip.kinematics import Array, arc_quotients
 _APART = 0.3  # time between the poses of a pair, at least [s]
 _AT_MOST = 1.0  # the same, at most [s]
 _MIN_PAIRS = 20
+_ROUNDS = 4  # of motion and the ends of the plate that lead
 _ITERATIONS = 8
 _HUBER = 1.5  # residual above which the loss is linear [standard deviations]
 
@@ -70,8 +71,11 @@ def plate_motion(time: Array, angle: Array, pose: Array) -> PlateMotion | None:
     way = pose[second, :2] - pose[first, :2]
     forward, sideways = ways(way, pose[first, 2], turn)
     sign = _signs(forward, sideways, rolled.sum(axis=1))
-    targets = (sign * forward, sign * sideways, turn)
-    return PlateMotion(np.stack([_robust(rolled, target) for target in targets]))
+    by_turns = _robust(rolled, turn)
+    for _ in range(_ROUNDS):
+        along, across = (_robust(rolled, sign * way) for way in (forward, sideways))
+        sign = np.where((rolled @ along) * forward + (rolled @ across) * sideways < 0, -1.0, 1.0)
+    return PlateMotion(np.stack([along, across, by_turns]))
 
 
 def ways(way: Array, heading: Array, turn: Array) -> tuple[Array, Array]:
