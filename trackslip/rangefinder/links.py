@@ -15,6 +15,7 @@ _COMPARED = (1, 2, 3, 4, 8, 16)  # places of the poses before and after with whi
 _LONGEST = 2.0  # time between poses that are compared, and over which one is carried [s]
 _ROUNDS = 2  # of votes; the poses that lost the first have none in the second
 _TOLD = 0.05  # way that tells the front from the rear end, at least [m]
+_CERTAIN_TURN = np.pi / 4  # error of the encoders' heading between pieces up to which it tells the front [rad]
 _CLEAR = 0.3  # share of the way that must agree
 
 
@@ -89,10 +90,35 @@ def headings(chain: Chain, motion: PlateMotion, angle: Array) -> tuple[Array, np
     for begin, end in zip(first, np.append(first[1:], count), strict=True):
         offset[begin:end] = np.unwrap(offset[begin:end], period=np.pi)
     score, size = _leading(chain, motion, angle, offset + turned, piece)
-    known = (size > _TOLD**2) & (np.abs(score) > _CLEAR * size)
-    offset += np.where(score < 0, np.pi, 0.0)[piece]
-    jump = np.append(0.0, np.round((offset[first[1:]] - offset[first[1:] - 1]) / (2 * np.pi)))
-    return offset - 2 * np.pi * np.cumsum(jump)[piece] + turned, known[piece]
+    ends = np.stack([offset[first], offset[np.append(first[1:], count) - 1]], axis=-1)
+    half_turns, known = _fronts(ends, score, size)
+    return offset + np.pi * half_turns[piece] + turned, known[piece]
+
+
+def _fronts(ends: Array, score: Array, size: Array) -> tuple[np.ndarray, np.ndarray]:
+    """Half turns (p,) to add to each piece so that its front leads, and (p,) bool where they are known.
+
+    The encoders tell how far the robot turns between pieces, and so which half turn is right, unless they are far off;
+    then the piece's own way tells. `ends` (p, 2) are headings less those of the encoders, at both ends of the pieces.
+    """
+    longest = int(np.argmax(size))
+    told = (size > _TOLD**2) & (np.abs(score) > _CLEAR * size)
+    flips, known = np.zeros(len(size), int), told.copy()
+    if not told[longest]:
+        return flips, np.zeros(len(size), bool)
+    flips[longest] = int(score[longest] < 0)
+    for way, side in ((1, 1), (-1, 0)):
+        k = longest + way
+        while 0 <= k < len(size):
+            jump = ends[k, 1 - side] - ends[k - way, side] - np.pi * flips[k - way]
+            nearest = round(-jump / np.pi)
+            if abs(jump + np.pi * nearest) < _CERTAIN_TURN:
+                flips[k], known[k] = nearest, True
+            else:
+                front = int(score[k] < 0)
+                flips[k] = front + 2 * round((-jump / np.pi - front) / 2)
+            k += way
+    return flips, known
 
 
 def carried(chain: Chain, time: Array, reckoned: Array) -> tuple[Array, np.ndarray]:
