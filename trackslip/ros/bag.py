@@ -1,10 +1,10 @@
 """Bags of ROS 1 and ROS 2: which topics they have, and their messages.
 
-    from trackslip.ros.bag import open_bag
+from trackslip.ros.bag import open_bag
 
-    bag = open_bag("run.mcap")
-    for message in bag.messages("/scan"):
-        message.stamp, message.content.ranges
+bag = open_bag("run.mcap")
+for message in bag.messages("/scan"):
+    message.stamp, message.content.ranges
 """
 
 from __future__ import annotations
@@ -116,7 +116,7 @@ class Bag:
         reasons: dict[str, str] = {}
         decoder = Decoder()
         for file in self.files:
-            for channel, arrival, data in files.read_file(file, chosen.__contains__, []):
+            for channel, arrival, data in files.read_file(file, lambda topic: topic in chosen, []):
                 if chosen.get(channel.topic) != channel.type:
                     continue
                 try:
