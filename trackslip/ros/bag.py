@@ -12,7 +12,7 @@ from __future__ import annotations
 import re
 from collections import Counter, defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -89,6 +89,11 @@ class Bag:
     """What could not be read, one line each."""
 
     @property
+    def path(self) -> Path:
+        """Its file, or the folder of its files."""
+        return self.files[0] if len(self.files) == 1 else self.files[0].parent
+
+    @property
     def span(self) -> tuple[int, int]:
         """When the first and the last message were recorded [ns]."""
         arrivals = [topic.arrival for topic in self.topics.values()]
@@ -98,7 +103,7 @@ class Bag:
         """A topic; raises LogError that lists the topics if there is none of the name."""
         found = self.topics.get(name) or self.topics.get(f"/{name}")
         if found is None:
-            raise LogError(f"{self.name}: it has no topic {name!r}; its topics are {self.listed(self.topics)}")
+            raise LogError(f"{self.path}: it has no topic {name!r}; its topics are {self.listed(self.topics)}")
         return found
 
     def of_type(self, *types: str) -> list[Topic]:
@@ -127,7 +132,7 @@ class Bag:
         for topic, count in damaged.items():
             total = self.topics[topic].count
             if count == total:
-                raise LogError(f"{self.name}: topic {topic}: no message can be decoded: {reasons[topic]}")
+                raise LogError(f"{self.path}: topic {topic}: no message can be decoded: {reasons[topic]}")
             if notes is not None:
                 notes.append(f"topic {topic}: {count} of {total} messages left out: {reasons[topic]}")
 
@@ -174,7 +179,7 @@ def open_bags(path: str | Path) -> list[Bag]:
     if not bags:
         raise LogError(refused[0])
     bags = _joined(bags)
-    bags[0] = Bag(bags[0].name, bags[0].files, bags[0].topics, (*bags[0].notes, *refused))
+    bags[0] = replace(bags[0], notes=(*bags[0].notes, *refused))
     return bags
 
 

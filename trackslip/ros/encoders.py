@@ -31,6 +31,8 @@ class Encoders:
     """Names of the joints on the left and on the right."""
     stamp: np.ndarray
     """(T,) int: stamps in the headers, ascending [ns]."""
+    delay: float
+    """Median time from the stamps to the recording [s]."""
     omega: Array
     """(T, 2): sprocket speeds, mean since the previous reading, the first as the second [rad/s]."""
 
@@ -52,11 +54,11 @@ def encoder_topic(bag: Bag, choice: BagChoice = AUTOMATIC) -> tuple[Topic, tuple
     if choice.encoders is not None:
         topic = bag.topic(choice.encoders)
         if topic.type != JOINT_STATE:
-            raise LogError(f"{bag.name}: topic {topic.name} has messages of {topic.type}, needs {JOINT_STATE}")
+            raise LogError(f"{bag.path}: topic {topic.name} has messages of {topic.type}, needs {JOINT_STATE}")
         return topic, _joints(bag, topic, choice)
     topics = bag.of_type(JOINT_STATE)
     if not topics:
-        raise LogError(f"{bag.name}: no encoders: no topic of {JOINT_STATE}; its topics are {bag.listed(bag.topics)}")
+        raise LogError(f"{bag.path}: no encoders: no topic of {JOINT_STATE}; its topics are {bag.listed(bag.topics)}")
     fitting, reasons = [], []
     for topic in topics:
         try:
@@ -69,7 +71,7 @@ def encoder_topic(bag: Bag, choice: BagChoice = AUTOMATIC) -> tuple[Topic, tuple
     usual = [one for one in measured if one[0].name == "/joint_states"] or measured
     if len(usual) > 1:
         names = ", ".join(topic.name for topic, _ in usual)
-        raise LogError(f"{bag.name}: encoders may be {names}: choose with --encoders TOPIC")
+        raise LogError(f"{bag.path}: encoders may be {names}: choose with --encoders TOPIC")
     return usual[0]
 
 
@@ -89,9 +91,10 @@ def read_encoders(bag: Bag, choice: BagChoice = AUTOMATIC, notes: list[str] | No
     for rows in stretches(topic.name, stamp, arrival, notes):
         one = _speeds(topic.name, stamp, rows, joints, told, notes)
         if one is not None:
-            found.append(Encoders(topic.name, joints, one[0], one[1] * signs))
+            delay = float(np.median(arrival[rows] - stamp[rows])) / 1e9
+            found.append(Encoders(topic.name, joints, one[0], delay, one[1] * signs))
     if not found:
-        raise LogError(f"{bag.name}: topic {topic.name}: fewer than 2 messages with the joints chosen")
+        raise LogError(f"{bag.path}: topic {topic.name}: fewer than 2 messages with the joints chosen")
     return found
 
 
@@ -105,7 +108,7 @@ def _joints(bag: Bag, topic: Topic, choice: BagChoice) -> tuple[tuple[str, ...],
     found = sides(list(names))
     if found is None:
         raise LogError(
-            f"{bag.name}: topic {topic.name}: which of its joints are left and right? It has {listed(list(names))}: "
+            f"{bag.path}: topic {topic.name}: which of its joints are left and right? It has {listed(list(names))}: "
             "choose with --left NAMES --right NAMES"
         )
     return found
