@@ -14,6 +14,7 @@ from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -135,6 +136,10 @@ class Bag:
                 raise LogError(f"{self.path}: topic {topic}: no message can be decoded: {reasons[topic]}")
             if notes is not None:
                 notes.append(f"topic {topic}: {count} of {total} messages left out: {reasons[topic]}")
+
+    def first(self, topic: str, most: int) -> list[Message]:
+        """The first messages of a topic that can be decoded, at most `most`; next to nothing else is read."""
+        return list(islice(self.messages(topic), min(most, self.topic(topic).count)))
 
     @staticmethod
     def listed(topics: dict[str, Topic]) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from dataclasses import dataclass
-from itertools import islice
 
 import numpy as np
 
@@ -101,7 +100,7 @@ def read_encoders(bag: Bag, choice: BagChoice = AUTOMATIC, notes: list[str] | No
 def _joints(bag: Bag, topic: Topic, choice: BagChoice) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The joints chosen, or those whose names tell; LogError if there are none."""
     names: dict[str, None] = {}
-    for message in islice(bag.messages(topic.name), _LOOKED_AT):
+    for message in bag.first(topic.name, _LOOKED_AT):
         names |= dict.fromkeys(message.content.name)
     if choice.left is not None and choice.right is not None:
         return choice.left, choice.right

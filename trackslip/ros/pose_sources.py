@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from enum import IntEnum
-from itertools import islice
 
 from trackslip.errors import LogError
 from trackslip.ros.bag import Bag, Topic
@@ -87,8 +86,8 @@ def _rank(bag: Bag, topic: Topic) -> Rank:
     usual = Rank.FIX if topic.type == FIX else Rank.WHEELS if topic.type == ODOMETRY else Rank.MATCHED
     rank = next((rank for rank, marks in _MARKS.items() if marks.search(topic.name)), usual)
     if rank in (Rank.FUSED, Rank.WHEELS) and topic.type == ODOMETRY:
-        first = next(islice(bag.messages(topic.name), 1), None)
-        if first is not None and _last(first.content.header.frame_id) in _FIXED_FRAMES:
+        first = bag.first(topic.name, 1)
+        if first and _last(first[0].content.header.frame_id) in _FIXED_FRAMES:
             return Rank.MATCHED
     return rank
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import defaultdict, deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import islice
 
 import numpy as np
 from scipy.spatial.transform import Rotation, Slerp
@@ -65,11 +64,11 @@ def transform_topics(bag: Bag) -> list[Topic]:
     return bag.of_type(*TRANSFORMS)
 
 
-def frames_of(bag: Bag, most: int | None = None) -> dict[Pair, None]:
+def frames_of(bag: Bag, most: int) -> dict[Pair, None]:
     """The pairs of frames that transforms link, in those of the first `most` messages of each topic."""
     found: dict[Pair, None] = {}
     for topic in transform_topics(bag):
-        for message in islice(bag.messages(topic.name), most):
+        for message in bag.first(topic.name, most):
             found |= {_pair(one): None for one in message.content.transforms}
     return found
 
