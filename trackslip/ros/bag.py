@@ -1,10 +1,10 @@
 """Bags of ROS 1 and ROS 2: which topics they have, and their messages.
 
-    from trackslip.ros.bag import open_bag
+from trackslip.ros.bag import open_bag
 
-    bag = open_bag("run.mcap")
-    for message in bag.messages("/scan"):
-        message.stamp, message.content.ranges
+bag = open_bag("run.mcap")
+for message in bag.messages("/scan"):
+    message.stamp, message.content.ranges
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ from __future__ import annotations
 import re
 from collections import Counter, defaultdict
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -89,6 +90,11 @@ class Bag:
     """What could not be read, one line each."""
 
     @property
+    def path(self) -> Path:
+        """Its file, or the folder of its files."""
+        return self.files[0] if len(self.files) == 1 else self.files[0].parent
+
+    @property
     def span(self) -> tuple[int, int]:
         """When the first and the last message were recorded [ns]."""
         arrivals = [topic.arrival for topic in self.topics.values()]
@@ -98,7 +104,7 @@ class Bag:
         """A topic; raises LogError that lists the topics if there is none of the name."""
         found = self.topics.get(name) or self.topics.get(f"/{name}")
         if found is None:
-            raise LogError(f"{self.name}: it has no topic {name!r}; its topics are {self.listed(self.topics)}")
+            raise LogError(f"{self.path}: it has no topic {name!r}; its topics are {self.listed(self.topics)}")
         return found
 
     def of_type(self, *types: str) -> list[Topic]:
@@ -116,7 +122,7 @@ class Bag:
         reasons: dict[str, str] = {}
         decoder = Decoder()
         for file in self.files:
-            for channel, arrival, data in files.read_file(file, chosen.__contains__, []):
+            for channel, arrival, data in files.read_file(file, lambda topic: topic in chosen, []):
                 if chosen.get(channel.topic) != channel.type:
                     continue
                 try:
@@ -127,9 +133,13 @@ class Bag:
         for topic, count in damaged.items():
             total = self.topics[topic].count
             if count == total:
-                raise LogError(f"{self.name}: topic {topic}: no message can be decoded: {reasons[topic]}")
+                raise LogError(f"{self.path}: topic {topic}: no message can be decoded: {reasons[topic]}")
             if notes is not None:
                 notes.append(f"topic {topic}: {count} of {total} messages left out: {reasons[topic]}")
+
+    def first(self, topic: str, most: int) -> list[Message]:
+        """The first messages of a topic that can be decoded, at most `most`; next to nothing else is read."""
+        return list(islice(self.messages(topic), min(most, self.topic(topic).count)))
 
     @staticmethod
     def listed(topics: dict[str, Topic]) -> str:
@@ -174,7 +184,7 @@ def open_bags(path: str | Path) -> list[Bag]:
     if not bags:
         raise LogError(refused[0])
     bags = _joined(bags)
-    bags[0] = Bag(bags[0].name, bags[0].files, bags[0].topics, (*bags[0].notes, *refused))
+    bags[0] = replace(bags[0], notes=(*bags[0].notes, *refused))
     return bags
 
 

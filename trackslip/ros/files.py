@@ -60,7 +60,7 @@ def bags_in(path: Path, depth: int = _DEPTH) -> list[tuple[Path, ...]]:
     files = [entry for entry in entries if is_bag_file(entry) and entry.is_file()]
     if files and (path / METADATA).is_file():
         return [tuple(files)]
-    found = [(file,) for file in files]
+    found: list[tuple[Path, ...]] = [(file,) for file in files]
     if depth:
         for folder in (entry for entry in entries if entry.is_dir()):
             found += bags_in(folder, depth - 1)

@@ -27,7 +27,7 @@ _CUT = "its end is missing: the recording was cut off, or the file is damaged"
 
 
 def read_mcap(path: Path, wanted: Wanted, notes: list[str]) -> Iterator[Record]:
-    """All messages that can be read, in the file's order; see `Storage`."""
+    """All messages that can be read, in the file's order; `notes` gets a line for each damage."""
     with opened(path, notes) as file:
         size = file.seek(0, os.SEEK_END)
         file.seek(0)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple, Protocol
+from collections.abc import Callable
+from typing import NamedTuple
+
+Wanted = Callable[[str], bool]
+"""Whether messages of a topic are read; those of others are skipped, and cost next to no time."""
 
 
 class Channel(NamedTuple):
@@ -24,25 +27,6 @@ class Record(NamedTuple):
     """When it was recorded [ns]."""
     data: bytes
     """The serialised message; empty if its topic wasn't asked for."""
-
-
-class Wanted(Protocol):
-    """Selects the topics whose messages are read; those of others are skipped, and cost next to no time."""
-
-    def __call__(self, topic: str) -> bool:
-        """Whether messages of the topic are read."""
-        ...
-
-
-class Storage(Protocol):
-    """A reader of one format of bag files."""
-
-    def __call__(self, path: str, wanted: Wanted, notes: list[str]) -> Iterator[Record]:
-        """All that can be read of a file, in its order; `notes` gets a line for each damage.
-
-        Raises LogError if the file has another format.
-        """
-        ...
 
 
 def ros2_type(name: str) -> str:

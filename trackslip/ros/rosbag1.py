@@ -27,7 +27,7 @@ _Fields = dict[bytes, bytes]
 
 
 def read_rosbag1(path: Path, wanted: Wanted, notes: list[str]) -> Iterator[Record]:
-    """All messages that can be read, in the file's order; see `Storage`."""
+    """All messages that can be read, in the file's order; `notes` gets a line for each damage."""
     with opened(path, notes) as file:
         size = file.seek(0, os.SEEK_END)
         file.seek(0)

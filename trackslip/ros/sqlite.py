@@ -17,7 +17,7 @@ _MAGIC = b"SQLite format 3\0"
 
 
 def read_sqlite(path: Path, wanted: Wanted, notes: list[str]) -> Iterator[Record]:
-    """All messages that can be read, in the file's order; see `Storage`."""
+    """All messages that can be read, in the file's order; `notes` gets a line for each damage."""
     with opened(path, notes) as file:
         if file.read(len(_MAGIC)) != _MAGIC:
             raise LogError("is no SQLite database")
@@ -56,5 +56,3 @@ def _read(path: Path, wanted: Wanted, notes: list[str]) -> Iterator[Record]:
                     yield Record(channels[number], arrival, data if isinstance(data, bytes) else b"")
         except sqlite3.Error as error:
             notes.append(f"its end is missing, or it is damaged ({first_line(error)})")
-
-
