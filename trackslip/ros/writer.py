@@ -33,7 +33,7 @@ def write_bag(
     covariance: Array | None = None,
     readings: np.ndarray | None = None,
     scans: tuple[Array, Scan] | None = None,
-    scan_duration: float = 0.0,
+    scan_duration: float | None = None,
     start: int | None = None,
 ) -> None:
     """Write a run as a ROS 2 bag in the format MCAP, complete or not at all.
@@ -53,7 +53,8 @@ def write_bag(
         covariance: of the poses, (3, 3), where the log has none [m, m, rad].
         readings: (T,) bool, the rows with readings of the encoders; by default all.
         scans: times (S,) [s] and scans with ranges (S, B), if they aren't those of the log's rows.
-        scan_duration: time from a scan's first beam to its last; the scan's own time is in the middle [s].
+        scan_duration: time from a scan's first beam to its last; the scan's own time is in the middle, its stamp is
+            the first beam's [s]. By default that of the scanner in the log's metadata, else 0.
         start: stamp of t = 0 [s]; by default START, or 0 for a log with times since 1970.
 
     Raises:
@@ -69,6 +70,8 @@ def write_bag(
     if start is None:
         start = 0 if log.time[0] > _SINCE_1970 else START
     geometry = geometry or stored_geometry(log)
+    if scan_duration is None:
+        scan_duration = float(log.metadata.get("scanner", {}).get("scan_duration", 0.0))
     contents = RunTopics(log, geometry, start, readings)
     topics = [
         *contents.encoders(),
