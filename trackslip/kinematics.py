@@ -5,10 +5,12 @@ Tracks are ordered (left, right) on the last axis, a twist is (v, w), a pose (x,
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike, NDArray
 
 from trackslip.errors import require_positive
@@ -18,7 +20,12 @@ Array = NDArray[np.floating[Any]]
 SIDES = np.array([-1.0, 1.0])  # (2,) track speeds are v + SIDES * b * w: the left track is slower when w > 0
 
 
-_SMALL_TURN = 1e-3  # turn below which series replace quotients [rad]
+_SMALL_TURN = 0.5  # turn below which series replace quotients [rad]
+_TERMS = np.arange(7)  # of these series: the rest is less than their rounding
+_SIGNS = (-1.0) ** _TERMS
+_ALONG = _SIGNS / np.array([math.factorial(2 * k + 1) for k in _TERMS])
+_ACROSS = _SIGNS / np.array([math.factorial(2 * k + 2) for k in _TERMS])
+_QUOTIENTS = (_ALONG, _ACROSS, 2 * _TERMS[1:] * _ALONG[1:], (2 * _TERMS + 1) * _ACROSS)  # in the turn's square
 
 
 @dataclass(frozen=True)
@@ -95,16 +102,19 @@ def advance(pose: ArrayLike, twist: ArrayLike, duration: float | Array) -> Array
     return np.stack([x + chord * np.cos(heading), y + chord * np.sin(heading), phi + turn], axis=-1)
 
 
-def arc_quotients(turn: Array) -> tuple[Array, Array, Array, Array]:
+def arc_quotients(turn: ArrayLike) -> tuple[Array, Array, Array, Array]:
     """sin(t) / t and (1 - cos t) / t of turns (...), and their derivatives."""
-    small = np.abs(turn) < _SMALL_TURN
-    safe = np.where(small, 1.0, turn)
-    sin, cos = np.sin(safe), np.cos(safe)
-    along = np.where(small, 1 - turn**2 / 6, sin / safe)
-    across = np.where(small, turn / 2 - turn**3 / 24, (1 - cos) / safe)
-    d_along = np.where(small, -turn / 3 + turn**3 / 30, (cos - along) / safe)
-    d_across = np.where(small, 0.5 - turn**2 / 8, (sin - across) / safe)
-    return along, across, d_along, d_across
+    turn = np.asarray(turn, float)
+    along, across, d_along, d_across = (polynomial.polyval(turn**2, series) for series in _QUOTIENTS)
+    quotients = tuple(np.asarray(one) for one in (along, turn * across, turn * d_along, d_across))
+    large = ~(np.abs(turn) <= _SMALL_TURN)
+    if large.any():
+        t = turn[large]
+        along, across = np.sin(t) / t, (1 - np.cos(t)) / t
+        exact = along, across, (np.cos(t) - along) / t, (np.sin(t) - across) / t
+        for quotient, one in zip(quotients, exact, strict=True):
+            quotient[large] = one
+    return quotients
 
 
 def wrap_angle(angle: ArrayLike) -> Array:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from trackslip.identification.drive.equations import weights
+from trackslip.identification.drive.residuals import weights
 from trackslip.identification.drive.fit import Fit
 from trackslip.identification.intervals import CONFIDENCE
 from trackslip.kinematics import Array
@@ -61,7 +61,7 @@ def innovation_scores(fit: Fit, cuts: np.ndarray) -> Array:
         if c < len(steps):  # less the step that leads on from it
             on = found.by_first[c].T * steps[c]
             information = information - on @ found.by_first[c]
-            here = here - on @ np.column_stack([found.by_values[c][:, fit.free], found.step[c]])
+            here = here - on @ np.column_stack([found.by_values[c], found.step[c]])
         last = here[:, :f].T @ np.linalg.solve(information, here[:, f])
         scores[n] = total[c] - (eliminated[c - 1] if c else 0.0) - last
     return scores

@@ -6,7 +6,8 @@ import pytest
 from drives import NOISE, drive_log, model
 
 from trackslip.identification.drive.drives import Drive, drive_of
-from trackslip.identification.drive.equations import Nodes, Noise, cost, log_determinant, residuals, solve, weights
+from trackslip.identification.drive.equations import log_determinant, solve
+from trackslip.identification.drive.residuals import Nodes, Noise, cost, residuals, weights
 from trackslip.identification.drive.intervals import innovation_scores
 from trackslip.identification.drive.model import EXTRAS
 

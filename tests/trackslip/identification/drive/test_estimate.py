@@ -9,7 +9,8 @@ from drives import EXACT, GEOMETRY, ICR, NOISE, SLAM, STILL, constant_speeds, dr
 from sim.wander.pose_source import PoseSource
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.drive.drives import drive_of
-from trackslip.identification.drive.equations import Noise, solve
+from trackslip.identification.drive.equations import solve
+from trackslip.identification.drive.residuals import Noise
 from trackslip.identification.drive.estimate import DRIVE_LAWS, fit_drives
 from trackslip.identification.sensor import Sensor
 from trackslip.slip.families import FAMILIES
