@@ -106,15 +106,13 @@ def arc_quotients(turn: ArrayLike) -> tuple[Array, Array, Array, Array]:
     """sin(t) / t and (1 - cos t) / t of turns (...), and their derivatives."""
     turn = np.asarray(turn, float)
     along, across, d_along, d_across = (polynomial.polyval(turn**2, series) for series in _QUOTIENTS)
-    quotients = tuple(np.asarray(one) for one in (along, turn * across, turn * d_along, d_across))
+    along, across, d_along, d_across = map(np.asarray, (along, turn * across, turn * d_along, d_across))
     large = ~(np.abs(turn) <= _SMALL_TURN)
     if large.any():
         t = turn[large]
-        along, across = np.sin(t) / t, (1 - np.cos(t)) / t
-        exact = along, across, (np.cos(t) - along) / t, (np.sin(t) - across) / t
-        for quotient, one in zip(quotients, exact, strict=True):
-            quotient[large] = one
-    return quotients
+        along[large], across[large] = np.sin(t) / t, (1 - np.cos(t)) / t
+        d_along[large], d_across[large] = (np.cos(t) - along[large]) / t, (np.sin(t) - across[large]) / t
+    return along, across, d_along, d_across
 
 
 def wrap_angle(angle: ArrayLike) -> Array:

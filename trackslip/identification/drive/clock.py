@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackslip.identification.drive.equations import solve
-from trackslip.identification.drive.residuals import cost, residuals
 from trackslip.identification.drive.fit import Fit
+from trackslip.identification.drive.residuals import cost, residuals
 from trackslip.kinematics import Array
 
 _POINTS = 13

@@ -58,7 +58,7 @@ def solve(found: Residuals, nodes: Nodes, noise: Noise, yaw: int, prior: Array, 
     gradient[1:] += (second * weighted[:, None]).sum(axis=0).T
     score = np.zeros((len(free), len(poses)))
     score[:, 1:] = (slope * weighted[:, None]).sum(axis=0)
-    scaled = (slope * np.sqrt(steps.T)[:, None]).swapaxes(0, 1).reshape(len(free), -1)
+    scaled = (slope * np.sqrt(steps.T)[:, None]).swapaxes(0, 1).reshape(len(free), steps.size)
     corner = scaled @ scaled.T + np.diag(1 / prior[free] ** 2)
     at = np.flatnonzero(free == yaw)
     corner[at, at] += poses[:, 2].sum()

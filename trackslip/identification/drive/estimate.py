@@ -10,12 +10,12 @@ import numpy as np
 from trackslip.errors import LogError
 from trackslip.identification.drive.determined import undetermined
 from trackslip.identification.drive.drives import Drive, drives_of
-from trackslip.identification.drive.residuals import Nodes, Noise
 from trackslip.identification.drive.fit import Fit, fit
 from trackslip.identification.drive.intervals import half_widths, model_errors
 from trackslip.identification.drive.law_start import law_start
 from trackslip.identification.drive.model import EXTRAS, DriveModel
 from trackslip.identification.drive.noise import FIRST, unlike_sprockets
+from trackslip.identification.drive.residuals import Nodes, Noise
 from trackslip.identification.drive.start import start, trajectory
 from trackslip.identification.drive.units import require_units
 from trackslip.identification.sensor import Sensor

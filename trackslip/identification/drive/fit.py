@@ -9,10 +9,10 @@ import numpy as np
 import scipy
 
 from trackslip.identification.drive.equations import Solution, solve, used_up
-from trackslip.identification.drive.residuals import Nodes, Noise, Residuals, cost, pose_residuals, residuals, weights
 from trackslip.identification.drive.model import DriveModel
 from trackslip.identification.drive.noise import Iterate
 from trackslip.identification.drive.outliers import outlying
+from trackslip.identification.drive.residuals import Nodes, Noise, Residuals, cost, pose_residuals, residuals, weights
 from trackslip.kinematics import Array
 
 _ROUNDS = 30  # maximum number of Gauss-Newton steps
@@ -121,7 +121,8 @@ def _advanced(
     free, none = found.free, found.free[:0]
 
     def total(residual: Residuals, at: Array) -> float:
-        return cost(replace(residual, distance=found.distance), nodes, noise) + float(np.sum(((at - mean)[free] / model.prior[free]) ** 2))
+        pull = (at - mean)[free] / model.prior[free]
+        return cost(replace(residual, distance=found.distance), nodes, noise) + float(pull @ pull)
 
     now = total(found, values) * (1 + 1e-9) + 1e-9
     for halving in range(_HALVINGS):

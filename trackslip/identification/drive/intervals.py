@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from trackslip.identification.drive.residuals import weights
 from trackslip.identification.drive.fit import Fit
+from trackslip.identification.drive.residuals import weights
 from trackslip.identification.intervals import CONFIDENCE
 from trackslip.kinematics import Array
 

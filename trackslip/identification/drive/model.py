@@ -145,9 +145,7 @@ class DriveModel:
         lever = values[[self.index("sensor_x"), self.index("sensor_y")]]
         return np.column_stack([path[:, :2] + rotated(path[:, 2], np.broadcast_to(lever, (len(path), 2))), path[:, 2]])
 
-    def _motion(
-        self, values: Array, extra: Mapping[str, float], drive: Drive, free: np.ndarray
-    ) -> tuple[Array, Array]:
+    def _motion(self, values: Array, extra: Mapping[str, float], drive: Drive, free: np.ndarray) -> tuple[Array, Array]:
         """Motion (3, M) in the encoder intervals, and its derivatives (3, f, M) by the parameters `free` (f,)."""
         law, lag, drift = len(values), extra["lag"], extra["drift"]
         slope = np.zeros((3, len(free), len(drive.omega)))

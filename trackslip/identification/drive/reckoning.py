@@ -56,7 +56,7 @@ def rotated(angle: Array, vector: Array) -> Array:
 def _displaced(
     motion: Array, slope: Array, step: Array, heading: Array, heading_slope: Array
 ) -> tuple[np.ndarray, np.ndarray]:
-    """World displacement (M,), complex, by motions (3, M) for `step` (M,) from headings (M,), and derivatives (p, M)."""
+    """World displacement (M,) by motions (3, M) for `step` (M,) from headings (M,), and derivatives (p, M)."""
     along, across, d_along, d_across = arc_quotients(motion[2] * step)
     turned, velocity = np.exp(1j * heading), motion[0] + 1j * motion[1]
     by_velocity = turned * (along + 1j * across) * step

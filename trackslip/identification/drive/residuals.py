@@ -104,8 +104,9 @@ def residuals(model: DriveModel, nodes: Nodes, states: Array, values: Array, fre
     by_values = -slope
     by_values[0, free == x], by_values[1, free == x] = 1 - swing.real, -swing.imag
     by_values[0, free == y], by_values[1, free == y] = swing.imag, 1 - swing.real
-    derivatives = (np.moveaxis(one, -1, 0) for one in (by_first, by_second, by_values))
-    return Residuals(pose_residuals(model, nodes, states, values), step, *derivatives, distance, path, free)
+    pose = pose_residuals(model, nodes, states, values)
+    first, second, chosen = (np.moveaxis(one, -1, 0) for one in (by_first, by_second, by_values))
+    return Residuals(pose, step, first, second, chosen, distance, path, free)
 
 
 def pose_residuals(model: DriveModel, nodes: Nodes, states: Array, values: Array) -> Array:
