@@ -21,6 +21,7 @@ from experiments.options.export import ExportConfig
 from experiments.options.grid import SweepConfig
 from experiments.options.help import HelpBuffer, wrapped
 from experiments.options.identify import IdentifyConfig
+from experiments.options.localize import LocalizeConfig
 from experiments.options.predict import PredictConfig
 from experiments.options.reproduce import ReproduceConfig
 from experiments.options.sensitivity import SensitivityConfig
@@ -37,6 +38,7 @@ COMMANDS: dict[str, Any] = {
     "wander": WanderConfig,
     "bag": BagConfig,
     "identify": IdentifyConfig,
+    "localize": LocalizeConfig,
     "track": TrackConfig,
     "benchmark": BenchmarkConfig,
     "train": TrainConfig,
@@ -84,6 +86,12 @@ COMMAND_EXAMPLES = (
     ("from some runs of a sweep", "trackslip identify out/grid --where ground=ice seed=0"),
     ("from a drive, with a sensor 0.3 m ahead", "trackslip identify out/wander --method drive --sensor 0.3 0 0"),
     ("as in the paper", "trackslip identify out/grid --motion paper --out out/identify-paper"),
+    ("a plate of 0.5 m by 2 cm", "trackslip localize run.mcap --plate 0.5x0.02"),
+    (
+        "a scanner whose place is known",
+        "trackslip localize run.mcap --plate 0.5x0.02 --mount -1.5 -1.5 1.57",
+    ),
+    ("by other poses", "trackslip localize run.mcap --plate 0.5x0.02 --poses /amcl_pose"),
     ("the paper's path and controller", "trackslip track"),
     ("without slip compensation", "trackslip track --compensation none --out out/track-none"),
     ("with online identification", "trackslip track --controller lqr --compensation online --reference slalom"),

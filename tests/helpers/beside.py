@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -169,5 +170,5 @@ def post(x: float, y: float, radius: float = 0.05) -> Thing:
 def room() -> list[Thing]:
     """Walls behind and beside the field, and posts."""
     corners = [(-4.0, -0.5), (-4.0, 7.0), (4.0, 7.0), (4.0, -0.5)]
-    walls = [wall(a, b) for a, b in zip(corners, corners[1:], strict=False)]
+    walls = [wall(a, b) for a, b in pairwise(corners)]
     return [*walls, post(-2.5, 1.0), post(2.6, 5.2), post(1.5, 6.5, 0.15)]

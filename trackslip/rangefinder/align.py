@@ -1,7 +1,7 @@
 """The scanner's mounting from poses that something else measured at the same time, such as SLAM or motion capture.
 
-With positions as complex numbers, q of the other sensor in its frame and p of the plate in the scanner's, the mounting m
-at the angle mu, and the other sensor at the place l on the plate,
+With positions as complex numbers, q of the other sensor in its frame and p of the plate in the scanner's, the mounting
+m at the angle mu, and the other sensor at the place l on the plate,
 
     q = m + exp(i mu) (p + exp(i theta) l)
 

@@ -33,6 +33,11 @@ class Background:
     """Share of the beams that should have met it but gave no return [-]."""
 
     @property
+    def beams(self) -> int:
+        """Number of beams with background."""
+        return int(np.isfinite(self.level).sum())
+
+    @property
     def noise(self) -> float | None:
         """Standard deviation of a range to the background [m]: the beams' median; None without enough of them."""
         known = np.isfinite(self.spread)

@@ -33,7 +33,9 @@ def findings(seen: Sighting, plate: Plate) -> tuple[str, ...]:
             "the plate turns against the sprockets: are left and right swapped, or is the scanner upside down?"
         )
     if seen.moving.share > _BUSY:
-        found.append(f"something else moves in {100 * seen.moving.share:.0f} % of the scans; it isn't taken for the plate")
+        found.append(
+            f"something else moves in {100 * seen.moving.share:.0f} % of the scans; it isn't taken for the plate"
+        )
     if seen.scatter > _ROUGH * noise:
         found.append(
             f"ranges scatter by {1e3 * seen.scatter:.1f} mm on the plate, and by {1e3 * noise:.1f} mm elsewhere: "

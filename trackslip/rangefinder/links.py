@@ -151,4 +151,3 @@ def _leading(chain: Chain, motion: PlateMotion, angle: Array, heading: Array, pi
     square = np.sum(expected[:, :2] ** 2, axis=1)
     pieces = int(piece[-1]) + 1
     return tuple(np.bincount(piece[first], values, pieces) for values in (product, square))  # type: ignore[return-value]
-

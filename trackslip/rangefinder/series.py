@@ -80,6 +80,10 @@ class ScanSeries:
         notes = (*self.notes, note) if note else self.notes
         return replace(self, time=self.time[rows], ranges=self.ranges[rows], notes=notes)
 
+    def mirrored(self) -> ScanSeries:
+        """The scans as seen from above, by a scanner that is mounted upside down."""
+        return replace(self, bearings=-self.bearings[::-1], ranges=self.ranges[:, ::-1], lag=self.lag[::-1])
+
     def from_beam(self, first: int) -> ScanSeries:
         """A full circle that begins with the beam `first`, so that nothing of interest lies across its ends."""
         turned = np.append(self.bearings[first:], self.bearings[:first] + 2 * np.pi)

@@ -18,6 +18,7 @@ from trackslip.ros.choice import AUTOMATIC, BagChoice
 from trackslip.ros.encoders import Encoders, read_encoders
 from trackslip.ros.pose_sources import RANKS, chosen_source
 from trackslip.ros.poses import Poses, read_poses
+from trackslip.ros.scanned import scanned_drives
 from trackslip.ros.stamps import require_overlap, seconds
 
 _APART = 1.0  # difference of clocks that is worth a line [s]
@@ -61,6 +62,9 @@ def drive_logs(bag: Bag, choice: BagChoice, notes: list[str], name: str | None =
 
     `notes` gets a line for what is left out, and for what is doubtful. Raises LogError, naming topic and cause.
     """
+    if choice.plate is not None:
+        drives = scanned_drives(bag, choice, notes, name)
+        return [drive.log for drive in drives], drives[0].taken
     name = name or bag.name
     encoders = read_encoders(bag, choice, notes)
     if choice.poses is None:

@@ -39,6 +39,11 @@ class Drive:
         """Whether any heading was measured."""
         return bool(np.isfinite(self.pose[:, 2]).any())
 
+    @property
+    def shapes(self) -> Array:
+        """(K, 3, 3) the whitening, or nothing to whiten."""
+        return np.broadcast_to(np.eye(3), (len(self.time), 3, 3)) if self.whitening is None else self.whitening
+
     def kept(self, nodes: np.ndarray) -> Drive:
         """The drive with the nodes of (K,) bool alone."""
         shape = None if self.whitening is None else self.whitening[nodes]

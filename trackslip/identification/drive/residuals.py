@@ -46,8 +46,7 @@ class Nodes:
         link[np.cumsum([len(drive.time) for drive in drives])[:-1] - 1] = 0.0
         shapes = None
         if any(drive.whitening is not None for drive in drives):
-            plain = [np.broadcast_to(np.eye(3), (len(drive.time), 3, 3)) for drive in drives]
-            shapes = np.concatenate([one if d.whitening is None else d.whitening for d, one in zip(drives, plain, strict=True)])
+            shapes = np.concatenate([drive.shapes for drive in drives])
         return cls(tuple(drives), pose, weight, link, shapes)
 
     @property
