@@ -104,7 +104,7 @@ def _described(drive: ScannedDrive) -> dict[str, Any]:
     return {
         "run": drive.log.run,
         "scans": len(seen.time),
-        "located": seen.located,
+        "located": int(seen.estimate.valid.sum()),
         "noise": seen.scan.noise,
         "scatter_on_plate": seen.scatter,
         "dropout": seen.background.dropout,

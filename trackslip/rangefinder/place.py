@@ -7,6 +7,7 @@ moves at right angles to its lever: that is its place. Both take the tracks to s
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -32,19 +33,20 @@ class PlatePlace:
     """Standard errors of those that the driving determines; the others are 0."""
 
 
-def plate_place(motion: PlateMotion, time: Array, angle: Array, pose: Array) -> PlatePlace | None:
-    """The place that the motion tells, fitted to poses (n, 3) at times (n,), sprockets turned by angles (n, 2) [rad].
+def plate_place(time: Array, angle: Array, pose: Array) -> PlatePlace | None:
+    """The place that follows from poses (n, 3) at times (n,), the sprockets turned by angles (n, 2) [rad].
 
     Standard errors are the jackknife's: the session cut into blocks, each left out once. None if nothing is told.
     """
-    found = _place(motion)
+    motion = plate_motion(time, angle, pose, free=True)
+    found = None if motion is None else _place(motion)
     if found is None:
         return None
     edges = np.linspace(0, len(time), _BLOCKS + 1).astype(int)
     others = []
-    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+    for begin, end in pairwise(edges):
         rest = np.r_[0:begin, end : len(time)]
-        without = plate_motion(time[rest], angle[rest], pose[rest])
+        without = plate_motion(time[rest], angle[rest], pose[rest], free=True)
         one = None if without is None else _place(without)
         if one is not None:
             others.append(one)

@@ -1,7 +1,7 @@
 """How the plate moves when the sprockets turn: three rows by two tracks, fitted to the plate's own poses.
 
-The robot's geometry, its slip and the plate's place on it all enter linearly where the ICRs are constant, so neither has
-to be known to predict where the plate will be in the next scans, and which of its ends is the front one.
+The robot's geometry, its slip and the plate's place on it all enter linearly where the ICRs are constant, so none of
+them has to be known to predict where the plate will be in the next scans, and which of its ends is the front one.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ _AT_MOST = 1.0  # the same, at most [s]
 _MIN_PAIRS = 20
 _ROUNDS = 4  # of motion and the ends of the plate that lead
 _ITERATIONS = 8
+_UNLIKE = 0.3  # spread of the coefficients about those of like tracks, over their size [-]
 _HUBER = 1.5  # residual above which the loss is linear [standard deviations]
 
 
@@ -55,10 +56,11 @@ class PlateMotion:
         return np.column_stack([np.append(0.0, x), np.append(0.0, y), heading])
 
 
-def plate_motion(time: Array, angle: Array, pose: Array) -> PlateMotion | None:
+def plate_motion(time: Array, angle: Array, pose: Array, free: bool = False) -> PlateMotion | None:
     """The motion that fits poses (n, 3) at times (n,) best, known up to half a turn each; None for too few of them.
 
     Some poses may be wrong altogether. The front of the plate is the end that leads when both sprockets turn forwards.
+    What the driving doesn't tell is taken from a plate in the middle of a robot with like tracks, unless it is `free`.
     """
     first, second = _pairs(time)
     if len(first) < _MIN_PAIRS:
@@ -71,9 +73,14 @@ def plate_motion(time: Array, angle: Array, pose: Array) -> PlateMotion | None:
     way = pose[second, :2] - pose[first, :2]
     forward, sideways = ways(way, pose[first, 2], turn)
     sign = _signs(forward, sideways, rolled.sum(axis=1))
-    by_turns = _robust(rolled, turn)
+    by_sum = _slope(rolled.sum(axis=1), sign * forward)
+    usual = np.array([[by_sum, by_sum], [0.0, 0.0], [-by_turn, by_turn]])
+    size = np.array([abs(by_sum), abs(by_sum), abs(by_turn)])
+    spread = np.where(free, np.inf, np.maximum(_UNLIKE * size, 1e-6))
+    by_turns = _robust(rolled, turn, usual[2], spread[2])
     for _ in range(_ROUNDS):
-        along, across = (_robust(rolled, sign * way) for way in (forward, sideways))
+        targets = (sign * forward, sign * sideways)
+        along, across = (_robust(rolled, way, usual[k], spread[k]) for k, way in enumerate(targets))
         sign = np.where((rolled @ along) * forward + (rolled @ across) * sideways < 0, -1.0, 1.0)
     return PlateMotion(np.stack([along, across, by_turns]))
 
@@ -118,17 +125,19 @@ def _slope(x: Array, y: Array) -> float:
     return float(ratio[order[half]])
 
 
-def _robust(x: Array, y: Array) -> Array:
-    """Coefficients (2,) of y (n,) on x (n, 2) under a Huber loss."""
+def _robust(x: Array, y: Array, usual: Array, spread: float) -> Array:
+    """Coefficients (2,) of y (n,) on x (n, 2) under a Huber loss, drawn to `usual` (2,) by a prior of some spread."""
+    y = y - x @ usual
     weight = np.ones(len(y))
-    found = np.zeros(2)
+    found, scale = np.zeros(2), max(1.4826 * float(np.median(np.abs(y))), 1e-6)
     for _ in range(_ITERATIONS):
-        root = np.sqrt(weight)
-        found = np.linalg.lstsq(x * root[:, None], y * root, rcond=1e-6)[0]
+        root = np.sqrt(weight)[:, None]
+        rows = np.concatenate([x * root, scale / spread * np.eye(2)])
+        found = np.linalg.lstsq(rows, np.append(y * root[:, 0], np.zeros(2)), rcond=1e-9)[0]
         size = np.abs(y - x @ found)
         scale = max(1.4826 * float(np.median(size)), 1e-6)
         weight = np.minimum(1.0, _HUBER * scale / np.maximum(size, 1e-12)) ** 2
-    return found
+    return usual + found
 
 
 def _half_turn(angle: Array) -> Array:

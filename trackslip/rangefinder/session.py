@@ -25,6 +25,7 @@ _FIRST_NOISE = 0.02  # until the plate tells the noise of a scanner without back
 _MIN_RETURNS = 8  # of a scan that tells the noise
 _AT_ONCE = 2000  # scans that are located together, which bounds the memory
 _MIN_LOCATED = 12  # scans
+_MIN_DRIVEN = 0.3  # way forwards and backwards from which the front end shows [m]
 _ROUNDS = 4  # of the background without the plate, and the plate without the background, at most
 _SETTLED = 0.05  # change of the noise that needs no further round [-]
 _NO_OUTLIER = 1e6  # residual of a range [standard deviations]
@@ -149,7 +150,8 @@ def _track(scanner: Scan, series: ScanSeries, plate: Plate, angle: Array) -> _Tr
         estimate.valid[rows[~known]] = False
     chain = replace(chain, pose=estimate.pose[rows])
     expected, near = carried(chain, series.time, reckoned)
-    return _Track(estimate, expected, near, motion, bool(known.any()))
+    driven = 0.5 * np.abs(np.diff(angle.sum(axis=1))).sum() * float(np.abs(motion.matrix[0].sum()))
+    return _Track(estimate, expected, near, motion, bool(known.any()) and driven > _MIN_DRIVEN)
 
 
 def _chain(series: ScanSeries, estimate: PoseEstimate, reckoned: Array) -> Chain | None:

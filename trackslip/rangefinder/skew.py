@@ -1,4 +1,4 @@
-"""Ranges of a plate that moves while the scan is taken, as they would be if it stood still at its middle beam's time."""
+"""Ranges of a plate that moves during the scan, as if it had stood still where its middle beam met it."""
 
 from __future__ import annotations
 

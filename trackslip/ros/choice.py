@@ -29,7 +29,7 @@ class BagChoice:
     scan: str | None = None
     """Topic of `sensor_msgs/LaserScan` of a scanner beside the field, in which to find the plate."""
     plate: Plate | None = None
-    """The plate on the robot; with it, poses are the plate's in the scans, and `poses` tell where the scanner stands."""
+    """The plate on the robot. With it, poses are the plate's in scans, and `poses` tell where the scanner stands."""
     mount: tuple[float, float, float] | None = None
     """Pose of the scanner in the frame of the poses [m, m, rad]."""
     noise: float | None = None

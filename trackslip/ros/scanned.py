@@ -143,7 +143,7 @@ def _drive(
     if choice.poses is not None:
         stand = _aligned(bag, seen, choice.poses, origin, notes)
     valid = seen.estimate.valid
-    place = plate_place(seen.motion, seen.time[valid], turned.at(seen.time[valid]), seen.estimate.pose[valid])
+    place = plate_place(seen.time[valid], turned.at(seen.time[valid]), seen.estimate.pose[valid])
     about = {
         "encoders": encoders.topic,
         "left": list(encoders.joints[0]),
@@ -206,7 +206,6 @@ def _aligned(bag: Bag, seen: Sighting, source: str, origin: int, notes: list[str
     found = mounting(seen.time[valid], seen.estimate.pose[valid], seconds(other.stamp, origin), other.pose[:, :2])
     off, errors = abs(found.scale - 1), found.scale_stderr
     if off > max(_OTHER_SCALE[0], _OTHER_SCALE[1] * errors):
-        notes.append(
-            f"{source}: lengths are {found.scale:.3f} ± {errors:.3f} times those of the scanner: which of them is right?"
-        )
+        times = f"{found.scale:.3f} ± {errors:.3f} times"
+        notes.append(f"{source}: lengths are {times} those of the scanner: which of them is right?")
     return Stand(found.mount, f"from {source}", aligned=found)

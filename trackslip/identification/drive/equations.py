@@ -163,7 +163,7 @@ def _bands(first: Array, second: Array, steps: Array) -> Array:
 
 
 def _of_poses(nodes: Nodes, poses: Array, residual: Array) -> tuple[Array, Array]:
-    """Information (K, 3, 3) on the states and half the gradient (K, 3), from poses with weights and residuals (K, 3)."""
+    """Information (K, 3, 3) on the states, half the gradient (K, 3), from poses with weights and residuals (K, 3)."""
     weighted = poses * residual
     if nodes.whitening is None:
         return poses[:, :, None] * np.eye(3), weighted
