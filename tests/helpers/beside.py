@@ -86,10 +86,10 @@ def drive(
     rng = np.random.default_rng(seed)
     r, b = GEOMETRY.sprocket_radius * (1 + EPSILON), GEOMETRY.half_gauge + D
     v, w = r * (omega[:, 1] + omega[:, 0]) / 2, r * (omega[:, 1] - omega[:, 0]) / (2 * b)
-    poses = [np.array(start, float)]
-    for k in range(1, len(omega)):
-        poses.append(advance(poses[-1], np.array([v[k], w[k]]), 1 / RATE))
-    robot = np.array(poses)
+    turned = start[2] + np.append(0.0, np.cumsum(w[1:] / RATE))
+    chord = v[1:] / RATE * np.sinc(w[1:] / RATE / (2 * np.pi)) * np.exp(1j * (turned[:-1] + w[1:] / RATE / 2))
+    way = np.append(0.0, np.cumsum(chord))
+    robot = np.column_stack([start[0] + way.real, start[1] + way.imag, turned])
     encoder_time = np.arange(len(omega)) / RATE
 
     def at(time: Array) -> Array:

@@ -69,14 +69,14 @@ def mounting(time: Array, pose: Array, other_time: Array, other: Array) -> Mount
     covariance = _covariance(design, weight * residual, weight)
     slope = found[1] / abs(found[1])
     origin = found[0] - slope * middle
-    # by the real and imaginary parts of the origin's offset and slope
-    scale_error, angle_error = np.sqrt(covariance[1] / 2) / abs(found[1]) * np.ones(2)
-    place_error = np.sqrt(covariance[0] / 2 + (abs(middle) * angle_error) ** 2)
+    turn_error = float(np.sqrt(covariance[1] / 2) / abs(found[1]))
+    swing = slope * middle * turn_error  # of the origin about the middle, at right angles to this
+    place_error = np.sqrt(covariance[0] / 2 + np.array([swing.imag, swing.real]) ** 2)
     return Mounting(
         np.array([origin.real, origin.imag, float(np.angle(slope))]),
-        np.array([place_error, place_error, angle_error]),
+        np.append(place_error, turn_error),
         float(abs(found[1])),
-        float(scale_error),
+        turn_error * float(abs(found[1])),
         float(np.sqrt(np.mean(np.abs(residual) ** 2))),
     )
 

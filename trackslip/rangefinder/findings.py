@@ -26,7 +26,8 @@ def findings(seen: Sighting, plate: Plate) -> tuple[str, ...]:
     better = fitting_size(replace(seen.scan, ranges=seen.series.ranges[valid]), plate, seen.estimate.pose[valid])
     if better is not None:
         size, stated = (f"{one.length:.2g} x {one.thickness:.2g} m" for one in (better, plate))
-        found.append(f"the ranges fit a plate of about {size} better than {stated}: is its size right?")
+        longest = f"; what moves is {seen.moving.length:.2f} m long" if np.isfinite(seen.moving.length) else ""
+        found.append(f"the ranges fit a plate of about {size} better than {stated}{longest}: is its size right?")
     turn = float(seen.motion.matrix[2, 1] - seen.motion.matrix[2, 0])
     if turn < -_NO_TURN:
         found.append(
@@ -43,6 +44,4 @@ def findings(seen: Sighting, plate: Plate) -> tuple[str, ...]:
         )
     if not seen.front:
         found.append("the robot only turns on the spot: which end of the plate is the front one isn't known")
-    if np.isnan(seen.background.spread).all():
-        found.append("nothing is behind the plate: the noise is that of the ranges on it")
     return tuple(found)

@@ -16,6 +16,7 @@ from trackslip.rangefinder.plate_motion import PlateMotion, plate_motion
 
 _BLOCKS = 12  # of the session, each of which is left out once
 _DETERMINED = {"x": 0.05, "y": 0.05, "yaw": 0.05}  # largest standard error of a value that is told [m, m, rad]
+_MIN_UNLIKE = 0.05  # share of the driving with another ratio of the sprockets' speeds than the rest [-]
 _MIN_TURN = 1e-6  # of the plate per radian of the sprockets [-]
 
 
@@ -38,7 +39,8 @@ def plate_place(time: Array, angle: Array, pose: Array) -> PlatePlace | None:
 
     Standard errors are the jackknife's: the session cut into blocks, each left out once. None if nothing is told.
     """
-    motion = plate_motion(time, angle, pose, free=True)
+    spans = np.linalg.svd(np.diff(angle, axis=0), compute_uv=False)
+    motion = plate_motion(time, angle, pose, free=True) if spans[1] > _MIN_UNLIKE * spans[0] else None
     found = None if motion is None else _place(motion)
     if found is None:
         return None

@@ -14,6 +14,7 @@ from trackslip.kinematics import Array, arc_quotients
 
 _APART = 0.3  # time between the poses of a pair, at least [s]
 _AT_MOST = 1.0  # the same, at most [s]
+_JUMP = 0.6  # of a heading from one pose to the next, against the one expected, that ends a chain [rad]
 _MIN_PAIRS = 20
 _ROUNDS = 4  # of motion and the ends of the plate that lead
 _ITERATIONS = 8
@@ -72,7 +73,9 @@ def plate_motion(time: Array, angle: Array, pose: Array, free: bool = False) -> 
     turn = expected + _half_turn(turn - expected)
     way = pose[second, :2] - pose[first, :2]
     forward, sideways = ways(way, pose[first, 2], turn)
-    sign = _signs(forward, sideways, rolled.sum(axis=1))
+    turned = by_turn * (angle[first, 1] - angle[first, 0])
+    side, chain = _chains(time[first], pose[first, 2] - turned)
+    sign = side * _fronts(chain, side * _leads(forward, sideways, rolled.sum(axis=1)))
     by_sum = _slope(rolled.sum(axis=1), sign * forward)
     usual = np.array([[by_sum, by_sum], [0.0, 0.0], [-by_turn, by_turn]])
     size = np.array([abs(by_sum), abs(by_sum), abs(by_turn)])
@@ -81,7 +84,7 @@ def plate_motion(time: Array, angle: Array, pose: Array, free: bool = False) -> 
     for _ in range(_ROUNDS):
         targets = (sign * forward, sign * sideways)
         along, across = (_robust(rolled, way, usual[k], spread[k]) for k, way in enumerate(targets))
-        sign = np.where((rolled @ along) * forward + (rolled @ across) * sideways < 0, -1.0, 1.0)
+        sign = side * _fronts(chain, side * ((rolled @ along) * forward + (rolled @ across) * sideways))
     return PlateMotion(np.stack([along, across, by_turns]))
 
 
@@ -103,15 +106,30 @@ def _pairs(time: Array) -> tuple[np.ndarray, np.ndarray]:
     return first[close], second[close]
 
 
-def _signs(forward: Array, sideways: Array, rolled: Array) -> Array:
-    """(n,) 1, or -1 where a pair's heading is that of the rear end.
+def _chains(time: Array, offset: Array) -> tuple[Array, np.ndarray]:
+    """(n,) 1 or -1 for headings of the same end, and (n,) the chain within which that holds.
+
+    `offset` (n,) are headings, up to half a turn, less those expected; a chain ends where they jump or the time does.
+    """
+    whole = np.unwrap(offset, period=np.pi)
+    side = np.where(np.round((whole - offset) / np.pi) % 2 == 0, 1.0, -1.0)
+    breaks = (np.abs(np.diff(whole)) > _JUMP) | (np.diff(time) > _AT_MOST)
+    return side, np.append(0, np.cumsum(breaks))
+
+
+def _fronts(chain: np.ndarray, agreement: Array) -> Array:
+    """(n,) 1, or -1 in chains whose agreement (n,) with the motion expected is negative in all."""
+    return np.where(np.bincount(chain, agreement) < 0, -1.0, 1.0)[chain]
+
+
+def _leads(forward: Array, sideways: Array, rolled: Array) -> Array:
+    """How far (n,) the plate goes the way that the sprockets turn.
 
     The direction of motion, an axis in the plate, is the same for all pairs if the sprockets turn alike.
     """
     weight = rolled**2 * np.hypot(forward, sideways)
     axis = np.angle(np.sum(weight * np.exp(2j * np.arctan2(sideways, forward)))) / 2
-    leads = (np.cos(axis) * forward + np.sin(axis) * sideways) * rolled
-    return np.where(leads < 0, -1.0, 1.0)
+    return np.asarray((np.cos(axis) * forward + np.sin(axis) * sideways) * rolled)
 
 
 def _slope(x: Array, y: Array) -> float:

@@ -58,7 +58,7 @@ class ScanSeries:
         reach = range_max if range_max > 0 else np.inf
         kept = np.array(ranges[:, order], np.float32)
         with np.errstate(invalid="ignore"):
-            kept[~((kept > max(range_min, 0.0)) & (kept >= range_min) & (kept < reach))] = np.nan
+            kept[~((kept > 0) & (kept >= np.float32(range_min)) & (kept < np.float32(reach)))] = np.nan
         if not np.isfinite(kept).any():
             raise LogError("its scans have no return")
         bearings = (angle_min + angle_increment * np.arange(beams))[order]

@@ -25,6 +25,7 @@ _FIRST_NOISE = 0.02  # until the plate tells the noise of a scanner without back
 _MIN_RETURNS = 8  # of a scan that tells the noise
 _AT_ONCE = 2000  # scans that are located together, which bounds the memory
 _MIN_LOCATED = 12  # scans
+_MAX_SCATTER = 0.04  # of ranges about a plate, more than any scanner's noise [m]
 _MIN_DRIVEN = 0.3  # way forwards and backwards from which the front end shows [m]
 _ROUNDS = 4  # of the background without the plate, and the plate without the background, at most
 _SETTLED = 0.05  # change of the noise that needs no further round [-]
@@ -104,6 +105,8 @@ def sight_plate(series: ScanSeries, turned: Turned, plate: Plate, noise: float |
         series = replace(series, ranges=ranges)
         estimate = _relocated(scanner, series, plate, track)
     scatter = _scatter(scanner, series, plate, estimate)
+    if scatter > _MAX_SCATTER:
+        raise _no_plate(scanner, series, plate, estimate)
     time = series.time + np.interp(_bearing(series, pose), series.bearings, series.lag)
     whole = replace(scanner, ranges=series.ranges)
     cluster = _clusters(whole, plate, np.where(estimate.valid[:, None], estimate.pose, track.expected), track)

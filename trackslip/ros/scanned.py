@@ -29,6 +29,7 @@ from trackslip.ros.stamps import require_overlap, seconds
 from trackslip.ros.transforms import fixed_in
 
 _MAX_TILT = np.radians(20.0)  # of a scanner's axis to the vertical
+_FEW = 0.02  # share of the scans before and after the encoders' readings that needs no line [-]
 _OTHER_SCALE = 0.01, 3.0  # difference of scales that is told [-], and in standard errors
 
 
@@ -163,8 +164,8 @@ def _within(series: ScanSeries, begin: float, end: float, topic: str) -> ScanSer
     left_out = len(series.time) - len(rows)
     if len(rows) < MIN_SCANS:
         raise LogError(f"topic {topic}: {len(rows)} scan(s) while the encoders are read, needs at least {MIN_SCANS}")
-    if not left_out:
-        return series
+    if left_out <= _FEW * len(series.time):
+        return series.take(rows)
     return series.take(rows, f"topic {topic}: {left_out} scans before and after the encoders' readings are left out")
 
 
