@@ -22,7 +22,7 @@ def whitening(pose: Array, covariance: Array | None) -> Array | None:
     """
     if covariance is None:
         return None
-    known = np.isfinite(pose[:, :2]).all(axis=1)
+    known = np.asarray(np.isfinite(pose[:, :2]).all(axis=1))
     stated = known & np.isfinite(covariance[:, :2, :2]).all(axis=(1, 2))
     headed = stated & np.isfinite(pose[:, 2]) & np.isfinite(covariance).all(axis=(1, 2))
     headed &= covariance[:, 2, 2] > 0
