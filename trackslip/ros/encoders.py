@@ -18,6 +18,7 @@ from trackslip.ros.stamps import seconds, stretches
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 _COMMANDS = re.compile(r"command|cmd|desired|target|setpoint|reference|goal", re.IGNORECASE)
+_MAX_ANGLE = 1e9  # larger ones aren't measured [rad]
 _LOOKED_AT = 100  # messages whose joints are looked at to choose a topic
 
 
@@ -67,7 +68,7 @@ def encoder_topic(bag: Bag, choice: BagChoice = AUTOMATIC) -> tuple[Topic, tuple
     if not fitting:
         raise LogError(reasons[0])
     measured = [one for one in fitting if not _COMMANDS.search(one[0].name)] or fitting
-    usual = [one for one in measured if one[0].name == "/joint_states"] or measured
+    usual = [one for one in measured if one[0].name.strip("/") == "joint_states"] or measured
     if len(usual) > 1:
         names = ", ".join(topic.name for topic, _ in usual)
         raise LogError(f"{bag.path}: encoders may be {names}: choose with --encoders TOPIC")
@@ -137,8 +138,9 @@ def _messages(bag: Bag, topic: Topic, notes: list[str]) -> tuple[np.ndarray, np.
 
 
 def _block(values: list[Array], width: int) -> Array:
-    """Values (n, width); NaN in rows of another width, which state nothing."""
-    return np.array([row if len(row) == width else np.full(width, np.nan) for row in values]).reshape(-1, width)
+    """Values (n, width); NaN where absurd, and in rows of another width, which state nothing."""
+    block = np.array([row if len(row) == width else np.full(width, np.nan) for row in values]).reshape(-1, width)
+    return np.where(np.abs(block) <= _MAX_ANGLE, block, np.nan)
 
 
 def _speeds(

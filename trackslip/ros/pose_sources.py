@@ -43,9 +43,9 @@ RANKS = {
     Rank.MOCAP: "motion capture",
     Rank.MATCHED: "measured poses",
     Rank.TRANSFORMS: "transforms from a fixed frame",
-    Rank.FIX: "satellite positions without heading",
+    Rank.FIX: "satellite positions",
     Rank.TRUTH: "a simulator's truth",
-    Rank.FUSED: "odometry fused from several sensors, the wheels perhaps among them",
+    Rank.FUSED: "fused odometry, perhaps with the wheels",
     Rank.WHEELS: "odometry, perhaps from the wheels",
 }
 """What a source is taken for."""
@@ -81,6 +81,11 @@ def chosen_source(bag: Bag) -> PoseSource:
         names = ", ".join(source.name for source in best)
         raise LogError(f"{bag.path}: poses may be {names}: choose with --poses TOPIC")
     return best[0]
+
+
+def known_source(bag: Bag, name: str) -> str:
+    """The name of a topic or of tf:PARENT:CHILD as it stands in the bag; raises LogError for an unknown topic."""
+    return name if name.startswith("tf:") else bag.topic(name).name
 
 
 def _rank(bag: Bag, topic: Topic) -> Rank:
