@@ -79,6 +79,15 @@ def test_identify_takes_the_same_poses_and_ranges(bag, driven):
     assert np.hypot(*(log.pose[log.is_valid] - driven.path(log.time[log.is_valid]))[:, :2].T).max() < 0.03
 
 
+def test_bag_says_that_the_scans_are_taken(bag, capsys):
+    main(["bag", str(bag), *PLATE])
+    printed = capsys.readouterr().out
+    assert "* scans of the plate" in printed
+    assert "poses: the plate's in /scan" in printed
+    main(["bag", str(bag)])
+    assert "scans, for --plate" in capsys.readouterr().out
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
