@@ -109,7 +109,7 @@ class WeightedRuns:
         least = low == np.log(MIN_SCATTER)
         if known:
             unscattered = np.sum(self.whiten(deviation, np.zeros(len(deviation))) ** 2, axis=1)
-            least |= unscattered < scipy.stats.chi2.ppf(_EXPLAINED, freedom)
+            least |= unscattered < scipy.special.chdtri(freedom, 1 - _EXPLAINED)
         return np.where(least, 0.0 if known else MIN_SCATTER, np.exp((low + high) / 2))
 
 

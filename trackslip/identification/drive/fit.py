@@ -65,7 +65,7 @@ def fit(
     mean: Array,
     gated: bool = True,
     quiet: bool = False,
-    rounds: int = _ROUNDS,
+    rounds: int | None = None,
 ) -> Fit:
     """Fit the values `free` (f,) of (p,) and the states (K, 3), starting from those given.
 
@@ -80,7 +80,7 @@ def fit(
     if gated:
         nodes = _without(measured, *far_off(model, measured, states, values, found.path))
         found = replace(found, pose=pose_residuals(model, nodes, states, values))
-    for k in range(rounds):
+    for k in range(rounds or _ROUNDS):
         step = solve(found, nodes, iterate.noise, yaw, prior, values - mean)
         before, linear = iterate.noise, found
         change, by = step.limited(*model.room(values, free))
@@ -139,9 +139,9 @@ def _gated(model: DriveModel, measured: Nodes, found: Residuals, noise: Noise, s
     _, lasting = far_off(model, measured, states, values, found.path)
     pose = pose_residuals(model, measured, states, values)
     squares = (measured.weight[:, [0, 0, 1]] * (pose / noise.values[[0, 0, 1]]) ** 2).sum(axis=1)
-    far = squares > scipy.stats.chi2.ppf(_GATE, [2, 3])[measured.weight[:, 1].astype(int)]
+    far = squares > scipy.special.chdtri(2 + measured.weight[:, 1], 1 - _GATE)
     scaled = found.step / np.sqrt(found.distance)[:, None] / noise.values[2:]
-    slipped = (scaled**2).sum(axis=1) > scipy.stats.chi2.ppf(_STEP_GATE, 3)
+    slipped = (scaled**2).sum(axis=1) > scipy.special.chdtri(3, 1 - _STEP_GATE)
     return _without(measured, far, slipped | lasting)
 
 
@@ -159,8 +159,8 @@ def _trimming(nodes: Nodes, measured: Nodes) -> float:
     if (nodes.weight == measured.weight).all():
         return 1.0
     kinds = 3 if measured.weight[:, 1].any() else 2
-    gate = scipy.stats.chi2.ppf(_GATE, kinds)
-    return float(scipy.stats.chi2.cdf(gate, kinds + 2) / _GATE)
+    gate = scipy.special.chdtri(kinds, 1 - _GATE)
+    return float(scipy.special.chdtr(kinds + 2, gate) / _GATE)
 
 
 def far_off(
