@@ -14,7 +14,8 @@ from trackslip.errors import OutputError, require
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Scan
 from trackslip.logs.runlog import RunLog
-from trackslip.ros.messages import Topic, definitions, require_rosbags
+from trackslip.ros.decode import require_rosbags
+from trackslip.ros.messages import Topic, definitions
 from trackslip.ros.run_topics import POSE_TOPICS, PoseMessage, RunTopics, own_scans, stored_geometry
 
 START = 1_767_225_600

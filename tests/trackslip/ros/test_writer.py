@@ -331,5 +331,5 @@ def test_refusals(log, tmp_path):
 
 def test_without_rosbags(log, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
-    with pytest.raises(TrackslipError, match=r"^bags need rosbags: pip install 'trackslip\[ros\]'$"):
+    with pytest.raises(TrackslipError, match=r"^bags need the package rosbags: pip install 'trackslip\[ros\]'$"):
         write_bag(log, tmp_path / "bag")
