@@ -26,7 +26,7 @@ POSE_TOPICS: dict[PoseMessage, str] = {
 JOINTS = ("left_sprocket", "right_sprocket")
 """Names of the sprockets in /joint_states."""
 _LAST = 2**31 - 1  # of the seconds in a stamp
-# Variances as configurations of diff_drive_controller commonly state them for x, y [m^2] and yaw [rad^2], and for their rates.
+# Of x, y [m^2] and yaw [rad^2], and of their rates, as configurations of diff_drive_controller commonly state them.
 _WHEEL_COVARIANCE = np.diag([0.001, 0.001, 0.01])
 _UNKNOWN = 1e6 * np.eye(3)  # covariance of a twist that isn't measured
 
