@@ -18,6 +18,7 @@ from trackslip.kinematics import Array
 _ROUNDS = 30  # maximum number of Gauss-Newton steps
 _GATED = 12  # rounds after which gates stay as they are
 _HALVINGS = 6
+_STUCK = 3  # rounds without a step that lowers the cost, after which there will be none
 _SETTLED = 0.03  # change of the values, in standard errors
 _QUIET = 0.02  # relative change of the standard deviations of settled noise
 _LOUD = 0.1  # relative change of standard deviations far from settled
@@ -75,7 +76,7 @@ def fit(
     yaw, prior = model.index("sensor_yaw"), model.prior
     measured = Nodes.of(nodes.drives)
     trimmed, converged, changed = _trimming(nodes, measured), False, 0.0 if quiet else np.inf
-    iterate = Iterate.at(noise)
+    iterate, stuck = Iterate.at(noise), 0
     found = residuals(model, nodes, states, values, free)
     if gated:
         nodes = _without(measured, *far_off(model, measured, states, values, found.path))
@@ -87,6 +88,7 @@ def fit(
         errors = 1 / np.sqrt(np.maximum(np.diag(step.information), 1e-300))
         moved = float(np.abs((model.moved(values, free, by) - values)[free] / errors).max(initial=0.0))
         states, values, found = _advanced(model, nodes, before, states, values, found, change, by, mean)
+        stuck = stuck + 1 if found is linear else 0
         if not quiet and (moved < _SETTLED or k % (1 if changed > _LOUD else 2 if changed > _QUIET else 4) == 0):
             used = used_up(linear, nodes, before, step, yaw)
             iterate = iterate.updated(found, nodes, used, trimmed)
@@ -97,6 +99,8 @@ def fit(
             found = replace(found, pose=pose_residuals(model, nodes, states, values))
         if moved < _SETTLED and changed < _QUIET and (not gated or k > _MIN_ROUNDS):
             converged = True
+            break
+        if stuck >= _STUCK and changed < _QUIET and not gated:
             break
     step = solve(found, nodes, iterate.noise, yaw, prior, values - mean)
     return Fit(model, nodes, states, values, free, iterate.noise, found, step, mean, converged)
