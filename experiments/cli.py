@@ -76,6 +76,7 @@ COMMAND_EXAMPLES = (
     ("two minutes of teleoperation, poses as from SLAM", "trackslip wander"),
     ("ten drives with GNSS", "trackslip wander --drives 10 --source gnss --out out/gnss"),
     ("a late clock and a jump", "trackslip wander --source.delay 0.15 --source.jumps 1 --source.jump-size 0.5"),
+    ("a minute as a ROS 2 bag, with scans", "trackslip wander --duration 60 --source scanner --bag"),
     ("exactly by a law, to check an estimate", "trackslip wander --motion law --law.offset 0.04"),
     ("from a stored grid", "trackslip identify out/grid"),
     ("from a real robot's log", "trackslip identify log.csv --half-gauge 0.168 --sprocket-radius 0.06"),

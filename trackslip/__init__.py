@@ -44,6 +44,7 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.metrics import tracking_errors as tracking_errors
     from trackslip.ros.any_log import load as load
     from trackslip.ros.choice import BagChoice as BagChoice
+    from trackslip.ros.writer import write_bag as write_bag
     from trackslip.slip.base import SlipLaw as SlipLaw
     from trackslip.slip.compensation import FixedLaw as FixedLaw
     from trackslip.slip.compensation import OnlineIcr as OnlineIcr
@@ -92,6 +93,7 @@ _NAMES = {
     "metrics": ("TrackingErrors", "body_errors", "expense", "tracking_errors"),
     "ros.any_log": ("load",),
     "ros.choice": ("BagChoice",),
+    "ros.writer": ("write_bag",),
     "slip.base": ("SlipLaw",),
     "slip.compensation": ("FixedLaw", "OnlineIcr"),
     "slip.constant": ("Constant", "NoSlip"),

@@ -44,14 +44,17 @@ class RobotGeometry:
 
 def track_speeds(twist: ArrayLike, half_gauge: float) -> Array:
     """Speeds (V_l, V_r) of the track centres over the ground (..., 2) [m/s] for a twist (..., 2)."""
-    v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
-    return v[..., None] + SIDES * half_gauge * w[..., None]
+    twist = np.asarray(twist, float)
+    return twist[..., :1] + (SIDES * half_gauge) * twist[..., 1:]
 
 
 def twist_of_tracks(speeds: ArrayLike, half_gauge: float) -> Array:
     """Body twist (..., 2) from the real track speeds (V_l, V_r) (..., 2); Eq. 5."""
-    left, right = np.moveaxis(np.asarray(speeds, float), -1, 0)
-    return np.stack([(right + left) / 2, (right - left) / (2 * half_gauge)], axis=-1)
+    speeds = np.asarray(speeds, float)
+    left, right, twist = speeds[..., 0], speeds[..., 1], np.empty(speeds.shape)
+    twist[..., 0] = (right + left) / 2
+    twist[..., 1] = (right - left) / (2 * half_gauge)
+    return twist
 
 
 def body_twist(omega: ArrayLike, slip: ArrayLike, geometry: RobotGeometry) -> Array:
@@ -80,7 +83,8 @@ def track_slip(omega: ArrayLike, twist: ArrayLike, geometry: RobotGeometry) -> A
 
 def curvature(twist: ArrayLike) -> Array:
     """Path curvature kappa = w / v [1/m], (...): signed infinity when turning in place, 0 at rest."""
-    v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
+    twist = np.asarray(twist, float)
+    v, w = twist[..., 0], twist[..., 1]
     safe = np.where(v == 0, 1.0, v)
     return np.where(v == 0, np.where(w == 0, 0.0, np.copysign(np.inf, w)), w / safe)
 

@@ -18,6 +18,7 @@ from trackslip.kinematics import Array
 _ROUNDS = 30  # maximum number of Gauss-Newton steps
 _GATED = 12  # rounds after which gates stay as they are
 _HALVINGS = 6
+_STUCK = 3  # rounds without a step that lowers the cost, after which there will be none
 _SETTLED = 0.03  # change of the values, in standard errors
 _QUIET = 0.02  # relative change of the standard deviations of settled noise
 _LOUD = 0.1  # relative change of standard deviations far from settled
@@ -65,7 +66,7 @@ def fit(
     mean: Array,
     gated: bool = True,
     quiet: bool = False,
-    rounds: int = _ROUNDS,
+    rounds: int | None = None,
 ) -> Fit:
     """Fit the values `free` (f,) of (p,) and the states (K, 3), starting from those given.
 
@@ -75,18 +76,19 @@ def fit(
     yaw, prior = model.index("sensor_yaw"), model.prior
     measured = Nodes.of(nodes.drives)
     trimmed, converged, changed = _trimming(nodes, measured), False, 0.0 if quiet else np.inf
-    iterate = Iterate.at(noise)
+    iterate, stuck = Iterate.at(noise), 0
     found = residuals(model, nodes, states, values, free)
     if gated:
         nodes = _without(measured, *far_off(model, measured, states, values, found.path))
         found = replace(found, pose=pose_residuals(model, nodes, states, values))
-    for k in range(rounds):
+    for k in range(rounds or _ROUNDS):
         step = solve(found, nodes, iterate.noise, yaw, prior, values - mean)
         before, linear = iterate.noise, found
         change, by = step.limited(*model.room(values, free))
         errors = 1 / np.sqrt(np.maximum(np.diag(step.information), 1e-300))
         moved = float(np.abs((model.moved(values, free, by) - values)[free] / errors).max(initial=0.0))
         states, values, found = _advanced(model, nodes, before, states, values, found, change, by, mean)
+        stuck = stuck + 1 if found is linear else 0
         if not quiet and (moved < _SETTLED or k % (1 if changed > _LOUD else 2 if changed > _QUIET else 4) == 0):
             used = used_up(linear, nodes, before, step, yaw)
             iterate = iterate.updated(found, nodes, used, trimmed)
@@ -97,6 +99,8 @@ def fit(
             found = replace(found, pose=pose_residuals(model, nodes, states, values))
         if moved < _SETTLED and changed < _QUIET and (not gated or k > _MIN_ROUNDS):
             converged = True
+            break
+        if stuck >= _STUCK and changed < _QUIET and not gated:
             break
     step = solve(found, nodes, iterate.noise, yaw, prior, values - mean)
     return Fit(model, nodes, states, values, free, iterate.noise, found, step, mean, converged)
@@ -139,9 +143,9 @@ def _gated(model: DriveModel, measured: Nodes, found: Residuals, noise: Noise, s
     _, lasting = far_off(model, measured, states, values, found.path)
     pose = pose_residuals(model, measured, states, values)
     squares = (measured.weight[:, [0, 0, 1]] * (pose / noise.values[[0, 0, 1]]) ** 2).sum(axis=1)
-    far = squares > scipy.stats.chi2.ppf(_GATE, [2, 3])[measured.weight[:, 1].astype(int)]
+    far = squares > scipy.special.chdtri(2 + measured.weight[:, 1], 1 - _GATE)
     scaled = found.step / np.sqrt(found.distance)[:, None] / noise.values[2:]
-    slipped = (scaled**2).sum(axis=1) > scipy.stats.chi2.ppf(_STEP_GATE, 3)
+    slipped = (scaled**2).sum(axis=1) > scipy.special.chdtri(3, 1 - _STEP_GATE)
     return _without(measured, far, slipped | lasting)
 
 
@@ -159,8 +163,8 @@ def _trimming(nodes: Nodes, measured: Nodes) -> float:
     if (nodes.weight == measured.weight).all():
         return 1.0
     kinds = 3 if measured.weight[:, 1].any() else 2
-    gate = scipy.stats.chi2.ppf(_GATE, kinds)
-    return float(scipy.stats.chi2.cdf(gate, kinds + 2) / _GATE)
+    gate = scipy.special.chdtri(kinds, 1 - _GATE)
+    return float(scipy.special.chdtr(kinds + 2, gate) / _GATE)
 
 
 def far_off(

@@ -12,7 +12,7 @@ from trackslip.kinematics import Array
 
 _STRETCH = 10.0  # usual duration of a long stretch [s]
 _MIN_STRETCHES = 12
-_LASTING = 1.1  # scatter of long stretches' scores over the model's, beyond which slip lasts
+_LASTING = 1.05  # scatter of long stretches' scores over the model's, beyond which slip lasts
 
 
 def model_errors(fit: Fit) -> Array:
@@ -31,7 +31,7 @@ def half_widths(fit: Fit) -> Array:
     long = max(_MIN_STRETCHES, 3 * f // 2, int(duration / _STRETCH))
     (scatter, half), (_, narrow) = _scattered(fit, long), _scattered(fit, 2 * long)
     wide = np.where(scatter > _LASTING * errors, half, narrow)
-    return np.asarray(np.maximum(scipy.stats.norm.ppf((1 + CONFIDENCE) / 2) * errors, wide))
+    return np.asarray(np.maximum(scipy.special.ndtri((1 + CONFIDENCE) / 2) * errors, wide))
 
 
 def _scattered(fit: Fit, count: int) -> tuple[Array, Array]:
@@ -39,7 +39,7 @@ def _scattered(fit: Fit, count: int) -> tuple[Array, Array]:
     scores = np.diff(innovation_scores(fit, _cuts(fit, count)), axis=0, prepend=0.0)
     k, f = scores.shape
     errors = np.sqrt(np.diag(fit.covariance @ (scores.T @ scores) @ fit.covariance))
-    quantile = scipy.stats.t.ppf((1 + CONFIDENCE) / 2, max(k - 1, 1))
+    quantile = scipy.special.stdtrit(max(k - 1, 1), (1 + CONFIDENCE) / 2)
     return errors * np.sqrt(k / max(k - 1, 1)), quantile * errors * np.sqrt(k / max(k - f, 1))
 
 
