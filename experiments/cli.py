@@ -16,6 +16,7 @@ from experiments.options.bench import BenchConfig
 from experiments.options.benchmark import BenchmarkConfig
 from experiments.options.calibrate import CalibrateConfig
 from experiments.options.coverage import CoverageConfig
+from experiments.options.deploy import DeployConfig
 from experiments.options.export import ExportConfig
 from experiments.options.grid import SweepConfig
 from experiments.options.help import HelpBuffer, wrapped
@@ -35,6 +36,7 @@ COMMANDS: dict[str, Any] = {
     "grid": SweepConfig,
     "wander": WanderConfig,
     "identify": IdentifyConfig,
+    "deploy": DeployConfig,
     "track": TrackConfig,
     "benchmark": BenchmarkConfig,
     "train": TrainConfig,
@@ -78,6 +80,9 @@ COMMAND_EXAMPLES = (
     ("from some runs of a sweep", "trackslip identify out/grid --where ground=ice seed=0"),
     ("from a drive, with a sensor 0.3 m ahead", "trackslip identify out/wander --method drive --sensor 0.3 0 0"),
     ("as in the paper", "trackslip identify out/grid --motion paper --out out/identify-paper"),
+    ("parameters of diff_drive_controller", "trackslip deploy out/identify"),
+    ("a C header with another law", "trackslip deploy out/identify --to c --law exponential --out slip.h"),
+    ("the shipped robot's law in Python", "trackslip deploy --to python --out slip.py"),
     ("the paper's path and controller", "trackslip track"),
     ("without slip compensation", "trackslip track --compensation none --out out/track-none"),
     ("with online identification", "trackslip track --controller lqr --compensation online --reference slalom"),

@@ -26,6 +26,7 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.controllers.pure_pursuit import PurePursuit as PurePursuit
     from trackslip.controllers.samson import Samson as Samson
     from trackslip.controllers.stanley import Stanley as Stanley
+    from trackslip.deploy.deploy import deploy_law as deploy_law
     from trackslip.errors import InvalidValueError as InvalidValueError
     from trackslip.errors import LogError as LogError
     from trackslip.errors import LogWarning as LogWarning
@@ -79,6 +80,7 @@ _NAMES = {
     "controllers.pure_pursuit": ("PurePursuit",),
     "controllers.samson": ("Samson",),
     "controllers.stanley": ("Stanley",),
+    "deploy.deploy": ("deploy_law",),
     "errors": ("InvalidValueError", "LogError", "LogWarning", "OutputError", "TrackslipError"),
     "identification.identify": ("identify",),
     "identification.result": ("Identification",),

@@ -122,6 +122,7 @@ EXAMPLES = {
         {"grid": "", "grid-runs": "25", "grid-duration": "4", "thread-counts": "1"},
     ),
     "export": ({"": "sweep", "csv": "", "run": "radius=1.0\\ speed=0.1", "out": "a.csv", "overwrite": ""},),
+    "deploy": ({"": "predicted", "to": "c", "law": "icr_radius", "out": "a.csv", "overwrite": ""},),
     "view": ({"": "sweep", "run": "radius=1.0\\ speed=0.1", "save": "a.rrd"},),
 }
 """Command -> command lines that together give every option; an option without a value is a switch."""
