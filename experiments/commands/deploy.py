@@ -38,4 +38,5 @@ def _write(text: str, file: Path) -> None:
         for folder in made:  # leave no empty folders of ours behind
             with contextlib.suppress(OSError):
                 folder.rmdir()
-        raise OutputError(f"out = {str(file)!r}: can't be written ({error.strerror or error})") from error
+        why = "a folder of its path is a file" if isinstance(error, FileExistsError) else error.strerror or error
+        raise OutputError(f"out = {str(file)!r}: can't be written ({why})") from error

@@ -1,4 +1,4 @@
-"""ros2_control's diff_drive_controller, as far as its parameters matter: commands, and odometry from wheel positions."""
+"""ros2_control's diff_drive_controller, as far as its parameters matter: commands and odometry."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class DiffDrive:
         return np.stack([(right + left) / 2, (right - left) / self.separation], axis=-1)
 
     def odometry(self, time: Array, omega: Array) -> Array:
-        """Poses (T, 3) from 0 that it integrates from mean wheel speeds (T, 2) since the time (T,) before: exact arcs."""
+        """Poses (T, 3) that it integrates, by exact arcs, from mean wheel speeds (T, 2) since the time (T,) before."""
         poses = np.zeros((len(time), 3))
         for k in range(1, len(time)):
             step = time[k] - time[k - 1]

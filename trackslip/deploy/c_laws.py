@@ -265,7 +265,7 @@ static inline struct trackslip_twist trackslip_quotient(struct trackslip_twist a
     return ratio;
 }
 
-/* b w of the turn in place, with slips between those of left and right turns, that has the sprocket speeds; 0 for none. */
+/* b w of the turn in place, with slips between those of left and right turns, with these speeds; 0 for none. */
 static inline double trackslip_in_place(double omega_left, double omega_right)
 {
     const struct trackslip_slip slip = trackslip_slip_at(0.0, 1.0);

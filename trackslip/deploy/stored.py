@@ -100,7 +100,7 @@ def entry(content: Any, *keys: str | int) -> Any:
     for key in keys:
         if isinstance(content, Mapping) and isinstance(key, str):
             content = content.get(key)
-        elif isinstance(content, list) and isinstance(key, int) and key < len(content):
+        elif isinstance(content, list | tuple) and isinstance(key, int) and key < len(content):
             content = content[key]
         else:
             return None
@@ -124,4 +124,4 @@ def text(content: Any, *keys: str | int) -> str:
 def texts(content: Any, *keys: str | int) -> list[str]:
     """The texts in the list stored under nested keys."""
     found = entry(content, *keys)
-    return [one for one in found if isinstance(one, str)] if isinstance(found, list) else []
+    return [one for one in found if isinstance(one, str)] if isinstance(found, list | tuple) else []

@@ -183,12 +183,8 @@ def test_twists_do_not_depend_on_the_other_rows(law):
 
 @pytest.mark.parametrize("law", [PUBLISHED, SPEED, Power(0.33, -1.25, -0.85, -1.28, 0.168)])
 @given(w=st.floats(0.01, 3.0), left=st.booleans(), share=st.floats(0, 1))
-def test_sprocket_speeds_between_those_of_left_and_right_turns_in_place_turn_in_place(law, w, left, share):
-    w = w if left else -w
-    ends = law.sprocket_speeds([[0.0, w], [-0.0, w]], GEOMETRY)
-    np.testing.assert_allclose(law.twist(ends, GEOMETRY), [[0, w], [0, w]], rtol=1e-9, atol=0)
-    mirrored = -ends[0][::-1]  # of the same turn, as the limit of turns to the other side
-    between = (1 - share) * ends[0] + share * mirrored
-    v, found = law.twist(between, GEOMETRY)
-    assert v == 0
-    assert found == pytest.approx(w, rel=0.02)
+def test_slips_between_those_of_left_and_right_turns_in_place_turn_in_place(law, w, left, share):
+    twist = np.array([0.0, w if left else -w])
+    slip = share * law(np.inf) + (1 - share) * law(-np.inf)
+    omega = track_speeds(twist, GEOMETRY.half_gauge) / (GEOMETRY.sprocket_radius * (1 - slip))
+    np.testing.assert_allclose(law.twist(omega, GEOMETRY), twist, rtol=1e-12, atol=0)
