@@ -78,17 +78,6 @@ def read_table(path: Path) -> pa.Table:
     raise LogError(f"{path}: must end in .parquet or .csv")
 
 
-def load(path: str | Path) -> list[RunLog]:
-    """The runs in a folder of results, or in a `.parquet` or `.csv` file.
-
-    Rows and runs that cannot be read are left out, each with a LogWarning that says why.
-
-    Raises:
-        LogError: if no run can be read, or the file is damaged; the message is one line.
-    """
-    return read_runs(runs_file(Path(path)))
-
-
 def runs_file(path: Path) -> Path:
     """The file of runs in a folder of results, or `path` itself; LogError if the folder has none, or is too new."""
     try:
@@ -166,6 +155,12 @@ class StoredRuns:
         if name not in self._metadata:
             raise LogError(f"{self._path}: it has no run {name!r}")
         return dict(self._metadata[name])
+
+    def log(self, name: str) -> RunLog:
+        """A run; raises LogError if it cannot be read."""
+        about = file_metadata(self.schema, {name: self.metadata(name)})
+        (log,) = runs_from_table(self.table(name, name).replace_schema_metadata(about), str(self._path)).runs
+        return log
 
     def table(self, name: str, new: str) -> pa.Table:
         """The rows of a run under a new name."""
