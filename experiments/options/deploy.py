@@ -18,7 +18,7 @@ class DeployConfig:
     """Folder of results with laws, or a JSON file of laws."""
     to: Literal["ros2_control", "json", "c", "python"] = "ros2_control"
     """Parameters of diff_drive_controller as YAML, JSON, a header with functions, or the same in Python."""
-    law: Annotated[str | None, default_is("the best", "NAME")] = None
+    law: Annotated[str | None, default_is("the best that the target can express", "NAME")] = None
     """The law; ros2_control takes none, icr, icr_radius and icr_sides."""
     out: Annotated[Path | None, default_is("print it", "FILE")] = None
     """File to write."""

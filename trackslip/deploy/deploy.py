@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trackslip.deploy.c_header import c_text
+from trackslip.deploy.expressible import best_expressible
 from trackslip.deploy.json_text import json_text
 from trackslip.deploy.python_file import python_text
 from trackslip.deploy.ros2_control import ros2_control_text
@@ -35,7 +36,7 @@ def deploy_law(source: str | Path | Identification = SHIPPED, to: str = "ros2_co
         source: a folder of results, a JSON file of laws, or an identification; by default the shipped laws.
         to: `ros2_control`: parameters of diff_drive_controller as YAML; `json`; `c`: a header with functions from twist
             to sprocket speeds and back; `python`: the same as a module that needs nothing but `math`.
-        law: name of the law; by default the best one.
+        law: name of the law; by default the best one that the target can express.
 
     Raises:
         LogError: if the source holds no laws.
@@ -45,7 +46,8 @@ def deploy_law(source: str | Path | Identification = SHIPPED, to: str = "ros2_co
     if to not in TARGETS:
         raise InvalidValueError("to", to, f"one of {', '.join(TARGETS)}")
     stored = _stored(source)
-    return TARGETS[to](stored, stored.law_named(law))
+    best = best_expressible(stored) if law is None and to == "ros2_control" else law
+    return TARGETS[to](stored, stored.law_named(best))
 
 
 def _stored(source: str | Path | Identification) -> StoredLaws:

@@ -8,7 +8,7 @@ import numpy as np
 
 from trackslip.deploy.prediction import best_of, measured_cost
 from trackslip.deploy.stored import NO_SLIP, StoredLaws
-from trackslip.errors import TrackslipError
+from trackslip.errors import LogError, TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.metrics import rms
 from trackslip.slip.base import SlipLaw
@@ -73,22 +73,45 @@ def nearest_icr(law: SlipLaw, geometry: RobotGeometry) -> ConstantIcr:
     return ConstantIcr(float(reach) - geometry.half_gauge, geometry.half_gauge, float(scale) - 1)
 
 
+def best_expressible(stored: StoredLaws) -> str:
+    """The best law if a differential drive can express it, else the nearest one that it can, if there is one."""
+    best = stored.law_named(None)
+    able = _able(stored)
+    return best if not able or differential_drive(stored.laws[best], stored.geometry) else best_of(stored, able)
+
+
+def instead_of(stored: StoredLaws, name: str) -> str:
+    """What taking a law instead of the best one costs, if that can't be expressed; else empty."""
+    try:
+        best = stored.law_named(None)
+    except LogError:
+        return ""
+    if differential_drive(stored.laws[best], stored.geometry) is not None:
+        return ""
+    return f"The best law is {best}, which ros2_control can't express. Instead, {name}: {_cost(stored, best, name)}"
+
+
 def _nearest(stored: StoredLaws, name: str) -> str:
     law, geometry = stored.laws[name], stored.geometry
-    able = [
-        other
-        for other, one in stored.laws.items()
-        if other != NO_SLIP and differential_drive(one, geometry) is not None
-    ]
-    if able:
+    if able := _able(stored):
         nearest = best_of(stored, able)
-        cost = measured_cost(stored, name, nearest) or _difference(law, stored.laws[nearest], geometry)
-        return f"nearest in {stored.name} is {nearest} (--law {nearest}): {cost}"
+        return f"nearest in {stored.name} is {nearest} (--law {nearest}): {_cost(stored, name, nearest)}"
     icr = nearest_icr(law, geometry)
     return (
         f"{stored.name} holds none; nearest would be icr_radius with offset = {icr.offset:.4g} m and radius_error = "
         f"{icr.radius_error:.4g}: {_difference(law, icr, geometry)}"
     )
+
+
+def _able(stored: StoredLaws) -> list[str]:
+    """The identified laws that can be expressed."""
+    laws = stored.laws.items()
+    return [name for name, law in laws if name != NO_SLIP and differential_drive(law, stored.geometry) is not None]
+
+
+def _cost(stored: StoredLaws, law: str, nearest: str) -> str:
+    measured = measured_cost(stored, law, nearest)
+    return measured or _difference(stored.laws[law], stored.laws[nearest], stored.geometry)
 
 
 def _difference(law: SlipLaw, other: SlipLaw, geometry: RobotGeometry) -> str:

@@ -1,5 +1,6 @@
 """Parameters of diff_drive_controller, by a model of it that is written from its equations."""
 
+import json
 import re
 
 import numpy as np
@@ -8,6 +9,7 @@ import yaml
 from deployed import GEOMETRY, VALUES, stored, twists
 from diff_drive import PARAMETERS, DiffDrive, parameters_in
 
+from trackslip.deploy.deploy import deploy_law
 from trackslip.deploy.expressible import nearest_icr
 from trackslip.deploy.ros2_control import ros2_control_text, yaml_number
 from trackslip.errors import TrackslipError
@@ -127,3 +129,17 @@ def test_the_nearest_constant_icrs_of_constant_icrs_are_these():
     np.testing.assert_allclose(
         nearest_icr(loss, GEOMETRY).twist([-1.0, 1.0], GEOMETRY)[1], loss.twist([-1.0, 1.0], GEOMETRY)[1], rtol=1e-9
     )
+
+
+def test_without_a_name_the_nearest_law_stands_in_for_the_best_one_and_says_so(tmp_path):
+    file = tmp_path / "laws.json"
+    content = {"best": "turn_loss", "method": "drive", "prediction": prediction(turn_loss=1.2, icr=1.5, icr_radius=2)}
+    file.write_text(json.dumps(dict(stored({name: VALUES[name] for name in content["prediction"]}, **content).content)))
+    text = deploy_law(file)
+    assert "Slip law icr: " in text
+    assert "The best law is turn_loss, which ros2_control can't express. Instead, icr: it predicts headings" in text
+    assert "instead" not in deploy_law(file, "c").lower()
+    assert "Slip law turn_loss" in deploy_law(file, "c")
+    file.write_text(json.dumps(dict(stored({"power": VALUES["power"]}).content)))
+    with pytest.raises(TrackslipError, match="law = 'power': ros2_control can only express constant ICRs"):
+        deploy_law(file)
