@@ -16,6 +16,7 @@ from experiments.options.bench import BenchConfig
 from experiments.options.benchmark import BenchmarkConfig
 from experiments.options.calibrate import CalibrateConfig
 from experiments.options.coverage import CoverageConfig
+from experiments.options.evaluate import EvaluateConfig
 from experiments.options.export import ExportConfig
 from experiments.options.grid import SweepConfig
 from experiments.options.help import HelpBuffer, wrapped
@@ -35,6 +36,7 @@ COMMANDS: dict[str, Any] = {
     "grid": SweepConfig,
     "wander": WanderConfig,
     "identify": IdentifyConfig,
+    "evaluate": EvaluateConfig,
     "track": TrackConfig,
     "benchmark": BenchmarkConfig,
     "train": TrainConfig,
@@ -78,6 +80,9 @@ COMMAND_EXAMPLES = (
     ("from some runs of a sweep", "trackslip identify out/grid --where ground=ice seed=0"),
     ("from a drive, with a sensor 0.3 m ahead", "trackslip identify out/wander --method drive --sensor 0.3 0 0"),
     ("as in the paper", "trackslip identify out/grid --motion paper --out out/identify-paper"),
+    ("a law and no compensation", "trackslip evaluate out/wander --law out/identify --law none"),
+    ("on a robot's log, for evo, too", "trackslip evaluate log.csv --law out/mine --law none --tum"),
+    ("of several laws of a file", "trackslip evaluate log.csv --law out/mine:icr --law out/mine:turn_loss"),
     ("the paper's path and controller", "trackslip track"),
     ("without slip compensation", "trackslip track --compensation none --out out/track-none"),
     ("with online identification", "trackslip track --controller lqr --compensation online --reference slalom"),
@@ -115,7 +120,7 @@ COMMAND_EXAMPLES = (
 
 _DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate for it.
 `trackslip COMMAND --help` lists a command's options and examples."""
-_REPEATABLE = ("view", "--run")
+_REPEATABLE = (("view", "--run"), ("evaluate", "--law"))
 _COMPLETION = ("--tyro-print-completion", "--tyro-write-completion")
 _SHELLS = ("bash", "zsh", "fish", "tcsh")
 
@@ -208,7 +213,7 @@ def _check(arguments: Sequence[str]) -> None:
         if argument.startswith("--"):
             option = argument.partition("=")[0].replace("_", "-")
             switch = option.replace("--no-", "--", 1)
-            if switch in given and (arguments[0], option) != _REPEATABLE:
+            if switch in given and (arguments[0], option) not in _REPEATABLE:
                 raise TrackslipError(f"{option} is given twice; give it once, with all its values")
             given.add(switch)
 

@@ -28,7 +28,8 @@ LEADERBOARD_FILE = "leaderboard.md"
 TABLE_FILE = "table.parquet"
 FIGURES_FOLDER = "figures"
 RECORDINGS_FOLDER = "recordings"
-FOLDERS = {FIGURES_FOLDER: (".svg", ".pdf"), RECORDINGS_FOLDER: (".rrd",)}
+TRAJECTORIES_FOLDER = "trajectories"
+FOLDERS = {FIGURES_FOLDER: (".svg", ".pdf"), RECORDINGS_FOLDER: (".rrd",), TRAJECTORIES_FOLDER: (".tum",)}
 """Folders among the results, and the suffixes of the files in them; everything else is a file."""
 
 _FILES = (SUMMARY_FILE, RUNS_FILE, REPORT_FILE, LEADERBOARD_FILE, TABLE_FILE)

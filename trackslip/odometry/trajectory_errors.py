@@ -37,6 +37,18 @@ class Trajectory:
     """(K,) that the sensor is taken to have at the start of a stretch: measured, or from the positions driven before
     [rad]; NaN where neither is known."""
 
+    @property
+    def has_heading(self) -> bool:
+        """Whether any heading was measured."""
+        return bool(np.isfinite(self.measured[:, 2]).any())
+
+    @property
+    def placed(self) -> Array:
+        """Estimated poses (K, 3), moved onto the first one measured; onto all positions if no heading was."""
+        if not self.has_heading:
+            return best_fit(self.estimated, self.measured)
+        return from_pose(self.estimated, self.measured, int(np.isfinite(self.measured[:, 2]).argmax()))
+
 
 @dataclass(frozen=True)
 class Statistics:
@@ -73,14 +85,9 @@ def absolute_errors(drive: Trajectory, aligned: bool) -> tuple[Array, Array]:
     The trajectory is `aligned` to all positions, else to the first pose; then errors are NaN if no heading was
     measured.
     """
-    known = np.flatnonzero(np.isfinite(drive.measured[:, 2]))
-    if aligned:
-        pose = best_fit(drive.estimated, drive.measured)
-    elif len(known):
-        pose = from_pose(drive.estimated, drive.measured, int(known[0]))
-    else:
+    if not aligned and not drive.has_heading:
         return np.full(len(drive.time), np.nan), np.full(len(drive.time), np.nan)
-    return _apart(pose - drive.measured)
+    return _apart((best_fit(drive.estimated, drive.measured) if aligned else drive.placed) - drive.measured)
 
 
 def errors_after_metres(drive: Trajectory, length: float) -> Stretches:
