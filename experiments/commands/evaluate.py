@@ -137,7 +137,7 @@ def _seen_before(config: EvaluateConfig, specs: Sequence[tuple[Path | None, str 
     for path, _ in specs:
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
             about = json.loads((path / MANIFEST_FILE).read_text(encoding="utf-8")) if path is not None else {}
-            if about["command"] == "identify" and Path(about["config"]["path"]) == Path(relative(str(config.path))):
+            if about["command"] == "identify" and Path(about["config"]["path"]).resolve() == config.path.resolve():
                 told.append(f"{path}: identified from this log; on other driving its laws' errors may be larger")
     return list(dict.fromkeys(told))
 

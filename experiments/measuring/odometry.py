@@ -48,7 +48,7 @@ def clock_doubt(
     if better is None:
         return []
     told = f"{round(1e3 * better)} ms ahead of the poses', not {round(1e3 * clock_offset)} ms"
-    return [f"the encoders' clock seems to be {told}: try --clock-offset {better:.3f}"]
+    return [f"the encoders' clock seems to be {told}: try --clock-offset {round(better, 3) + 0.0:.3f}"]
 
 
 def summary_of(one: Evaluated) -> dict[str, Any]:
