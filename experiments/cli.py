@@ -12,6 +12,7 @@ from typing import Any
 
 import tyro
 
+from experiments.options.bag import BagConfig
 from experiments.options.bench import BenchConfig
 from experiments.options.benchmark import BenchmarkConfig
 from experiments.options.calibrate import CalibrateConfig
@@ -35,6 +36,7 @@ COMMANDS: dict[str, Any] = {
     "reproduce": ReproduceConfig,
     "grid": SweepConfig,
     "wander": WanderConfig,
+    "bag": BagConfig,
     "identify": IdentifyConfig,
     "evaluate": EvaluateConfig,
     "track": TrackConfig,
@@ -75,14 +77,18 @@ COMMAND_EXAMPLES = (
     ("ten drives with GNSS", "trackslip wander --drives 10 --source gnss --out out/gnss"),
     ("a late clock and a jump", "trackslip wander --source.delay 0.15 --source.jumps 1 --source.jump-size 0.5"),
     ("exactly by a law, to check an estimate", "trackslip wander --motion law --law.offset 0.04"),
+    ("topics, and what is taken for what", "trackslip bag run.mcap"),
+    ("as a log with units", "trackslip bag run.mcap --export log.parquet"),
+    ("with other poses", "trackslip bag old.bag --poses tf:map:base_link --export log.csv"),
     ("from a stored grid", "trackslip identify out/grid"),
     ("from a real robot's log", "trackslip identify log.csv --half-gauge 0.168 --sprocket-radius 0.06"),
+    ("from a ROS bag", "trackslip identify run.mcap --half-gauge 0.168 --sprocket-radius 0.06"),
     ("from some runs of a sweep", "trackslip identify out/grid --where ground=ice seed=0"),
     ("from a drive, with a sensor 0.3 m ahead", "trackslip identify out/wander --method drive --sensor 0.3 0 0"),
     ("as in the paper", "trackslip identify out/grid --motion paper --out out/identify-paper"),
     ("a law and no compensation", "trackslip evaluate out/wander --law out/identify --law none"),
     ("on a robot's log, for evo, too", "trackslip evaluate log.csv --law out/mine --law none --tum"),
-    ("of several laws of a file", "trackslip evaluate log.csv --law out/mine:icr --law out/mine:turn_loss"),
+    ("of two laws, on a ROS bag", "trackslip evaluate run.mcap --law out/mine:icr --law out/mine:turn_loss"),
     ("the paper's path and controller", "trackslip track"),
     ("without slip compensation", "trackslip track --compensation none --out out/track-none"),
     ("with online identification", "trackslip track --controller lqr --compensation online --reference slalom"),

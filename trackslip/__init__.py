@@ -36,7 +36,6 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.kinematics import RobotGeometry as RobotGeometry
     from trackslip.localization.base import PoseEstimate as PoseEstimate
     from trackslip.localization.plate import PlateLocator as PlateLocator
-    from trackslip.logs.logfile import load as load
     from trackslip.logs.runlog import RunLog as RunLog
     from trackslip.metrics import TrackingErrors as TrackingErrors
     from trackslip.metrics import body_errors as body_errors
@@ -50,6 +49,8 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.odometry.tum import write_tum as write_tum
     from trackslip.odometry.uncertainty import LawErrors as LawErrors
     from trackslip.odometry.uncertainty import SlipNoise as SlipNoise
+    from trackslip.ros.any_log import load as load
+    from trackslip.ros.choice import BagChoice as BagChoice
     from trackslip.slip.base import SlipLaw as SlipLaw
     from trackslip.slip.compensation import FixedLaw as FixedLaw
     from trackslip.slip.compensation import OnlineIcr as OnlineIcr
@@ -93,7 +94,6 @@ _NAMES = {
     "kinematics": ("RobotGeometry",),
     "localization.base": ("PoseEstimate",),
     "localization.plate": ("PlateLocator",),
-    "logs.logfile": ("load",),
     "logs.runlog": ("RunLog",),
     "metrics": ("TrackingErrors", "body_errors", "expense", "tracking_errors"),
     "odometry.evaluation": ("OdometryErrors", "odometry_errors"),
@@ -102,6 +102,8 @@ _NAMES = {
     "odometry.slip_odometry": ("SlipOdometry",),
     "odometry.tum": ("write_tum",),
     "odometry.uncertainty": ("LawErrors", "SlipNoise"),
+    "ros.any_log": ("load",),
+    "ros.choice": ("BagChoice",),
     "slip.base": ("SlipLaw",),
     "slip.compensation": ("FixedLaw", "OnlineIcr"),
     "slip.constant": ("Constant", "NoSlip"),

@@ -42,6 +42,8 @@ def run(config: EvaluateConfig) -> None:
     specs = [_split(spec) for spec in config.law or (NO_SLIP,)]
     with results_folder(config.out) as folder, progress("odometry", 2 + len(specs), "stages") as step:
         source = _source(config, specs)
+        for line in source.taken:
+            print(line)
         laws = _laws(specs, source.geometry)
         step(1.0)
         mounting, clock_offset, assumed = _sensor(config, laws)
@@ -87,7 +89,7 @@ def _split(spec: str) -> tuple[Path | None, str | None]:
 def _source(config: EvaluateConfig, specs: Sequence[tuple[Path | None, str | None]]) -> Source:
     """The drives; for a robot of the size that the laws were identified for, if the log does not state it."""
     select = partial(chosen, where=config.where) if config.where else None
-    reading = Reading(config.half_gauge, config.sprocket_radius, config.gear)
+    reading = Reading(config.half_gauge, config.sprocket_radius, config.gear, bag=config.bag.choice())
     known = next((identified_law(path, name).geometry for path, name in specs if path is not None), None)
     try:
         source = read_source(config.path, reading, select)

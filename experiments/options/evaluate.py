@@ -1,12 +1,13 @@
 """Options of `trackslip evaluate`."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
+from experiments.options.bag_choice import Bag, BagOptions
 from experiments.options.checks import require_between, require_distinct, require_positive_up_to
 from experiments.options.help import default_is
 from trackslip.errors import InvalidValueError
@@ -23,7 +24,7 @@ class EvaluateConfig:
     """
 
     path: tyro.conf.Positional[Path]
-    """Folder of a stored drive or grid, or a .csv or .parquet log."""
+    """Folder of a stored drive or grid, a .csv or .parquet log, or a ROS bag (.bag, .mcap, .db3, or their folder)."""
     law: Annotated[
         tuple[str, ...],
         tyro.conf.UseAppendAction,
@@ -42,6 +43,8 @@ class EvaluateConfig:
     """Place of the poses' sensor, ahead and to the left of the turning centre, and its heading there [m, m, rad]."""
     clock_offset: Annotated[float | None, default_is("as identified with the laws", "FLOAT")] = None
     """Encoder clock minus pose clock [s]."""
+    bag: Bag = field(default_factory=BagOptions)
+    """What to take from a bag."""
     tum: bool = False
     """Also write measured and estimated trajectories to OUT/trajectories, in the TUM format that evo reads."""
     out: Path = Path("out/evaluate")
