@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pyarrow.parquet
 import pytest
+from bags import in_order, joints_of, poses_of, write_bag
 from drives import EXACT, GEOMETRY, ICR, STILL, drive_log, without_poses
 from evo.core import metrics, sync
 from evo.tools import file_interface
@@ -172,6 +173,23 @@ def test_the_log_of_the_identification_is_recognised(trackslip, files, tmp_path)
     write_json(tmp_path / "manifest.json", {"format": 1, "command": "identify", "config": {"path": log}})
     result = trackslip("evaluate", log, "--law", str(tmp_path), "--out", str(tmp_path / "out"))
     assert f"{tmp_path}: identified from this log" in result.printed
+
+
+def test_a_bag_is_evaluated_like_its_log(trackslip, files, tmp_path):
+    """To the precision of its stamps, a nanosecond."""
+    log = drive_log(3, 20.0, EXACT, STILL)
+    write_parquet([log], tmp_path / "log.parquet")
+    names = ("a", "b")
+    bag = write_bag(tmp_path / "run", "mcap", in_order(joints_of(log, names), poses_of(log)))
+    options = ("--encoders", "/joint_states", "--left", "a", "--right", "b", "--poses", "/slam/pose", "--tum")
+    of_bag, of_log = (
+        trackslip("evaluate", str(path), "--law", str(files / "true.json"), "--law", "none", *more)
+        for path, more in ((bag, options), (tmp_path / "log.parquet", ()))
+    )
+    for kind in ("position", "heading"):
+        ours, theirs = (one.summary["laws"]["none"]["after_metres"]["1"][kind]["rms"] for one in (of_bag, of_log))
+        assert ours == pytest.approx(theirs, rel=1e-5)
+    assert of_bag.summary["laws"]["icr_radius"]["from_first"]["position"]["largest"] < 1e-6
 
 
 def test_what_is_too_short_is_said(trackslip, tmp_path):
