@@ -18,6 +18,7 @@ from experiments.options.benchmark import BenchmarkConfig
 from experiments.options.calibrate import CalibrateConfig
 from experiments.options.coverage import CoverageConfig
 from experiments.options.deploy import DeployConfig
+from experiments.options.evaluate import EvaluateConfig
 from experiments.options.export import ExportConfig
 from experiments.options.grid import SweepConfig
 from experiments.options.help import HelpBuffer, wrapped
@@ -39,6 +40,7 @@ COMMANDS: dict[str, Any] = {
     "bag": BagConfig,
     "identify": IdentifyConfig,
     "deploy": DeployConfig,
+    "evaluate": EvaluateConfig,
     "track": TrackConfig,
     "benchmark": BenchmarkConfig,
     "train": TrainConfig,
@@ -89,6 +91,9 @@ COMMAND_EXAMPLES = (
     ("parameters of diff_drive_controller", "trackslip deploy out/identify"),
     ("a C header with another law", "trackslip deploy out/identify --to c --law exponential --out slip.h"),
     ("the shipped robot's law in Python", "trackslip deploy --to python --out slip.py"),
+    ("a law and no compensation", "trackslip evaluate out/wander --law out/identify --law none"),
+    ("on a robot's log, for evo, too", "trackslip evaluate log.csv --law out/mine --law none --tum"),
+    ("of two laws, on a ROS bag", "trackslip evaluate run.mcap --law out/mine:icr --law out/mine:turn_loss"),
     ("the paper's path and controller", "trackslip track"),
     ("without slip compensation", "trackslip track --compensation none --out out/track-none"),
     ("with online identification", "trackslip track --controller lqr --compensation online --reference slalom"),
@@ -126,7 +131,7 @@ COMMAND_EXAMPLES = (
 
 _DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate for it.
 `trackslip COMMAND --help` lists a command's options and examples."""
-_REPEATABLE = ("view", "--run")
+_REPEATABLE = (("view", "--run"), ("evaluate", "--law"))
 _COMPLETION = ("--tyro-print-completion", "--tyro-write-completion")
 _SHELLS = ("bash", "zsh", "fish", "tcsh")
 
@@ -219,7 +224,7 @@ def _check(arguments: Sequence[str]) -> None:
         if argument.startswith("--"):
             option = argument.partition("=")[0].replace("_", "-")
             switch = option.replace("--no-", "--", 1)
-            if switch in given and (arguments[0], option) != _REPEATABLE:
+            if switch in given and (arguments[0], option) not in _REPEATABLE:
                 raise TrackslipError(f"{option} is given twice; give it once, with all its values")
             given.add(switch)
 

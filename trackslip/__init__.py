@@ -42,6 +42,14 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.metrics import body_errors as body_errors
     from trackslip.metrics import expense as expense
     from trackslip.metrics import tracking_errors as tracking_errors
+    from trackslip.odometry.evaluation import OdometryErrors as OdometryErrors
+    from trackslip.odometry.evaluation import odometry_errors as odometry_errors
+    from trackslip.odometry.identified import identified_law as identified_law
+    from trackslip.odometry.mounting import Mounting as Mounting
+    from trackslip.odometry.slip_odometry import SlipOdometry as SlipOdometry
+    from trackslip.odometry.tum import write_tum as write_tum
+    from trackslip.odometry.uncertainty import LawErrors as LawErrors
+    from trackslip.odometry.uncertainty import SlipNoise as SlipNoise
     from trackslip.ros.any_log import load as load
     from trackslip.ros.choice import BagChoice as BagChoice
     from trackslip.slip.base import SlipLaw as SlipLaw
@@ -90,6 +98,12 @@ _NAMES = {
     "localization.plate": ("PlateLocator",),
     "logs.runlog": ("RunLog",),
     "metrics": ("TrackingErrors", "body_errors", "expense", "tracking_errors"),
+    "odometry.evaluation": ("OdometryErrors", "odometry_errors"),
+    "odometry.identified": ("identified_law",),
+    "odometry.mounting": ("Mounting",),
+    "odometry.slip_odometry": ("SlipOdometry",),
+    "odometry.tum": ("write_tum",),
+    "odometry.uncertainty": ("LawErrors", "SlipNoise"),
     "ros.any_log": ("load",),
     "ros.choice": ("BagChoice",),
     "slip.base": ("SlipLaw",),

@@ -1,7 +1,5 @@
 """Teleoperated drives as the options describe them: commands, motion, and the logs of encoders and poses."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -32,6 +32,7 @@ NEEDED = {
     ("wander", "--duration", "1", "--out", "wander"): {"mujoco", "pyarrow"},
     ("identify",): {"pyarrow", *DRAWN},
     ("deploy", "--to", "c"): set(),
+    ("evaluate",): {"pyarrow", *DRAWN},
     ("benchmark",): {"mujoco", "pyarrow", *DRAWN},
     ("train",): set(),
     ("calibrate",): {"mujoco", "pyarrow", *SCIPY},

@@ -43,6 +43,7 @@ def write_bag(path, kind, messages, *, compression=None, split=None):
     if kind == "ros1":
         file = path.with_suffix(".bag")
         writer = Writer1(file)
+        writer.chunk_threshold = 100_000
         if compression:
             writer.set_compression(Writer1.CompressionFormat[compression.upper()])
         return _rosbags(file, writer, messages, ros1=True)

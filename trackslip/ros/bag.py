@@ -212,7 +212,7 @@ def _opened(parts: tuple[Path, ...], path: Path) -> Bag:
     if complaints and len(complaints) == len(parts):
         raise LogError(complaints[0])
     if not arrivals:
-        raise LogError(f"{parts[0]}: no message can be read" + (f" ({notes[-1].rpartition(': ')[2]})" if notes else ""))
+        raise LogError(f"{parts[0]}: no message can be read" + (f" ({notes[-1].partition(': ')[2]})" if notes else ""))
     return Bag(name, parts, _topics(arrivals, notes), (*complaints, *notes))
 
 

@@ -94,6 +94,8 @@ class _Reader:
             while place + _LENGTH.size <= len(records):
                 head = place + _LENGTH.size
                 body = head + _LENGTH.unpack_from(records, place)[0]
+                if body + _LENGTH.size > len(records):
+                    return
                 fields = _fields(records[head:body])
                 start = body + _LENGTH.size
                 place = start + _LENGTH.unpack_from(records, body)[0]

@@ -11,8 +11,11 @@ import sys
 import typing
 
 import pytest
+from bags import in_order, joints_of, poses_of, write_bag
+from wandered import wandered
 
 from experiments.cli import COMMANDS, main, parse
+from trackslip.logs.logfile import write_parquet
 
 GENERIC = ("dataclasses", "copy", "tyro", "experiments.options.checks", "experiments.storage", "experiments.sweep.plan")
 """Modules that copy, check or store all options, whatever they are; and functions that do:"""
@@ -81,6 +84,13 @@ EXAMPLES = {
         | {"sensor": "0.01 0 0"},
         {"": "sweep", "where": "seed=0", "motion": "butterworth", "settle": "0.5", "method": "steady"}
         | {"estimate-sensor": ""},
+    ),
+    "evaluate": (
+        {"": "drive.parquet", "law": "predicted", "half-gauge": "0.17", "sprocket-radius": "0.06", "gear": "2"}
+        | {"sensor": "0.1 0 0", "clock-offset": "0.1", "tum": "", "pdf": "", "out": "a"},
+        {"": "sweep", "where": "seed=0", "out": "b"},
+        {"": "run.mcap", "encoders": "/joint_states", "left": "a", "right": "b", "reversed": "left", "out": "c"}
+        | {"poses": "/slam/pose", "half-gauge": "0.17", "sprocket-radius": "0.06"},
     ),
     "track": (
         SIMULATION
@@ -182,6 +192,9 @@ def workplace(tmp_path, monkeypatch, capsys):
     (tmp_path / "way.csv").write_text("x,y\n0.5,0\n0.8,0.1\n1.1,0.1\n")
     twists = [(0.2, 0.1 * k) for k in (1, -1, 2, -2, 3, 4)]
     rows = "".join(f"{2 * (v - 0.25 * w) / 0.07},{2 * (v + 0.25 * w) / 0.07},{v},{w}\n" for v, w in twists)
+    drive = wandered(duration=5.0)
+    write_parquet([drive], tmp_path / "drive.parquet")
+    write_bag(tmp_path / "run", "foxglove", in_order(joints_of(drive, ("a", "b")), poses_of(drive)))
     (tmp_path / "a.csv").write_text("to be overwritten")
     (tmp_path / "log.csv").write_text("omega_l,omega_r,v,w\n" + rows)
 
