@@ -52,6 +52,7 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.odometry.uncertainty import SlipNoise as SlipNoise
     from trackslip.ros.any_log import load as load
     from trackslip.ros.choice import BagChoice as BagChoice
+    from trackslip.ros.writer import write_bag as write_bag
     from trackslip.slip.base import SlipLaw as SlipLaw
     from trackslip.slip.compensation import FixedLaw as FixedLaw
     from trackslip.slip.compensation import OnlineIcr as OnlineIcr
@@ -106,6 +107,7 @@ _NAMES = {
     "odometry.uncertainty": ("LawErrors", "SlipNoise"),
     "ros.any_log": ("load",),
     "ros.choice": ("BagChoice",),
+    "ros.writer": ("write_bag",),
     "slip.base": ("SlipLaw",),
     "slip.compensation": ("FixedLaw", "OnlineIcr"),
     "slip.constant": ("Constant", "NoSlip"),

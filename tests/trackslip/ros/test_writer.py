@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -60,10 +61,6 @@ def log():
         truth=Truth(rng.normal(0, 2, (ROWS, 3)), rng.normal(0, 1, (ROWS, 3))),
         scans=ScanLog(scan, Plate(), cluster, ranges),
     )
-
-
-def changed(log, **given):
-    return RunLog(**vars(log) | given)
 
 
 def read(path):
@@ -146,7 +143,7 @@ def test_commands_are_twists_without_slip_or_a_controllers(log, tmp_path):
 
     own = np.random.default_rng(1).normal(0, 1, (ROWS, 2))
     own[3] = np.nan
-    write_bag(changed(log, twist_command=own), tmp_path / "other")
+    write_bag(replace(log, twist_command=own), tmp_path / "other")
     rows = read(tmp_path / "other")["/cmd_vel"]
     np.testing.assert_array_equal(numbers(rows, "twist.linear.x", "twist.angular.z"), np.delete(own, 3, axis=0))
 
@@ -192,7 +189,7 @@ def test_wheel_odometry_integrates_the_wheels(log, tmp_path):
 
 def test_foxgloves_reader_decodes_every_topic(log, tmp_path):
     write_bag(log, tmp_path / "bag", GEOMETRY)
-    write_bag(changed(log, pose=log.pose * [1, 1, np.nan]), tmp_path / "gnss", GEOMETRY)
+    write_bag(replace(log, pose=log.pose * [1, 1, np.nan]), tmp_path / "gnss", GEOMETRY)
     for name, other in (("bag", set()), ("gnss", {"/fix"})):
         bag, count = read(tmp_path / name), {}
         with (tmp_path / name / f"{name}.mcap").open("rb") as file:
@@ -235,7 +232,7 @@ def test_places_of_fixes_by_earth_centred_coordinates(datum):
 def test_poses_without_headings_are_fixes(log, tmp_path):
     pose = log.pose.copy()
     pose[::2, 2] = np.nan
-    write_bag(changed(log, pose=pose), tmp_path / "bag", GEOMETRY)
+    write_bag(replace(log, pose=pose), tmp_path / "bag", GEOMETRY)
     bag, odd = read(tmp_path / "bag"), np.arange(ROWS) % 2 > 0
     assert_stamps(bag["/pose"], log.time[log.valid & odd])
     assert_stamps(bag["/fix"], log.time[log.valid & ~odd])
@@ -266,7 +263,7 @@ def test_only_readings_of_the_encoders_are_in_joint_states(log, tmp_path):
     omega = log.omega.copy()
     for k in range(ROWS):
         omega[k] = log.omega[-(-k // 3) * 3 % ROWS]  # that of the next reading
-    write_bag(changed(log, omega=omega), tmp_path / "bag", GEOMETRY, readings=readings)
+    write_bag(replace(log, omega=omega), tmp_path / "bag", GEOMETRY, readings=readings)
     bag = read(tmp_path / "bag")
     for topic in ("/joint_states", "/odom", "/cmd_vel", "/ground_truth"):
         assert_stamps(bag[topic], log.time[readings])
@@ -314,6 +311,7 @@ def test_refusals(log, tmp_path):
     with pytest.raises(OutputError, match=r"there: exists already$"):
         write_bag(log, tmp_path / "there")
     (tmp_path / "file").touch()
+    seen = replace(log.scans.scan, ranges=log.scans.full)
     with pytest.raises(OutputError, match=r"bag: can't be written \(.+\)$"):
         write_bag(log, tmp_path / "file" / "bag")
     for given, message in (
@@ -321,6 +319,8 @@ def test_refusals(log, tmp_path):
         ({"readings": np.ones(3, bool)}, "readings = (3,): must be of shape (40,)"),
         ({"readings": np.zeros(ROWS, bool)}, "readings = 'false everywhere': must be true in at least one row"),
         ({"covariance": np.ones(3)}, "covariance = (3,): must be of shape (3, 3)"),
+        ({"scans": (log.time[:3], seen)}, "scans = '3 times': must be 40, one per scan"),
+        ({"scans": (-log.time, seen)}, 'scans = "times that don\'t ascend": must be in order of time'),
         ({"start": -(10**9)}, "start = -1000000000: must be such that all stamps are from 0 to 2147483647 s"),
     ):
         with pytest.raises(InvalidValueError) as refusal:
@@ -331,5 +331,5 @@ def test_refusals(log, tmp_path):
 
 def test_without_rosbags(log, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
-    with pytest.raises(TrackslipError, match=r"^bags need rosbags: pip install 'trackslip\[ros\]'$"):
+    with pytest.raises(TrackslipError, match=r"^bags need the package rosbags: pip install 'trackslip\[ros\]'$"):
         write_bag(log, tmp_path / "bag")
