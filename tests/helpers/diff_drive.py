@@ -73,9 +73,17 @@ class DiffDrive:
         return poses
 
 
+def read_yaml(text: str, version: tuple[int, int] = (1, 2)) -> Any:
+    """YAML read by the rules of a version."""
+    reader = YAML(typ="safe", pure=True)
+    reader.version = version  # type: ignore[assignment]
+    return reader.load(io.StringIO(text))
+
+
 def parameters_in(text: str) -> dict[str, Any]:
     """The parameters in a YAML file for the controller."""
-    content = YAML(typ="safe").load(io.StringIO(text))
+    content = read_yaml(text)
+    assert read_yaml(text, (1, 1)) == content
     assert set(content) == {"diff_drive_controller"}
     assert set(content["diff_drive_controller"]) == {"ros__parameters"}
     return dict(content["diff_drive_controller"]["ros__parameters"])

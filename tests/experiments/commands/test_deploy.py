@@ -2,12 +2,14 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 
 import pytest
 from deployed import GEOMETRY, stored
 from diff_drive import parameters_in
+from pages import ROOT, blocks
 from wandered import identified_from, wandered
 
 import trackslip
@@ -116,3 +118,17 @@ def test_the_python_file_runs_alone(laws, tmp_path, monkeypatch):
     assert [float(word) for word in done.stdout.split()] == pytest.approx(
         stored().laws["turn_loss"].twist([1.0, 2.0], GEOMETRY), rel=1e-12
     )
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+def test_the_c_example_of_the_docs_prints_the_laws_speeds(tmp_path, monkeypatch):
+    page = ROOT / "docs" / "ros.md"
+    (example,) = (block.text for block in blocks(page.read_text(encoding="utf-8")) if block.language == "c")
+    monkeypatch.chdir(tmp_path)
+    main(["deploy", "--law", "icr_radius", "--to", "c", "--out", "slip.h"])
+    (tmp_path / "example.c").write_text(example)
+    command = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "example.c", "-o", "example", "-lm"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    printed = subprocess.run([tmp_path / "example"], capture_output=True, text=True, check=True).stdout
+    left, right = trackslip.load_laws()["icr_radius"].sprocket_speeds([0.15, 0.12], GEOMETRY)
+    assert printed == f"{left:.4f} {right:.4f} rad/s, 0.1500 m/s 0.1200 rad/s\n"

@@ -5,9 +5,8 @@ import re
 
 import numpy as np
 import pytest
-import yaml
 from deployed import GEOMETRY, VALUES, stored, twists
-from diff_drive import PARAMETERS, DiffDrive, parameters_in
+from diff_drive import PARAMETERS, DiffDrive, parameters_in, read_yaml
 
 from trackslip.deploy.deploy import deploy_law
 from trackslip.deploy.expressible import nearest_icr
@@ -73,8 +72,10 @@ def test_multipliers_of_one_are_the_nominal_robot():
 @pytest.mark.parametrize("value", [1.0, 0.1 + 0.2, 1e-7, 1.5e-7, 1e22, 0.336])
 def test_every_yaml_reader_sees_the_same_float(value):
     """YAML 1.1, too, which takes 1e-07 for a text and 1 for an integer that ROS refuses."""
-    assert yaml.safe_load(yaml_number(value)) == value
-    assert isinstance(yaml.safe_load(yaml_number(value)), float)
+    for version in ((1, 1), (1, 2)):
+        found = read_yaml(yaml_number(value), version)
+        assert found == value
+        assert isinstance(found, float)
 
 
 def prediction(**heading):
