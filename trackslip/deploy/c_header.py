@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from trackslip.deploy.c_laws import CONSTANT_TWIST, ICR, SLIP, SLIPS, SPROCKET_SPEEDS, TURN_LOSS, TWIST, TYPES
+from trackslip.deploy.c_laws import ICR, TURN_LOSS, TYPES
+from trackslip.deploy.c_slips import CONSTANT_TWIST, SLIP, SLIPS, SPROCKET_SPEEDS, TWIST
 from trackslip.deploy.constants import constants_of
 from trackslip.deploy.facts import commented, fact_lines
 from trackslip.deploy.stored import StoredLaws

@@ -62,8 +62,9 @@ def warnings_of(stored: StoredLaws, law: str) -> list[str]:
     others = tuple(f"law {name}:" for name in FAMILIES if name != law)
     found = [line for line in texts(stored.content, "warnings") if not line.startswith(others)]
     held = entry(stored.content, "drive", "laws", law, "held") if stored.content.get("method") == "drive" else None
-    if isinstance(held, dict):
-        found += [f"{name} was held: {held[name]}" for name in held if not any(name in line for line in found)]
+    for name, reason in held.items() if isinstance(held, dict) else ():
+        if reason != "none shows" and not any(name in line for line in found):
+            found.append(f"{name} is held: {reason}")
     if len(found) > _MAX_WARNINGS:
         found = [*found[:_MAX_WARNINGS], f"{len(found) - _MAX_WARNINGS} more in {stored.name}"]
     return found

@@ -32,7 +32,7 @@ DRIVE = {
         "laws": {
             "icr_radius": {
                 "extras": {"sensor_x": 0.3, "sensor_y": 0.1, "sensor_yaw": 0.087},
-                "held": {"lag": "none shows"},
+                "held": {"lag": "none shows", "sensor_yaw": "given"},
             }
         },
     },
@@ -71,7 +71,8 @@ def test_the_comments_say_what_the_law_is_worth():
     assert "0.3000 m ahead, 0.1000 m to the left, turned by 4.98 deg" in said
     assert "10 s ahead: heading 22.5 deg -> 1.5 deg, position 325 mm -> 65 mm" in said
     assert "Errors are smaller by these factors, 10 s ahead: heading 15, position 5." in said
-    assert "warning: lag was held: none shows" in said
+    assert "warning: sensor_yaw is held: given" in said
+    assert "none shows" not in said
     assert "107 +/- 2.6 ms late" in said
     assert "law power" not in said  # that is another law's
     assert all(line.isascii() and line.isprintable() for line in lines)
