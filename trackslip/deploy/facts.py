@@ -60,8 +60,11 @@ def origin_lines(stored: StoredLaws) -> list[str]:
 def warnings_of(stored: StoredLaws, law: str) -> list[str]:
     """Warnings of the identification, without those about other laws, and which parameters were held."""
     others = tuple(f"law {name}:" for name in FAMILIES if name != law)
-    found = [line for line in texts(stored.content, "warnings") if not line.startswith(others)]
-    held = entry(stored.content, "drive", "laws", law, "held") if stored.content.get("method") == "drive" else None
+    by_drives = stored.content.get("method") == "drive"
+    beside = [] if by_drives else texts(stored.content, "drive", "warnings")  # of laws that are not deployed
+    warnings = texts(stored.content, "warnings")
+    found = [line for line in warnings if not line.startswith(others) and line not in beside]
+    held = entry(stored.content, "drive", "laws", law, "held") if by_drives else None
     for name, reason in held.items() if isinstance(held, dict) else ():
         if reason != "none shows" and not any(name in line for line in found):
             found.append(f"{name} is held: {reason}")

@@ -68,11 +68,10 @@ def gain_lines(stored: StoredLaws, law: str) -> list[str]:
         where = "at left-out radii" if horizon is None else f"{horizon:g} s ahead"
         lines.append(f"  {where}: {', '.join(parts)}")
     last = pairs[-1][0].horizon
-    ratios = [
-        f"{one.what} {_rounded(one.size / two.size)}" for one, two in pairs if one.horizon == last and two.size > 0
-    ]
+    ratios = [(one.what, one.size, two.size) for one, two in pairs if one.horizon == last and one.size and two.size]
     where = "" if last is None else f", {last:g} s ahead"
-    return [*lines, f"Errors are smaller by these factors{where}: {', '.join(ratios)}."] if ratios else lines
+    gains = ", ".join(f"{what} {_times(before / after)}" for what, before, after in ratios)
+    return [*lines, f"Odometry{where}: {gains}"] if ratios else lines
 
 
 def best_of(stored: StoredLaws, names: Sequence[str]) -> str:
@@ -119,6 +118,10 @@ def _is_number(key: str) -> bool:
         return math.isfinite(float(key))
     except ValueError:
         return False
+
+
+def _times(ratio: float) -> str:
+    return f"{_rounded(ratio)} times better" if ratio >= 1 else f"{_rounded(1 / ratio)} times worse"
 
 
 def _rounded(value: float) -> str:

@@ -70,7 +70,7 @@ def test_the_comments_say_what_the_law_is_worth():
     assert "2 drive(s)" in said
     assert "0.3000 m ahead, 0.1000 m to the left, turned by 4.98 deg" in said
     assert "10 s ahead: heading 22.5 deg -> 1.5 deg, position 325 mm -> 65 mm" in said
-    assert "Errors are smaller by these factors, 10 s ahead: heading 15, position 5." in said
+    assert "Odometry, 10 s ahead: heading 15 times better, position 5 times better" in said
     assert "warning: sensor_yaw is held: given" in said
     assert "none shows" not in said
     assert "107 +/- 2.6 ms late" in said
