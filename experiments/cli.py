@@ -87,7 +87,7 @@ COMMAND_EXAMPLES = (
     ("from a drive, with a sensor 0.3 m ahead", "trackslip identify out/wander --method drive --sensor 0.3 0 0"),
     ("as in the paper", "trackslip identify out/grid --motion paper --out out/identify-paper"),
     ("a law and no compensation", "trackslip evaluate out/wander --law out/identify --law none"),
-    ("on a robot's log, for evo, too", "trackslip evaluate log.csv --law out/mine --law none --tum"),
+    ("on a robot's log", "trackslip evaluate log.csv --law out/mine --law none"),
     ("of two laws, on a ROS bag", "trackslip evaluate run.mcap --law out/mine:icr --law out/mine:turn_loss"),
     ("the paper's path and controller", "trackslip track"),
     ("without slip compensation", "trackslip track --compensation none --out out/track-none"),

@@ -20,6 +20,8 @@ from experiments.storage.manifest import command_line, make_manifest, relative
 from experiments.storage.results import (
     MANIFEST_FILE,
     REPORT_FILE,
+    RUNS_FILE,
+    SUMMARY_FILE,
     TABLE_FILE,
     TRAJECTORIES_FOLDER,
     arrow_errors,
@@ -40,6 +42,9 @@ def run(config: EvaluateConfig) -> None:
     """Evaluate the laws, store and print their errors."""
     began = time.perf_counter()
     specs = [_split(spec) for spec in config.law or (NO_SLIP,)]
+    read = [path.resolve() for path in (config.path, *(path for path, _ in specs)) if path]
+    if config.out.resolve() in [path.parent if path.name in (RUNS_FILE, SUMMARY_FILE) else path for path in read]:
+        raise InvalidValueError("out", str(config.out), "another folder than those of the log and the laws")
     with results_folder(config.out) as folder, progress("odometry", 2 + len(specs), "stages") as step:
         source = _source(config, specs)
         for line in source.taken:

@@ -87,7 +87,7 @@ EXAMPLES = {
     ),
     "evaluate": (
         {"": "drive.parquet", "law": "predicted", "half-gauge": "0.17", "sprocket-radius": "0.06", "gear": "2"}
-        | {"sensor": "0.1 0 0", "clock-offset": "0.1", "tum": "", "pdf": "", "out": "a"},
+        | {"sensor": "0.1 0 0", "clock-offset": "0.1", "no-tum": "", "pdf": "", "out": "a"},
         {"": "sweep", "where": "seed=0", "out": "b"},
         {"": "run.mcap", "encoders": "/joint_states", "left": "a", "right": "b", "reversed": "left", "out": "c"}
         | {"poses": "/slam/pose", "half-gauge": "0.17", "sprocket-radius": "0.06"},
