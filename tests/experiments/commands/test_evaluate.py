@@ -120,16 +120,27 @@ def test_sensor_and_clock_are_those_of_the_identification_unless_given(trackslip
     known = json.loads((files.parent / folder / "summary.json").read_text())
     extras = known["drive"]["laws"][known["best"]]["extras"]
     result = trackslip("evaluate", log, "--law", folder, "--law", "none")
-    assert result.summary["sensor"] == {
-        "x": extras["sensor_x"], "y": extras["sensor_y"], "yaw": pytest.approx(extras["sensor_yaw"]),
-    }  # fmt: skip
-    assert result.summary["clock_offset"] == extras["clock_offset"] - extras["lag"]
+    for law in result.summary["laws"].values():
+        place = {"x": extras["sensor_x"], "y": extras["sensor_y"], "yaw": pytest.approx(extras["sensor_yaw"])}
+        assert law["sensor"] == place
+        assert law["clock_offset"] == extras["clock_offset"] - extras["lag"]
     assert result.summary["geometry"] == known["geometry"]
-    assert f"identified with {known['best']}" in result.printed
+    assert "(as identified)" in result.printed
     given = trackslip("evaluate", log, "--law", folder, "--sensor", "0.1", "-0.2", "0.3", "--clock-offset", "0.05")
-    assert given.summary["sensor"] == {"x": 0.1, "y": -0.2, "yaw": 0.3}
-    assert given.summary["clock_offset"] == 0.05
+    (law,) = given.summary["laws"].values()
+    assert law["sensor"] == {"x": 0.1, "y": -0.2, "yaw": 0.3}
+    assert law["clock_offset"] == 0.05
     assert "0.100 m ahead of and -0.200 m left of the turning centre, turned by 17.19° (given)" in given.printed
+
+
+def test_each_law_has_the_sensor_that_it_was_identified_with(trackslip, files, folder):
+    known = json.loads((files.parent / folder / "summary.json").read_text())["drive"]["laws"]
+    laws = ("--law", f"{folder}:icr", "--law", f"{folder}:icr_radius", "--law", "none")
+    result = trackslip("evaluate", str(files / "two.parquet"), *laws)
+    places = {name: law["sensor"]["x"] for name, law in result.summary["laws"].items()}
+    assert places["icr"] == places["none"] == known["icr"]["extras"]["sensor_x"]
+    assert places["icr_radius"] == known["icr_radius"]["extras"]["sensor_x"] != places["icr"]
+    assert "icr, none: the poses' sensor sits" in result.printed
 
 
 def test_another_clock_is_noticed(trackslip, files):
