@@ -29,6 +29,7 @@ NEEDED = {
     ("predict", "--out", "predict"): set(),
     ("track", *PATH, "--out", "track"): {"mujoco", "pyarrow"},
     ("wander", "--duration", "1", "--out", "wander"): {"mujoco", "pyarrow"},
+    ("bag",): {"pyarrow"},
     ("identify",): {"pyarrow", *DRAWN},
     ("evaluate",): {"pyarrow", *DRAWN},
     ("benchmark",): {"mujoco", "pyarrow", *DRAWN},
