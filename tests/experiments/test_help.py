@@ -126,7 +126,7 @@ def test_help_lists_every_option_with_its_default(capsys, monkeypatch):
     for command, option, owner, field in OPTIONS:
         if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
             continue  # a positional argument
-        flag = "--" + option.removesuffix(".source").replace("_", "-")
+        flag = "--" + option.removesuffix(".source").removeprefix("bag.").replace("_", "-")
         about = re.split(rf"│ +{re.escape(flag)}[ ,]", shown[command], maxsplit=1)
         assert len(about) == 2, (command, flag)
         assert text_of(owner, field.name) in about[1], (command, flag)
