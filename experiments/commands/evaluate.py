@@ -6,20 +6,21 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, replace
 from functools import partial
-from math import degrees
 from pathlib import Path
 
 from experiments.measuring.error_table import write_error_table
 from experiments.measuring.odometry import Evaluated, clock_doubt, evaluated, summary_of
 from experiments.options.evaluate import EvaluateConfig
 from experiments.report.formats import for_terminal
-from experiments.report.odometry import HEADERS, TITLES, gain, render, tables
+from experiments.report.odometry import HEADERS, TITLES, gain, render, sensing_lines, tables
 from experiments.report.page import file_name
 from experiments.report.terminal import print_table, progress
 from experiments.storage.manifest import command_line, make_manifest, relative
 from experiments.storage.results import (
     MANIFEST_FILE,
     REPORT_FILE,
+    RUNS_FILE,
+    SUMMARY_FILE,
     TABLE_FILE,
     TRAJECTORIES_FOLDER,
     arrow_errors,
@@ -40,22 +41,24 @@ def run(config: EvaluateConfig) -> None:
     """Evaluate the laws, store and print their errors."""
     began = time.perf_counter()
     specs = [_split(spec) for spec in config.law or (NO_SLIP,)]
+    read = [path.resolve() for path in (config.path, *(path for path, _ in specs)) if path]
+    if config.out.resolve() in [path.parent if path.name in (RUNS_FILE, SUMMARY_FILE) else path for path in read]:
+        raise InvalidValueError("out", str(config.out), "another folder than those of the log and the laws")
     with results_folder(config.out) as folder, progress("odometry", 2 + len(specs), "stages") as step:
         source = _source(config, specs)
         for line in source.taken:
             print(line)
         laws = _laws(specs, source.geometry)
         step(1.0)
-        mounting, clock_offset, assumed = _sensor(config, laws)
-        found = evaluated(laws, source.logs, mounting, clock_offset, step)
+        sensor = None if config.sensor is None else Mounting(*config.sensor)
+        found = evaluated(laws, source.logs, sensor, config.clock_offset, step)
+        sensing = sensing_lines(found, config.sensor is not None, config.clock_offset is not None)
         notes = [*source.notes, *map(str, source.refused), *found[0].errors.notes, *_seen_before(config, specs)]
-        notes += clock_doubt(found, source.logs, mounting, clock_offset)
+        notes += clock_doubt(found, source.logs)
         wall = time.perf_counter() - began
         manifest = make_manifest("evaluate", config, wall, **origin(source.logs))
         summary = {
             "geometry": asdict(source.geometry),
-            "sensor": mounting,
-            "clock_offset": clock_offset,
             "laws": {one.label: summary_of(one) for one in found},
             "drives": {one.label: one.errors.drives for one in found},
             "warnings": notes,
@@ -67,9 +70,9 @@ def run(config: EvaluateConfig) -> None:
         if config.tum:
             _write_trajectories(found, folder / TRAJECTORIES_FOLDER)
         name = config.path.name or str(config.path)
-        render(found, notes, assumed, manifest, command_line("evaluate"), name).write(folder, config.pdf)
+        render(found, notes, sensing, manifest, command_line("evaluate"), name).write(folder, config.pdf)
         step(1.0)
-    _print(found, notes, assumed)
+    _print(found, notes, sensing)
     print(f"{config.out / REPORT_FILE}: {time.perf_counter() - began:.1f} s")
 
 
@@ -114,25 +117,6 @@ def _laws(specs: Sequence[tuple[Path | None, str | None]], robot: RobotGeometry)
     return list(zip(labels, laws, strict=True))
 
 
-def _sensor(config: EvaluateConfig, laws: Sequence[tuple[str, LawInUse]]) -> tuple[Mounting, float, str]:
-    """Where the sensor sits, how far the clocks are apart, and words for both."""
-    label, known = next(((label, law) for label, law in laws if law.mounting is not None), ("", None))
-    mounting = Mounting(*config.sensor) if config.sensor else known.mounting if known and known.mounting else Mounting()
-    offset = config.clock_offset
-    if offset is None:
-        offset = known.clock_offset or 0.0 if known else 0.0
-    identified = f"identified with {label}" if known else "assumed"
-    return mounting, offset, (
-        f"The poses' sensor sits {_metres(mounting.x)} ahead of and {_metres(mounting.y)} left of the turning centre, "
-        f"turned by {degrees(mounting.yaw):.2f}° ({'given' if config.sensor else identified}); the encoders' clock is "
-        f"{round(1e3 * offset)} ms ahead of the poses' ({identified if config.clock_offset is None else 'given'})."
-    )  # fmt: skip
-
-
-def _metres(length: float) -> str:
-    return f"{round(length, 3) + 0.0:.3f} m"
-
-
 def _seen_before(config: EvaluateConfig, specs: Sequence[tuple[Path | None, str | None]]) -> list[str]:
     """Warnings about laws that were identified from this very log."""
     told = []
@@ -154,14 +138,15 @@ def _write_trajectories(found: Sequence[Evaluated], folder: Path) -> None:
         taken.add(name)
         write_tum(folder / f"{name}_measured.tum", drive.time, drive.measured)
         for one in found:
-            estimate = one.errors.trajectories[k]
+            estimate = next(each for each in one.errors.trajectories if each.name == drive.name)
             write_tum(folder / f"{name}_{file_name(one.label)}.tum", estimate.time, estimate.placed)
 
 
-def _print(found: Sequence[Evaluated], notes: Sequence[str], assumed: str) -> None:
+def _print(found: Sequence[Evaluated], notes: Sequence[str], sensing: Sequence[str]) -> None:
     for key, rows in tables(found).items():
         print_table(TITLES[key], HEADERS[key], for_terminal(rows))
-    print(assumed)
+    for line in sensing:
+        print(line)
     for note in notes:
         print(f"warning: {note}")
     if told := gain(found):

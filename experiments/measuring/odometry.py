@@ -18,36 +18,41 @@ class Evaluated:
 
     label: str  # the law's name, with its file where others have the same name
     used: LawInUse
+    mounting: Mounting  # of the sensor that measured the poses
+    clock_offset: float  # encoder clock minus pose clock [s]
     errors: OdometryErrors
 
 
 def evaluated(
     laws: Sequence[tuple[str, LawInUse]],
     logs: Sequence[RunLog],
-    mounting: Mounting,
-    clock_offset: float,
-    step: Callable[[float], None],
+    mounting: Mounting | None = None,
+    clock_offset: float | None = None,
+    step: Callable[[float], None] = lambda _: None,
 ) -> list[Evaluated]:
     """Errors of laws, by their labels, on the same logs; `step(1.0)` is called after each law.
 
-    Raises LogError if no log has poses to compare with.
+    Unless given, sensor and clock are as identified with each law, for laws shift and turn them differently; for laws
+    that come without, as with the first law that has them. Raises LogError if no log has poses to compare with.
     """
+    first = next((used for _, used in laws if used.mounting is not None), None)
     found = []
     for label, used in laws:
-        found.append(Evaluated(label, used, odometry_errors(logs, _odometry(used), mounting, clock_offset)))
+        known = first if used.mounting is None else used
+        place = mounting or (known.mounting if known else None) or Mounting()
+        offset = ((known.clock_offset if known else None) or 0.0) if clock_offset is None else clock_offset
+        found.append(Evaluated(label, used, place, offset, odometry_errors(logs, _odometry(used), place, offset)))
         step(1.0)
     return found
 
 
-def clock_doubt(
-    found: Sequence[Evaluated], logs: Sequence[RunLog], mounting: Mounting, clock_offset: float
-) -> list[str]:
+def clock_doubt(found: Sequence[Evaluated], logs: Sequence[RunLog]) -> list[str]:
     """A line if another offset between the clocks fits clearly better."""
-    used = next((one.used for one in found if one.used.name != NO_SLIP), found[0].used)
-    better = better_clock_offset(logs, _odometry(used), mounting, clock_offset)
+    one = next((one for one in found if one.used.name != NO_SLIP), found[0])
+    better = better_clock_offset(logs, _odometry(one.used), one.mounting, one.clock_offset)
     if better is None:
         return []
-    told = f"{round(1e3 * better)} ms ahead of the poses', not {round(1e3 * clock_offset)} ms"
+    told = f"{round(1e3 * better)} ms ahead of the poses', not {round(1e3 * one.clock_offset)} ms"
     return [f"the encoders' clock seems to be {told}: try --clock-offset {round(better, 3) + 0.0:.3f}"]
 
 
@@ -56,6 +61,8 @@ def summary_of(one: Evaluated) -> dict[str, Any]:
     errors = one.errors
     return {
         "law": one.used.name,
+        "sensor": one.mounting,
+        "clock_offset": one.clock_offset,
         "aligned": errors.aligned,
         "from_first": errors.from_first,
         "after_metres": {f"{length:g}": found for length, found in errors.after_metres.items()},

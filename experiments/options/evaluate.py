@@ -45,8 +45,8 @@ class EvaluateConfig:
     """Encoder clock minus pose clock [s]."""
     bag: Bag = field(default_factory=BagOptions)
     """What to take from a bag."""
-    tum: bool = False
-    """Also write measured and estimated trajectories to OUT/trajectories, in the TUM format that evo reads."""
+    tum: bool = True
+    """Whether to write measured and estimated trajectories to OUT/trajectories, in the TUM format that evo reads."""
     out: Path = Path("out/evaluate")
     """Folder for the results."""
     pdf: bool = False

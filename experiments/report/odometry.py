@@ -12,6 +12,7 @@ from experiments.report.formats import MISSING, number, pair, significant
 from experiments.report.page import Drawing, Page, render_page
 from trackslip.odometry.evaluation import LENGTHS, PoseErrors, RelativeErrors
 from trackslip.odometry.identified import NO_SLIP
+from trackslip.odometry.mounting import Mounting
 
 _METRES, _SECONDS = (tuple(f"{length:g} {unit}" for length in LENGTHS) for unit in ("m", "s"))
 ABSOLUTE_HEADER = ("law", "aligned [m]", "heading [deg]", "from first pose [m]", "heading [deg]")
@@ -47,7 +48,12 @@ def tables(found: Sequence[Evaluated]) -> dict[str, Rows]:
 
 
 def render(
-    found: Sequence[Evaluated], notes: Sequence[str], assumed: str, manifest: Mapping[str, Any], command: str, name: str
+    found: Sequence[Evaluated],
+    notes: Sequence[str],
+    sensing: Sequence[str],
+    manifest: Mapping[str, Any],
+    command: str,
+    name: str,
 ) -> Page:
     """Draw the figures and fill in the template."""
     drives = found[0].errors.drives
@@ -69,7 +75,7 @@ def render(
         headings=figures.longest(found).has_heading,
         shown=figures.longest(found).name,
         gain=gain(found),
-        assumed=assumed,
+        sensing=sensing,
         notes=notes,
     )
 
@@ -78,7 +84,7 @@ def gain(found: Sequence[Evaluated]) -> str:
     """How much better the best law is than no slip compensation after the longest way that all have, in a line."""
     without = next((one for one in found if one.used.name == NO_SLIP), None)
     others = [one for one in found if one is not without]
-    lengths = [*found[0].errors.after_metres]
+    lengths = set.intersection(*(set(one.errors.after_metres) for one in found))
     if without is None or not others or not lengths:
         return ""
     length = max(lengths)
@@ -88,6 +94,25 @@ def gain(found: Sequence[Evaluated]) -> str:
     parts += [_ratio("heading", theirs.heading_per_way, ours.heading_per_way)]
     told = ", ".join(part for part in parts if part)
     return f"{best.label}, after {length:g} m, compared with no slip compensation: {told}" if told else ""
+
+
+def sensing_lines(found: Sequence[Evaluated], sensor_given: bool, clock_given: bool) -> list[str]:
+    """Where the sensor was taken to sit and how far the clocks are apart: a line, or one for each law that differs."""
+    known = any(one.used.mounting is not None for one in found)
+    words = ["given" if given else "as identified" if known else "assumed" for given in (sensor_given, clock_given)]
+    by_sensing: dict[tuple[Mounting, float], list[str]] = {}
+    for one in found:
+        by_sensing.setdefault((one.mounting, one.clock_offset), []).append(one.label)
+    return [
+        f"{', '.join(labels) + ': the' if len(by_sensing) > 1 else 'The'} poses' sensor sits {_metres(place.x)} ahead "
+        f"of and {_metres(place.y)} left of the turning centre, turned by {degrees(place.yaw):.2f}° ({words[0]}); the "
+        f"encoders' clock is {round(1e3 * offset)} ms ahead of the poses' ({words[1]})."
+        for (place, offset), labels in by_sensing.items()
+    ]
+
+
+def _metres(length: float) -> str:
+    return f"{round(length, 3) + 0.0:.3f} m"
 
 
 def _absolute(errors: PoseErrors) -> tuple[str, str]:

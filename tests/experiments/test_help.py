@@ -30,6 +30,7 @@ NEEDED = {
     ("predict", "--out", "predict"): set(),
     ("track", *PATH, "--out", "track"): {"mujoco", "pyarrow"},
     ("wander", "--duration", "1", "--out", "wander"): {"mujoco", "pyarrow"},
+    ("bag",): {"pyarrow"},
     ("identify",): {"pyarrow", *DRAWN},
     ("deploy", "--to", "c"): set(),
     ("evaluate",): {"pyarrow", *DRAWN},
@@ -128,7 +129,7 @@ def test_help_lists_every_option_with_its_default(capsys, monkeypatch):
         hint = typing.get_type_hints(owner, include_extras=True)[field.name]
         if tyro.conf.Positional in getattr(hint, "__metadata__", ()):
             continue
-        flag = "--" + option.removesuffix(".source").replace("_", "-")
+        flag = "--" + option.removesuffix(".source").removeprefix("bag.").replace("_", "-")
         about = re.split(rf"│ +{re.escape(flag)}[ ,]", shown[command], maxsplit=1)
         assert len(about) == 2, (command, flag)
         assert text_of(owner, field.name) in about[1], (command, flag)

@@ -12,6 +12,7 @@ every pose, and odometry step by step is the same as that of a whole log, to the
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,7 +60,7 @@ class SlipOdometry:
         self,
         law: SlipLaw,
         geometry: RobotGeometry,
-        noise: SlipNoise | None = None,
+        noise: SlipNoise | Mapping[str, float] | None = None,
         errors: LawErrors | None = None,
         drift: float = 0.0,
         start: ArrayLike = (0.0, 0.0, 0.0),
@@ -70,7 +71,7 @@ class SlipOdometry:
         Args:
             law: slip law of the robot on its ground.
             geometry: for which the law was identified.
-            noise: slip that varies; none by default.
+            noise: slip that varies, also as in `DriveFit.noise`; none by default.
             errors: of the law's parameters; none by default.
             drift: c, for a lateral speed of -c v w in turns, outwards [s].
             start: pose or poses (..., 3) [m, m, rad].
@@ -81,7 +82,7 @@ class SlipOdometry:
         """
         require_finite("drift", drift)
         self.law, self.geometry, self.drift = law, geometry, drift
-        self.noise = noise or SlipNoise()
+        self.noise = SlipNoise.of(noise) if isinstance(noise, Mapping) else noise or SlipNoise()
         self.errors = errors or LawErrors((), np.zeros((0, 0)))
         self.reset(start, start_covariance)
 

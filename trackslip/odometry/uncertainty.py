@@ -12,6 +12,7 @@ from trackslip.errors import InvalidValueError, require_non_negative
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.slip.base import SlipLaw
 
+_SLIP = ("slip_forward", "slip_sideways", "slip_turn")  # entries of DriveFit.noise
 _DIFFERENCE = 1e-3  # of parameters for derivatives [standard errors]
 _ASYMMETRY = 1e-6  # of a covariance, relative to its variances
 
@@ -33,8 +34,15 @@ class SlipNoise:
 
     @classmethod
     def of(cls, noise: Mapping[str, float]) -> Self:
-        """That of a law fitted to drives, `DriveFit.noise`; other entries are ignored."""
-        return cls(noise["slip_forward"], noise["slip_sideways"], noise["slip_turn"])
+        """That of a law fitted to drives, `DriveFit.noise`; entries of the poses are ignored.
+
+        Raises:
+            InvalidValueError: if an entry is missing or not a standard deviation.
+        """
+        missing = [name for name in _SLIP if name not in noise]
+        if missing:
+            raise InvalidValueError("noise", [*noise], f"a mapping with {', '.join(_SLIP)}")
+        return cls(*(float(noise[name]) for name in _SLIP))
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ _MOVES = 1e-3  # speed above which a joint that reports it should move [rad/s]
 _FAR = 0.8 * np.pi  # turn between readings above which wrapped positions may be ambiguous [rad]
 _LIKE = (0.8, 1.25)  # ratio of velocities to changes of position that are alike
 _LEAP = 5.0  # speed of a leap by the usual largest speed
-_MIN_LEAP = 3.0  # [rad]
+_MIN_LEAP = 2 * np.pi  # [rad]
 
 
 def has_positions(position: Array, velocity: Array) -> bool:
@@ -41,12 +41,12 @@ def from_positions(time: Array, position: Array, velocity: Array) -> tuple[Array
     turns too far between readings. A leap, as when an encoder is reset, is bridged by the velocity or the steps around.
     """
     step, interval = np.diff(position), np.diff(time)
-    low, high = position.min(), position.max()
-    if (low >= -np.pi - _TOLERANCE and high <= np.pi + _TOLERANCE) or (
-        low >= -_TOLERANCE and high <= _TURN + _TOLERANCE
-    ):
+    low, high = position.min() + _TOLERANCE, position.max() - _TOLERANCE
+    leaps = 0
+    if any(start <= low and high <= start + _TURN for start in (-np.pi, 0.0)):
         step = _unwrapped(step, interval, velocity)
-    step, leaps = _bridged(step, interval, velocity)
+    else:
+        step, leaps = _bridged(step, interval, velocity)
     return np.concatenate([[0.0], np.cumsum(step)]), leaps
 
 

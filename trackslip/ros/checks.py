@@ -1,4 +1,4 @@
-"""What poses and encoders tell of each other: wheel odometry, encoders that count backwards, clocks apart."""
+"""What poses and encoders tell of each other: odometry from the wheels, encoders that count backwards."""
 
 from __future__ import annotations
 
@@ -7,81 +7,22 @@ from enum import Enum
 
 import numpy as np
 
-from trackslip.kinematics import Array, wrap_angle
+from trackslip.kinematics import Array
+from trackslip.logs.runlog import RunLog
 
 _STRIDE = 1.0  # time over which motions are compared [s]
 _MIN_STRIDES = 10  # number of motions that tell anything
-_MIN_WAY = 0.02  # way of a motion that tells anything [m]
-_MIN_TURN = 0.05  # turn of one [rad]
-_EXACT = 1e-3  # relative residual of poses that are computed from the wheels
+_MIN_WAY, _MIN_TURN = 0.02, 0.05  # of the largest motion, so that they tell anything [m, rad]
+_EXACT = 5e-3  # relative residual of poses computed from the wheels; noise-free poses on slipping ground have 6e-3
 _CLEAR = 0.7  # share of the variance of motion that signs of encoders must explain to be believed
 _AGAINST = 0.2  # speed per sprocket speed of a side that counts backwards, by that of the other side, at least
 
 
-@dataclass(frozen=True)
-class Strides:
-    """Motions over a second each, by the poses and by the encoders."""
+class Repeated(Enum):
+    """What poses have from the wheels."""
 
-    forward: Array
-    """(n,) along the heading in between [m]."""
-    turn: Array
-    """(n,) [rad]."""
-    sprockets: Array
-    """(n, 2) turns of the sprockets [rad]."""
-
-    @property
-    def enough(self) -> bool:
-        """Whether they tell anything."""
-        far = np.abs(self.forward).max(initial=0.0) > _MIN_WAY
-        return len(self.forward) >= _MIN_STRIDES and bool(far or np.abs(self.turn).max(initial=0.0) > _MIN_TURN)
-
-
-def strides(time: Array, omega: Array, at: Array, pose: Array) -> Strides:
-    """Motions between poses (N, 3) at times (N,) about a second apart, which must be known with headings.
-
-    `omega` (T, 2) are mean sprocket speeds since the previous time of `time` (T,).
-    """
-    turned = np.concatenate([np.zeros((1, 2)), np.cumsum(omega[1:] * np.diff(time)[:, None], axis=0)])
-    known = np.flatnonzero(np.isfinite(pose).all(axis=1) & (at >= time[0]) & (at <= time[-1]))
-    if len(known) < 2:
-        return Strides(np.empty(0), np.empty(0), np.empty((0, 2)))
-    at, pose = at[known], pose[known]
-    heading = np.unwrap(pose[:, 2])
-    marks = np.unique(np.searchsorted(at, np.arange(at[0], at[-1], _STRIDE)))
-    way, turn = np.diff(pose[marks, :2], axis=0), np.diff(heading[marks])
-    between = heading[marks[:-1]] + turn / 2
-    forward = way[:, 0] * np.cos(between) + way[:, 1] * np.sin(between)
-    angle = np.stack([np.interp(at[marks], time, side) for side in turned.T], axis=-1)
-    return Strides(forward, np.asarray(turn), np.diff(angle, axis=0))
-
-
-def repeats_wheels(time: Array, omega: Array, at: Array, pose: Array) -> bool:
-    """Whether poses (N, 3) at times (N,) are the dead reckoning of sprocket speeds (T, 2) at times (T,), or repeat it.
-
-    They are if turns between neighbouring poses are the difference of the sprockets' turns times a constant, and ways
-    their sum times another, to a thousandth: nothing measured is as exact.
-    """
-    turned = np.concatenate([np.zeros((1, 2)), np.cumsum(omega[1:] * np.diff(time)[:, None], axis=0)])
-    inside = np.flatnonzero(np.isfinite(pose).all(axis=1) & (at >= time[0]) & (at <= time[-1]))
-    if len(inside) < _MIN_STRIDES:
-        return False
-    angle = np.stack([np.interp(at[inside], time, side) for side in turned.T], axis=-1)
-    left, right = np.diff(angle, axis=0).T
-    way = np.diff(pose[inside, :2], axis=0)
-    turn = wrap_angle(np.diff(pose[inside, 2]))
-    between = pose[inside[:-1], 2] + turn / 2
-    forward = way[:, 0] * np.cos(between) + way[:, 1] * np.sin(between)
-    told = [_residual(left + right, forward), _residual(right - left, turn)]
-    return all(one is not None and one < _EXACT for one in told)
-
-
-def _residual(by_wheels: Array, by_poses: Array) -> float | None:
-    """What the poses have beside a multiple of what the wheels have, by root mean squares; None if neither moves."""
-    power, total = float(by_wheels @ by_wheels), float(by_poses @ by_poses)
-    if power == 0.0 or total == 0.0:
-        return None
-    gain = float(by_wheels @ by_poses) / power
-    return float(np.sqrt(np.mean((by_poses - gain * by_wheels) ** 2) / (total / len(by_poses))))
+    ALL = "its poses repeat the dead reckoning of the wheels: they tell nothing of slip"
+    WAYS = "its ways repeat those of the wheels: they tell nothing of ε"
 
 
 class Doubt(Enum):
@@ -102,10 +43,58 @@ DOUBTS = {
 """In words."""
 
 
+@dataclass(frozen=True)
+class Strides:
+    """Motions over a second each, by the poses and by the encoders."""
+
+    way: Array
+    """(n, 2) between the ends, along x and y [m]."""
+    by_wheels: Array
+    """(n, 2) the same by the mean of both sprockets' turns, in the poses' headings [rad]."""
+    forward: Array
+    """(n,) along the mean heading [m]."""
+    turn: Array
+    """(n,) [rad]."""
+    sprockets: Array
+    """(n, 2) turns of the sprockets [rad]."""
+
+
+def strides(log: RunLog) -> Strides | None:
+    """The motions in a log, from poses with heading; None if there are too few, or the robot hardly moves."""
+    rows = np.flatnonzero(log.has_heading)
+    if not len(rows):
+        return None
+    turned = np.concatenate([np.zeros((1, 2)), np.cumsum(log.omega[1:] * np.diff(log.time)[:, None], axis=0)])[rows]
+    time, place, heading = log.time[rows], log.pose[rows, :2], log.pose[rows, 2]
+    ends = np.unique(np.searchsorted(time, np.arange(time[0], time[-1], _STRIDE)))
+    if len(ends) <= _MIN_STRIDES:
+        return None
+    middle = heading[:-1] + np.diff(heading) / 2
+    steps = np.diff(turned.mean(axis=1))[:, None] * np.column_stack([np.cos(middle), np.sin(middle)])
+    reckoned = np.concatenate([np.zeros((1, 2)), np.cumsum(steps, axis=0)])
+    way, turn = np.diff(place[ends], axis=0), np.diff(heading[ends])
+    between = heading[ends[:-1]] + turn / 2
+    forward = way[:, 0] * np.cos(between) + way[:, 1] * np.sin(between)
+    if max(np.abs(forward).max() / _MIN_WAY, np.abs(turn).max() / _MIN_TURN) < 1.0:
+        return None
+    return Strides(way, np.diff(reckoned[ends], axis=0), forward, turn, np.diff(turned[ends], axis=0))
+
+
+def repeated(found: Strides) -> Repeated | None:
+    """What the poses have from the wheels; None if they are measured.
+
+    Odometry from the wheels turns in proportion to the difference of the sprockets' turns and goes in proportion to
+    their mean, whatever the factors. Measured poses don't: the ground slips, and measurements are noisy.
+    """
+    ways = _residual(found.by_wheels.ravel(), found.way.ravel())
+    turns = _residual(found.sprockets[:, 1] - found.sprockets[:, 0], found.turn)
+    if ways > _EXACT:
+        return None
+    return Repeated.ALL if turns <= _EXACT else Repeated.WAYS
+
+
 def sign_doubt(found: Strides) -> Doubt | None:
     """What seems to be wrong with the encoders' sides; None if nothing is, or if it can't be told."""
-    if not found.enough:
-        return None
     ways, fit = _slopes(found.sprockets, found.forward)
     turns, turn_fit = _slopes(found.sprockets, found.turn)
     if min(fit, turn_fit) < _CLEAR:
@@ -117,6 +106,15 @@ def sign_doubt(found: Strides) -> Doubt | None:
     if back.all():
         return Doubt.BOTH
     return Doubt.SWAPPED if ahead.all() and turns[0] > 0 > turns[1] else None
+
+
+def _residual(by_wheels: Array, by_poses: Array) -> float:
+    """What the poses have beside a multiple of what the wheels have, by root mean squares; infinite if either rests."""
+    power, total = float(by_wheels @ by_wheels), float(by_poses @ by_poses)
+    if power == 0.0 or total == 0.0:
+        return np.inf
+    left = by_poses - float(by_wheels @ by_poses) / power * by_wheels
+    return float(np.sqrt(left @ left / total))
 
 
 def _slopes(sprockets: Array, motion: Array) -> tuple[Array, float]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,15 +12,15 @@ from trackslip.logs.refused import Refused, none_usable
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.table_reader import ReadRuns
 from trackslip.ros.bag import Bag, open_bags
-from trackslip.ros.checks import DOUBTS, Doubt, repeats_wheels, sign_doubt, strides
+from trackslip.ros.checks import DOUBTS, Doubt, Repeated, repeated, sign_doubt, strides
 from trackslip.ros.choice import AUTOMATIC, BagChoice
 from trackslip.ros.encoders import Encoders, read_encoders
-from trackslip.ros.pose_sources import RANKS, chosen_source
+from trackslip.ros.pose_sources import RANKS, PoseSource, Rank, chosen_source
 from trackslip.ros.poses import Poses, read_poses
 from trackslip.ros.stamps import require_overlap, seconds
 
 _APART = 1.0  # difference of clocks that is worth a line [s]
-_USELESS = "its poses repeat the dead reckoning of the wheels exactly: they tell nothing of slip"
+_PERHAPS_WHEELS = (Rank.TRANSFORMS, Rank.FUSED, Rank.WHEELS)
 
 
 def read_bags(path: Path, choice: BagChoice = AUTOMATIC) -> ReadRuns:
@@ -29,11 +28,7 @@ def read_bags(path: Path, choice: BagChoice = AUTOMATIC) -> ReadRuns:
 
     Raises LogError if nothing can be read, TrackslipError without the package rosbags.
     """
-    return logs_of_bags(open_bags(path), choice)
-
-
-def logs_of_bags(bags: Sequence[Bag], choice: BagChoice = AUTOMATIC) -> ReadRuns:
-    """The drives in bags, like `read_bags`."""
+    bags = open_bags(path)
     names = [bag.name for bag in bags]
     runs: list[RunLog] = []
     refused: list[Refused] = []
@@ -63,12 +58,8 @@ def drive_logs(bag: Bag, choice: BagChoice, notes: list[str], name: str | None =
     """
     name = name or bag.name
     encoders = read_encoders(bag, choice, notes)
-    if choice.poses is None:
-        source = chosen_source(bag)
-        poses, what = read_poses(bag, source.name, notes), f" ({RANKS[source.rank]})"
-    else:
-        poses, what = read_poses(bag, choice.poses, notes), ""
-    taken = _taken(encoders[0], poses[0], what)
+    source = chosen_source(bag) if choice.poses is None else PoseSource(choice.poses, Rank.CHOSEN)
+    poses = read_poses(bag, source.name, notes)
     if len(encoders) != len(poses):
         raise LogError(
             f"{bag.path}: time goes back {len(encoders) - 1} time(s) in topic {encoders[0].topic} "
@@ -79,14 +70,14 @@ def drive_logs(bag: Bag, choice: BagChoice, notes: list[str], name: str | None =
     for k, (turned, seen) in enumerate(zip(encoders, poses, strict=True), start=1):
         require_overlap((turned.topic, turned.stamp), (seen.source, seen.stamp))
         log = _log(f"{name}, part {k}" if several else name, turned, seen)
-        logs.append(_checked(log, turned, seen, choice, notes))
-    return logs, taken
+        logs.append(_checked(log, turned, seen, source.rank, choice.reversed, notes))
+    return logs, _taken(encoders[0], source)
 
 
-def _taken(encoders: Encoders, poses: Poses, what: str) -> str:
+def _taken(encoders: Encoders, poses: PoseSource) -> str:
     """What was taken as encoders and as poses."""
     left, right = (", ".join(side) for side in encoders.joints)
-    return f"encoders: {encoders.topic}, left {left}, right {right}; poses: {poses.source}{what}"
+    return f"encoders: {encoders.topic}, left {left}, right {right}; poses: {poses.name} ({RANKS[poses.rank]})"
 
 
 def _log(name: str, encoders: Encoders, poses: Poses) -> RunLog:
@@ -123,7 +114,9 @@ def _log(name: str, encoders: Encoders, poses: Poses) -> RunLog:
     )
 
 
-def _checked(log: RunLog, encoders: Encoders, poses: Poses, choice: BagChoice, notes: list[str]) -> RunLog:
+def _checked(
+    log: RunLog, encoders: Encoders, poses: Poses, rank: Rank, turned_round: str | None, notes: list[str]
+) -> RunLog:
     """The log, with notes of what looks wrong; an encoder that counts backwards beyond doubt is turned round.
 
     Raises LogError if poses that nobody asked for repeat the wheels.
@@ -134,16 +127,20 @@ def _checked(log: RunLog, encoders: Encoders, poses: Poses, choice: BagChoice, n
             f"topic {encoders.topic} was recorded {encoders.delay:.3g} s after its stamps, {poses.source} "
             f"{poses.delay:.3g} s after its own: do their clocks differ?"
         )
-    rows = np.flatnonzero(log.has_heading)
-    at, pose = log.time[rows], log.pose[rows]
-    if repeats_wheels(log.time, log.omega, at, pose):
-        if choice.poses is None:
-            raise LogError(f"{poses.source}: {_USELESS}; --poses chooses others, or these if they were measured")
-        notes.append(f"{poses.source}: {_USELESS}")
-    doubt = sign_doubt(strides(log.time, log.omega, at, pose))
+    motions = strides(log)
+    if motions is None:
+        return log
+    from_wheels = repeated(motions)
+    if from_wheels is not None:
+        if from_wheels is Repeated.ALL and rank in _PERHAPS_WHEELS:
+            raise LogError(
+                f"{poses.source}: {from_wheels.value}; --poses chooses others, or these if they were measured"
+            )
+        notes.append(f"{poses.source}: {from_wheels.value}")
+    doubt = sign_doubt(motions)
     if doubt is None:
         return log
-    if doubt in (Doubt.LEFT, Doubt.RIGHT) and choice.reversed is None:
+    if doubt in (Doubt.LEFT, Doubt.RIGHT) and turned_round is None:
         notes.append(f"topic {encoders.topic}: {DOUBTS[doubt]}: turned round, as with --reversed {doubt.value}")
         return replace(log, omega=log.omega * (1 - 2 * np.array([doubt is Doubt.LEFT, doubt is Doubt.RIGHT])))
     notes.append(f"topic {encoders.topic}: {DOUBTS[doubt]}")

@@ -27,6 +27,7 @@ _BODIES = ("base_link", "base_footprint", "base", "chassis", "robot")
 class Rank(IntEnum):
     """How independent of the wheels a source of poses is, the best first."""
 
+    CHOSEN = -1
     MOCAP = 0
     MATCHED = 1
     TRANSFORMS = 2
@@ -38,6 +39,7 @@ class Rank(IntEnum):
 
 _MARKS = {Rank.MOCAP: _MOCAP, Rank.TRUTH: _TRUTH, Rank.FUSED: _FUSED, Rank.MATCHED: _MATCHED}
 RANKS = {
+    Rank.CHOSEN: "as asked for",
     Rank.MOCAP: "motion capture",
     Rank.MATCHED: "measured poses",
     Rank.TRANSFORMS: "transforms from a fixed frame",

@@ -84,8 +84,8 @@ def require_overlap(first: tuple[str, np.ndarray], second: tuple[str, np.ndarray
     if stamp[0] <= theirs[-1] and theirs[0] <= stamp[-1]:
         return
     spans = " and ".join(
-        f"topic {topic} is stamped from {times[0] / 1e9:.3f} to {times[-1] / 1e9:.3f} s"
-        for topic, times in ((name, stamp), (other, theirs))
+        f"topic {topic} {verb} {times[0] / 1e9:.3f} to {times[-1] / 1e9:.3f} s"
+        for topic, verb, times in ((name, "is stamped from", stamp), (other, "from", theirs))
     )
     raise LogError(f"{spans}: different clocks{_which(stamp, theirs)}")
 

@@ -59,7 +59,7 @@ def errors_over_way(found: Sequence[Evaluated]) -> Figure:
         lengths = np.array([*found[0].errors.after_metres])
         for k, one in enumerate(found):
             values = factor * np.array([getattr(errors, key) for errors in one.errors.after_metres.values()])
-            axis.plot(lengths, _positive(values), marker="o", ms=3.5, **_look(found, k))
+            axis.plot([*one.errors.after_metres], _positive(values), marker="o", ms=3.5, **_look(found, k))
         axis.set(title=title, xlabel="way driven [m]", ylabel=label, xscale="log", yscale="log")
         axis.set_xticks(lengths, [f"{length:g}" for length in lengths])
         axis.set_xticks([], minor=True)

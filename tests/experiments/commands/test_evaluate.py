@@ -30,7 +30,7 @@ def quick(undrawn):
 def folder(tmp_path_factory):
     """The results of an identification."""
     out = tmp_path_factory.mktemp("mine")
-    write_json(out / "summary.json", identification_to_json(identified_from(wandered())))
+    write_json(out / "summary.json", identification_to_json(identified_from(wandered(duration=15.0))))
     return str(out)
 
 
@@ -71,7 +71,7 @@ def test_the_true_law_is_right_and_none_is_not(trackslip, files):
         assert title in result.printed
     assert "times better" in result.printed.splitlines()[-2]
     assert sorted(file.name for file in result.folder.iterdir()) == [
-        "figures", "manifest.json", "report.html", "summary.json", "table.parquet",
+        "figures", "manifest.json", "report.html", "summary.json", "table.parquet", "trajectories",
     ]  # fmt: skip
     assert "compared with no slip compensation" in (result.folder / "report.html").read_text()
 
@@ -94,7 +94,7 @@ def test_the_table_has_what_the_summary_has(trackslip, files):
 
 
 def test_evo_finds_the_same_errors_in_the_trajectories(trackslip, files):
-    result = trackslip("evaluate", str(files / "two.parquet"), *OPTIONS, "--law", "none", "--tum")
+    result = trackslip("evaluate", str(files / "two.parquet"), *OPTIONS, "--law", "none")
     names = sorted(file.name for file in (result.folder / "trajectories").iterdir())
     assert names == [f"drive_{k}_{what}.tum" for k in (0, 1) for what in ("measured", "none")]
     for k, drive in enumerate(result.summary["drives"]["none"]):
@@ -120,15 +120,27 @@ def test_sensor_and_clock_are_those_of_the_identification_unless_given(trackslip
     known = json.loads((files.parent / folder / "summary.json").read_text())
     extras = known["drive"]["laws"][known["best"]]["extras"]
     result = trackslip("evaluate", log, "--law", folder, "--law", "none")
-    assert result.summary["sensor"] == {
-        "x": extras["sensor_x"], "y": extras["sensor_y"], "yaw": pytest.approx(extras["sensor_yaw"]),
-    }  # fmt: skip
-    assert result.summary["clock_offset"] == extras["clock_offset"] - extras["lag"]
-    assert f"identified with {known['best']}" in result.printed
+    for law in result.summary["laws"].values():
+        place = {"x": extras["sensor_x"], "y": extras["sensor_y"], "yaw": pytest.approx(extras["sensor_yaw"])}
+        assert law["sensor"] == place
+        assert law["clock_offset"] == extras["clock_offset"] - extras["lag"]
+    assert result.summary["geometry"] == known["geometry"]
+    assert "(as identified)" in result.printed
     given = trackslip("evaluate", log, "--law", folder, "--sensor", "0.1", "-0.2", "0.3", "--clock-offset", "0.05")
-    assert given.summary["sensor"] == {"x": 0.1, "y": -0.2, "yaw": 0.3}
-    assert given.summary["clock_offset"] == 0.05
+    (law,) = given.summary["laws"].values()
+    assert law["sensor"] == {"x": 0.1, "y": -0.2, "yaw": 0.3}
+    assert law["clock_offset"] == 0.05
     assert "0.100 m ahead of and -0.200 m left of the turning centre, turned by 17.19° (given)" in given.printed
+
+
+def test_each_law_has_the_sensor_that_it_was_identified_with(trackslip, files, folder):
+    known = json.loads((files.parent / folder / "summary.json").read_text())["drive"]["laws"]
+    laws = ("--law", f"{folder}:icr", "--law", f"{folder}:icr_radius", "--law", "none")
+    result = trackslip("evaluate", str(files / "two.parquet"), *laws)
+    places = {name: law["sensor"]["x"] for name, law in result.summary["laws"].items()}
+    assert places["icr"] == places["none"] == known["icr"]["extras"]["sensor_x"]
+    assert places["icr_radius"] == known["icr_radius"]["extras"]["sensor_x"] != places["icr"]
+    assert "icr, none: the poses' sensor sits" in result.printed
 
 
 def test_another_clock_is_noticed(trackslip, files):
@@ -142,7 +154,7 @@ def test_another_clock_is_noticed(trackslip, files):
 
 
 def test_positions_alone_are_enough(trackslip, files):
-    result = trackslip("evaluate", str(files / "blind.parquet"), "--law", str(files / "true.json"), "--tum")
+    result = trackslip("evaluate", str(files / "blind.parquet"), "--law", str(files / "true.json"))
     errors = result.summary["laws"]["icr_radius"]
     assert errors["aligned"]["position"]["largest"] < 1e-6
     assert errors["aligned"]["heading"] is errors["from_first"]["position"] is None
@@ -150,14 +162,6 @@ def test_positions_alone_are_enough(trackslip, files):
     assert errors["after_metres"]["5"]["heading_per_way"] is None
     assert "Heading error" not in result.printed
     assert (result.folder / "trajectories" / "drive_0_measured.tum").exists()
-
-
-def test_a_log_without_geometry_is_of_the_laws_robot(trackslip, files, folder):
-    """As `test_evaluation` shows, errors are small only if the geometry is right."""
-    result = trackslip("evaluate", str(files / "two.parquet"), "--law", folder)
-    assert result.summary["geometry"] == {"half_gauge": 0.168, "sprocket_radius": 0.06}
-    given = trackslip("evaluate", str(files / "two.parquet"), "--law", folder, *OPTIONS)
-    assert given.summary["laws"] == result.summary["laws"]
 
 
 def test_laws_of_one_name_are_told_apart_by_their_files(trackslip, files, folder):
@@ -181,7 +185,7 @@ def test_a_bag_is_evaluated_like_its_log(trackslip, files, tmp_path):
     write_parquet([log], tmp_path / "log.parquet")
     names = ("a", "b")
     bag = write_bag(tmp_path / "run", "mcap", in_order(joints_of(log, names), poses_of(log)))
-    options = ("--encoders", "/joint_states", "--left", "a", "--right", "b", "--poses", "/slam/pose", "--tum")
+    options = ("--encoders", "/joint_states", "--left", "a", "--right", "b", "--poses", "/slam/pose")
     of_bag, of_log = (
         trackslip("evaluate", str(path), "--law", str(files / "true.json"), "--law", "none", *more)
         for path, more in ((bag, options), (tmp_path / "log.parquet", ()))
@@ -216,6 +220,13 @@ def test_mistakes_are_told_in_a_line(refused, files, folder):
         assert message in refused("evaluate", *arguments), arguments
 
 
+def test_what_is_read_is_not_overwritten(refused, files, folder):
+    log = str(files / "two.parquet")
+    for path, out in ((log, folder), (folder, folder), (f"{folder}/runs.parquet", folder)):
+        message = refused("evaluate", path, "--law", folder, *OPTIONS, "--out", out)
+        assert message == f"out = {out!r}: must be another folder than those of the log and the laws"
+
+
 def test_steady_samples_are_refused(refused, tmp_path):
     rows = "".join(f"{5 + k},{5 - k},0.3,{-0.2 * k}\n" for k in range(-2, 3))
     (tmp_path / "samples.csv").write_text("omega_l,omega_r,v,w\n" + rows)
@@ -226,7 +237,7 @@ def test_steady_samples_are_refused(refused, tmp_path):
 def test_names_of_drives_become_names_of_files(trackslip, tmp_path):
     log = drive_log(6, 8.0, EXACT, STILL)
     write_parquet([replace(log, run=name) for name in ("../a b", "a_b", "é")], tmp_path / "log.parquet")
-    result = trackslip("evaluate", str(tmp_path / "log.parquet"), *OPTIONS, "--tum", "--out", str(tmp_path / "out"))
+    result = trackslip("evaluate", str(tmp_path / "log.parquet"), *OPTIONS, "--out", str(tmp_path / "out"))
     names = sorted(file.name for file in (result.folder / "trajectories").iterdir())
     expected = [f"{name}_{what}.tum" for name in ("a_b", "a_b_2", "drive") for what in ("measured", "none")]
     assert names == sorted(expected)

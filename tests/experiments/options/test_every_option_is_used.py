@@ -64,6 +64,7 @@ GROUND = {
 SIMULATION = REPEATABLE | EQUIPMENT | GROUND
 RUNS = SIMULATION | {"radii": "0.8 1.2", "speeds": "0.2 0.25", "localization": "line", "duration": "5"}
 GRID = RUNS | {"motion": "arc", "random-phase": ""}
+BAG = {"encoders": "/motors", "left": "x2", "right": "x1", "reversed": "both", "poses": "/slam/pose"}
 EXAMPLES = {
     "grid": (
         GRID | {"out": "a", "executor": "inline", "force": "", "bag": ""},
@@ -84,14 +85,15 @@ EXAMPLES = {
         | {"sensor": "0.01 0 0"},
         {"": "sweep", "where": "seed=0", "motion": "butterworth", "settle": "0.5", "method": "steady"}
         | {"estimate-sensor": ""},
+        {"": "run.mcap", "half-gauge": "0.168", "sprocket-radius": "0.06", "method": "drive"} | BAG,
     ),
     "evaluate": (
         {"": "drive.parquet", "law": "predicted", "half-gauge": "0.17", "sprocket-radius": "0.06", "gear": "2"}
-        | {"sensor": "0.1 0 0", "clock-offset": "0.1", "tum": "", "pdf": "", "out": "a"},
+        | {"sensor": "0.1 0 0", "clock-offset": "0.1", "no-tum": "", "pdf": "", "out": "a"},
         {"": "sweep", "where": "seed=0", "out": "b"},
-        {"": "run.mcap", "encoders": "/joint_states", "left": "a", "right": "b", "reversed": "left", "out": "c"}
-        | {"poses": "/slam/pose", "half-gauge": "0.17", "sprocket-radius": "0.06"},
+        {"": "run.mcap", "half-gauge": "0.17", "sprocket-radius": "0.06", "out": "c"} | BAG,
     ),
+    "bag": ({"": "run.mcap", "export": "a.csv", "overwrite": ""} | BAG,),
     "track": (
         SIMULATION
         | {"controller": "lqr", "compensation": "online", "preview": "0.075", "localization": "line", "out": "a"}
@@ -192,11 +194,12 @@ def workplace(tmp_path, monkeypatch, capsys):
     (tmp_path / "way.csv").write_text("x,y\n0.5,0\n0.8,0.1\n1.1,0.1\n")
     twists = [(0.2, 0.1 * k) for k in (1, -1, 2, -2, 3, 4)]
     rows = "".join(f"{2 * (v - 0.25 * w) / 0.07},{2 * (v + 0.25 * w) / 0.07},{v},{w}\n" for v, w in twists)
-    drive = wandered(duration=5.0)
-    write_parquet([drive], tmp_path / "drive.parquet")
-    write_bag(tmp_path / "run", "foxglove", in_order(joints_of(drive, ("a", "b")), poses_of(drive)))
     (tmp_path / "a.csv").write_text("to be overwritten")
     (tmp_path / "log.csv").write_text("omega_l,omega_r,v,w\n" + rows)
+    log = wandered(duration=6.0)
+    write_parquet([log], tmp_path / "drive.parquet")
+    joints = joints_of(dataclasses.replace(log, omega=-log.omega[:, ::-1]), names=("x1", "x2"), topic="/motors")
+    write_bag(tmp_path / "run", "foxglove", in_order(joints, poses_of(log)))
 
 
 def command_line(name, given):

@@ -14,7 +14,6 @@ from experiments.report.formats import MISSING
 from experiments.report.odometry import gain, render, tables
 from sim.wander.pose_source import PoseSource
 from trackslip.odometry.identified import LawInUse, no_slip
-from trackslip.odometry.mounting import Mounting
 from trackslip.slip.icr import ConstantIcr
 
 LAWS = [
@@ -25,8 +24,8 @@ LAWS = [
 MANIFEST = {"seed": 0, "config": {}}
 
 
-def found_on(*logs):
-    return evaluated(LAWS, logs, Mounting(), 0.0, lambda _: None)
+def found_on(*logs, clock_offset=0.0):
+    return evaluated(LAWS, logs, clock_offset=clock_offset)
 
 
 @pytest.fixture(scope="module")
@@ -73,19 +72,19 @@ def test_errors_over_the_way(found, blind):
 
 
 def test_the_page_says_what_was_found(found, blind):
-    page = render(found, ["a note"], "The sensor sits here.", MANIFEST, "trackslip evaluate x", "x")
+    page = render(found, ["a note"], ["The sensor sits here."], MANIFEST, "trackslip evaluate x", "x")
     for drawing in page.drawings:
         assert ET.fromstring(drawing.svg).tag.endswith("svg")
     for text in ("a note", "The sensor sits here.", "2 drives", "Heading error by way", gain(found), "icr"):
         assert text in page.html
-    without = render(blind, [], "", MANIFEST, "trackslip evaluate x", "x").html
+    without = render(blind, [], [], MANIFEST, "trackslip evaluate x", "x").html
     assert "without headings" in without
     assert "Heading error" not in without
 
 
 def test_a_drive_of_moments_has_a_page_without_stretches():
     short = found_on(drive_log(2, 0.5, EXACT, STILL))
-    page = render(short, [*short[0].errors.notes], "", MANIFEST, "trackslip evaluate x", "x")
+    page = render(short, [*short[0].errors.notes], [], MANIFEST, "trackslip evaluate x", "x")
     assert [drawing.name for drawing in page.drawings] == ["odometry_paths"]
     assert "no stretch of 1, 2, 5, 10 m" in page.html
     assert gain(short) == ""
@@ -110,6 +109,6 @@ def test_the_better_law_is_named(found):
 
 def test_clocks_that_agree_raise_no_doubt():
     logs = [drive_log(3, 20.0, EXACT, STILL)]
-    assert clock_doubt(found_on(*logs)[2:], logs, Mounting(), 0.0) == []
-    (line,) = clock_doubt(found_on(*logs)[2:], logs, Mounting(), 0.2)
+    assert clock_doubt(found_on(*logs)[2:], logs) == []
+    (line,) = clock_doubt(found_on(*logs, clock_offset=0.2)[2:], logs)
     assert line.endswith("ms ahead of the poses', not 200 ms: try --clock-offset 0.000")

@@ -27,7 +27,7 @@ from trackslip.slip.law_file import save_laws
 
 @pytest.fixture(scope="module")
 def found():
-    return identified_from(wandered())
+    return identified_from(wandered(duration=15.0))
 
 
 @pytest.fixture
