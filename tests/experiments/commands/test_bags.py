@@ -122,6 +122,24 @@ def test_wander(trackslip, motion, source, topic, kind):
     if source == "scanner":
         stamps = bag["/scan"][0]
         assert set(np.diff(stamps)) <= {49_999_999, 50_000_000, 50_000_001}
+        assert_plate_is_there(bag, log.truth)
+
+
+def assert_plate_is_there(bag, truth):
+    """All returns are on the outline of the plate where the robot is, within noise."""
+    start, end = (bag["/tf_static"][1][0].transforms[0].transform.translation, truth.pose[0])
+    assert np.hypot(start.x - end[0], start.y - end[1]) == pytest.approx(3.0)
+    true = bag["/ground_truth"]
+    for stamp, scan in list(zip(*bag["/scan"], strict=True))[::20]:
+        pose = true[1][np.searchsorted(true[0], stamp)].pose.pose
+        seen = np.isfinite(scan.ranges)
+        angle = np.pi / 2 + scan.angle_min + scan.angle_increment * np.flatnonzero(seen)
+        x = start.x + scan.ranges[seen] * np.cos(angle) - pose.position.x
+        y = start.y + scan.ranges[seen] * np.sin(angle) - pose.position.y
+        turned = (x + 1j * y) * np.exp(-2j * np.arctan2(pose.orientation.z, pose.orientation.w))
+        outside = np.maximum(np.abs(turned.real) - 0.3, np.abs(turned.imag) - 0.02)
+        assert seen.sum() > 20
+        assert np.abs(outside).max() < 5 * 0.005 + 0.02 * 0.3 * 2
 
 
 @pytest.mark.parametrize("command", [GRID, ("track",), ("wander",)])
