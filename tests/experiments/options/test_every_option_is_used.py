@@ -15,6 +15,7 @@ from bags import in_order, joints_of, poses_of, write_bag
 from wandered import wandered
 
 from experiments.cli import COMMANDS, main, parse
+from trackslip.logs.logfile import write_parquet
 
 GENERIC = ("dataclasses", "copy", "tyro", "experiments.options.checks", "experiments.storage", "experiments.sweep.plan")
 """Modules that copy, check or store all options, whatever they are; and functions that do:"""
@@ -66,7 +67,7 @@ GRID = RUNS | {"motion": "arc", "random-phase": ""}
 BAG = {"encoders": "/motors", "left": "x2", "right": "x1", "reversed": "both", "poses": "/slam/pose"}
 EXAMPLES = {
     "grid": (
-        GRID | {"out": "a", "executor": "inline", "force": ""},
+        GRID | {"out": "a", "executor": "inline", "force": "", "bag": ""},
         {"grounds": "ice", "friction-ratio": "1.1", "slope": "0.01", "seeds": "4", "vary": "duration=5,6"}
         | {"sweep": "sweep.toml", "speeds": "0.2", "jobs": "1", "no-resume": "", "out": "b"},
     ),
@@ -75,7 +76,7 @@ EXAMPLES = {
         | {name: value for name, value in EQUIPMENT.items() if not name.startswith(("scanner", "obstacles"))}
         | GROUND
         | {"driving": "eights", "drives": "2", "duration": "2", "max-speed": "0.25", "acceleration": "0.4"}
-        | {"encoder-rate": "25", "source": "mocap", "source.rate": "12", "out": "a"},
+        | {"encoder-rate": "25", "source": "mocap", "source.rate": "12", "out": "a", "bag": ""},
         {"motion": "law", "law.offset": "0.03", "law.radius-error": "0.01", "law.slip": "lasting"}
         | {"law.turning-centre": "0.02", "law.drift": "0.01", "law.lag": "0.1", "duration": "2"},
     ),
@@ -86,12 +87,18 @@ EXAMPLES = {
         | {"estimate-sensor": ""},
         {"": "run.mcap", "half-gauge": "0.168", "sprocket-radius": "0.06", "method": "drive"} | BAG,
     ),
+    "evaluate": (
+        {"": "drive.parquet", "law": "predicted", "half-gauge": "0.17", "sprocket-radius": "0.06", "gear": "2"}
+        | {"sensor": "0.1 0 0", "clock-offset": "0.1", "no-tum": "", "pdf": "", "out": "a"},
+        {"": "sweep", "where": "seed=0", "out": "b"},
+        {"": "run.mcap", "half-gauge": "0.17", "sprocket-radius": "0.06", "out": "c"} | BAG,
+    ),
     "bag": ({"": "run.mcap", "export": "a.csv", "overwrite": ""} | BAG,),
     "track": (
         SIMULATION
         | {"controller": "lqr", "compensation": "online", "preview": "0.075", "localization": "line", "out": "a"}
         | {"reference": "circle", "circle-radius": "1.1", "circle-speed": "0.2", "circle-duration": "4"}
-        | {"start": "0.1 0.2 0.3", "laws": "predicted"},
+        | {"start": "0.1 0.2 0.3", "laws": "predicted", "bag": ""},
     ),
     "benchmark": (
         EQUIPMENT
@@ -127,6 +134,7 @@ EXAMPLES = {
         {"grid": "", "grid-runs": "25", "grid-duration": "4", "thread-counts": "1"},
     ),
     "export": ({"": "sweep", "csv": "", "run": "radius=1.0\\ speed=0.1", "out": "a.csv", "overwrite": ""},),
+    "deploy": ({"": "predicted", "to": "c", "law": "icr_radius", "out": "a.csv", "overwrite": ""},),
     "view": ({"": "sweep", "run": "radius=1.0\\ speed=0.1", "save": "a.rrd"},),
 }
 """Command -> command lines that together give every option; an option without a value is a switch."""
@@ -189,6 +197,7 @@ def workplace(tmp_path, monkeypatch, capsys):
     (tmp_path / "a.csv").write_text("to be overwritten")
     (tmp_path / "log.csv").write_text("omega_l,omega_r,v,w\n" + rows)
     log = wandered(duration=6.0)
+    write_parquet([log], tmp_path / "drive.parquet")
     joints = joints_of(dataclasses.replace(log, omega=-log.omega[:, ::-1]), names=("x1", "x2"), topic="/motors")
     write_bag(tmp_path / "run", "foxglove", in_order(joints, poses_of(log)))
 
