@@ -18,6 +18,7 @@ from scanned import other_poses, write_session
 from wandered import wandered
 
 from experiments.cli import COMMANDS, main, parse
+from trackslip.logs.logfile import write_parquet
 
 GENERIC = ("dataclasses", "copy", "tyro", "experiments.options.checks", "experiments.storage", "experiments.sweep.plan")
 """Modules that copy, check or store all options, whatever they are; and functions that do:"""
@@ -101,6 +102,13 @@ EXAMPLES = {
         {"": "run.mcap", "export": "a.csv", "overwrite": ""} | BAG,
         {"": "scanned.mcap", "export": "b.csv"} | SCANNED,
     ),
+    "evaluate": (
+        {"": "drive.parquet", "law": "predicted", "half-gauge": "0.17", "sprocket-radius": "0.06", "gear": "2"}
+        | {"sensor": "0.1 0 0", "clock-offset": "0.1", "no-tum": "", "pdf": "", "out": "a"},
+        {"": "sweep", "where": "seed=0", "out": "b"},
+        {"": "run.mcap", "half-gauge": "0.17", "sprocket-radius": "0.06", "out": "c"} | BAG,
+        {"": "scanned.mcap", "half-gauge": "0.17", "sprocket-radius": "0.06", "out": "d"} | SCANNED,
+    ),
     "track": (
         SIMULATION
         | {"controller": "lqr", "compensation": "online", "preview": "0.075", "localization": "line", "out": "a"}
@@ -141,6 +149,7 @@ EXAMPLES = {
         {"grid": "", "grid-runs": "25", "grid-duration": "4", "thread-counts": "1"},
     ),
     "export": ({"": "sweep", "csv": "", "run": "radius=1.0\\ speed=0.1", "out": "a.csv", "overwrite": ""},),
+    "deploy": ({"": "predicted", "to": "c", "law": "icr_radius", "out": "a.csv", "overwrite": ""},),
     "view": ({"": "sweep", "run": "radius=1.0\\ speed=0.1", "save": "a.rrd"},),
 }
 """Command -> command lines that together give every option; an option without a value is a switch."""
@@ -203,6 +212,7 @@ def workplace(tmp_path, monkeypatch, capsys):
     (tmp_path / "a.csv").write_text("to be overwritten")
     (tmp_path / "log.csv").write_text("omega_l,omega_r,v,w\n" + rows)
     log = wandered(duration=6.0)
+    write_parquet([log], tmp_path / "drive.parquet")
     joints = joints_of(dataclasses.replace(log, omega=-log.omega[:, ::-1]), names=("x1", "x2"), topic="/motors")
     write_bag(tmp_path / "run", "foxglove", in_order(joints, poses_of(log)))
     driven = drive(teleoperated(np.random.default_rng(1), 15.0), beams=181)
