@@ -17,6 +17,7 @@ from experiments.options.bench import BenchConfig
 from experiments.options.benchmark import BenchmarkConfig
 from experiments.options.calibrate import CalibrateConfig
 from experiments.options.coverage import CoverageConfig
+from experiments.options.deploy import DeployConfig
 from experiments.options.evaluate import EvaluateConfig
 from experiments.options.export import ExportConfig
 from experiments.options.grid import SweepConfig
@@ -37,6 +38,7 @@ COMMANDS: dict[str, Any] = {
     "grid": SweepConfig,
     "wander": WanderConfig,
     "identify": IdentifyConfig,
+    "deploy": DeployConfig,
     "evaluate": EvaluateConfig,
     "bag": BagConfig,
     "track": TrackConfig,
@@ -76,6 +78,7 @@ COMMAND_EXAMPLES = (
     ("two minutes of teleoperation, poses as from SLAM", "trackslip wander"),
     ("ten drives with GNSS", "trackslip wander --drives 10 --source gnss --out out/gnss"),
     ("a late clock and a jump", "trackslip wander --source.delay 0.15 --source.jumps 1 --source.jump-size 0.5"),
+    ("a minute as a ROS 2 bag, with scans", "trackslip wander --duration 60 --source scanner --bag"),
     ("exactly by a law, to check an estimate", "trackslip wander --motion law --law.offset 0.04"),
     ("from a stored grid", "trackslip identify out/grid"),
     ("from a real robot's log", "trackslip identify log.csv --half-gauge 0.168 --sprocket-radius 0.06"),
@@ -83,6 +86,9 @@ COMMAND_EXAMPLES = (
     ("from some runs of a sweep", "trackslip identify out/grid --where ground=ice seed=0"),
     ("from a drive, with a sensor 0.3 m ahead", "trackslip identify out/wander --method drive --sensor 0.3 0 0"),
     ("as in the paper", "trackslip identify out/grid --motion paper --out out/identify-paper"),
+    ("parameters of diff_drive_controller", "trackslip deploy out/identify"),
+    ("a C header with another law", "trackslip deploy out/identify --to c --law exponential --out slip.h"),
+    ("the shipped robot's law in Python", "trackslip deploy --to python --out slip.py"),
     ("a law and no compensation", "trackslip evaluate out/wander --law out/identify --law none"),
     ("on a robot's log", "trackslip evaluate log.csv --law out/mine --law none"),
     ("of two laws, on a ROS bag", "trackslip evaluate run.mcap --law out/mine:icr --law out/mine:turn_loss"),

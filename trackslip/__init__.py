@@ -26,6 +26,7 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.controllers.pure_pursuit import PurePursuit as PurePursuit
     from trackslip.controllers.samson import Samson as Samson
     from trackslip.controllers.stanley import Stanley as Stanley
+    from trackslip.deploy.deploy import deploy_law as deploy_law
     from trackslip.errors import InvalidValueError as InvalidValueError
     from trackslip.errors import LogError as LogError
     from trackslip.errors import LogWarning as LogWarning
@@ -51,6 +52,7 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.odometry.uncertainty import SlipNoise as SlipNoise
     from trackslip.ros.any_log import load as load
     from trackslip.ros.choice import BagChoice as BagChoice
+    from trackslip.ros.writer import write_bag as write_bag
     from trackslip.slip.base import SlipLaw as SlipLaw
     from trackslip.slip.compensation import FixedLaw as FixedLaw
     from trackslip.slip.compensation import OnlineIcr as OnlineIcr
@@ -88,6 +90,7 @@ _NAMES = {
     "controllers.pure_pursuit": ("PurePursuit",),
     "controllers.samson": ("Samson",),
     "controllers.stanley": ("Stanley",),
+    "deploy.deploy": ("deploy_law",),
     "errors": ("InvalidValueError", "LogError", "LogWarning", "OutputError", "TrackslipError"),
     "identification.identify": ("identify",),
     "identification.result": ("Identification",),
@@ -104,6 +107,7 @@ _NAMES = {
     "odometry.uncertainty": ("LawErrors", "SlipNoise"),
     "ros.any_log": ("load",),
     "ros.choice": ("BagChoice",),
+    "ros.writer": ("write_bag",),
     "slip.base": ("SlipLaw",),
     "slip.compensation": ("FixedLaw", "OnlineIcr"),
     "slip.constant": ("Constant", "NoSlip"),
