@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from trackslip.identification.drive.drives import Drive
 from trackslip.identification.drive.fit import Fit, fit
 from trackslip.identification.drive.reckoning import rotated
 from trackslip.identification.drive.residuals import Nodes
