@@ -15,7 +15,7 @@ _THICKNESSES = (0.3, 0.5, 0.7, 1.4, 2.0, 3.0)  # likewise
 _SCANS = 150  # compared
 _HUBER = 3.0
 _ITERATIONS = 6
-_MIN_GAIN = 0.3  # fall of the negative log likelihood per scan that isn't chance
+_MIN_GAIN = 12.0  # fall of the negative log likelihood that isn't chance
 _MIN_RETURNS = 8
 
 
@@ -36,7 +36,7 @@ def fitting_size(scan: Scan, plate: Plate, pose: Array) -> Plate | None:
     sizes += [(plate.length, plate.thickness * factor) for factor in _THICKNESSES]
     others = [Plate(*size) for size in sizes if size[1] < size[0]]
     stated, *costs = (
-        PlateLikelihood(one, _HUBER).climb(beams, start, _ITERATIONS).cost.mean() for one in (plate, *others)
+        PlateLikelihood(one, _HUBER).climb(beams, start, _ITERATIONS).cost.sum() for one in (plate, *others)
     )
     best = int(np.argmin(costs))
     return others[best] if costs[best] < stated - _MIN_GAIN else None
