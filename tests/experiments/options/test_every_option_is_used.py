@@ -215,7 +215,7 @@ def workplace(tmp_path, monkeypatch, capsys):
     write_parquet([log], tmp_path / "drive.parquet")
     joints = joints_of(dataclasses.replace(log, omega=-log.omega[:, ::-1]), names=("x1", "x2"), topic="/motors")
     write_bag(tmp_path / "run", "foxglove", in_order(joints, poses_of(log)))
-    driven = drive(teleoperated(np.random.default_rng(1), 15.0), beams=181)
+    driven = drive(teleoperated(np.random.default_rng(1), 10.0, 8.0), beams=121)
     write_session(tmp_path / "scanned", "foxglove", driven, other_poses(driven))
 
 
