@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bags import JOINTS, joint_states, joints_of, stamp, write_bag
+from bags import JOINTS, in_order, joint_states, joints_of, stamp, write_bag
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -99,6 +99,15 @@ def test_joints_in_any_order_and_in_messages_of_their_own(tmp_path):
     turned = np.cumsum(found.omega[1:] * np.diff(found.stamp)[:, None] / 1e9, axis=0)
     last = np.array([np.interp((found.stamp[-1] - stamp(0.0)) / 1e9, LOG.time, side) for side in TURNED.T])
     np.testing.assert_allclose(turned[-1], last, atol=0.02)
+
+
+def test_an_arm_with_a_clock_ahead_costs_no_reading_of_the_wheels(tmp_path):
+    wheels = joints_of(LOG)
+    arm = [joint_states(stamp(t + 0.3), ["arm"], [0.0], late=-299_000_000) for t in LOG.time]
+    notes = []
+    found = read(tmp_path, in_order(wheels, arm), notes=notes)
+    np.testing.assert_allclose(found.omega[1:], LOG.omega[1:], atol=1e-11)
+    assert not notes
 
 
 def test_velocities_where_there_are_no_positions(tmp_path):
