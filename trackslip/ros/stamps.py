@@ -20,8 +20,7 @@ def seconds(stamp: np.ndarray, origin: int) -> np.ndarray:
 def stretches(topic: str, stamp: np.ndarray, arrival: np.ndarray, notes: list[str]) -> list[np.ndarray]:
     """Rows (n,) of a topic's messages by ascending stamp, for each stretch between restarts of the clock.
 
-    `topic`, `stamp`, `arrival` and `notes` are those of `clock_parts`. Raises LogError if most messages have no stamp, or are
-    out of order.
+    Arguments are those of `clock_parts`. Raises LogError if most messages have no stamp, or are out of order.
     """
     return [part[ascending(topic, stamp[part], notes)] for part in clock_parts(topic, stamp, arrival, notes)]
 
