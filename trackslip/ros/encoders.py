@@ -178,6 +178,10 @@ def _speeds(
             angle, leaps = angles.from_positions(time, values[known], joint.velocity[known])
             if leaps:
                 notes.append(f"topic {topic}: joint {name}: its position leaps {leaps} time(s): bridged")
+            ratio = angles.speed_ratio(time, angle, joint.velocity[known])
+            if np.isfinite(ratio) and not angles.LIKE[0] < ratio < angles.LIKE[1]:
+                line = f"its positions turn {ratio:.3g} times as fast as its velocities say: positions are taken"
+                notes.append(f"topic {topic}: joint {name}: {line}")
         else:
             angle = angles.from_velocities(time, values[known])
         turned[name] = at, angle

@@ -1,5 +1,7 @@
 """Sprocket speeds from joint states: wrapped or not, several wheels a side, any order, gaps, resets, velocities."""
 
+import re
+
 import numpy as np
 import pytest
 from bags import JOINTS, in_order, joint_states, joints_of, stamp, write_bag
@@ -125,6 +127,18 @@ def test_positions_that_are_not_measured_give_way_to_velocities(tmp_path, positi
     found = read(tmp_path, states(["left", "right"], positions, LOG.omega))
     middle = (LOG.omega[1:] + LOG.omega[:-1]) / 2
     np.testing.assert_allclose(found.omega[1:], middle, atol=1e-9)
+
+
+def test_positions_that_contradict_velocities_are_told(tmp_path):
+    """Positions in degrees, as a driver may state them."""
+    notes = []
+    found = read(tmp_path, states(["left", "right"], np.degrees(TURNED), LOG.omega), notes=notes)
+    np.testing.assert_allclose(found.omega[1:], np.degrees(LOG.omega[1:]), atol=1e-8)
+    for note, side in zip(notes, ("left", "right"), strict=True):
+        expected = (
+            rf"topic /joint_states: joint {side}: its positions turn 5[5-9]\.?\d* times as fast as its velocities say"
+        )
+        assert re.match(expected, note)
 
 
 def test_single_positions_that_are_missing_are_bridged(tmp_path):
