@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from experiments.measuring.error_table import write_error_table
-from experiments.measuring.odometry import Evaluated, clock_doubt, evaluated, summary_of
+from experiments.measuring.odometry import Evaluated, clock_doubt, evaluated, pose_doubts, summary_of
 from experiments.options.evaluate import EvaluateConfig
 from experiments.report.formats import for_terminal
 from experiments.report.odometry import HEADERS, TITLES, gain, render, sensing_lines, tables
@@ -54,7 +54,7 @@ def run(config: EvaluateConfig) -> None:
         found = evaluated(laws, source.logs, sensor, config.clock_offset, step)
         sensing = sensing_lines(found, config.sensor is not None, config.clock_offset is not None)
         notes = [*source.notes, *map(str, source.refused), *found[0].errors.notes, *_seen_before(config, specs)]
-        notes += clock_doubt(found, source.logs)
+        notes += clock_doubt(found, source.logs) or pose_doubts(found)
         wall = time.perf_counter() - began
         manifest = make_manifest("evaluate", config, wall, **origin(source.logs))
         summary = {

@@ -9,7 +9,10 @@ from trackslip.odometry.clock_check import better_clock_offset
 from trackslip.odometry.evaluation import OdometryErrors, odometry_errors
 from trackslip.odometry.identified import NO_SLIP, LawInUse
 from trackslip.odometry.mounting import Mounting
+from trackslip.odometry.pose_check import jumps
 from trackslip.odometry.slip_odometry import SlipOdometry
+
+_MANY = 0.005  # share of outlying poses that is told
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,20 @@ def clock_doubt(found: Sequence[Evaluated], logs: Sequence[RunLog]) -> list[str]
     return [f"the encoders' clock seems to be {told}: try --clock-offset {round(better, 3) + 0.0:.3f}"]
 
 
+def pose_doubts(found: Sequence[Evaluated]) -> list[str]:
+    """A line for each drive whose measured poses jump away and back, or lastingly, by the law that fits them best."""
+    best = min(found, key=_misfit)
+    doubts = []
+    for drive in best.errors.trajectories:
+        outlying, lasting = jumps(drive)
+        what = [f"{outlying} outlying pose(s)"] if outlying > _MANY * len(drive.time) else []
+        what += [f"{lasting} lasting jump(s) of the poses"] if lasting else []
+        if what:
+            told = f"run {drive.name!r}: {' and '.join(what)} count in all errors"
+            doubts.append(f"{told}; medians tell more of the law")
+    return doubts
+
+
 def summary_of(one: Evaluated) -> dict[str, Any]:
     """A law and its errors as content of a summary.json."""
     errors = one.errors
@@ -68,6 +85,12 @@ def summary_of(one: Evaluated) -> dict[str, Any]:
         "after_metres": {f"{length:g}": found for length, found in errors.after_metres.items()},
         "after_seconds": {f"{length:g}": found for length, found in errors.after_seconds.items()},
     }
+
+
+def _misfit(one: Evaluated) -> float:
+    """Median error of positions that are aligned [m]."""
+    position = one.errors.aligned.position
+    return float("inf") if position is None else position.median
 
 
 def _odometry(used: LawInUse) -> SlipOdometry:

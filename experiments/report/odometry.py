@@ -32,6 +32,8 @@ HEADERS = {
     "time_position": SECONDS_HEADER,
     "time_heading": SECONDS_HEADER,
 }
+_MOST = 1000  # ratio of errors that is told
+_LEAST = 0.01  # below which an error has three decimals
 Rows = list[tuple[str, ...]]
 
 
@@ -129,13 +131,13 @@ def _row(label: str, errors: Mapping[float, RelativeErrors], cell: Any) -> tuple
 
 def _way_position(errors: RelativeErrors) -> str:
     assert errors.position is not None
-    return pair([significant(100 * errors.position_per_way), number(errors.position.rms, 3)])
+    return pair([_small(100 * errors.position_per_way), number(errors.position.rms, 3)])
 
 
 def _way_heading(errors: RelativeErrors) -> str:
     if errors.heading is None:
         return MISSING
-    return pair([significant(degrees(errors.heading_per_way)), number(degrees(errors.heading.rms), 2)])
+    return pair([_small(degrees(errors.heading_per_way)), number(degrees(errors.heading.rms), 2)])
 
 
 def _time_position(errors: RelativeErrors) -> str:
@@ -150,4 +152,14 @@ def _time_heading(errors: RelativeErrors) -> str:
 
 
 def _ratio(what: str, without: float, with_law: float) -> str:
-    return f"{what} {significant(without / with_law)} times better" if with_law > 0 and np.isfinite(without) else ""
+    """How many times smaller the second error is; empty where it isn't known."""
+    if not np.isfinite([without, with_law]).all() or without == 0:
+        return ""
+    if with_law * _MOST < without:
+        return f"{what} more than {_MOST:,} times better"
+    return f"{what} {significant(without / with_law)} times better"
+
+
+def _small(value: float) -> str:
+    """Two significant digits, but no more than three decimals."""
+    return number(value, 3) if value < _LEAST else significant(value)

@@ -92,13 +92,13 @@ def absolute_errors(drive: Trajectory, aligned: bool) -> tuple[Array, Array]:
 
 def errors_after_metres(drive: Trajectory, length: float) -> Stretches:
     """Errors of the stretches, one from every start, that end after a way [m], or within a tenth of it."""
-    return _relative(drive, *stretches(drive.way, length, _TOLERANCE * length))
+    return errors_between(drive, *stretches(drive.way, length, _TOLERANCE * length))
 
 
 def errors_after_seconds(drive: Trajectory, length: float) -> Stretches:
     """Errors of the stretches, one from every start, that end after a time [s], or within half the usual interval."""
     usual = float(np.median(np.diff(drive.time))) if len(drive.time) > 1 else 0.0
-    return _relative(drive, *stretches(drive.time, length, min(_TOLERANCE * length, usual / 2 + _ROUNDING)))
+    return errors_between(drive, *stretches(drive.time, length, min(_TOLERANCE * length, usual / 2 + _ROUNDING)))
 
 
 def stretches(axis: Array, length: float, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
@@ -117,7 +117,7 @@ def stretches(axis: Array, length: float, tolerance: float) -> tuple[np.ndarray,
     return start[near], end[near]
 
 
-def _relative(drive: Trajectory, start: np.ndarray, end: np.ndarray) -> Stretches:
+def errors_between(drive: Trajectory, start: np.ndarray, end: np.ndarray) -> Stretches:
     """Errors of the stretches between poses `start` (n,) and `end` (n,), where the heading at the start is known."""
     known = np.isfinite(drive.heading[start])
     start, end = start[known], end[known]

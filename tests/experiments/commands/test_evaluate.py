@@ -153,6 +153,20 @@ def test_another_clock_is_noticed(trackslip, files):
     assert len(result.summary["warnings"]) == 1
 
 
+def test_poses_that_jump_are_told(trackslip, files, tmp_path):
+    log = drive_log(0, 30.0, EXACT, STILL)
+    measured = np.flatnonzero(log.is_valid)
+    outliers, jump = log.pose.copy(), log.pose.copy()
+    outliers[measured[20::40], :2] += 2.0
+    jump[measured[150] :, :2] += 2.0
+    write_parquet([replace(log, pose=outliers), replace(log, run="jump", pose=jump)], tmp_path / "log.parquet")
+    result = trackslip("evaluate", str(tmp_path / "log.parquet"), "--law", str(files / "true.json"), "--law", "none")
+    assert result.summary["warnings"][-2:] == [
+        f"run 'drive 0': {len(measured[20::40])} outlying pose(s) count in all errors; medians tell more of the law",
+        "run 'jump': 1 lasting jump(s) of the poses count in all errors; medians tell more of the law",
+    ]
+
+
 def test_positions_alone_are_enough(trackslip, files):
     result = trackslip("evaluate", str(files / "blind.parquet"), "--law", str(files / "true.json"))
     errors = result.summary["laws"]["icr_radius"]

@@ -1,6 +1,7 @@
 """The page of odometry's errors: what its figures show is what was found, and they draw without a warning."""
 
 import io
+import re
 import xml.etree.ElementTree as ET
 
 import numpy as np
@@ -82,7 +83,7 @@ def test_the_page_says_what_was_found(found, blind):
     assert "Heading error" not in without
 
 
-def test_a_drive_of_moments_has_a_page_without_stretches():
+def test_a_drive_of_moments_has_a_page_without_stretches(undrawn):
     short = found_on(drive_log(2, 0.5, EXACT, STILL))
     page = render(short, [*short[0].errors.notes], [], MANIFEST, "trackslip evaluate x", "x")
     assert [drawing.name for drawing in page.drawings] == ["odometry_paths"]
@@ -104,6 +105,8 @@ def test_tables_have_a_row_for_each_law(found):
 
 def test_the_better_law_is_named(found):
     assert gain(found).startswith("other:icr, after ")
+    assert gain(found).endswith("position more than 1,000 times better, heading more than 1,000 times better")
+    assert re.search(r"^icr, after .*: position [\d.]+ times better", gain(found[:2]))
     assert gain(found[:1]) == gain(found[1:2]) == ""
 
 

@@ -84,6 +84,11 @@ def test_laws_of_steady_stretches_have_their_own_errors(few_resamples):
     assert used.odometry(start=log.pose[0]).pose.shape == (3,)
 
 
+def test_laws_of_whole_drives_can_be_saved(found, tmp_path):
+    save_laws(tmp_path / "laws.json", found.laws, GEOMETRY)
+    assert identified_law(tmp_path / "laws.json", "icr_radius").law == found.laws["icr_radius"]
+
+
 def test_a_file_of_laws_knows_nothing_else(tmp_path):
     save_laws(tmp_path / "laws.json", {"icr_radius": ICR}, GEOMETRY)
     used = identified_law(tmp_path / "laws.json")
