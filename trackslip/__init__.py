@@ -26,6 +26,7 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.controllers.pure_pursuit import PurePursuit as PurePursuit
     from trackslip.controllers.samson import Samson as Samson
     from trackslip.controllers.stanley import Stanley as Stanley
+    from trackslip.deploy.deploy import deploy_law as deploy_law
     from trackslip.errors import InvalidValueError as InvalidValueError
     from trackslip.errors import LogError as LogError
     from trackslip.errors import LogWarning as LogWarning
@@ -41,6 +42,14 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.metrics import body_errors as body_errors
     from trackslip.metrics import expense as expense
     from trackslip.metrics import tracking_errors as tracking_errors
+    from trackslip.odometry.evaluation import OdometryErrors as OdometryErrors
+    from trackslip.odometry.evaluation import odometry_errors as odometry_errors
+    from trackslip.odometry.identified import identified_law as identified_law
+    from trackslip.odometry.mounting import Mounting as Mounting
+    from trackslip.odometry.slip_odometry import SlipOdometry as SlipOdometry
+    from trackslip.odometry.tum import write_tum as write_tum
+    from trackslip.odometry.uncertainty import LawErrors as LawErrors
+    from trackslip.odometry.uncertainty import SlipNoise as SlipNoise
     from trackslip.ros.any_log import load as load
     from trackslip.ros.choice import BagChoice as BagChoice
     from trackslip.ros.writer import write_bag as write_bag
@@ -81,6 +90,7 @@ _NAMES = {
     "controllers.pure_pursuit": ("PurePursuit",),
     "controllers.samson": ("Samson",),
     "controllers.stanley": ("Stanley",),
+    "deploy.deploy": ("deploy_law",),
     "errors": ("InvalidValueError", "LogError", "LogWarning", "OutputError", "TrackslipError"),
     "identification.identify": ("identify",),
     "identification.result": ("Identification",),
@@ -89,6 +99,12 @@ _NAMES = {
     "localization.plate": ("PlateLocator",),
     "logs.runlog": ("RunLog",),
     "metrics": ("TrackingErrors", "body_errors", "expense", "tracking_errors"),
+    "odometry.evaluation": ("OdometryErrors", "odometry_errors"),
+    "odometry.identified": ("identified_law",),
+    "odometry.mounting": ("Mounting",),
+    "odometry.slip_odometry": ("SlipOdometry",),
+    "odometry.tum": ("write_tum",),
+    "odometry.uncertainty": ("LawErrors", "SlipNoise"),
     "ros.any_log": ("load",),
     "ros.choice": ("BagChoice",),
     "ros.writer": ("write_bag",),

@@ -13,7 +13,7 @@ from trackslip.logs.logfile import write_csv, write_parquet
 from trackslip.logs.runlog import RunLog
 from trackslip.ros.bag import Bag, open_bags
 from trackslip.ros.choice import BagChoice
-from trackslip.ros.drive_log import logs_of_bags
+from trackslip.ros.drive_log import read_bags
 from trackslip.ros.overview import overview
 
 _HEADER = ("topic", "type", "messages", "rate [Hz]", "longest gap [s]", "use (*: taken)")
@@ -21,21 +21,24 @@ _HEADER = ("topic", "type", "messages", "rate [Hz]", "longest gap [s]", "use (*:
 
 def run(config: BagConfig) -> None:
     """Print the topics of each bag, or write the log."""
-    if config.export is not None and config.export.exists() and not config.overwrite:
-        raise OutputError(f"{config.export}: exists already; --overwrite replaces it")
     choice = config.bag.choice()
-    bags = open_bags(config.path)
-    for bag in bags:
-        _print(bag, choice)
-    if config.export is None:
+    if config.export is not None:
+        _export(config.path, choice, config.export, config.overwrite)
         return
-    read = logs_of_bags(bags, choice)
-    for line in read.warnings:
-        print(f"warning: {line}")
-    _write(read.runs, config.export)
-    rows = sum(len(log.time) for log in read.runs)
-    print(f"{config.export}: {len(read.runs)} run(s), {rows} rows")
-    print(f"trackslip identify {shlex.quote(str(config.export))} --half-gauge … --sprocket-radius …")
+    for bag in open_bags(config.path):
+        _print(bag, choice)
+
+
+def _export(path: Path, choice: BagChoice, file: Path, overwrite: bool) -> None:
+    """Write the log, and print what was taken."""
+    if file.exists() and not overwrite:
+        raise OutputError(f"{file}: exists already; --overwrite replaces it")
+    read = read_bags(path, choice)
+    _write(read.runs, file)
+    for line in (*read.taken, *(f"warning: {line}" for line in read.warnings)):
+        print(line)
+    print(f"{file}: {len(read.runs)} run(s), {sum(len(log.time) for log in read.runs)} rows")
+    print(f"trackslip identify {shlex.quote(str(file))} --half-gauge … --sprocket-radius …")
 
 
 def _print(bag: Bag, choice: BagChoice) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,11 +28,7 @@ def read_bags(path: Path, choice: BagChoice = AUTOMATIC) -> ReadRuns:
 
     Raises LogError if nothing can be read, TrackslipError without the package rosbags.
     """
-    return logs_of_bags(open_bags(path), choice)
-
-
-def logs_of_bags(bags: Sequence[Bag], choice: BagChoice = AUTOMATIC) -> ReadRuns:
-    """The drives in bags, like `read_bags`."""
+    bags = open_bags(path)
     names = [bag.name for bag in bags]
     runs: list[RunLog] = []
     refused: list[Refused] = []
