@@ -1,4 +1,4 @@
-"""Laws and the plate's place from scans of teleoperated drives, many times: the numbers on the page of identification."""
+"""Laws and the plate's place from scans of many teleoperated drives: the numbers on the page of identification."""
 
 import numpy as np
 import pytest
