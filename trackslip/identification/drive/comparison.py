@@ -108,7 +108,7 @@ def compare_drives(
     found = laws[best]
     clock = clock_profile(found.fit) if "clock_offset" in found.free else None
     return DriveComparison(
-        tuple(drives), laws, predictions, errors, scores, best, clock, (*warnings, *_doubts(laws, best))
+        tuple(drives), laws, predictions, errors, scores, best, clock, (*warnings, *_doubts(drives, laws, best))
     )
 
 
@@ -122,10 +122,12 @@ def _best(laws: Mapping[str, DriveFit], scores: Mapping[str, float]) -> str:
     return min(likely, key=lambda name: (len(laws[name].values), criterion[name]))
 
 
-def _doubts(laws: Mapping[str, DriveFit], best: str) -> list[str]:
+def _doubts(drives: Sequence[Drive], laws: Mapping[str, DriveFit], best: str) -> list[str]:
     """Warnings about the fits."""
     doubts = [f"law {name}: the fit did not converge" for name, law in laws.items() if not law.converged]
     law = laws[best]
+    if law.fit.nodes.whitening is None and any(drive.whitening is not None for drive in drives):
+        doubts.append("the covariances of the poses don't tell how they scatter: all poses count alike")
     if wild := unlike_sprockets(law.fit.noise):
         doubts.append(f"law {best}: {wild}")
     for name, reason in law.held.items():

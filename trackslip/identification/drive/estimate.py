@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -117,22 +117,42 @@ def prepare(drives: Sequence[RunLog] | Sequence[Drive]) -> list[Drive]:
 def _reference(
     drives: Sequence[Drive], geometry: RobotGeometry, sensor: Sensor | None, held: Mapping[str, float]
 ) -> DriveFit:
+    """The fit of REFERENCE, with the poses' covariances and with a lag if these make the poses likelier."""
+    found = _without_lag(drives, geometry, sensor, held)
+    if _likelier_alike(found.fit):
+        found = _without_lag([replace(drive, whitening=None) for drive in drives], geometry, sensor, held)
+    if "lag" in held or "clock_offset" not in found.free or not _may_lag(found.fit):
+        return found
+    first = found.fit
+    try:
+        values, nodes = _lagged(first), first.nodes
+        lagging = _fitted(first.model, nodes, first.states, values, first.noise, sensor, held, False, lagging=True)
+    except LogError:
+        return found
+    shown = "lag" in lagging.free and lagging.extras["lag"] > _CERTAIN * lagging.stderr["lag"]
+    return lagging if shown and lagging.deviance < found.deviance - _LIKELIER else found
+
+
+def _without_lag(
+    drives: Sequence[Drive], geometry: RobotGeometry, sensor: Sensor | None, held: Mapping[str, float]
+) -> DriveFit:
     model = DriveModel(FAMILIES[REFERENCE], geometry)
     offset, clock_offset = start(drives, geometry)
     require_units(drives, geometry)
     values: Array = np.zeros(len(model.names))
     values[model.index("offset")], values[model.index("clock_offset")] = offset, clock_offset
     states = np.concatenate([trajectory(drive, geometry, offset, clock_offset) for drive in drives])
-    found = _fitted(model, Nodes.of(drives), states, values, FIRST, sensor, held, gated=True, lagging=False)
-    if "lag" in held or "clock_offset" not in found.free or not _may_lag(found.fit):
-        return found
-    first = found.fit
-    try:
-        lagging = _fitted(model, first.nodes, first.states, _lagged(first), first.noise, sensor, held, False, True)
-    except LogError:
-        return found
-    shown = "lag" in lagging.free and lagging.extras["lag"] > _CERTAIN * lagging.stderr["lag"]
-    return lagging if shown and lagging.deviance < found.deviance - _LIKELIER else found
+    return _fitted(model, Nodes.of(drives), states, values, FIRST, sensor, held, gated=True, lagging=False)
+
+
+def _likelier_alike(found: Fit) -> bool:
+    """Whether the poses of a fit that uses their covariances are likelier if all are equally uncertain."""
+    if found.nodes.whitening is None:
+        return False
+    drives = tuple(replace(drive, whitening=None) for drive in found.nodes.drives)
+    nodes = replace(found.nodes, drives=drives, whitening=None)
+    alike = fit(found.model, nodes, found.states, found.values, found.noise, found.free, found.mean, gated=False)
+    return alike.deviance < found.deviance
 
 
 def _lagged(found: Fit) -> Array:

@@ -44,9 +44,12 @@ class Fit:
 
     @property
     def deviance(self) -> float:
-        """-2 log likelihood of the poses, but for a constant that all laws share that are fitted to the same nodes."""
+        """-2 log likelihood of the poses, but for a constant that all laws share that are fitted to the same poses."""
         poses, steps = weights(self.residuals, self.nodes, self.noise)
         logs = sum(float(np.log(part[part > 0]).sum()) for part in (poses, steps))
+        if (white := self.nodes.whitening) is not None:
+            sizes = np.stack([np.linalg.det(white[:, :2, :2]), white[:, 2, 2]], axis=-1)
+            logs += 2 * float((self.nodes.weight * np.log(sizes)).sum())
         determinant = 2 * float(np.log(self.solution.factor[0]).sum())
         return cost(self.residuals, self.nodes, self.noise) + determinant - logs
 

@@ -89,3 +89,16 @@ def test_equal_covariances_change_nothing():
     for name, value in plain.values.items():
         assert whitened.values[name] == pytest.approx(value, rel=1e-9)
         assert whitened.stderr[name] == pytest.approx(plain.stderr[name], rel=1e-9)
+
+
+def test_covariances_that_tell_nothing_are_not_used():
+    log = plate_log(0)
+    order = np.flatnonzero(log.is_valid)
+    shuffled = log.covariance.copy()
+    shuffled[order] = log.covariance[np.random.default_rng(3).permutation(order)]
+    plain, stated, wrong = (
+        fit_drives("icr_radius", [replace(log, covariance=one)], GEOMETRY) for one in (None, log.covariance, shuffled)
+    )
+    assert stated.deviance < plain.deviance - 100
+    assert wrong.fit.nodes.whitening is None
+    assert wrong.values == plain.values
