@@ -98,9 +98,8 @@ class RunRecorder:
         self.estimate(k, PoseEstimate(self._fleet.pose(), np.zeros((n, 3, 3)), np.ones(n, bool)))
 
     def scanned(self, ranges: Array) -> None:
-        """Keep the next complete scans (N, rows, B) [m], if the robot was loaded with contact sensors."""
-        if self._in_detail:
-            self._ranges.append(ranges.astype(np.float32))
+        """Keep the next complete scans (N, rows, B) [m]."""
+        self._ranges.append(ranges.astype(np.float32))
 
     def full_ranges(self, robot: int) -> Array:
         """All complete scans (T, B) of a robot [m]."""
@@ -148,7 +147,7 @@ class RunRecorder:
         for i in range(self._fleet.size):
             scans = None
             if empty is not None and plates is not None:
-                full = self.full_ranges(i) if self._in_detail else None
+                full = self.full_ranges(i) if feed is not None and feed.kept else None
                 scans = ScanLog(empty, self._fleet.robot.plate, plates[i], full)
             logs.append(self._log(i, Truth(*(values[:, i] for values in truths)), scans, failure))
         return logs

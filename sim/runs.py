@@ -133,7 +133,8 @@ class _Scans:
         feed, record, first = self._feed, self._record, self._located
         with self._watch.stage("scans"):
             ranges = feed.measure(np.stack(self._waiting, axis=1)).ranges  # (N, block, B)
-            record.scanned(ranges)
+            if feed.kept:
+                record.scanned(ranges)
         self._waiting.clear()
         self._located += ranges.shape[1]
         with self._watch.stage("localization"):
@@ -199,7 +200,7 @@ def closed_loop(
         pilot.compensation.reset(fleet.pose()[pilot.robots])
 
     def logs(failure: str | None = None) -> list[RunLog]:
-        if feed is None or locator is None or not fleet.robot.contact_sensors or not record.complete:
+        if feed is None or locator is None or not feed.kept or not record.complete:
             return record.logs(failure=failure)
         plates = []
         for robot in range(fleet.size):  # the part of its scans that belongs to its plate, at the estimated poses
@@ -220,7 +221,8 @@ def closed_loop(
             else:
                 predicted = tracker.predict(record.omega[k], period if k > 0 else 0.0)
                 scan = feed.measure(feed.true_ranges()[:, None, :])
-                record.scanned(scan.ranges)
+                if feed.kept:
+                    record.scanned(scan.ranges)
                 record.estimate(k, tracker.update(locator.locate(feed.scan(scan.ranges[:, 0]), predicted)))
             for pilot in pilots:
                 omega[pilot.robots] = _steer(pilot, record, k, reference, geometry, period)

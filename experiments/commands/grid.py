@@ -12,6 +12,7 @@ from experiments.parallel.executors import WorkersFailedError, processors, worke
 from experiments.recording import record_all
 from experiments.report.formats import stages_text
 from experiments.report.terminal import progress
+from experiments.storage.bags import bags_text, write_bags
 from experiments.storage.parts import Parts, resumable
 from experiments.storage.results import (
     RECORDINGS_FOLDER,
@@ -28,8 +29,9 @@ from experiments.sweep.summary import SweepSummary, Timing, grids_of, numbers_in
 from experiments.sweep.table import write_table
 from sim.stopwatch import Stopwatch
 from trackslip.errors import OutputError, TrackslipError
-from trackslip.logs.logfile import read_runs
+from trackslip.logs.logfile import StoredRuns, read_runs
 from trackslip.logs.runlog import RunLog
+from trackslip.ros.messages import require_rosbags
 
 PARTS = ".grid-parts"
 
@@ -40,6 +42,8 @@ def run(config: SweepConfig) -> None:
     timing = summary.timing
     print_out(config, summary)
     print(stages_text(timing.stages))
+    if config.bag:
+        print(bags_text(config.out, summary.bags))
     already = f", {timing.taken} of them taken from before" if timing.taken else ""
     driven = len(summary.runs) - len(summary.failures)
     print(f"{config.out / RUNS_FILE}: {driven} runs in {timing.wall_s:.1f} s{already}")
@@ -48,6 +52,8 @@ def run(config: SweepConfig) -> None:
 def drive_and_store(config: SweepConfig) -> SweepSummary:
     """Drive what isn't driven yet, and store everything."""
     began = time.perf_counter()
+    if config.bag:
+        require_rosbags()
     runs = plan(config)
     world = World.of(config)  # before its files can change
     parts = Parts(config.out, PARTS, is_row)
@@ -90,11 +96,17 @@ def _drive_and_gather(config: SweepConfig, runs: Sequence[Run], parts: Parts, fo
             record_all(folder, [*(read_runs(file) if file.exists() else ()), *unfinished])
         with arrow_errors(folder / TABLE_FILE):
             write_table(rows, list(runs[0].axes), folder / TABLE_FILE)
+    bags = {}
+    if config.bag and file.exists():
+        names = [row.run for row in rows if row.error is None]
+        run_file = StoredRuns(file)
+        with watch.stage("bags"), progress("bags", len(names), "bags") as done:
+            bags = write_bags(folder, names, map(run_file.log, names), done=done)
     in_full = numbers_in_full(config, runs, rows, lambda: read_runs(file), watch)
     made_by = {one.row["made_by"]: one.made_by for one in sorted(stored, key=lambda one: one.row["made_by"])}
     simulated = sum(one.setting.config.duration for one in missing)
     timing = Timing(simulated, driving, watch.stages, len(missing), len(runs) - len(missing), wall_s=0.0)
-    return SweepSummary(grids_of(runs, rows), warnings_of(rows), in_full, rows, made_by, timing)
+    return SweepSummary(grids_of(runs, rows), warnings_of(rows), in_full, rows, made_by, timing, bags)
 
 
 def _drive(

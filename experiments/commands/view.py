@@ -16,7 +16,8 @@ from pathlib import Path
 from time import monotonic, sleep
 
 from experiments.options.view import ViewConfig
-from experiments.recording import file_names, record, title
+from experiments.recording import record, title
+from experiments.storage.file_names import file_names
 from trackslip.errors import LogError, TrackslipError
 from trackslip.logs.logfile import read_log, runs_file
 from trackslip.logs.runlog import RunLog
@@ -45,7 +46,7 @@ def run(config: ViewConfig) -> None:
         print(f"{config.save}: {title(chosen)}; rerun {shlex.quote(str(config.save))}")
         return
     with tempfile.TemporaryDirectory(prefix="trackslip-view-") as folder:
-        file = Path(folder) / file_names([title(chosen)])[0]
+        file = Path(folder) / file_names([title(chosen)], ".rrd")[0]
         _open(file, config.web, begin=record(file, chosen, laws))
 
 

@@ -53,6 +53,7 @@ def drive_closed_loops(
     compensation: Callable[[str], Compensation],
     preview: float = 0.0,
     progress: Progress = lambda seconds: None,
+    kept: bool = False,
 ) -> list[RunLog]:
     """Drive all runs along one path, as one fleet.
 
@@ -64,6 +65,7 @@ def drive_closed_loops(
         compensation: makes a compensation from its name.
         preview: how far ahead of the present the controllers are evaluated [s].
         progress: called with the simulated seconds since the last call, counted once for the whole fleet.
+        kept: whether the logs have all ranges of the scans.
 
     Raises:
         TrackslipError: for an unknown controller or compensation; when a robot tips over or a controller fails.
@@ -77,7 +79,7 @@ def drive_closed_loops(
         for (name, law), robots in driven_by.items()
     ]
     fleet = world.fleet(np.array([run.start for run in runs]), [run.ground or world.ground for run in runs])
-    feed = world.feed(fleet, [generator(run.seed, run.key) for run in runs])
+    feed = world.feed(fleet, [generator(run.seed, run.key) for run in runs], kept)
     common = world.metadata(localization)
     descriptions = [Description(run.name, common | run.own_metadata()) for run in runs]
     method = None if localization == "truth" else locator(localization, world.robot)

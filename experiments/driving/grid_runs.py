@@ -67,11 +67,12 @@ def drive_cells(
     worlds: Sequence[World],
     progress: Progress = lambda seconds: None,
     watch: Stopwatch | None = None,
+    kept: bool = False,
 ) -> list[RunLog]:
     """Drive the cells as one fleet, each in its own world; the worlds may differ in ground, radius error and seed only.
 
     `progress` is called with the simulated seconds since the last call, counted once for the whole fleet; `watch`
-    accumulates the time spent in each stage.
+    accumulates the time spent in each stage; `kept` says whether the logs have all ranges of the scans.
 
     Raises:
         InvalidValueError: for a radius too small for the robot.
@@ -88,7 +89,7 @@ def drive_cells(
         start = np.array([on_circle(robot, c.radius, phase) for c, phase in zip(cells, phases, strict=True)])
     errors = np.array([w.radius_error for w in worlds])
     fleet = Fleet(robot, start, [w.ground for w in worlds], errors, config.drive, config.threads)
-    feed = world.feed(fleet, [generator(w.config.seed, f"grid {c.key}") for c, w in pairs])
+    feed = world.feed(fleet, [generator(w.config.seed, f"grid {c.key}") for c, w in pairs], kept)
     twist = np.array([(cell.speed, cell.speed / cell.radius) for cell in cells])
     omega = sprocket_speeds(twist, 0.0, robot.geometry)
     descriptions = [

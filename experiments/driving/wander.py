@@ -13,18 +13,22 @@ from experiments.options.wander import LawOptions, WanderConfig
 from experiments.storage.plain_json import plain
 from sim.run_recorder import Description
 from sim.runs import Progress
+from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 from sim.wander.commands import Driver, track_commands
 from sim.wander.fleet_motion import drive_fleet
 from sim.wander.law_motion import LASTING, WHITE, LawMotion, SlipVariation
 from sim.wander.log import encoder_log, joined_log, quantised
 from sim.wander.motion import Motion
+from sim.wander.plate_scans import plate_scans
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.icr import ConstantIcr
 
 SLIPS: Mapping[str, SlipVariation] = {"white": WHITE, "lasting": LASTING, "none": SlipVariation()}
 """Slip that varies, by name."""
+_POSE_MESSAGES = {"mocap": "PoseStamped", "odometry": "Odometry"}
+_ON_TIME = 1e-6  # of a period: difference of a reading's time from a multiple of it, by rounding
 
 
 def wander(config: WanderConfig, world: World, progress: Progress = lambda seconds: None) -> list[RunLog]:
@@ -52,6 +56,26 @@ def wander(config: WanderConfig, world: World, progress: Progress = lambda secon
         moved = [(log, Motion(log.time, log.pose)) for log in logs]
     source = config.source.poses()
     return [joined_log(log, *source.measure(motion, _random(config, log.run, "poses"))) for log, motion in moved]
+
+
+def bag_contents(config: WanderConfig, world: World, log: RunLog) -> dict[str, Any]:
+    """What a drive's bag has besides its log, as arguments of `write_bag`.
+
+    The encoders' readings are marked, and the poses come as messages of the kind that such a source publishes. With the
+    scanner as their source, there are scans by the poses' clock.
+    """
+    source, counted = config.source.poses(), log.time * config.encoder_rate
+    noise = np.array([source.position_noise, source.position_noise, source.heading_noise])
+    contents = {
+        "readings": np.abs(counted - np.rint(counted)) < _ON_TIME,
+        "poses": _POSE_MESSAGES.get(config.source.source, "PoseWithCovarianceStamped"),
+        "covariance": np.diag(noise**2),
+    }
+    if config.source.source == "scanner" and log.truth is not None:
+        scanner, robot, motion = LaserScanner(rate=source.rate), world.robot, Motion(log.time, log.truth.pose)
+        time, scan = plate_scans(scanner, robot.lrf_mount, robot.plate, motion, _random(config, log.run, "scans"))
+        contents["scans"] = time + source.delay, scan
+    return contents
 
 
 def law_motion(options: LawOptions, geometry: RobotGeometry) -> LawMotion:

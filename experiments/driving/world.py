@@ -74,9 +74,9 @@ class World(Specification):
         config = self.config
         return Fleet(self.robot, start, grounds or self.ground, self.radius_error, config.drive, config.threads)
 
-    def feed(self, fleet: Fleet, generators: Sequence[np.random.Generator]) -> ScannerFeed:
-        """The scanner in front of a fleet, with one random number generator per robot."""
-        return ScannerFeed(self.config.scanner, fleet, generators, self.obstacles)
+    def feed(self, fleet: Fleet, generators: Sequence[np.random.Generator], kept: bool = False) -> ScannerFeed:
+        """The scanner in front of a fleet, with one random number generator per robot; `kept`: see ScannerFeed."""
+        return ScannerFeed(self.config.scanner, fleet, generators, self.obstacles, kept)
 
     def metadata(self, localization: str) -> dict[str, Any]:
         """The metadata of every run simulated in this world."""

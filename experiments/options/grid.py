@@ -71,6 +71,8 @@ class SweepConfig(GridConfig):
     """Where the runs are driven: in worker processes, in this process, with MPI, or on a Dask cluster."""
     jobs: int = 0
     """Number of processes, 0 for one per processor."""
+    bag: bool = False
+    """Also write a ROS 2 bag of each run to OUT/bags."""
     resume: bool = True
     """Keep the runs that OUT already has; --no-resume drives all of them again."""
     force: bool = False

@@ -39,6 +39,8 @@ class TrackConfig(Simulation):
     """Start pose [m, m, rad]."""
     laws: Annotated[Path | None, default_is("the laws shipped with trackslip", "PATH")] = None
     """Identified laws: a summary.json, or a folder that contains one."""
+    bag: bool = False
+    """Also write a ROS 2 bag to OUT/bags."""
     out: Path = Path("out/track")
     """Folder for the results."""
 

@@ -133,6 +133,8 @@ class WanderConfig(Repeatable):
     ground: GroundOptions = field(default_factory=GroundOptions)
     rrd: bool = False
     """Also write recordings for the rerun viewer to OUT/recordings."""
+    bag: bool = False
+    """Also write a ROS 2 bag of each drive to OUT/bags, with scans from --source scanner."""
     out: Path = Path("out/wander")
     """Folder for the results."""
 

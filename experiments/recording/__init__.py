@@ -1,21 +1,18 @@
 """Record RunLogs for the rerun viewer. Importing this does not import rerun; recording does."""
 
-import itertools
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from experiments.storage.file_names import file_names
 from experiments.storage.results import RECORDINGS_FOLDER
 from trackslip.errors import OutputError
 from trackslip.logs.runlog import RunLog
-
-_MAX_NAME = 120  # characters of a file name
 
 
 def record_all(folder: Path, logs: Sequence[RunLog], compared: Mapping[str, Sequence[RunLog]] | None = None) -> None:
     """Record each run, and each of the groups `compared`, into RECORDINGS_FOLDER in `folder`."""
     groups = [*((log.run, [log]) for log in logs), *(compared or {}).items()]
-    for name, (_, group) in zip(file_names([name for name, _ in groups]), groups, strict=True):
+    for name, (_, group) in zip(file_names([name for name, _ in groups], ".rrd"), groups, strict=True):
         record(folder / RECORDINGS_FOLDER / name, group)
 
 
@@ -46,14 +43,3 @@ def record(file: Path, logs: Sequence[RunLog], laws: Path | None = None) -> floa
 def title(logs: Sequence[RunLog]) -> str:
     """The title of a recording."""
     return logs[0].run if len(logs) == 1 else f"{len(logs)} runs: {', '.join(log.run for log in logs)}"
-
-
-def file_names(names: Sequence[str]) -> list[str]:
-    """File names (n,) for runs, all different whatever the runs are called."""
-    found: list[str] = []
-    for name in names:
-        plain = re.sub(r"[^\w.=+-]+", "_", name).strip("._")[:_MAX_NAME] or "run"
-        taken = {other.lower() for other in found}
-        candidates = (f"{plain}.rrd" if k == 1 else f"{plain}_{k}.rrd" for k in itertools.count(1))
-        found.append(next(file for file in candidates if file.lower() not in taken))
-    return found

@@ -28,7 +28,8 @@ LEADERBOARD_FILE = "leaderboard.md"
 TABLE_FILE = "table.parquet"
 FIGURES_FOLDER = "figures"
 RECORDINGS_FOLDER = "recordings"
-FOLDERS = {FIGURES_FOLDER: (".svg", ".pdf"), RECORDINGS_FOLDER: (".rrd",)}
+BAGS_FOLDER = "bags"
+FOLDERS = {FIGURES_FOLDER: (".svg", ".pdf"), RECORDINGS_FOLDER: (".rrd",), BAGS_FOLDER: (".mcap", ".yaml")}
 """Folders among the results, and the suffixes of the files in them; everything else is a file."""
 
 _FILES = (SUMMARY_FILE, RUNS_FILE, REPORT_FILE, LEADERBOARD_FILE, TABLE_FILE)
@@ -124,7 +125,7 @@ def _require_own_folders(out: Path) -> None:
     for name, endings in FOLDERS.items():
         if (out / name).exists() and not (out / name).is_dir():
             raise OutputError(f"out = {str(out)!r}: {name} is a file there, and must be a folder or absent")
-        files = list((out / name).glob("*"))
+        files = [file for file in (out / name).rglob("*") if not file.is_dir()]
         if files and not ((out / MANIFEST_FILE).is_file() and all(file.suffix in endings for file in files)):
             why = "contains files that aren't part of results; move it away"
             raise OutputError(f"out = {str(out)!r}: {name} there {why}")

@@ -29,7 +29,8 @@ def drive(runs: Sequence[Run], threads: int = 1, report: Progress = lambda secon
 
     def drive_fleet(some: Sequence[Run]) -> list[RunLog]:
         worlds = [run.world(threads) for run in some]
-        return drive_cells([run.cell for run in some], worlds, lambda seconds: report(seconds * len(some)), watch)
+        cells, kept = [run.cell for run in some], some[0].setting.kept
+        return drive_cells(cells, worlds, lambda seconds: report(seconds * len(some)), watch, kept)
 
     rows, logs, unfinished = [], [], []
     for run, outcome in zip(runs, drive_isolating(runs, drive_fleet), strict=True):

@@ -36,6 +36,8 @@ class Setting:
     config: GridConfig
     """Its options, with all radii and speeds."""
     specification: Specification
+    kept: bool = False
+    """Whether the logs have all ranges of the scans."""
 
     @functools.cached_property
     def id(self) -> str:
@@ -129,7 +131,7 @@ def plan(config: SweepConfig) -> list[Run]:
             taken = dict(zip(axes, values, strict=True))
             shared = tuple(value for name, value in taken.items() if name not in _OF_A_RUN)
             if shared not in settings:
-                settings[shared] = _setting(base, taken, files)
+                settings[shared] = _setting(base, taken, files, config.bag)
             runs.append(_run(taken, usual, settings[shared]))
             planned(1)
     narrowest = min((one.specification.parameters for one in settings.values()), key=lambda one: one.half_gauge)
@@ -156,15 +158,16 @@ def _run(taken: Mapping[str, Any], usual: Mapping[str, Any], setting: Setting) -
     radius, speed, seed = taken["radius"], taken["speed"], taken.get("seed", setting.config.seed)
     unusual = [f"{name}={taken[name]}" for name, value in usual.items() if value != taken[name]]
     name = " ".join([Cell.at(radius, speed).name, *sorted(unusual)])
-    return Run(name, taken, seed, setting, digest([setting.id, (radius,), (speed,), seed, setting.config.rrd]))
+    recorded = setting.config.rrd, setting.kept
+    return Run(name, taken, seed, setting, digest([setting.id, (radius,), (speed,), seed, recorded]))
 
 
-def _setting(base: GridConfig, taken: Mapping[str, Any], files: WorldFiles) -> Setting:
+def _setting(base: GridConfig, taken: Mapping[str, Any], files: WorldFiles, kept: bool) -> Setting:
     config = base
     for name, value in taken.items():
         if name not in (*_OF_A_RUN, "friction_ratio") and not name.startswith("robot."):
             config = with_option(config, ALIASES.get(name, name), value)
-    return Setting(config, _specification(config, taken, files))
+    return Setting(config, _specification(config, taken, files), kept)
 
 
 def _specification(config: GridConfig, taken: Mapping[str, Any], files: WorldFiles) -> Specification:

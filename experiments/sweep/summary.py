@@ -78,6 +78,8 @@ class SweepSummary:
     made_by: Mapping[str, Any]
     """Code, models and libraries that drove the runs, by their digest."""
     timing: Timing
+    bags: Mapping[str, str]
+    """Places of the runs' bags in the folder, by the names of the runs."""
 
     @property
     def failures(self) -> list[RunRow]:
@@ -93,6 +95,7 @@ class SweepSummary:
             "runs": [row.to_json() for row in self.runs],
             "made_by": self.made_by,
             "failures": [{"run": row.run, "error": row.error} for row in self.failures],
+            **({"bags": self.bags} if self.bags else {}),
             "timing": self.timing,
         }
         return plain(content)

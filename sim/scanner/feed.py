@@ -29,6 +29,7 @@ class ScannerFeed:
         fleet: Fleet,
         generators: Sequence[np.random.Generator] | int = 0,
         obstacles: Obstacles | None = None,
+        kept: bool = False,
     ) -> None:
         """Set up the scanner.
 
@@ -37,6 +38,8 @@ class ScannerFeed:
             fleet: N robots.
             generators: one per robot, so that its noise doesn't depend on what else is simulated; or the seed of them.
             obstacles: in the field, the same for all robots; by default there are none.
+            kept: whether logs have all ranges, also those that aren't the plate's; always for robots with contact
+                sensors.
 
         Raises:
             InvalidValueError: for a wrong number of generators, and an obstacle on the scanner.
@@ -49,6 +52,8 @@ class ScannerFeed:
         robot = fleet.robot
         x, y, self._heading = robot.lrf_mount
         self._origin = np.array([x, y, robot.lrf_height])
+        self.kept = kept or robot.contact_sensors
+        """Whether logs have all ranges."""
         self.period = scanner.period
         """Time between scans [s]."""
         self.bearings = scanner.bearings

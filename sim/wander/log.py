@@ -42,10 +42,14 @@ def joined_log(encoders: RunLog, stamps: Array, poses: Array) -> RunLog:
 
 
 def encoder_log(run: str, rate: float, omega: Array, motion: Motion, twist: Array, metadata: dict[str, Any]) -> RunLog:
-    """The readings of encoders, sprocket speeds `omega` (T, 2) [rad/s] at `rate` [Hz], with the truth as poses."""
+    """The readings of encoders, sprocket speeds `omega` (T, 2) [rad/s] at `rate` [Hz], with the truth as poses.
+
+    Each speed is commanded in the row before.
+    """
     time = np.arange(len(omega)) / rate
     pose = motion.at(time)
-    return RunLog(run, time, omega, pose, truth=Truth(pose, twist), metadata=metadata)
+    command = np.concatenate([omega[1:], omega[-1:]])
+    return RunLog(run, time, omega, pose, command, truth=Truth(pose, twist), metadata=metadata)
 
 
 def quantised(log: RunLog, counts: int) -> RunLog:

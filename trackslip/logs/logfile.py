@@ -167,6 +167,12 @@ class StoredRuns:
             raise LogError(f"{self._path}: it has no run {name!r}")
         return dict(self._metadata[name])
 
+    def log(self, name: str) -> RunLog:
+        """A run; raises LogError if it cannot be read."""
+        about = file_metadata(self.schema, {name: self.metadata(name)})
+        (log,) = runs_from_table(self.table(name, name).replace_schema_metadata(about), str(self._path)).runs
+        return log
+
     def table(self, name: str, new: str) -> pa.Table:
         """The rows of a run under a new name."""
         try:

@@ -63,7 +63,7 @@ RUNS = SIMULATION | {"radii": "0.8 1.2", "speeds": "0.2 0.25", "localization": "
 GRID = RUNS | {"motion": "arc", "random-phase": ""}
 EXAMPLES = {
     "grid": (
-        GRID | {"out": "a", "executor": "inline", "force": ""},
+        GRID | {"out": "a", "executor": "inline", "force": "", "bag": ""},
         {"grounds": "ice", "friction-ratio": "1.1", "slope": "0.01", "seeds": "4", "vary": "duration=5,6"}
         | {"sweep": "sweep.toml", "speeds": "0.2", "jobs": "1", "no-resume": "", "out": "b"},
     ),
@@ -72,7 +72,7 @@ EXAMPLES = {
         | {name: value for name, value in EQUIPMENT.items() if not name.startswith(("scanner", "obstacles"))}
         | GROUND
         | {"driving": "eights", "drives": "2", "duration": "2", "max-speed": "0.25", "acceleration": "0.4"}
-        | {"encoder-rate": "25", "source": "mocap", "source.rate": "12", "out": "a"},
+        | {"encoder-rate": "25", "source": "mocap", "source.rate": "12", "out": "a", "bag": ""},
         {"motion": "law", "law.offset": "0.03", "law.radius-error": "0.01", "law.slip": "lasting"}
         | {"law.turning-centre": "0.02", "law.drift": "0.01", "law.lag": "0.1", "duration": "2"},
     ),
@@ -86,7 +86,7 @@ EXAMPLES = {
         SIMULATION
         | {"controller": "lqr", "compensation": "online", "preview": "0.075", "localization": "line", "out": "a"}
         | {"reference": "circle", "circle-radius": "1.1", "circle-speed": "0.2", "circle-duration": "4"}
-        | {"start": "0.1 0.2 0.3", "laws": "predicted"},
+        | {"start": "0.1 0.2 0.3", "laws": "predicted", "bag": ""},
     ),
     "benchmark": (
         EQUIPMENT

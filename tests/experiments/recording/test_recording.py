@@ -183,16 +183,6 @@ def test_recordings_are_replaced_whole(driven, trackslip):
     assert not (without.folder / "recordings").exists()
 
 
-def test_file_names():
-    assert recording.file_names(["radius=0.5 speed=0.1", "a/b", "a b", "..", "x" * 300]) == [
-        "radius=0.5_speed=0.1.rrd",
-        "a_b.rrd",
-        "a_b_2.rrd",
-        "run.rrd",
-        "x" * 120 + ".rrd",
-    ]
-
-
 def test_driving_without_a_recording_needs_no_rerun():
     code = "import sys, experiments.commands.track, experiments.commands.view; sys.exit('rerun' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
