@@ -20,6 +20,7 @@ from experiments.options.export import ExportConfig
 from experiments.options.grid import SweepConfig
 from experiments.options.help import HelpBuffer, wrapped
 from experiments.options.identify import IdentifyConfig
+from experiments.options.plan import PlanConfig
 from experiments.options.predict import PredictConfig
 from experiments.options.reproduce import ReproduceConfig
 from experiments.options.sensitivity import SensitivityConfig
@@ -35,6 +36,7 @@ COMMANDS: dict[str, Any] = {
     "grid": SweepConfig,
     "wander": WanderConfig,
     "identify": IdentifyConfig,
+    "plan": PlanConfig,
     "track": TrackConfig,
     "benchmark": BenchmarkConfig,
     "train": TrainConfig,
@@ -78,6 +80,10 @@ COMMAND_EXAMPLES = (
     ("from some runs of a sweep", "trackslip identify out/grid --where ground=ice seed=0"),
     ("from a drive, with a sensor 0.3 m ahead", "trackslip identify out/wander --method drive --sensor 0.3 0 0"),
     ("as in the paper", "trackslip identify out/grid --motion paper --out out/identify-paper"),
+    ("the best minute in 3 x 3 m", "trackslip plan --half-gauge 0.168 --sprocket-radius 0.06"),
+    ("outdoors, with GNSS", "trackslip plan --half-gauge 0.3 --sprocket-radius 0.1 --area 12x8 --poses gnss"),
+    ("where the law is least known", "trackslip plan --after out/identify --duration 30"),
+    ("tried a hundred times", "trackslip plan --after out/identify --drive --repeats 100"),
     ("the paper's path and controller", "trackslip track"),
     ("without slip compensation", "trackslip track --compensation none --out out/track-none"),
     ("with online identification", "trackslip track --controller lqr --compensation online --reference slalom"),

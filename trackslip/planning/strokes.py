@@ -11,6 +11,9 @@ from trackslip.planning.limits import DriveLimits
 
 RATE = 50.0
 """Commands per second; strokes take multiples of its period [Hz]."""
+TURNING = 0.65
+"""Largest yaw rate, as a share of the fastest spin's [-]: the ICRs of real tracks move outwards with the yaw rate, so
+that faster spins would tell the law of another kind of driving than usual."""
 _LEAST = 1e-9  # way of a stroke that counts [m]
 
 
@@ -60,13 +63,15 @@ class Strokes:
 def durations(way: Array, limits: DriveLimits) -> Array:
     """Shortest times (n,), in whole periods, of strokes with ways (n, 2) of the belts [m], from rest to rest [s]."""
     length = np.abs(way).max(axis=1)
-    v, a = limits.max_speed, limits.acceleration
+    turn = np.abs(way[:, 1] - way[:, 0])
+    v = limits.max_speed * np.minimum(1.0, 2 * TURNING * np.maximum(length, _LEAST) / np.maximum(turn, _LEAST))
+    a = limits.acceleration
     shortest = np.where(length >= v**2 / a, length / v + v / a, 2 * np.sqrt(length / a))
     return np.asarray(np.ceil(shortest * RATE - 1e-9) / RATE)
 
 
-def longest_way(duration: float, limits: DriveLimits) -> float:
-    """Way of the faster belt in a stroke of this duration, rounded down to periods [m]."""
+def longest_spin(duration: float, limits: DriveLimits) -> float:
+    """Way of either belt in a spin of this duration, rounded down to periods [m]."""
     whole = np.floor(max(duration, 0.0) * RATE + 1e-9) / RATE
-    v, a = limits.max_speed, limits.acceleration
+    v, a = TURNING * limits.max_speed, limits.acceleration
     return float(v * (whole - v / a) if whole >= 2 * v / a else a * whole**2 / 4)

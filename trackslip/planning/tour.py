@@ -14,7 +14,7 @@ import numpy as np
 from trackslip.kinematics import SIDES, Array, wrap_angle
 from trackslip.planning.limits import DriveLimits, Knowledge
 from trackslip.planning.place import Places, places
-from trackslip.planning.strokes import Strokes, durations, longest_way
+from trackslip.planning.strokes import Strokes, durations, longest_spin
 
 PLACES = np.array([(x, y) for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0)])
 """Places (9, 2) in halves of the area's length and width."""
@@ -95,7 +95,7 @@ def _timed(legs: Array, tour: Tour, limits: DriveLimits) -> Strokes:
     times = durations(legs.reshape(-1, 2), limits).reshape(-1, 2).sum(axis=1)
     count = int(np.searchsorted(np.cumsum(times), for_legs + 1e-9))
     each = (limits.duration - times[:count].sum()) / (2 * tour.pairs)
-    spin = longest_way(each, limits) * np.outer([1.0, -1.0], SIDES)
+    spin = longest_spin(each, limits) * np.outer([1.0, -1.0], SIDES)
     after = np.linspace(0, count, tour.pairs + 1).astype(int)[1:]
     parts = np.split(legs[:count].reshape(-1, 2), 2 * after[:-1])
     turned = [(1 - 2 * (k % 2)) * spin for k in range(tour.pairs)]
