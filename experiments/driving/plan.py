@@ -104,9 +104,7 @@ def driven_in_mujoco(plan: DrivePlan, seed: int, threads: int, progress: Progres
     planned = drive("plan", [plan.speeds])[0]
     motion = Motion(planned.motion.time, placed(planned.motion.pose, plan.start))
     log = replace(planned.log, pose=motion.pose)
-    return SimulatedDrives(
-        Driven(log, motion), drive("circle", circles) if circles else [], drive("other", others)
-    )
+    return SimulatedDrives(Driven(log, motion), drive("circle", circles) if circles else [], drive("other", others))
 
 
 def placed(pose: Array, start: Array) -> Array:
@@ -125,9 +123,7 @@ def _readings(omega: Array) -> Array:
     return np.concatenate([omega[:1], omega[:-1]])
 
 
-def _driven(
-    name: str, omega: Array, rate: float, motion: LawMotion, start: Array, rng: np.random.Generator
-) -> Driven:
+def _driven(name: str, omega: Array, rate: float, motion: LawMotion, start: Array, rng: np.random.Generator) -> Driven:
     moved, twist = motion.drive(omega, rate, rng)
     real = Motion(moved.time, placed(moved.pose, start))
     log = encoder_log(name, rate, omega, real, twist, {"geometry": plain(motion.geometry)})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -163,6 +164,7 @@ class Trials:
             found[name] = rms(np.array(values) - centre) if values else np.nan
         return found
 
+    @cached_property
     def predicted(self) -> dict[str, dict[str, float]]:
         """Standard errors expected from each, without what was known before; empty where nothing is."""
         paper = expected_of_paper(self.plan)
@@ -198,7 +200,7 @@ class Trials:
         return found
 
     def _statistics(self, case: str) -> list[Check]:
-        real, predicted = self.errors(PLAN), self.predicted()[PLAN]
+        real, predicted = self.errors(PLAN), self.predicted[PLAN]
         return [
             Check(case, f"real over predicted error of {name}", error / predicted[name], _AGREEMENT, "1")
             for name, error in real.items()
@@ -211,8 +213,10 @@ class Trials:
         return {
             "repeats": len(self.outcomes),
             "motion": "mujoco" if self.simulated else "law",
-            "truth": None if self.simulated else dict(zip(family(self.plan.law).names, self.truth.tolist(), strict=True)),
-            "predicted": self.predicted(),
+            "truth": None
+            if self.simulated
+            else dict(zip(family(self.plan.law).names, self.truth.tolist(), strict=True)),
+            "predicted": self.predicted,
             "real": {source: self.errors(source) for source in sources},
             "mean": {source: self._means(source) for source in sources},
             "ahead": {source: self.ahead(source) for source in sources},

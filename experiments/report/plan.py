@@ -36,7 +36,7 @@ def expected_rows(plan: DrivePlan, paper: Expectation | None) -> list[tuple[str,
 
 def tried_rows(trials: Trials) -> list[tuple[str, ...]]:
     """A row per parameter under TRIED_HEADER: standard errors expected, and root mean square errors."""
-    predicted = trials.predicted()
+    predicted = trials.predicted
     real = {source: trials.errors(source) for source in (PLAN, PAPER)}
     rows = []
     for name in trials.plan.sizes:

@@ -94,26 +94,26 @@ def expected(
     if "offset_left" in model.names:
         held.add("sensor_y")  # can't be told from unequal ICRs
     names = [name for name in model.names if name not in held]
-    information = _information(model, values, drives, poses, slip, names)
+    matrix = information(model, values, drives, poses, slip, names)
     if known is not None:
         at = [names.index(name) for name in known.names]
-        information[np.ix_(at, at)] += np.linalg.inv(known.covariance)
+        matrix[np.ix_(at, at)] += np.linalg.inv(known.covariance)
     while True:
         free = [model.index(name) for name in names]
         prior = np.diag(1 / model.prior[free] ** 2)
-        found = vaguest(names, information - prior, model.limits[2][free])
+        found = vaguest(names, matrix - prior, model.limits[2][free])
         if found is None:
             break
         kept = np.array([name != found[0] for name in names])
         names = [name for name in names if name != found[0]]
-        information = information[np.ix_(kept, kept)]
-    errors = np.sqrt(np.diag(np.linalg.inv(information)))
+        matrix = matrix[np.ix_(kept, kept)]
+    errors = np.sqrt(np.diag(np.linalg.inv(matrix)))
     return Expectation(
         dict(zip(names, errors.tolist(), strict=True)), tuple(name for name in model.names if name not in names)
     )
 
 
-def _information(
+def information(
     model: DriveModel,
     values: Array,
     drives: Sequence[Drive],

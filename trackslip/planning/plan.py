@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -32,8 +32,8 @@ PLANNED_LAWS = tuple(name for name in DRIVE_LAWS if family(name).names)
 """Laws that a drive can be planned for."""
 PAPER_DURATION = 30.0
 """Of each of the paper's runs [s]."""
-_EVALUATIONS = 600  # of tours
-_FEWEST = 150
+_EVALUATIONS = 400  # of tours
+_FEWEST = 100
 _LONG = 120.0  # duration beyond which fewer tours are tried [s]
 _THINNED = 10.0  # poses per second that a search reckons with, at most [Hz]
 
@@ -145,7 +145,9 @@ def plan_drive(
     found = drawn(tour, limits, knowledge)
     if found is None or not np.isfinite(least):
         if not fits:
-            raise InvalidValueError("area", limits.area_text, "larger, to drive there by any law that the robot may have")
+            raise InvalidValueError(
+                "area", limits.area_text, "larger, to drive there by any law that the robot may have"
+            )
         why = f"longer, for a drive within the limits to determine the law {law}"
         raise InvalidValueError("duration", limits.duration, why)
     return DrivePlan(
@@ -228,9 +230,3 @@ def expected_alone(plan: DrivePlan) -> Expectation:
     model = DriveModel(family(plan.law), geometry)
     drive = drive_to_measure(plan.strokes.speeds(plan.limits.duration), RATE, plan.poses, geometry.sprocket_radius)
     return expected(model, with_extras(plan.values), [drive], plan.poses, plan.knowledge.slip)
-
-
-def with_poses(plan: DrivePlan, poses: PoseQuality) -> DrivePlan:
-    """The same drive, measured with other poses."""
-    changed = replace(plan, poses=poses, known=None)
-    return replace(changed, expectation=expected_alone(replace(changed, known=None)))
