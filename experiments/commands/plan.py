@@ -124,8 +124,11 @@ def _geometry(config: PlanConfig, before: Before | None) -> RobotGeometry:
 def _knowledge(config: PlanConfig, geometry: RobotGeometry, before: Before | None) -> Knowledge:
     """What is known of the robot, with what the options say."""
     knowledge = first_knowledge(geometry) if before is None else before.knowledge
-    given = {"offset": config.offset, "reach_doubt": config.doubt}
-    return replace(knowledge, **{name: value for name, value in given.items() if value is not None})
+    return replace(
+        knowledge,
+        offset=knowledge.offset if config.offset is None else config.offset,
+        reach_doubt=knowledge.reach_doubt if config.doubt is None else config.doubt,
+    )
 
 
 def _tried(config: PlanConfig, plan: DrivePlan) -> Trials:

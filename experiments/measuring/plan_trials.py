@@ -1,4 +1,4 @@
-"""Planned drives tried: what is identified from them and from the paper's runs, against the truth and the prediction."""
+"""Planned drives tried: what is identified from them and from the paper's runs, beside truth and prediction."""
 
 from __future__ import annotations
 
@@ -213,9 +213,7 @@ class Trials:
         return {
             "repeats": len(self.outcomes),
             "motion": "mujoco" if self.simulated else "law",
-            "truth": None
-            if self.simulated
-            else dict(zip(family(self.plan.law).names, self.truth.tolist(), strict=True)),
+            "truth": None if self.simulated else self._named(self.truth),
             "predicted": self.predicted,
             "real": {source: self.errors(source) for source in sources},
             "mean": {source: self._means(source) for source in sources},
@@ -224,6 +222,9 @@ class Trials:
             "failures": self.failures,
             "checks": [check.to_json() for check in self.checks()],
         }
+
+    def _named(self, values: Array) -> dict[str, float]:
+        return dict(zip(family(self.plan.law).names, values.tolist(), strict=True))
 
     def _means(self, source: str) -> dict[str, float]:
         values = [one.values[source] for one in self.outcomes if source in one.values]

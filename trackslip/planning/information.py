@@ -63,8 +63,7 @@ class Known:
 
 def drive_to_measure(speeds: Array, rate: float, poses: PoseQuality, radius: float, merge: int = 1) -> Drive:
     """A drive with belt speeds (T, 2) [m/s] in periods of 1 / `rate` [s], `merge` of them taken together."""
-    edges = np.arange(len(speeds) + 1) / rate
-    edges, omega = merged(edges, speeds / radius, -(-len(speeds) // merge))
+    edges, omega = merged(np.arange(len(speeds) + 1) / rate, speeds / radius, -(-len(speeds) // merge))
     time = np.arange(0.5 / poses.rate, edges[-1], 1 / poses.rate)
     pose = np.zeros((len(time), 3))
     if poses.heading is None:

@@ -95,7 +95,7 @@ def plan_drive(
     poses: PoseQuality,
     law: str = "icr_radius",
     knowledge: Knowledge | None = None,
-    values: Sequence[float] | None = None,
+    values: Sequence[float] | Array | None = None,
     known: Known | None = None,
     seed: int = 0,
     step: Callable[[float], None] = lambda _: None,
@@ -145,9 +145,8 @@ def plan_drive(
     found = drawn(tour, limits, knowledge)
     if found is None or not np.isfinite(least):
         if not fits:
-            raise InvalidValueError(
-                "area", limits.area_text, "larger, to drive there by any law that the robot may have"
-            )
+            allowed = "larger, for a drive in it by any law that the robot may have"
+            raise InvalidValueError("area", limits.area_text, allowed)
         why = f"longer, for a drive within the limits to determine the law {law}"
         raise InvalidValueError("duration", limits.duration, why)
     return DrivePlan(

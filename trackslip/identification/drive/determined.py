@@ -39,8 +39,8 @@ def undetermined(fit: Fit) -> tuple[str, str] | None:
 def vaguest(names: Sequence[str], information: Array, scale: Array) -> tuple[str, list[str]] | None:
     """The parameter to hold, and those that it can't be told from; None if all f are determined.
 
-    `information` (f, f) is that of the data alone; it is scaled by the changes that matter, `scale` (f,). Of the vaguest
-    combination it is the extra with the largest share, or a parameter of the law if no extra has a part in it.
+    `information` (f, f) is that of the data alone; it is scaled by the changes that matter, `scale` (f,). Of the
+    vaguest combination it is the extra with the largest share, or a parameter of the law if no extra has a part in it.
     """
     size, direction = np.linalg.eigh(information * np.outer(scale, scale))
     if not len(names) or size[0] > 1 / _VAGUE**2:
