@@ -223,8 +223,6 @@ def expected_of_paper(plan: DrivePlan) -> Expectation | None:
 
 def expected_alone(plan: DrivePlan) -> Expectation:
     """What the planned drive tells without what is known before."""
-    if plan.known is None:
-        return plan.expectation
     geometry = plan.knowledge.geometry
     model = DriveModel(family(plan.law), geometry)
     drive = drive_to_measure(plan.strokes.speeds(plan.limits.duration), RATE, plan.poses, geometry.sprocket_radius)
