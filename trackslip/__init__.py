@@ -42,6 +42,10 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.metrics import body_errors as body_errors
     from trackslip.metrics import expense as expense
     from trackslip.metrics import tracking_errors as tracking_errors
+    from trackslip.planning.information import PoseQuality as PoseQuality
+    from trackslip.planning.limits import DriveLimits as DriveLimits
+    from trackslip.planning.plan import DrivePlan as DrivePlan
+    from trackslip.planning.plan import plan_drive as plan_drive
     from trackslip.slip.base import SlipLaw as SlipLaw
     from trackslip.slip.compensation import FixedLaw as FixedLaw
     from trackslip.slip.compensation import OnlineIcr as OnlineIcr
@@ -88,6 +92,9 @@ _NAMES = {
     "logs.logfile": ("load",),
     "logs.runlog": ("RunLog",),
     "metrics": ("TrackingErrors", "body_errors", "expense", "tracking_errors"),
+    "planning.information": ("PoseQuality",),
+    "planning.limits": ("DriveLimits",),
+    "planning.plan": ("DrivePlan", "plan_drive"),
     "slip.base": ("SlipLaw",),
     "slip.compensation": ("FixedLaw", "OnlineIcr"),
     "slip.constant": ("Constant", "NoSlip"),

@@ -90,13 +90,13 @@ def truth_of(plan: DrivePlan) -> Array:
 
 def tried(trial: Trial) -> Outcome:
     """Drive, measure and identify; a fit that fails is recorded."""
-    rng = generator(trial.seed, f"plan trial {trial.number}")
+    mine, theirs = (generator(trial.seed, f"trial {trial.number} of {source}") for source in (PLAN, PAPER))
     plan = trial.plan
     if trial.simulated is None:
-        planned, paper = driven_by_law(plan, trial.truth, rng), paper_by_law(plan, trial.truth, rng)
+        planned, paper = driven_by_law(plan, trial.truth, mine), paper_by_law(plan, trial.truth, theirs)
     else:
         planned, paper = trial.simulated.plan, trial.simulated.paper
-    logs = {PLAN: [planned.measured(trial.source, rng)], PAPER: [one.measured(trial.source, rng) for one in paper]}
+    logs = {PLAN: [planned.measured(trial.source, mine)], PAPER: [one.measured(trial.source, theirs) for one in paper]}
     fits: dict[str, DriveFit] = {}
     failures = []
     for name, measured in logs.items():

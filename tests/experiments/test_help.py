@@ -30,6 +30,7 @@ NEEDED = {
     ("track", *PATH, "--out", "track"): {"mujoco", "pyarrow"},
     ("wander", "--duration", "1", "--out", "wander"): {"mujoco", "pyarrow"},
     ("identify",): {"pyarrow", *DRAWN},
+    ("plan",): {"mujoco", "pyarrow"},
     ("benchmark",): {"mujoco", "pyarrow", *DRAWN},
     ("train",): set(),
     ("calibrate",): {"mujoco", "pyarrow", *SCIPY},
