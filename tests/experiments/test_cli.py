@@ -84,7 +84,7 @@ SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8")
         ((*PLAN, "--clearance", "2"), "area = '3x3': must be more than twice the clearance, 2 m"),
         ((*PLAN, "--offset", "-0.2"), "offset = -0.2: must be greater than -half_gauge = -0.168 m"),
         ((*PLAN, "--doubt", "1"), "doubt = 1.0: must be from 0 to 0.9"),
-        (("plan", "--after", "nowhere"), "nowhere/summary.json: No such file or directory"),
+        (("plan", "--after", "nowhere"), "nowhere: No such file or directory"),
     ],
 )
 def test_a_refused_value_prints_one_line(refused, arguments, message):

@@ -11,7 +11,7 @@ from trackslip.planning.limits import Knowledge
 from trackslip.planning.strokes import Strokes
 
 _PARTS = 8  # of each stroke
-_DEVIATIONS = 4.0  # of slip that the area allows for
+_DEVIATIONS = 3.5  # of slip that the area allows for
 
 
 @dataclass(frozen=True)

@@ -90,16 +90,21 @@ def _strokes(tour: Tour, scale: float, limits: DriveLimits, knowledge: Knowledge
 
 
 def _timed(legs: Array, tour: Tour, limits: DriveLimits) -> Strokes:
-    """As many of the legs (n, 2, 2), each a spin and a stroke, as there is time for, and pairs of spins between."""
+    """As many of the legs (n, 2, 2), each a spin and a stroke, as there is time for, and pairs of spins between.
+
+    Pairs at the ends are half as long: a place between two legs is measured for both.
+    """
     for_legs = limits.duration * (1 - tour.spinning)
     times = durations(legs.reshape(-1, 2), limits).reshape(-1, 2).sum(axis=1)
     count = int(np.searchsorted(np.cumsum(times), for_legs + 1e-9))
-    each = (limits.duration - times[:count].sum()) / (2 * tour.pairs)
-    spin = longest_spin(each, limits) * np.outer([1.0, -1.0], SIDES)
-    after = np.linspace(0, count, tour.pairs + 1).astype(int)[1:]
-    parts = np.split(legs[:count].reshape(-1, 2), 2 * after[:-1])
-    turned = [(1 - 2 * (k % 2)) * spin for k in range(tour.pairs)]
-    return Strokes.of(np.concatenate([one for both in zip(parts, turned, strict=True) for one in both]), limits)
+    share = np.full(tour.pairs + 1, 1 / tour.pairs)
+    share[[0, -1]] /= 2
+    rest = limits.duration - times[:count].sum()
+    spins = [longest_spin(rest * part / 2, limits) * np.outer([1.0, -1.0], SIDES) for part in share]
+    before = np.linspace(0, count, tour.pairs + 1).astype(int)
+    parts = np.split(legs[:count].reshape(-1, 2), 2 * before[1:])
+    turned = [(1 - 2 * (k % 2)) * spin for k, spin in enumerate(spins)]
+    return Strokes.of(np.concatenate([one for both in zip(turned, parts, strict=True) for one in both]), limits)
 
 
 def _ways(length: Array, turn: Array, knowledge: Knowledge) -> Array:
