@@ -6,16 +6,14 @@ import shlex
 import time
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from experiments.driving.plan import driven_in_mujoco, quality_of
-from experiments.measuring.plan_trials import Trials, try_plan
 from experiments.options.plan import PlanConfig
 from experiments.parallel.executors import processors, workers
-from experiments.report.drive_checks import CHECKS_HEADER, checks_table
-from experiments.report.plan import EXPECTED_HEADER, TRIED_HEADER, expected_rows, tried_rows
+from experiments.report.plan import EXPECTED_HEADER, expected_rows
 from experiments.report.terminal import print_table, progress
 from experiments.storage.manifest import make_manifest
 from experiments.storage.results import BAGS_FOLDER, FIGURES_FOLDER, results_folder, write_results
@@ -26,6 +24,9 @@ from trackslip.planning.after import Before, read_identification
 from trackslip.planning.information import Expectation
 from trackslip.planning.limits import Knowledge, first_knowledge
 from trackslip.planning.plan import DrivePlan, evaluations, expected_of_paper, plan_drive
+
+if TYPE_CHECKING:
+    from experiments.measuring.plan_trials import Trials
 
 PLAN_FILE = "plan.csv"
 BAG_FILE = "cmd_vel.mcap"
@@ -131,7 +132,9 @@ def _knowledge(config: PlanConfig, geometry: RobotGeometry, before: Before | Non
     )
 
 
-def _tried(config: PlanConfig, plan: DrivePlan) -> Trials:
+def _tried(config: PlanConfig, plan: DrivePlan) -> "Trials":
+    from experiments.measuring.plan_trials import try_plan  # late: plans need none of it
+
     jobs = config.threads or processors()
     simulated = None
     if config.motion == "mujoco":
@@ -152,8 +155,8 @@ def _draw(plan: DrivePlan, folder: Path, pdf: bool) -> None:
         figure.savefig(figures / f"plan.{ending}")
 
 
-def _print(plan: DrivePlan, paper: Expectation | None, trials: Trials | None) -> None:
-    limits, geometry = plan.limits, plan.knowledge.geometry
+def _print(plan: DrivePlan, paper: Expectation | None, trials: "Trials | None") -> None:
+    limits = plan.limits
     title = f"{limits.duration:g} s in {limits.area_text} m: what {plan.law} will be known to"
     print_table(title, EXPECTED_HEADER, expected_rows(plan, paper))
     x, y, heading = plan.start
@@ -166,16 +169,21 @@ def _print(plan: DrivePlan, paper: Expectation | None, trials: Trials | None) ->
     held = [name for name in plan.expectation.held if name not in ("lag", "sensor_yaw")]
     if held:
         print(f"not determined by it: {', '.join(held)}")
-    if trials is None:
-        return
-    count = len(trials.outcomes)
+    if trials is not None:
+        _print_trials(trials)
+
+
+def _print_trials(trials: "Trials") -> None:
+    from experiments.report.drive_checks import CHECKS_HEADER, checks_table  # late, as above
+    from experiments.report.plan_trials import TRIED_HEADER, tried_rows
+
+    count, checks = len(trials.outcomes), trials.checks()
     drives = f"{count} {'drive' if count == 1 else 'drives'}, moved by {'MuJoCo' if trials.simulated else 'the law'}"
     print_table(f"{drives}: root mean square errors", TRIED_HEADER, tried_rows(trials))
-    print_table("Checks", CHECKS_HEADER, checks_table(trials.checks()))
+    print_table("Checks", CHECKS_HEADER, checks_table(checks))
     for line in trials.failures:
         print(f"a fit failed: {line}")
-    held_checks = sum(check.holds for check in trials.checks())
-    print(f"{held_checks} of {len(trials.checks())} checks hold (b = {geometry.half_gauge:g} m)")
+    print(f"{sum(check.holds for check in checks)} of {len(checks)} checks hold")
 
 
 def _sizes(plan: DrivePlan) -> str:
