@@ -32,10 +32,11 @@ PLANNED_LAWS = tuple(name for name in DRIVE_LAWS if family(name).names)
 """Laws that a drive can be planned for."""
 PAPER_DURATION = 30.0
 """Of each of the paper's runs [s]."""
-_EVALUATIONS = 400  # of tours
-_FEWEST = 100
+_EVALUATIONS = 1000  # of tours
+_FEWEST = 200
 _LONG = 120.0  # duration beyond which fewer tours are tried [s]
-_THINNED = 10.0  # poses per second that a search reckons with, at most [Hz]
+_POSES = 1200  # that a search reckons with; of more, a part, as good as all
+_THINNED = (2.0, 10.0)  # fewest and most of them per second [Hz]
 
 
 @dataclass(frozen=True)
@@ -131,6 +132,8 @@ def plan_drive(
         drive = drive_to_measure(speeds, RATE, quality, geometry.sprocket_radius, merge)
         return expected(model, everything, [drive], quality, knowledge.slip, known)
 
+    quality = poses.thinned(float(np.clip(_POSES / limits.duration, *_THINNED)))
+
     def cost(tour: Tour) -> float:
         nonlocal fits
         found = drawn(tour, limits, knowledge)
@@ -138,7 +141,6 @@ def plan_drive(
         if found is None:
             return np.inf
         fits = True
-        quality = poses.thinned(_THINNED)
         return largest(expectation_of(found, quality, rate_of(quality)), sizes)
 
     tour, least = best_tour(cost, evaluations(limits), np.random.default_rng(seed))

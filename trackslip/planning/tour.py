@@ -17,13 +17,14 @@ from trackslip.planning.place import Places, places
 from trackslip.planning.strokes import Strokes, durations, longest_spin
 
 PLACES = np.array([(x, y) for x in (-1.0, 0.0, 1.0) for y in (-1.0, 0.0, 1.0)])
-"""Places (9, 2) in halves of the area's length and width."""
+"""Places (9, 2) in halves of the area's length and width, or of what can be driven in a larger one."""
 BOWS = np.radians([-60.0, -30.0, 0.0, 30.0, 60.0])
 """Angles (5,) between the chord of a leg and its ends."""
 STRAIGHT = 2
 """Index of a straight leg in BOWS."""
 _FITTED = 8  # rounds in which the places move together
 _SLACK = 1e-3  # relative, by which they move further than they seem to have to
+_LONGEST = 0.25  # way from the middle to a place in a large area, of what can be driven in all [-]
 _SMALLEST = 0.02  # scale below which there is no room
 
 
@@ -40,6 +41,8 @@ class Tour:
     """Share of the time for spins to both sides [-]."""
     pairs: int
     """Number of such pairs, spread over the tour."""
+    size: float = 1.0
+    """How far apart the places are, relative to the largest distances that matter [-]."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +56,7 @@ class Drawn:
 
 def drawn(tour: Tour, limits: DriveLimits, knowledge: Knowledge) -> Drawn | None:
     """The tour, as large as the area allows; None if it doesn't fit at all."""
-    scale = 1.0
+    scale = tour.size
     for _ in range(_FITTED):
         strokes, heading = _strokes(tour, scale, limits, knowledge)
         if not len(strokes.way):
@@ -72,8 +75,8 @@ def drawn(tour: Tour, limits: DriveLimits, knowledge: Knowledge) -> Drawn | None
 
 
 def _strokes(tour: Tour, scale: float, limits: DriveLimits, knowledge: Knowledge) -> tuple[Strokes, float]:
-    """The strokes, with places `scale` times as far apart as the area allows at most, and the heading at the start."""
-    half = scale * limits.room / 2
+    """The strokes, with places `scale` times as far apart as they can be, and the heading at the start."""
+    half = scale * np.minimum(limits.room / 2, _LONGEST * limits.max_speed * limits.duration)
     rounds = max(1, int(np.ceil(limits.duration * limits.max_speed / (len(tour.place) * half.min()))))
     end = np.tile(tour.place, rounds)
     begin = np.concatenate([[tour.start], end[:-1]])

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from experiments.report.colours import BLUE, GREEN, GREY, ORANGE
-from experiments.report.figures.style import BAND, styled
+from experiments.report.figures.style import BAND, make_room, styled
 from trackslip.planning.plan import DrivePlan
 
 _SIZE = (9.0, 3.6)  # [in]
@@ -28,5 +28,6 @@ def draw_plan(plan: DrivePlan) -> Figure:
     for values, name, colour in zip(plan.speeds.T, ("left", "right"), (BLUE, ORANGE), strict=True):
         speeds.step(plan.time, values, where="post", color=colour, label=name)
     speeds.set(title="Belts", xlabel="time [s]", ylabel="speed [m/s]", xlim=(0, plan.limits.duration))
+    make_room(speeds)
     speeds.legend(loc="upper right", ncols=2)
     return figure
