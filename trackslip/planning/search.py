@@ -56,7 +56,12 @@ def _known() -> list[Tour]:
         for share in (0.25, 0.35, 0.45, 0.55)
         for pairs in (2, 3, 4, 6)
     ]
-    return lines + [Tour(_CORNERS[0], round_trip, forwards, _straight(8), share, 4) for share in (0.2, 0.35)]
+    rounds = [
+        Tour(_CORNERS[0], round_trip, forwards, np.full(len(round_trip), bow), share, 4)
+        for share in (0.2, 0.35)
+        for bow in (STRAIGHT, STRAIGHT + 1)
+    ]
+    return lines + rounds
 
 
 def _straight(count: int) -> np.ndarray:

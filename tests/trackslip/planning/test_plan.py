@@ -27,8 +27,8 @@ SLAM = PoseQuality(10.0, 0.02, np.radians(1.0))
 @pytest.fixture(scope="module", autouse=True)
 def few_drives_tried():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(planning, "_EVALUATIONS", 30)
-        patch.setattr(planning, "_FEWEST", 30)
+        patch.setattr(planning, "_EVALUATIONS", 40)
+        patch.setattr(planning, "_FEWEST", 40)
         yield
 
 
