@@ -12,10 +12,13 @@ from typing import Any
 
 import tyro
 
+from experiments.options.bag import BagConfig
 from experiments.options.bench import BenchConfig
 from experiments.options.benchmark import BenchmarkConfig
 from experiments.options.calibrate import CalibrateConfig
 from experiments.options.coverage import CoverageConfig
+from experiments.options.deploy import DeployConfig
+from experiments.options.evaluate import EvaluateConfig
 from experiments.options.export import ExportConfig
 from experiments.options.grid import SweepConfig
 from experiments.options.help import HelpBuffer, wrapped
@@ -37,6 +40,9 @@ COMMANDS: dict[str, Any] = {
     "wander": WanderConfig,
     "identify": IdentifyConfig,
     "plan": PlanConfig,
+    "deploy": DeployConfig,
+    "evaluate": EvaluateConfig,
+    "bag": BagConfig,
     "track": TrackConfig,
     "benchmark": BenchmarkConfig,
     "train": TrainConfig,
@@ -74,9 +80,11 @@ COMMAND_EXAMPLES = (
     ("two minutes of teleoperation, poses as from SLAM", "trackslip wander"),
     ("ten drives with GNSS", "trackslip wander --drives 10 --source gnss --out out/gnss"),
     ("a late clock and a jump", "trackslip wander --source.delay 0.15 --source.jumps 1 --source.jump-size 0.5"),
+    ("a minute as a ROS 2 bag, with scans", "trackslip wander --duration 60 --source scanner --bag"),
     ("exactly by a law, to check an estimate", "trackslip wander --motion law --law.offset 0.04"),
     ("from a stored grid", "trackslip identify out/grid"),
     ("from a real robot's log", "trackslip identify log.csv --half-gauge 0.168 --sprocket-radius 0.06"),
+    ("from a ROS bag", "trackslip identify run.mcap --half-gauge 0.168 --sprocket-radius 0.06"),
     ("from some runs of a sweep", "trackslip identify out/grid --where ground=ice seed=0"),
     ("from a drive, with a sensor 0.3 m ahead", "trackslip identify out/wander --method drive --sensor 0.3 0 0"),
     ("as in the paper", "trackslip identify out/grid --motion paper --out out/identify-paper"),
@@ -84,6 +92,15 @@ COMMAND_EXAMPLES = (
     ("outdoors, with GNSS", "trackslip plan --half-gauge 0.3 --sprocket-radius 0.1 --area 12x8 --poses gnss"),
     ("where the law is least known", "trackslip plan --after out/identify --duration 30"),
     ("tried a hundred times", "trackslip plan --after out/identify --drive --repeats 100"),
+    ("parameters of diff_drive_controller", "trackslip deploy out/identify"),
+    ("a C header with another law", "trackslip deploy out/identify --to c --law exponential --out slip.h"),
+    ("the shipped robot's law in Python", "trackslip deploy --to python --out slip.py"),
+    ("a law and no compensation", "trackslip evaluate out/wander --law out/identify --law none"),
+    ("on a robot's log", "trackslip evaluate log.csv --law out/mine --law none"),
+    ("of two laws, on a ROS bag", "trackslip evaluate run.mcap --law out/mine:icr --law out/mine:turn_loss"),
+    ("topics, and what is taken for what", "trackslip bag run.mcap"),
+    ("as a log with units", "trackslip bag run.mcap --export log.parquet"),
+    ("with other poses", "trackslip bag old.bag --poses tf:map:base_link --export log.csv"),
     ("the paper's path and controller", "trackslip track"),
     ("without slip compensation", "trackslip track --compensation none --out out/track-none"),
     ("with online identification", "trackslip track --controller lqr --compensation online --reference slalom"),
@@ -121,7 +138,7 @@ COMMAND_EXAMPLES = (
 
 _DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate for it.
 `trackslip COMMAND --help` lists a command's options and examples."""
-_REPEATABLE = ("view", "--run")
+_REPEATABLE = (("view", "--run"), ("evaluate", "--law"))
 _COMPLETION = ("--tyro-print-completion", "--tyro-write-completion")
 _SHELLS = ("bash", "zsh", "fish", "tcsh")
 
@@ -214,7 +231,7 @@ def _check(arguments: Sequence[str]) -> None:
         if argument.startswith("--"):
             option = argument.partition("=")[0].replace("_", "-")
             switch = option.replace("--no-", "--", 1)
-            if switch in given and (arguments[0], option) != _REPEATABLE:
+            if switch in given and (arguments[0], option) not in _REPEATABLE:
                 raise TrackslipError(f"{option} is given twice; give it once, with all its values")
             given.add(switch)
 

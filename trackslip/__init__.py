@@ -26,6 +26,7 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.controllers.pure_pursuit import PurePursuit as PurePursuit
     from trackslip.controllers.samson import Samson as Samson
     from trackslip.controllers.stanley import Stanley as Stanley
+    from trackslip.deploy.deploy import deploy_law as deploy_law
     from trackslip.errors import InvalidValueError as InvalidValueError
     from trackslip.errors import LogError as LogError
     from trackslip.errors import LogWarning as LogWarning
@@ -36,16 +37,26 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.kinematics import RobotGeometry as RobotGeometry
     from trackslip.localization.base import PoseEstimate as PoseEstimate
     from trackslip.localization.plate import PlateLocator as PlateLocator
-    from trackslip.logs.logfile import load as load
     from trackslip.logs.runlog import RunLog as RunLog
     from trackslip.metrics import TrackingErrors as TrackingErrors
     from trackslip.metrics import body_errors as body_errors
     from trackslip.metrics import expense as expense
     from trackslip.metrics import tracking_errors as tracking_errors
+    from trackslip.odometry.evaluation import OdometryErrors as OdometryErrors
+    from trackslip.odometry.evaluation import odometry_errors as odometry_errors
+    from trackslip.odometry.identified import identified_law as identified_law
+    from trackslip.odometry.mounting import Mounting as Mounting
+    from trackslip.odometry.slip_odometry import SlipOdometry as SlipOdometry
+    from trackslip.odometry.tum import write_tum as write_tum
+    from trackslip.odometry.uncertainty import LawErrors as LawErrors
+    from trackslip.odometry.uncertainty import SlipNoise as SlipNoise
     from trackslip.planning.information import PoseQuality as PoseQuality
     from trackslip.planning.limits import DriveLimits as DriveLimits
     from trackslip.planning.plan import DrivePlan as DrivePlan
     from trackslip.planning.plan import plan_drive as plan_drive
+    from trackslip.ros.any_log import load as load
+    from trackslip.ros.choice import BagChoice as BagChoice
+    from trackslip.ros.writer import write_bag as write_bag
     from trackslip.slip.base import SlipLaw as SlipLaw
     from trackslip.slip.compensation import FixedLaw as FixedLaw
     from trackslip.slip.compensation import OnlineIcr as OnlineIcr
@@ -83,18 +94,27 @@ _NAMES = {
     "controllers.pure_pursuit": ("PurePursuit",),
     "controllers.samson": ("Samson",),
     "controllers.stanley": ("Stanley",),
+    "deploy.deploy": ("deploy_law",),
     "errors": ("InvalidValueError", "LogError", "LogWarning", "OutputError", "TrackslipError"),
     "identification.identify": ("identify",),
     "identification.result": ("Identification",),
     "kinematics": ("RobotGeometry",),
     "localization.base": ("PoseEstimate",),
     "localization.plate": ("PlateLocator",),
-    "logs.logfile": ("load",),
     "logs.runlog": ("RunLog",),
     "metrics": ("TrackingErrors", "body_errors", "expense", "tracking_errors"),
+    "odometry.evaluation": ("OdometryErrors", "odometry_errors"),
+    "odometry.identified": ("identified_law",),
+    "odometry.mounting": ("Mounting",),
+    "odometry.slip_odometry": ("SlipOdometry",),
+    "odometry.tum": ("write_tum",),
+    "odometry.uncertainty": ("LawErrors", "SlipNoise"),
     "planning.information": ("PoseQuality",),
     "planning.limits": ("DriveLimits",),
     "planning.plan": ("DrivePlan", "plan_drive"),
+    "ros.any_log": ("load",),
+    "ros.choice": ("BagChoice",),
+    "ros.writer": ("write_bag",),
     "slip.base": ("SlipLaw",),
     "slip.compensation": ("FixedLaw", "OnlineIcr"),
     "slip.constant": ("Constant", "NoSlip"),

@@ -10,17 +10,18 @@ from pathlib import Path
 from experiments.options.export import ExportConfig
 from experiments.report.terminal import print_table
 from trackslip.errors import InvalidValueError, OutputError
-from trackslip.logs.logfile import read_log, runs_file, write_csv
+from trackslip.logs.logfile import write_csv
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.schema import COLUMNS
 from trackslip.logs.table import to_table
+from trackslip.ros.any_log import read_runs_of
 
 _SHOWN = 10  # names in a message
 
 
 def run(config: ExportConfig) -> None:
     """List the runs, or write them."""
-    read = read_log(runs_file(config.path))
+    read = read_runs_of(config.path)
     for line in read.warnings:
         print(f"warning: {line}")
     logs = [replace(log, scans=None) for log in chosen(read.runs, config.run or ())]

@@ -31,7 +31,7 @@ from sim.stopwatch import Stopwatch
 from trackslip.errors import OutputError, TrackslipError
 from trackslip.logs.logfile import StoredRuns, read_runs
 from trackslip.logs.runlog import RunLog
-from trackslip.ros.messages import require_rosbags
+from trackslip.ros.decode import require_rosbags
 
 PARTS = ".grid-parts"
 

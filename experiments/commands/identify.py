@@ -29,6 +29,8 @@ def run(config: IdentifyConfig) -> None:
     began = time.perf_counter()
     with results_folder(config.out) as folder, progress("identification", _STAGES, "stages") as report:
         source = source_of(config)
+        for line in source.taken:
+            print(line)
         report(1)
         sensor = None if config.sensor is None else Sensor(*config.sensor)
         found = identify_source(source, config.method, sensor, config.estimate_sensor, report)
@@ -53,7 +55,9 @@ def run(config: IdentifyConfig) -> None:
 
 def source_of(config: IdentifyConfig) -> Source:
     """The runs and samples that the options select; raises LogError or InvalidValueError if none can be used."""
-    reading = Reading(config.half_gauge, config.sprocket_radius, config.gear, config.settle, config.motion)
+    reading = Reading(
+        config.half_gauge, config.sprocket_radius, config.gear, config.settle, config.motion, config.bag.choice()
+    )
     return read_source(config.path, reading, partial(chosen, where=config.where) if config.where else None)
 
 

@@ -22,7 +22,7 @@ from experiments.storage.plain_json import plain
 from experiments.storage.results import RUNS_FILE, write_results
 from sim.robot.robot import Robot
 from trackslip.logs.runlog import RunLog
-from trackslip.ros.messages import require_rosbags
+from trackslip.ros.decode import require_rosbags
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.segmented import circle
 

@@ -19,8 +19,8 @@ from experiments.options.view import ViewConfig
 from experiments.recording import record, title
 from experiments.storage.file_names import file_names
 from trackslip.errors import LogError, TrackslipError
-from trackslip.logs.logfile import read_log, runs_file
 from trackslip.logs.runlog import RunLog
+from trackslip.ros.any_log import read_runs_of
 from trackslip.slip.law_file import load_laws
 
 _NAMED = 5  # runs listed in an error message
@@ -33,7 +33,7 @@ _PATIENCE, _BETWEEN = 30.0, 0.1  # how long to wait for the viewer to start, and
 
 def run(config: ViewConfig) -> None:
     """Read, choose, show."""
-    read = read_log(runs_file(config.path))
+    read = read_runs_of(config.path)
     logs = read.runs
     for line in read.warnings:
         print(f"warning: {line}")

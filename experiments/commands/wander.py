@@ -14,7 +14,7 @@ from experiments.recording.failed_runs import results_or_failed_runs
 from experiments.report.terminal import busy, print_table, progress
 from experiments.storage.bags import bags_text, write_bags
 from experiments.storage.results import RUNS_FILE, write_results
-from trackslip.ros.messages import require_rosbags
+from trackslip.ros.decode import require_rosbags
 
 _HEADER = ("drive", "rows", "poses", "way [m]", "left [deg]", "right [deg]", "at rest")
 _MOST_ROWS = 20  # of the table

@@ -1,8 +1,7 @@
 """Teleoperated drives as the options describe them: commands, motion, and the logs of encoders and poses."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +27,7 @@ from trackslip.slip.icr import ConstantIcr
 SLIPS: Mapping[str, SlipVariation] = {"white": WHITE, "lasting": LASTING, "none": SlipVariation()}
 """Slip that varies, by name."""
 _POSE_MESSAGES = {"mocap": "PoseStamped", "odometry": "Odometry"}
+_IN_FRONT = 3.0  # of the scanner: most drives of a minute stay in its view from there [m]
 _ON_TIME = 1e-6  # of a period: difference of a reading's time from a multiple of it, by rounding
 
 
@@ -47,10 +47,11 @@ def wander(config: WanderConfig, world: World, progress: Progress = lambda secon
     ]
     metadata = {"driving": config.driving, "source": plain(config.source.poses()), "motion": config.motion}
     if config.motion == "law":
-        moved = _by_law(config, geometry, names, omega, metadata | {"law": plain(config.law), "seed": config.seed})
+        about_law = metadata | {"law": plain(config.law), "seed": config.seed}
+        moved = _by_law(config, geometry, _start(config, world), names, omega, about_law)
     else:
         about = [Description(name, world.metadata(config.source.source) | metadata) for name in names]
-        fleet = world.fleet(np.zeros((config.drives, 3)))
+        fleet = world.fleet(np.tile(_start(config, world), (config.drives, 1)))
         share = config.drives
         logs = drive_fleet(fleet, np.stack(omega, axis=1), config.encoder_rate, about, lambda s: progress(s * share))
         moved = [(log, Motion(log.time, log.pose)) for log in logs]
@@ -84,18 +85,28 @@ def law_motion(options: LawOptions, geometry: RobotGeometry) -> LawMotion:
     return LawMotion(law, geometry, SLIPS[options.slip], options.turning_centre, options.drift, options.lag)
 
 
+def _start(config: WanderConfig, world: World) -> Array:
+    """Where drives start (3,): at the origin, or in front of the scanner if that is the source of the poses."""
+    if config.source.source != "scanner":
+        return np.zeros(3)
+    x, y, heading = world.robot.lrf_mount
+    return np.array([x + _IN_FRONT * np.cos(heading), y + _IN_FRONT * np.sin(heading), 0.0])
+
+
 def _by_law(
     config: WanderConfig,
     geometry: RobotGeometry,
+    start: Array,
     names: Sequence[str],
     omega: Sequence[Array],
     metadata: Mapping[str, Any],
 ) -> list[tuple[RunLog, Motion]]:
-    """What the encoders read, and the true motion."""
+    """What the encoders read, and the true motion from a start with heading 0."""
     moves, rate = law_motion(config.law, geometry), config.encoder_rate
     moved = []
     for name, speeds in zip(names, omega, strict=True):
         motion, twist = moves.drive(speeds, rate, _random(config, name, "motion"))
+        motion = replace(motion, pose=motion.pose + start)
         log = encoder_log(name, rate, speeds, motion, twist, {"geometry": plain(geometry), **metadata})
         moved.append((quantised(log, config.drive.encoder_counts), motion))
     return moved

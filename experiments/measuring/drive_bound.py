@@ -1,7 +1,5 @@
 """The Cramér-Rao bound of a law's parameters from a drive: the smallest errors that any unbiased estimate can have."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

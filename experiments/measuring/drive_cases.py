@@ -1,7 +1,5 @@
 """The cases that the drive estimator is tried in, and what it has to reach in each."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import radians

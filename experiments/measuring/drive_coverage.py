@@ -1,7 +1,5 @@
 """How well the drive estimator does: errors and intervals from many drives whose law is known."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

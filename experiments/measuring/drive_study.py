@@ -1,7 +1,5 @@
 """All cases of the drive estimator, repeated in parallel; MuJoCo's own drives come first, as its case needs them."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass

@@ -1,8 +1,7 @@
 """What a teleoperated drive is made of."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
@@ -31,7 +30,7 @@ class DriveContents:
     """Share of the time at rest [-]."""
 
     @classmethod
-    def of(cls, log: RunLog) -> DriveContents:
+    def of(cls, log: RunLog) -> Self:
         """Sum up a log with truth; raises LogError for one without."""
         if log.truth is None:
             raise LogError(f"run {log.run!r}: has no truth")

@@ -1,12 +1,13 @@
 """Options of `trackslip identify`."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
 import tyro
 
+from experiments.options.bag_choice import Bag, BagOptions
 from experiments.options.checks import refuse_unused, require_between, require_distinct, require_positive_up_to
 from experiments.options.help import default_is
 from experiments.options.world import Method
@@ -21,11 +22,12 @@ _MAX_LEVER = 100.0  # [m]
 class IdentifyConfig:
     """Fit the slip laws to a stored grid or to the log of a real robot, and print and report them.
 
-    A log has the columns run, t, omega_l, omega_r, x, y, phi (any driving) or omega_l, omega_r, v, w (steady samples).
+    A log is a ROS bag, or has the columns run, t, omega_l, omega_r, x, y, phi (any driving) or omega_l, omega_r, v, w
+    (steady samples).
     """
 
     path: tyro.conf.Positional[Path]
-    """Folder of a stored grid, or a .csv or .parquet log."""
+    """Folder of a stored grid, a .csv or .parquet log, or a ROS bag (.bag, .mcap, .db3, or a folder of them)."""
     where: Annotated[tuple[str, ...] | None, default_is("all", "NAME=VALUE ...")] = None
     """Which runs of a sweep to use: ground=ice friction_ratio=1.2."""
     half_gauge: Annotated[float | None, default_is("the log's", "FLOAT")] = None
@@ -46,6 +48,8 @@ class IdentifyConfig:
     """How a twist is estimated from a run; bundle needs ranges (see grid)."""
     settle: float = SETTLE
     """Time left out of each run after the sprockets have become steady [s]."""
+    bag: Bag = field(default_factory=BagOptions)
+    """What to take from a bag."""
     out: Path = Path("out/identify")
     """Folder for the results."""
     pdf: bool = False

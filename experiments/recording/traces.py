@@ -14,6 +14,7 @@ from experiments.driving.paper_model import KNOWN_LAWS
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
 from trackslip.logs.runlog import RunLog
+from trackslip.logs.stored_geometry import stored_geometry
 from trackslip.metrics import TRANSIENT, body_errors
 from trackslip.motion.filtered import even_poses
 from trackslip.motion.steady_twist import Motion
@@ -73,7 +74,7 @@ def traces_of(log: RunLog, laws: Path | None = None) -> Traces:
     pose = _held(estimate) if log.truth is None else log.truth.pose
     path = reference_of(log)
     desired = None if path is None else path.pose(log.time)
-    geometry = geometry_of(log)
+    geometry = stored_geometry(log)
     true = identified = law = None
     name = ""
     if geometry is not None:
@@ -85,14 +86,6 @@ def traces_of(log: RunLog, laws: Path | None = None) -> Traces:
         law, name = _slip_by_law(log, geometry, driven if log.twist_command is None else log.twist_command, laws)
     error = None if desired is None else body_errors(pose, desired)
     return Traces(log, log.time - log.time[0], pose, estimate, desired, error, true, identified, law, name)
-
-
-def geometry_of(log: RunLog) -> RobotGeometry | None:
-    """The robot's geometry, if the log has it."""
-    known = log.metadata.get("geometry")
-    with contextlib.suppress(TypeError, TrackslipError):
-        return RobotGeometry(**known) if isinstance(known, Mapping) else None
-    return None
 
 
 def reference_of(log: RunLog) -> Reference | None:

@@ -1,7 +1,5 @@
 """Tables of what the drive estimator has to reach, and of MuJoCo's own drives."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from itertools import groupby
 

@@ -29,7 +29,13 @@ TABLE_FILE = "table.parquet"
 FIGURES_FOLDER = "figures"
 RECORDINGS_FOLDER = "recordings"
 BAGS_FOLDER = "bags"
-FOLDERS = {FIGURES_FOLDER: (".svg", ".pdf"), RECORDINGS_FOLDER: (".rrd",), BAGS_FOLDER: (".mcap", ".yaml")}
+TRAJECTORIES_FOLDER = "trajectories"
+FOLDERS = {
+    FIGURES_FOLDER: (".svg", ".pdf"),
+    RECORDINGS_FOLDER: (".rrd",),
+    BAGS_FOLDER: (".mcap", ".yaml"),
+    TRAJECTORIES_FOLDER: (".tum",),
+}
 """Folders among the results, and the suffixes of the files in them; everything else is a file."""
 
 _FILES = (SUMMARY_FILE, RUNS_FILE, REPORT_FILE, LEADERBOARD_FILE, TABLE_FILE)

@@ -19,7 +19,7 @@ def ids(page):
 def workplace(tmp_path, monkeypatch, undrawn):
     """An empty folder to run a page in, whose modules are forgotten afterwards."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
     monkeypatch.setenv("COLUMNS", "200")
     for module in ("experiments.commands.grid", "experiments.benchmark.jobs"):  # others would take longer to start
         monkeypatch.setattr(f"{module}.processors", lambda: 1)

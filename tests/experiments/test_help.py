@@ -14,6 +14,7 @@ import typing
 
 import docstring_parser
 import pytest
+import tyro
 
 from experiments.cli import COMMANDS, examples_of, examples_text, main, parse
 
@@ -29,8 +30,11 @@ NEEDED = {
     ("predict", "--out", "predict"): set(),
     ("track", *PATH, "--out", "track"): {"mujoco", "pyarrow"},
     ("wander", "--duration", "1", "--out", "wander"): {"mujoco", "pyarrow"},
+    ("bag",): {"pyarrow"},
     ("identify",): {"pyarrow", *DRAWN},
     ("plan",): {"mujoco", "pyarrow"},
+    ("deploy", "--to", "c"): set(),
+    ("evaluate",): {"pyarrow", *DRAWN},
     ("benchmark",): {"mujoco", "pyarrow", *DRAWN},
     ("train",): set(),
     ("calibrate",): {"mujoco", "pyarrow", *SCIPY},
@@ -123,9 +127,10 @@ def test_help_lists_every_option_with_its_default(capsys, monkeypatch):
     monkeypatch.setenv("COLUMNS", "10000")
     shown = {command: help_of(capsys, command).split("examples:")[0] for command in COMMANDS}
     for command, option, owner, field in OPTIONS:
-        if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
-            continue  # a positional argument
-        flag = "--" + option.removesuffix(".source").replace("_", "-")
+        hint = typing.get_type_hints(owner, include_extras=True)[field.name]
+        if tyro.conf.Positional in getattr(hint, "__metadata__", ()):
+            continue
+        flag = "--" + option.removesuffix(".source").removeprefix("bag.").replace("_", "-")
         about = re.split(rf"│ +{re.escape(flag)}[ ,]", shown[command], maxsplit=1)
         assert len(about) == 2, (command, flag)
         assert text_of(owner, field.name) in about[1], (command, flag)

@@ -19,6 +19,7 @@ from trackslip.identification.source import Reading, Source, read_source, source
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.constant_speed import SETTLE
+from trackslip.ros.choice import AUTOMATIC, BagChoice
 
 _MIN_SAMPLES = 4  # steady samples that identify laws without the rest of the driving
 _MIN_STEADY = 0.5  # share of the driving that is steady, if steady stretches are to identify the laws [-]
@@ -36,11 +37,13 @@ def identify(
     gear: float = 1.0,
     settle: float = SETTLE,
     motion: str | None = None,
+    bag: BagChoice | None = None,
 ) -> Identification:
     """Identify slip laws from steady runs or from any driving.
 
     Args:
-        source: a folder of results, a `.parquet` or `.csv` file of traces or steady samples, or runs in memory.
+        source: a folder of results, a `.parquet` or `.csv` file of traces or steady samples, a bag of ROS 1 or ROS 2, a
+            folder of bags, or runs in memory.
         geometry: of the robot; needed if the log does not state it.
         method: steady: from stretches of constant sprocket speeds; drive: from whole drives. By default steady where
             most of the driving is, else drive.
@@ -50,13 +53,14 @@ def identify(
         settle: time after the sprockets have become steady that is left out of each run [s].
         motion: how a steady run becomes a twist: paper, butterworth, arc or bundle; by default the most accurate method
             that each run allows.
+        bag: which topics of a bag are encoders and poses; needed if the bag leaves a doubt.
 
     Raises:
         LogError: if the log cannot be read, or its runs determine no law.
         InvalidValueError: for an invalid option, or if neither `geometry` nor the log states the geometry.
     """
     b, r = (geometry.half_gauge, geometry.sprocket_radius) if geometry else (None, None)
-    reading = Reading(b, r, gear, settle, motion)
+    reading = Reading(b, r, gear, settle, motion, bag or AUTOMATIC)
     if isinstance(source, str | Path):
         found = read_source(Path(source), reading)
     else:

@@ -20,6 +20,9 @@ from trackslip.logs.runlog import RunLog
 from trackslip.logs.table import REQUIRED, SAMPLE_COLUMNS
 from trackslip.logs.table_reader import ReadRuns, runs_from_table
 from trackslip.motion.constant_speed import SETTLE
+from trackslip.ros.any_log import holds_bags, refuse_choice
+from trackslip.ros.choice import AUTOMATIC, BagChoice
+from trackslip.ros.drive_log import read_bags
 
 _MATTERS = ("ground", "radius_error", "geometry", "model_sha256")  # to slip
 
@@ -38,6 +41,8 @@ class Reading:
     """Time after the sprockets have become steady that is left out of each run [s]."""
     motion: str | None = None
     """Name of a motion method; None for the most accurate that each run allows."""
+    bag: BagChoice = AUTOMATIC
+    """What to take from bags."""
 
     def __post_init__(self) -> None:
         require_positive("gear", self.gear)
@@ -59,6 +64,8 @@ class Source:
     """Runs that cannot be read."""
     notes: tuple[str, ...] = ()
     """What was left out of the runs when they were read, one line each."""
+    taken: tuple[str, ...] = ()
+    """What was taken from bags as encoders and poses, one line each."""
 
     @cached_property
     def sampling(self) -> Sampling:
@@ -79,11 +86,14 @@ class Source:
 def read_source(
     path: Path, reading: Reading = Reading(), chosen: Callable[[Path], Collection[str]] | None = None
 ) -> Source:
-    """Runs or samples from a folder of results, or from a `.parquet` or `.csv` file of traces or steady samples.
+    """Runs or samples from a folder of results, a `.parquet` or `.csv` file of traces or steady samples, or bags.
 
     Given the folder, `chosen` returns the names of the runs to use; None for all of them. Raises LogError if nothing in
     the log can be read or it holds no runs to choose from, InvalidValueError if the geometry is unknown.
     """
+    if holds_bags(path):
+        return _of_bags(path, reading, chosen)
+    refuse_choice(path, reading.bag)
     file = runs_file(path)
     try:
         return _read(file, reading, chosen)
@@ -111,7 +121,15 @@ def source_of_runs(
     known = {"geometry": asdict(geometry)}
     logs = [replace(log, omega=log.omega / reading.gear, metadata=log.metadata | known) for log in runs]
     left_out = left_out or ReadRuns()
-    return Source(name, geometry, reading, tuple(logs), refused=tuple(left_out.refused), notes=tuple(left_out.notes))
+    return Source(
+        name,
+        geometry,
+        reading,
+        tuple(logs),
+        refused=left_out.refused,
+        notes=left_out.notes,
+        taken=left_out.taken,
+    )
 
 
 def origin(logs: Sequence[RunLog]) -> dict[str, Any]:
@@ -144,6 +162,18 @@ def _read(file: Path, reading: Reading, chosen: Callable[[Path], Collection[str]
         if not runs:
             raise LogError(f"{file}: none of the {len(names)} chosen run(s) is there: they failed")
     return source_of_runs(runs, reading, str(file), read)
+
+
+def _of_bags(path: Path, reading: Reading, chosen: Callable[[Path], Collection[str]] | None) -> Source:
+    """The drives in bags."""
+    if chosen is not None:
+        raise LogError(f"{path}: holds bags, not runs of a sweep: --where must be left out")
+    try:
+        _geometry(reading, None, path)  # before a long bag is read
+        read = read_bags(path, reading.bag)
+        return source_of_runs(read.runs, reading, str(path), read)
+    except LogError as error:
+        raise _of(str(path), error) from error
 
 
 def _sampled(columns: Columns, gear: float, geometry: RobotGeometry) -> Sampling:

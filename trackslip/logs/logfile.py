@@ -78,17 +78,6 @@ def read_table(path: Path) -> pa.Table:
     raise LogError(f"{path}: must end in .parquet or .csv")
 
 
-def load(path: str | Path) -> list[RunLog]:
-    """The runs in a folder of results, or in a `.parquet` or `.csv` file.
-
-    Rows and runs that cannot be read are left out, each with a LogWarning that says why.
-
-    Raises:
-        LogError: if no run can be read, or the file is damaged; the message is one line.
-    """
-    return read_runs(runs_file(Path(path)))
-
-
 def runs_file(path: Path) -> Path:
     """The file of runs in a folder of results, or `path` itself; LogError if the folder has none, or is too new."""
     try:

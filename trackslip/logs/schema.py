@@ -70,7 +70,7 @@ _ALL = (
     Column("hidden_first", "rad", "angle hidden by something closer, beyond the first return from the plate"),
     Column("hidden_last", "rad", "angle hidden by something closer, beyond the last return from the plate"),
     Column("ranges", "m", "list of the ranges attributed to the plate, one number per beam"),
-    Column("all_ranges", "m", "with --rrd: list of all ranges of the scan; NaN for no return"),
+    Column("all_ranges", "m", "with --rrd or --bag: list of all ranges of the scan; NaN for no return"),
     Column(
         "contact", "N", "with --rrd: list of the forces of the ground on each pad: along the robot, to its left and up"
     ),

@@ -34,6 +34,8 @@ class ReadRuns:
     """Runs that cannot be read."""
     notes: tuple[str, ...] = ()
     """What was left out of the others, one line each."""
+    taken: tuple[str, ...] = ()
+    """What was taken as encoders and poses where the log leaves a choice, one line each."""
 
     @property
     def warnings(self) -> tuple[str, ...]:

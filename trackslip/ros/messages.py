@@ -10,21 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Scan
+from trackslip.ros.decode import require_rosbags
 
 Stamps = NDArray[np.int64]
 """Times (M,) since 1970 [ns]."""
 _ROW, _COLUMN = np.ix_((0, 1, 5), (0, 1, 5))  # x, y, yaw among x, y, z, roll, pitch, yaw
-
-
-def require_rosbags() -> None:
-    """Raise TrackslipError unless the library `rosbags` is installed."""
-    try:
-        import rosbags.typesys  # noqa: F401
-    except ImportError as error:
-        raise TrackslipError("bags need rosbags: pip install 'trackslip[ros]'") from error
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Literal
 
@@ -26,7 +26,7 @@ POSE_TOPICS: dict[PoseMessage, str] = {
 JOINTS = ("left_sprocket", "right_sprocket")
 """Names of the sprockets in /joint_states."""
 _LAST = 2**31 - 1  # of the seconds in a stamp
-# Variances that diff_drive_controller's examples state for x, y [m^2] and yaw [rad^2], and for their rates.
+# Of x, y [m^2] and yaw [rad^2], and of their rates, as configurations of diff_drive_controller commonly state them.
 _WHEEL_COVARIANCE = np.diag([0.001, 0.001, 0.01])
 _UNKNOWN = 1e6 * np.eye(3)  # covariance of a twist that isn't measured
 
@@ -106,6 +106,8 @@ class RunTopics:
             return
         time, scan = scans
         require(len(time) == len(scan.ranges), "scans", f"{len(time)} times", f"{len(scan.ranges)}, one per scan")
+        require((np.diff(time) > 0).all(), "scans", "times that don't ascend", "in order of time")
+        require(len(scan.bearings) > 1, "scans", f"{len(scan.bearings)} beams", "scans of at least 2")
         period = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
         yield self._make.scans("/scan", self._stamps(time - duration / 2), "laser", scan, duration, period)
         begin = self._stamps(np.minimum(time[:1] - duration / 2, self._log.time[0]))
@@ -121,17 +123,18 @@ class RunTopics:
         return (whole.astype(np.int64) + self._start) * 10**9 + parts
 
 
-def stored_geometry(log: RunLog) -> RobotGeometry | None:
-    """The geometry in the metadata of a run."""
-    stored = log.metadata.get("geometry")
-    return RobotGeometry(**stored) if stored else None
-
-
 def own_scans(log: RunLog) -> tuple[Array, Scan] | None:
     """The scans of the log's rows, if it has them in full."""
     if log.scans is None or log.scans.full is None:
         return None
     return log.time, replace(log.scans.scan, ranges=log.scans.full)
+
+
+def stated_scan_duration(log: RunLog) -> float:
+    """Time from a scan's first beam to its last [s], of the scanner in the metadata of a run; 0 if there is none."""
+    scanner = log.metadata.get("scanner")
+    duration = scanner.get("scan_duration") if isinstance(scanner, Mapping) else None
+    return float(duration) if isinstance(duration, int | float) else 0.0
 
 
 def _reckoned(log: RunLog, geometry: RobotGeometry) -> Array:

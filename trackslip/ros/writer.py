@@ -14,8 +14,10 @@ from trackslip.errors import OutputError, require
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Scan
 from trackslip.logs.runlog import RunLog
-from trackslip.ros.messages import Topic, definitions, require_rosbags
-from trackslip.ros.run_topics import POSE_TOPICS, PoseMessage, RunTopics, own_scans, stored_geometry
+from trackslip.logs.stored_geometry import stored_geometry
+from trackslip.ros.decode import require_rosbags
+from trackslip.ros.messages import Topic, definitions
+from trackslip.ros.run_topics import POSE_TOPICS, PoseMessage, RunTopics, own_scans, stated_scan_duration
 
 START = 1_767_225_600
 """Stamp of t = 0, 2026-01-01: a stamp of zero means that there is none [s]."""
@@ -71,7 +73,7 @@ def write_bag(
         start = 0 if log.time[0] > _SINCE_1970 else START
     geometry = geometry or stored_geometry(log)
     if scan_duration is None:
-        scan_duration = float(log.metadata.get("scanner", {}).get("scan_duration", 0.0))
+        scan_duration = stated_scan_duration(log)
     contents = RunTopics(log, geometry, start, readings)
     topics = [
         *contents.encoders(),

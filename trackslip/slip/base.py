@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,13 +12,16 @@ from numpy.typing import ArrayLike
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array, RobotGeometry, body_twist, curvature, sprocket_speeds
 
-_ITERATIONS = 12
+_EDGE = 1e-9  # beyond a jump that is rounding [half its height]
 _CONVERGED = 1e-12  # relative error of the sprocket speeds
 _SLOPES = (0.2, 5.0)  # of the commanded direction over the real one, to which a step is limited
 
 
 class SlipLaw(ABC):
     """Maps curvature (...) [1/m] to the slip (..., 2) of the left and right track [-]."""
+
+    twist_iterations: ClassVar[int] = 12
+    """Largest number of iterations of `twist`; where a law jumps, some sprocket speeds take all of them."""
 
     @abstractmethod
     def __call__(self, kappa: ArrayLike) -> Array:
@@ -35,15 +39,17 @@ class SlipLaw(ABC):
         """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce: the inverse of `sprocket_speeds`.
 
         The secant method rotates and scales the real twist, a point in the plane (v, b w), until the law's command for
-        it matches `omega`. If no such twist exists (for a law with a jump between left and right turns in place), the
-        result is close to a solution.
+        it matches `omega`. Where a law jumps between left and right turns in place, the robot turns in place with slips
+        in between. If there is no solution, or more than one, the result is close to one.
         """
         omega = np.asarray(omega, float)
+        in_place, turning = self._in_place(omega, geometry)
         commanded = _plane(body_twist(omega, 0.0, geometry), geometry)
         real = commanded
         wrong = turned = np.zeros_like(commanded, dtype=float)
+        found = in_place
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            for k in range(_ITERATIONS):
+            for k in range(self.twist_iterations):
                 twist = np.stack([real.real, real.imag / geometry.half_gauge], axis=-1)
                 demanded = _plane(body_twist(self.sprocket_speeds(twist, geometry), 0.0, geometry), geometry)
                 ratio = commanded / demanded
@@ -52,10 +58,25 @@ class SlipLaw(ABC):
                 slope = np.clip((wrong - missed) / turned, *_SLOPES) if k > 0 else 1.0
                 turned = missed / np.where(np.isfinite(slope), slope, 1.0)
                 wrong = missed
-                real = real * np.abs(ratio) * np.exp(1j * turned)
-                if np.abs(ratio - 1).max(initial=0.0) < _CONVERGED:
+                real = np.where(found, real, real * np.abs(ratio) * np.exp(1j * turned))
+                found = found | (np.abs(ratio - 1) < _CONVERGED)  # kept, as another step might cross a jump
+                if found.all():
                     break
+        real = np.where(in_place, 1j * turning, real)
         return np.stack([real.real, real.imag / geometry.half_gauge], axis=-1)
+
+    def _in_place(self, omega: Array, geometry: RobotGeometry) -> tuple[np.ndarray, Array]:
+        """Whether sprocket speeds (..., 2) lie in the jump between turns in place, (...), and b w (...) [m/s] there.
+
+        The slips of both tracks then have the same sum as at either end of the jump.
+        """
+        belt = geometry.sprocket_radius * omega
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            inner, outer = np.moveaxis(self(np.inf), -1, 0)
+            turning = (2 - inner - outer) / (1 / belt[..., 1] - 1 / belt[..., 0])
+            beyond = (1 - turning / belt[..., 1] - (inner + outer) / 2) / ((outer - inner) / 2)
+            inside = (belt[..., 0] * belt[..., 1] < 0) & (outer > inner) & (np.abs(beyond) <= 1 + _EDGE)
+        return inside, np.where(inside, turning, 0.0)
 
 
 def _plane(twist: Array, geometry: RobotGeometry) -> np.ndarray:

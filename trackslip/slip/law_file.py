@@ -55,30 +55,52 @@ def load_laws(path: str | Path = SHIPPED, robot: RobotGeometry | None = None) ->
     Raises:
         LogError: if the file does not exist, holds no slip laws, or was made for another robot or by a newer version.
     """
-    path = file = Path(path)
+    content, file = read_content(Path(path))
+    geometry, laws = parse_laws(content, file)
+    if robot is not None and not np.allclose(_sizes(geometry), _sizes(robot)):
+        raise LogError(
+            f"{file}: its laws are for half_gauge = {geometry.half_gauge:g} m and sprocket_radius = "
+            f"{geometry.sprocket_radius:g} m, the robot has {robot.half_gauge:g} m and {robot.sprocket_radius:g} m"
+        )
+    return laws
+
+
+def read_content(path: Path) -> tuple[Any, Path]:
+    """What a JSON file, or the summary.json of a folder of results, holds, and which file it is.
+
+    Raises LogError if the file cannot be read or the folder is of a newer version.
+    """
+    file = path
     try:
         if path.is_dir():
             file = path / "summary.json"
             require_known_manifest(path)
-        content = json.loads(file.read_text(encoding="utf-8"))
-        require_known_format(content, file)
-        half_gauge, radius = (float(content["geometry"][key]) for key in ("half_gauge", "sprocket_radius"))
-        stored = content["slip_laws"]
-        if robot is not None and not np.allclose([half_gauge, radius], [robot.half_gauge, robot.sprocket_radius]):
-            raise LogError(
-                f"{file}: its laws are for half_gauge = {half_gauge:g} m and sprocket_radius = {radius:g} m, "
-                f"the robot has {robot.half_gauge:g} m and {robot.sprocket_radius:g} m"
-            )
-        return {name: law_from_values(name, stored[name]["values"], half_gauge) for name in FAMILIES if name in stored}
+        return json.loads(file.read_text(encoding="utf-8")), file
     except OSError as error:
         raise LogError(f"{file}: {error.strerror}") from error
     except RecursionError as error:
         raise LogError(f"{file}: not JSON of slip laws (nested too deeply)") from error
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except LogError:
+        raise
+    except ValueError as error:
         raise LogError(f"{file}: not JSON ({error})") from error
+
+
+def parse_laws(content: Any, file: object) -> tuple[RobotGeometry, dict[str, SlipLaw]]:
+    """Geometry and laws by family name in the content of a file of laws; raises LogError if there are none."""
+    try:
+        require_known_format(content, file)
+        geometry = RobotGeometry(*(float(content["geometry"][key]) for key in ("half_gauge", "sprocket_radius")))
+        stored = content["slip_laws"]
+        b = geometry.half_gauge
+        return geometry, {name: law_from_values(name, stored[name]["values"], b) for name in FAMILIES if name in stored}
     except InvalidValueError as error:
         raise LogError(f"{file}: {error}") from error
     except LogError:
         raise
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise LogError(f"{file}: no slip laws in it ({type(error).__name__}: {error})") from error
+
+
+def _sizes(geometry: RobotGeometry) -> tuple[float, float]:
+    return geometry.half_gauge, geometry.sprocket_radius

@@ -51,6 +51,8 @@ class Hyperbola(SlipLaw):
     pole: float
     """p: radius of the pole of the inner track's slip [m], >= 0."""
 
+    twist_iterations = 40  # convergence is slow near the poles
+
     def __post_init__(self) -> None:
         require_between(self, ("size",), -np.inf, np.inf, "finite")
         require_between(self, ("pole",), np.nextafter(0, -1), np.inf, "finite and >= 0")

@@ -11,6 +11,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from experiments.cli import main
 from experiments.commands import grid
+from trackslip import load
 from trackslip.logs.logfile import read_runs
 
 WHEELS = {"/joint_states", "/odom", "/tf", "/cmd_vel", "/ground_truth"}
@@ -60,9 +61,10 @@ def test_an_interrupted_grid_resumes_to_the_same_bags_and_numbers(trackslip, tmp
     def stopped(*arguments, **named):
         raise KeyboardInterrupt
 
-    with monkeypatch.context() as patch, pytest.raises(SystemExit):
+    with monkeypatch.context() as patch:
         patch.setattr(grid, "write_bags", stopped)
-        main([*GRID, *out])
+        with pytest.raises(SystemExit):
+            main([*GRID, *out])
     assert [file.name for file in (tmp_path / "a").iterdir()] == [".grid-parts"]
     resumed = trackslip(*GRID, *out)
     assert resumed.summary["timing"]["taken"] == 1
@@ -120,12 +122,30 @@ def test_wander(trackslip, motion, source, topic, kind):
     if source == "scanner":
         stamps = bag["/scan"][0]
         assert set(np.diff(stamps)) <= {49_999_999, 50_000_000, 50_000_001}
+        assert_plate_is_there(bag, log.truth)
+
+
+def assert_plate_is_there(bag, truth):
+    """All returns are on the outline of the plate where the robot is, within noise."""
+    start, end = (bag["/tf_static"][1][0].transforms[0].transform.translation, truth.pose[0])
+    assert np.hypot(start.x - end[0], start.y - end[1]) == pytest.approx(3.0)
+    true = bag["/ground_truth"]
+    for stamp, scan in list(zip(*bag["/scan"], strict=True))[::20]:
+        pose = true[1][np.searchsorted(true[0], stamp)].pose.pose
+        seen = np.isfinite(scan.ranges)
+        angle = np.pi / 2 + scan.angle_min + scan.angle_increment * np.flatnonzero(seen)
+        x = start.x + scan.ranges[seen] * np.cos(angle) - pose.position.x
+        y = start.y + scan.ranges[seen] * np.sin(angle) - pose.position.y
+        turned = (x + 1j * y) * np.exp(-2j * np.arctan2(pose.orientation.z, pose.orientation.w))
+        outside = np.maximum(np.abs(turned.real) - 0.3, np.abs(turned.imag) - 0.02)
+        assert seen.sum() > 20
+        assert np.abs(outside).max() < 5 * 0.005 + 0.02 * 0.3 * 2
 
 
 @pytest.mark.parametrize("command", [GRID, ("track",), ("wander",)])
 def test_without_rosbags_nothing_is_driven(refused, monkeypatch, command):
     monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
-    assert refused(*command, "--bag") == "bags need rosbags: pip install 'trackslip[ros]'"
+    assert refused(*command, "--bag") == "bags need the package rosbags: pip install 'trackslip[ros]'"
 
 
 def test_a_folder_of_other_bags_is_kept(refused, tmp_path):
@@ -134,3 +154,16 @@ def test_a_folder_of_other_bags_is_kept(refused, tmp_path):
     mine.touch()
     assert "bags there contains files that aren't part of results" in refused("wander", "--bag", "--out", "out")
     assert mine.exists()
+
+
+@pytest.mark.parametrize("source", ["slam", "gnss"])
+def test_a_drive_and_its_bag_are_read_alike(trackslip, source):
+    result = trackslip("wander", "--motion", "law", "--source", source, "--duration", "20", "--bag")
+    (log,), (again,) = load(result.folder), load(result.folder / "bags")
+    time = again.time - again.time[0] + log.time[0]
+    np.testing.assert_allclose(time, log.time, atol=2e-9)
+    np.testing.assert_allclose(again.omega[1:], log.omega[1:], atol=1e-4)  # times in whole nanoseconds
+    np.testing.assert_array_equal(again.is_valid, log.is_valid)
+    place = [one.pose[one.is_valid, :2] for one in (log, again)]
+    first = place[0][0] if source == "gnss" else 0.0  # fixes have the first one as origin
+    np.testing.assert_allclose(place[1], place[0] - first, atol=1e-6)

@@ -12,8 +12,11 @@ import sys
 import typing
 
 import pytest
+from bags import in_order, joints_of, poses_of, write_bag
+from wandered import wandered
 
 from experiments.cli import COMMANDS, main, parse
+from trackslip.logs.logfile import write_parquet
 
 GENERIC = ("dataclasses", "copy", "tyro", "experiments.options.checks", "experiments.storage", "experiments.sweep.plan")
 """Modules that copy, check or store all options, whatever they are; and functions that do:"""
@@ -69,6 +72,7 @@ GROUND = {
 SIMULATION = REPEATABLE | EQUIPMENT | GROUND
 RUNS = SIMULATION | {"radii": "0.8 1.2", "speeds": "0.2 0.25", "localization": "line", "duration": "5"}
 GRID = RUNS | {"motion": "arc", "random-phase": ""}
+BAG = {"encoders": "/motors", "left": "x2", "right": "x1", "reversed": "both", "poses": "/slam/pose"}
 EXAMPLES = {
     "grid": (
         GRID | {"out": "a", "executor": "inline", "force": "", "bag": ""},
@@ -89,6 +93,7 @@ EXAMPLES = {
         | {"sensor": "0.01 0 0"},
         {"": "sweep", "where": "seed=0", "motion": "butterworth", "settle": "0.5", "method": "steady"}
         | {"estimate-sensor": ""},
+        {"": "run.mcap", "half-gauge": "0.168", "sprocket-radius": "0.06", "method": "drive"} | BAG,
     ),
     "plan": (
         REPEATABLE
@@ -98,6 +103,13 @@ EXAMPLES = {
         {"half-gauge": "0.17", "sprocket-radius": "0.07", "duration": "20", "drive": "", "repeats": "2"}
         | {"motion": "mujoco", "threads": "1"},
     ),
+    "evaluate": (
+        {"": "drive.parquet", "law": "predicted", "half-gauge": "0.17", "sprocket-radius": "0.06", "gear": "2"}
+        | {"sensor": "0.1 0 0", "clock-offset": "0.1", "no-tum": "", "pdf": "", "out": "a"},
+        {"": "sweep", "where": "seed=0", "out": "b"},
+        {"": "run.mcap", "half-gauge": "0.17", "sprocket-radius": "0.06", "out": "c"} | BAG,
+    ),
+    "bag": ({"": "run.mcap", "export": "a.csv", "overwrite": ""} | BAG,),
     "track": (
         SIMULATION
         | {"controller": "lqr", "compensation": "online", "preview": "0.075", "localization": "line", "out": "a"}
@@ -138,6 +150,7 @@ EXAMPLES = {
         {"grid": "", "grid-runs": "25", "grid-duration": "4", "thread-counts": "1"},
     ),
     "export": ({"": "sweep", "csv": "", "run": "radius=1.0\\ speed=0.1", "out": "a.csv", "overwrite": ""},),
+    "deploy": ({"": "predicted", "to": "c", "law": "icr_radius", "out": "a.csv", "overwrite": ""},),
     "view": ({"": "sweep", "run": "radius=1.0\\ speed=0.1", "save": "a.rrd"},),
 }
 """Command -> command lines that together give every option; an option without a value is a switch."""
@@ -201,6 +214,10 @@ def workplace(tmp_path, monkeypatch, capsys):
     rows = "".join(f"{2 * (v - 0.25 * w) / 0.07},{2 * (v + 0.25 * w) / 0.07},{v},{w}\n" for v, w in twists)
     (tmp_path / "a.csv").write_text("to be overwritten")
     (tmp_path / "log.csv").write_text("omega_l,omega_r,v,w\n" + rows)
+    log = wandered(duration=6.0)
+    write_parquet([log], tmp_path / "drive.parquet")
+    joints = joints_of(dataclasses.replace(log, omega=-log.omega[:, ::-1]), names=("x1", "x2"), topic="/motors")
+    write_bag(tmp_path / "run", "foxglove", in_order(joints, poses_of(log)))
 
 
 def command_line(name, given):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from ecef import ecef
+from full_log import BEAMS, MOUNT, ROWS, full_log
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.interfaces import QosDurability
@@ -13,18 +15,11 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
-from trackslip.errors import InvalidValueError, OutputError, TrackslipError
 from trackslip.kinematics import RobotGeometry
-from trackslip.localization.scan import Cluster, Plate, Scan
-from trackslip.logs.runlog import RunLog, Truth
-from trackslip.logs.scanlog import ScanLog
-from trackslip.ros import messages
-from trackslip.ros.datum import Datum
+from trackslip.logs.runlog import RunLog
 from trackslip.ros.writer import START, write_bag
 
-ROWS, BEAMS = 40, 31
 GEOMETRY = RobotGeometry(0.2, 0.05)
-MOUNT = np.array([-1.0, 2.0, 0.3])
 PLANAR = [0, 1, 5, 6, 7, 11, 30, 31, 35]  # of 36 covariances
 TYPES = {
     "/joint_states": "sensor_msgs/msg/JointState",
@@ -40,30 +35,7 @@ TYPES = {
 
 @pytest.fixture
 def log():
-    """A log with everything, at uneven times, of numbers that use all their bits."""
-    rng = np.random.default_rng(0)
-    time = np.cumsum(rng.uniform(0.02, 0.08, ROWS))
-    root = rng.normal(0, 0.1, (ROWS, 3, 3))
-    ranges = rng.uniform(1, 5, (ROWS, BEAMS)).astype(np.float32)
-    ranges[:, ::4] = np.nan
-    scan = Scan(np.linspace(-1.5, 1.5, BEAMS), np.empty((0, BEAMS)), 0.005, MOUNT, 20.0)
-    none = np.zeros((ROWS, 1))
-    cluster = Cluster(none, none + 1, none > 0, np.zeros(ROWS, int), np.zeros(ROWS, int), np.zeros((ROWS, 2)))
-    return RunLog(
-        run="a run",
-        time=time,
-        omega=rng.normal(0, 3, (ROWS, 2)),
-        pose=rng.normal(0, 2, (ROWS, 3)),
-        command=rng.normal(0, 3, (ROWS, 2)),
-        covariance=root @ root.swapaxes(1, 2),
-        valid=rng.random(ROWS) < 0.7,
-        truth=Truth(rng.normal(0, 2, (ROWS, 3)), rng.normal(0, 1, (ROWS, 3))),
-        scans=ScanLog(scan, Plate(), cluster, ranges),
-    )
-
-
-def changed(log, **given):
-    return RunLog(**vars(log) | given)
+    return full_log()
 
 
 def read(path):
@@ -146,7 +118,7 @@ def test_commands_are_twists_without_slip_or_a_controllers(log, tmp_path):
 
     own = np.random.default_rng(1).normal(0, 1, (ROWS, 2))
     own[3] = np.nan
-    write_bag(changed(log, twist_command=own), tmp_path / "other")
+    write_bag(replace(log, twist_command=own), tmp_path / "other")
     rows = read(tmp_path / "other")["/cmd_vel"]
     np.testing.assert_array_equal(numbers(rows, "twist.linear.x", "twist.angular.z"), np.delete(own, 3, axis=0))
 
@@ -192,7 +164,7 @@ def test_wheel_odometry_integrates_the_wheels(log, tmp_path):
 
 def test_foxgloves_reader_decodes_every_topic(log, tmp_path):
     write_bag(log, tmp_path / "bag", GEOMETRY)
-    write_bag(changed(log, pose=log.pose * [1, 1, np.nan]), tmp_path / "gnss", GEOMETRY)
+    write_bag(replace(log, pose=log.pose * [1, 1, np.nan]), tmp_path / "gnss", GEOMETRY)
     for name, other in (("bag", set()), ("gnss", {"/fix"})):
         bag, count = read(tmp_path / name), {}
         with (tmp_path / name / f"{name}.mcap").open("rb") as file:
@@ -211,31 +183,10 @@ def test_foxgloves_reader_decodes_every_topic(log, tmp_path):
         assert other <= set(count)
 
 
-def ecef(latitude, longitude, height):
-    """Earth-centred coordinates of a geodetic place on WGS 84."""
-    a, f = 6378137.0, 1 / 298.257223563
-    e2 = f * (2 - f)
-    phi, lam = np.radians(latitude), np.radians(longitude)
-    n = a / np.sqrt(1 - e2 * np.sin(phi) ** 2)
-    across = (n + height) * np.cos(phi)
-    return np.stack([across * np.cos(lam), across * np.sin(lam), (n * (1 - e2) + height) * np.sin(phi)], axis=-1)
-
-
-@pytest.mark.parametrize("datum", [Datum(), Datum(-33.0, 179.9999, 1500.0), Datum(0.0, 0.0), Datum(89.9, -70.0)])
-def test_places_of_fixes_by_earth_centred_coordinates(datum):
-    place = np.random.default_rng(0).uniform(-2000, 2000, (100, 2))
-    phi, lam = np.radians([datum.latitude, datum.longitude])
-    east = np.array([-np.sin(lam), np.cos(lam), 0])
-    north = np.array([-np.sin(phi) * np.cos(lam), -np.sin(phi) * np.sin(lam), np.cos(phi)])
-    from_datum = ecef(*datum.geodetic(place).T) - ecef(datum.latitude, datum.longitude, datum.altitude)
-    np.testing.assert_allclose(from_datum @ np.stack([east, north]).T, place, atol=1e-7)
-    np.testing.assert_allclose(from_datum @ np.cross(east, north), 0, atol=1e-7)
-
-
 def test_poses_without_headings_are_fixes(log, tmp_path):
     pose = log.pose.copy()
     pose[::2, 2] = np.nan
-    write_bag(changed(log, pose=pose), tmp_path / "bag", GEOMETRY)
+    write_bag(replace(log, pose=pose), tmp_path / "bag", GEOMETRY)
     bag, odd = read(tmp_path / "bag"), np.arange(ROWS) % 2 > 0
     assert_stamps(bag["/pose"], log.time[log.valid & odd])
     assert_stamps(bag["/fix"], log.time[log.valid & ~odd])
@@ -266,7 +217,7 @@ def test_only_readings_of_the_encoders_are_in_joint_states(log, tmp_path):
     omega = log.omega.copy()
     for k in range(ROWS):
         omega[k] = log.omega[-(-k // 3) * 3 % ROWS]  # that of the next reading
-    write_bag(changed(log, omega=omega), tmp_path / "bag", GEOMETRY, readings=readings)
+    write_bag(replace(log, omega=omega), tmp_path / "bag", GEOMETRY, readings=readings)
     bag = read(tmp_path / "bag")
     for topic in ("/joint_states", "/odom", "/cmd_vel", "/ground_truth"):
         assert_stamps(bag[topic], log.time[readings])
@@ -296,40 +247,3 @@ def test_the_same_run_gives_the_same_bytes(log, tmp_path):
         write_bag(log, tmp_path / name / "run.mcap", GEOMETRY)
     assert (tmp_path / "a" / "run.mcap").read_bytes() == (tmp_path / "b" / "run.mcap").read_bytes()
     assert [file.name for file in (tmp_path / "a").iterdir()] == ["run.mcap"]
-
-
-def test_an_interrupted_bag_leaves_nothing(log, tmp_path, monkeypatch):
-    def stopped(self, stamps, frame):
-        yield from ()
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(messages.Messages, "_headers", stopped)
-    with pytest.raises(KeyboardInterrupt):
-        write_bag(log, tmp_path / "bag", GEOMETRY)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_refusals(log, tmp_path):
-    (tmp_path / "there").mkdir()
-    with pytest.raises(OutputError, match=r"there: exists already$"):
-        write_bag(log, tmp_path / "there")
-    (tmp_path / "file").touch()
-    with pytest.raises(OutputError, match=r"bag: can't be written \(.+\)$"):
-        write_bag(log, tmp_path / "file" / "bag")
-    for given, message in (
-        ({"poses": "Pose"}, "poses = 'Pose': must be one of PoseWithCovarianceStamped, PoseStamped, Odometry"),
-        ({"readings": np.ones(3, bool)}, "readings = (3,): must be of shape (40,)"),
-        ({"readings": np.zeros(ROWS, bool)}, "readings = 'false everywhere': must be true in at least one row"),
-        ({"covariance": np.ones(3)}, "covariance = (3,): must be of shape (3, 3)"),
-        ({"start": -(10**9)}, "start = -1000000000: must be such that all stamps are from 0 to 2147483647 s"),
-    ):
-        with pytest.raises(InvalidValueError) as refusal:
-            write_bag(log, tmp_path / "bag", **given)
-        assert str(refusal.value) == message
-    assert not (tmp_path / "bag").exists()
-
-
-def test_without_rosbags(log, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "rosbags.typesys", None)
-    with pytest.raises(TrackslipError, match=r"^bags need rosbags: pip install 'trackslip\[ros\]'$"):
-        write_bag(log, tmp_path / "bag")

@@ -170,3 +170,21 @@ def test_constant_slip_lies_between_those_of_both_turns_where_it_jumps(left, rig
     slip = 1 - speeds[belts != 0] / belts[belts != 0]
     assert (slip > -0.05 - 1e-9).all()
     assert (slip < 0.03 + 1e-9).all()
+
+
+@pytest.mark.parametrize("law", [*LAWS, SPEED, SIDES, Constant(0.03, -0.05)])
+def test_twists_do_not_depend_on_the_other_rows(law):
+    """Nor does a turn in place, next to where a law jumps, that is found while other rows are not."""
+    twist = np.stack([np.array([0.0, 0.0, 0.1, 0.02, 1e-3]), np.array([0.5, -0.5, 0.3, 0.8, 0.7])], axis=-1)
+    omega = np.concatenate([law.sprocket_speeds(twist, GEOMETRY), [[-3.0, 3.0], [2.9, -3.0], [1.3, 7.6]]])
+    together = law.twist(omega, GEOMETRY)
+    np.testing.assert_allclose(together, [law.twist(one, GEOMETRY) for one in omega], rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("law", [PUBLISHED, SPEED, Power(0.33, -1.25, -0.85, -1.28, 0.168)])
+@given(w=st.floats(0.01, 3.0), left=st.booleans(), share=st.floats(0, 1))
+def test_slips_between_those_of_left_and_right_turns_in_place_turn_in_place(law, w, left, share):
+    twist = np.array([0.0, w if left else -w])
+    slip = share * law(np.inf) + (1 - share) * law(-np.inf)
+    omega = track_speeds(twist, GEOMETRY.half_gauge) / (GEOMETRY.sprocket_radius * (1 - slip))
+    np.testing.assert_allclose(law.twist(omega, GEOMETRY), twist, rtol=1e-12, atol=0)

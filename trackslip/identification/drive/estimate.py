@@ -183,6 +183,7 @@ def _fitted(
 def _described(found: Fit, held: Mapping[str, str]) -> DriveFit:
     model = found.model
     law = len(model.family.names)
+    parameters = dict(zip(model.family.names, found.values[:law].tolist(), strict=True))
     names = [model.names[k] for k in found.free]
     best = found.values[found.free]
     half, covariance = half_widths(found), found.covariance
@@ -190,8 +191,8 @@ def _described(found: Fit, held: Mapping[str, str]) -> DriveFit:
     measured = Nodes.of(found.nodes.drives)
     return DriveFit(
         name=next(name for name, one in FAMILIES.items() if one is model.family),
-        law=model.family.law(found.values[:law], model.geometry),
-        values=dict(zip(model.family.names, found.values[:law].tolist(), strict=True)),
+        law=model.family.build(parameters, model.geometry),
+        values=parameters,
         extras=dict(zip(EXTRAS, found.values[law:].tolist(), strict=True)),
         stderr=dict(zip(names, errors.tolist(), strict=True)),
         interval95={

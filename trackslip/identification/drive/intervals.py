@@ -12,7 +12,7 @@ from trackslip.kinematics import Array
 
 _STRETCH = 10.0  # usual duration of a long stretch [s]
 _MIN_STRETCHES = 12
-_LASTING = 1.1  # scatter of long stretches' scores over the model's, beyond which slip lasts
+_LASTING = 1.05  # scatter of long stretches' scores over the model's, beyond which slip lasts
 
 
 def model_errors(fit: Fit) -> Array:

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from trackslip.identification.drive.drives import Drive
 from trackslip.identification.drive.equations import Nodes
 from trackslip.identification.drive.fit import Fit, fit
 from trackslip.identification.drive.reckoning import rotated
@@ -129,7 +128,9 @@ def _predicted(law: Fit, whole: Fit, rows: np.ndarray) -> tuple[np.ndarray, Arra
         pose = drive.pose.copy()
         pose[nodes.weight[inside, 1] == 0, 2] = np.nan
         yaw = law.values[law.model.index("sensor_yaw")]
-        heading = pose[:, 2] - yaw if drive.has_heading else _trailing_heading(drive, path, usable)
+        heading = pose[:, 2] - yaw
+        if not drive.has_heading:
+            heading[usable] = trailing_heading(drive.time[usable], pose[usable, :2], path[usable])
         for horizon in HORIZONS:
             start, end = _pairs(drive.time, usable, horizon, drive.interval)
             whole_way = (breaks[start] == breaks[end]) & np.isfinite(heading[start])
@@ -157,11 +158,12 @@ def _pairs(time: Array, usable: np.ndarray, horizon: float, interval: float) -> 
     return usable[hit], usable[near[hit]]
 
 
-def _trailing_heading(drive: Drive, path: Array, usable: np.ndarray) -> Array:
-    """Headings (K,) at which dead reckoning fits the positions of the last seconds; NaN where these are too few."""
-    time = drive.time[usable]
-    z = drive.pose[usable, 0] + 1j * drive.pose[usable, 1]
-    c = path[usable, 0] + 1j * path[usable, 1]
+def trailing_heading(time: Array, position: Array, path: Array) -> Array:
+    """Headings (n,) at which dead reckoning fits the positions measured in the last seconds; NaN where these are few.
+
+    `position` (n, 2) is measured at `time` (n,), where dead reckoning from anywhere gives `path` (n, 3).
+    """
+    z, c = position[:, 0] + 1j * position[:, 1], path[:, 0] + 1j * path[:, 1]
     sums = np.concatenate([np.zeros((4, 1)), np.cumsum([np.ones(len(z)), z, c, z * c.conj()], axis=1)], axis=1)
     spread = np.concatenate([[0.0], np.cumsum(np.abs(c - c[0]) ** 2)])
     offset = np.concatenate([[0.0], np.cumsum(c - c[0])])
@@ -169,11 +171,9 @@ def _trailing_heading(drive: Drive, path: Array, usable: np.ndarray) -> Array:
     number, a, b, product = sums[:, high] - sums[:, low]
     number = number.real
     size = (spread[high] - spread[low]) / number - np.abs((offset[high] - offset[low]) / number) ** 2
-    heading = np.full(len(drive.time), np.nan)
     turned = np.angle(product - a * b.conj() / number)
     known = (number >= _MIN_TRAIL) & (size > (_MIN_WAY / 2) ** 2)
-    heading[usable] = np.where(known, turned + path[usable, 2], np.nan)
-    return heading
+    return np.asarray(np.where(known, turned + path[:, 2], np.nan))
 
 
 def score(errors: Mapping[str, Mapping[float, Errors]], names: Sequence[str]) -> dict[str, float]:

@@ -1,0 +1,134 @@
+"""`trackslip deploy`: what it prints and writes, and what it refuses."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+
+import pytest
+from deployed import GEOMETRY, stored
+from diff_drive import parameters_in
+from pages import ROOT, blocks
+from wandered import identified_from, wandered
+
+import trackslip
+from experiments.cli import main
+from trackslip.deploy.deploy import TARGETS
+from trackslip.identification.result import identification_to_json
+
+
+@pytest.fixture(scope="module")
+def identified(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("results") / "mine"
+    folder.mkdir()
+    (folder / "summary.json").write_text(json.dumps(identification_to_json(identified_from(wandered()))))
+    return folder
+
+
+@pytest.fixture
+def laws(tmp_path):
+    (tmp_path / "laws.json").write_text(json.dumps(dict(stored().content)))
+    return "laws.json"
+
+
+@pytest.mark.parametrize("to", TARGETS)
+def test_it_prints_what_it_writes(to, identified, tmp_path, capsys):
+    main(["deploy", str(identified), "--to", to])
+    printed = capsys.readouterr().out
+    assert printed == trackslip.deploy_law(identified, to)
+    file = tmp_path / "new" / "law"
+    main(["deploy", str(identified), "--to", to, "--out", str(file)])
+    assert capsys.readouterr().out == f"{file}: written for {to}\n"
+    assert file.read_text() == printed
+    assert os.listdir(file.parent) == ["law"]
+
+
+def test_ros2_control_is_the_default_and_the_best_law_is_taken(identified, capsys):
+    main(["deploy", str(identified)])
+    best = json.loads((identified / "summary.json").read_text())["best"]
+    law = trackslip.load_laws(identified)[best]
+    found = parameters_in(capsys.readouterr().out)
+    assert found["wheel_separation_multiplier"] == (GEOMETRY.half_gauge + law.offset) / GEOMETRY.half_gauge
+
+
+def test_without_a_folder_it_is_the_shipped_law(capsys):
+    main(["deploy", "--to", "json"])
+    found = json.loads(capsys.readouterr().out)
+    assert found["slip_laws"]["icr_radius"]["values"]["offset"] == trackslip.load_laws()["icr_radius"].offset
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--law", "online"), "law = 'online': must be one of none, "),
+        (("--law", "power"), "law = 'power': ros2_control can only express constant ICRs; nearest in laws.json is icr"),
+        ((), "laws.json: says nothing of which law is best: choose with --law"),
+        (("--law", "icr", "--overwrite"), "overwrite = True: must be left out without --out"),
+        (("--law", "icr", "--out", "laws.json"), "laws.json: exists already; --overwrite replaces it"),
+        (("--law", "icr", "--out", "."), "out = '.': is a folder, must be a file"),
+        (
+            ("--law", "icr", "--out", "laws.json/a"),
+            "out = 'laws.json/a': can't be written (a folder of its path is a file)",
+        ),
+        (("--law", "icr", "--out", "new/" + 300 * "x"), "can't be written (File name too long)"),
+    ],
+)
+def test_refusals(options, message, laws, refused):
+    assert message in refused("deploy", laws, *options)
+
+
+@pytest.mark.parametrize("path", ["nowhere", "."])
+def test_no_results(path, refused):
+    assert "No such file or directory" in refused("deploy", path)
+
+
+def test_a_grid_has_no_laws(tmp_path, refused):
+    (tmp_path / "summary.json").write_text('{"radius": [1.0]}')
+    assert "no slip laws in it" in refused("deploy", ".")
+
+
+def test_a_damaged_summary(tmp_path, refused):
+    (tmp_path / "summary.json").write_text('{"slip_laws": {"icr"')
+    assert "summary.json: not JSON" in refused("deploy", ".")
+
+
+def test_a_file_is_replaced_whole_or_not_at_all(laws, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "slip.h").write_text("mine")
+    monkeypatch.setattr("os.replace", lambda *_: (_ for _ in ()).throw(OSError(28, "No space left on device")))
+    with pytest.raises(SystemExit) as stop:
+        main(["deploy", laws, "--law", "icr", "--to", "c", "--out", "slip.h", "--overwrite"])
+    assert stop.value.code == 2
+    assert "No space left on device" in capsys.readouterr().err
+    assert (tmp_path / "slip.h").read_text() == "mine"
+    assert sorted(os.listdir(tmp_path)) == ["laws.json", "slip.h"]
+    monkeypatch.undo()
+    monkeypatch.chdir(tmp_path)
+    main(["deploy", laws, "--law", "icr", "--to", "c", "--out", "slip.h", "--overwrite"])
+    assert "TRACKSLIP_ICR_H" in (tmp_path / "slip.h").read_text()
+
+
+def test_the_python_file_runs_alone(laws, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    main(["deploy", laws, "--law", "turn_loss", "--to", "python", "--out", "slip.py"])
+    program = "import sys; sys.path.insert(0, '.'); import slip; print(*slip.body_twist(1, 2))"
+    command = [sys.executable, "-I", "-S", "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
+    assert [float(word) for word in done.stdout.split()] == pytest.approx(
+        stored().laws["turn_loss"].twist([1.0, 2.0], GEOMETRY), rel=1e-12
+    )
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+def test_the_c_example_of_the_docs_prints_the_laws_speeds(tmp_path, monkeypatch):
+    page = ROOT / "docs" / "ros.md"
+    (example,) = (block.text for block in blocks(page.read_text(encoding="utf-8")) if block.language == "c")
+    monkeypatch.chdir(tmp_path)
+    main(["deploy", "--law", "icr_radius", "--to", "c", "--out", "slip.h"])
+    (tmp_path / "example.c").write_text(example)
+    command = ["cc", "-std=c99", "-Wall", "-Wextra", "-Werror", "example.c", "-o", "example", "-lm"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    printed = subprocess.run([tmp_path / "example"], capture_output=True, text=True, check=True).stdout
+    left, right = trackslip.load_laws()["icr_radius"].sprocket_speeds([0.15, 0.12], GEOMETRY)
+    assert printed == f"{left:.4f} {right:.4f} rad/s, 0.1500 m/s 0.1200 rad/s\n"

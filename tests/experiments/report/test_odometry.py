@@ -1,0 +1,117 @@
+"""The page of odometry's errors: what its figures show is what was found, and they draw without a warning."""
+
+import io
+import re
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+from drives import EXACT, GEOMETRY, ICR, STILL, drive_log
+
+from experiments.measuring.odometry import clock_doubt, evaluated
+from experiments.report.colours import COLOURS, GREY
+from experiments.report.figures import odometry as figures
+from experiments.report.formats import MISSING
+from experiments.report.odometry import gain, render, tables
+from sim.wander.pose_source import PoseSource
+from trackslip.odometry.identified import LawInUse, no_slip
+from trackslip.slip.icr import ConstantIcr
+
+LAWS = [
+    ("icr", LawInUse("icr", ConstantIcr(0.06, GEOMETRY.half_gauge), GEOMETRY)),
+    ("none", no_slip(GEOMETRY)),
+    ("other:icr", LawInUse("icr", ICR, GEOMETRY)),
+]
+MANIFEST = {"seed": 0, "config": {}}
+
+
+def found_on(*logs, clock_offset=0.0):
+    return evaluated(LAWS, logs, clock_offset=clock_offset)
+
+
+@pytest.fixture(scope="module")
+def found():
+    return found_on(drive_log(0, 20.0, EXACT, STILL), drive_log(1, 50.0, EXACT, STILL))
+
+
+@pytest.fixture(scope="module")
+def blind():
+    return found_on(drive_log(1, 50.0, PoseSource(rate=5.0, heading=False), STILL))
+
+
+def drawn(figure):
+    figure.savefig(io.BytesIO(), format="svg")
+    return figure
+
+
+def test_paths_of_the_longest_drive(found):
+    left, right = drawn(figures.paths(found)).axes
+    measured, *laws = left.lines
+    assert measured.get_color() == GREY
+    drive = found[0].errors.trajectories[1]
+    np.testing.assert_array_equal(measured.get_xdata(), drive.measured[:, 0])
+    for line, one in zip(laws, found, strict=True):
+        placed = one.errors.trajectories[1].placed
+        np.testing.assert_array_equal(line.get_ydata(), placed[:, 1])
+        np.testing.assert_array_equal(placed[0], drive.measured[0])
+        assert line.get_color() == COLOURS[one.used.name]
+    widths = [line.get_linewidth() for line in laws]
+    assert widths[0] == widths[1] != widths[2]
+    worst = [np.nanmax(line.get_ydata()) for line in right.lines]
+    np.testing.assert_allclose(worst, [one.errors.drives[1].from_first.position.largest for one in found])
+
+
+def test_errors_over_the_way(found, blind):
+    position, heading = drawn(figures.errors_over_way(found)).axes
+    for line, one in zip(position.lines, found, strict=True):
+        expected = [100 * errors.position_per_way for errors in one.errors.after_metres.values()]
+        np.testing.assert_allclose(line.get_ydata(), expected)
+        np.testing.assert_array_equal(line.get_xdata(), [*one.errors.after_metres])
+    assert heading.get_ylabel() == "mean error [°/m]"
+    assert len(drawn(figures.errors_over_way(blind)).axes) == 1
+    drawn(figures.paths(blind))
+
+
+def test_the_page_says_what_was_found(found, blind):
+    page = render(found, ["a note"], ["The sensor sits here."], MANIFEST, "trackslip evaluate x", "x")
+    for drawing in page.drawings:
+        assert ET.fromstring(drawing.svg).tag.endswith("svg")
+    for text in ("a note", "The sensor sits here.", "2 drives", "Heading error by way", gain(found), "icr"):
+        assert text in page.html
+    without = render(blind, [], [], MANIFEST, "trackslip evaluate x", "x").html
+    assert "without headings" in without
+    assert "Heading error" not in without
+
+
+def test_a_drive_of_moments_has_a_page_without_stretches(undrawn):
+    short = found_on(drive_log(2, 0.5, EXACT, STILL))
+    page = render(short, [*short[0].errors.notes], [], MANIFEST, "trackslip evaluate x", "x")
+    assert [drawing.name for drawing in page.drawings] == ["odometry_paths"]
+    assert "no stretch of 1, 2, 5, 10 m" in page.html
+    assert gain(short) == ""
+    assert [*tables(short)] == ["absolute"]
+
+
+def test_tables_have_a_row_for_each_law(found):
+    shown = tables(found)
+    assert all([row[0] for row in rows] == ["icr", "none", "other:icr"] for rows in shown.values())
+    errors = found[1].errors
+    assert shown["time_position"][1][1].split(" | ")[0] == f"{errors.after_seconds[1.0].position.rms:.3f}"
+    mean = errors.after_metres[1.0].position_per_way
+    assert float(shown["way_position"][1][1].split(" | ")[0]) == pytest.approx(100 * mean, rel=0.05)
+    lengths = [length for length in (1.0, 2.0, 5.0, 10.0) if length not in errors.after_metres]
+    assert sum(cell == MISSING for cell in shown["way_position"][0]) == len(lengths)
+
+
+def test_the_better_law_is_named(found):
+    assert gain(found).startswith("other:icr, after ")
+    assert gain(found).endswith("position more than 1,000 times better, heading more than 1,000 times better")
+    assert re.search(r"^icr, after .*: position [\d.]+ times better", gain(found[:2]))
+    assert gain(found[:1]) == gain(found[1:2]) == ""
+
+
+def test_clocks_that_agree_raise_no_doubt():
+    logs = [drive_log(3, 20.0, EXACT, STILL)]
+    assert clock_doubt(found_on(*logs)[2:], logs) == []
+    (line,) = clock_doubt(found_on(*logs, clock_offset=0.2)[2:], logs)
+    assert line.endswith("ms ahead of the poses', not 200 ms: try --clock-offset 0.000")

@@ -1,0 +1,211 @@
+"""Bags as robots and other programs write them: by rosbags, and by the writer of MCAP's own libraries."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from mcap.writer import CompressionType
+from mcap_ros2.writer import Writer as McapWriter
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+START = 1_700_000_000_000_000_000  # [ns]
+KINDS = ("ros1", "sqlite3", "mcap", "foxglove")
+JOINTS = "sensor_msgs/msg/JointState"
+ODOMETRY = "nav_msgs/msg/Odometry"
+STAMPED = "geometry_msgs/msg/PoseStamped"
+WITH_COVARIANCE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+FIX = "sensor_msgs/msg/NavSatFix"
+TF = "tf2_msgs/msg/TFMessage"
+
+
+@cache
+def store(ros1):
+    types = get_typestore(Stores.ROS1_NOETIC if ros1 else Stores.ROS2_JAZZY)
+    if ros1:
+        types.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms", TF))
+    types.register(get_types_from_msg("string text\nuint8[] what", "odd_msgs/msg/Odd"))
+    return types
+
+
+def write_bag(path, kind, messages, *, compression=None, split=None):
+    """Write messages (topic, type, arrival [ns], fields as nested dicts) in order; returns the path to open.
+
+    `compression` is none, file, message or storage for rosbags' ROS 2 bags, bz2 or lz4 for ROS 1.
+    """
+    path = Path(path)
+    if kind == "foxglove":
+        return _foxglove(path.with_suffix(".mcap"), messages, compression)
+    if kind == "ros1":
+        file = path.with_suffix(".bag")
+        writer = Writer1(file)
+        writer.chunk_threshold = 100_000
+        if compression:
+            writer.set_compression(Writer1.CompressionFormat[compression.upper()])
+        return _rosbags(file, writer, messages, ros1=True)
+    writer = Writer2(path, version=9, storage_plugin=StoragePlugin[kind.upper()])
+    if compression:
+        writer.set_compression(CompressionMode[compression.upper()], CompressionFormat.ZSTD)
+    return _rosbags(path, writer, messages, ros1=False)
+
+
+def _rosbags(path, writer, messages, ros1):
+    types = store(ros1)
+    connections = {}
+    with writer:
+        for topic, kind, arrival, fields in messages:
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, kind, typestore=types)
+            message = _built(types, kind, fields)
+            data = types.serialize_ros1(message, kind) if ros1 else types.serialize_cdr(message, kind)
+            writer.write(connections[topic], arrival, data)
+    return path
+
+
+def _foxglove(path, messages, compression):
+    types = store(False)
+    schemas = {}
+    packing = CompressionType[(compression or "zstd").upper()]
+    with path.open("wb") as file:
+        writer = McapWriter(file, chunk_size=100_000, compression=packing)
+        for topic, kind, arrival, fields in messages:
+            if kind not in schemas:
+                text, _ = types.generate_msgdef(kind, ros_version=2)
+                schemas[kind] = writer.register_msgdef(kind, text)
+            writer.write_message(topic, schemas[kind], fields, log_time=arrival, publish_time=arrival)
+        writer.finish()
+    return path
+
+
+def _built(types, kind, fields):
+    """A message of rosbags from nested dicts; fields that are left out are zero or empty."""
+    made = {}
+    for name, (node, detail) in types.fielddefs[kind][1]:
+        value = fields.get(name)
+        if int(node) == 2:  # another message
+            made[name] = _built(types, detail, value or {})
+        elif int(node) == 1:
+            made[name] = value if value is not None else "" if detail[0] == "string" else 0
+        else:
+            (inner, base), length = detail
+            if int(inner) == 2:
+                made[name] = [_built(types, base, one) for one in (value or [])]
+            elif base[0] == "string":
+                made[name] = list(value or [])
+            else:
+                made[name] = np.array(np.zeros(length) if value is None else value, base[0])
+    return types.types[kind](**made)
+
+
+def stamp(time, start=START):
+    """Nanoseconds of a time [s] since `start`."""
+    return start + round(time * 1e9)
+
+
+def header(at, frame=""):
+    return {"stamp": {"sec": at // 10**9, "nanosec": at % 10**9}, "frame_id": frame}
+
+
+def quaternion(heading, pitch=0.0):
+    half, tilt = heading / 2, pitch / 2
+    return {
+        "x": -np.sin(tilt) * np.sin(half),
+        "y": np.sin(tilt) * np.cos(half),
+        "z": np.cos(tilt) * np.sin(half),
+        "w": np.cos(tilt) * np.cos(half),
+    }
+
+
+def pose(x, y, heading, pitch=0.0):
+    return {"position": {"x": x, "y": y, "z": 0.0}, "orientation": quaternion(heading, pitch)}
+
+
+def covariance(variances):
+    """36 numbers with these variances of x, y and yaw."""
+    full = np.zeros((6, 6))
+    full[[0, 1, 5], [0, 1, 5]] = variances
+    return full.ravel().tolist()
+
+
+def joint_states(at, names, position=(), velocity=(), topic="/joint_states", late=1_000_000):
+    fields = {
+        "header": header(at),
+        "name": list(names),
+        "position": list(position),
+        "velocity": list(velocity),
+        "effort": [],
+    }
+    return topic, JOINTS, at + late, fields
+
+
+def odometry(at, where, topic="/odom", frame="odom", variances=(0, 0, 0), late=1_000_000):
+    fields = {
+        "header": header(at, frame),
+        "child_frame_id": "base_link",
+        "pose": {"pose": pose(*where), "covariance": covariance(variances)},
+        "twist": {
+            "twist": {"linear": {"x": 0.0, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": 0.0}},
+            "covariance": [0.0] * 36,
+        },
+    }
+    return topic, ODOMETRY, at + late, fields
+
+
+def pose_stamped(at, where, topic="/slam/pose", late=1_000_000):
+    return topic, STAMPED, at + late, {"header": header(at, "map"), "pose": pose(*where)}
+
+
+def pose_with_covariance(at, where, topic="/amcl_pose", variances=(1e-4, 1e-4, 1e-4), late=1_000_000):
+    fields = {"header": header(at, "map"), "pose": {"pose": pose(*where), "covariance": covariance(variances)}}
+    return topic, WITH_COVARIANCE, at + late, fields
+
+
+def transform(at, parent, child, where, topic="/tf", late=1_000_000):
+    x, y, heading = where
+    one = {
+        "header": header(at, parent),
+        "child_frame_id": child,
+        "transform": {"translation": {"x": x, "y": y, "z": 0.0}, "rotation": quaternion(heading)},
+    }
+    return topic, TF, at + late, {"transforms": [one]}
+
+
+def fix(at, latitude, longitude, altitude=0.0, status=0, variance=0.01, topic="/fix", late=1_000_000):
+    fields = {
+        "header": header(at, "gps"),
+        "status": {"status": status, "service": 1},
+        "latitude": latitude,
+        "longitude": longitude,
+        "altitude": altitude,
+        "position_covariance": [variance, 0.0, 0.0, 0.0, variance, 0.0, 0.0, 0.0, variance],
+        "position_covariance_type": 2,
+    }
+    return topic, FIX, at + late, fields
+
+
+def joints_of(log, names=("left_wheel", "right_wheel"), wrapped=False, start=START, **others):
+    """Joint states with the positions that a log's sprockets turn by."""
+    turned = np.concatenate([np.zeros((1, 2)), np.cumsum(log.omega[1:] * np.diff(log.time)[:, None], axis=0)])
+    if wrapped:
+        turned = (turned + np.pi) % (2 * np.pi) - np.pi
+    return [
+        joint_states(stamp(time, start), names, angle, **others)
+        for time, angle in zip(log.time, turned.tolist(), strict=True)
+    ]
+
+
+def poses_of(log, make=pose_stamped, start=START, **others):
+    """Messages made of a log's measured poses."""
+    return [
+        make(stamp(time, start), where, **others)
+        for time, where in zip(log.time[log.is_valid], log.pose[log.is_valid].tolist(), strict=True)
+    ]
+
+
+def in_order(*messages):
+    """Messages by arrival."""
+    return sorted((one for some in messages for one in some), key=lambda one: one[2])

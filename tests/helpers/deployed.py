@@ -1,0 +1,48 @@
+"""Laws of every family, stored as identifications store them, and points to compare them at."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trackslip.deploy.stored import StoredLaws, stored_laws
+from trackslip.kinematics import Array, RobotGeometry
+from trackslip.slip.law_file import laws_content
+
+GEOMETRY = RobotGeometry(0.168, 0.06)
+VALUES = {
+    "icr": {"offset": 0.0436},
+    "icr_radius": {"offset": 0.045, "radius_error": 0.0067},
+    "icr_sides": {
+        "offset_left": 0.04,
+        "offset_right": 0.05,
+        "radius_error_left": 0.005,
+        "radius_error_right": -0.012,
+    },
+    "turn_loss": {"offset": 0.045, "radius_error": 0.0067, "turn_loss": 0.3},
+    "constant": {"slip_outer": 0.0203, "slip_inner": -0.0384},
+    "exponential": {"alpha_outer": 0.0814, "beta_outer": -0.892, "alpha_inner": -0.184, "beta_inner": -0.854},
+    "exponential_speed": {
+        **{"alpha_outer": 0.0815, "beta_outer": -0.892, "alpha_inner": -0.183, "beta_inner": -0.854},
+        **{"gamma_outer": 0.1, "gamma_inner": -0.2},
+    },
+    "power": {"alpha_outer": 0.33, "beta_outer": -1.247, "alpha_inner": -0.794, "beta_inner": -1.251},
+    "hyperbola": {"size": 0.0421, "pole": 0.288},
+}
+"""Parameters of a law of each family that has any."""
+
+
+def stored(values=VALUES, **content) -> StoredLaws:
+    """Laws as if they had been read from a file called laws.json."""
+    laws = {name: {"values": dict(one)} for name, one in values.items()}
+    return stored_laws(laws_content(laws, GEOMETRY) | content, "laws.json")
+
+
+def twists(count: int, seed: int = 0) -> Array:
+    """Twists (n, 2): at rest, straight, in place, on pivots about a track, slow, fast, and `count` at random."""
+    rng = np.random.default_rng(seed)
+    b = GEOMETRY.half_gauge
+    special = [(0, 0), (0.2, 0), (-0.2, 0), (0, 0.5), (0, -0.5), (1e-9, 0.5), (-1e-9, 0.5), (0.1, 1e-12), (3.0, 8.0)]
+    special += [(sign * b * w, w) for sign in (-1, 1) for w in (-0.4, 0.4)]
+    size, direction = 10 ** rng.uniform(-4, 0.5, count), rng.uniform(-np.pi, np.pi, count)
+    random = np.stack([size * np.cos(direction), size * np.sin(direction) / b], axis=-1)
+    return np.concatenate([np.array(special, float), random])

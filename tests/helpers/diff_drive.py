@@ -1,0 +1,89 @@
+"""ros2_control's diff_drive_controller, as far as its parameters matter: commands and odometry."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from ruamel.yaml import YAML
+
+from trackslip.kinematics import Array
+
+PARAMETERS = {
+    *("left_wheel_names", "right_wheel_names", "wheel_separation", "wheel_radius", "wheel_separation_multiplier"),
+    *("left_wheel_radius_multiplier", "right_wheel_radius_multiplier", "odom_frame_id", "base_frame_id", "open_loop"),
+    *("tf_frame_prefix", "tf_frame_prefix_enable", "pose_covariance_diagonal", "twist_covariance_diagonal"),
+    *("position_feedback", "enable_odom_tf", "cmd_vel_timeout", "publish_limited_velocity"),
+    *("velocity_rolling_window_size", "publish_rate", "linear", "angular"),
+}
+"""Names of its parameters."""
+
+
+@dataclass(frozen=True)
+class DiffDrive:
+    """The controller with its parameters."""
+
+    separation: float
+    left_radius: float
+    right_radius: float
+
+    @classmethod
+    def of(cls, parameters: Mapping[str, Any]) -> Self:
+        """With multipliers of 1 where none are given."""
+        radius = parameters["wheel_radius"]
+        return cls(
+            parameters["wheel_separation"] * parameters.get("wheel_separation_multiplier", 1.0),
+            radius * parameters.get("left_wheel_radius_multiplier", 1.0),
+            radius * parameters.get("right_wheel_radius_multiplier", 1.0),
+        )
+
+    def wheel_speeds(self, twist: Array) -> Array:
+        """Speeds of the (left, right) wheel (..., 2) that it commands for twists (..., 2)."""
+        v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
+        across = w * self.separation / 2
+        return np.stack([(v - across) / self.left_radius, (v + across) / self.right_radius], axis=-1)
+
+    def twist(self, omega: Array) -> Array:
+        """Twists (..., 2) that its odometry computes from wheel speeds (..., 2)."""
+        left, right = np.moveaxis(np.asarray(omega, float), -1, 0)
+        left, right = left * self.left_radius, right * self.right_radius
+        return np.stack([(right + left) / 2, (right - left) / self.separation], axis=-1)
+
+    def odometry(self, time: Array, omega: Array) -> Array:
+        """Poses (T, 3) that it integrates, by exact arcs, from mean wheel speeds (T, 2) since the time (T,) before."""
+        poses = np.zeros((len(time), 3))
+        for k in range(1, len(time)):
+            step = time[k] - time[k - 1]
+            v, w = self.twist(omega[k])
+            x, y, heading = poses[k - 1]
+            turned = heading + w * step
+            if abs(w * step) < 1e-6:
+                along = heading + w * step / 2
+                poses[k] = x + v * step * np.cos(along), y + v * step * np.sin(along), turned
+            else:
+                radius = v / w
+                poses[k] = (
+                    x + radius * (np.sin(turned) - np.sin(heading)),
+                    y - radius * (np.cos(turned) - np.cos(heading)),
+                    turned,
+                )
+        return poses
+
+
+def read_yaml(text: str, version: tuple[int, int] = (1, 2)) -> Any:
+    """YAML read by the rules of a version."""
+    reader = YAML(typ="safe", pure=True)
+    reader.version = version  # type: ignore[assignment]
+    return reader.load(io.StringIO(text))
+
+
+def parameters_in(text: str) -> dict[str, Any]:
+    """The parameters in a YAML file for the controller."""
+    content = read_yaml(text)
+    assert read_yaml(text, (1, 1)) == content
+    assert set(content) == {"diff_drive_controller"}
+    assert set(content["diff_drive_controller"]) == {"ros__parameters"}
+    return dict(content["diff_drive_controller"]["ros__parameters"])

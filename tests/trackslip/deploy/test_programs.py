@@ -1,0 +1,126 @@
+"""Laws as C and as Python compute what trackslip computes."""
+
+import shutil
+import subprocess
+
+import numpy as np
+import pytest
+from deployed import GEOMETRY, stored, twists
+
+from trackslip.deploy.c_header import c_text
+from trackslip.deploy.python_file import python_text
+from trackslip.slip.families import FAMILIES
+
+LAWS = stored()
+OTHERS = stored(
+    {
+        "icr_radius": {"offset": -0.1, "radius_error": -0.2},
+        "turn_loss": {"offset": 0.3, "radius_error": 0.1, "turn_loss": -0.9},
+        "constant": {"slip_outer": -0.3, "slip_inner": 0.6},
+        "exponential": {"alpha_outer": 0.9, "beta_outer": -20.0, "alpha_inner": -8.0, "beta_inner": -5.0},
+        "exponential_speed": dict.fromkeys(("alpha_outer", "alpha_inner"), 0.2)
+        | {"beta_outer": -1e-3, "beta_inner": -2.0, "gamma_outer": -3.0, "gamma_inner": 0.5},
+        "power": {"alpha_outer": -0.5, "beta_outer": -0.3, "alpha_inner": 0.5, "beta_inner": -9.0},
+        "hyperbola": {"size": -0.02, "pole": 0.5},
+    }
+)
+"""Laws that no robot has: compared where `twist` finds one that has the sprocket speeds."""
+CASES = [(LAWS, name) for name in FAMILIES] + [(OTHERS, name) for name in OTHERS.laws if name != "none"]
+IDS = [f"{name}{' odd' * (laws is OTHERS)}" for laws, name in CASES]
+STRICT = ("-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wshadow")
+PROGRAM = """\
+#include <stdio.h>
+#include "law.h"
+
+int main(void)
+{
+    double given[2];
+    while (fread(given, sizeof(double), 2, stdin) == 2) {
+        const struct trackslip_omega omega = trackslip_sprocket_speeds(given[0], given[1]);
+        const struct trackslip_twist twist = trackslip_body_twist(given[0], given[1]);
+        double found[4];
+        found[0] = omega.left;
+        found[1] = omega.right;
+        found[2] = twist.v;
+        found[3] = twist.w;
+        fwrite(found, sizeof(double), 4, stdout);
+    }
+    return 0;
+}
+"""
+needs_cc = pytest.mark.skipif(shutil.which("cc") is None, reason="needs a C compiler")
+needs_cpp = pytest.mark.skipif(shutil.which("g++") is None, reason="needs a C++ compiler")
+
+
+def expected(laws, name):
+    """Twists, their sprocket speeds, sprocket speeds, and their twists; all (n, 2)."""
+    law, twist = laws.laws[name], twists(2000)
+    with np.errstate(all="ignore"):
+        omega = law.sprocket_speeds(twist, GEOMETRY)
+        omegas = np.concatenate([twist / GEOMETRY.sprocket_radius, omega[np.isfinite(omega).all(axis=1)]])
+        twists_back = law.twist(omegas, GEOMETRY)
+        missed = np.abs(law.sprocket_speeds(twists_back, GEOMETRY) - omegas).max(axis=1)
+    solved = np.full(len(omegas), laws is LAWS) | (missed <= 1e-9 * np.abs(omegas).max(axis=1))
+    assert solved.mean() > 0.5
+    return twist, omega, omegas[solved], twists_back[solved]
+
+
+def assert_same(found, known):
+    """To 1e-12 of the larger of both numbers; for twists (v, b w)."""
+    size = np.maximum(np.abs(known).max(axis=1, keepdims=True), 1e-300)
+    np.testing.assert_allclose(found / size, known / size, rtol=0, atol=1e-12)
+
+
+def compare(laws, name, sprocket_speeds, body_twist):
+    twist, omega, omegas, twists_back = expected(laws, name)
+    assert_same(sprocket_speeds(twist), omega)
+    scale = np.array([1.0, GEOMETRY.half_gauge])
+    assert_same(body_twist(omegas) * scale, twists_back * scale)
+
+
+def compile_law(folder, laws, name, *command):
+    """A function from (n, 2) numbers to the header's four results (n, 4)."""
+    (folder / "law.h").write_text(c_text(laws, name))
+    (folder / "main.c").write_text(PROGRAM)
+    subprocess.run([*command, *STRICT, "main.c", "-o", "main", "-lm"], cwd=folder, check=True)
+
+    def results(given):
+        done = subprocess.run([folder / "main"], input=given.tobytes(), capture_output=True, check=True)
+        return np.frombuffer(done.stdout).reshape(-1, 4)
+
+    return results
+
+
+@needs_cc
+@pytest.mark.parametrize(("laws", "name"), CASES, ids=IDS)
+def test_the_header_is_the_law(laws, name, tmp_path):
+    run = compile_law(tmp_path, laws, name, "cc", "-std=c99")
+    compare(laws, name, lambda twist: run(twist)[:, :2], lambda omega: run(omega)[:, 2:])
+
+
+@needs_cpp
+@pytest.mark.parametrize("name", ["icr_sides", "turn_loss", "constant", "power"])
+def test_the_header_is_the_law_in_cpp(name, tmp_path):
+    run = compile_law(tmp_path, LAWS, name, "g++", "-std=c++11", "-x", "c++")
+    compare(LAWS, name, lambda twist: run(twist)[:, :2], lambda omega: run(omega)[:, 2:])
+
+
+@pytest.mark.parametrize(("laws", "name"), CASES, ids=IDS)
+def test_the_python_file_is_the_law(laws, name):
+    text = python_text(laws, name)
+    assert {line for line in text.splitlines() if "import" in line} <= {"import math"}
+    names = {}
+    exec(compile(text, name, "exec"), names)
+
+    def each(function):
+        return lambda given: np.array([names[function](*pair) for pair in given.tolist()])
+
+    compare(laws, name, each("sprocket_speeds"), each("body_twist"))
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_at_rest_both_are_zero(name):
+    names = {}
+    exec(compile(python_text(LAWS, name), name, "exec"), names)
+    for pair in ((0, 0), (0.0, -0.0)):
+        assert names["sprocket_speeds"](*pair) == names["body_twist"](*pair) == (0, 0)

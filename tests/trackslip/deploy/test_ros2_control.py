@@ -1,0 +1,146 @@
+"""Parameters of diff_drive_controller, by a model of it that is written from its equations."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from deployed import GEOMETRY, VALUES, stored, twists
+from diff_drive import PARAMETERS, DiffDrive, parameters_in, read_yaml
+
+from trackslip.deploy.deploy import deploy_law
+from trackslip.deploy.expressible import nearest_icr
+from trackslip.deploy.ros2_control import ros2_control_text, yaml_number
+from trackslip.errors import TrackslipError
+from trackslip.kinematics import advance
+from trackslip.slip.icr import ConstantIcr
+
+STORED = stored()
+EVEN_SIDES = {"offset_left": 0.04, "offset_right": 0.04, "radius_error_left": 0.01, "radius_error_right": -0.02}
+CASES = {
+    "none": STORED,
+    "icr": STORED,
+    "icr_radius": STORED,
+    "icr_sides": stored({"icr_sides": EVEN_SIDES}),
+    "turn_loss": stored({"turn_loss": VALUES["turn_loss"] | {"turn_loss": 0.0}}),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_controller_moves_and_reckons_as_the_law_says(name):
+    laws, twist = CASES[name], twists(500)
+    parameters = parameters_in(ros2_control_text(laws, name))
+    controller, law = DiffDrive.of(parameters), laws.laws[name]
+    assert set(parameters) <= PARAMETERS
+    assert all(type(value) is float for value in parameters.values())
+    omega = law.sprocket_speeds(twist, GEOMETRY)
+    np.testing.assert_allclose(controller.wheel_speeds(twist), omega, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(controller.twist(omega), law.twist(omega, GEOMETRY), rtol=1e-12, atol=1e-12)
+
+
+def test_each_parameter_is_what_it_is_said_to_be():
+    parameters = parameters_in(ros2_control_text(CASES["icr_sides"], "icr_sides"))
+    assert parameters == {
+        "wheel_separation": 2 * 0.168,
+        "wheel_radius": 0.06,
+        "wheel_separation_multiplier": (0.168 + 0.04) / 0.168,
+        "left_wheel_radius_multiplier": 1 + 0.01,
+        "right_wheel_radius_multiplier": 1 - 0.02,
+    }
+
+
+def test_where_the_tracks_icrs_differ_a_point_off_the_middle_moves_so():
+    """Its place is told; the yaw rate and the path of the robot are those of the law."""
+    text = ros2_control_text(STORED, "icr_sides")
+    distance = float(re.search(r"([\d.]+) m to the right of the middle", text)[1])
+    assert distance == pytest.approx(0.005)  # D is 40 mm on the left, 50 mm on the right
+    controller, law = DiffDrive.of(parameters_in(text)), STORED.laws["icr_sides"]
+    omega = law.sprocket_speeds(twists(50), GEOMETRY)
+    reckoned, real = controller.twist(omega), law.twist(omega, GEOMETRY)
+    np.testing.assert_allclose(reckoned[:, 1], real[:, 1], rtol=1e-12, atol=1e-12)
+    start = np.array([0.0, -distance, 0.0])
+    ends, middle = advance(start, reckoned, 0.5), advance(np.zeros(3), real, 0.5)
+    aside = distance * np.stack([np.sin(middle[:, 2]), -np.cos(middle[:, 2])], axis=-1)
+    np.testing.assert_allclose(ends[:, :2], middle[:, :2] + aside, atol=1e-12)
+
+
+def test_multipliers_of_one_are_the_nominal_robot():
+    parameters = parameters_in(ros2_control_text(STORED, "none"))
+    assert {value for key, value in parameters.items() if key.endswith("multiplier")} == {1.0}
+
+
+@pytest.mark.parametrize("value", [1.0, 0.1 + 0.2, 1e-7, 1.5e-7, 1e22, 0.336])
+def test_every_yaml_reader_sees_the_same_float(value):
+    """YAML 1.1, too, which takes 1e-07 for a text and 1 for an integer that ROS refuses."""
+    for version in ((1, 1), (1, 2)):
+        found = read_yaml(yaml_number(value), version)
+        assert found == value
+        assert isinstance(found, float)
+
+
+def prediction(**heading):
+    return {
+        name: {"5": {"position_rms": 0.04 * k, "heading_rms": np.radians(size)}, "x": None}
+        for k, (name, size) in enumerate(heading.items(), 1)
+    }
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (
+            {"method": "drive", "prediction": prediction(turn_loss=1.2, icr=1.5, icr_radius=2.5, icr_sides=7)},
+            "nearest in laws.json is icr (--law icr): it predicts headings 5 s ahead to 1.5 deg and positions 5 s "
+            "ahead to 80 mm rms, turn_loss to 1.2 deg and 40 mm",
+        ),
+        (
+            {
+                "method": "steady",
+                "laws": {
+                    "turn_loss": {"cv_yaw_rate": 1e-3, "cv_linear_speed": 2e-3},
+                    "icr": {"cv_yaw_rate": 2e-3, "cv_linear_speed": 4e-3},
+                    "icr_radius": {"cv_yaw_rate": 1.5e-3, "cv_linear_speed": 3e-3},
+                    "icr_sides": {"cv_yaw_rate": 5e-3, "cv_linear_speed": 3e-3},
+                },
+            },
+            "nearest in laws.json is icr_radius (--law icr_radius): it predicts yaw rates at left-out radii to "
+            "1.5 mrad/s and speeds at left-out radii to 3 mm/s rms, turn_loss to 1 mrad/s and 2 mm/s",
+        ),
+    ],
+)
+def test_a_law_that_cannot_be_expressed_is_refused_with_the_nearest_and_its_cost(content, message):
+    with pytest.raises(TrackslipError) as refused:
+        ros2_control_text(stored(**content), "turn_loss")
+    assert str(refused.value) == f"law = 'turn_loss': ros2_control can only express constant ICRs; {message}"
+
+
+@pytest.mark.parametrize("name", ["constant", "exponential", "exponential_speed", "power", "hyperbola", "turn_loss"])
+def test_the_cost_is_computed_where_it_was_not_measured(name):
+    with pytest.raises(TrackslipError, match=r"its yaw rates are off by [\d.]+%, its speeds by [\d.]+% \(rms\)"):
+        ros2_control_text(STORED, name)
+    with pytest.raises(TrackslipError, match=r"laws.json holds none; nearest would be icr_radius with offset = 0\.\d"):
+        ros2_control_text(stored({name: VALUES[name]}), name)
+
+
+def test_the_nearest_constant_icrs_of_constant_icrs_are_these():
+    law = ConstantIcr(0.045, 0.168, 0.0067)
+    found = nearest_icr(law, GEOMETRY)
+    assert (found.offset, found.radius_error) == pytest.approx((0.045, 0.0067), abs=1e-12)
+    loss = stored().laws["turn_loss"]  # has their yaw rates
+    np.testing.assert_allclose(
+        nearest_icr(loss, GEOMETRY).twist([-1.0, 1.0], GEOMETRY)[1], loss.twist([-1.0, 1.0], GEOMETRY)[1], rtol=1e-9
+    )
+
+
+def test_without_a_name_the_nearest_law_stands_in_for_the_best_one_and_says_so(tmp_path):
+    file = tmp_path / "laws.json"
+    content = {"best": "turn_loss", "method": "drive", "prediction": prediction(turn_loss=1.2, icr=1.5, icr_radius=2)}
+    file.write_text(json.dumps(dict(stored({name: VALUES[name] for name in content["prediction"]}, **content).content)))
+    text = deploy_law(file)
+    assert "Slip law icr: " in text
+    assert "The best law is turn_loss, which ros2_control can't express. Instead, icr: it predicts headings" in text
+    assert "instead" not in deploy_law(file, "c").lower()
+    assert "Slip law turn_loss" in deploy_law(file, "c")
+    file.write_text(json.dumps(dict(stored({"power": VALUES["power"]}).content)))
+    with pytest.raises(TrackslipError, match="law = 'power': ros2_control can only express constant ICRs"):
+        deploy_law(file)

@@ -1,0 +1,135 @@
+"""Errors of odometry on logs: exact where the law is, and those of the closed form where it isn't."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from drives import EXACT, GEOMETRY, ICR, STILL, drive_log, without_poses
+
+from sim.wander.pose_source import PoseSource
+from trackslip.errors import InvalidValueError, LogError
+from trackslip.kinematics import advance, body_twist
+from trackslip.logs.runlog import RunLog
+from trackslip.odometry.evaluation import LENGTHS, odometry_errors, trajectory_of
+from trackslip.odometry.mounting import Mounting
+from trackslip.odometry.slip_odometry import SlipOdometry
+from trackslip.slip.constant import NoSlip
+
+BY_LAW, BY_NONE = SlipOdometry(ICR, GEOMETRY), SlipOdometry(NoSlip(), GEOMETRY)
+PLACE = Mounting(0.3, -0.1, 0.2)
+MOUNTED = PoseSource(rate=7.0, ahead=PLACE.x, left=PLACE.y, mounting=PLACE.yaw, delay=0.15)
+
+
+def largest(found):
+    """Largest errors of position of all kinds."""
+    relative = [*found.after_metres.values(), *found.after_seconds.values()]
+    parts = [found.aligned, found.from_first, *relative]
+    return max(part.position.largest for part in parts if part.position), relative
+
+
+def test_the_true_law_has_no_errors_and_another_has_some():
+    log = drive_log(0, 60.0, EXACT, STILL)
+    found = odometry_errors(log, BY_LAW)
+    assert largest(found)[0] < 1e-9
+    assert all(one.heading.largest < 1e-9 for one in largest(found)[1])
+    assert tuple(found.after_metres) == LENGTHS[: len(found.after_metres)]
+    assert tuple(found.after_seconds) == LENGTHS
+    none = odometry_errors(log, BY_NONE)
+    assert none.after_metres[5.0].position.rms > 0.1
+    assert none.aligned.position.rms < none.from_first.position.rms
+
+
+def test_a_circle_is_wrong_by_its_law():
+    """The turn of a circle is too large by a constant share, and the end is where the arcs differ."""
+    twist = np.array([0.2, 0.4])
+    omega = ICR.sprocket_speeds(twist, GEOMETRY)
+    time = np.arange(0.0, 60.0, 0.02)
+    log = RunLog("circle", time, np.tile(omega, (len(time), 1)), advance([0.0, 0.0, 0.0], twist, time))
+    found = odometry_errors(log, BY_NONE)
+    nominal = body_twist(omega, 0.0, GEOMETRY)
+    for seconds, errors in found.after_seconds.items():
+        turned, truly = nominal[1] * seconds, twist[1] * seconds
+        ends = [advance([0.0, 0.0, 0.0], one, seconds) for one in (nominal, twist)]
+        assert errors.position.median == pytest.approx(np.hypot(*(ends[0] - ends[1])[:2]), rel=1e-6)
+        assert errors.heading.median == pytest.approx(turned - truly, rel=1e-6)
+        assert errors.heading_per_way == pytest.approx((nominal[1] - twist[1]) / nominal[0], rel=1e-3)
+        assert errors.count == len(time) - round(seconds / 0.02)
+
+
+def test_sensor_and_clock_are_allowed_for():
+    log = drive_log(1, 40.0, MOUNTED, STILL)
+    found = odometry_errors(log, BY_LAW, PLACE, clock_offset=-0.15)
+    assert largest(found)[0] < 1e-9
+    for mounting, offset in ((Mounting(), -0.15), (PLACE, 0.0)):
+        assert largest(odometry_errors(log, BY_LAW, mounting, offset))[0] > 0.01
+
+
+def test_poses_stamped_beyond_the_encoders_are_left_out():
+    log = drive_log(1, 40.0, MOUNTED, STILL)
+    drive = trajectory_of(log, BY_LAW, PLACE, -0.15)
+    stamps = log.time[log.is_valid]
+    np.testing.assert_array_equal(drive.time, stamps[stamps >= log.time[0] + 0.15])
+
+
+def test_gaps_are_crossed():
+    log = drive_log(2, 60.0, EXACT, STILL)
+    gap = without_poses(log, (log.time > 20) & (log.time < 34))
+    found = odometry_errors(gap, BY_LAW)
+    assert largest(found)[0] < 1e-9
+    assert found.after_seconds[10.0].count < odometry_errors(log, BY_LAW).after_seconds[10.0].count
+
+
+def test_without_headings_stretches_start_as_the_positions_before():
+    log = drive_log(3, 60.0, replace(EXACT, heading=False), STILL)
+    found = odometry_errors(log, BY_LAW)
+    assert found.after_metres[2.0].position.largest < 1e-6
+    assert found.after_metres[2.0].heading is None
+    assert np.isnan(found.after_metres[2.0].heading_per_way)
+    assert found.aligned.position.largest < 1e-6
+    assert found.aligned.heading is None
+    assert found.from_first.position is None
+    none = odometry_errors(log, BY_NONE).after_metres[2.0]
+    assert none.position.rms > 0.05
+    assert none.count > 100
+
+
+def test_several_drives_count_together():
+    logs = [drive_log(seed, duration, EXACT, STILL) for seed, duration in ((4, 30.0), (5, 60.0))]
+    together, each = odometry_errors(logs, BY_NONE), [odometry_errors(log, BY_NONE) for log in logs]
+    for of in ("after_metres", "after_seconds"):
+        parts = [getattr(one, of)[2.0] for one in each]
+        count = [part.count for part in parts]
+        square = np.average([part.position.rms**2 for part in parts], weights=count)
+        assert getattr(together, of)[2.0].count == sum(count)
+        assert getattr(together, of)[2.0].position.rms == pytest.approx(np.sqrt(square))
+    assert [one.name for one in together.drives] == ["drive 4", "drive 5"]
+    assert [one.aligned for one in together.drives] == [one.aligned for one in each]
+
+
+def test_what_a_drive_is_too_short_for_is_said():
+    found = odometry_errors(drive_log(6, 8.0, EXACT, STILL), BY_LAW)
+    assert 10.0 not in found.after_seconds
+    assert 5.0 not in found.after_metres
+    assert found.notes[-1] == "no stretch of 10 s from pose to pose: no relative errors there"
+    assert found.notes[-2].startswith("no stretch of ")
+    assert "5, 10 m from pose to pose" in found.notes[-2]
+
+
+def test_a_drive_without_poses_is_left_out_of_several():
+    log = drive_log(7, 10.0, EXACT, STILL)
+    empty = without_poses(replace(log, run="blind"), log.is_valid)
+    found = odometry_errors([empty, log], BY_LAW)
+    assert [one.name for one in found.drives] == ["drive 7"]
+    assert found.notes[0] == "run 'blind': encoders were read at 0 of 0 measured pose(s), needs at least 2"
+    with pytest.raises(LogError, match="run 'blind': encoders were read at 0 of 0 measured"):
+        odometry_errors(empty, BY_LAW)
+    with pytest.raises(LogError, match="run 'drive 7': encoders were read at 0 of 100 measured"):
+        odometry_errors(log, BY_LAW, clock_offset=1e6)
+
+
+def test_bad_values_are_named():
+    log = drive_log(7, 10.0, EXACT, STILL)
+    with pytest.raises(InvalidValueError, match="lengths = 0: must be finite and > 0"):
+        odometry_errors(log, BY_LAW, lengths=(1, 0))
+    with pytest.raises(InvalidValueError, match=r"sensor\.y = nan: must be a finite number"):
+        Mounting(0.0, float("nan"), 0.0)

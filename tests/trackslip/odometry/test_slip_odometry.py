@@ -1,0 +1,211 @@
+"""Odometry against closed forms, numerical derivatives, and simulated motion exactly by a law with white slip."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from drives import GEOMETRY, ICR
+
+from sim.wander.commands import Driver, track_commands
+from sim.wander.law_motion import WHITE, LawMotion, SlipVariation
+from trackslip.errors import InvalidValueError
+from trackslip.kinematics import advance
+from trackslip.odometry.slip_odometry import SlipOdometry
+from trackslip.odometry.uncertainty import LawErrors, SlipNoise
+from trackslip.slip.constant import NoSlip
+from trackslip.slip.exponential import PUBLISHED
+from trackslip.slip.icr import ConstantIcr
+from trackslip.slip.turn_loss import TurnLoss
+
+NOISE = SlipNoise(WHITE.along, WHITE.across, WHITE.turning)
+ERRORS = LawErrors(("offset", "radius_error"), np.outer((1e-3, 4e-3), (1e-3, 4e-3)) * [[1, 0.6], [0.6, 1]])
+RATE = 50.0
+
+
+def driving(seed, duration=30.0):
+    """Times (T,) and sprocket speeds (T, 2) of somebody who drives about."""
+    speeds = track_commands("random", duration, RATE, Driver(), np.random.default_rng(seed))
+    return np.arange(len(speeds)) / RATE, speeds / GEOMETRY.sprocket_radius
+
+
+def nees(error, covariance):
+    """Normalised squared errors (n,) of poses (n, 3)."""
+    return np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance), error)
+
+
+def test_arcs_are_exact():
+    """A steady circle, however coarse its rows, is that of the closed form."""
+    twist = np.array([0.2, 0.5])
+    omega = ICR.sprocket_speeds(twist, GEOMETRY)
+    for time in (np.array([0.0, 10.0]), np.array([0.0, 0.3, 7.0, 10.0]), np.arange(1001) / 100):
+        path = SlipOdometry(ICR, GEOMETRY, start=(1.0, 2.0, 0.3)).path(time, np.tile(omega, (len(time), 1)))
+        np.testing.assert_allclose(path.pose, advance([1.0, 2.0, 0.3], twist, time), atol=1e-12)
+
+
+@pytest.mark.parametrize("law", [ICR, NoSlip(), TurnLoss(0.04, 0.168, 0.01, 0.2), PUBLISHED])
+def test_step_by_step_is_the_same_as_the_whole_log(law):
+    time, omega = driving(0, 6.0)
+    errors = ERRORS if isinstance(law, ConstantIcr | TurnLoss) else None
+    odometry = SlipOdometry(law, GEOMETRY, NOISE, errors, drift=0.02, start=(1.0, 2.0, 1.0))
+    path = odometry.path(time, omega)
+    for k in range(1, len(time)):
+        odometry.update(omega[k], time[k] - time[k - 1])
+    exactly = law is not PUBLISHED  # whose twists are iterated until all rows have converged to 1e-12
+    np.testing.assert_allclose(odometry.pose, path.pose[-1], rtol=0, atol=0 if exactly else 1e-12)
+    np.testing.assert_allclose(odometry.covariance, path.covariance[-1], rtol=0, atol=0 if exactly else 1e-12)
+
+
+def test_a_path_goes_on_from_where_updates_have_led():
+    time, omega = driving(1, 6.0)
+    whole = SlipOdometry(ICR, GEOMETRY, NOISE, ERRORS).path(time, omega)
+    part = SlipOdometry(ICR, GEOMETRY, NOISE, ERRORS)
+    for k in range(1, 101):
+        part.update(omega[k], time[k] - time[k - 1])
+    rest = part.path(time[100:], omega[100:])
+    np.testing.assert_array_equal(rest.pose, whole.pose[100:])
+    np.testing.assert_array_equal(rest.covariance, whole.covariance[100:])
+
+
+def test_many_robots_are_independent_bit_by_bit():
+    runs = [driving(seed, 4.0) for seed in range(3)]
+    time, omega = runs[0][0], np.stack([one[1] for one in runs], axis=1)
+    starts = np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 3.0], [-1.0, 0.5, 0.0]])
+    fleet = SlipOdometry(ICR, GEOMETRY, NOISE, ERRORS, start=starts).path(time, omega)
+    for k, start in enumerate(starts):
+        alone = SlipOdometry(ICR, GEOMETRY, NOISE, ERRORS, start=start).path(time, omega[:, k])
+        np.testing.assert_array_equal(fleet.pose[:, k], alone.pose)
+        np.testing.assert_array_equal(fleet.covariance[:, k], alone.covariance)
+
+
+def test_on_a_straight_line_the_covariance_is_that_of_an_integrated_random_walk():
+    """After a way L, the heading's variance is q L, its covariance with y is q L^2 / 2, and y adds q L^3 / 3."""
+    omega = NoSlip().sprocket_speeds([0.5, 0.0], GEOMETRY)
+    for rows in (2, 3, 101):
+        time = np.linspace(0.0, 8.0, rows)
+        path = SlipOdometry(NoSlip(), GEOMETRY, SlipNoise(0.01, 0.02, 0.03)).path(time, np.tile(omega, (rows, 1)))
+        way, q = 4.0, 0.03**2
+        across, both = 0.02**2 * way + q * way**3 / 3, q * way**2 / 2
+        expected = [[0.01**2 * way, 0, 0], [0, across, both], [0, both, q * way]]
+        np.testing.assert_allclose(path.covariance[-1], expected, rtol=1e-12, atol=1e-18)
+
+
+def test_the_covariance_at_the_start_is_carried_along():
+    """By the derivative of the end by the start, which differences show."""
+    time, omega = driving(2, 10.0)
+    start, spread = np.array([2.0, -1.0, 0.7]), np.diag([0.1, 0.2, 0.05]) ** 2
+    path = SlipOdometry(ICR, GEOMETRY, start=start, start_covariance=spread).path(time, omega)
+
+    def end(pose):
+        return SlipOdometry(ICR, GEOMETRY, start=pose).path(time, omega).pose[-1]
+
+    slope = np.stack([(end(start + h) - end(start - h)) / 2e-6 for h in 1e-6 * np.eye(3)], axis=1)
+    np.testing.assert_allclose(path.covariance[-1], slope @ spread @ slope.T, rtol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("law", "names"),
+    [
+        (ICR, ("offset", "radius_error")),
+        (TurnLoss(0.04, 0.168, 0.01, 0.2), ("offset", "radius_error", "turn_loss")),
+        (PUBLISHED, ("alpha_outer", "beta_outer")),
+    ],
+)
+def test_errors_of_the_law_are_the_same_along_the_whole_way(law, names):
+    """The derivatives of the end by the parameters, which differences show, times their covariance."""
+    time, omega = driving(3, 10.0)
+    covariance = np.diag(np.linspace(1e-3, 2e-3, len(names))) ** 2
+    path = SlipOdometry(law, GEOMETRY, errors=LawErrors(names, covariance), drift=0.03).path(time, omega)
+
+    def end(name, step):
+        changed = replace(law, **{name: getattr(law, name) + step})
+        return SlipOdometry(changed, GEOMETRY, drift=0.03).path(time, omega).pose[-1]
+
+    slope = np.stack([(end(name, 1e-5) - end(name, -1e-5)) / 2e-5 for name in names], axis=1)
+    np.testing.assert_allclose(path.covariance[-1], slope @ covariance @ slope.T, rtol=1e-5)
+
+
+def test_white_slip_is_covered():
+    """The normalised error of poses is 3 on average: at 400 ends, within 3.5 of its standard errors."""
+    time, omega = driving(4, 30.0)
+    path = SlipOdometry(ICR, GEOMETRY, NOISE).path(time, omega)
+    rng = np.random.default_rng(0)
+    motion = LawMotion(ICR, GEOMETRY, WHITE)
+    ends = np.array([motion.drive(omega, RATE, rng)[0].pose[-1] for _ in range(400)])
+    covariance = np.broadcast_to(path.covariance[-1], (len(ends), 3, 3))
+    found = nees(ends - path.pose[-1], covariance)
+    assert abs(found.mean() - 3) < 3.5 * np.sqrt(6 / len(ends))
+    np.testing.assert_allclose(np.cov(ends.T), path.covariance[-1], rtol=0.35, atol=2e-5)
+
+
+def test_unknown_parameters_are_covered():
+    """Robots whose D and epsilon differ from those of the law by their errors, and slip besides."""
+    time, omega = driving(5, 20.0)
+    path = SlipOdometry(ICR, GEOMETRY, NOISE, ERRORS).path(time, omega)
+    without = SlipOdometry(ICR, GEOMETRY, NOISE).path(time, omega)
+    rng = np.random.default_rng(1)
+    ends = []
+    for offset, error in rng.multivariate_normal([ICR.offset, ICR.radius_error], ERRORS.covariance, 400):
+        law = ConstantIcr(offset, ICR.half_gauge, error)
+        ends.append(LawMotion(law, GEOMETRY, WHITE).drive(omega, RATE, rng)[0].pose[-1])
+    error = np.array(ends) - path.pose[-1]
+    found = nees(error, np.broadcast_to(path.covariance[-1], (len(ends), 3, 3)))
+    assert abs(found.mean() - 3) < 3.5 * np.sqrt(6 / len(ends))
+    overconfident = nees(error, np.broadcast_to(without.covariance[-1], (len(ends), 3, 3)))
+    assert overconfident.mean() > 4
+
+
+def test_an_outward_drift_is_that_of_the_simulator():
+    time, omega = driving(6, 20.0)
+    motion, _ = LawMotion(ICR, GEOMETRY, SlipVariation(), drift=0.05).drive(omega, RATE, np.random.default_rng(0))
+    path = SlipOdometry(ICR, GEOMETRY, drift=0.05).path(time, omega)
+    np.testing.assert_allclose(path.pose, motion.at(time), atol=1e-9)
+
+
+def test_noise_is_taken_as_a_fit_to_drives_has_it():
+    noise = {"position": 0.02, "heading": 0.01, "slip_forward": 0.002, "slip_sideways": 0.003, "slip_turn": 0.005}
+    assert SlipOdometry(ICR, GEOMETRY, noise).noise == SlipNoise(0.002, 0.003, 0.005)
+
+
+def test_at_rest_nothing_grows():
+    odometry = SlipOdometry(ICR, GEOMETRY, NOISE, ERRORS)
+    odometry.update([3.0, 4.0], 1.0)
+    pose, covariance = odometry.pose, odometry.covariance
+    odometry.update([0.0, 0.0], 60.0)
+    odometry.update([5.0, 1.0], 0.0)
+    np.testing.assert_array_equal(odometry.pose, pose)
+    np.testing.assert_array_equal(odometry.covariance, covariance)
+
+
+def test_a_reset_starts_anew():
+    odometry = SlipOdometry(ICR, GEOMETRY, NOISE, ERRORS)
+    odometry.update([3.0, 4.0], 1.0)
+    odometry.reset([1.0, 2.0, 3.0], 1e-4 * np.eye(3))
+    np.testing.assert_array_equal(odometry.pose, [1.0, 2.0, 3.0])
+    np.testing.assert_array_equal(odometry.covariance, 1e-4 * np.eye(3))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda o: o.update([1.0, np.nan], 0.1), "omega = nan: must be finite"),
+        (lambda o: o.update([1.0, 2.0], -0.1), "dt = -0.1: must be a finite number of seconds >= 0"),
+        (lambda o: o.update([1.0, 2.0, 3.0], 0.1), "omega = (3,): must be of shape (..., 2)"),
+        (lambda o: o.reset([1.0, np.inf, 0.0]), "pose = inf: must be finite"),
+        (lambda o: o.reset([0.0, 0.0, 0.0], np.zeros((2, 3))), "covariance = (2, 3): must be of shape (..., 3, 3)"),
+        (lambda o: o.path([0.0, 0.0], np.ones((2, 2))), "time = 0.0: must be finite, and ascending from row to row"),
+        (lambda o: o.path([0.0, 1.0], np.ones((3, 2))), "time = (2,): must be one time per row of omega, (3,)"),
+        (lambda o: SlipNoise(turn=-1.0), "turn = -1.0: must be a finite number >= 0"),
+        (
+            lambda o: SlipOdometry(ICR, GEOMETRY, {"slip_turn": 0.1}),
+            "noise = ['slip_turn']: must be a mapping with",
+        ),
+        (lambda o: LawErrors(("offset",), np.eye(2)), "covariance = (2, 2): must be of shape (1, 1)"),
+        (lambda o: LawErrors(("a", "b"), np.array([[1.0, 2.0], [2.0, 1.0]])), "correlations from -1 to 1"),
+        (lambda o: SlipOdometry(NoSlip(), GEOMETRY, errors=ERRORS).update([1.0, 2.0], 0.1), "names = 'offset'"),
+        (lambda o: SlipOdometry(ICR, GEOMETRY, drift=np.inf), "drift = inf: must be a finite number"),
+    ],
+)
+def test_bad_values_are_named(call, message):
+    with pytest.raises(InvalidValueError) as caught:
+        call(SlipOdometry(ICR, GEOMETRY))
+    assert message in str(caught.value)

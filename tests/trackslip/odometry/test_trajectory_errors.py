@@ -1,0 +1,200 @@
+"""Errors of trajectories, beside those that evo computes from the same poses."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from evo.core import metrics, sync
+from evo.core.trajectory import PoseTrajectory3D
+from evo.core.units import Unit
+from evo.tools import file_interface
+
+from trackslip.errors import InvalidValueError, OutputError
+from trackslip.kinematics import advance, wrap_angle
+from trackslip.odometry.alignment import best_fit, from_pose, moved
+from trackslip.odometry.trajectory_errors import (
+    Statistics,
+    Trajectory,
+    absolute_errors,
+    errors_after_metres,
+    errors_after_seconds,
+    stretches,
+)
+from trackslip.odometry.tum import write_tum
+
+DEGREE = np.degrees(1.0)
+
+
+def trajectory(seed=0, count=400, noise=0.01):
+    """A robot that winds about at 10 Hz, standing for a while, and an estimate whose errors grow."""
+    rng = np.random.default_rng(seed)
+    time = 100.0 + 0.1 * np.arange(count)
+    speed = np.where((time > 115) & (time < 118), 0.0, 0.25)
+    twist = np.column_stack([speed, 0.4 * np.sin(0.3 * time)])
+    measured = np.zeros((count, 3))
+    estimated = np.tile([2.0, -1.0, 2.5], (count, 1))
+    for k in range(1, count):
+        measured[k] = advance(measured[k - 1], twist[k], 0.1)
+        estimated[k] = advance(estimated[k - 1], twist[k] * [1.02, 0.95], 0.1)
+    measured = measured + noise * rng.standard_normal(measured.shape)
+    way = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(measured[:, :2], axis=0).T))])
+    return Trajectory("drive", time, way, measured, estimated, measured[:, 2])
+
+
+def of_evo(time, pose):
+    """The same poses as evo has them."""
+    position = np.column_stack([pose[:, :2], np.zeros(len(pose))])
+    none, half = np.zeros(len(pose)), pose[:, 2] / 2
+    return PoseTrajectory3D(position, np.column_stack([np.cos(half), none, none, np.sin(half)]), time)
+
+
+def evo_statistics(metric, reference, estimate):
+    metric.process_data((reference, estimate))
+    found = metric.get_all_statistics()
+    return [found[name] for name in ("rmse", "mean", "median", "max")]
+
+
+def statistics(errors):
+    found = Statistics.of(errors)
+    return [found.rms, found.mean, found.median, found.largest]
+
+
+@pytest.mark.parametrize("aligned", [True, False])
+def test_absolute_errors_are_those_of_evo(aligned):
+    drive = trajectory()
+    reference, estimate = of_evo(drive.time, drive.measured), of_evo(drive.time, drive.estimated)
+    if aligned:
+        estimate.align(reference)
+    else:
+        estimate.align_origin(reference)
+    position, heading = absolute_errors(drive, aligned)
+    of_position = evo_statistics(metrics.APE(metrics.PoseRelation.translation_part), reference, estimate)
+    of_heading = evo_statistics(metrics.APE(metrics.PoseRelation.rotation_angle_rad), reference, estimate)
+    np.testing.assert_allclose(statistics(position), of_position, atol=1e-6)
+    np.testing.assert_allclose(statistics(heading), of_heading, atol=1e-6)
+    assert of_position[0] > 0.03
+
+
+@pytest.mark.parametrize("length", [0.3, 1.0, 2.0, 5.0])
+def test_relative_errors_after_metres_are_those_of_evo(length):
+    drive = trajectory()
+    reference, estimate = of_evo(drive.time, drive.measured), of_evo(drive.time, drive.estimated)
+    found = errors_after_metres(drive, length)
+    pairs = {"delta": length, "delta_unit": Unit.meters, "all_pairs": True, "pairs_from_reference": True}
+    position = metrics.RPE(metrics.PoseRelation.translation_part, **pairs)
+    heading = metrics.RPE(metrics.PoseRelation.rotation_angle_rad, **pairs)
+    np.testing.assert_allclose(statistics(found.position), evo_statistics(position, reference, estimate), atol=1e-6)
+    np.testing.assert_allclose(statistics(found.heading), evo_statistics(heading, reference, estimate), atol=1e-6)
+    assert len(found.way) == len(position.error) > 100
+
+
+def test_relative_errors_after_seconds_are_those_of_evo_after_frames():
+    drive = trajectory()
+    reference, estimate = of_evo(drive.time, drive.measured), of_evo(drive.time, drive.estimated)
+    for seconds in (1.0, 2.0, 5.0, 10.0):
+        found = errors_after_seconds(drive, seconds)
+        frames = metrics.RPE(metrics.PoseRelation.translation_part, round(10 * seconds), Unit.frames, all_pairs=True)
+        np.testing.assert_allclose(statistics(found.position), evo_statistics(frames, reference, estimate), atol=1e-6)
+        assert len(found.way) == len(frames.error)
+
+
+def test_files_are_read_by_evo_as_they_were_written(tmp_path):
+    drive = trajectory()
+    write_tum(tmp_path / "a.tum", drive.time, drive.measured)
+    read = file_interface.read_tum_trajectory_file(tmp_path / "a.tum")
+    np.testing.assert_allclose(read.timestamps, drive.time, atol=1e-9)
+    np.testing.assert_allclose(read.positions_xyz[:, :2], drive.measured[:, :2], atol=1e-9)
+    turned = np.array([np.arctan2(pose[1, 0], pose[0, 0]) for pose in read.poses_se3])
+    np.testing.assert_allclose(wrap_angle(turned - drive.measured[:, 2]), 0, atol=1e-8)
+    assert (tmp_path / "a.tum").read_text().splitlines()[0].count(" ") == 7
+
+
+def test_files_lose_neither_stamps_of_clocks_nor_positions_on_the_earth(tmp_path):
+    drive = trajectory(count=30)
+    far = drive.measured + np.array([4.5e5, 5.4e6, 0.0])
+    write_tum(tmp_path / "a.tum", drive.time + 1.7e9, far)
+    read = file_interface.read_tum_trajectory_file(tmp_path / "a.tum")
+    np.testing.assert_allclose(read.timestamps, drive.time + 1.7e9, atol=1e-6)
+    np.testing.assert_allclose(read.positions_xyz[:, :2], far[:, :2], atol=1e-8)
+    associated = sync.associate_trajectories(read, of_evo(drive.time + 1.7e9, far))
+    assert associated[0].num_poses == 30
+
+
+def test_the_command_of_evo_finds_the_same_errors_in_the_files(tmp_path):
+    drive = trajectory()
+    write_tum(tmp_path / "measured.tum", drive.time, drive.measured)
+    write_tum(tmp_path / "law.tum", drive.time, drive.estimated)
+    program = shutil.which("evo_rpe", path=os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]))
+    line = [program, "tum", "measured.tum", "law.tum", "--delta", "10", "--delta_unit", "f", "--all_pairs"]
+    line += ["--save_results", "found.zip", "--no_warnings"]
+    subprocess.run(line, cwd=tmp_path, env=os.environ | {"HOME": str(tmp_path)}, check=True, capture_output=True)
+    with zipfile.ZipFile(tmp_path / "found.zip") as file:
+        found = json.loads(file.read("stats.json"))
+    expected = [found[name] for name in ("rmse", "mean", "median", "max")]
+    np.testing.assert_allclose(statistics(errors_after_seconds(drive, 1.0).position), expected, atol=1e-6)
+
+
+def test_alignment_finds_a_known_motion():
+    drive = trajectory(noise=0.0)
+    elsewhere = moved(drive.measured, 1.3, np.array([0.5, 0.5]), np.array([-3.0, 7.0]))
+    for aligned in (best_fit(elsewhere, drive.measured), from_pose(elsewhere, drive.measured, 17)):
+        np.testing.assert_allclose(aligned[:, :2], drive.measured[:, :2], atol=1e-12)
+        np.testing.assert_allclose(wrap_angle(aligned[:, 2] - drive.measured[:, 2]), 0, atol=1e-12)
+
+
+def test_relative_errors_depend_on_no_frame():
+    drive = trajectory()
+    turned = replace(drive, estimated=moved(drive.estimated, 2.0, np.zeros(2), np.array([9.0, -4.0])))
+    for errors in (errors_after_metres, errors_after_seconds):
+        here, there = errors(drive, 1.0), errors(turned, 1.0)
+        np.testing.assert_allclose(here.position, there.position, atol=1e-12)
+        np.testing.assert_allclose(here.heading, there.heading, atol=1e-12)
+
+
+def test_a_gap_is_crossed_and_the_stretches_that_end_in_it_are_left_out():
+    time = np.concatenate([np.arange(0, 5, 0.1), np.arange(12, 20, 0.1)])
+    start, end = stretches(time, 2.0, 0.2)
+    assert (np.abs(time[end] - time[start] - 2.0) <= 0.2).all()
+    assert not ((time[start] > 3.2) & (time[start] < 5)).any()
+    start, end = stretches(time, 8.0, 0.2)
+    assert ((time[start] < 5) & (time[end] >= 12)).any()
+
+
+def test_poses_at_unequal_rates_give_stretches_of_about_the_length():
+    rng = np.random.default_rng(0)
+    time = np.cumsum(rng.uniform(0.01, 0.3, 300))
+    start, end = stretches(time, 1.0, 0.1)
+    assert len(start) > 200
+    assert (np.abs(time[end] - time[start] - 1.0) <= 0.1).all()
+
+
+@pytest.mark.parametrize("count", [0, 1, 2])
+def test_short_axes_have_no_stretches(count):
+    start, end = stretches(np.arange(count, dtype=float), 5.0, 1.0)
+    assert len(start) == len(end) == 0
+
+
+def test_without_headings_positions_alone_are_compared():
+    drive = trajectory(noise=0.0)
+    blind = replace(drive, measured=drive.measured * [1, 1, np.nan])
+    position, heading = absolute_errors(blind, aligned=True)
+    np.testing.assert_array_equal(position, absolute_errors(drive, aligned=True)[0])
+    assert np.isnan(heading).all()
+    assert np.isnan(absolute_errors(blind, aligned=False)[0]).all()
+    found = errors_after_metres(blind, 1.0)
+    np.testing.assert_array_equal(found.position, errors_after_metres(drive, 1.0).position)
+    assert np.isnan(found.heading).all()
+
+
+def test_a_file_that_cannot_be_written(tmp_path):
+    with pytest.raises(OutputError, match="cannot be written"):
+        write_tum(tmp_path / "nowhere" / "a.tum", [0.0], [[0.0, 0.0, 0.0]])
+    with pytest.raises(InvalidValueError, match=r"pose = \(1, 2\): must be of shape \(1, 3\)"):
+        write_tum(tmp_path / "a.tum", [0.0], [[0.0, 0.0]])

@@ -1,0 +1,248 @@
+"""Sprocket speeds from joint states: wrapped or not, several wheels a side, any order, gaps, resets, velocities."""
+
+import numpy as np
+import pytest
+from bags import JOINTS, joint_states, joints_of, stamp, write_bag
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from wandered import wandered
+
+from trackslip.errors import InvalidValueError, LogError
+from trackslip.ros.angles import from_positions, from_velocities
+from trackslip.ros.bag import open_bag
+from trackslip.ros.choice import AUTOMATIC, BagChoice
+from trackslip.ros.encoders import read_encoders
+
+LOG = wandered(duration=8.0)
+TURNED = np.concatenate([np.zeros((1, 2)), np.cumsum(LOG.omega[1:] * np.diff(LOG.time)[:, None], axis=0)])
+
+
+def read(tmp_path, messages, choice=AUTOMATIC, notes=None):
+    (found,) = read_encoders(open_bag(write_bag(tmp_path / "run", "mcap", messages)), choice, notes)
+    return found
+
+
+def states(names, positions=None, velocities=None, topic="/joint_states", time=LOG.time):
+    empty = [()] * len(time)
+    positions = empty if positions is None else positions
+    velocities = empty if velocities is None else velocities
+    return [
+        joint_states(stamp(t), names, p, v, topic=topic) for t, p, v in zip(time, positions, velocities, strict=True)
+    ]
+
+
+def test_speeds_are_means_since_the_reading_before(tmp_path):
+    found = read(tmp_path, joints_of(LOG))
+    np.testing.assert_array_equal(found.stamp, [stamp(t) for t in LOG.time])
+    np.testing.assert_allclose(found.omega[1:], LOG.omega[1:], atol=1e-11)
+    np.testing.assert_array_equal(found.omega[0], found.omega[1])
+    assert found.joints == (("left_wheel",), ("right_wheel",))
+
+
+@pytest.mark.parametrize("low", [-np.pi, 0.0])
+def test_wrapped_positions(tmp_path, low):
+    wrapped = (TURNED * 7 - low) % (2 * np.pi) + low
+    found = read(tmp_path, states(["left", "right"], wrapped))
+    np.testing.assert_allclose(found.omega[1:], 7 * LOG.omega[1:], atol=1e-10)
+
+
+def test_wrapped_positions_that_turn_more_than_half_a_turn_between_readings(tmp_path):
+    """10 Hz and 60 rad/s: only the velocities tell how many turns."""
+    fast = LOG.omega * 40
+    turned = from_velocities(LOG.time, fast[:, 0])
+    assert np.abs(np.diff(turned)).max() > np.pi
+    wrapped = (turned + np.pi) % (2 * np.pi) - np.pi
+    angle, leaps = from_positions(LOG.time, wrapped, fast[:, 0])
+    np.testing.assert_allclose(angle, turned, atol=1e-9)
+    assert not leaps
+
+
+@given(
+    steps=arrays(float, 30, elements=st.floats(-3.1, 3.1)),
+    first=st.floats(-3.14, 3.14),
+)
+def test_unwrapping_undoes_wrapping(steps, first):
+    angle = first + np.concatenate([[0.0], np.cumsum(steps)])
+    wrapped = (angle + np.pi) % (2 * np.pi) - np.pi
+    time = np.arange(31.0)
+    found, _ = from_positions(time, wrapped, np.full(31, np.nan))
+    np.testing.assert_allclose(found, angle - angle[0], atol=1e-9)
+
+
+def test_several_wheels_a_side_are_averaged(tmp_path):
+    names = ["front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel"]
+    scale = np.array([0.9, 1.1, 1.1, 0.9])
+    found = read(tmp_path, states(names, TURNED[:, [0, 1, 0, 1]] * scale))
+    np.testing.assert_allclose(found.omega[1:], LOG.omega[1:], atol=1e-10)
+    chosen = BagChoice(left=("front_left_wheel",), right=("rear_right_wheel",))
+    (tmp_path / "chosen").mkdir()
+    found = read(tmp_path / "chosen", states(names, TURNED[:, [0, 1, 0, 1]] * scale), chosen)
+    np.testing.assert_allclose(found.omega[1:], 0.9 * LOG.omega[1:], atol=1e-10)
+
+
+def test_joints_in_any_order_and_in_messages_of_their_own(tmp_path):
+    """Arms in between, the order of the names changing, and each wheel stated by another publisher."""
+    messages = []
+    for k, (time, (left, right)) in enumerate(zip(LOG.time, TURNED.tolist(), strict=True)):
+        at = stamp(time)
+        if k % 3 == 0:
+            messages.append(joint_states(at, ["left_wheel", "arm_1", "right_wheel"], [left, 5.0, right]))
+        elif k % 3 == 1:
+            messages.append(joint_states(at, ["right_wheel", "left_wheel"], [right, left]))
+            messages.append(joint_states(at + 1000, ["arm_1"], [k]))
+        else:
+            messages.append(joint_states(at, ["left_wheel"], [left]))
+            messages.append(joint_states(at, ["right_wheel"], [right], late=2_000_000))
+    notes = []
+    (found,) = read_encoders(open_bag(write_bag(tmp_path / "run", "mcap", messages)), notes=notes)
+    turned = np.cumsum(found.omega[1:] * np.diff(found.stamp)[:, None] / 1e9, axis=0)
+    last = np.array([np.interp((found.stamp[-1] - stamp(0.0)) / 1e9, LOG.time, side) for side in TURNED.T])
+    np.testing.assert_allclose(turned[-1], last, atol=0.02)
+
+
+def test_velocities_where_there_are_no_positions(tmp_path):
+    """Velocities are samples: their means by the trapezoidal rule, exact for speeds linear in time."""
+    speed = np.column_stack([LOG.time, 3.0 - LOG.time])
+    notes = []
+    found = read(tmp_path, states(["left", "right"], None, speed), notes=notes)
+    middle = (LOG.time[1:] + LOG.time[:-1]) / 2
+    np.testing.assert_allclose(found.omega[1:], np.column_stack([middle, 3.0 - middle]), atol=1e-9)
+    assert any("speeds are its velocities, because it states no positions" in note for note in notes)
+
+
+@pytest.mark.parametrize("positions", [np.full_like(TURNED, np.nan), np.zeros_like(TURNED)])
+def test_positions_that_are_not_measured_give_way_to_velocities(tmp_path, positions):
+    found = read(tmp_path, states(["left", "right"], positions, LOG.omega))
+    middle = (LOG.omega[1:] + LOG.omega[:-1]) / 2
+    np.testing.assert_allclose(found.omega[1:], middle, atol=1e-9)
+
+
+def test_single_positions_that_are_missing_are_bridged(tmp_path):
+    positions = TURNED.copy()
+    positions[40, 0] = np.nan
+    notes = []
+    found = read(tmp_path, states(["left", "right"], positions), notes=notes)
+    np.testing.assert_allclose(found.omega[60:], LOG.omega[60:], atol=1e-10)
+    assert notes == ["topic /joint_states: joint left: 1 messages without a position left out"]
+
+
+def test_an_encoder_that_is_reset_does_not_make_the_robot_race(tmp_path):
+    positions = TURNED + 500.0
+    positions[80:] -= positions[80]
+    notes = []
+    found = read(tmp_path, states(["left", "right"], positions), notes=notes)
+    np.testing.assert_allclose(found.omega[1:], LOG.omega[1:], atol=0.6)
+    assert np.abs(found.omega[[79, 81]] - LOG.omega[[79, 81]]).max() < 1e-9
+    assert notes == [
+        f"topic /joint_states: joint {side}: its position leaps 1 time(s): bridged" for side in ("left", "right")
+    ]
+
+
+def test_sides_that_count_backwards_are_turned_round(tmp_path):
+    messages = states(["left", "right"], TURNED * [1, -1])
+    found = read(tmp_path, messages, BagChoice(reversed="right"))
+    np.testing.assert_allclose(found.omega[1:], LOG.omega[1:], atol=1e-11)
+
+
+def test_the_topic_that_is_measured_is_chosen(tmp_path):
+    commands = states(["left", "right"], TURNED + 1, topic="/joint_commands")
+    arm = states(["shoulder", "elbow"], TURNED, topic="/arm/joint_states")
+    assert read(tmp_path, [*states(["left", "right"], TURNED), *commands, *arm]).topic == "/joint_states"
+    (tmp_path / "two").mkdir()
+    base = states(["left", "right"], TURNED, topic="/base/joint_states")
+    other = states(["left", "right"], TURNED, topic="/other/joint_states")
+    with pytest.raises(
+        LogError, match="encoders may be /base/joint_states, /other/joint_states: choose with --encoders"
+    ):
+        read(tmp_path / "two", [*base, *other, *arm])
+    (tmp_path / "named").mkdir()
+    found = read(tmp_path / "named", [*base, *other], BagChoice(encoders="other/joint_states"))
+    assert found.topic == "/other/joint_states"
+
+
+@pytest.mark.parametrize(
+    ("messages", "choice", "line"),
+    [
+        (
+            [("/odd", "odd_msgs/msg/Odd", 5, {})],
+            {},
+            r"no encoders: no topic of sensor_msgs/.*JointState; its topics are /odd",
+        ),
+        (
+            states(["a", "b"], TURNED),
+            {},
+            r"topic /joint_states: which of its joints are left and right\? It has a, b: choose",
+        ),
+        (
+            states(["a", "b"], TURNED),
+            {"left": ("a",), "right": ("c",)},
+            r"right = 'c': topic /joint_states has no such joint; its joints are a, b",
+        ),
+        (states(["left", "right"]), {}, "topic /joint_states: joint left states neither positions nor velocities"),
+        (
+            states(["left", "right"], TURNED),
+            {"encoders": "/wheels"},
+            "it has no topic '/wheels'; its topics are /joint_states",
+        ),
+        (
+            [joint_states(0, ["left", "right"], p, late=stamp(k / 20)) for k, p in enumerate(TURNED.tolist())],
+            {},
+            r"topic /joint_states: 160 of its 160 header stamps are 0: its publisher states no time, or",
+        ),
+        (
+            [
+                joint_states(stamp(10 - t), ["left", "right"], p, late=round(2e9 * t))
+                for t, p in zip(LOG.time, TURNED.tolist(), strict=True)
+            ],
+            {},
+            "topic /joint_states: time goes back from",
+        ),
+        (states(["left", "right"], TURNED[:1], time=LOG.time[:1]), {}, "fewer than 2 messages with the joints chosen"),
+    ],
+)
+def test_what_cannot_be_read_is_refused_in_a_line(tmp_path, messages, choice, line):
+    with pytest.raises(LogError, match=line) as refused:
+        read(tmp_path, messages, BagChoice(**choice))
+    assert "\n" not in str(refused.value)
+
+
+def test_another_type_is_no_encoders(tmp_path):
+    messages = [*states(["left", "right"], TURNED), ("/odd", "odd_msgs/msg/Odd", 5, {})]
+    with pytest.raises(LogError, match=f"topic /odd has messages of odd_msgs/msg/Odd, needs {JOINTS}"):
+        read(tmp_path, messages, BagChoice(encoders="/odd"))
+
+
+@pytest.mark.parametrize(
+    ("choice", "line"),
+    [
+        ({"left": ("a",)}, "right = None: must be given where left is"),
+        ({"right": ("a",)}, "left = None: must be given where right is"),
+        ({"left": (), "right": ("a",)}, r"left = \(\): must be names of joints"),
+        ({"left": ("a", "b"), "right": ("b",)}, "right = 'b': must be the name of a joint that is not on the left"),
+        ({"reversed": "up"}, "reversed = 'up': must be left, right or both"),
+        ({"poses": "tf:map"}, "poses = 'tf:map': must be tf:FRAME:FRAME"),
+        ({"poses": "tf:map:map"}, "poses = 'tf:map:map': must be tf:FRAME:FRAME"),
+    ],
+)
+def test_choices_that_make_no_sense(choice, line):
+    with pytest.raises(InvalidValueError, match=line):
+        BagChoice(**choice)
+
+
+def test_repeated_and_late_stamps_are_left_out_and_told(tmp_path):
+    messages = joints_of(LOG)
+    topic, kind, arrival, fields = messages[50]
+    messages.insert(51, (topic, kind, arrival + 1, fields))
+    notes = []
+    found = read(tmp_path, messages, notes=notes)
+    np.testing.assert_allclose(found.omega[1:], LOG.omega[1:], atol=1e-11)
+    assert notes == ["topic /joint_states: 1 of 161 messages left out: time is stamped twice at 2.5 s"]
+
+
+def test_a_clock_that_restarts_makes_two_drives(tmp_path):
+    again = [(t, k, at + 9_000_000_000, fields) for t, k, at, fields in joints_of(LOG)]
+    notes = []
+    found = read_encoders(open_bag(write_bag(tmp_path / "run", "mcap", [*joints_of(LOG), *again])), notes=notes)
+    assert [len(one.stamp) for one in found] == [160, 160]
+    assert notes == ["topic /joint_states: time goes back from 7.95 s to 0 s: read as 2 drives"]

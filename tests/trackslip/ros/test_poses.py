@@ -1,0 +1,322 @@
+"""Poses from every type of message: headings, tilt, covariances, fixes, transforms, and what means nothing."""
+
+import numpy as np
+import pytest
+from bags import (
+    KINDS,
+    START,
+    fix,
+    header,
+    in_order,
+    odometry,
+    pose_stamped,
+    pose_with_covariance,
+    poses_of,
+    quaternion,
+    stamp,
+    transform,
+    write_bag,
+)
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+from wandered import wandered
+
+from trackslip.errors import LogError
+from trackslip.ros import covariance
+from trackslip.ros.bag import open_bag
+from trackslip.ros.navsat import local_plane
+from trackslip.ros.pose_sources import chosen_source, pose_sources
+from trackslip.ros.poses import read_poses
+from trackslip.ros.rotation import headings
+
+LOG = wandered(duration=8.0)
+SEEN = LOG.pose[LOG.is_valid]
+WRAPPED = np.column_stack([SEEN[:, :2], np.angle(np.exp(1j * SEEN[:, 2]))])
+SOURCES = {"/odom": odometry, "/slam/pose": pose_stamped, "/amcl_pose": pose_with_covariance}
+
+
+def read(tmp_path, messages, source, kind="mcap"):
+    notes = []
+    found = read_poses(open_bag(write_bag(tmp_path / "run", kind, messages)), source, notes)
+    return found, notes
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("topic", SOURCES)
+def test_poses_of_every_type(tmp_path, kind, topic):
+    (found,), notes = read(tmp_path, poses_of(LOG, SOURCES[topic]), topic, kind)
+    np.testing.assert_array_equal(found.pose[:, :2], SEEN[:, :2])
+    np.testing.assert_allclose(found.pose[:, 2], WRAPPED[:, 2], atol=1e-12)
+    np.testing.assert_array_equal(found.stamp, [stamp(t) for t in LOG.time[LOG.is_valid]])
+    assert found.delay == pytest.approx(1e-3)
+    assert not notes
+
+
+def test_stated_covariances_come_along(tmp_path):
+    (found,), _ = read(tmp_path, poses_of(LOG, pose_with_covariance, variances=(1e-4, 4e-4, 9e-6)), "/amcl_pose")
+    np.testing.assert_array_equal(found.covariance, np.tile(np.diag([1e-4, 4e-4, 9e-6]), (80, 1, 1)))
+    (tmp_path / "zero").mkdir()
+    (found,), _ = read(tmp_path / "zero", poses_of(LOG, odometry), "/odom")
+    assert found.covariance is None
+
+
+@pytest.mark.parametrize(
+    "stated",
+    [
+        np.diag([1e-4, 0.0, 1e-4]),
+        np.diag([1e-4, -1.0, 1e-4]),
+        np.diag([1e6, 1e6, 1e-4]),
+        np.diag([np.nan, 1e-4, 1e-4]),
+        np.array([[1e-4, 5e-4, 0], [5e-4, 1e-4, 0], [0, 0, 1e-4]]),
+        np.array([[1e-4, 5e-5, 0], [0, 1e-4, 0], [0, 0, 1e-4]]),
+    ],
+)
+def test_covariances_that_are_zero_or_absurd_are_none(stated):
+    good = np.diag([1e-4, 1e-4, 1e-4])
+    assert covariance.meaningful(np.stack([stated, stated]), heading=True) is None
+    found = covariance.meaningful(np.stack([stated, good]), heading=True)
+    assert np.isnan(found[0]).all()
+    np.testing.assert_array_equal(found[1], good)
+
+
+def test_the_plane_of_a_covariance_in_space():
+    full = np.arange(36.0)
+    np.testing.assert_array_equal(covariance.planar(full[None]), [[[0, 1, 5], [6, 7, 11], [30, 31, 35]]])
+
+
+@given(st.floats(-3.1, 3.1), st.floats(-0.3, 0.3), st.floats(-0.3, 0.3))
+def test_headings_are_those_of_the_x_axis_from_above(yaw, pitch, roll):
+    turned = Rotation.from_euler("ZYX", [yaw, pitch, roll])
+    notes = []
+    found, *_ = headings(np.stack([turned.as_quat(), [0, 0, 0, 1], [0, 0, 0, 1]]), "topic /a", notes)
+    x, y, _ = turned.apply([1.0, 0.0, 0.0])
+    assert np.angle(np.exp(1j * (found - np.arctan2(y, x)))) == pytest.approx(0.0, abs=1e-9)
+    tilt = np.arccos(min(turned.apply([0.0, 0.0, 1.0])[2], 1.0))
+    assert bool(notes) == (tilt > np.radians(20))
+
+
+def test_tilt_is_told(tmp_path):
+    messages = poses_of(LOG)
+    for k in range(10, 15):
+        topic, kind, at, fields = messages[k]
+        tilted = fields | {"pose": fields["pose"] | {"orientation": quaternion(SEEN[k, 2], np.radians(31))}}
+        messages[k] = topic, kind, at, tilted
+    (found,), notes = read(tmp_path, messages, "/slam/pose")
+    np.testing.assert_allclose(found.pose[:, 2], WRAPPED[:, 2], atol=1e-9)
+    assert notes == [
+        "topic /slam/pose: tilted by more than 20° in 5 of 80 poses, by up to 31°: slip is identified in the plane"
+    ]
+
+
+def test_a_frame_on_its_side_has_no_heading(tmp_path):
+    """A camera's optical frame: z forwards."""
+    sideways = Rotation.from_euler("ZYX", [0.3, 0, -np.pi / 2]).as_quat()
+    messages = [
+        (
+            "/camera_pose",
+            "geometry_msgs/msg/PoseStamped",
+            at,
+            fields | {"pose": fields["pose"] | {"orientation": dict(zip("xyzw", sideways.tolist(), strict=True))}},
+        )
+        for _, _, at, fields in poses_of(LOG)
+    ]
+    (found,), notes = read(tmp_path, messages, "/camera_pose")
+    assert np.isnan(found.pose[:, 2]).all()
+    assert (
+        "tilted by more than 20° in 80 of 80 poses, by up to 90°: headings left out; is it a camera's frame" in notes[0]
+    )
+
+
+def with_turn(turn, rows):
+    messages = poses_of(LOG)
+    for k in rows:
+        topic, kind, at, fields = messages[k]
+        messages[k] = topic, kind, at, fields | {"pose": fields["pose"] | {"orientation": turn}}
+    return messages
+
+
+def test_quaternions_that_mean_nothing_are_left_out(tmp_path):
+    long = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 2.0}
+    (found,), notes = read(tmp_path, with_turn(long, [3, 4]), "/slam/pose")
+    assert len(found.stamp) == 78
+    assert notes == ["topic /slam/pose: 2 of 80 poses left out: the quaternion [0. 0. 0. 2.] is not of unit length"]
+    (tmp_path / "all").mkdir()
+    with pytest.raises(
+        LogError, match=r"topic /slam/pose: the quaternion .* is not of unit length; so are 80 of its 80"
+    ):
+        read(tmp_path / "all", with_turn(long, range(80)), "/slam/pose")
+
+
+@pytest.mark.parametrize(
+    ("turn", "line"),
+    [
+        (
+            {"x": 0.0, "y": 0.0, "z": 0.0, "w": 0.0},
+            "it states no orientation (all quaternions are 0): read without headings",
+        ),
+        (
+            {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0},
+            "its heading never changes although it moves: read without headings",
+        ),
+    ],
+)
+def test_orientations_that_nobody_measured(tmp_path, turn, line):
+    (found,), notes = read(tmp_path, with_turn(turn, range(80)), "/slam/pose")
+    assert np.isnan(found.pose[:, 2]).all()
+    assert notes == [f"topic /slam/pose: {line}"]
+
+
+def test_a_variance_that_calls_the_heading_unknown(tmp_path):
+    (found,), notes = read(tmp_path, poses_of(LOG, odometry, variances=(0.01, 0.01, 99999.0)), "/odom")
+    assert np.isnan(found.pose[:, 2]).all()
+    np.testing.assert_array_equal(found.covariance[:, :2, :2], np.tile(0.01 * np.eye(2), (80, 1, 1)))
+    assert notes == ["topic /odom: its covariances call the heading unknown: read without headings"]
+
+
+def test_positions_that_are_not_finite_are_left_out(tmp_path):
+    messages = poses_of(LOG)
+    messages[7] = pose_stamped(stamp(0.7), (np.nan, 0.0, 0.0))
+    (found,), notes = read(tmp_path, messages, "/slam/pose")
+    assert len(found.stamp) == 79
+    assert notes == ["topic /slam/pose: 1 of 80 poses left out: x or y is not finite"]
+
+
+@pytest.mark.parametrize("latitude", [0.0, 47.5, -33.0, 89.0])
+def test_fixes_on_a_plane(latitude):
+    """Metres per degree by the radii of curvature of WGS 84, along the meridian and across it."""
+    a, f = 6378137.0, 1 / 298.257223563
+    e2 = f * (2 - f)
+    sine = np.sin(np.radians(latitude))
+    meridian, vertical = a * (1 - e2) / (1 - e2 * sine**2) ** 1.5, a / np.sqrt(1 - e2 * sine**2)
+    step = 1e-4
+    north, east = (
+        np.radians(step) * (meridian + 100),
+        np.radians(step) * (vertical + 100) * np.cos(np.radians(latitude)),
+    )
+    where = local_plane(latitude + np.array([0, step, 0]), 8.0 + np.array([0, 0, step]), np.full(3, 100.0))
+    np.testing.assert_allclose(where, [[0, 0], [0, north], [east, 0]], atol=2e-4)
+
+
+def test_fixes_are_read_and_those_without_are_left_out(tmp_path):
+    messages = [
+        fix(stamp(k / 5), 47.0 + 1e-6 * k, 8.0 - 1e-6 * k, 400.0, status=-1 if k in (3, 4) else 2, variance=0.0004)
+        for k in range(20)
+    ]
+    (found,), notes = read(tmp_path, messages, "/fix")
+    assert found.pose.shape == (18, 3)
+    assert np.isnan(found.pose[:, 2]).all()
+    assert found.pose[-1, 1] == pytest.approx(19 * 0.1112, rel=1e-3)
+    assert found.pose[-1, 0] < 0
+    np.testing.assert_array_equal(found.covariance[0, :2, :2], 0.0004 * np.eye(2))
+    assert notes == ["topic /fix: 2 of 20 messages left out: they have no fix"]
+    (tmp_path / "none").mkdir()
+    with pytest.raises(LogError, match="topic /fix: none of its 3 messages has a fix"):
+        read(tmp_path / "none", [fix(stamp(k), 0.0, 0.0, status=-1) for k in range(3)], "/fix")
+
+
+def chain_of(log, correction=lambda t: (1.0 + 0.01 * np.floor(t), 2.0, 0.3)):
+    """map -> odom once a second, odom -> base_link at 20 Hz, base_link -> sensor once and for all."""
+    messages = [transform(START, "base_link", "sensor", (0.2, 0.1, 0.5), topic="/tf_static")]
+    for time, where in zip(log.time, log.pose.tolist(), strict=True):
+        messages.append(transform(stamp(time), "odom", "base_link", where))
+        if round(time * 20) % 20 == 10:
+            messages.append(transform(stamp(time + 0.02), "map", "odom", correction(time)))
+    return in_order(messages)
+
+
+def composed(*poses):
+    x, y, heading = poses[0]
+    for ahead, left, turn in poses[1:]:
+        x, y = (
+            x + ahead * np.cos(heading) - left * np.sin(heading),
+            y + ahead * np.sin(heading) + left * np.cos(heading),
+        )
+        heading += turn
+    return x, y, heading
+
+
+@pytest.mark.parametrize("kind", ["ros1", "mcap"])
+def test_a_chain_of_transforms_is_sampled_where_its_slowest_link_changes(tmp_path, kind):
+    (found,), _ = read(tmp_path, chain_of(LOG), "tf:map:sensor", kind)
+    times = np.arange(8) + 0.52
+    np.testing.assert_array_equal(found.stamp, [stamp(t) for t in times])
+    for time, where in zip(times, found.pose, strict=True):
+        between = [np.interp(time, LOG.time, column) for column in LOG.pose.T]
+        expected = composed((1.0 + 0.01 * np.floor(time), 2.0, 0.3), between, (0.2, 0.1, 0.5))
+        np.testing.assert_allclose(where[:2], expected[:2], atol=1e-9)
+        assert np.angle(np.exp(1j * (where[2] - expected[2]))) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_chain_may_lead_up_and_down(tmp_path):
+    messages = [
+        transform(START, "world", "camera", (1.0, 1.0, 1.0), topic="/tf_static"),
+        *(transform(stamp(t), "camera", "tag", where) for t, where in zip(LOG.time, LOG.pose.tolist(), strict=True)),
+        transform(START, "base", "tag", (0.1, 0.0, 0.2), topic="/tf_static"),
+    ]
+    (found,), _ = read(tmp_path, messages, "tf:world:base")
+    back = (-0.1 * np.cos(0.2), 0.1 * np.sin(0.2), -0.2)
+    expected = [composed((1.0, 1.0, 1.0), where, back) for where in LOG.pose.tolist()]
+    np.testing.assert_allclose(found.pose[:, :2], np.array(expected)[:, :2], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("source", "line"),
+    [
+        ("tf:map:robot", "frame 'robot' is not in the transforms; they have base_link, cup, map, odom, sensor, table"),
+        ("tf:map:cup", "frames 'map' and 'cup' are not connected by transforms; 'map' is with base_link, odom, sensor"),
+        ("tf:table:cup", "the transforms table -> cup never change"),
+        ("/scan", "it has no topic '/scan'"),
+        ("/odd", r"topic /odd has messages of odd_msgs/.*; poses are read from nav_msgs/"),
+    ],
+)
+def test_sources_that_do_not_exist(tmp_path, source, line):
+    more = [transform(START, "table", "cup", (0, 0, 0), topic="/tf_static"), ("/odd", "odd_msgs/msg/Odd", START, {})]
+    with pytest.raises(LogError, match=line):
+        read(tmp_path, [*chain_of(LOG), *more], source)
+
+
+def sources(tmp_path, *messages):
+    bag = open_bag(write_bag(tmp_path / "run", "mcap", in_order(*messages)))
+    return bag, [source.name for source in pose_sources(bag)]
+
+
+def test_sources_by_how_independent_of_the_wheels_they_are(tmp_path):
+    wheels, goal = poses_of(LOG, odometry), poses_of(LOG, topic="/goal_pose")
+    fused = poses_of(LOG, odometry, topic="/odometry/filtered")
+    truth = poses_of(LOG, odometry, topic="/ground_truth")
+    mocap = poses_of(LOG, topic="/vrpn/robot/pose")
+    gnss = [fix(stamp(t), 47.0, 8.0) for t in LOG.time]
+    bag, names = sources(tmp_path, wheels, goal, fused, truth, mocap, gnss, chain_of(LOG), poses_of(LOG))
+    order = [
+        "/vrpn/robot/pose",
+        "/slam/pose",
+        "tf:map:base_link",
+        "/fix",
+        "/ground_truth",
+        "/odometry/filtered",
+        "/odom",
+    ]
+    assert names == order
+    assert chosen_source(bag).name == "/vrpn/robot/pose"
+
+
+def test_odometry_in_a_fixed_frame_is_no_wheel_odometry(tmp_path):
+    bag, names = sources(
+        tmp_path, poses_of(LOG, odometry), poses_of(LOG, odometry, topic="/odometry/filtered/global", frame="map")
+    )
+    assert names == ["/odometry/filtered/global", "/odom"]
+    assert chosen_source(bag).name == names[0]
+
+
+def test_two_sources_alike_are_for_the_user_to_choose(tmp_path):
+    bag, _ = sources(tmp_path, poses_of(LOG), poses_of(LOG, pose_with_covariance))
+    with pytest.raises(LogError, match="poses may be /amcl_pose, /slam/pose: choose with --poses TOPIC"):
+        chosen_source(bag)
+
+
+def test_no_source_at_all(tmp_path):
+    bag, _ = sources(tmp_path, poses_of(LOG, topic="/goal_pose"))
+    with pytest.raises(LogError, match=r"no poses: no topic of .*; its topics are /goal_pose"):
+        chosen_source(bag)
+    assert header(START, "a")["frame_id"] == "a"

@@ -1,0 +1,58 @@
+"""Laws for other programs in one call."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from trackslip.deploy.c_header import c_text
+from trackslip.deploy.expressible import best_expressible
+from trackslip.deploy.json_text import json_text
+from trackslip.deploy.python_file import python_text
+from trackslip.deploy.ros2_control import ros2_control_text
+from trackslip.deploy.stored import StoredLaws, read_stored, stored_laws
+from trackslip.errors import InvalidValueError
+from trackslip.slip.law_file import SHIPPED
+
+if TYPE_CHECKING:
+    from trackslip.identification.result import Identification
+
+TARGETS: dict[str, Callable[[StoredLaws, str], str]] = {
+    "ros2_control": ros2_control_text,
+    "json": json_text,
+    "c": c_text,
+    "python": python_text,
+}
+"""What laws can be deployed to: the text of a file, from laws and the name of one of them."""
+
+
+def deploy_law(source: str | Path | Identification = SHIPPED, to: str = "ros2_control", law: str | None = None) -> str:
+    """The text of a file by which another program moves, and reckons, as a slip law says.
+
+    Its comments state the law, its intervals, what it was identified from, and by how much odometry gets better.
+
+    Args:
+        source: a folder of results, a JSON file of laws, or an identification; by default the shipped laws.
+        to: `ros2_control`: parameters of diff_drive_controller as YAML; `json`; `c`: a header with functions from twist
+            to sprocket speeds and back; `python`: the same as a module that needs nothing but `math`.
+        law: name of the law; by default the best one that the target can express.
+
+    Raises:
+        LogError: if the source holds no laws.
+        InvalidValueError: for an unknown target or law.
+        TrackslipError: if the target can't express the law; the message names the nearest one that it can.
+    """
+    if to not in TARGETS:
+        raise InvalidValueError("to", to, f"one of {', '.join(TARGETS)}")
+    stored = _stored(source)
+    best = best_expressible(stored) if law is None and to == "ros2_control" else law
+    return TARGETS[to](stored, stored.law_named(best))
+
+
+def _stored(source: str | Path | Identification) -> StoredLaws:
+    if isinstance(source, str | Path):
+        return read_stored(Path(source))
+    from trackslip.identification.result import identification_to_json  # late: it takes SciPy
+
+    return stored_laws(identification_to_json(source), "the identification")

@@ -1,0 +1,219 @@
+"""Odometry by a slip law: the encoders' readings become a pose with its covariance.
+
+The robot drives an arc between two readings, with the twist that the law predicts from the sprocket speeds. To first
+order, the error of a pose is a sum over the arcs: an error e_k of the displacement, turned into the world, and an error
+d_k of the heading, which moves everything driven after it,
+
+    dz_T = sum_k (e_k - d_k J m_k) + (sum_k d_k) J z_T        dphi_T = sum_k d_k        J = quarter turn
+
+with m_k, the middle of arc k. So two sums of the errors' moments, taken once along the way, give the covariance at
+every pose, and odometry step by step is the same as that of a whole log, to the last bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from trackslip.errors import InvalidValueError, require_finite
+from trackslip.kinematics import Array, RobotGeometry, arc_quotients
+from trackslip.odometry.uncertainty import LawErrors, SlipNoise
+from trackslip.slip.base import SlipLaw
+
+
+@dataclass(frozen=True)
+class OdometryPath:
+    """Poses by odometry."""
+
+    time: Array
+    """(T,) [s]."""
+    pose: Array
+    """(T, ..., 3) [m, m, rad]; headings are not wrapped."""
+    covariance: Array
+    """(T, ..., 3, 3) of the poses."""
+
+
+@dataclass(frozen=True)
+class _State:
+    """Sums along the way at one time, or with T more axes at the front at many."""
+
+    place: np.ndarray  # (...) complex, x + i y from the start [m]
+    heading: Array  # (...) [rad]
+    moments: Array  # (..., 3, 3) of the sums of e - d J m and of d
+    swing: Array  # (..., p) derivatives of the heading by the parameters
+    drift: np.ndarray  # (..., p) complex, those of the place
+
+
+class SlipOdometry:
+    """Dead reckoning of one or many robots by a slip law, with the covariance of the pose.
+
+    The pose is that of the point which moves without lateral speed: near the middle of the tracks, or ahead of it or
+    behind it with the centre of turning. The covariance contains what it is at the start, slip that varies (`noise`)
+    and the errors of the law's parameters (`errors`), which are the same along the whole way; it does not contain
+    errors of the geometry, which the parameters take up, or slip by which the ground differs from the law's.
+    """
+
+    def __init__(
+        self,
+        law: SlipLaw,
+        geometry: RobotGeometry,
+        noise: SlipNoise | Mapping[str, float] | None = None,
+        errors: LawErrors | None = None,
+        drift: float = 0.0,
+        start: ArrayLike = (0.0, 0.0, 0.0),
+        start_covariance: ArrayLike | None = None,
+    ) -> None:
+        """Start at a pose.
+
+        Args:
+            law: slip law of the robot on its ground.
+            geometry: for which the law was identified.
+            noise: slip that varies, also as in `DriveFit.noise`; none by default.
+            errors: of the law's parameters; none by default.
+            drift: c, for a lateral speed of -c v w in turns, outwards [s].
+            start: pose or poses (..., 3) [m, m, rad].
+            start_covariance: (..., 3, 3) of the start; zero by default.
+
+        Raises:
+            InvalidValueError: for a value that is not finite, or of the wrong shape.
+        """
+        require_finite("drift", drift)
+        self.law, self.geometry, self.drift = law, geometry, drift
+        self.noise = SlipNoise.of(noise) if isinstance(noise, Mapping) else noise or SlipNoise()
+        self.errors = errors or LawErrors((), np.zeros((0, 0)))
+        self.reset(start, start_covariance)
+
+    def reset(self, pose: ArrayLike = (0.0, 0.0, 0.0), covariance: ArrayLike | None = None) -> None:
+        """Go on from a pose or poses (..., 3) [m, m, rad] with covariance (..., 3, 3), by default zero."""
+        self._start = _finite("pose", pose, 1, 3)
+        known = np.zeros((3, 3)) if covariance is None else _finite("covariance", covariance, 2, 3)
+        shape, p = self._start.shape[:-1], len(self.errors.names)
+        self._state = _State(
+            np.zeros(shape, complex),
+            self._start[..., 2].copy(),
+            np.broadcast_to(known, (*shape, 3, 3)).copy(),
+            np.zeros((*shape, p)),
+            np.zeros((*shape, p), complex),
+        )
+
+    @property
+    def pose(self) -> Array:
+        """Pose or poses (..., 3) [m, m, rad] after the last update; headings are not wrapped."""
+        return self._poses(self._state)
+
+    @property
+    def covariance(self) -> Array:
+        """Covariance (..., 3, 3) of the pose."""
+        return self._covariances(self._state)
+
+    def update(self, omega: ArrayLike, dt: float) -> None:
+        """Drive on with mean sprocket speeds (..., 2) [rad/s] for `dt` [s], at least 0.
+
+        Raises:
+            InvalidValueError: for a negative time, or values that are not finite.
+        """
+        if not 0 <= dt < np.inf:
+            raise InvalidValueError("dt", dt, "a finite number of seconds >= 0")
+        omega = _finite("omega", omega, 1, 2)
+        after = self._driven(omega[None], np.array([dt]))
+        self._state = _State(*(value[-1] for value in vars(after).values()))
+
+    def path(self, time: ArrayLike, omega: ArrayLike) -> OdometryPath:
+        """Poses at all rows of a log, the first at the pose now; `update` goes on from there as if it had not been.
+
+        Args:
+            time: (T,) of the rows, ascending [s].
+            omega: (T, ..., 2) sprocket speeds, mean since the previous row; those of the first row are not used
+                [rad/s].
+
+        Raises:
+            InvalidValueError: for times that do not ascend, or values that are not finite or of the wrong shape.
+        """
+        time, omega = np.asarray(time, float), _finite("omega", omega, 2, 2)
+        step = np.diff(time)
+        if time.ndim != 1 or len(time) != len(omega) or not len(time):
+            raise InvalidValueError("time", time.shape, f"one time per row of omega, ({len(omega)},)")
+        if not (np.isfinite(time).all() and (step > 0).all()):
+            raise InvalidValueError("time", float(time[0]), "finite, and ascending from row to row")
+        states = self._driven(omega[1:], step)
+        return OdometryPath(time, self._poses(states), self._covariances(states))
+
+    def _driven(self, omega: Array, step: Array) -> _State:
+        """The states (T + 1, ...) from now on, driving at `omega` (T, ..., 2) for `step` (T,) each."""
+        now, geometry = self._state, self.geometry
+        dt = step.reshape(-1, *[1] * (omega.ndim - 2))
+        twist = self.law.twist(omega, geometry)
+        v, w = np.broadcast_arrays(twist[..., 0], twist[..., 1])
+        speed, turn = v - 1j * self.drift * v * w, w * dt
+        along, across, d_along, d_across = arc_quotients(turn)
+        heading = _summed(now.heading, turn)
+        before = heading[:-1]
+        moved = speed * dt * (along + 1j * across) * np.exp(1j * before)
+        place = _summed(now.place, moved)
+        slopes = self.errors.slopes(self.law, omega, geometry)
+        dv, dw = slopes[..., 0, :], slopes[..., 1, :]
+        swing = _summed(now.swing, dw * dt[..., None])
+        by_speed = dv - 1j * self.drift * (dv * w[..., None] + v[..., None] * dw)
+        aside = by_speed * (dt * (along + 1j * across) * np.exp(1j * before))[..., None]
+        aside = aside + dw * (speed * dt**2 * (d_along + 1j * d_across) * np.exp(1j * before))[..., None]
+        aside = aside + 1j * swing[:-1] * moved[..., None]
+        way = geometry.sprocket_radius * np.abs(omega).mean(axis=-1) * dt
+        moments = self._moments(place[:-1] + moved / 2, moved, before + turn / 2, way)
+        return _State(place, heading, _summed(now.moments, moments), swing, _summed(now.drift, aside))
+
+    def _moments(self, middle: np.ndarray, moved: np.ndarray, heading: Array, way: Array) -> Array:
+        """Moments (T, ..., 3, 3) of the errors of arcs.
+
+        The heading walks along an arc, too: as if its error arose in the middle, but for a scatter across the chord.
+        """
+        noise = self.noise
+        forward = np.exp(1j * heading)
+        lever = -1j * middle
+        place = noise.forward**2 * _outer(forward) + noise.sideways**2 * _outer(1j * forward)
+        place = place + noise.turn**2 * (_outer(lever) + _outer(1j * moved) / 12)
+        moments = np.empty((*way.shape, 3, 3))
+        moments[..., :2, :2] = place
+        moments[..., 0, 2] = moments[..., 2, 0] = noise.turn**2 * lever.real
+        moments[..., 1, 2] = moments[..., 2, 1] = noise.turn**2 * lever.imag
+        moments[..., 2, 2] = noise.turn**2
+        return moments * way[..., None, None]
+
+    def _poses(self, state: _State) -> Array:
+        place = state.place
+        x, y = np.broadcast_arrays(self._start[..., 0] + place.real, self._start[..., 1] + place.imag)
+        return np.stack([x, y, np.broadcast_to(state.heading, x.shape)], axis=-1)
+
+    def _covariances(self, state: _State) -> Array:
+        carried = np.zeros((*state.place.shape, 3, 3))
+        carried[..., range(3), range(3)] = 1.0
+        carried[..., 0, 2], carried[..., 1, 2] = -state.place.imag, state.place.real
+        by_law = np.stack([state.drift.real, state.drift.imag, state.swing], axis=-2)
+        found = carried @ state.moments @ carried.swapaxes(-1, -2)
+        found = found + by_law @ self.errors.covariance @ by_law.swapaxes(-1, -2)
+        return (found + found.swapaxes(-1, -2)) / 2
+
+
+def _outer(vector: np.ndarray) -> Array:
+    """Outer products (..., 2, 2) of complex vectors (...) with themselves."""
+    pair = np.stack([vector.real, vector.imag], axis=-1)
+    return np.asarray(pair[..., :, None] * pair[..., None, :])
+
+
+def _summed(first: np.ndarray, increments: np.ndarray) -> np.ndarray:
+    """Sums (T + 1, ...) that begin with `first`; added one by one, as steps are."""
+    begin = np.broadcast_to(first, increments.shape[1:])[None]
+    return np.cumsum(np.concatenate([begin, increments]), axis=0)
+
+
+def _finite(name: str, values: ArrayLike, axes: int, last: int) -> Array:
+    """Finite numbers with at least this many axes, the last of them this long."""
+    array = np.asarray(values, float)
+    if array.ndim < axes or array.shape[-1] != last or (axes == 2 and last == 3 and array.shape[-2] != 3):
+        raise InvalidValueError(name, array.shape, f"of shape (..., {'3, ' * (axes == 2 and last == 3)}{last})")
+    bad = ~np.isfinite(array)
+    if bad.any():
+        raise InvalidValueError(name, float(array[bad][0]), "finite")
+    return array

@@ -1,0 +1,134 @@
+"""Errors of trajectories: absolute ones after alignment, and relative ones over stretches from every start.
+
+The relative error of a stretch is the estimated motion from its start to its end, seen from the start, minus the
+measured one; Kuemmerle et al., "On measuring the accuracy of SLAM algorithms" (2009), and Geiger et al., "Are we ready
+for autonomous driving? The KITTI vision benchmark suite" (2012).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackslip.kinematics import Array, wrap_angle
+from trackslip.metrics import rms
+from trackslip.odometry.alignment import best_fit, from_pose
+
+_TOLERANCE = 0.1  # how far the length of a stretch may be from the one wanted [of that length], as evo has it
+_ROUNDING = 1e-6  # of time stamps [s]
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Measured and estimated poses of a sensor at the same moments of a drive."""
+
+    name: str
+    """Of the drive."""
+    time: Array
+    """(K,) stamps of the measured poses [s]."""
+    way: Array
+    """(K,) driven until then [m]."""
+    measured: Array
+    """(K, 3) [m, m, rad]; NaN headings where none were measured."""
+    estimated: Array
+    """(K, 3) [m, m, rad], from any start."""
+    heading: Array
+    """(K,) that the sensor is taken to have at the start of a stretch: measured, or from the positions driven before
+    [rad]; NaN where neither is known."""
+
+    @property
+    def has_heading(self) -> bool:
+        """Whether any heading was measured."""
+        return bool(np.isfinite(self.measured[:, 2]).any())
+
+    @property
+    def placed(self) -> Array:
+        """Estimated poses (K, 3), moved onto the first one measured; onto all positions if no heading was."""
+        if not self.has_heading:
+            return best_fit(self.estimated, self.measured)
+        return from_pose(self.estimated, self.measured, int(np.isfinite(self.measured[:, 2]).argmax()))
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """What is told of some errors."""
+
+    rms: float
+    mean: float
+    median: float
+    largest: float
+
+    @classmethod
+    def of(cls, errors: Array) -> Statistics | None:
+        """That of errors (n,) >= 0; None if there are none."""
+        if not len(errors):
+            return None
+        return cls(rms(errors), float(errors.mean()), float(np.median(errors)), float(errors.max()))
+
+
+@dataclass(frozen=True)
+class Stretches:
+    """Relative errors over stretches of one length."""
+
+    way: Array
+    """(n,) driven on each [m]."""
+    position: Array
+    """(n,) distances between the estimated and the measured end [m]."""
+    heading: Array
+    """(n,) absolute errors of the turn [rad]; NaN where it was not measured."""
+
+
+def absolute_errors(drive: Trajectory, aligned: bool) -> tuple[Array, Array]:
+    """Errors of positions (K,) [m] and headings (K,) [rad], NaN where not measured.
+
+    The trajectory is `aligned` to all positions, else to the first pose; then errors are NaN if no heading was
+    measured.
+    """
+    if not aligned and not drive.has_heading:
+        return np.full(len(drive.time), np.nan), np.full(len(drive.time), np.nan)
+    return _apart((best_fit(drive.estimated, drive.measured) if aligned else drive.placed) - drive.measured)
+
+
+def errors_after_metres(drive: Trajectory, length: float) -> Stretches:
+    """Errors of the stretches, one from every start, that end after a way [m], or within a tenth of it."""
+    return errors_between(drive, *stretches(drive.way, length, _TOLERANCE * length))
+
+
+def errors_after_seconds(drive: Trajectory, length: float) -> Stretches:
+    """Errors of the stretches, one from every start, that end after a time [s], or within half the usual interval."""
+    usual = float(np.median(np.diff(drive.time))) if len(drive.time) > 1 else 0.0
+    return errors_between(drive, *stretches(drive.time, length, min(_TOLERANCE * length, usual / 2 + _ROUNDING)))
+
+
+def stretches(axis: Array, length: float, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Starts and ends (n,) of stretches of about this length on an ascending axis (K,): the closest end to each start.
+
+    Of equal ends, as of a robot at rest, it is the first; starts without an end within the tolerance are left out.
+    """
+    if len(axis) < 2:
+        return np.zeros(0, int), np.zeros(0, int)
+    start = np.arange(len(axis))
+    after = np.clip(np.searchsorted(axis, axis + length), 1, len(axis) - 1)
+    before = np.searchsorted(axis, axis[after - 1])
+    missed = np.abs(axis[[before, after]] - axis - length)
+    end = np.where(missed[0] <= missed[1], before, after)
+    near = (missed.min(axis=0) <= tolerance) & (end > start)
+    return start[near], end[near]
+
+
+def errors_between(drive: Trajectory, start: np.ndarray, end: np.ndarray) -> Stretches:
+    """Errors of the stretches between poses `start` (n,) and `end` (n,), where the heading at the start is known."""
+    known = np.isfinite(drive.heading[start])
+    start, end = start[known], end[known]
+    turn = drive.heading[start] - drive.estimated[start, 2]
+    cos, sin = np.cos(turn), np.sin(turn)
+    x, y, turned = (drive.estimated[end] - drive.estimated[start]).T
+    driven = np.stack([cos * x - sin * y, sin * x + cos * y, turned], axis=-1)
+    position, heading = _apart(driven - (drive.measured[end] - drive.measured[start]))
+    return Stretches(drive.way[end] - drive.way[start], position, heading)
+
+
+def _apart(error: Array) -> tuple[Array, Array]:
+    """Sizes (n,) of the errors (n, 3) of positions and of headings."""
+    return np.hypot(error[:, 0], error[:, 1]), np.abs(wrap_angle(error[:, 2]))

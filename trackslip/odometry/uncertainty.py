@@ -1,0 +1,98 @@
+"""What odometry doesn't know: slip that varies, and errors of the law's parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+
+from trackslip.errors import InvalidValueError, require_non_negative
+from trackslip.kinematics import Array, RobotGeometry
+from trackslip.slip.base import SlipLaw
+
+_SLIP = ("slip_forward", "slip_sideways", "slip_turn")  # entries of DriveFit.noise
+_DIFFERENCE = 1e-3  # of parameters for derivatives [standard errors]
+_ASYMMETRY = 1e-6  # of a covariance, relative to its variances
+
+
+@dataclass(frozen=True)
+class SlipNoise:
+    """Slip that varies: a random walk of the pose, whose variances grow with the mean way of the two belts."""
+
+    forward: float = 0.0
+    """Standard deviation along the robot [m/sqrt(m)]."""
+    sideways: float = 0.0
+    """Standard deviation across the robot [m/sqrt(m)]."""
+    turn: float = 0.0
+    """Standard deviation of the heading [rad/sqrt(m)]."""
+
+    def __post_init__(self) -> None:
+        for name in ("forward", "sideways", "turn"):
+            require_non_negative(name, getattr(self, name))
+
+    @classmethod
+    def of(cls, noise: Mapping[str, float]) -> Self:
+        """That of a law fitted to drives, `DriveFit.noise`; entries of the poses are ignored.
+
+        Raises:
+            InvalidValueError: if an entry is missing or not a standard deviation.
+        """
+        missing = [name for name in _SLIP if name not in noise]
+        if missing:
+            raise InvalidValueError("noise", [*noise], f"a mapping with {', '.join(_SLIP)}")
+        return cls(*(float(noise[name]) for name in _SLIP))
+
+
+@dataclass(frozen=True)
+class LawErrors:
+    """Errors of a law's parameters, which stay the same along the whole way."""
+
+    names: tuple[str, ...]
+    """Names of the parameters: attributes of the law."""
+    covariance: Array
+    """(p, p) of their errors, in the parameters' units."""
+
+    def __post_init__(self) -> None:
+        p = len(self.names)
+        matrix = np.asarray(self.covariance, float)
+        if matrix.shape != (p, p):
+            raise InvalidValueError("covariance", matrix.shape, f"of shape {(p, p)}, as there are {p} names")
+        variances = np.diag(matrix)
+        if not np.isfinite(matrix).all() or (variances < 0).any():
+            raise InvalidValueError("covariance", matrix.tolist(), "finite, with variances >= 0")
+        most = np.sqrt(np.outer(variances, variances))
+        if (np.abs(matrix - matrix.T) > _ASYMMETRY * most).any() or (np.abs(matrix) > (1 + _ASYMMETRY) * most).any():
+            raise InvalidValueError("covariance", matrix.tolist(), "symmetric, with correlations from -1 to 1")
+
+    @classmethod
+    def of(cls, values: Mapping[str, float], stderr: Mapping[str, float], correlation: Any) -> Self:
+        """Those of a fit's parameters, with the standard errors and the correlations (f, f) of everything fitted.
+
+        Parameters without a standard error were held, and have none here.
+        """
+        fitted = list(stderr)
+        names = tuple(name for name in values if name in stderr)
+        rows = [fitted.index(name) for name in names]
+        errors = np.array([stderr[name] for name in names])
+        matrix = np.asarray(correlation, float).reshape(len(fitted), len(fitted))[np.ix_(rows, rows)]
+        return cls(names, np.outer(errors, errors) * matrix)
+
+    def slopes(self, law: SlipLaw, omega: Array, geometry: RobotGeometry) -> Array:
+        """Derivatives (..., 2, p) of the law's twists at sprocket speeds (..., 2) [rad/s] by its parameters.
+
+        Raises:
+            InvalidValueError: if the law has no parameter of one of the names.
+        """
+        slopes = np.zeros((*omega.shape, len(self.names)))
+        for k, (name, error) in enumerate(zip(self.names, np.sqrt(np.diag(self.covariance)), strict=True)):
+            value = getattr(law, name, None)
+            if value is None:
+                raise InvalidValueError("names", name, f"parameters of {law}")
+            if error > 0:
+                step = _DIFFERENCE * error
+                beside = [replace(law, **{name: value + sign * step}) for sign in (1, -1)]  # type: ignore[type-var]
+                above, below = (one.twist(omega, geometry) for one in beside)
+                slopes[..., k] = (above - below) / (2 * step)
+        return slopes

@@ -1,0 +1,265 @@
+"""Bags of ROS 1 and ROS 2: which topics they have, and their messages.
+
+from trackslip.ros.bag import open_bag
+
+bag = open_bag("run.mcap")
+for message in bag.messages("/scan"):
+    message.stamp, message.content.ranges
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter, defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import islice
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from trackslip.errors import LogError
+from trackslip.ros import files
+from trackslip.ros.decode import Decoder, require_rosbags
+from trackslip.ros.record import Channel
+
+_SPLIT = re.compile(r"(.*?)(?:_\d{4}(?:-\d\d){5})?_(\d+)")  # name and number of a part, perhaps with a date
+_MAX_PAUSE = 2.0  # time between the parts of a bag [s]
+_SHOWN = 12  # topics in a message
+
+
+class Message(NamedTuple):
+    """A message, decoded."""
+
+    topic: str
+    arrival: int
+    """When it was recorded [ns]."""
+    content: Any
+    """Its fields as attributes: `content.header.stamp.sec`."""
+
+    @property
+    def stamp(self) -> int:
+        """The stamp in its header [ns]."""
+        stamp = self.content.header.stamp
+        return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic in a bag."""
+
+    name: str
+    type: str
+    """Name of the message type, as in `sensor_msgs/msg/JointState`."""
+    arrival: np.ndarray
+    """(n,) int: when its messages were recorded, ascending [ns]."""
+
+    @property
+    def count(self) -> int:
+        """Number of messages."""
+        return len(self.arrival)
+
+    @cached_property
+    def intervals(self) -> np.ndarray:
+        """(n - 1,) times between messages [s]."""
+        return np.diff(self.arrival) / 1e9
+
+    @property
+    def rate(self) -> float:
+        """Median rate [Hz]; NaN of a single message."""
+        usual = float(np.median(self.intervals)) if self.count > 1 else 0.0
+        return 1.0 / usual if usual > 0.0 else np.nan
+
+    @property
+    def longest_gap(self) -> float:
+        """Longest time between messages [s]; NaN of a single message."""
+        return float(self.intervals.max()) if self.count > 1 else np.nan
+
+
+@dataclass(frozen=True)
+class Bag:
+    """A recording of any format, of one or several files."""
+
+    name: str
+    files: tuple[Path, ...]
+    topics: dict[str, Topic]
+    """By name, in alphabetical order; only those with messages."""
+    notes: tuple[str, ...]
+    """What could not be read, one line each."""
+
+    @property
+    def path(self) -> Path:
+        """Its file, or the folder of its files."""
+        return self.files[0] if len(self.files) == 1 else self.files[0].parent
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """When the first and the last message were recorded [ns]."""
+        arrivals = [topic.arrival for topic in self.topics.values()]
+        return min(int(one[0]) for one in arrivals), max(int(one[-1]) for one in arrivals)
+
+    def topic(self, name: str) -> Topic:
+        """A topic; raises LogError that lists the topics if there is none of the name."""
+        found = self.topics.get(name) or self.topics.get(f"/{name}")
+        if found is None:
+            raise LogError(f"{self.path}: it has no topic {name!r}; its topics are {self.listed(self.topics)}")
+        return found
+
+    def of_type(self, *types: str) -> list[Topic]:
+        """The topics whose messages have one of the types, given as `sensor_msgs/msg/JointState`."""
+        return [topic for topic in self.topics.values() if topic.type in types]
+
+    def messages(self, *topics: str, notes: list[str] | None = None) -> Iterator[Message]:
+        """Decoded messages of topics, in the order of the files, which is that of arrival but for little.
+
+        Messages that can't be decoded are left out; `notes` gets a line for each topic that has some. Raises LogError
+        for an unknown topic, or one none of whose messages can be decoded.
+        """
+        chosen = {found.name: found.type for found in map(self.topic, topics)}
+        damaged: Counter[str] = Counter()
+        reasons: dict[str, str] = {}
+        decoder = Decoder()
+        for file in self.files:
+            for channel, arrival, data in files.read_file(file, lambda topic: topic in chosen, []):
+                if chosen.get(channel.topic) != channel.type:
+                    continue
+                try:
+                    yield Message(channel.topic, arrival, decoder.decode(channel, data))
+                except LogError as error:
+                    damaged[channel.topic] += 1
+                    reasons.setdefault(channel.topic, str(error))
+        for topic, count in damaged.items():
+            total = self.topics[topic].count
+            if count == total:
+                raise LogError(f"{self.path}: topic {topic}: no message can be decoded: {reasons[topic]}")
+            if notes is not None:
+                notes.append(f"topic {topic}: {count} of {total} messages left out: {reasons[topic]}")
+
+    def first(self, topic: str, most: int) -> list[Message]:
+        """The first messages of a topic that can be decoded, at most `most`; next to nothing else is read."""
+        return list(islice(self.messages(topic), min(most, self.topic(topic).count)))
+
+    @staticmethod
+    def listed(topics: dict[str, Topic]) -> str:
+        """The first topics with their types, for a message."""
+        more = f", ... ({len(topics)} of them)" if len(topics) > _SHOWN else ""
+        return ", ".join(f"{name} ({topic.type})" for name, topic in list(topics.items())[:_SHOWN]) + more
+
+
+def open_bag(path: str | Path) -> Bag:
+    """The bag in a file, or in a folder that holds one; reads its topics and counts messages.
+
+    Files: `.bag` of ROS 1, `.mcap` and `.db3` of ROS 2, compressed or not, with or without `metadata.yaml`. What is
+    damaged or cut off is left out, see `Bag.notes`.
+
+    Raises:
+        LogError: if there is no bag, if there are several, or nothing in it can be read.
+    """
+    bags = open_bags(path)
+    if len(bags) > 1:
+        raise LogError(f"{path}: holds {len(bags)} bags ({', '.join(bag.name for bag in bags[:_SHOWN])}): name one")
+    return bags[0]
+
+
+def open_bags(path: str | Path) -> list[Bag]:
+    """The bags in a folder, like `open_bag`; bags that can't be read are left out if others can be."""
+    path = Path(path)
+    require_rosbags()
+    try:
+        if not path.exists():
+            raise LogError(f"{path}: no such file or folder")
+        found = files.bags_in(path)
+    except OSError as error:
+        raise LogError(f"path = {str(path)[:80]!r}: {error.strerror}") from error
+    if not found or not all(map(files.is_bag_file, found[0])):
+        raise LogError(f"{path}: holds no bag (.bag, .mcap or .db3)" if path.is_dir() else f"{path}: is no bag")
+    bags, refused = [], []
+    for parts in found:
+        try:
+            bags.append(_opened(parts, path))
+        except LogError as error:
+            refused.append(str(error))
+    if not bags:
+        raise LogError(refused[0])
+    bags = _joined(bags)
+    bags[0] = replace(bags[0], notes=(*bags[0].notes, *refused))
+    return bags
+
+
+def _opened(parts: tuple[Path, ...], path: Path) -> Bag:
+    """The bag of some files, found in a folder or file."""
+    folder = parts[0].parent
+    notes: list[str] = []
+    single = len(parts) == 1 and not (path.is_dir() and (folder / files.METADATA).is_file())
+    name = files.stem(parts[0]) if single else folder.resolve().name
+    if not single:
+        try:
+            notes += [f"{name}: its file {file} is missing" for file in files.missing_files(folder)]
+        except LogError as error:
+            notes.append(f"{name}: {error}")
+    arrivals: dict[Channel, list[int]] = defaultdict(list)
+    complaints: list[str] = []
+    for file in parts:
+        said: list[str] = []
+        try:
+            for record in files.read_file(file, lambda topic: False, said):
+                arrivals[record.channel].append(record.arrival)
+        except LogError as error:
+            complaints.append(str(error))
+        notes += [f"{file}: {line}{_times(count)}" for line, count in Counter(said).items()]
+    if complaints and len(complaints) == len(parts):
+        raise LogError(complaints[0])
+    if not arrivals:
+        raise LogError(f"{parts[0]}: no message can be read" + (f" ({notes[-1].partition(': ')[2]})" if notes else ""))
+    return Bag(name, parts, _topics(arrivals, notes), (*complaints, *notes))
+
+
+def _times(count: int) -> str:
+    return f" ({count} times)" if count > 1 else ""
+
+
+def _topics(arrivals: dict[Channel, list[int]], notes: list[str]) -> dict[str, Topic]:
+    """The topics by name; if one has messages of several types, those of the type with most messages."""
+    found: dict[str, Topic] = {}
+    types: dict[tuple[str, str], list[int]] = defaultdict(list)
+    for channel, times in arrivals.items():
+        types[channel.topic, channel.type] += times
+    for (name, kind), times in sorted(types.items(), key=lambda item: (item[0][0], -len(item[1]))):
+        if name in found:
+            notes.append(f"topic {name}: {len(times)} messages of another type, {kind}, left out")
+        else:
+            found[name] = Topic(name, kind, np.sort(np.array(times, np.int64)))
+    return found
+
+
+def _joined(bags: list[Bag]) -> list[Bag]:
+    """The bags, those joined that are successive parts of one: numbered files, each following the one before."""
+    joined: list[Bag] = []
+    last: tuple[str, Path, int] | None = None
+    for bag in sorted(bags, key=_place):
+        here = _place(bag)
+        follows = last is not None and last[0] and here[:2] == last[:2] and here[2] == last[2] + 1
+        if follows and 0 <= (bag.span[0] - joined[-1].span[1]) / 1e9 < _MAX_PAUSE:
+            joined[-1] = _together(joined[-1], bag, here[0])
+        else:
+            joined.append(bag)
+        last = here
+    return joined
+
+
+def _place(bag: Bag) -> tuple[str, Path, int]:
+    """Name, folder and number of a part; the name is empty for a bag that isn't one."""
+    match = _SPLIT.fullmatch(bag.name) if len(bag.files) == 1 else None
+    return (match[1], bag.files[0].parent, int(match[2])) if match else ("", bag.files[0], 0)
+
+
+def _together(first: Bag, second: Bag, name: str) -> Bag:
+    """Two parts of a bag as one."""
+    topics = dict(first.topics)
+    for topic in second.topics.values():
+        before = topics.get(topic.name)
+        arrival = topic.arrival if before is None else np.concatenate([before.arrival, topic.arrival])
+        topics[topic.name] = Topic(topic.name, topic.type, arrival)
+    return Bag(name, (*first.files, *second.files), dict(sorted(topics.items())), (*first.notes, *second.notes))

@@ -1,0 +1,52 @@
+"""What to take from a bag as encoders and as poses."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from trackslip.errors import InvalidValueError, require
+
+SIDES = ("left", "right")
+_TF = "tf:FRAME:FRAME, as in tf:map:base_link"
+
+
+@dataclass(frozen=True)
+class BagChoice:
+    """Topics and joints of a bag; None where the bag leaves no doubt."""
+
+    encoders: str | None = None
+    """Topic of `sensor_msgs/JointState` with the wheels or sprockets."""
+    left: tuple[str, ...] | None = None
+    """Names of the joints on the left; the mean of their speeds is used."""
+    right: tuple[str, ...] | None = None
+    """The same on the right."""
+    reversed: str | None = None
+    """Side whose encoders count backwards: left, right or both; none if None."""
+    poses: str | None = None
+    """Topic of poses, or tf:PARENT:CHILD for the pose of a frame in another."""
+
+    def __post_init__(self) -> None:
+        for name in SIDES:
+            joints = getattr(self, name)
+            require(joints is None or (joints and all(joints)), name, joints, "names of joints")
+        if (self.left is None) != (self.right is None):
+            missing = SIDES[self.left is not None]
+            raise InvalidValueError(missing, None, f"given where {SIDES[self.left is None]} is")
+        if self.left is not None and self.right is not None and (both := set(self.left) & set(self.right)):
+            raise InvalidValueError("right", min(both), "the name of a joint that is not on the left, too")
+        require(self.reversed in (None, *SIDES, "both"), "reversed", self.reversed, "left, right or both")
+        if self.poses is not None and self.poses.startswith("tf:"):
+            parts = self.poses.split(":")
+            require(len(parts) == 3 and all(parts) and parts[1] != parts[2], "poses", self.poses, _TF)
+
+    @property
+    def frames(self) -> tuple[str, str] | None:
+        """The frames of tf:PARENT:CHILD; None for a topic."""
+        if self.poses is None or not self.poses.startswith("tf:"):
+            return None
+        _, parent, child = self.poses.split(":")
+        return parent, child
+
+
+AUTOMATIC = BagChoice()
+"""Whatever the bag leaves no doubt about."""

@@ -1,0 +1,87 @@
+"""Which files make up a bag."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from trackslip.errors import LogError, first_line
+from trackslip.ros.mcap import read_mcap
+from trackslip.ros.record import Record, Wanted
+from trackslip.ros.rosbag1 import read_rosbag1
+from trackslip.ros.sqlite import read_sqlite
+
+METADATA = "metadata.yaml"
+_STORAGES: dict[str, Callable[[Path, Wanted, list[str]], Iterator[Record]]] = {
+    ".bag": read_rosbag1,
+    ".mcap": read_mcap,
+    ".db3": read_sqlite,
+}
+_WRAPPINGS = (".zstd", ".active")  # of compressed files, and of recordings that weren't closed
+_DEPTH = 3  # of folders in folders
+
+
+def is_bag_file(path: Path) -> bool:
+    """Whether the name is that of a bag's file."""
+    return _format(path) in _STORAGES
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a path is a bag's file, or a folder that holds bags."""
+    return is_bag_file(path) or (path.is_dir() and bool(bags_in(path)))
+
+
+def stem(path: Path) -> str:
+    """The name of a file without the suffixes of bags."""
+    name = path.name
+    while Path(name).suffix.lower() in (*_STORAGES, *_WRAPPINGS):
+        name = Path(name).stem
+    return name
+
+
+def read_file(path: Path, wanted: Wanted, notes: list[str]) -> Iterator[Record]:
+    """All messages of a bag's file that can be read; raises LogError, naming it, if it is none."""
+    try:
+        yield from _STORAGES[_format(path)](path, wanted, notes)
+    except LogError as error:
+        raise LogError(f"{path}: {error}") from error
+    except OSError as error:
+        raise LogError(f"{path}: {error.strerror or first_line(error)}") from error
+
+
+def bags_in(path: Path, depth: int = _DEPTH) -> list[tuple[Path, ...]]:
+    """The files of each bag in a folder, or the file itself.
+
+    A folder with a metadata.yaml is one bag. Files in others are bags of their own.
+    """
+    if not path.is_dir():
+        return [(path,)]
+    entries = sorted(path.iterdir())
+    files = [entry for entry in entries if is_bag_file(entry) and entry.is_file()]
+    if files and (path / METADATA).is_file():
+        return [tuple(files)]
+    found: list[tuple[Path, ...]] = [(file,) for file in files]
+    if depth:
+        for folder in (entry for entry in entries if entry.is_dir()):
+            found += bags_in(folder, depth - 1)
+    return found
+
+
+def missing_files(folder: Path) -> list[str]:
+    """Names of files that the metadata of a ROS 2 bag lists and its folder lacks; raises LogError if it is damaged."""
+    from ruamel.yaml import YAML
+    from ruamel.yaml.error import YAMLError
+
+    try:
+        about = YAML(typ="safe").load((folder / METADATA).read_text(encoding="utf-8"))
+        listed = [Path(name).name for name in about["rosbag2_bagfile_information"]["relative_file_paths"]]
+    except (YAMLError, OSError, UnicodeError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise LogError(f"its {METADATA} is damaged ({first_line(error)})") from error
+    return [name for name in listed if not (folder / name).is_file()]
+
+
+def _format(path: Path) -> str:
+    suffixes = [suffix.lower() for suffix in path.suffixes]
+    while suffixes and suffixes[-1] in _WRAPPINGS:
+        suffixes.pop()
+    return suffixes[-1] if suffixes else ""
