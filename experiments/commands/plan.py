@@ -179,7 +179,8 @@ def _print_trials(trials: "Trials") -> None:
 
     count, checks = len(trials.outcomes), trials.checks()
     drives = f"{count} {'drive' if count == 1 else 'drives'}, moved by {'MuJoCo' if trials.simulated else 'the law'}"
-    print_table(f"{drives}: root mean square errors", TRIED_HEADER, tried_rows(trials))
+    what = "standard deviations between repeats" if trials.simulated else "root mean square errors"
+    print_table(f"{drives}: {what}", TRIED_HEADER, tried_rows(trials))
     print_table("Checks", CHECKS_HEADER, checks_table(checks))
     for line in trials.failures:
         print(f"a fit failed: {line}")
