@@ -65,7 +65,7 @@ def planned(config: PlanConfig) -> DrivePlan:
     before = None if config.after is None else read_identification(config.after, config.law)
     geometry = _geometry(config, before)
     limits = config.limits()
-    with progress("drives", evaluations(limits), "drives") as step:
+    with progress("drives", evaluations(limits, config.law), "drives") as step:
         return plan_drive(
             geometry,
             limits,
