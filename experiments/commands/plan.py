@@ -24,6 +24,7 @@ from trackslip.planning.after import Before, read_identification
 from trackslip.planning.information import Expectation
 from trackslip.planning.limits import Knowledge, first_knowledge
 from trackslip.planning.plan import DrivePlan, evaluations, expected_of_paper, plan_drive
+from trackslip.ros.decode import require_rosbags
 
 if TYPE_CHECKING:
     from experiments.measuring.plan_trials import Trials
@@ -36,6 +37,8 @@ _COLUMNS = ("t", "omega_l", "omega_r", "v", "w")
 def run(config: PlanConfig) -> None:
     """Plan, try, store and print."""
     began = time.perf_counter()
+    if config.bag:
+        require_rosbags()
     with results_folder(config.out) as folder:
         plan = planned(config)
         paper = expected_of_paper(plan)
