@@ -5,10 +5,12 @@ Tracks are ordered (left, right) on the last axis, a twist is (v, w), a pose (x,
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import polynomial
 from numpy.typing import ArrayLike, NDArray
 
 from trackslip.errors import require_positive
@@ -18,7 +20,12 @@ Array = NDArray[np.floating[Any]]
 SIDES = np.array([-1.0, 1.0])  # (2,) track speeds are v + SIDES * b * w: the left track is slower when w > 0
 
 
-_SMALL_TURN = 1e-3  # turn below which series replace quotients [rad]
+_SMALL_TURN = 0.5  # turn below which series replace quotients [rad]
+_TERMS = np.arange(7)  # of these series: the rest is less than their rounding
+_SIGNS = (-1.0) ** _TERMS
+_ALONG = _SIGNS / np.array([math.factorial(2 * k + 1) for k in _TERMS])
+_ACROSS = _SIGNS / np.array([math.factorial(2 * k + 2) for k in _TERMS])
+_QUOTIENTS = (_ALONG, _ACROSS, 2 * _TERMS[1:] * _ALONG[1:], (2 * _TERMS + 1) * _ACROSS)  # in the turn's square
 
 
 @dataclass(frozen=True)
@@ -37,14 +44,17 @@ class RobotGeometry:
 
 def track_speeds(twist: ArrayLike, half_gauge: float) -> Array:
     """Speeds (V_l, V_r) of the track centres over the ground (..., 2) [m/s] for a twist (..., 2)."""
-    v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
-    return v[..., None] + SIDES * half_gauge * w[..., None]
+    twist = np.asarray(twist, float)
+    return twist[..., :1] + (SIDES * half_gauge) * twist[..., 1:]
 
 
 def twist_of_tracks(speeds: ArrayLike, half_gauge: float) -> Array:
     """Body twist (..., 2) from the real track speeds (V_l, V_r) (..., 2); Eq. 5."""
-    left, right = np.moveaxis(np.asarray(speeds, float), -1, 0)
-    return np.stack([(right + left) / 2, (right - left) / (2 * half_gauge)], axis=-1)
+    speeds = np.asarray(speeds, float)
+    left, right, twist = speeds[..., 0], speeds[..., 1], np.empty(speeds.shape)
+    twist[..., 0] = (right + left) / 2
+    twist[..., 1] = (right - left) / (2 * half_gauge)
+    return twist
 
 
 def body_twist(omega: ArrayLike, slip: ArrayLike, geometry: RobotGeometry) -> Array:
@@ -73,7 +83,8 @@ def track_slip(omega: ArrayLike, twist: ArrayLike, geometry: RobotGeometry) -> A
 
 def curvature(twist: ArrayLike) -> Array:
     """Path curvature kappa = w / v [1/m], (...): signed infinity when turning in place, 0 at rest."""
-    v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
+    twist = np.asarray(twist, float)
+    v, w = twist[..., 0], twist[..., 1]
     safe = np.where(v == 0, 1.0, v)
     return np.where(v == 0, np.where(w == 0, 0.0, np.copysign(np.inf, w)), w / safe)
 
@@ -95,15 +106,16 @@ def advance(pose: ArrayLike, twist: ArrayLike, duration: float | Array) -> Array
     return np.stack([x + chord * np.cos(heading), y + chord * np.sin(heading), phi + turn], axis=-1)
 
 
-def arc_quotients(turn: Array) -> tuple[Array, Array, Array, Array]:
+def arc_quotients(turn: ArrayLike) -> tuple[Array, Array, Array, Array]:
     """sin(t) / t and (1 - cos t) / t of turns (...), and their derivatives."""
-    small = np.abs(turn) < _SMALL_TURN
-    safe = np.where(small, 1.0, turn)
-    sin, cos = np.sin(safe), np.cos(safe)
-    along = np.where(small, 1 - turn**2 / 6, sin / safe)
-    across = np.where(small, turn / 2 - turn**3 / 24, (1 - cos) / safe)
-    d_along = np.where(small, -turn / 3 + turn**3 / 30, (cos - along) / safe)
-    d_across = np.where(small, 0.5 - turn**2 / 8, (sin - across) / safe)
+    turn = np.asarray(turn, float)
+    along, across, d_along, d_across = (polynomial.polyval(turn**2, series) for series in _QUOTIENTS)
+    along, across, d_along, d_across = map(np.asarray, (along, turn * across, turn * d_along, d_across))
+    large = ~(np.abs(turn) <= _SMALL_TURN)
+    if large.any():
+        t = turn[large]
+        along[large], across[large] = np.sin(t) / t, (1 - np.cos(t)) / t
+        d_along[large], d_across[large] = (np.cos(t) - along[large]) / t, (np.sin(t) - across[large]) / t
     return along, across, d_along, d_across
 
 

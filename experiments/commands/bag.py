@@ -15,6 +15,7 @@ from trackslip.ros.bag import Bag, open_bags
 from trackslip.ros.choice import BagChoice
 from trackslip.ros.drive_log import read_bags
 from trackslip.ros.overview import overview
+from trackslip.ros.record import short_type
 
 _HEADER = ("topic", "type", "messages", "rate [Hz]", "longest gap [s]", "use (*: taken)")
 
@@ -47,7 +48,7 @@ def _print(bag: Bag, choice: BagChoice) -> None:
     rows = [
         (
             topic.name,
-            topic.type,
+            short_type(topic.type),
             str(topic.count),
             number(topic.rate, 1),
             number(topic.longest_gap, 2),
@@ -59,6 +60,8 @@ def _print(bag: Bag, choice: BagChoice) -> None:
     rows += [(name, "transforms", MISSING, MISSING, MISSING, found.uses[name]) for name in frames]
     begin, end = bag.span
     print_table(f"{bag.path}: {(end - begin) / 1e9:.1f} s", _HEADER, for_terminal(rows))
+    for line in found.taken:
+        print(line)
     for line in (*bag.notes, *found.doubts):
         print(f"warning: {line}")
 

@@ -22,7 +22,7 @@ from trackslip.logs.runlog import RunLog
 from trackslip.metrics import rms
 from trackslip.slip.families import FAMILIES
 
-_NORMAL = float(scipy.stats.norm.ppf(0.975))
+_NORMAL = float(scipy.special.ndtri(0.975))
 _LEAST_WAY = 1e-6  # of a step, for a robot at rest [m]
 NOISE_FREE = PoseSource(rate=20.0)
 """Poses of a drive that are exact."""

@@ -8,6 +8,7 @@ from trackslip.errors import InvalidValueError
 from trackslip.kinematics import (
     RobotGeometry,
     advance,
+    arc_quotients,
     body_twist,
     curvature,
     limit_sprocket_speeds,
@@ -78,6 +79,20 @@ def test_an_arc_is_many_small_steps(twist, duration):
     x, y = (h * twist[:, 0] * part(middle).sum(axis=0) for part in (np.cos, np.sin))
     expected = pose + np.stack([x, y, twist[:, 1] * duration], axis=-1)
     np.testing.assert_allclose(advance(pose, twist, duration), expected, atol=1e-4)
+
+
+@pytest.mark.parametrize("turn", [0.0, 1e-9, -0.01, 0.5, -0.5 - 1e-9, 3.0, -20.0])
+def test_quotients_of_arcs_are_integrals(turn):
+    """Of cos(s t), sin(s t) and their derivatives by t, over s from 0 to 1."""
+    at, weight = np.polynomial.legendre.leggauss(60)
+    s, weight = (at + 1) / 2, weight / 2
+    expected = [
+        weight @ part for part in (np.cos(s * turn), np.sin(s * turn), -s * np.sin(s * turn), s * np.cos(s * turn))
+    ]
+    np.testing.assert_allclose(arc_quotients(turn), expected, atol=1e-14)
+    np.testing.assert_array_equal(
+        arc_quotients(np.full((2, 3), turn)), np.multiply.outer(arc_quotients(turn), np.ones((2, 3)))
+    )
 
 
 @given(st.floats(-100, 100))

@@ -67,7 +67,7 @@ def noise_coverage(
         fits = fit(family, runs)
         goal = fit(family, runs.measured(truth.twist[None]), fits.values, fits.scatter).values[0]
         error = np.sqrt(np.diag(fits.noise_covariance[0]))
-        by_noise.append(np.abs(fits.values[0] - goal) <= scipy.stats.norm.ppf((1 + CONFIDENCE) / 2) * error)
+        by_noise.append(np.abs(fits.values[0] - goal) <= scipy.special.ndtri((1 + CONFIDENCE) / 2) * error)
         ends = profile_intervals(fits, heights(fits, lack_of_fit(fits, True), True))[0]
         by_all.append((ends[:, 0] <= goal) & (goal <= ends[:, 1]))
     noise, whole = (dict(zip(family.names, np.mean(held, axis=0).tolist(), strict=True)) for held in (by_noise, by_all))

@@ -119,15 +119,20 @@ def minimise(
 ) -> Minimum:
     """Solve m problems from `start` (m, p), problem k being a fit to set `sets[k]` of the runs."""
     low, high, scale = family.limits(runs.geometry.half_gauge)
+    # The Jacobian is wanted at the last values or, where those were rejected, at the ones before.
+    values_at, twist_at = np.full((2, *start.shape), np.nan), np.empty((2, len(start), *runs.omega.shape))
 
     def residual(values: Array, rows: np.ndarray) -> Array:
         chosen = sets[rows]
-        deviation = runs.deviation(family.law(values[:, None, :], runs.geometry), chosen)
-        return runs.whiten(deviation, scatter[chosen], chosen)
+        twist = family.law(values[:, None, :], runs.geometry).twist(runs.omega, runs.geometry)
+        values_at[1, rows], twist_at[1, rows] = values, twist
+        return runs.whiten(runs.missed(twist_at[1, rows], chosen), scatter[chosen], chosen)
 
     def jacobian(values: Array, rows: np.ndarray) -> Array:
         chosen = sets[rows]
-        slopes = -runs.of_twists @ twist_slopes(family, values, runs.omega, runs.geometry)
+        last = rows[(values_at[1, rows] == values).all(axis=1)]
+        values_at[0, last], twist_at[0, last] = values_at[1, last], twist_at[1, last]
+        slopes = -runs.of_twists @ twist_slopes(family, values, runs.omega, runs.geometry, twist_at[0, rows])
         return (slopes * runs.roots(scatter[chosen], chosen)[..., None]).reshape(len(rows), -1, values.shape[1])
 
     if not family.names:

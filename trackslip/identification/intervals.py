@@ -36,11 +36,11 @@ def heights(fits: Fits, lacks: Sequence[LackOfFit] | None, measured: bool) -> Ar
     those of least squares. If a law lacks fit, the degrees of freedom are those of the lack of fit.
     """
     quantile = np.where(
-        fits.scatter > 0, scipy.stats.f.ppf(CONFIDENCE, 1, fits.freedom), scipy.stats.chi2.ppf(CONFIDENCE, 1)
+        fits.scatter > 0, scipy.special.fdtri(1, fits.freedom, CONFIDENCE), scipy.special.chdtri(1, 1 - CONFIDENCE)
     )
     for k, lack in enumerate(lacks or ()):
         if lack.inflation > 1:
-            quantile[k] = scipy.stats.f.ppf(CONFIDENCE, 1, lack.freedom[0])
+            quantile[k] = scipy.special.fdtri(1, lack.freedom[0], CONFIDENCE)
     with np.errstate(invalid="ignore", divide="ignore"):
         larger = standard_errors(fits, lacks, measured) ** 2 / np.einsum("mii->mi", fits.covariance)
     return quantile[:, None] * np.where(np.isfinite(larger), larger, 1.0)

@@ -102,7 +102,7 @@ def lack_of_fit(fits: Fits, measured: bool) -> list[LackOfFit] | None:
     if not measured or freedom < 1:
         return None
     squares = np.sum(runs.whiten(runs.deviation(fits.law), np.zeros(len(fits.values))) ** 2, axis=1)
-    chance = scipy.stats.chi2.sf(squares, freedom)
+    chance = scipy.special.chdtrc(freedom, squares)
     none = (1.0,) * fits.values.shape[1]
     return [
         LackOfFit("chi2", c, (freedom,), p, 1.0, none) for c, p in zip(squares.tolist(), chance.tolist(), strict=True)
@@ -132,7 +132,7 @@ def _by_repeats(fits: Fits, labels: np.ndarray) -> list[LackOfFit] | None:
     missed = np.einsum("mgi,mgi->m", common, right)
     pure = np.maximum(np.sum(precision * deviation**2, axis=(1, 2)) - missed, 0.0) / within
     ratio = missed / between / np.maximum(pure, 1e-300)
-    chance = scipy.stats.f.sf(ratio, between, within)
+    chance = scipy.special.fdtrc(between, within, ratio)
     jacobian = fits.jacobian.reshape(sets, runs.runs, 2, parameters)
     pull = of_groups(np.einsum("mna,nai,mnap->mnip", precision, axes, jacobian))  # (M, groups, 2, p)
     covariance = fits.covariance

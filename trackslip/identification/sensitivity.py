@@ -11,17 +11,23 @@ from trackslip.slip.families import LawFamily
 _DIFFERENCE = 1e-6  # step of differences, relative to the scales of the parameters and to the twist
 
 
-def twist_slopes(family: LawFamily, values: Array, omega: Array, geometry: RobotGeometry) -> Array:
+def twist_slopes(
+    family: LawFamily, values: Array, omega: Array, geometry: RobotGeometry, twist: Array | None = None
+) -> Array:
     """Derivatives (m, n, 2, p) of the twists at sprocket speeds omega (n, 2) by the values (m, p) of m laws.
 
-    For values at a limit, they are taken just inside it. They are 0 where a law jumps.
+    For values at a limit, they are taken just inside it. They are 0 where a law jumps. Known twists (m, n, 2) need not
+    be computed again.
     """
     low, high, scale = family.limits(geometry.half_gauge)
     step = _DIFFERENCE * scale
     inside = np.clip(values, low + step, high - step)
     law = family.law(inside[:, None, :], geometry)
-    closed = type(law).twist is not SlipLaw.twist
-    slopes = (_by_differences if closed else _by_sprocket_speeds)(family, inside, step, omega, geometry)
+    if type(law).twist is not SlipLaw.twist:
+        slopes = _by_differences(family, inside, step, omega, geometry)
+    else:
+        twist = law.twist(omega, geometry) if twist is None else twist
+        slopes = _by_sprocket_speeds(family, inside, step, twist, geometry)
     return np.where(np.isfinite(slopes), slopes, 0.0)
 
 
@@ -35,13 +41,12 @@ def _by_differences(family: LawFamily, values: Array, step: Array, omega: Array,
     return slopes
 
 
-def _by_sprocket_speeds(family: LawFamily, values: Array, step: Array, omega: Array, geometry: RobotGeometry) -> Array:
+def _by_sprocket_speeds(family: LawFamily, values: Array, step: Array, twist: Array, geometry: RobotGeometry) -> Array:
     """By the theorem of implicit functions, as twists are found in many steps, but sprocket speeds in one.
 
     The twists solve omega(twist, values) = omega.
     """
     law = family.law(values[:, None, :], geometry)
-    twist = law.twist(omega, geometry)
     by_values = np.empty((*twist.shape, values.shape[1]))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         here = law.sprocket_speeds(twist, geometry)

@@ -80,13 +80,17 @@ class WeightedRuns:
 
     def deviation(self, law: SlipLaw, rows: np.ndarray | slice = slice(None)) -> Array:
         """Residuals (m, n, 2) of the sets `rows` along the eigenvectors, relative to s; `law` is m laws (m, 1)."""
-        predicted = track_speeds(law.twist(self.omega, self.geometry), self.geometry.half_gauge)
+        return self.missed(law.twist(self.omega, self.geometry), rows)
+
+    def missed(self, twist: Array, rows: np.ndarray | slice = slice(None)) -> Array:
+        """The same for the twists (m, n, 2) that laws predict."""
+        predicted = track_speeds(twist, self.geometry.half_gauge)
         speeds = self.speeds if len(self.speeds) == 1 else self.speeds[rows]
         return np.einsum("nij,mnj->mni", self.turn, speeds - predicted)
 
     def whiten(self, deviation: Array, scatter: Array, rows: np.ndarray | slice = slice(None)) -> Array:
         """Residuals (m, 2 n) in standard deviations, times the roots of the weights, for scatters (m,)."""
-        return (deviation * self.roots(scatter, rows)).reshape(len(deviation), -1)
+        return (deviation * self.roots(scatter, rows)).reshape(len(deviation), 2 * deviation.shape[1])
 
     def roots(self, scatter: Array, rows: np.ndarray | slice = slice(None)) -> Array:
         """Roots (m, n, 2) of the weights over the standard deviations, for scatters (m,)."""
@@ -109,7 +113,7 @@ class WeightedRuns:
         least = low == np.log(MIN_SCATTER)
         if known:
             unscattered = np.sum(self.whiten(deviation, np.zeros(len(deviation))) ** 2, axis=1)
-            least |= unscattered < scipy.stats.chi2.ppf(_EXPLAINED, freedom)
+            least |= unscattered < scipy.special.chdtri(freedom, 1 - _EXPLAINED)
         return np.where(least, 0.0 if known else MIN_SCATTER, np.exp((low + high) / 2))
 
 

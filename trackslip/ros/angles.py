@@ -6,11 +6,12 @@ import numpy as np
 
 from trackslip.kinematics import Array
 
+LIKE = (0.8, 1.25)
+"""Ratios of changes of position to velocities that are alike."""
 _TURN = 2 * np.pi
 _TOLERANCE = 0.01  # by which wrapped positions may leave their range [rad]
 _MOVES = 1e-3  # speed above which a joint that reports it should move [rad/s]
 _FAR = 0.8 * np.pi  # turn between readings above which wrapped positions may be ambiguous [rad]
-_LIKE = (0.8, 1.25)  # ratio of velocities to changes of position that are alike
 _LEAP = 5.0  # speed of a leap by the usual largest speed
 _MIN_LEAP = 2 * np.pi  # [rad]
 
@@ -50,6 +51,14 @@ def from_positions(time: Array, position: Array, velocity: Array) -> tuple[Array
     return np.concatenate([[0.0], np.cumsum(step)]), leaps
 
 
+def speed_ratio(time: Array, angle: Array, velocity: Array) -> float:
+    """How many times as fast angles (T,) at times (T,) turn as velocities (T,) say; NaN where these say nothing."""
+    told = (velocity[1:] + velocity[:-1]) / 2
+    known = np.isfinite(told)
+    square = float((told[known] ** 2).sum())
+    return float((np.diff(angle) / np.diff(time))[known] @ told[known]) / square if square else np.nan
+
+
 def _unwrapped(step: Array, interval: Array, velocity: Array) -> Array:
     """Steps (T - 1,) without the turns that wrapping has hidden."""
     near = step - _TURN * np.round(step / _TURN)
@@ -59,7 +68,7 @@ def _unwrapped(step: Array, interval: Array, velocity: Array) -> Array:
     if not known.any() or np.abs(expected[known]).max() < _FAR or not clear.any():
         return near
     square = (expected[clear] ** 2).sum()
-    if not square or not _LIKE[0] < (near[clear] * expected[clear]).sum() / square < _LIKE[1]:
+    if not square or not LIKE[0] < (near[clear] * expected[clear]).sum() / square < LIKE[1]:
         return near
     turns = np.round(np.where(known, expected - near, 0.0) / _TURN)
     return np.asarray(near + _TURN * turns)

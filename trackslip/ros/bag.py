@@ -102,7 +102,8 @@ class Bag:
 
     def topic(self, name: str) -> Topic:
         """A topic; raises LogError that lists the topics if there is none of the name."""
-        found = self.topics.get(name) or self.topics.get(f"/{name}")
+        bare = name.strip("/")
+        found = self.topics.get(name) or self.topics.get(f"/{bare}") or self.topics.get(bare)
         if found is None:
             raise LogError(f"{self.path}: it has no topic {name!r}; its topics are {self.listed(self.topics)}")
         return found

@@ -19,6 +19,7 @@ from trackslip.ros.pose_sources import RANKS, PoseSource, Rank, chosen_source
 from trackslip.ros.poses import Poses, read_poses
 from trackslip.ros.stamps import require_overlap, seconds
 
+_MANY = 0.05  # share of poses without encoders that is worth a line
 _APART = 1.0  # difference of clocks that is worth a line [s]
 _PERHAPS_WHEELS = (Rank.TRANSFORMS, Rank.FUSED, Rank.WHEELS)
 
@@ -69,6 +70,11 @@ def drive_logs(bag: Bag, choice: BagChoice, notes: list[str], name: str | None =
     logs = []
     for k, (turned, seen) in enumerate(zip(encoders, poses, strict=True), start=1):
         require_overlap((turned.topic, turned.stamp), (seen.source, seen.stamp))
+        outside = int(((seen.stamp < turned.stamp[0]) | (seen.stamp > turned.stamp[-1])).sum())
+        if outside > _MANY * len(seen.stamp):
+            notes.append(
+                f"{seen.source}: {outside} of {len(seen.stamp)} poses left out: {turned.topic} doesn't cover them"
+            )
         log = _log(f"{name}, part {k}" if several else name, turned, seen)
         logs.append(_checked(log, turned, seen, source.rank, choice.reversed, notes))
     return logs, _taken(encoders[0], source)

@@ -14,10 +14,11 @@ from trackslip.ros import angles
 from trackslip.ros.bag import Bag, Topic
 from trackslip.ros.choice import AUTOMATIC, BagChoice
 from trackslip.ros.joints import known_joints, listed, sides
-from trackslip.ros.stamps import seconds, stretches
+from trackslip.ros.stamps import ascending, clock_parts, seconds
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 _COMMANDS = re.compile(r"command|cmd|desired|target|setpoint|reference|goal", re.IGNORECASE)
+_MAX_ANGLE = 1e9  # larger ones aren't measured [rad]
 _LOOKED_AT = 100  # messages whose joints are looked at to choose a topic
 
 
@@ -67,7 +68,7 @@ def encoder_topic(bag: Bag, choice: BagChoice = AUTOMATIC) -> tuple[Topic, tuple
     if not fitting:
         raise LogError(reasons[0])
     measured = [one for one in fitting if not _COMMANDS.search(one[0].name)] or fitting
-    usual = [one for one in measured if one[0].name == "/joint_states"] or measured
+    usual = [one for one in measured if one[0].name.strip("/") == "joint_states"] or measured
     if len(usual) > 1:
         names = ", ".join(topic.name for topic, _ in usual)
         raise LogError(f"{bag.path}: encoders may be {names}: choose with --encoders TOPIC")
@@ -87,7 +88,9 @@ def read_encoders(bag: Bag, choice: BagChoice = AUTOMATIC, notes: list[str] | No
         known_joints(names, list(told), side, topic.name)
     signs = np.array([-1.0 if choice.reversed in (side, "both") else 1.0 for side in ("left", "right")])
     found = []
-    for rows in stretches(topic.name, stamp, arrival, notes):
+    used = np.unique(np.concatenate([told[name].row for side in joints for name in side]))
+    for part in clock_parts(topic.name, stamp[used], arrival[used], notes):
+        rows = used[part]
         one = _speeds(topic.name, stamp, rows, joints, told, notes)
         if one is not None:
             delay = float(np.median(arrival[rows] - stamp[rows])) / 1e9
@@ -137,8 +140,9 @@ def _messages(bag: Bag, topic: Topic, notes: list[str]) -> tuple[np.ndarray, np.
 
 
 def _block(values: list[Array], width: int) -> Array:
-    """Values (n, width); NaN in rows of another width, which state nothing."""
-    return np.array([row if len(row) == width else np.full(width, np.nan) for row in values]).reshape(-1, width)
+    """Values (n, width); NaN where absurd, and in rows of another width, which state nothing."""
+    block = np.array([row if len(row) == width else np.full(width, np.nan) for row in values]).reshape(-1, width)
+    return np.where(np.abs(block) <= _MAX_ANGLE, block, np.nan)
 
 
 def _speeds(
@@ -150,11 +154,15 @@ def _speeds(
     notes: list[str],
 ) -> tuple[np.ndarray, Array] | None:
     """Stamps (T,) [ns] and mean speeds (T, 2) of both sides; None if there are fewer than two readings."""
-    chosen = {name: _within(told[name], rows, len(stamp)) for side in joints for name in side}
+    chosen = {}
+    for name in (name for side in joints for name in side):
+        there = _within(told[name], rows, len(stamp))
+        kept = ascending(topic, stamp[there.row], notes)
+        chosen[name] = _Joint(there.row[kept], there.position[kept], there.velocity[kept])
     if min(len(joint.row) for joint in chosen.values()) < 2:
         return None
     by_position = all(angles.has_positions(joint.position, joint.velocity) for joint in chosen.values())
-    origin = int(stamp[rows[0]])
+    origin = int(stamp[rows].min())
     turned: dict[str, tuple[np.ndarray, Array]] = {}
     for name, joint in chosen.items():
         values = joint.position if by_position else joint.velocity
@@ -170,6 +178,10 @@ def _speeds(
             angle, leaps = angles.from_positions(time, values[known], joint.velocity[known])
             if leaps:
                 notes.append(f"topic {topic}: joint {name}: its position leaps {leaps} time(s): bridged")
+            ratio = angles.speed_ratio(time, angle, joint.velocity[known])
+            if np.isfinite(ratio) and not angles.LIKE[0] < ratio < angles.LIKE[1]:
+                line = f"its positions turn {ratio:.3g} times as fast as its velocities say: positions are taken"
+                notes.append(f"topic {topic}: joint {name}: {line}")
         else:
             angle = angles.from_velocities(time, values[known])
         turned[name] = at, angle

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -62,7 +63,7 @@ def bags_in(path: Path, depth: int = _DEPTH) -> list[tuple[Path, ...]]:
         return [tuple(files)]
     found: list[tuple[Path, ...]] = [(file,) for file in files]
     if depth:
-        for folder in (entry for entry in entries if entry.is_dir()):
+        for folder in (entry for entry in entries if entry.is_dir() and os.access(entry, os.R_OK | os.X_OK)):
             found += bags_in(folder, depth - 1)
     return found
 

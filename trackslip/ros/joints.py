@@ -40,7 +40,7 @@ def known_joints(chosen: Sequence[str], names: Sequence[str], side: str, topic: 
 
 def listed(names: Sequence[str]) -> str:
     """Names of joints for a message."""
-    return ", ".join(names[:_SHOWN]) + (f", ... ({len(names)} of them)" if len(names) > _SHOWN else "")
+    return ", ".join(names[:_SHOWN] or ["none"]) + (f", ... ({len(names)} of them)" if len(names) > _SHOWN else "")
 
 
 def _side(name: str) -> str:

@@ -23,6 +23,7 @@ _FRAME = struct.Struct("<BQ")  # kind of a record, length of its content
 _MESSAGE_HEAD = struct.Struct("<HIQQ")  # channel, sequence number, times of logging and publishing [ns]
 _CHUNK_HEAD = struct.Struct("<QQQI")  # times of the first and last message [ns], decompressed size, checksum
 _TAIL = struct.Struct("<BQQQI8s")  # the footer with its frame: place of the summary, ..., and the magic at the end
+_LATEST = 2**63 - 1  # time that signed integers hold [ns]
 _CUT = "its end is missing: the recording was cut off, or the file is damaged"
 
 
@@ -101,6 +102,7 @@ class _Reader:
                 number, _, arrival, _ = _MESSAGE_HEAD.unpack_from(records, place)
                 if number in self._channels:
                     channel, wanted = self._channels[number]
+                    arrival = min(arrival, _LATEST)
                     yield Record(channel, arrival, records[place + _MESSAGE_HEAD.size : stop] if wanted else b"")
             elif kind in (_SCHEMA, _CHANNEL):
                 try:

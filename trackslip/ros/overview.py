@@ -8,7 +8,7 @@ from trackslip.errors import LogError
 from trackslip.ros.bag import Bag
 from trackslip.ros.choice import BagChoice
 from trackslip.ros.encoders import encoder_topic
-from trackslip.ros.pose_sources import RANKS, chosen_source, pose_sources
+from trackslip.ros.pose_sources import RANKS, chosen_source, known_source, pose_sources
 
 SCAN = "sensor_msgs/msg/LaserScan"
 
@@ -18,25 +18,28 @@ class Overview:
     """Uses of the topics of a bag."""
 
     uses: dict[str, str]
-    """By topic or tf:PARENT:CHILD: what it could be used for; with a star in front, will be."""
+    """By topic or tf:PARENT:CHILD: what it could be used as; with a star in front, what it is taken as."""
+    taken: tuple[str, ...]
+    """What is taken, one line each."""
     doubts: tuple[str, ...]
-    """Why something isn't chosen, one line each; empty where the choice is clear."""
+    """Why something isn't taken, one line each."""
 
 
 def overview(bag: Bag, choice: BagChoice) -> Overview:
-    """What could be taken, and what will be."""
+    """What could be taken, and what is."""
     uses: dict[str, str] = {topic.name: "scans" for topic in bag.of_type(SCAN)}
-    doubts = []
-    sources = pose_sources(bag)
-    uses |= {source.name: f"poses: {RANKS[source.rank]}" for source in sources}
+    uses |= {source.name: f"poses: {RANKS[source.rank]}" for source in pose_sources(bag)}
+    taken, doubts = [], []
     try:
         topic, (left, right) = encoder_topic(bag, choice)
-        uses[topic.name] = f"* encoders: left {', '.join(left)}; right {', '.join(right)}"
+        uses[topic.name] = "* encoders"
+        taken.append(f"encoders: {topic.name}, left {', '.join(left)}, right {', '.join(right)}")
     except LogError as error:
         doubts.append(str(error))
     try:
-        name = chosen_source(bag).name if choice.poses is None else choice.poses
+        name = chosen_source(bag).name if choice.poses is None else known_source(bag, choice.poses)
         uses[name] = f"* {uses.get(name, 'poses')}"
+        taken.append(f"poses: {name}")
     except LogError as error:
         doubts.append(str(error))
-    return Overview(uses, tuple(doubts))
+    return Overview(uses, tuple(taken), tuple(doubts))

@@ -11,7 +11,7 @@ from trackslip.ros.bag import Bag, Topic
 from trackslip.ros.poses import FIX, ODOMETRY, POSE_TYPES
 from trackslip.ros.transforms import Pair, frames_of
 
-_LOOKED_AT = 500  # messages with transforms that are looked at for frames
+_LOOKED_AT = 5000  # messages with transforms that are looked at for frames
 _WANTED = re.compile(r"goal|initial_?pose|target|setpoint|cmd|command|desired|reference|waypoint|plan\b", re.IGNORECASE)
 _MOCAP = re.compile(r"vicon|optitrack|mocap|motion_capture|qualisys|vrpn|natnet|total_?station|leica", re.IGNORECASE)
 _TRUTH = re.compile(r"ground_?truth|\btruth|gazebo|p3d|perfect", re.IGNORECASE)
@@ -43,9 +43,9 @@ RANKS = {
     Rank.MOCAP: "motion capture",
     Rank.MATCHED: "measured poses",
     Rank.TRANSFORMS: "transforms from a fixed frame",
-    Rank.FIX: "satellite positions without heading",
+    Rank.FIX: "satellite positions",
     Rank.TRUTH: "a simulator's truth",
-    Rank.FUSED: "odometry fused from several sensors, the wheels perhaps among them",
+    Rank.FUSED: "fused odometry, perhaps with the wheels",
     Rank.WHEELS: "odometry, perhaps from the wheels",
 }
 """What a source is taken for."""
@@ -77,10 +77,16 @@ def chosen_source(bag: Bag) -> PoseSource:
         needed = f"no topic of {', '.join(POSE_TYPES)}, and no transforms of a robot in a fixed frame"
         raise LogError(f"{bag.path}: no poses: {needed}; its topics are {bag.listed(bag.topics)}")
     best = [source for source in sources if source.rank == sources[0].rank]
+    best = [source for source in best if source.name in bag.topics] or best  # transforms repeat what topics state
     if len(best) > 1:
         names = ", ".join(source.name for source in best)
         raise LogError(f"{bag.path}: poses may be {names}: choose with --poses TOPIC")
     return best[0]
+
+
+def known_source(bag: Bag, name: str) -> str:
+    """The name of a topic or of tf:PARENT:CHILD as it stands in the bag; raises LogError for an unknown topic."""
+    return name if name.startswith("tf:") else bag.topic(name).name
 
 
 def _rank(bag: Bag, topic: Topic) -> Rank:
@@ -95,14 +101,15 @@ def _rank(bag: Bag, topic: Topic) -> Rank:
 
 
 def _in_transforms(bag: Bag) -> list[PoseSource]:
-    """The pose of the robot's body in the frame at the root of the transforms, if they have such frames."""
+    """The poses of robots' bodies in the frames at the roots of their transforms, if they have such frames."""
     pairs = frames_of(bag, _LOOKED_AT)
     children = {child for _, child in pairs}
-    bodies = [frame for name in _BODIES for frame in sorted(children) if _last(frame) == name]
-    if not bodies:
-        return []
-    root = _root(pairs, bodies[0])
-    return [PoseSource(f"tf:{root}:{bodies[0]}", Rank.TRANSFORMS if _last(root) in _FIXED_FRAMES else Rank.WHEELS)]
+    bodies = next((found for name in _BODIES if (found := [one for one in children if _last(one) == name])), [])
+    roots = {body: _root(pairs, body) for body in sorted(bodies)}
+    return [
+        PoseSource(f"tf:{root}:{body}", Rank.TRANSFORMS if _last(root) in _FIXED_FRAMES else Rank.WHEELS)
+        for body, root in roots.items()
+    ]
 
 
 def _root(pairs: dict[Pair, None], frame: str) -> str:

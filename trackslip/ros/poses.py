@@ -36,6 +36,8 @@ _POINTS: dict[str, Callable[[Any], tuple[Any, Any, Any]]] = {  # position, orien
 POSE_TYPES = (*_POINTS, FIX)
 """Types of messages that poses are read from, besides transforms."""
 _NO_FIX = 0  # status below which a fix is none
+_MAX_PLACE = 1e9  # farther ones aren't measured [m]
+_MAX_ALTITUDE = 1e5  # higher ones neither [m]
 _MIN_WAY = 0.1  # way that a heading which never changes makes doubtful [m]
 
 
@@ -117,7 +119,7 @@ def _fixes(bag: Bag, topic: Topic, notes: list[str]) -> _Raw:
         values.append((fix.latitude, fix.longitude, fix.altitude, fix.status.status, fix.position_covariance_type))
         stated.append(fix.position_covariance)
     table, at = np.array(values, float), np.array(stamps, np.int64)
-    fixed = np.asarray((table[:, 3] >= _NO_FIX) & np.isfinite(table[:, :2]).all(axis=1) & (np.abs(table[:, 0]) <= 90))
+    fixed = np.asarray((table[:, 3] >= _NO_FIX) & (np.abs(table[:, :2]) <= [90, 360]).all(axis=1))
     if not fixed.any():
         raise LogError(f"{bag.path}: topic {topic.name}: none of its {len(fixed)} messages has a fix")
     if not fixed.all():
@@ -126,13 +128,14 @@ def _fixes(bag: Bag, topic: Topic, notes: list[str]) -> _Raw:
     plane = np.array(stated, float)[fixed].reshape(-1, 3, 3)
     known = np.zeros((len(table), 3, 3))
     known[:, :2, :2] = np.where(table[:, 4, None, None] > 0, plane[:, :2, :2], 0.0)
-    east_north = local_plane(table[:, 0], table[:, 1], np.nan_to_num(table[:, 2]))
-    return _Raw(at[:, 0], at[:, 1], np.column_stack([east_north, table[:, 2]]), None, known)
+    altitude = np.where(np.abs(table[:, 2]) <= _MAX_ALTITUDE, table[:, 2], 0.0)
+    east_north = local_plane(table[:, 0], table[:, 1], altitude)
+    return _Raw(at[:, 0], at[:, 1], np.column_stack([east_north, altitude]), None, known)
 
 
 def _usable(raw: _Raw, topic: str, notes: list[str]) -> np.ndarray:
     """The rows whose position and orientation mean something."""
-    good = np.asarray(np.isfinite(raw.place[:, :2]).all(axis=1))
+    good = np.asarray((np.abs(raw.place[:, :2]) <= _MAX_PLACE).all(axis=1))
     if not good.all():
         if not good.any():
             raise LogError(f"topic {topic}: no position is finite")

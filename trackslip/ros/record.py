@@ -29,6 +29,11 @@ class Record(NamedTuple):
     """The serialised message; empty if its topic wasn't asked for."""
 
 
+def short_type(name: str) -> str:
+    """The name of a message type as people write it, `package/Type`."""
+    return name.replace("/msg/", "/")
+
+
 def ros2_type(name: str) -> str:
     """`package/msg/Type` for a ROS 1 or ROS 2 name of a message type."""
     package, _, last = name.partition("/")

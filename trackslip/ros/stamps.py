@@ -18,7 +18,15 @@ def seconds(stamp: np.ndarray, origin: int) -> np.ndarray:
 
 
 def stretches(topic: str, stamp: np.ndarray, arrival: np.ndarray, notes: list[str]) -> list[np.ndarray]:
-    """Rows (n,) of a topic's messages by ascending stamp, a list for each stretch between restarts of the clock.
+    """Rows (n,) of a topic's messages by ascending stamp, for each stretch between restarts of the clock.
+
+    Arguments are those of `clock_parts`. Raises LogError if most messages have no stamp, or are out of order.
+    """
+    return [part[ascending(topic, stamp[part], notes)] for part in clock_parts(topic, stamp, arrival, notes)]
+
+
+def clock_parts(topic: str, stamp: np.ndarray, arrival: np.ndarray, notes: list[str]) -> list[np.ndarray]:
+    """Rows (n,) of a topic's messages by arrival, for each stretch between restarts of the clock.
 
     Args:
         topic: name in messages.
@@ -27,7 +35,7 @@ def stretches(topic: str, stamp: np.ndarray, arrival: np.ndarray, notes: list[st
         notes: gets a line for what is left out.
 
     Raises:
-        LogError: if most messages have no stamp, or most of them are out of order.
+        LogError: if most messages have no stamp.
     """
     if not len(stamp):
         raise LogError(f"topic {topic}: no messages")
@@ -40,7 +48,7 @@ def stretches(topic: str, stamp: np.ndarray, arrival: np.ndarray, notes: list[st
         origin = int(stamp[rows].min())
         back = f"from {_shown(stamp[rows[k - 1]], origin)} to {_shown(stamp[rows[k]], origin)}"
         notes.append(f"topic {topic}: time goes back {back}: read as {starts.size + 1} drives")
-    return [_ascending(topic, stamp, part, notes) for part in np.split(rows, starts)]
+    return list(np.split(rows, starts))
 
 
 def _stamped(topic: str, stamp: np.ndarray, rows: np.ndarray, notes: list[str]) -> np.ndarray:
@@ -57,20 +65,23 @@ def _stamped(topic: str, stamp: np.ndarray, rows: np.ndarray, notes: list[str]) 
     return rows
 
 
-def _ascending(topic: str, stamp: np.ndarray, rows: np.ndarray, notes: list[str]) -> np.ndarray:
-    """As many of the rows as possible, by ascending stamp."""
-    time = stamp[rows]
-    origin = int(time[0])
-    kept = clock.in_order(time)
-    left_out = len(rows) - len(kept)
+def ascending(topic: str, stamp: np.ndarray, notes: list[str]) -> np.ndarray:
+    """As many rows (n,) as possible whose stamps (N,) ascend; raises LogError if most don't.
+
+    `notes` gets a line for those left out, if it hasn't got it.
+    """
+    kept = clock.in_order(stamp)
+    left_out = len(stamp) - len(kept)
     if left_out:
-        k = int(np.argmax(np.diff(time) <= 0)) + 1
-        what = "is stamped twice" if time[k] == time[k - 1] else f"goes back from {_shown(time[k - 1], origin)}"
-        line = f"time {what} at {_shown(time[k], origin)}"
-        if left_out > _MOST * len(rows):
-            raise LogError(f"topic {topic}: {line}; so do {left_out} of its {len(rows)} messages")
-        notes.append(f"topic {topic}: {left_out} of {len(rows)} messages left out: {line}")
-    return np.asarray(rows[kept])
+        origin = int(stamp[0])
+        k = int(np.argmax(np.diff(stamp) <= 0)) + 1
+        what = "is stamped twice" if stamp[k] == stamp[k - 1] else f"goes back from {_shown(stamp[k - 1], origin)}"
+        line = f"time {what} at {_shown(stamp[k], origin)}"
+        if left_out > _MOST * len(stamp):
+            raise LogError(f"topic {topic}: {line}; so do {left_out} of its {len(stamp)} messages")
+        line = f"topic {topic}: {left_out} of {len(stamp)} messages left out: {line}"
+        notes += [line] if line not in notes else []
+    return np.asarray(kept)
 
 
 def _shown(stamp: int, origin: int) -> str:

@@ -17,6 +17,7 @@ from trackslip.ros.stamps import seconds, stretches
 
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 _MAX_GAP = 1.0  # time over which a transform is interpolated at most [s]
+_MAX_PLACE = 1e9  # farther ones aren't measured [m]
 _USUAL_GAPS = 5.0  # and in its usual intervals
 _SHOWN = 12  # frames in a message
 
@@ -165,7 +166,7 @@ def _parts(pair: Pair, raw: _Raw, notes: list[str]) -> list[Link]:
     name = f"tf {pair[0]} -> {pair[1]}"
     values = np.array(raw.values)
     stamp, arrival = np.array(raw.stamp, np.int64), np.array(raw.arrival, np.int64)
-    good = np.flatnonzero(rotation.usable(values[:, 3:], name, notes) & np.isfinite(values).all(axis=1))
+    good = np.flatnonzero(rotation.usable(values[:, 3:], name, notes) & (np.abs(values) <= _MAX_PLACE).all(axis=1))
     if not good.size:
         raise LogError(f"{name}: no transform is finite")
     if raw.static or len(good) == 1:

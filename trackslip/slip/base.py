@@ -88,7 +88,10 @@ def by_side(kappa: ArrayLike, inner: Array, outer: Array) -> Array:
     """Slips (..., 2) of (left, right) from those of the inner and outer track (...); their mean on a straight path."""
     side = np.sign(np.asarray(kappa, float))
     mean, half = (inner + outer) / 2, (inner - outer) / 2
-    return np.stack(np.broadcast_arrays(mean + side * half, mean - side * half), axis=-1)
+    half = side * half
+    slips = np.empty((*half.shape, 2))
+    slips[..., 0], slips[..., 1] = mean + half, mean - half
+    return slips
 
 
 def radius_of(kappa: ArrayLike) -> Array:

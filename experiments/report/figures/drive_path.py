@@ -11,10 +11,10 @@ from experiments.report.colours import BLUE, GREY, RED
 from experiments.report.drives import longest, title_of
 from experiments.report.figures.style import law_line, styled, subplots, thin
 from trackslip.identification.drive.comparison import DriveComparison
-from trackslip.identification.drive.equations import Nodes
 from trackslip.identification.drive.fit import Fit
 from trackslip.identification.drive.prediction import Predictions
 from trackslip.identification.drive.reckoning import rotated
+from trackslip.identification.drive.residuals import Nodes
 from trackslip.kinematics import Array
 
 _PIECES = 5

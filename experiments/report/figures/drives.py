@@ -15,10 +15,10 @@ from experiments.report.figures.laws import draw_matrix
 from experiments.report.figures.style import BAND, law_line, styled, subplots
 from experiments.report.law_symbols import EXTRA_SYMBOLS, SYMBOLS
 from trackslip.identification.drive.comparison import DriveComparison
-from trackslip.identification.drive.equations import Nodes
 from trackslip.identification.drive.estimate import DriveFit
 from trackslip.identification.drive.fit import Fit
 from trackslip.identification.drive.prediction import HORIZONS
+from trackslip.identification.drive.residuals import Nodes
 from trackslip.kinematics import Array, wrap_angle
 
 _POINTS = 1200  # of a panel

@@ -30,8 +30,9 @@ def test_topics_are_listed_with_what_they_are_for(folder, capsys):
     printed = capsys.readouterr().out
     assert "run.mcap: 19.9 s" in printed
     rows = {line.split()[0]: line for line in printed.splitlines() if line.strip().startswith("/")}
-    assert rows["/joint_states"].split()[1:5] == ["sensor_msgs/msg/JointState", "400", "20.0", "0.05"]
-    assert "* encoders: left left_wheel; right right_wheel" in rows["/joint_states"]
+    assert rows["/joint_states"].split()[1:5] == ["sensor_msgs/JointState", "400", "20.0", "0.05"]
+    assert "* encoders" in rows["/joint_states"]
+    assert "encoders: /joint_states, left left_wheel, right right_wheel\nposes: /slam/pose" in printed
     assert "* poses: measured poses" in rows["/slam/pose"]
 
 

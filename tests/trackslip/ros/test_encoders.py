@@ -1,8 +1,10 @@
 """Sprocket speeds from joint states: wrapped or not, several wheels a side, any order, gaps, resets, velocities."""
 
+import re
+
 import numpy as np
 import pytest
-from bags import JOINTS, joint_states, joints_of, stamp, write_bag
+from bags import JOINTS, in_order, joint_states, joints_of, stamp, write_bag
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -101,6 +103,15 @@ def test_joints_in_any_order_and_in_messages_of_their_own(tmp_path):
     np.testing.assert_allclose(turned[-1], last, atol=0.02)
 
 
+def test_an_arm_with_a_clock_ahead_costs_no_reading_of_the_wheels(tmp_path):
+    wheels = joints_of(LOG)
+    arm = [joint_states(stamp(t + 0.3), ["arm"], [0.0], late=-299_000_000) for t in LOG.time]
+    notes = []
+    found = read(tmp_path, in_order(wheels, arm), notes=notes)
+    np.testing.assert_allclose(found.omega[1:], LOG.omega[1:], atol=1e-11)
+    assert not notes
+
+
 def test_velocities_where_there_are_no_positions(tmp_path):
     """Velocities are samples: their means by the trapezoidal rule, exact for speeds linear in time."""
     speed = np.column_stack([LOG.time, 3.0 - LOG.time])
@@ -116,6 +127,18 @@ def test_positions_that_are_not_measured_give_way_to_velocities(tmp_path, positi
     found = read(tmp_path, states(["left", "right"], positions, LOG.omega))
     middle = (LOG.omega[1:] + LOG.omega[:-1]) / 2
     np.testing.assert_allclose(found.omega[1:], middle, atol=1e-9)
+
+
+def test_positions_that_contradict_velocities_are_told(tmp_path):
+    """Positions in degrees, as a driver may state them."""
+    notes = []
+    found = read(tmp_path, states(["left", "right"], np.degrees(TURNED), LOG.omega), notes=notes)
+    np.testing.assert_allclose(found.omega[1:], np.degrees(LOG.omega[1:]), atol=1e-8)
+    for note, side in zip(notes, ("left", "right"), strict=True):
+        expected = (
+            rf"topic /joint_states: joint {side}: its positions turn 5[5-9]\.?\d* times as fast as its velocities say"
+        )
+        assert re.match(expected, note)
 
 
 def test_single_positions_that_are_missing_are_bridged(tmp_path):

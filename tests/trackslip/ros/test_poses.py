@@ -315,6 +315,23 @@ def test_two_sources_alike_are_for_the_user_to_choose(tmp_path):
         chosen_source(bag)
 
 
+def test_transforms_that_repeat_a_topic_are_no_doubt(tmp_path):
+    bag, names = sources(
+        tmp_path, poses_of(LOG, odometry), poses_of(LOG, lambda at, p: transform(at, "odom", "base", p))
+    )
+    assert names == ["/odom", "tf:odom:base"]
+    assert chosen_source(bag).name == "/odom"
+
+
+def test_transforms_of_two_robots_are_for_the_user_to_choose(tmp_path):
+    robots = [
+        poses_of(LOG, lambda at, p, name=name: transform(at, "map", name, p)) for name in ("a/base_link", "b/base_link")
+    ]
+    bag, _ = sources(tmp_path, *robots)
+    with pytest.raises(LogError, match="poses may be tf:map:a/base_link, tf:map:b/base_link: choose with --poses"):
+        chosen_source(bag)
+
+
 def test_no_source_at_all(tmp_path):
     bag, _ = sources(tmp_path, poses_of(LOG, topic="/goal_pose"))
     with pytest.raises(LogError, match=r"no poses: no topic of .*; its topics are /goal_pose"):

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.identification.drive.equations import cost, residuals, solve
+from trackslip.identification.drive.equations import solve
 from trackslip.identification.drive.fit import Fit
+from trackslip.identification.drive.residuals import cost, residuals
 from trackslip.kinematics import Array
 
 _POINTS = 13
@@ -38,11 +39,11 @@ def clock_profile(fit: Fit) -> ClockProfile:
     for offset in offsets:
         values, states = fit.values.copy(), fit.states
         values[clock] = offset
-        found = residuals(model, nodes, states, values)
         for _ in range(_STEPS):
-            step = solve(found, nodes, fit.noise, free, yaw, model.prior, values - fit.mean)
+            found = residuals(model, nodes, states, values, free)
+            step = solve(found, nodes, fit.noise, yaw, model.prior, values - fit.mean)
             values[free] = np.clip(values[free] + step.values, low[free], high[free])
             states = states + step.states
-            found = residuals(model, nodes, states, values)
+        found = residuals(model, nodes, states, values, free[:0])
         rise.append(cost(found, nodes, fit.noise) - least)
     return ClockProfile(offsets, np.array(rise))

@@ -10,12 +10,12 @@ import numpy as np
 from trackslip.errors import LogError
 from trackslip.identification.drive.determined import undetermined
 from trackslip.identification.drive.drives import Drive, drives_of
-from trackslip.identification.drive.equations import Nodes, Noise
 from trackslip.identification.drive.fit import Fit, fit
 from trackslip.identification.drive.intervals import half_widths, model_errors
 from trackslip.identification.drive.law_start import law_start
 from trackslip.identification.drive.model import EXTRAS, DriveModel
 from trackslip.identification.drive.noise import FIRST, unlike_sprockets
+from trackslip.identification.drive.residuals import Nodes, Noise
 from trackslip.identification.drive.start import start, trajectory
 from trackslip.identification.drive.units import require_units
 from trackslip.identification.sensor import Sensor
@@ -30,6 +30,7 @@ DRIVE_LAWS = ("none", "icr", "icr_radius", "icr_sides", "turn_loss", "exponentia
 """Laws that can be fitted to drives."""
 _LAG = 0.03  # starting value [s]
 _CERTAIN = 3.0  # lag that shows [standard errors]
+_TRIALS = 4  # steps after which a lag is given up unless it shows
 _LIKELIER = 10.0  # fall of -2 log likelihood that a lag must bring
 
 
@@ -123,17 +124,44 @@ def _reference(
     values[model.index("offset")], values[model.index("clock_offset")] = offset, clock_offset
     states = np.concatenate([trajectory(drive, geometry, offset, clock_offset) for drive in drives])
     found = _fitted(model, Nodes.of(drives), states, values, FIRST, sensor, held, gated=True, lagging=False)
-    if "lag" in held or "clock_offset" not in found.free:
+    if "lag" in held or "clock_offset" not in found.free or not _may_lag(found.fit):
         return found
     first = found.fit
-    values = np.array(first.values)
-    values[model.index("lag")] = _LAG
     try:
-        lagging = _fitted(model, first.nodes, first.states, values, first.noise, sensor, held, False, lagging=True)
+        lagging = _fitted(model, first.nodes, first.states, _lagged(first), first.noise, sensor, held, False, True)
     except LogError:
         return found
     shown = "lag" in lagging.free and lagging.extras["lag"] > _CERTAIN * lagging.stderr["lag"]
     return lagging if shown and lagging.deviance < found.deviance - _LIKELIER else found
+
+
+def _lagged(found: Fit) -> Array:
+    """Values (p,) of a fit without lag, with one that begins later by as much."""
+    values = found.values.copy()
+    values[found.model.index("lag")] += _LAG
+    values[found.model.index("clock_offset")] += _LAG
+    return values
+
+
+def _may_lag(found: Fit) -> bool:
+    """Whether a few steps with a lag, the noise as it is, make the poses likelier than a fit without it."""
+    free = np.append(found.free, found.model.index("lag"))
+    try:
+        tried = fit(
+            found.model,
+            found.nodes,
+            found.states,
+            _lagged(found),
+            found.noise,
+            free,
+            found.mean,
+            gated=False,
+            quiet=True,
+            rounds=_TRIALS,
+        )
+    except LogError:
+        return False
+    return tried.deviance < found.deviance - _LIKELIER / 2
 
 
 def _fitted(

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 import scipy
 
-from trackslip.identification.drive.equations import Nodes, Noise, Residuals, Solution, cost, residuals, solve, weights
+from trackslip.identification.drive.equations import Solution, solve, used_up
 from trackslip.identification.drive.model import DriveModel
-from trackslip.identification.drive.noise import updated
+from trackslip.identification.drive.noise import Iterate
 from trackslip.identification.drive.outliers import outlying
-from trackslip.kinematics import Array, wrap_angle
+from trackslip.identification.drive.residuals import Nodes, Noise, Residuals, cost, pose_residuals, residuals, weights
+from trackslip.kinematics import Array
 
 _ROUNDS = 30  # maximum number of Gauss-Newton steps
 _GATED = 12  # rounds after which gates stay as they are
 _HALVINGS = 6
+_STUCK = 3  # rounds without a step that lowers the cost, after which there will be none
 _SETTLED = 0.03  # change of the values, in standard errors
 _QUIET = 0.02  # relative change of the standard deviations of settled noise
 _LOUD = 0.1  # relative change of standard deviations far from settled
@@ -63,37 +66,44 @@ def fit(
     mean: Array,
     gated: bool = True,
     quiet: bool = False,
+    rounds: int | None = None,
 ) -> Fit:
     """Fit the values `free` (f,) of (p,) and the states (K, 3), starting from those given.
 
     `mean` (p,) is that of the priors. With `gated`, outlying poses and steps are left out, else the weights of `nodes`
-    stay. With `quiet`, the noise stays as given.
+    stay. With `quiet`, the noise stays as given. At most `rounds` steps are made.
     """
     yaw, prior = model.index("sensor_yaw"), model.prior
     measured = Nodes.of(nodes.drives)
     trimmed, converged, changed = _trimming(nodes, measured), False, 0.0 if quiet else np.inf
+    iterate, stuck = Iterate.at(noise), 0
+    found = residuals(model, nodes, states, values, free)
     if gated:
-        bad, lasting = far_off(model, measured, states, values)
-        nodes = _without(measured, bad, lasting)
-    found = residuals(model, nodes, states, values)
-    for k in range(_ROUNDS):
-        step = solve(found, nodes, noise, free, yaw, prior, values - mean)
-        states, values, found = _advanced(model, nodes, noise, states, values, found, free, step, mean)
+        nodes = _without(measured, *far_off(model, measured, states, values, found.path))
+        found = replace(found, pose=pose_residuals(model, nodes, states, values))
+    for k in range(rounds or _ROUNDS):
+        step = solve(found, nodes, iterate.noise, yaw, prior, values - mean)
+        before, linear = iterate.noise, found
+        change, by = step.limited(*model.room(values, free))
         errors = 1 / np.sqrt(np.maximum(np.diag(step.information), 1e-300))
-        moved = float(np.abs(step.values / errors).max(initial=0.0))
+        moved = float(np.abs((model.moved(values, free, by) - values)[free] / errors).max(initial=0.0))
+        states, values, found = _advanced(model, nodes, before, states, values, found, change, by, mean)
+        stuck = stuck + 1 if found is linear else 0
         if not quiet and (moved < _SETTLED or k % (1 if changed > _LOUD else 2 if changed > _QUIET else 4) == 0):
-            before = noise
-            noise = updated(model, found, nodes, noise, free, prior, trimmed)
-            changed = float(np.abs(np.log(noise.values / before.values)).max())
+            used = used_up(linear, nodes, before, step, yaw)
+            iterate = iterate.updated(found, nodes, used, trimmed)
+            changed = float(np.abs(iterate.change).max())
         if gated and 1 < k <= _GATED:
-            nodes = _gated(model, measured, found, noise, states, values)
+            nodes = _gated(model, measured, found, iterate.noise, states, values)
             trimmed = _trimming(nodes, measured)
-            found = residuals(model, nodes, states, values)
+            found = replace(found, pose=pose_residuals(model, nodes, states, values))
         if moved < _SETTLED and changed < _QUIET and (not gated or k > _MIN_ROUNDS):
             converged = True
             break
-    step = solve(found, nodes, noise, free, yaw, prior, values - mean)
-    return Fit(model, nodes, states, values, free, noise, found, step, mean, converged)
+        if stuck >= _STUCK and changed < _QUIET and not gated:
+            break
+    step = solve(found, nodes, iterate.noise, yaw, prior, values - mean)
+    return Fit(model, nodes, states, values, free, iterate.noise, found, step, mean, converged)
 
 
 def _advanced(
@@ -103,37 +113,39 @@ def _advanced(
     states: Array,
     values: Array,
     found: Residuals,
-    free: np.ndarray,
-    step: Solution,
+    change: Array,
+    by: Array,
     mean: Array,
 ) -> tuple[Array, Array, Residuals]:
-    """States, values and residuals after a step, halved until the cost doesn't rise."""
-    low, high, _ = model.limits
+    """States, values and residuals after a step, `change` (K, 3) and `by` (f,), halved until the cost doesn't rise.
+
+    If it still rises, they stay as they are. The variance of steps is that at the start: that it changes with the
+    distance driven, by the clock offset, is no part of the step.
+    """
+    free, none = found.free, found.free[:0]
 
     def total(residual: Residuals, at: Array) -> float:
-        return cost(residual, nodes, noise) + float(np.sum(((at - mean)[free] / model.prior[free]) ** 2))
+        pull = (at - mean)[free] / model.prior[free]
+        return cost(replace(residual, distance=found.distance), nodes, noise) + float(pull @ pull)
 
-    now = total(found, values)
-    share = 1.0
-    for _ in range(_HALVINGS):
-        tried = values.copy()
-        tried[free] = np.clip(values[free] + share * step.values, low[free], high[free])
-        moved = states + share * step.states
-        there = residuals(model, nodes, moved, tried)
-        if total(there, tried) <= now * (1 + 1e-9) + 1e-9:
-            return moved, tried, there
-        share /= 2
-    return moved, tried, there
+    now = total(found, values) * (1 + 1e-9) + 1e-9
+    for halving in range(_HALVINGS):
+        tried = model.moved(values, free, by / 2**halving)
+        moved = states + change / 2**halving
+        there = residuals(model, nodes, moved, tried, none if halving else free)
+        if total(there, tried) <= now:
+            return moved, tried, residuals(model, nodes, moved, tried, free) if halving else there
+    return states, values, found
 
 
 def _gated(model: DriveModel, measured: Nodes, found: Residuals, noise: Noise, states: Array, values: Array) -> Nodes:
     """The nodes without poses and steps whose residuals are too large, and without steps across lasting jumps."""
-    _, lasting = far_off(model, measured, states, values)
-    pose = _pose_residuals(model, measured, states, values)
+    _, lasting = far_off(model, measured, states, values, found.path)
+    pose = pose_residuals(model, measured, states, values)
     squares = (measured.weight[:, [0, 0, 1]] * (pose / noise.values[[0, 0, 1]]) ** 2).sum(axis=1)
-    far = squares > scipy.stats.chi2.ppf(_GATE, 2 + measured.weight[:, 1])
+    far = squares > scipy.special.chdtri(2 + measured.weight[:, 1], 1 - _GATE)
     scaled = found.step / np.sqrt(found.distance)[:, None] / noise.values[2:]
-    slipped = (scaled**2).sum(axis=1) > scipy.stats.chi2.ppf(_STEP_GATE, 3)
+    slipped = (scaled**2).sum(axis=1) > scipy.special.chdtri(3, 1 - _STEP_GATE)
     return _without(measured, far, slipped | lasting)
 
 
@@ -146,29 +158,27 @@ def _without(measured: Nodes, poses: np.ndarray, steps: np.ndarray) -> Nodes:
     )
 
 
-def _pose_residuals(model: DriveModel, measured: Nodes, states: Array, values: Array) -> Array:
-    pose = states - np.where(np.isfinite(measured.pose), measured.pose, states)
-    turn = pose[:, 2] + np.where(np.isfinite(measured.pose[:, 2]), values[model.index("sensor_yaw")], 0.0)
-    pose[:, 2] = wrap_angle(turn)
-    return pose
-
-
 def _trimming(nodes: Nodes, measured: Nodes) -> float:
     """Expected share of the variance of normal poses within the gate; 1 where nothing is left out."""
     if (nodes.weight == measured.weight).all():
         return 1.0
     kinds = 3 if measured.weight[:, 1].any() else 2
-    gate = scipy.stats.chi2.ppf(_GATE, kinds)
-    return float(scipy.stats.chi2.cdf(gate, kinds + 2) / _GATE)
+    gate = scipy.special.chdtri(kinds, 1 - _GATE)
+    return float(scipy.special.chdtr(kinds + 2, gate) / _GATE)
 
 
-def far_off(model: DriveModel, nodes: Nodes, states: Array, values: Array) -> tuple[np.ndarray, np.ndarray]:
-    """Poses (K,) bool that their neighbours' dead reckoning misses far, and steps (K - 1,) bool with lasting jumps."""
+def far_off(
+    model: DriveModel, nodes: Nodes, states: Array, values: Array, path: Array
+) -> tuple[np.ndarray, np.ndarray]:
+    """Poses (K,) bool that their neighbours' dead reckoning misses far, and steps (K - 1,) bool with lasting jumps.
+
+    `path` (K, 3) is that of the turning centre.
+    """
     poses, steps = np.zeros(len(nodes.pose), bool), np.zeros(len(nodes.pose) - 1, bool)
-    for drive, begin in zip(nodes.drives, nodes.first, strict=False):
-        rows = np.flatnonzero(nodes.weight[begin : begin + len(drive.time), 0])
-        path = model.sensor_path(values, drive)[rows]
-        bad, jumped = outlying(nodes.pose[begin + rows], states[begin + rows], path)
-        poses[begin + rows[bad]] = True
-        steps[begin + rows[jumped] - 1] = True
+    of_sensor = model.of_sensor(values, path)
+    for begin, end in pairwise(nodes.first):
+        rows = begin + np.flatnonzero(nodes.weight[begin:end, 0])
+        bad, jumped = outlying(nodes.pose[rows], states[rows], of_sensor[rows])
+        poses[rows[bad]] = True
+        steps[rows[jumped] - 1] = True
     return poses, steps

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import scipy
 
-from trackslip.identification.drive.equations import weights
 from trackslip.identification.drive.fit import Fit
+from trackslip.identification.drive.residuals import weights
 from trackslip.identification.intervals import CONFIDENCE
 from trackslip.kinematics import Array
 
@@ -31,7 +31,7 @@ def half_widths(fit: Fit) -> Array:
     long = max(_MIN_STRETCHES, 3 * f // 2, int(duration / _STRETCH))
     (scatter, half), (_, narrow) = _scattered(fit, long), _scattered(fit, 2 * long)
     wide = np.where(scatter > _LASTING * errors, half, narrow)
-    return np.asarray(np.maximum(scipy.stats.norm.ppf((1 + CONFIDENCE) / 2) * errors, wide))
+    return np.asarray(np.maximum(scipy.special.ndtri((1 + CONFIDENCE) / 2) * errors, wide))
 
 
 def _scattered(fit: Fit, count: int) -> tuple[Array, Array]:
@@ -39,7 +39,7 @@ def _scattered(fit: Fit, count: int) -> tuple[Array, Array]:
     scores = np.diff(innovation_scores(fit, _cuts(fit, count)), axis=0, prepend=0.0)
     k, f = scores.shape
     errors = np.sqrt(np.diag(fit.covariance @ (scores.T @ scores) @ fit.covariance))
-    quantile = scipy.stats.t.ppf((1 + CONFIDENCE) / 2, max(k - 1, 1))
+    quantile = scipy.special.stdtrit(max(k - 1, 1), (1 + CONFIDENCE) / 2)
     return errors * np.sqrt(k / max(k - 1, 1)), quantile * errors * np.sqrt(k / max(k - f, 1))
 
 
@@ -61,7 +61,7 @@ def innovation_scores(fit: Fit, cuts: np.ndarray) -> Array:
         if c < len(steps):  # less the step that leads on from it
             on = found.by_first[c].T * steps[c]
             information = information - on @ found.by_first[c]
-            here = here - on @ np.column_stack([found.by_values[c][:, fit.free], found.step[c]])
+            here = here - on @ np.column_stack([found.by_values[c], found.step[c]])
         last = here[:, :f].T @ np.linalg.solve(information, here[:, f])
         scores[n] = total[c] - (eliminated[c - 1] if c else 0.0) - last
     return scores

@@ -13,14 +13,15 @@ Parameters are those of the law, followed by EXTRAS:
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import scipy
 
 from trackslip.identification.drive.drives import Drive
-from trackslip.identification.drive.law_twist import twists
-from trackslip.identification.drive.reckoning import path_at, quarter, rotated
+from trackslip.identification.drive.law_twist import many_twists, twists
+from trackslip.identification.drive.reckoning import path_at, rotated
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.slip.families import LawFamily
 
@@ -48,14 +49,15 @@ EXTRAS: dict[str, Extra] = {
     "lag": Extra("s", 0.05, 0.1, 0.0, 2.0, "lag of the motion behind the belts"),
 }
 _LAG_DIFFERENCE = 1e-3  # [s]
+_MIN_LAG = 1e-3  # while it is estimated [s]
 
 
 @dataclass(frozen=True)
 class Steps:
     """Motion of the turning centre between neighbouring nodes, by the law."""
 
-    motion: Array  # (K - 1, 3): displacement in the frame of the first node [m, m], turn [rad]
-    slope: Array  # (K - 1, 3, p) by all parameters; those of the sensor's place and yaw have none
+    motion: Array  # (3, K - 1): displacement in the frame of the first node [m, m], turn [rad]
+    slope: Array  # (3, f, K - 1) by the chosen parameters; those of the sensor's place and yaw have none
     distance: Array  # (K - 1,) mean way of the two belts [m]
     path: Array  # (K, 3) of the turning centre from the origin [m, m, rad]
 
@@ -88,44 +90,82 @@ class DriveModel:
         scale = self.family.limits(self.geometry.half_gauge)[2]
         return np.concatenate([10 * scale, [extra.prior for extra in EXTRAS.values()]])
 
-    def steps(self, values: Array, drive: Drive) -> Steps:
-        """Dead reckoning of a drive with parameter values (p,)."""
-        count, law = len(values), len(self.family.names)
+    def room(self, values: Array, free: np.ndarray) -> Array:
+        """Smallest and largest changes (2, f) of the parameters `free` (f,) that `moved` allows."""
+        room = (self.limits[:2] - values)[:, free]
+        if self._lags(free):
+            room[0, free == self.index("lag")] /= 2
+        return room
+
+    def moved(self, values: Array, free: np.ndarray, by: Array) -> Array:
+        """Values (p,) after a change `by` (f,) of the parameters `free` (f,), to first order.
+
+        The motion depends on a short lag by the delay, which the clock offset shares, and beyond that by its square.
+        So a large step changes the clock offset less the lag, and the lag's square. At a lag of 0 the two can't be
+        told apart: it stays above.
+        """
+        moved = values.copy()
+        moved[free] += by
+        if self._lags(free):
+            lag, clock = self.index("lag"), self.index("clock_offset")
+            square = values[lag] * (2 * moved[lag] - values[lag])
+            further = np.sqrt(max(square, _MIN_LAG**2)) - moved[lag]
+            moved[[lag, clock]] += further
+        return moved
+
+    def _lags(self, free: np.ndarray) -> bool:
+        """Whether both the lag and the clock offset are among the parameters `free` (f,)."""
+        return bool(np.isin([self.index("lag"), self.index("clock_offset")], free).all())
+
+    def steps(self, values: Array, drive: Drive, free: np.ndarray) -> Steps:
+        """Dead reckoning of a drive with parameter values (p,), with derivatives by the parameters `free` (f,)."""
+        law = len(self.family.names)
         extra = dict(zip(EXTRAS, values[law:], strict=True))
-        at = {name: law + k for k, name in enumerate(EXTRAS)}
-        twist, by_law = twists(self.family, values[:law], drive.omega, self.geometry)
-        slope = np.zeros((len(twist), 3, count))
-        slope[:, [0, 2], :law] = by_law
-        lag = extra["lag"]
-        lagged = _lagging(twist, drive.edges, lag)
-        slope[:, [0, 2], at["lag"]] = (_lagging(twist, drive.edges, lag + _LAG_DIFFERENCE) - lagged) / _LAG_DIFFERENCE
-        if lag > 0 and law:
-            flat = _lagging(by_law.reshape(len(twist), -1), drive.edges, lag)
-            slope[:, [0, 2], :law] = flat.reshape(by_law.shape)
-        v, w = lagged.T
-        slope[:, 1] = -extra["drift"] * (v[:, None] * slope[:, 2] + w[:, None] * slope[:, 0])
-        slope[:, 1, at["drift"]] -= v * w
-        motion = np.stack([v, -extra["drift"] * v * w, w], axis=-1)
+        motion, slope = self._motion(values[:law], extra, drive, free)
         path = path_at(drive.edges, motion, slope, drive.time + extra["clock_offset"])
-        path.position_slope[..., at["clock_offset"]] += path.velocity[:, :2]
-        path.heading_slope[..., at["clock_offset"]] += path.velocity[:, 2]
-        back = -path.heading[:-1]
-        moved = rotated(back, np.diff(path.position, axis=0))
-        by_all = rotated(back, np.diff(path.position_slope, axis=0))
-        by_all = by_all - quarter(moved, 1)[..., None] * path.heading_slope[:-1, None, :]
+        clock = free == self.index("clock_offset")
+        path.place_slope[clock] += path.velocity
+        path.heading_slope[clock] += path.yaw_rate
+        back = np.exp(-1j * path.heading[:-1])
+        moved = np.diff(path.place) * back
+        by = np.diff(path.place_slope, axis=-1) * back - (1j * moved) * path.heading_slope[:, :-1]
         return Steps(
-            np.column_stack([moved, np.diff(path.heading)]),
-            np.concatenate([by_all, np.diff(path.heading_slope, axis=0)[:, None]], axis=1),
+            np.stack([moved.real, moved.imag, np.diff(path.heading)]),
+            np.stack([by.real, by.imag, np.diff(path.heading_slope, axis=-1)]),
             self._distance(drive, extra["clock_offset"]),
-            np.column_stack([path.position, path.heading]),
+            np.column_stack([path.place.real, path.place.imag, path.heading]),
         )
 
     def sensor_path(self, values: Array, drive: Drive) -> Array:
         """Positions of the sensor and headings of the robot (K, 3) by dead reckoning, from anywhere."""
-        path = self.steps(values, drive).path
+        return self.of_sensor(values, self.steps(values, drive, np.zeros(0, int)).path)
+
+    def of_sensor(self, values: Array, path: Array) -> Array:
+        """Positions of the sensor and headings (K, 3) of a robot whose turning centre follows a path (K, 3)."""
         lever = values[[self.index("sensor_x"), self.index("sensor_y")]]
-        path[:, :2] += rotated(path[:, 2], np.broadcast_to(lever, (len(path), 2)))
-        return path
+        return np.column_stack([path[:, :2] + rotated(path[:, 2], np.broadcast_to(lever, (len(path), 2))), path[:, 2]])
+
+    def _motion(self, values: Array, extra: Mapping[str, float], drive: Drive, free: np.ndarray) -> tuple[Array, Array]:
+        """Motion (3, M) in the encoder intervals, and its derivatives (3, f, M) by the parameters `free` (f,)."""
+        law, lag, drift = len(values), extra["lag"], extra["drift"]
+        slope = np.zeros((3, len(free), len(drive.omega)))
+        of_law = free < law
+        if of_law.any():
+            twist, by_law = twists(self.family, values, drive.omega, self.geometry)
+            by_law = _lagging(np.moveaxis(by_law, 0, -1)[:, free[of_law]], drive.edges, lag)
+            slope[0, of_law], slope[2, of_law] = by_law
+        else:
+            twist = many_twists(self.family, values[None], drive.omega, self.geometry)[0]
+        belts = np.moveaxis(twist, 0, -1)
+        v, w = lagged = _lagging(belts, drive.edges, lag)
+        at_lag = free == self.index("lag")
+        if at_lag.any():
+            later = _lagging(belts, drive.edges, lag + _LAG_DIFFERENCE)
+            slope[::2, at_lag] = ((later - lagged) / _LAG_DIFFERENCE)[:, None]
+        if drift:
+            slope[1] = -drift * (v * slope[2] + w * slope[0])
+        slope[1, free == self.index("drift")] -= v * w
+        return np.stack([v, -drift * v * w, w]), slope
 
     def _distance(self, drive: Drive, offset: float) -> Array:
         """Mean way (K - 1,) of the two belts between nodes [m]."""
@@ -135,14 +175,15 @@ class DriveModel:
 
 
 def _lagging(values: Array, edges: Array, lag: float) -> Array:
-    """Means (M, n) in the intervals of a first-order lag [s] behind values (M, n), which starts settled."""
+    """Means (..., M) in the intervals of a first-order lag [s] behind values (..., M), which starts settled."""
     if lag <= 0:
         return values
     step = np.diff(edges)
     kept = np.exp(-step / lag)
     bands = np.stack([np.ones(len(step)), np.append(-kept[1:], 0.0)])
-    driven = (1 - kept)[:, None] * values
-    driven[0] += kept[0] * values[0]
-    ends = scipy.linalg.solve_banded((1, 0), bands, driven)
-    begins = np.concatenate([values[:1], ends[:-1]])
-    return values + (begins - values) * ((lag / step) * (1 - kept))[:, None]
+    driven = (1 - kept) * values
+    driven[..., 0] += kept[0] * values[..., 0]
+    flat = driven.reshape(-1, len(step)).T
+    ends = scipy.linalg.solve_banded((1, 0), bands, flat, overwrite_b=True, check_finite=False).T.reshape(driven.shape)
+    begins = np.concatenate([values[..., :1], ends[..., :-1]], axis=-1)
+    return values + (begins - values) * ((lag / step) * (1 - kept))

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from trackslip.identification.drive.equations import Nodes
 from trackslip.identification.drive.fit import Fit, fit
 from trackslip.identification.drive.reckoning import rotated
+from trackslip.identification.drive.residuals import Nodes
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.metrics import rms
 

@@ -11,71 +11,65 @@ from trackslip.kinematics import Array, arc_quotients
 
 @dataclass(frozen=True)
 class Path:
-    """A path from the origin at given times, with derivatives by p parameters."""
+    """A path from the origin at given times, with derivatives by p parameters; places are x + i y."""
 
-    position: Array  # (K, 2) [m]
+    place: np.ndarray  # (K,) complex [m]
     heading: Array  # (K,) [rad]
-    position_slope: Array  # (K, 2, p)
-    heading_slope: Array  # (K, p)
-    velocity: Array  # (K, 3) of the time: world velocity [m/s], yaw rate [rad/s]
+    place_slope: np.ndarray  # (p, K) complex
+    heading_slope: Array  # (p, K)
+    velocity: np.ndarray  # (K,) complex, of the place by the time [m/s]
+    yaw_rate: Array  # (K,) [rad/s]
 
 
 def path_at(edges: Array, motion: Array, slope: Array, time: Array) -> Path:
     """The path at `time` (K,) of a robot that moves with (v, u, w), forwards, to the left and turning.
 
-    `motion` (M, 3) is constant in each interval between `edges` (M + 1,), its derivatives are `slope` (M, 3, p).
+    `motion` (3, M) is constant in each interval between `edges` (M + 1,), its derivatives are `slope` (3, p, M).
     Beyond the ends, the first and the last motion continue.
     """
     step = np.diff(edges)
-    turned, turned_slope = _started(motion[:, 2] * step), _started(slope[:, 2] * step[:, None])
-    moved, moved_slope = _displaced(motion, slope, step, turned[:-1], turned_slope[:-1])
+    turned, turned_slope = _started(motion[2] * step), _started(slope[2] * step)
+    moved, moved_slope = _displaced(motion, slope, step, turned[:-1], turned_slope[:, :-1])
     reached, reached_slope = _started(moved), _started(moved_slope)
     row = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, len(step) - 1)
-    rest = time - edges[row]
-    rest_moved, rest_slope = _displaced(motion[row], slope[row], rest, turned[row], turned_slope[row])
-    heading = turned[row] + motion[row, 2] * rest
-    cos, sin = np.cos(heading), np.sin(heading)
-    v, u, w = motion[row].T
+    rest, here, here_slope = time - edges[row], motion[:, row], slope[..., row]
+    heading, heading_slope = turned[row], turned_slope[:, row]
+    moved, moved_slope = _displaced(here, here_slope, rest, heading, heading_slope)
+    heading = heading + here[2] * rest
     return Path(
-        reached[row] + rest_moved,
+        reached[row] + moved,
         heading,
-        reached_slope[row] + rest_slope,
-        turned_slope[row] + slope[row, 2] * rest[:, None],
-        np.stack([cos * v - sin * u, sin * v + cos * u, w], axis=-1),
+        reached_slope[:, row] + moved_slope,
+        heading_slope + here_slope[2] * rest,
+        np.exp(1j * heading) * (here[0] + 1j * here[1]),
+        here[2],
     )
 
 
 def rotated(angle: Array, vector: Array) -> Array:
-    """Vectors (..., 2) or (..., 2, p) turned by angles (...) [rad]."""
-    extra = (None,) * (vector.ndim - angle.ndim - 1)
-    cos, sin = np.cos(angle)[(..., *extra)], np.sin(angle)[(..., *extra)]
-    axis = angle.ndim
-    x, y = np.take(vector, 0, axis=axis), np.take(vector, 1, axis=axis)
-    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=axis)
+    """Vectors (..., 2) turned by angles (...) [rad]."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    x, y = vector[..., 0], vector[..., 1]
+    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
 
 
-def quarter(vector: Array, axis: int) -> Array:
-    """Vectors turned by 90 degrees: the derivative of `rotated` by the angle, turned back."""
-    x, y = np.take(vector, 0, axis=axis), np.take(vector, 1, axis=axis)
-    return np.stack([-y, x], axis=axis)
+def _displaced(
+    motion: Array, slope: Array, step: Array, heading: Array, heading_slope: Array
+) -> tuple[np.ndarray, np.ndarray]:
+    """World displacement (M,) by motions (3, M) for `step` (M,) from headings (M,), and derivatives (p, M)."""
+    along, across, d_along, d_across = arc_quotients(motion[2] * step)
+    turned, velocity = np.exp(1j * heading), motion[0] + 1j * motion[1]
+    by_velocity = turned * (along + 1j * across) * step
+    by_turn = turned * velocity * (d_along + 1j * d_across) * step**2
+    moved = by_velocity * velocity
+    moved_slope = by_velocity * slope[0] + (1j * by_velocity) * slope[1]
+    moved_slope += by_turn * slope[2]
+    moved_slope += (1j * moved) * heading_slope
+    return moved, moved_slope
 
 
-def _displaced(motion: Array, slope: Array, step: Array, heading: Array, heading_slope: Array) -> tuple[Array, Array]:
-    """World displacement (M, 2) by constant motions (M, 3) for `step` (M,) from headings (M,), and derivatives."""
-    v, u, w = motion.T
-    turn = w * step
-    along, across, d_along, d_across = arc_quotients(turn)
-    body = np.stack([v * along - u * across, v * across + u * along], axis=-1) * step[:, None]
-    by_turn = np.stack([v * d_along - u * d_across, v * d_across + u * d_along], axis=-1) * step[:, None] ** 2
-    dv, du, dw = slope[:, 0], slope[:, 1], slope[:, 2]
-    body_slope = np.stack(
-        [dv * along[:, None] - du * across[:, None], dv * across[:, None] + du * along[:, None]], axis=1
-    )
-    body_slope = body_slope * step[:, None, None] + by_turn[..., None] * dw[:, None, :]
-    body_slope = body_slope + quarter(body, 1)[..., None] * heading_slope[:, None, :]
-    return rotated(heading, body), rotated(heading, body_slope)
-
-
-def _started(increments: Array) -> Array:
-    """Sums (M + 1, ...) from zero of increments (M, ...)."""
-    return np.concatenate([np.zeros((1, *increments.shape[1:])), np.cumsum(increments, axis=0)])
+def _started(increments: np.ndarray) -> np.ndarray:
+    """Sums (..., M + 1) from zero of increments (..., M)."""
+    sums = np.zeros((*increments.shape[:-1], increments.shape[-1] + 1), increments.dtype)
+    np.cumsum(increments, axis=-1, out=sums[..., 1:])
+    return sums

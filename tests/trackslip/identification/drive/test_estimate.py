@@ -9,8 +9,9 @@ from drives import EXACT, GEOMETRY, ICR, NOISE, SLAM, STILL, constant_speeds, dr
 from sim.wander.pose_source import PoseSource
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.drive.drives import drive_of
-from trackslip.identification.drive.equations import Noise, solve
+from trackslip.identification.drive.equations import solve
 from trackslip.identification.drive.estimate import DRIVE_LAWS, fit_drives
+from trackslip.identification.drive.residuals import Noise
 from trackslip.identification.sensor import Sensor
 from trackslip.slip.families import FAMILIES
 from trackslip.slip.icr import ConstantIcr
@@ -37,7 +38,7 @@ def bound(found, noise=NOISE):
     """Cramér-Rao bounds of the fitted parameters, by name, from the information at the true noise."""
     fit, driven = found.fit, found.fit.model
     pull = np.zeros(len(fit.values))
-    at = solve(fit.residuals, fit.nodes, Noise(noise), fit.free, driven.index("sensor_yaw"), driven.prior, pull)
+    at = solve(fit.residuals, fit.nodes, Noise(noise), driven.index("sensor_yaw"), driven.prior, pull)
     return dict(zip(found.free, np.sqrt(np.diag(np.linalg.inv(at.information))).tolist(), strict=True))
 
 

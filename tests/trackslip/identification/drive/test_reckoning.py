@@ -1,18 +1,19 @@
 import numpy as np
 import pytest
 
-from trackslip.identification.drive.reckoning import path_at, quarter, rotated
+from trackslip.identification.drive.reckoning import path_at, rotated
 from trackslip.kinematics import advance
 
 RNG = np.random.default_rng(0)
 EDGES = np.cumsum(RNG.uniform(0.01, 0.1, 41))
-MOTION = RNG.normal(size=(40, 3)) * [0.3, 0.1, 1.0]
+MOTION = RNG.normal(size=(3, 40)) * [[0.3], [0.1], [1.0]]
+NO_SLOPE = np.zeros((3, 0, 40))
 
 
 def advanced(motion, edges, time):
     """A pose, an arc at a time."""
     pose = np.zeros(3)
-    for (v, _, w), begin, end in zip(motion, edges, edges[1:], strict=False):
+    for (v, _, w), begin, end in zip(motion.T, edges, edges[1:], strict=False):
         if time <= begin:
             break
         pose = advance(pose, np.array([v, w]), min(time, end) - begin)
@@ -21,50 +22,43 @@ def advanced(motion, edges, time):
 
 @pytest.mark.parametrize("turning", [1.0, 1e-3, 0.0])
 def test_paths_are_exact_arcs(turning):
-    motion = MOTION * [1, 0, turning]
+    motion = MOTION * [[1], [0], [turning]]
     time = np.sort(RNG.uniform(EDGES[0], EDGES[-1], 50))
-    path = path_at(EDGES, motion, np.zeros((40, 3, 0)), time)
+    path = path_at(EDGES, motion, NO_SLOPE, time)
     expected = np.array([advanced(motion, EDGES, t) for t in time])
-    np.testing.assert_allclose(np.column_stack([path.position, path.heading]), expected, atol=1e-13)
+    np.testing.assert_allclose(np.column_stack([path.place.real, path.place.imag, path.heading]), expected, atol=1e-13)
 
 
 def test_sideways_motion_is_forward_motion_of_a_robot_turned_by_a_right_angle():
     time = np.linspace(EDGES[0], EDGES[-1], 30)
-    slope = np.zeros((40, 3, 0))
-    ahead = path_at(EDGES, MOTION * [1, 0, 1], slope, time)
-    aside = path_at(EDGES, np.stack([0 * MOTION[:, 0], MOTION[:, 0], MOTION[:, 2]], axis=-1), slope, time)
-    np.testing.assert_allclose(aside.position, quarter(ahead.position, 1), atol=1e-13)
+    v, _, w = MOTION
+    ahead = path_at(EDGES, np.stack([v, 0 * v, w]), NO_SLOPE, time)
+    aside = path_at(EDGES, np.stack([0 * v, v, w]), NO_SLOPE, time)
+    np.testing.assert_allclose(aside.place, 1j * ahead.place, atol=1e-13)
 
 
 def test_the_first_and_the_last_motion_continue_beyond_the_ends():
-    path = path_at(
-        EDGES, MOTION * [1, 0, 1], np.zeros((40, 3, 0)), np.array([EDGES[0] - 0.5, EDGES[-1], EDGES[-1] + 0.5])
-    )
-    before = advance(np.zeros(3), MOTION[0, [0, 2]], -0.5)
-    np.testing.assert_allclose(np.append(path.position[0], path.heading[0]), before, atol=1e-13)
-    last = np.append(path.position[1], path.heading[1])
-    after = advance(last, MOTION[-1, [0, 2]], 0.5)
-    np.testing.assert_allclose(np.append(path.position[2], path.heading[2]), after, atol=1e-13)
+    time = np.array([EDGES[0] - 0.5, EDGES[-1], EDGES[-1] + 0.5])
+    path = path_at(EDGES, MOTION * [[1], [0], [1]], NO_SLOPE, time)
+    reached = np.column_stack([path.place.real, path.place.imag, path.heading])
+    np.testing.assert_allclose(reached[0], advance(np.zeros(3), MOTION[[0, 2], 0], -0.5), atol=1e-13)
+    np.testing.assert_allclose(reached[2], advance(reached[1], MOTION[[0, 2], -1], 0.5), atol=1e-13)
 
 
-@pytest.mark.parametrize("turning", [1.0, 1e-4])  # the quotients, and their series
+@pytest.mark.parametrize("turning", [1.0, 1e-4])
 def test_derivatives_and_velocities_are_differences(turning):
-    motion = MOTION * [1, 1, turning]
-    slope = RNG.normal(size=(40, 3, 4))
+    motion = MOTION * [[1], [1], [turning]]
+    slope = RNG.normal(size=(3, 4, 40))
     time = np.linspace(EDGES[0] + 0.003, EDGES[-1] + 0.1, 25)
     path, h = path_at(EDGES, motion, slope, time), 1e-6
     for k in range(4):
-        ahead, behind = (path_at(EDGES, motion + s * h * slope[..., k], slope, time) for s in (1, -1))
-        np.testing.assert_allclose(path.position_slope[..., k], (ahead.position - behind.position) / (2 * h), atol=1e-7)
-        np.testing.assert_allclose(path.heading_slope[..., k], (ahead.heading - behind.heading) / (2 * h), atol=1e-7)
+        ahead, behind = (path_at(EDGES, motion + s * h * slope[:, k], slope, time) for s in (1, -1))
+        np.testing.assert_allclose(path.place_slope[k], (ahead.place - behind.place) / (2 * h), atol=1e-7)
+        np.testing.assert_allclose(path.heading_slope[k], (ahead.heading - behind.heading) / (2 * h), atol=1e-7)
     ahead, behind = (path_at(EDGES, motion, slope, time + s * h) for s in (1, -1))
-    np.testing.assert_allclose(path.velocity[:, :2], (ahead.position - behind.position) / (2 * h), atol=1e-7)
-    np.testing.assert_allclose(path.velocity[:, 2], (ahead.heading - behind.heading) / (2 * h), atol=1e-7)
+    np.testing.assert_allclose(path.velocity, (ahead.place - behind.place) / (2 * h), atol=1e-7)
+    np.testing.assert_allclose(path.yaw_rate, (ahead.heading - behind.heading) / (2 * h), atol=1e-7)
 
 
 def test_rotation_turns_counter_clockwise():
     np.testing.assert_allclose(rotated(np.array([np.pi / 2]), np.array([[1.0, 0.0]])), [[0.0, 1.0]], atol=1e-15)
-    many = RNG.normal(size=(5, 2, 3))
-    angle = RNG.uniform(-3, 3, 5)
-    each = np.stack([rotated(angle, many[..., k]) for k in range(3)], axis=-1)
-    np.testing.assert_allclose(rotated(angle, many), each)

@@ -1,0 +1,144 @@
+"""Residuals of poses and of steps between them, with their derivatives.
+
+Unknown are the state of every node, the sensor's position and the robot's heading (x, y, phi), and the parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackslip.identification.drive.drives import Drive
+from trackslip.identification.drive.model import DriveModel
+from trackslip.kinematics import Array, wrap_angle
+
+_MIN_DISTANCE = 1e-3  # of a step, so that a robot at rest isn't known to stay exactly [m]
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of the five kinds of residuals."""
+
+    values: Array
+    """(5,): position [m] and heading [rad] of poses; slip forwards, sideways [m/sqrt(m)] and in turn [rad/sqrt(m)]."""
+
+    NAMES = ("position", "heading", "slip_forward", "slip_sideways", "slip_turn")
+
+
+@dataclass(frozen=True)
+class Nodes:
+    """Nodes of all drives in a row, and which of their measurements and steps count."""
+
+    drives: tuple[Drive, ...]
+    pose: Array  # (K, 3) measured, NaN where not
+    weight: Array  # (K, 2) of positions and headings: 1, or 0 for what isn't measured or is left out
+    link: Array  # (K - 1,) of steps: 1, or 0 between drives and where poses jump lastingly
+
+    @classmethod
+    def of(cls, drives: Sequence[Drive]) -> Nodes:
+        """All measurements of the drives."""
+        pose = np.concatenate([drive.pose for drive in drives])
+        weight = np.isfinite(pose[:, [0, 2]]).astype(float)
+        link = np.ones(len(pose) - 1)
+        link[np.cumsum([len(drive.time) for drive in drives])[:-1] - 1] = 0.0
+        return cls(tuple(drives), pose, weight, link)
+
+    @property
+    def time(self) -> Array:
+        """Times (K,) of the nodes [s]."""
+        return np.concatenate([drive.time for drive in self.drives])
+
+    @property
+    def first(self) -> np.ndarray:
+        """Index of the first node of each drive, and the number of nodes."""
+        return np.cumsum([0, *(len(drive.time) for drive in self.drives)])
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Residuals at a trajectory and parameters, and the derivatives of those of steps.
+
+    In memory, nodes are the last axis of the derivatives.
+    """
+
+    pose: Array  # (K, 3) of positions and headings, 0 where not measured
+    step: Array  # (K - 1, 3) in the frame of the first node [m, m, rad]
+    by_first: Array  # (K - 1, 3, 3) derivatives of step by the state of the first node
+    by_second: Array  # (K - 1, 3, 3) by that of the second
+    by_values: Array  # (K - 1, 3, f) by the chosen parameters
+    distance: Array  # (K - 1,) [m]
+    path: Array  # (K, 3) of the turning centre by dead reckoning [m, m, rad]
+    free: np.ndarray  # (f,) indices of those parameters
+
+    def squares(self, nodes: Nodes) -> list[Array]:
+        """Squares of the residuals of each kind of Noise, per unit variance, with their weights applied."""
+        position, heading = nodes.weight.T
+        scaled = self.step**2 * (nodes.link / self.distance)[:, None]
+        return [
+            np.concatenate([position * self.pose[:, 0] ** 2, position * self.pose[:, 1] ** 2]),
+            heading * self.pose[:, 2] ** 2,
+            *scaled.T,
+        ]
+
+
+def residuals(model: DriveModel, nodes: Nodes, states: Array, values: Array, free: np.ndarray) -> Residuals:
+    """Residuals at states (K, 3) and parameter values (p,), with derivatives by the parameters `free` (f,)."""
+    motion, slope, distance, path = _reckoned(model, nodes, values, free)
+    x, y = model.index("sensor_x"), model.index("sensor_y")
+    lever = values[x] + 1j * values[y]
+    heading, turn = states[:-1, 2], np.diff(states[:, 2])
+    ahead, swing = np.exp(1j * heading), np.exp(1j * turn)
+    moved = np.diff(states[:, 0] + 1j * states[:, 1]) * ahead.conj()
+    swung = swing * lever
+    left = moved - (swung - lever)
+    step = np.column_stack([left.real - motion[0], left.imag - motion[1], wrap_angle(turn - motion[2])])
+    by_second = np.zeros((3, 3, len(step)))
+    by_second[0, 0], by_second[0, 1] = ahead.real, ahead.imag
+    by_second[1, 0], by_second[1, 1] = -ahead.imag, ahead.real
+    by_first = -by_second
+    by_second[0, 2], by_second[1, 2] = swung.imag, -swung.real
+    by_first[0, 2], by_first[1, 2] = moved.imag - swung.imag, swung.real - moved.real
+    by_second[2, 2], by_first[2, 2] = 1.0, -1.0
+    by_values = -slope
+    by_values[0, free == x], by_values[1, free == x] = 1 - swing.real, -swing.imag
+    by_values[0, free == y], by_values[1, free == y] = swing.imag, 1 - swing.real
+    pose = pose_residuals(model, nodes, states, values)
+    first, second, chosen = (np.moveaxis(one, -1, 0) for one in (by_first, by_second, by_values))
+    return Residuals(pose, step, first, second, chosen, distance, path, free)
+
+
+def pose_residuals(model: DriveModel, nodes: Nodes, states: Array, values: Array) -> Array:
+    """Positions and headings (K, 3) less those measured; 0 where not measured or left out."""
+    pose = states - np.where(np.isfinite(nodes.pose), nodes.pose, 0.0)
+    pose[:, 2] = wrap_angle(pose[:, 2] + values[model.index("sensor_yaw")])
+    return np.where(nodes.weight[:, [0, 0, 1]] > 0, pose, 0.0)
+
+
+def weights(found: Residuals, nodes: Nodes, noise: Noise) -> tuple[Array, Array]:
+    """Reciprocal variances (K, 3) of poses and (K - 1, 3) of steps."""
+    position, heading, *slips = noise.values
+    poses = nodes.weight[:, [0, 0, 1]] / np.array([position, position, heading]) ** 2
+    steps = (nodes.link / found.distance)[:, None] / np.array(slips) ** 2
+    return poses, steps
+
+
+def cost(found: Residuals, nodes: Nodes, noise: Noise) -> float:
+    """Weighted sum of squares."""
+    poses, steps = weights(found, nodes, noise)
+    return float(np.sum(poses * found.pose**2) + np.sum(steps * found.step**2))
+
+
+def _reckoned(model: DriveModel, nodes: Nodes, values: Array, free: np.ndarray) -> tuple[Array, Array, Array, Array]:
+    """Motion (3, K - 1), slope (3, f, K - 1) and distance of all steps, zero between drives, and paths (K, 3)."""
+    count = len(nodes.pose)
+    motion, slope = np.zeros((3, count - 1)), np.zeros((3, len(free), count - 1))
+    distance, path = np.ones(count - 1), np.zeros((count, 3))
+    for drive, begin in zip(nodes.drives, nodes.first, strict=False):
+        end = begin + len(drive.time)
+        rows = slice(begin, end - 1)
+        steps = model.steps(values, drive, free)
+        motion[:, rows], slope[..., rows], distance[rows] = steps.motion, steps.slope, steps.distance
+        path[begin:end] = steps.path
+    return motion, slope, np.maximum(distance, _MIN_DISTANCE), path
