@@ -10,8 +10,9 @@ import numpy as np
 from trackslip.errors import require, require_positive
 from trackslip.identification.drive.determined import vaguest
 from trackslip.identification.drive.drives import Drive, merged
-from trackslip.identification.drive.equations import Nodes, Noise, residuals, solve
+from trackslip.identification.drive.equations import solve
 from trackslip.identification.drive.model import EXTRAS, DriveModel
+from trackslip.identification.drive.residuals import Nodes, Noise, residuals
 from trackslip.kinematics import Array
 from trackslip.planning.strokes import RATE
 
@@ -124,10 +125,10 @@ def information(
     nodes = Nodes.of(drives)
     states = np.concatenate([model.sensor_path(values, drive) for drive in drives])
     noise = Noise(np.array([poses.position, poses.heading or _UNKNOWN_HEADING, *slip]))
-    found = residuals(model, nodes, states, values)
     free = np.array([model.index(name) for name in names])
+    found = residuals(model, nodes, states, values, free)
     still = np.zeros(len(values))
-    return solve(found, nodes, noise, free, model.index("sensor_yaw"), model.prior, still).information
+    return solve(found, nodes, noise, model.index("sensor_yaw"), model.prior, still).information
 
 
 def with_extras(law: Array, extras: Mapping[str, float] | None = None) -> Array:
