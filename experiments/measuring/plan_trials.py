@@ -35,6 +35,8 @@ PLAN, PAPER = "plan", "paper"
 _HORIZON = 5.0  # of predictions of other drives [s]
 _EVERY = 0.5  # between those [s]
 _AGREEMENT = (0.8, 1.2)  # real errors over predicted ones
+_AS_GOOD = 120.0  # duration from which on a plan is as good as the paper's runs [s]
+_OVER_PAPER = {"offset": 1.0, "radius_error": 1.5}  # largest errors over those of the paper's runs
 _ROUNDING = 1e-6  # relative
 
 
@@ -201,10 +203,18 @@ class Trials:
 
     def _statistics(self, case: str) -> list[Check]:
         real, predicted = self.errors(PLAN), self.predicted[PLAN]
-        return [
+        found = [
             Check(case, f"real over predicted error of {name}", error / predicted[name], _AGREEMENT, "1")
             for name, error in real.items()
             if name in predicted
+        ]
+        if self.plan.limits.duration < _AS_GOOD:
+            return found
+        paper = self.errors(PAPER)
+        return found + [
+            Check(case, f"error of {name} over that of the paper's runs", real[name] / paper[name], most, "1")
+            for name, most in _OVER_PAPER.items()
+            if name in real
         ]
 
     def to_json(self) -> dict[str, Any]:
