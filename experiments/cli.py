@@ -23,6 +23,7 @@ from experiments.options.export import ExportConfig
 from experiments.options.grid import SweepConfig
 from experiments.options.help import HelpBuffer, wrapped
 from experiments.options.identify import IdentifyConfig
+from experiments.options.localize import LocalizeConfig
 from experiments.options.plan import PlanConfig
 from experiments.options.predict import PredictConfig
 from experiments.options.reproduce import ReproduceConfig
@@ -43,6 +44,7 @@ COMMANDS: dict[str, Any] = {
     "deploy": DeployConfig,
     "evaluate": EvaluateConfig,
     "bag": BagConfig,
+    "localize": LocalizeConfig,
     "track": TrackConfig,
     "benchmark": BenchmarkConfig,
     "train": TrainConfig,
@@ -101,6 +103,9 @@ COMMAND_EXAMPLES = (
     ("topics, and what is taken for what", "trackslip bag run.mcap"),
     ("as a log with units", "trackslip bag run.mcap --export log.parquet"),
     ("with other poses", "trackslip bag old.bag --poses tf:map:base_link --export log.csv"),
+    ("a plate of 0.5 m by 2 cm", "trackslip localize run.mcap --plate 0.5x0.02"),
+    ("a scanner whose place is known", "trackslip localize run.mcap --plate 0.5x0.02 --mount -1.5 -1.5 1.57"),
+    ("by other poses", "trackslip localize run.mcap --plate 0.5x0.02 --poses /amcl_pose"),
     ("the paper's path and controller", "trackslip track"),
     ("without slip compensation", "trackslip track --compensation none --out out/track-none"),
     ("with online identification", "trackslip track --controller lqr --compensation online --reference slalom"),

@@ -37,6 +37,7 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.kinematics import RobotGeometry as RobotGeometry
     from trackslip.localization.base import PoseEstimate as PoseEstimate
     from trackslip.localization.plate import PlateLocator as PlateLocator
+    from trackslip.localization.scan import Plate as Plate
     from trackslip.logs.runlog import RunLog as RunLog
     from trackslip.metrics import TrackingErrors as TrackingErrors
     from trackslip.metrics import body_errors as body_errors
@@ -101,6 +102,7 @@ _NAMES = {
     "kinematics": ("RobotGeometry",),
     "localization.base": ("PoseEstimate",),
     "localization.plate": ("PlateLocator",),
+    "localization.scan": ("Plate",),
     "logs.runlog": ("RunLog",),
     "metrics": ("TrackingErrors", "body_errors", "expense", "tracking_errors"),
     "odometry.evaluation": ("OdometryErrors", "odometry_errors"),

@@ -7,6 +7,7 @@ import tyro
 
 from experiments.options.help import default_is
 from trackslip.errors import InvalidValueError
+from trackslip.localization.scan import Plate
 from trackslip.ros.choice import BagChoice
 
 _CLEAR = "where the bag leaves no doubt"
@@ -26,6 +27,14 @@ class BagOptions:
     """Which encoders count backwards."""
     poses: Annotated[str | None, default_is(_CLEAR, "TOPIC")] = None
     """Topic of the poses, or tf:PARENT:CHILD for the pose of a frame, as in tf:map:base_link."""
+    plate: Annotated[str | None, default_is("poses are read", "LENGTHxTHICKNESS")] = None
+    """Find a plate of this size on the robot, as in 0.5x0.02, in scans from beside the field [m]."""
+    scan: Annotated[str | None, default_is("the only one", "TOPIC")] = None
+    """Topic of sensor_msgs/LaserScan of the scanner beside the field; needs --plate."""
+    mount: Annotated[tuple[float, float, float] | None, default_is("by transforms, else 0 0 0", "X Y YAW")] = None
+    """Pose of the scanner in the frame of the poses; with --plate and --poses, it is found by these [m, m, rad]."""
+    noise: Annotated[float | None, default_is("found", "FLOAT")] = None
+    """Standard deviation of the scanner's ranges [m]."""
 
     def __post_init__(self) -> None:
         self.choice()
@@ -33,7 +42,15 @@ class BagOptions:
     def choice(self) -> BagChoice:
         """The same for the readers of bags."""
         return BagChoice(
-            self.encoders, _names("left", self.left), _names("right", self.right), self.reversed, self.poses
+            self.encoders,
+            _names("left", self.left),
+            _names("right", self.right),
+            self.reversed,
+            self.poses,
+            self.scan,
+            None if self.plate is None else plate_of(self.plate),
+            self.mount,
+            self.noise,
         )
 
 
@@ -49,3 +66,13 @@ def _names(option: str, given: str | None) -> tuple[str, ...] | None:
     if not all(names):
         raise InvalidValueError(option, given, "names of joints, separated by commas")
     return names
+
+
+def plate_of(given: str) -> Plate:
+    """The plate of a size such as 0.5x0.02; raises InvalidValueError for anything else."""
+    try:
+        length, thickness = map(float, given.lower().split("x"))
+        return Plate(length, thickness)
+    except ValueError:
+        allowed = "LENGTHxTHICKNESS in m, as in 0.5x0.02, longer than thick"
+        raise InvalidValueError("plate", given, allowed) from None

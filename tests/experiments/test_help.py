@@ -33,6 +33,7 @@ NEEDED = {
     ("bag",): {"pyarrow"},
     ("identify",): {"pyarrow", *DRAWN},
     ("plan",): {"mujoco", "pyarrow"},
+    ("localize",): {"pyarrow", *DRAWN},
     ("deploy", "--to", "c"): set(),
     ("evaluate",): {"pyarrow", *DRAWN},
     ("benchmark",): {"mujoco", "pyarrow", *DRAWN},

@@ -50,7 +50,7 @@ def pose_bound(pose: Array, plate: Plate, bearings: Array, noise: float) -> Arra
     information = np.zeros((len(pose), 3, 3))
     for start in range(0, len(pose), _AT_ONCE):
         some = pose[start : start + _AT_ONCE]
-        jacobian = _range_jacobian(some, plate, _towards(some, plate, bearings)) / noise
+        jacobian = range_jacobian(some, plate, towards(some, plate, bearings)) / noise
         edges = _edge_jacobian(some, plate, bearings)
         information[start : start + _AT_ONCE] = jacobian.swapaxes(1, 2) @ jacobian + edges.swapaxes(1, 2) @ edges
     covariance = np.full_like(information, np.nan)
@@ -93,7 +93,7 @@ def scan_ratio_to_bound(pose: Array, true_pose: Array, plate: Plate, scan: Scan)
     return ratio_to_bound(error[held], bound[held])
 
 
-def _towards(pose: Array, plate: Plate, bearings: Array) -> Array:
+def towards(pose: Array, plate: Plate, bearings: Array) -> Array:
     """The bearings out of (B,) that can meet the plates at poses (S, 3), equally many for all of them: (S, W)."""
     distance, sight = np.hypot(pose[:, 0], pose[:, 1]), np.arctan2(pose[:, 1], pose[:, 0])
     radius = np.hypot(plate.length, plate.thickness) / 2
@@ -106,7 +106,7 @@ def _towards(pose: Array, plate: Plate, bearings: Array) -> Array:
     return bearings[np.clip(first, 0, len(bearings) - count)[:, None] + np.arange(count)]
 
 
-def _range_jacobian(pose: Array, plate: Plate, bearings: Array) -> Array:
+def range_jacobian(pose: Array, plate: Plate, bearings: Array) -> Array:
     """Derivatives (S, W, 3) of ranges at bearings (S, W) with respect to x, y and phi; zero where a beam misses."""
     centre, phi = pose[:, None, :2], pose[:, None, 2]
     u = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)

@@ -87,7 +87,10 @@ class Scan:
     dropout: float = 0.0
     """Probability that a beam that hits something gives no return, if known [-]."""
     background: Array | None = None
-    """Ranges (B,) of the field without the robot, NaN for no return [m]; None for an unknown field."""
+    """Ranges (B,), or several for each beam (L, B), of the field without the robot, NaN for no return [m]; None for an
+    unknown field."""
+    tolerance: Array | None = None
+    """(B,) how close to the background returns belong to it [m]; by default five standard deviations."""
 
     @property
     def beam_step(self) -> float:
@@ -163,7 +166,7 @@ def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluste
     with most returns, among those no larger than the plate; pieces are split where neighbours lie more than MAX_GAP
     apart.
     """
-    returns = _returns(scan)
+    returns = returns_of(scan)
     mine = np.zeros(len(returns.row), bool)
     expected = np.zeros(len(scan.ranges), bool)
     if near is not None:
@@ -183,7 +186,7 @@ def candidates(scan: Scan, plate: Plate, gap: float) -> tuple[Cluster, np.ndarra
 
     These are the largest pieces of each scan that are no larger than the plate, split at gaps above `gap` [m].
     """
-    returns = _returns(scan)
+    returns = returns_of(scan)
     pieces = returns.split(gap)
     possible = (pieces.count >= MIN_RETURNS) & (pieces.extent < plate.length + plate.thickness + 6 * scan.noise)
     order = np.flatnonzero(possible)
@@ -199,7 +202,7 @@ def candidates(scan: Scan, plate: Plate, gap: float) -> tuple[Cluster, np.ndarra
 
 def returns_at(scan: Scan, plate: Plate, pose: Array) -> Cluster:
     """The returns of scans (S, B) that lie, within the noise, on plates at poses (S, 3) in the LRF's frame."""
-    returns = _returns(scan)
+    returns = returns_of(scan)
     outside = plate.outside(pose[returns.row], returns.x, returns.y)
     mine = np.abs(outside) < max(_ON_PLATE, 5 * scan.noise)
     return gather(scan, np.arange(len(scan.ranges)), returns.row[mine], returns.beam[mine])
@@ -227,11 +230,13 @@ def gather(scan: Scan, rows: np.ndarray, cluster: np.ndarray, beam: np.ndarray) 
     return Cluster(bearing, distance, hit, count, lost, hidden)
 
 
-def _returns(scan: Scan) -> Returns:
+def returns_of(scan: Scan) -> Returns:
     """All returns except those of the background."""
     kept = scan.ranges > _HOUSING  # false for NaN
     if scan.background is not None:
-        kept &= ~(np.abs(scan.ranges - scan.background) < _STATIC * max(scan.noise, MIN_NOISE))
+        tolerance = _STATIC * max(scan.noise, MIN_NOISE) if scan.tolerance is None else scan.tolerance
+        for level in np.atleast_2d(scan.background):
+            kept &= ~(np.abs(scan.ranges - level) < tolerance)
     row, beam = np.nonzero(kept)
     distance, bearing = scan.ranges[row, beam], scan.bearings[beam]
     return Returns(row, beam, distance * np.cos(bearing), distance * np.sin(bearing))

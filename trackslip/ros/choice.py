@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
-from trackslip.errors import InvalidValueError, require
+from trackslip.errors import InvalidValueError, require, require_positive
+from trackslip.localization.scan import Plate
 
 SIDES = ("left", "right")
 _TF = "tf:FRAME:FRAME, as in tf:map:base_link"
@@ -24,6 +26,14 @@ class BagChoice:
     """Side whose encoders count backwards: left, right or both; none if None."""
     poses: str | None = None
     """Topic of poses, or tf:PARENT:CHILD for the pose of a frame in another."""
+    scan: str | None = None
+    """Topic of `sensor_msgs/LaserScan` of a scanner beside the field, in which to find the plate."""
+    plate: Plate | None = None
+    """The plate on the robot. With it, poses are the plate's in scans, and `poses` tell where the scanner stands."""
+    mount: tuple[float, float, float] | None = None
+    """Pose of the scanner in the frame of the poses [m, m, rad]."""
+    noise: float | None = None
+    """Standard deviation of a range [m]; None for that of the ranges to the background."""
 
     def __post_init__(self) -> None:
         for name in SIDES:
@@ -35,6 +45,15 @@ class BagChoice:
         if self.left is not None and self.right is not None and (both := set(self.left) & set(self.right)):
             raise InvalidValueError("right", min(both), "the name of a joint that is not on the left, too")
         require(self.reversed in (None, *SIDES, "both"), "reversed", self.reversed, "left, right or both")
+        if self.plate is None:
+            for name in ("scan", "mount", "noise"):
+                require(getattr(self, name) is None, name, getattr(self, name), "left out without plate")
+        if self.noise is not None:
+            require_positive("noise", self.noise)
+        if self.mount is not None:
+            fits = len(self.mount) == 3 and all(map(math.isfinite, self.mount))
+            require(fits, "mount", self.mount, "three finite numbers: x, y [m] and yaw [rad]")
+            require(self.poses is None, "mount", self.mount, "left out where poses tell where the scanner stands")
         if self.poses is not None and self.poses.startswith("tf:"):
             parts = self.poses.split(":")
             require(len(parts) == 3 and all(parts) and parts[1] != parts[2], "poses", self.poses, _TF)

@@ -17,6 +17,7 @@ from trackslip.ros.choice import AUTOMATIC, BagChoice
 from trackslip.ros.encoders import Encoders, read_encoders
 from trackslip.ros.pose_sources import RANKS, PoseSource, Rank, chosen_source
 from trackslip.ros.poses import Poses, read_poses
+from trackslip.ros.scanned import scanned_drives
 from trackslip.ros.stamps import require_overlap, seconds
 
 _MANY = 0.05  # share of poses without encoders that is worth a line
@@ -57,6 +58,9 @@ def drive_logs(bag: Bag, choice: BagChoice, notes: list[str], name: str | None =
 
     `notes` gets a line for what is left out, and for what is doubtful. Raises LogError, naming topic and cause.
     """
+    if choice.plate is not None:
+        drives = scanned_drives(bag, choice, notes, name)
+        return [drive.log for drive in drives], drives[0].taken
     name = name or bag.name
     encoders = read_encoders(bag, choice, notes)
     source = chosen_source(bag) if choice.poses is None else PoseSource(choice.poses, Rank.CHOSEN)

@@ -9,8 +9,7 @@ from trackslip.ros.bag import Bag
 from trackslip.ros.choice import BagChoice
 from trackslip.ros.encoders import encoder_topic
 from trackslip.ros.pose_sources import RANKS, chosen_source, known_source, pose_sources
-
-SCAN = "sensor_msgs/msg/LaserScan"
+from trackslip.ros.scans import LASER_SCAN, scan_topic
 
 
 @dataclass(frozen=True)
@@ -27,7 +26,7 @@ class Overview:
 
 def overview(bag: Bag, choice: BagChoice) -> Overview:
     """What could be taken, and what is."""
-    uses: dict[str, str] = {topic.name: "scans" for topic in bag.of_type(SCAN)}
+    uses: dict[str, str] = {topic.name: "scans, for --plate" for topic in bag.of_type(LASER_SCAN)}
     uses |= {source.name: f"poses: {RANKS[source.rank]}" for source in pose_sources(bag)}
     taken, doubts = [], []
     try:
@@ -37,9 +36,14 @@ def overview(bag: Bag, choice: BagChoice) -> Overview:
     except LogError as error:
         doubts.append(str(error))
     try:
-        name = chosen_source(bag).name if choice.poses is None else known_source(bag, choice.poses)
-        uses[name] = f"* {uses.get(name, 'poses')}"
-        taken.append(f"poses: {name}")
+        if choice.plate is not None:
+            name = scan_topic(bag, choice.scan).name
+            uses[name] = "* scans of the plate"
+            taken.append(f"poses: the plate's in {name}")
+        else:
+            name = chosen_source(bag).name if choice.poses is None else known_source(bag, choice.poses)
+            uses[name] = f"* {uses.get(name, 'poses')}"
+            taken.append(f"poses: {name}")
     except LogError as error:
         doubts.append(str(error))
     return Overview(uses, tuple(taken), tuple(doubts))

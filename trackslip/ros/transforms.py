@@ -140,6 +140,25 @@ def read_chain(
     return [_sampled([(parts[pair][k % len(parts[pair])], forwards) for pair, forwards in way]) for k in range(count)]
 
 
+def fixed_in(bag: Bag, frame: str, notes: list[str]) -> tuple[str, Array, Array] | None:
+    """The outermost frame that a frame is fixed in, and its place (3,) [m] and quaternion (4,) there.
+
+    None if there are no transforms of it. Raises LogError, naming the frames, if that frame moves in another one.
+    """
+    frame = frame.strip("/")
+    raw = _read(bag, notes) if transform_topics(bag) else {}
+    place, turn, outer, seen = np.zeros(3), Rotation.identity(), frame, {frame}
+    while (pair := next((one for one in raw if one[1] == outer), None)) is not None and pair[0] not in seen:
+        links = _parts(pair, raw[pair], notes)
+        if not all(link.is_constant for link in links):
+            raise LogError(f"{bag.path}: frame {frame!r} moves in {pair[0]!r}")
+        step = Rotation.from_quat(links[0].turn[0])
+        place, turn = links[0].place[0] + step.apply(place), step * turn
+        outer = pair[0]
+        seen.add(outer)
+    return None if outer == frame else (outer, place, turn.as_quat())
+
+
 def _read(bag: Bag, notes: list[str]) -> dict[Pair, _Raw]:
     """All transforms by pair of frames."""
     found: dict[Pair, _Raw] = {}

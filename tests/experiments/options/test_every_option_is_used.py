@@ -11,8 +11,11 @@ import shlex
 import sys
 import typing
 
+import numpy as np
 import pytest
 from bags import in_order, joints_of, poses_of, write_bag
+from beside import drive, teleoperated
+from scanned import other_poses, write_session
 from wandered import wandered
 
 from experiments.cli import COMMANDS, main, parse
@@ -73,6 +76,7 @@ SIMULATION = REPEATABLE | EQUIPMENT | GROUND
 RUNS = SIMULATION | {"radii": "0.8 1.2", "speeds": "0.2 0.25", "localization": "line", "duration": "5"}
 GRID = RUNS | {"motion": "arc", "random-phase": ""}
 BAG = {"encoders": "/motors", "left": "x2", "right": "x1", "reversed": "both", "poses": "/slam/pose"}
+SCANNED = {"plate": "0.6x0.04", "scan": "/scan", "mount": "1 2 0.5", "noise": "0.005"}
 EXAMPLES = {
     "grid": (
         GRID | {"out": "a", "executor": "inline", "force": "", "bag": ""},
@@ -94,6 +98,17 @@ EXAMPLES = {
         {"": "sweep", "where": "seed=0", "motion": "butterworth", "settle": "0.5", "method": "steady"}
         | {"estimate-sensor": ""},
         {"": "run.mcap", "half-gauge": "0.168", "sprocket-radius": "0.06", "method": "drive"} | BAG,
+        {"": "scanned.mcap", "half-gauge": "0.168", "sprocket-radius": "0.06", "method": "drive"} | SCANNED,
+    ),
+    "localize": (
+        {"": "scanned.mcap", "encoders": "/joint_states", "left": "left_wheel_joint", "right": "right_wheel_joint"}
+        | {"reversed": "both", "out": "a", "pdf": ""}
+        | SCANNED,
+        {"": "scanned.mcap", "plate": "0.6x0.04", "poses": "/slam/pose"},
+    ),
+    "bag": (
+        {"": "run.mcap", "export": "a.csv", "overwrite": ""} | BAG,
+        {"": "scanned.mcap", "export": "b.csv"} | SCANNED,
     ),
     "plan": (
         REPEATABLE
@@ -108,8 +123,8 @@ EXAMPLES = {
         | {"sensor": "0.1 0 0", "clock-offset": "0.1", "no-tum": "", "pdf": "", "out": "a"},
         {"": "sweep", "where": "seed=0", "out": "b"},
         {"": "run.mcap", "half-gauge": "0.17", "sprocket-radius": "0.06", "out": "c"} | BAG,
+        {"": "scanned.mcap", "half-gauge": "0.17", "sprocket-radius": "0.06", "out": "d"} | SCANNED,
     ),
-    "bag": ({"": "run.mcap", "export": "a.csv", "overwrite": ""} | BAG,),
     "track": (
         SIMULATION
         | {"controller": "lqr", "compensation": "online", "preview": "0.075", "localization": "line", "out": "a"}
@@ -218,6 +233,8 @@ def workplace(tmp_path, monkeypatch, capsys):
     write_parquet([log], tmp_path / "drive.parquet")
     joints = joints_of(dataclasses.replace(log, omega=-log.omega[:, ::-1]), names=("x1", "x2"), topic="/motors")
     write_bag(tmp_path / "run", "foxglove", in_order(joints, poses_of(log)))
+    driven = drive(teleoperated(np.random.default_rng(1), 10.0, 8.0), beams=121)
+    write_session(tmp_path / "scanned", "foxglove", driven, other_poses(driven))
 
 
 def command_line(name, given):

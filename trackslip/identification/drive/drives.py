@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from trackslip.errors import LogError
+from trackslip.identification.drive.whitening import whitening
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 
@@ -31,15 +32,22 @@ class Drive:
     pose: Array  # (K, 3) measured [m, m, rad]; NaN where not measured, heading unwrapped
     rows: np.ndarray  # (K,) int: row of the log of each node; -1 for nodes inserted into gaps
     interval: float  # usual time between poses [s]
+    whitening: Array | None = None  # (K, 3, 3) see `whitening`; None where the poses' covariances are not known
 
     @property
     def has_heading(self) -> bool:
         """Whether any heading was measured."""
         return bool(np.isfinite(self.pose[:, 2]).any())
 
+    @property
+    def shapes(self) -> Array:
+        """(K, 3, 3) the whitening, or nothing to whiten."""
+        return np.broadcast_to(np.eye(3), (len(self.time), 3, 3)) if self.whitening is None else self.whitening
+
     def kept(self, nodes: np.ndarray) -> Drive:
         """The drive with the nodes of (K,) bool alone."""
-        return replace(self, time=self.time[nodes], pose=self.pose[nodes], rows=self.rows[nodes])
+        shape = None if self.whitening is None else self.whitening[nodes]
+        return replace(self, time=self.time[nodes], pose=self.pose[nodes], rows=self.rows[nodes], whitening=shape)
 
 
 def drives_of(logs: Sequence[RunLog], max_poses: int = MAX_POSES) -> tuple[list[Drive], list[str]]:
@@ -84,7 +92,9 @@ def drive_of(log: RunLog, max_poses: int = MAX_POSES, max_rows: int = MAX_ROWS) 
     known = np.isfinite(pose[:, 2])
     pose[known, 2] = np.unwrap(pose[known, 2])
     usual = float(np.median(np.diff(time)))
-    return Drive(log.run, edges, omega, *_filled(time, pose, rows, usual), usual)
+    nodes = _filled(time, pose, rows, usual)
+    stated = None if log.covariance is None else log.covariance[nodes[2]]
+    return Drive(log.run, edges, omega, *nodes, usual, whitening(nodes[1], stated))
 
 
 def merged(time: Array, omega: Array, most: int) -> tuple[Array, Array]:

@@ -52,7 +52,8 @@ def solve(found: Residuals, nodes: Nodes, noise: Noise, yaw: int, prior: Array, 
     free = found.free
     poses, steps = weights(found, nodes, noise)
     first, second, slope = _by_nodes(found)
-    gradient = poses * found.pose
+    known, gradient = _of_poses(nodes, poses, found.pose)
+    turning = gradient[:, 2].copy()  # by the sensor's yaw, too: both turn the pose
     weighted = (steps * found.step).T
     gradient[:-1] += (first * weighted[:, None]).sum(axis=0).T
     gradient[1:] += (second * weighted[:, None]).sum(axis=0).T
@@ -61,13 +62,13 @@ def solve(found: Residuals, nodes: Nodes, noise: Noise, yaw: int, prior: Array, 
     scaled = (slope * np.sqrt(steps.T)[:, None]).swapaxes(0, 1).reshape(len(free), steps.size)
     corner = scaled @ scaled.T + np.diag(1 / prior[free] ** 2)
     at = np.flatnonzero(free == yaw)
-    corner[at, at] += poses[:, 2].sum()
-    score[at] += poses[:, 2] * found.pose[:, 2]
+    corner[at, at] += known[:, 2, 2].sum()
+    score[at] += turning
     right = np.empty((len(free) + 1, *poses.shape))
-    right[:-1] = _border(first, second, slope, poses, steps, free == yaw)
+    right[:-1] = _border(first, second, slope, known, steps, free == yaw)
     right[-1] = gradient
     bands = _bands(first, second, steps)
-    bands[..., 0] += poses + _MIN_INFORMATION
+    _add(bands, known)
     factor = _factor(bands)
     flat, _ = scipy.linalg.lapack.dtbtrs(factor, right.reshape(len(right), -1).T, uplo="L", overwrite_b=True)
     border, last = flat[:, :-1], flat[:, -1]
@@ -89,10 +90,11 @@ def used_up(found: Residuals, nodes: Nodes, noise: Noise, solution: Solution, ya
     follows = _following(solution)
     covariance = np.linalg.inv(solution.information)
     whole = _bands(first, second, steps)
-    whole[..., 0] += poses + _MIN_INFORMATION
+    _add(whole, _of_poses(nodes, poses, found.pose)[0])
     heading = np.zeros_like(whole)
-    heading[:, 2, 0] = poses[:, 2]
-    changes, rows, weight = [heading], [(found.free == yaw)[:, None] - follows[2]], [poses[:, 2], *steps.T]
+    of_headings = poses[:, 2] if nodes.whitening is None else poses[:, 2] * nodes.whitening[:, 2, 2] ** 2
+    heading[:, 2, 0] = of_headings
+    changes, rows, weight = [heading], [(found.free == yaw)[:, None] - follows[2]], [of_headings, *steps.T]
     for kind in range(3):
         one = slice(kind, kind + 1)
         changes.append(_bands(first[one], second[one], steps[:, one]))
@@ -160,13 +162,30 @@ def _bands(first: Array, second: Array, steps: Array) -> Array:
     return bands
 
 
-def _border(first: Array, second: Array, slope: Array, poses: Array, steps: Array, yaw: np.ndarray) -> Array:
+def _of_poses(nodes: Nodes, poses: Array, residual: Array) -> tuple[Array, Array]:
+    """Information (K, 3, 3) on the states, half the gradient (K, 3), from poses with weights and residuals (K, 3)."""
+    weighted = poses * residual
+    if nodes.whitening is None:
+        return poses[:, :, None] * np.eye(3), weighted
+    white = nodes.whitening
+    return np.einsum("kai,ka,kaj->kij", white, poses, white), np.einsum("kai,ka->ki", white, weighted)
+
+
+def _add(bands: Array, known: Array) -> None:
+    """Add information (K, 3, 3) on the states to the bands (K, 3, 6), in place."""
+    for a in range(3):
+        bands[:, a, 0] += _MIN_INFORMATION
+        for b in range(a + 1):
+            bands[:, b, a - b] += known[:, a, b]
+
+
+def _border(first: Array, second: Array, slope: Array, known: Array, steps: Array, yaw: np.ndarray) -> Array:
     """The part (f, K, 3) of the Hessian between parameters and states."""
-    border = np.zeros((slope.shape[1], *poses.shape))
+    border = np.zeros((slope.shape[1], *known.shape[:2]))
     weighted = slope * steps.T[:, None]
     border[:, :-1] = np.moveaxis(np.einsum("cik,cjk->jik", first, weighted), 1, -1)
     border[:, 1:] += np.moveaxis(np.einsum("cik,cjk->jik", second, weighted), 1, -1)
-    border[yaw, :, 2] += poses[:, 2]
+    border[yaw] += known[:, :, 2]
     return border
 
 

@@ -35,6 +35,7 @@ class Nodes:
     pose: Array  # (K, 3) measured, NaN where not
     weight: Array  # (K, 2) of positions and headings: 1, or 0 for what isn't measured or is left out
     link: Array  # (K - 1,) of steps: 1, or 0 between drives and where poses jump lastingly
+    whitening: Array | None = None  # (K, 3, 3) of the residuals of poses; None for those that are white as they are
 
     @classmethod
     def of(cls, drives: Sequence[Drive]) -> Nodes:
@@ -43,7 +44,10 @@ class Nodes:
         weight = np.isfinite(pose[:, [0, 2]]).astype(float)
         link = np.ones(len(pose) - 1)
         link[np.cumsum([len(drive.time) for drive in drives])[:-1] - 1] = 0.0
-        return cls(tuple(drives), pose, weight, link)
+        shapes = None
+        if any(drive.whitening is not None for drive in drives):
+            shapes = np.concatenate([drive.shapes for drive in drives])
+        return cls(tuple(drives), pose, weight, link, shapes)
 
     @property
     def time(self) -> Array:
@@ -63,7 +67,7 @@ class Residuals:
     In memory, nodes are the last axis of the derivatives.
     """
 
-    pose: Array  # (K, 3) of positions and headings, 0 where not measured
+    pose: Array  # (K, 3) of positions and headings, white, 0 where not measured
     step: Array  # (K - 1, 3) in the frame of the first node [m, m, rad]
     by_first: Array  # (K - 1, 3, 3) derivatives of step by the state of the first node
     by_second: Array  # (K - 1, 3, 3) by that of the second
@@ -110,9 +114,11 @@ def residuals(model: DriveModel, nodes: Nodes, states: Array, values: Array, fre
 
 
 def pose_residuals(model: DriveModel, nodes: Nodes, states: Array, values: Array) -> Array:
-    """Positions and headings (K, 3) less those measured; 0 where not measured or left out."""
+    """Positions and headings (K, 3) less those measured, white; 0 where not measured or left out."""
     pose = states - np.where(np.isfinite(nodes.pose), nodes.pose, 0.0)
     pose[:, 2] = wrap_angle(pose[:, 2] + values[model.index("sensor_yaw")])
+    if nodes.whitening is not None:
+        pose = np.einsum("kij,kj->ki", nodes.whitening, pose)
     return np.where(nodes.weight[:, [0, 0, 1]] > 0, pose, 0.0)
 
 

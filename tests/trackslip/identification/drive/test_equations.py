@@ -70,12 +70,15 @@ def test_residuals_vanish_at_the_truth():
     np.testing.assert_allclose(found.step, 0, atol=1e-12)
 
 
-def problem(free=None):
+def problem(free=None, white=False):
     """Two drives with gaps, missing headings and a broken link, and everything that `solve` needs."""
     rng = np.random.default_rng(3)
     first, second = random_drive(1, 15), random_drive(2, 10)
     first.pose[5:8] = np.nan
     second.pose[:, 2] = np.nan
+    if white:
+        second = replace(second, whitening=np.tril(0.3 * rng.normal(size=(10, 3, 3))) + np.eye(3))
+        second.whitening[:, :2, 2] = 0.0
     nodes = Nodes.of([first, second])
     nodes.link[9] = 0.0
     driven = model()
@@ -105,9 +108,10 @@ def dense(driven, nodes, states, values, noise, free):
     return stacked(at), np.stack([(stacked(at + h) - stacked(at - h)) / 2e-6 for h in unit], axis=-1)
 
 
+@pytest.mark.parametrize("white", [False, True])
 @pytest.mark.parametrize("free", [None, [0, 1], []])
-def test_the_banded_solution_is_the_dense_one(free):
-    case = driven, nodes, states, values, noise, free = problem(free)
+def test_the_banded_solution_is_the_dense_one(free, white):
+    case = driven, nodes, states, values, noise, free = problem(free, white)
     residual, jacobian = dense(*case)
     hessian = jacobian.T @ jacobian
     count = states.size
@@ -126,10 +130,11 @@ def test_the_banded_solution_is_the_dense_one(free):
     assert cost(found, nodes, noise) == pytest.approx(residual @ residual, rel=1e-12)
 
 
+@pytest.mark.parametrize("white", [False, True])
 @pytest.mark.parametrize("free", [None, [0, 1], []])
-def test_every_kind_of_residual_is_used_up_by_its_share_of_the_hessian(free):
+def test_every_kind_of_residual_is_used_up_by_its_share_of_the_hessian(free, white):
     """The trace of the inverse Hessian times the part of it that each variance scales."""
-    case = driven, nodes, states, values, noise, free = problem(free)
+    case = driven, nodes, states, values, noise, free = problem(free, white)
     _, jacobian = dense(*case)
     inverse = np.linalg.inv(jacobian.T @ jacobian + 1e-3 * np.diag(np.arange(jacobian.shape[1]) < states.size))
     by_row = np.einsum("ri,ij,rj->r", jacobian, inverse, jacobian)

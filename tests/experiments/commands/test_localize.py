@@ -1,0 +1,121 @@
+"""`trackslip localize`, and a plate in scans as poses of other commands."""
+
+import json
+
+import numpy as np
+import pytest
+from beside import drive, room, teleoperated
+from scanned import other_poses, write_session
+
+from experiments.cli import main, parse
+from experiments.commands.identify import source_of
+from trackslip.logs.logfile import read_runs
+
+PLATE = ("--plate", "0.6x0.04")
+OFF = (0.05, 0.10, np.radians(5.0))
+
+
+@pytest.fixture(scope="module")
+def driven():
+    rng = np.random.default_rng(1)
+    return drive(teleoperated(rng, 20.0, 4.0), things=room(), place=OFF, beams=241)
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory, driven):
+    return write_session(tmp_path_factory.mktemp("scanned") / "run", "foxglove", driven, other_poses(driven))
+
+
+def test_the_plate_is_located_and_its_poses_are_stored(bag, driven, tmp_path, capsys):
+    main(["localize", str(bag), *PLATE, "--scan", "/scan", "--mount", *map(str, driven.mount), "--out", str(tmp_path)])
+    printed = capsys.readouterr().out
+    assert "poses: the plate's in /scan; scanner: as given" in printed
+    assert "scanner: x = 0.000 m, y = 0.000 m, yaw = 90.00°, as given" in printed
+    assert "ahead of the turning centre" in printed
+    assert "warning" not in printed
+    (log,) = read_runs(tmp_path / "runs.parquet")
+    valid = log.is_valid
+    true = driven.path(log.time[valid])
+    assert np.hypot(*(log.pose[valid] - true)[:, :2].T).max() < 0.03
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    (one,) = summary["drives"]
+    assert one["located"] == valid.sum()
+    assert one["scans"] == len(driven.time)
+    assert one["noise"] == pytest.approx(0.005, rel=0.05)
+    for name, expected in zip(("x", "y", "yaw"), OFF, strict=True):
+        assert abs(one["plate_on_robot"][name] - expected) < 4 * one["plate_on_robot_stderr"][name]
+    assert (tmp_path / "figures" / "field.svg").read_text().startswith("<?xml")
+    assert json.loads((tmp_path / "manifest.json").read_text())["command"] == "localize"
+
+
+def test_the_scanner_s_place_by_other_poses(bag, driven, tmp_path, capsys):
+    main(["localize", str(bag), *PLATE, "--poses", "/slam/pose", "--out", str(tmp_path), "--pdf"])
+    assert "from /slam/pose" in capsys.readouterr().out
+    (one,) = json.loads((tmp_path / "summary.json").read_text())["drives"]
+    assert (np.abs(np.array(one["mount"]) - driven.mount) < 4 * np.array(one["mount_stderr"])).all()
+    assert (tmp_path / "figures" / "field.pdf").is_file()
+
+
+def test_identify_takes_the_same_poses_and_ranges(bag, driven):
+    config = parse(
+        [
+            "identify",
+            str(bag),
+            *PLATE,
+            "--mount",
+            "0",
+            "0",
+            "1.5708",
+            "--half-gauge",
+            "0.168",
+            "--sprocket-radius",
+            "0.06",
+        ]
+    )
+    source = source_of(config)
+    (log,) = source.logs
+    assert log.scans is not None
+    assert "the plate's in /scan" in source.taken[0]
+    assert np.hypot(*(log.pose[log.is_valid] - driven.path(log.time[log.is_valid]))[:, :2].T).max() < 0.03
+
+
+def test_bag_says_that_the_scans_are_taken(bag, capsys):
+    main(["bag", str(bag), *PLATE])
+    printed = capsys.readouterr().out
+    assert "* scans of the plate" in printed
+    assert "poses: the plate's in /scan" in printed
+    main(["bag", str(bag)])
+    assert "scans, for --plate" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--plate", "0.6"], "plate = '0.6': must be LENGTHxTHICKNESS in m, as in 0.5x0.02, longer than thick"),
+        (["--plate", "axb"], "plate = 'axb': must be LENGTHxTHICKNESS"),
+        (["--plate", "nanx0.1"], "plate = 'nanx0.1': must be LENGTHxTHICKNESS"),
+        (["--plate", "0.02x0.5"], "plate = '0.02x0.5': must be LENGTHxTHICKNESS"),
+        ([*PLATE, "--scan", "/nope"], "it has no topic '/nope'"),
+        ([*PLATE, "--mount", "0", "inf", "0"], "mount = (0.0, inf, 0.0): must be three finite numbers"),
+        ([*PLATE, "--mount", "0", "0", "0", "--poses", "/slam/pose"], "mount = (0.0, 0.0, 0.0): must be left out"),
+        (["--plate", "0.1x0.02"], "no plate of 0.1x0.02 m moves as the encoders say"),
+        ([*PLATE, "--left", "left_wheel_joint"], "right = None: must be given where left is"),
+    ],
+)
+def test_mistakes_cost_one_line_and_leave_nothing(bag, tmp_path, monkeypatch, capsys, options, said):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SystemExit) as stopped:
+        main(["localize", str(bag), *options])
+    assert stopped.value.code == 2
+    message = [line for line in capsys.readouterr().err.splitlines() if line.startswith("trackslip:")]
+    assert len(message) == 1
+    assert said in message[0]
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_plate_is_for_bags_only(tmp_path, capsys):
+    log = tmp_path / "log.csv"
+    log.write_text("run,t,omega_l,omega_r,x,y,phi\n")
+    with pytest.raises(SystemExit):
+        main(["identify", str(log), *PLATE, "--half-gauge", "0.168", "--sprocket-radius", "0.06"])
+    assert "is no bag" in capsys.readouterr().err

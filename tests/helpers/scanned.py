@@ -1,0 +1,68 @@
+"""Bags of a robot with a plate before a scanner, written by rosbags and by MCAP's own writer."""
+
+from __future__ import annotations
+
+import numpy as np
+from bags import START, TF, header, in_order, joint_states, pose_with_covariance, stamp, write_bag
+from beside import Session, compose
+
+SCAN = "sensor_msgs/msg/LaserScan"
+NAMES = ("left_wheel_joint", "right_wheel_joint")
+
+
+def scan_messages(session: Session, topic="/scan", frame="laser", start=START, late=2_000_000, ranges=None, **more):
+    """A message for each scan."""
+    made = []
+    for k, time in enumerate(session.time):
+        at = stamp(time, start)
+        row = (session.ranges if ranges is None else ranges)[k]
+        fields = {
+            "header": header(at, frame),
+            "angle_min": session.angle_min,
+            "angle_max": session.angle_min + session.angle_increment * (len(row) - 1),
+            "angle_increment": session.angle_increment,
+            "time_increment": session.time_increment,
+            "scan_time": 0.05,
+            "range_min": 0.05,
+            "range_max": 30.0,
+            "ranges": row.astype(np.float32).tolist(),
+            "intensities": [],
+        } | more
+        made.append((topic, SCAN, at + late, fields))
+    return made
+
+
+def joint_messages(session: Session, names=NAMES, start=START):
+    """Angles of the sprockets at each reading."""
+    angle = np.cumsum(session.omega[1:] * np.diff(session.encoder_time)[:, None], axis=0)
+    angle = np.concatenate([np.zeros((1, 2)), angle])
+    return [
+        joint_states(stamp(time, start), names, position=row.tolist())
+        for time, row in zip(session.encoder_time, angle, strict=True)
+    ]
+
+
+def other_poses(session: Session, lever=(0.2, -0.1, 0.0), noise=0.01, topic="/slam/pose"):
+    """Poses of another sensor on the robot, ten a second."""
+    rng = np.random.default_rng(0)
+    time = np.arange(0.03, session.encoder_time[-1], 0.1)
+    poses = compose(session.robot(time), np.array(lever)) + noise * rng.normal(size=(len(time), 3))
+    return [pose_with_covariance(stamp(one), row, topic=topic) for one, row in zip(time, poses.tolist(), strict=True)]
+
+
+def static_transform(parent, child, place, quaternion, at=0.0):
+    """A message on /tf_static."""
+    at = stamp(at)
+    x, y, z = place
+    turn = dict(zip("xyzw", map(float, quaternion), strict=True))
+    one = {
+        "header": header(at, parent),
+        "child_frame_id": child,
+        "transform": {"translation": {"x": x, "y": y, "z": z}, "rotation": turn},
+    }
+    return "/tf_static", TF, at, {"transforms": [one]}
+
+
+def write_session(path, kind, session: Session, *more, **scans):
+    """A bag of encoders, scans and what else is given."""
+    return write_bag(path, kind, in_order(joint_messages(session), scan_messages(session, **scans), *more))

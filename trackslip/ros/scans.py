@@ -1,0 +1,91 @@
+"""Scans of a laser range finder from the `sensor_msgs/LaserScan` messages in a bag."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from trackslip.errors import LogError
+from trackslip.rangefinder.series import ScanSeries
+from trackslip.ros.bag import Bag, Topic
+from trackslip.ros.stamps import seconds, stretches
+
+LASER_SCAN = "sensor_msgs/msg/LaserScan"
+_ANGLE = 1e-4  # difference of the first angles of equal scanners [rad]
+_STEP = 1e-7  # difference of their angles between beams [rad]
+
+
+@dataclass(frozen=True)
+class Scans:
+    """Scans by one clock, all with the same beams."""
+
+    topic: str
+    frame: str
+    """The scanner's frame, as the headers name it."""
+    stamp: np.ndarray
+    """(S,) int: stamps of the first rays, ascending [ns]."""
+    ranges: np.ndarray  # (S, B) float32, as published [m]
+    about: Any
+    """A message with the angles and limits."""
+
+    def series(self, run: str, origin: int) -> ScanSeries:
+        """The scans, their times since `origin` [ns]; raises LogError for scans that can't be used."""
+        one = self.about
+        try:
+            return ScanSeries.measured(
+                run,
+                seconds(self.stamp, origin),
+                self.ranges,
+                float(one.angle_min),
+                float(one.angle_increment),
+                float(one.range_min),
+                float(one.range_max),
+                float(one.time_increment),
+            )
+        except LogError as error:
+            raise LogError(f"topic {self.topic}: {error}") from error
+
+
+def scan_topic(bag: Bag, name: str | None = None) -> Topic:
+    """The topic of scans, by default the only one; raises LogError if there is none, or a choice."""
+    if name is not None:
+        topic = bag.topic(name)
+        if topic.type != LASER_SCAN:
+            raise LogError(f"{bag.name}: topic {topic.name} has messages of {topic.type}, needs {LASER_SCAN}")
+        return topic
+    topics = bag.of_type(LASER_SCAN)
+    if not topics:
+        raise LogError(f"{bag.name}: no topic of {LASER_SCAN}; its topics are {bag.listed(bag.topics)}")
+    if len(topics) > 1:
+        names = ", ".join(topic.name for topic in topics)
+        raise LogError(f"{bag.name}: scans may be {names}: choose with --scan TOPIC")
+    return topics[0]
+
+
+def read_scans(bag: Bag, name: str | None = None, notes: list[str] | None = None) -> list[Scans]:
+    """The scans of a topic, one for each stretch between restarts of their clock: nearly always one.
+
+    Scans with other beams than most are left out; `notes` gets a line for that. Raises LogError if there are none.
+    """
+    notes = [] if notes is None else notes
+    topic = scan_topic(bag, name)
+    found: dict[Any, list[Any]] = defaultdict(list)
+    frames: Counter[str] = Counter()
+    for message in bag.messages(topic.name, notes=notes):
+        scan = message.content
+        key = len(scan.ranges), round(scan.angle_min / _ANGLE), round(scan.angle_increment / _STEP)
+        found[key].append((message.stamp, message.arrival, np.array(scan.ranges, np.float32), scan))
+        frames[scan.header.frame_id] += 1
+    if not found:
+        raise LogError(f"{bag.name}: topic {topic.name}: no scans")
+    usual = max(found.values(), key=len)
+    others = sum(map(len, found.values())) - len(usual)
+    if others:
+        notes.append(f"topic {topic.name}: {others} scans with other beams than most are left out")
+    stamp, arrival = (np.array([one[k] for one in usual], np.int64) for k in (0, 1))
+    ranges, frame = np.stack([one[2] for one in usual]), frames.most_common(1)[0][0]
+    rows = stretches(topic.name, stamp, arrival, notes)
+    return [Scans(topic.name, frame, stamp[part], ranges[part], usual[0][3]) for part in rows]
