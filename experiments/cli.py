@@ -24,6 +24,7 @@ from experiments.options.grid import SweepConfig
 from experiments.options.help import HelpBuffer, wrapped
 from experiments.options.identify import IdentifyConfig
 from experiments.options.localize import LocalizeConfig
+from experiments.options.plan import PlanConfig
 from experiments.options.predict import PredictConfig
 from experiments.options.reproduce import ReproduceConfig
 from experiments.options.sensitivity import SensitivityConfig
@@ -39,6 +40,7 @@ COMMANDS: dict[str, Any] = {
     "grid": SweepConfig,
     "wander": WanderConfig,
     "identify": IdentifyConfig,
+    "plan": PlanConfig,
     "deploy": DeployConfig,
     "evaluate": EvaluateConfig,
     "bag": BagConfig,
@@ -88,6 +90,10 @@ COMMAND_EXAMPLES = (
     ("from some runs of a sweep", "trackslip identify out/grid --where ground=ice seed=0"),
     ("from a drive, with a sensor 0.3 m ahead", "trackslip identify out/wander --method drive --sensor 0.3 0 0"),
     ("as in the paper", "trackslip identify out/grid --motion paper --out out/identify-paper"),
+    ("the best minute in 3 x 3 m", "trackslip plan --half-gauge 0.168 --sprocket-radius 0.06"),
+    ("outdoors, with GNSS", "trackslip plan --half-gauge 0.3 --sprocket-radius 0.1 --area 12x8 --poses gnss"),
+    ("where the law is least known", "trackslip plan --after out/identify --duration 30"),
+    ("tried a hundred times", "trackslip plan --after out/identify --drive --repeats 100"),
     ("parameters of diff_drive_controller", "trackslip deploy out/identify"),
     ("a C header with another law", "trackslip deploy out/identify --to c --law exponential --out slip.h"),
     ("the shipped robot's law in Python", "trackslip deploy --to python --out slip.py"),

@@ -51,6 +51,10 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.odometry.tum import write_tum as write_tum
     from trackslip.odometry.uncertainty import LawErrors as LawErrors
     from trackslip.odometry.uncertainty import SlipNoise as SlipNoise
+    from trackslip.planning.information import PoseQuality as PoseQuality
+    from trackslip.planning.limits import DriveLimits as DriveLimits
+    from trackslip.planning.plan import DrivePlan as DrivePlan
+    from trackslip.planning.plan import plan_drive as plan_drive
     from trackslip.ros.any_log import load as load
     from trackslip.ros.choice import BagChoice as BagChoice
     from trackslip.ros.writer import write_bag as write_bag
@@ -107,6 +111,9 @@ _NAMES = {
     "odometry.slip_odometry": ("SlipOdometry",),
     "odometry.tum": ("write_tum",),
     "odometry.uncertainty": ("LawErrors", "SlipNoise"),
+    "planning.information": ("PoseQuality",),
+    "planning.limits": ("DriveLimits",),
+    "planning.plan": ("DrivePlan", "plan_drive"),
     "ros.any_log": ("load",),
     "ros.choice": ("BagChoice",),
     "ros.writer": ("write_bag",),

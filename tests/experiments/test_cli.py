@@ -11,6 +11,7 @@ import pytest
 
 from experiments.cli import COMMANDS, examples_of, parse
 
+PLAN = ("plan", "--half-gauge", "0.168", "--sprocket-radius", "0.06")
 SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8")
 
 
@@ -68,6 +69,22 @@ SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8")
         (("track", "--laws", "nowhere.json"), "nowhere.json: No such file"),
         (("identify", "nowhere.csv"), "nowhere.csv: no such file"),
         (("identify", ".", "--settle", "-1"), "settle = -1.0"),
+        (("plan",), "half_gauge = None: must be given (--half-gauge on the command line)"),
+        (
+            ("plan", "--half-gauge", "0.2"),
+            "sprocket_radius = None: must be given (--sprocket-radius on the command line)",
+        ),
+        ((*PLAN, "--area", "3"), "area = '3': must be length x width in metres, such as 3x3 or 4.5x2"),
+        ((*PLAN, "--area", "3x-3"), "area = '3x-3': must be length x width in metres"),
+        ((*PLAN, "--area", "0.6x3"), "area = '0.6x3': must be more than 0.672 m long and wide, for the robot to turn"),
+        ((*PLAN, "--max-speed", "0"), "max_speed = 0.0: must be a finite number > 0"),
+        ((*PLAN, "--acceleration", "nan"), "acceleration = nan: must be a finite number > 0"),
+        ((*PLAN, "--duration", "5"), "duration = 5.0: must be at least 10 s"),
+        ((*PLAN, "--clearance", "-1"), "clearance = -1.0: must be a finite number >= 0"),
+        ((*PLAN, "--clearance", "2"), "area = '3x3': must be more than twice the clearance, 2 m"),
+        ((*PLAN, "--offset", "-0.2"), "offset = -0.2: must be greater than -half_gauge = -0.168 m"),
+        ((*PLAN, "--doubt", "1"), "doubt = 1.0: must be from 0 to 0.9"),
+        (("plan", "--after", "nowhere"), "nowhere: No such file or directory"),
     ],
 )
 def test_a_refused_value_prints_one_line(refused, arguments, message):
@@ -88,6 +105,7 @@ def test_a_refused_value_prints_one_line(refused, arguments, message):
         (("track", "--start", "1", "2"), "Error parsing --start"),
         (("track", "--localization", "eye"), "invalid choice 'eye' for argument '--localization'"),
         (("identify",), "PATH"),
+        ((*PLAN, "--poses", "sonar"), "invalid choice 'sonar' for argument '--poses'"),
         (("--tyro-print-completion",), "Unrecognized options: --tyro-print-completion"),
     ],
 )

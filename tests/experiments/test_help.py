@@ -32,6 +32,7 @@ NEEDED = {
     ("wander", "--duration", "1", "--out", "wander"): {"mujoco", "pyarrow"},
     ("bag",): {"pyarrow"},
     ("identify",): {"pyarrow", *DRAWN},
+    ("plan",): {"mujoco", "pyarrow"},
     ("localize",): {"pyarrow", *DRAWN},
     ("deploy", "--to", "c"): set(),
     ("evaluate",): {"pyarrow", *DRAWN},

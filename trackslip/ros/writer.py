@@ -83,10 +83,10 @@ def write_bag(
         *contents.scans(scans or own_scans(log), scan_duration),
     ]
     about = {} if geometry is None else {name: repr(value) for name, value in vars(geometry).items()}
-    _write(Path(path), topics, {"run": log.run, **about})
+    write_topics(Path(path), topics, {"run": log.run, **about})
 
 
-def _write(path: Path, topics: Sequence[Topic], about: Mapping[str, str]) -> None:
+def write_topics(path: Path, topics: Sequence[Topic], about: Mapping[str, str]) -> None:
     """The bag, complete or not at all."""
     if path.exists():
         raise OutputError(f"{path}: exists already")

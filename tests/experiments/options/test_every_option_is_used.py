@@ -6,6 +6,7 @@ was given on the command line.
 """
 
 import dataclasses
+import json
 import shlex
 import sys
 import typing
@@ -27,6 +28,13 @@ ROBOT = "half_gauge = 0.17\n"
 SWEEP = "radius = [1.0, 1.5]\n"
 TABLE = "radius,speed,observed_radius,slip_outer,slip_inner\n" + "".join(
     f"{r},0.1,{1.3 * r},0.1,-0.1\n" for r in (0.5, 1.0, 1.5)
+)
+KNOWN = json.dumps(
+    {
+        "format": 1,
+        "geometry": {"half_gauge": 0.17, "sprocket_radius": 0.07},
+        "slip_laws": {"icr": {"values": {"offset": 0.05}, "stderr": {"offset": 0.001}}},
+    }
 )
 
 REPEATABLE = {"seed": "3", "threads": "1"}
@@ -102,6 +110,14 @@ EXAMPLES = {
         {"": "run.mcap", "export": "a.csv", "overwrite": ""} | BAG,
         {"": "scanned.mcap", "export": "b.csv"} | SCANNED,
     ),
+    "plan": (
+        REPEATABLE
+        | {"half-gauge": "0.17", "sprocket-radius": "0.07", "max-speed": "0.25", "acceleration": "0.4", "area": "4x3"}
+        | {"clearance": "0.1", "duration": "12", "poses": "scanner", "law": "icr", "offset": "0.05", "doubt": "0.1"}
+        | {"after": "known", "bag": "", "pdf": "", "out": "a"},
+        {"half-gauge": "0.17", "sprocket-radius": "0.07", "duration": "20", "drive": "", "repeats": "2"}
+        | {"motion": "mujoco", "threads": "1"},
+    ),
     "evaluate": (
         {"": "drive.parquet", "law": "predicted", "half-gauge": "0.17", "sprocket-radius": "0.06", "gear": "2"}
         | {"sensor": "0.1 0 0", "clock-offset": "0.1", "no-tum": "", "pdf": "", "out": "a"},
@@ -157,7 +173,7 @@ NOT_RUN = {
     "view": {"web"},  # opens a browser
     "train": {field.name for field in dataclasses.fields(COMMANDS["train"])},  # needs PyTorch
 }
-SLOW = ("calibrate", "validate", "coverage", "sensitivity", "reproduce")
+SLOW = ("plan", "calibrate", "validate", "coverage", "sensitivity", "reproduce")
 
 
 def leaves(options, prefix=()):
@@ -206,6 +222,8 @@ def workplace(tmp_path, monkeypatch, capsys):
     (tmp_path / "robot.toml").write_text(ROBOT)
     (tmp_path / "sweep.toml").write_text(SWEEP)
     (tmp_path / "table.csv").write_text(TABLE)
+    (tmp_path / "known").mkdir()
+    (tmp_path / "known" / "summary.json").write_text(KNOWN)
     (tmp_path / "way.csv").write_text("x,y\n0.5,0\n0.8,0.1\n1.1,0.1\n")
     twists = [(0.2, 0.1 * k) for k in (1, -1, 2, -2, 3, 4)]
     rows = "".join(f"{2 * (v - 0.25 * w) / 0.07},{2 * (v + 0.25 * w) / 0.07},{v},{w}\n" for v, w in twists)
@@ -298,6 +316,8 @@ REFUSED = [
     (("grid", "--seed", "1", "--seeds", "2"), "seed = 1: must be left out where seed is an axis"),
     (("grid", "--ground.slope", "0.1", "--slope", "0"), "ground.slope = 0.1: must be left out where slope is an axis"),
     (("grid", "--scanner.noise", "0.1", "--vary", "scanner.noise=0.2"), "scanner.noise = 0.1: must be left out where"),
+    (("plan", "--after", "x", "--repeats", "5"), "repeats = 5: must be left out without --drive"),
+    (("plan", "--after", "x", "--motion", "mujoco"), "motion = 'mujoco': must be left out without --drive"),
     (("view", "x", "--save", "x.rrd", "--web"), "web = True: must be left out with --save"),
 ]
 

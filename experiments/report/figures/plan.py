@@ -1,0 +1,33 @@
+"""The figure of a planned drive: its path in the area, and the speeds of the belts over time."""
+
+from __future__ import annotations
+
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from experiments.report.colours import BLUE, GREEN, GREY, ORANGE
+from experiments.report.figures.style import BAND, make_room, styled
+from trackslip.planning.plan import DrivePlan
+
+_SIZE = (9.0, 3.6)  # [in]
+
+
+@styled
+def draw_plan(plan: DrivePlan) -> Figure:
+    """Draw a plan."""
+    figure = Figure(figsize=_SIZE, layout="constrained")
+    place, speeds = figure.subplots(1, 2, width_ratios=(1, 1.6))
+    length, width = plan.limits.area
+    place.add_patch(Rectangle((-length / 2, -width / 2), length, width, fill=False, ec=GREY, lw=1.2, label="area"))
+    low, (across, up) = plan.places.low, plan.places.size
+    place.add_patch(Rectangle(tuple(low), across, up, color=BAND, lw=0, label="where it may get to"))
+    place.plot(*plan.path.T, color=BLUE, label="expected path")
+    place.plot(*plan.start[:2], "o", color=GREEN, label="start")
+    place.set(title="Path", xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    place.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=2)
+    for values, name, colour in zip(plan.speeds.T, ("left", "right"), (BLUE, ORANGE), strict=True):
+        speeds.step(plan.time, values, where="post", color=colour, label=name)
+    speeds.set(title="Belts", xlabel="time [s]", ylabel="speed [m/s]", xlim=(0, plan.limits.duration))
+    make_room(speeds)
+    speeds.legend(loc="upper right", ncols=2)
+    return figure

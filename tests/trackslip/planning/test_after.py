@@ -1,0 +1,84 @@
+"""What is read of an identification, and what is refused."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from trackslip.errors import LogError
+from trackslip.planning.after import read_identification
+
+STDERR = {"offset": 2e-4, "radius_error": 9e-4, "sensor_x": 1e-3}
+CORRELATION = [[1.0, 0.5, 0.1], [0.5, 1.0, 0.0], [0.1, 0.0, 1.0]]
+LAW = {
+    "values": {"offset": 0.045, "radius_error": 0.006},
+    "stderr": STDERR,
+    "interval95": {"offset": [0.0441, 0.0459]},
+    "correlation": CORRELATION,
+    "noise": {"position": 0.02, "heading": 0.01, "slip_forward": 0.003, "slip_sideways": 1e-9, "slip_turn": 0.004},
+}
+SUMMARY = {
+    "format": 1,
+    "geometry": {"half_gauge": 0.168, "sprocket_radius": 0.06},
+    "slip_laws": {"icr": {"values": {"offset": 0.044}, "stderr": {"offset": 1e-3}}},
+    "drive": {"laws": {"icr_radius": LAW, "none": {"values": {}, "stderr": {}}}},
+}
+
+
+def written(folder, content):
+    (folder / "summary.json").write_text(json.dumps(content))
+    return folder
+
+
+def test_law_noise_and_covariance(tmp_path):
+    before = read_identification(written(tmp_path, SUMMARY), "icr_radius")
+    np.testing.assert_array_equal(before.values, [0.045, 0.006])
+    assert before.known.names == ("offset", "radius_error")
+    wide = 0.0018 / 2 / 1.96  # the interval is wider than the model's
+    expected = np.array([[wide**2, 0.5 * wide * 9e-4], [0.5 * wide * 9e-4, 9e-4**2]])
+    np.testing.assert_allclose(before.known.covariance, expected, rtol=1e-6)
+    assert before.knowledge.slip == (0.003, 1e-4, 0.004)
+    assert before.knowledge.offset == 0.045
+    assert before.knowledge.reach_doubt == pytest.approx(0.01)
+    assert before.geometry.half_gauge == 0.168
+
+
+def test_a_law_of_steady_stretches_has_errors_alone(tmp_path):
+    before = read_identification(written(tmp_path, SUMMARY) / "summary.json", "icr")
+    np.testing.assert_allclose(before.known.covariance, [[1e-6]])
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ({}, "not the summary of an identification"),
+        ([], "not the summary of an identification"),
+        (SUMMARY | {"geometry": {"half_gauge": -1, "sprocket_radius": 1}}, "half_gauge = -1"),
+        (SUMMARY | {"drive": {}}, "no law icr_radius in it; found icr"),
+        (
+            SUMMARY | {"drive": {"laws": {"icr_radius": LAW | {"stderr": {}}}}},
+            "no standard errors of the law icr_radius in it",
+        ),
+        (
+            SUMMARY | {"drive": {"laws": {"icr_radius": LAW | {"values": {"offset": 0.04}}}}},
+            "radius_error = None: must be a number",
+        ),
+        (
+            SUMMARY | {"drive": {"laws": {"icr_radius": LAW | {"correlation": [[1, 2, 0], [2, 1, 0], [0, 0, 1]]}}}},
+            "not the summary of an identification (LinAlgError",
+        ),
+    ],
+)
+def test_summaries_that_cannot_be_used(tmp_path, content, message):
+    with pytest.raises(LogError) as refused:
+        read_identification(written(tmp_path, content), "icr_radius")
+    assert message in str(refused.value)
+    assert "summary.json" in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_no_file(tmp_path):
+    with pytest.raises(LogError, match="No such file"):
+        read_identification(tmp_path / "nowhere", "icr")

@@ -1,0 +1,69 @@
+"""Where a drive may lead: paths against exact arcs step by step, spread by slip against a Monte Carlo simulation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.wander.law_motion import LawMotion, SlipVariation
+from trackslip.kinematics import RobotGeometry, advance
+from trackslip.planning.limits import DriveLimits, first_knowledge
+from trackslip.planning.place import path, places
+from trackslip.planning.strokes import RATE, Strokes
+from trackslip.slip.icr import ConstantIcr
+
+GEOMETRY = RobotGeometry(0.168, 0.06)
+LIMITS = DriveLimits(0.3, 0.5, (3.0, 3.0), 60.0)
+STROKES = Strokes.of(np.array([[2.0, 2.0], [-0.5, 0.5], [1.0, 1.5], [-1.5, -1.5], [0.4, -0.4], [2.0, 2.0]]), LIMITS)
+EXACT = replace(first_knowledge(GEOMETRY), reach_doubt=0.0, radius_doubt=0.0, pull=0.0)
+
+
+def test_a_path_is_that_of_the_law():
+    law = ConstantIcr(0.05, 0.168, 0.01)
+    pose = np.array([0.0, 0.0, 0.3])
+    ends = [pose]
+    for way in STROKES.way:
+        pose = advance(pose, law.twist(way / 0.06, GEOMETRY), 1.0)
+        ends.append(pose)
+    x, y = path(STROKES, 0.3, np.array([[0.218, 1.01, 1.01]]))
+    np.testing.assert_allclose(np.column_stack([x[0, ::8], y[0, ::8]]), np.array(ends)[:, :2], atol=1e-12)
+
+
+def test_the_margin_is_three_and_a_half_standard_deviations_of_slip():
+    omega = np.concatenate([np.zeros((1, 2)), STROKES.speeds(STROKES.total)]) / 0.06
+    law = ConstantIcr(EXACT.offset, 0.168)
+    rng = np.random.default_rng(0)
+    slip = (0.004, 0.004, 0.01)
+    known = replace(EXACT, slip=slip)
+    ends = []
+    for _ in range(150):
+        moves = LawMotion(law, GEOMETRY, SlipVariation(*slip))
+        motion, _ = moves.drive(omega, RATE, rng)
+        ends.append(motion.pose[:, :2])
+    real = np.array(ends)
+    spread, mean = real.std(axis=0), real.mean(axis=0)
+    found = places(STROKES, 0.0, known)
+    np.testing.assert_allclose(found.high, (mean + 3.5 * spread).max(axis=0), atol=0.03)
+    np.testing.assert_allclose(found.low, (mean - 3.5 * spread).min(axis=0), atol=0.03)
+    assert spread.max() > 0.02  # the margin is more than that
+
+
+def test_the_margin_grows_with_what_is_not_known():
+    sizes = [
+        places(STROKES, 0.0, replace(EXACT, **{name: value})).size
+        for name, value in (("pull", 0.0), ("pull", 0.02), ("reach_doubt", 0.2), ("radius_doubt", 0.05))
+    ]
+    assert all((size >= sizes[0]).all() and size.max() > 1.01 * sizes[0].max() for size in sizes[1:])
+
+
+@pytest.mark.parametrize("index", range(9))
+def test_every_law_that_the_robot_may_have_stays_inside(index):
+    known = replace(first_knowledge(GEOMETRY), pull=0.01)
+    x, y = path(STROKES, 0.0, known.extremes[index : index + 1])
+    found = places(STROKES, 0.0, known)
+    assert (found.low[0] <= x).all()
+    assert (x <= found.high[0]).all()
+    assert (found.low[1] <= y).all()
+    assert (y <= found.high[1]).all()

@@ -1,0 +1,161 @@
+"""Planned drives: in the area whatever the law, within the limits, the better the longer; and what can't be planned."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from trackslip.errors import InvalidValueError
+from trackslip.identification.drive.estimate import DRIVE_LAWS
+from trackslip.identification.drive.model import DriveModel
+from trackslip.kinematics import RobotGeometry
+from trackslip.planning import plan as planning
+from trackslip.planning.information import Known, PoseQuality, drive_to_measure, expected, with_extras
+from trackslip.planning.limits import DriveLimits, first_knowledge
+from trackslip.planning.place import path
+from trackslip.planning.plan import PLANNED_LAWS, expected_alone, expected_of_paper, paper_runs, plan_drive
+from trackslip.planning.strokes import RATE, Strokes
+from trackslip.slip.families import FAMILIES
+
+GEOMETRY = RobotGeometry(0.168, 0.06)
+LIMITS = DriveLimits(max_speed=0.3, acceleration=0.5, area=(3.0, 3.0), duration=40.0)
+SLAM = PoseQuality(10.0, 0.02, np.radians(1.0))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def few_drives_tried():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(planning, "_EVALUATIONS", 40)
+        patch.setattr(planning, "_FEWEST", 40)
+        yield
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return plan_drive(GEOMETRY, LIMITS, SLAM)
+
+
+def test_it_keeps_to_area_and_limits(plan):
+    x, y = path(plan.strokes, float(plan.start[2]), plan.knowledge.extremes)
+    at = plan.start[:2, None, None] + np.stack([x, y])
+    assert np.abs(at).max() < 1.5
+    assert np.abs(plan.speeds).max() <= 0.3 + 1e-9
+    assert np.abs(np.diff(plan.speeds, axis=0)).max() * RATE <= 0.5 + 1e-6
+    assert plan.time[-1] == pytest.approx(40.0)
+    np.testing.assert_array_equal(plan.speeds[-1], 0.0)
+    np.testing.assert_allclose(plan.omega, plan.speeds / 0.06)
+    assert (plan.places.size <= [3.0, 3.0]).all()
+
+
+def test_it_turns_to_both_sides(plan):
+    w = plan.twist[:, 1]
+    assert w.max() > 0.5
+    assert w.min() < -0.5
+    assert abs(plan.twist[:, 0]).max() > 0.29
+
+
+def test_it_tells_more_than_back_and_forth_and_a_spin(plan):
+    half = Strokes.of(np.array([[1.5, 1.5], [-3.0, -3.0], [1.5, 1.5], [1.0, -1.0], [-1.0, 1.0]]), LIMITS)
+    naive = expected_alone(replace(plan, strokes=half))
+    assert planning.largest(plan.expectation, plan.sizes) < planning.largest(naive, plan.sizes)
+
+
+def test_the_same_seed_gives_the_same_plan(plan):
+    again = plan_drive(GEOMETRY, LIMITS, SLAM)
+    np.testing.assert_array_equal(again.speeds, plan.speeds)
+    np.testing.assert_array_equal(again.start, plan.start)
+
+
+def test_longer_drives_tell_more(plan):
+    longer = plan_drive(GEOMETRY, replace(LIMITS, duration=80.0), SLAM)
+    assert planning.largest(longer.expectation, plan.sizes) < 0.8 * planning.largest(plan.expectation, plan.sizes)
+
+
+def test_smaller_areas_tell_less(plan):
+    smaller = plan_drive(GEOMETRY, replace(LIMITS, area=(1.5, 1.5)), SLAM)
+    assert planning.largest(smaller.expectation, plan.sizes) > 1.2 * planning.largest(plan.expectation, plan.sizes)
+
+
+def test_a_second_round_is_made_for_what_is_left_open(plan):
+    known = Known(("offset", "radius_error"), np.diag(np.square([1e-3, 1e-4])))
+    second = plan_drive(GEOMETRY, LIMITS, SLAM, known=known)
+    model = DriveModel(FAMILIES["icr_radius"], GEOMETRY)
+    drive = drive_to_measure(plan.strokes.speeds(40.0), RATE, SLAM, 0.06)
+    first = expected(model, with_extras(plan.values), [drive], SLAM, plan.knowledge.slip, known)
+    assert planning.largest(second.expectation, plan.sizes) < 0.95 * planning.largest(first, plan.sizes)
+    assert np.abs(second.twist[:, 1]).sum() > np.abs(plan.twist[:, 1]).sum()  # it spins more: D is open
+
+
+SLOW_LAWS = ("exponential", "power")  # twists from tables
+
+
+@pytest.mark.parametrize(
+    "law", [pytest.param(law, marks=pytest.mark.slow) if law in SLOW_LAWS else law for law in PLANNED_LAWS]
+)
+def test_every_law_can_be_planned_for(law, monkeypatch):
+    if law in ("turn_loss", *SLOW_LAWS):  # few drives determine them
+        monkeypatch.setattr(planning, "_EVALUATIONS", 200 if law in SLOW_LAWS else 100)
+    found = plan_drive(GEOMETRY, LIMITS, SLAM, law)
+    assert all(0 < found.expectation.stderr[name] < size for name, size in found.sizes.items())
+
+
+def test_the_laws_are_those_that_drives_determine():
+    assert {*PLANNED_LAWS, "none"} == set(DRIVE_LAWS)
+
+
+def test_the_papers_runs():
+    assert len(paper_runs(GEOMETRY)) == 25
+    assert len(paper_runs(RobotGeometry(0.6, 0.1))) == 20
+    assert paper_runs(RobotGeometry(3.0, 0.1)) == []
+    np.testing.assert_allclose(paper_runs(GEOMETRY)[0], [0.05 - 0.168 * 0.1, 0.05 + 0.168 * 0.1])
+
+
+@pytest.mark.slow
+def test_the_papers_runs_are_known_as_well_as_the_prototype_found(plan):
+    """0.145 mm and 0.31e-3 with a known place of the sensor; more, as circles to one side don't tell that."""
+    found = expected_of_paper(plan)
+    assert 0.145e-3 < found.stderr["offset"] < 0.25e-3
+    assert 0.31e-3 < found.stderr["radius_error"] < 0.8e-3
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"max_speed": 0.0}, "max_speed = 0.0: must be a finite number > 0"),
+        ({"acceleration": -1.0}, "acceleration = -1.0: must be a finite number > 0"),
+        ({"duration": 5.0}, "duration = 5.0: must be at least 10 s"),
+        ({"duration": float("nan")}, "duration = nan: must be a finite number > 0"),
+        ({"area": (3.0, 0.0)}, "area = 0.0: must be a finite number > 0"),
+        ({"area": (3.0, 3.0), "clearance": 1.5}, "area = '3x3': must be more than twice the clearance, 1.5 m"),
+    ],
+)
+def test_limits_that_cannot_be(changes, message):
+    with pytest.raises(InvalidValueError) as refused:
+        replace(LIMITS, **changes)
+    assert message in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"area": (3.0, 0.6)}, "area = '3x0.6': must be more than 0.672 m long and wide, for the robot to turn"),
+        ({"max_speed": 1e-3, "duration": 10.0}, "duration = 10.0: must be longer, for a drive within the limits"),
+    ],
+)
+def test_drives_that_cannot_be(changes, message):
+    with pytest.raises(InvalidValueError) as refused:
+        plan_drive(GEOMETRY, replace(LIMITS, **changes), SLAM)
+    assert message in str(refused.value)
+
+
+def test_an_area_that_a_robot_as_unknown_as_this_would_leave():
+    knowledge = replace(first_knowledge(GEOMETRY), slip=(0.5, 0.5, 0.5))
+    with pytest.raises(InvalidValueError, match="area = '3x3': must be larger"):
+        plan_drive(GEOMETRY, LIMITS, SLAM, knowledge=knowledge)
+
+
+def test_an_unknown_law():
+    with pytest.raises(InvalidValueError, match="law = 'none': must be one of icr, icr_radius"):
+        plan_drive(GEOMETRY, LIMITS, SLAM, "none")

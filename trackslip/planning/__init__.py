@@ -1,0 +1,1 @@
+"""The shortest experiment: drives designed to tell a slip law as well as possible."""

@@ -1,0 +1,131 @@
+"""What a planned drive has to keep to, and how much of the robot isn't known before it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackslip.errors import InvalidValueError, require, require_at_most, require_non_negative, require_positive
+from trackslip.kinematics import Array, RobotGeometry
+
+MIN_DURATION = 10.0
+"""Of a planned drive [s]."""
+_MAX_DURATION = 3600.0  # [s]
+_MAX_SPEED = 10.0  # [m/s]
+_MAX_ACCELERATION = 100.0  # [m/s^2]
+_MAX_SIDE = 1000.0  # of an area [m]
+_TURNING = 2.0  # half gauges from the middle of a usual robot to its farthest point
+_REACH = 1.3  # (b + D) / b of a robot on hard ground
+_REACH_DOUBT = 0.15  # its relative uncertainty
+
+
+@dataclass(frozen=True)
+class DriveLimits:
+    """Limits of speed, acceleration, place and time."""
+
+    max_speed: float
+    """Largest speed of a belt [m/s]."""
+    acceleration: float
+    """Largest acceleration of a belt [m/s^2]."""
+    area: tuple[float, float]
+    """Length and width of the area that the middle of the robot may not leave [m]."""
+    duration: float
+    """Length of the drive [s]."""
+    clearance: float = 0.0
+    """Distance from the area's edge that the middle of the robot keeps [m]."""
+
+    def __post_init__(self) -> None:
+        for name, most, unit in (
+            ("max_speed", _MAX_SPEED, "m/s"),
+            ("acceleration", _MAX_ACCELERATION, "m/s^2"),
+            ("duration", _MAX_DURATION, "s"),
+        ):
+            require_positive(name, getattr(self, name))
+            require_at_most(name, getattr(self, name), most, unit)
+        require(self.duration >= MIN_DURATION, "duration", self.duration, f"at least {MIN_DURATION:g} s")
+        require_non_negative("clearance", self.clearance)
+        for side in self.area:
+            require_positive("area", side)
+            require_at_most("area", side, _MAX_SIDE, "m")
+            if side <= 2 * self.clearance:
+                raise InvalidValueError("area", self.area_text, f"more than twice the clearance, {self.clearance:g} m")
+
+    def require_turning(self, geometry: RobotGeometry) -> None:
+        """Raise InvalidValueError if a robot with this gauge can't turn in the area."""
+        least = 2 * max(_TURNING * geometry.half_gauge, self.clearance)
+        if min(self.area) <= least:
+            allowed = f"more than {least:g} m long and wide, for the robot to turn"
+            raise InvalidValueError("area", self.area_text, allowed)
+
+    @property
+    def area_text(self) -> str:
+        """The area as it is given on the command line."""
+        return f"{self.area[0]:g}x{self.area[1]:g}"
+
+    @property
+    def room(self) -> Array:
+        """Length and width (2,) left to the middle of the robot [m]."""
+        return np.array(self.area) - 2 * self.clearance
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """What is known of the robot's motion before a drive."""
+
+    geometry: RobotGeometry
+    offset: float
+    """D: expected distance of the ICRs outside the tracks [m]."""
+    radius_error: float
+    """Expected relative error of the effective sprocket radius [-]."""
+    reach_doubt: float
+    """Largest relative error of b + D [-]."""
+    radius_doubt: float
+    """Largest error of the radius error [-]."""
+    pull: float
+    """Largest difference of the radius errors of left and right, which makes the robot pull to one side [-]."""
+    slip: tuple[float, float, float]
+    """White slip forwards, sideways [m/sqrt(m)] and in turn [rad/sqrt(m)]."""
+
+    def __post_init__(self) -> None:
+        for name in ("reach_doubt", "radius_doubt", "pull"):
+            value = getattr(self, name)
+            require(0 <= value < 1, name, value, "at least 0 and less than 1")
+        b = self.geometry.half_gauge
+        require(-b < self.offset < np.inf, "offset", self.offset, f"greater than -half_gauge = {-b:g} m")
+        require(abs(self.radius_error) < 1, "radius_error", self.radius_error, "between -1 and 1")
+        for value in self.slip:
+            require_positive("slip", value)
+
+    @property
+    def reach(self) -> float:
+        """b + D, by which the robot turns [m]."""
+        return self.geometry.half_gauge + self.offset
+
+    @property
+    def extremes(self) -> Array:
+        """Laws (9, 3) that the robot may have, the expected one first: b + D [m], 1 + epsilon of left and of right."""
+        scale = 1 + self.radius_error
+        signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+        reach = self.reach * (1 + signs[:, 0] * self.reach_doubt)
+        both = scale + signs[:, 1] * self.radius_doubt
+        pull = signs[:, 2] * self.pull / 2
+        laws = np.stack([reach, both - pull, both + pull], axis=-1)
+        return np.concatenate([[[self.reach, scale, scale]], laws])
+
+
+WHITE_SLIP = (0.002, 0.002, 0.005)
+"""Slip of a robot on hard ground that no law describes [m/sqrt(m), m/sqrt(m), rad/sqrt(m)]."""
+
+
+def first_knowledge(geometry: RobotGeometry) -> Knowledge:
+    """What is known of a robot that has never been identified: that of one on hard ground, with a margin."""
+    return Knowledge(
+        geometry,
+        offset=(_REACH - 1) * geometry.half_gauge,
+        radius_error=0.0,
+        reach_doubt=_REACH_DOUBT,
+        radius_doubt=0.02,
+        pull=0.001,
+        slip=WHITE_SLIP,
+    )

@@ -1,0 +1,234 @@
+"""The shortest experiment: a drive within limits that tells a slip law as well as possible."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackslip.errors import InvalidValueError
+from trackslip.identification.drive.estimate import DRIVE_LAWS
+from trackslip.identification.drive.model import DriveModel
+from trackslip.kinematics import Array, RobotGeometry, twist_of_tracks
+from trackslip.paper import COMMANDED_RADII, SPEEDS
+from trackslip.planning.information import (
+    Expectation,
+    Known,
+    PoseQuality,
+    drive_to_measure,
+    expected,
+    rate_of,
+    with_extras,
+)
+from trackslip.planning.limits import DriveLimits, Knowledge, first_knowledge
+from trackslip.planning.place import Places, path
+from trackslip.planning.search import best_tour
+from trackslip.planning.strokes import RATE, Strokes
+from trackslip.planning.tour import Drawn, Tour, drawn
+from trackslip.slip.families import LawFamily, family
+
+PLANNED_LAWS = tuple(name for name in DRIVE_LAWS if family(name).names)
+"""Laws that a drive can be planned for."""
+PAPER_DURATION = 30.0
+"""Of each of the paper's runs [s]."""
+_EVALUATIONS = 1000  # of tours
+_FEWEST = 200
+_BY_TABLE = ("exponential", "power")
+_TABLES = 2  # times as long as others take
+_LONG = 120.0  # duration beyond which fewer tours are tried [s]
+_POSES = 1200  # that a search reckons with; of more, a part, as good as all
+_THINNED = (2.0, 10.0)  # fewest and most of them per second [Hz]
+
+
+@dataclass(frozen=True)
+class DrivePlan:
+    """A planned drive."""
+
+    law: str
+    """Name of the family that it is planned for."""
+    values: Array  # (q,) parameters of the law that it is planned with
+    limits: DriveLimits
+    knowledge: Knowledge
+    poses: PoseQuality
+    known: Known | None
+    """What an identification before has told of the law."""
+    strokes: Strokes
+    start: Array  # (3,) where it begins, from the middle of the area [m, m, rad]
+    places: Places
+    """Where the middle of the robot may get to, from the middle of the area."""
+    expectation: Expectation
+    """Standard errors to expect, together with what is known."""
+
+    @property
+    def time(self) -> Array:
+        """Beginnings (T,) of the periods of the commands, and the end [s]."""
+        return np.arange(len(self.speeds)) / RATE
+
+    @property
+    def speeds(self) -> Array:
+        """Speeds (T, 2) of the belts from each time on [m/s]; at rest at last."""
+        return np.concatenate([self.strokes.speeds(self.limits.duration), np.zeros((1, 2))])
+
+    @property
+    def omega(self) -> Array:
+        """Sprocket speeds (T, 2) from each time on [rad/s]."""
+        return self.speeds / self.knowledge.geometry.sprocket_radius
+
+    @property
+    def twist(self) -> Array:
+        """Commands (T, 2) to a controller that knows of no slip: v [m/s], w [rad/s]."""
+        return twist_of_tracks(self.speeds, self.knowledge.geometry.half_gauge)
+
+    @property
+    def path(self) -> Array:
+        """Expected positions (K, 2) of the middle of the robot, from the middle of the area [m]."""
+        x, y = path(self.strokes, float(self.start[2]), self.knowledge.extremes[:1])
+        return np.asarray(self.start[:2] + np.stack([x[0], y[0]], axis=-1))
+
+    @property
+    def sizes(self) -> dict[str, float]:
+        """What errors of the law's parameters are relative to, in their units."""
+        return relative_to(family(self.law), self.values, self.knowledge.geometry)
+
+
+def plan_drive(
+    geometry: RobotGeometry,
+    limits: DriveLimits,
+    poses: PoseQuality,
+    law: str = "icr_radius",
+    knowledge: Knowledge | None = None,
+    values: Sequence[float] | Array | None = None,
+    known: Known | None = None,
+    seed: int = 0,
+    step: Callable[[float], None] = lambda _: None,
+) -> DrivePlan:
+    """Plan a drive whose largest relative standard error of the law's parameters is as small as it gets.
+
+    Args:
+        geometry: of the robot.
+        limits: that the drive keeps to.
+        poses: that it will be measured with.
+        law: family that is to be identified, one of PLANNED_LAWS.
+        knowledge: what is known of the robot's motion; by default that of a robot on hard ground.
+        values: expected parameters of the law; by default those of such a robot.
+        known: what an identification before has told of the law.
+        seed: of the search.
+        step: called after each drive that is tried, with 1.0.
+
+    Raises:
+        InvalidValueError: for an unknown law, or an area or duration in which no drive determines the law.
+    """
+    if law not in PLANNED_LAWS:
+        raise InvalidValueError("law", law, f"one of {', '.join(PLANNED_LAWS)}")
+    limits.require_turning(geometry)
+    knowledge = knowledge or first_knowledge(geometry)
+    model = DriveModel(family(law), geometry)
+    expected_values = np.array(usual_values(law, knowledge) if values is None else values, float)
+    everything = with_extras(expected_values)
+    sizes = relative_to(model.family, expected_values, geometry)
+    fits = False
+
+    def expectation_of(found: Drawn, quality: PoseQuality, merge: int) -> Expectation:
+        speeds = found.strokes.speeds(limits.duration)
+        drive = drive_to_measure(speeds, RATE, quality, geometry.sprocket_radius, merge)
+        return expected(model, everything, [drive], quality, knowledge.slip, known)
+
+    quality = poses.thinned(float(np.clip(_POSES / limits.duration, *_THINNED)))
+
+    def cost(tour: Tour) -> float:
+        nonlocal fits
+        found = drawn(tour, limits, knowledge)
+        step(1.0)
+        if found is None:
+            return np.inf
+        fits = True
+        return largest(expectation_of(found, quality, rate_of(quality)), sizes)
+
+    tour, least = best_tour(cost, evaluations(limits, law), np.random.default_rng(seed))
+    found = drawn(tour, limits, knowledge)
+    if found is None or not np.isfinite(least):
+        if not fits:
+            allowed = "larger, for a drive in it by any law that the robot may have"
+            raise InvalidValueError("area", limits.area_text, allowed)
+        why = f"longer, for a drive within the limits to determine the law {law}"
+        raise InvalidValueError("duration", limits.duration, why)
+    return DrivePlan(
+        law,
+        expected_values,
+        limits,
+        knowledge,
+        poses,
+        known,
+        found.strokes,
+        found.start,
+        found.places,
+        expectation_of(found, poses, 1),
+    )
+
+
+def evaluations(limits: DriveLimits, law: str) -> int:
+    """Number of drives that a search tries; fewer of long ones, and where a law's twists come from tables."""
+    most = _EVALUATIONS // (_TABLES if law in _BY_TABLE else 1)
+    return int(np.clip(most * _LONG / limits.duration, min(_FEWEST, most), most))
+
+
+def largest(expectation: Expectation, sizes: dict[str, float]) -> float:
+    """Largest relative standard error; infinite where a parameter of the law isn't determined."""
+    return max(expectation.stderr.get(name, np.inf) / size for name, size in sizes.items())
+
+
+def relative_to(laws: LawFamily, values: Array, geometry: RobotGeometry) -> dict[str, float]:
+    """What errors of parameters are relative to.
+
+    Those of D are relative to b + D, by which the robot turns, those of epsilon to 1, as the belts run at 1 + epsilon,
+    and so are those of other pure numbers; those of decays and exponents are relative to the decay itself.
+    """
+    sizes = {}
+    for (name, parameter), value in zip(laws.parameters.items(), values.tolist(), strict=True):
+        own = max(abs(value), parameter.scale)
+        length = parameter.unit == "m"
+        sizes[name] = geometry.half_gauge + value if length else own if name.startswith("beta") else 1.0
+    return sizes
+
+
+def usual_values(law: str, knowledge: Knowledge) -> Array:
+    """Parameters (q,) of a law for a robot of which only this is known."""
+    usual = {"offset": knowledge.offset, "radius_error": knowledge.radius_error}
+    laws = family(law)
+    first = laws.starts(knowledge.geometry.half_gauge)[0]
+    found = [
+        usual.get(name.removesuffix("_left").removesuffix("_right"), value)
+        for name, value in zip(laws.names, first.tolist(), strict=True)
+    ]
+    return np.array(found)
+
+
+def paper_runs(geometry: RobotGeometry) -> list[Array]:
+    """Belt speeds (2,) [m/s] of the paper's 25 runs, without those whose radius is too small for the robot."""
+    radii = [radius for radius in COMMANDED_RADII if radius > geometry.half_gauge]
+    b = geometry.half_gauge
+    return [np.array([v - b * v / radius, v + b * v / radius]) for radius in radii for v in SPEEDS]
+
+
+def expected_of_paper(plan: DrivePlan) -> Expectation | None:
+    """What the paper's runs would tell, measured alike; None if the robot is too large for them, or they don't."""
+    geometry, count = plan.knowledge.geometry, round(PAPER_DURATION * RATE)
+    merge = rate_of(plan.poses)
+    drives = [
+        drive_to_measure(np.tile(speeds, (count, 1)), RATE, plan.poses, geometry.sprocket_radius, merge)
+        for speeds in paper_runs(geometry)
+    ]
+    if not drives:
+        return None
+    model = DriveModel(family(plan.law), geometry)
+    found = expected(model, with_extras(plan.values), drives, plan.poses, plan.knowledge.slip)
+    return found if all(name in found.stderr for name in model.family.names) else None
+
+
+def expected_alone(plan: DrivePlan) -> Expectation:
+    """What the planned drive tells without what is known before."""
+    geometry = plan.knowledge.geometry
+    model = DriveModel(family(plan.law), geometry)
+    drive = drive_to_measure(plan.strokes.speeds(plan.limits.duration), RATE, plan.poses, geometry.sprocket_radius)
+    return expected(model, with_extras(plan.values), [drive], plan.poses, plan.knowledge.slip)
