@@ -1,3 +1,7 @@
+import io
+import sys
+import time
+
 import pytest
 
 from experiments.report import terminal as console
@@ -15,17 +19,21 @@ def test_a_log_gets_a_line_once_a_command_takes_long(monkeypatch, capsys):
         advance(10.0)
     assert capsys.readouterr().err == ""
     monkeypatch.setattr(console, "_FIRST_LINE", 0.01)
-    said = ""
+    monkeypatch.setattr(sys, "stderr", slow := io.StringIO())
     with console.progress("slow", 10.0) as advance:
         advance(4.0)
-        while not said:
-            said = capsys.readouterr().err
-    assert said.startswith("slow: 4/10 s, ")
-    said = ""
+        wait_for(slow)
+    assert slow.getvalue().startswith("slow: 4/10 s, ")
+    monkeypatch.setattr(sys, "stderr", laws := io.StringIO())
     with console.busy("laws"):
-        while not said:
-            said = capsys.readouterr().err
-    assert said == "laws: 0 s\n"
+        wait_for(laws)
+    assert laws.getvalue() == "laws: 0 s\n"
+
+
+def wait_for(lines):
+    """Wait until something is written; capsys may lose what is written while it is read."""
+    while not lines.getvalue().endswith("\n"):
+        time.sleep(0.01)
 
 
 @pytest.mark.parametrize(("unit", "text"), [("s", "1,234 x real time"), ("steps", "1,234 steps/s")])
