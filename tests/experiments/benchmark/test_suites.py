@@ -43,6 +43,7 @@ def test_section_4_with_five_seeds(trackslip):
     check_section_4(result.summary["rows"])
 
 
+@pytest.mark.slow
 def test_on_ground_that_grows_stickier_online_adapts_within_seconds(trackslip):
     options = ("--controllers", "linear", "--references", "paper", "--grounds", "stone", "sticky", "--starts", "zero")
     compensations = ("--compensations", "icr_radius", "online", "online_cold")

@@ -105,6 +105,7 @@ def test_rows_are_what_the_stored_runs_say(trackslip, short):
     assert_fits(page)  # last: it skips the test where there is no browser
 
 
+@pytest.mark.slow
 def test_as_many_processes_as_one_likes_give_the_same_bits(trackslip, short, tmp_path):
     one = trackslip("benchmark", *short, *SMALL, "--seeds", "0")
     runs, rows = pyarrow.parquet.read_table(one.folder / "runs.parquet"), without_times(one.summary)

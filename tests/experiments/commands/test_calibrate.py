@@ -60,6 +60,7 @@ def test_published_numbers(trackslip, published):
     assert grid.manifest["ground"]["across"] == ground.across
 
 
+@pytest.mark.slow
 def test_the_papers_numbers_as_a_table_are_the_published_target(trackslip, published, tmp_path):
     options = ("--starts", "0", "--free", "friction_ratio", "radius_error")
     table = trackslip("calibrate", "--target", table_of_the_paper(tmp_path / "paper.csv"), *options).summary
@@ -122,6 +123,7 @@ def test_bad_tables_get_one_line(refused, tmp_path, row, message):
     assert message in refused("calibrate", "--target", str(path))
 
 
+@pytest.mark.slow
 def test_results_do_not_depend_on_threads(trackslip):
     options = ("--starts", "1", "--free", "friction_ratio")
     one, two = (trackslip("calibrate", *options, "--threads", n).summary for n in ("1", "2"))

@@ -36,6 +36,7 @@ def test_a_row_for_each_disturbance(trackslip):
     assert biased == pytest.approx(0.01, abs=0.004)
 
 
+@pytest.mark.slow
 def test_same_seed_same_rows_at_any_number_of_threads(trackslip, monkeypatch):
     monkeypatch.setattr(
         sensitivity, "DISTURBANCES", tuple(e for e in DISTURBANCES if e.scanner or e.obstacles == "walker")
@@ -59,6 +60,7 @@ def test_where_nothing_can_be_seen_the_row_says_so(trackslip, monkeypatch, tmp_p
     assert "<li>blind: none of the 2 runs can be used" in page
 
 
+@pytest.mark.drawn
 def test_the_page_needs_no_other_file_and_shows_the_table(trackslip, monkeypatch):
     monkeypatch.setattr(sensitivity, "DISTURBANCES", DISTURBANCES[:2])
     found = trackslip("sensitivity", *SMALL)

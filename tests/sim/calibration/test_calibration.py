@@ -44,6 +44,7 @@ FREE = ("friction_ratio", "radius_error", "com_y")
 START = Candidate(replace(TRUE.robot, radius_error=0.0, com_y=0.0), 1.0)
 
 
+@pytest.mark.slow
 def test_a_known_robot_is_found_again_by_simulation():
     fit = calibrate(START, FREE, measured(TRUE, simulated_twist), simulated_twist, NO_FURTHER)
     assert fit.tied == ()
