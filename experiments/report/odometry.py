@@ -108,7 +108,8 @@ def sensing_lines(found: Sequence[Evaluated], sensor_given: bool, clock_given: b
     return [
         f"{', '.join(labels) + ': the' if len(by_sensing) > 1 else 'The'} poses' sensor sits {_metres(place.x)} ahead "
         f"of and {_metres(place.y)} left of the turning centre, turned by {degrees(place.yaw):.2f}° ({words[0]}); the "
-        f"encoders' clock is {round(1e3 * offset)} ms ahead of the poses' ({words[1]})."
+        f"encoders' clock is {abs(round(1e3 * offset))} ms {'behind' if offset < 0 else 'ahead of'} the poses' "
+        f"({words[1]})."
         for (place, offset), labels in by_sensing.items()
     ]
 

@@ -209,3 +209,27 @@ def poses_of(log, make=pose_stamped, start=START, **others):
 def in_order(*messages):
     """Messages by arrival."""
     return sorted((one for some in messages for one in some), key=lambda one: one[2])
+
+
+def chain_of(log, correction=lambda t: (1.0 + 0.01 * np.floor(t), 2.0, 0.3)):
+    """map -> odom once a second, odom -> base_link at 20 Hz, base_link -> sensor once and for all."""
+    messages = [transform(START, "base_link", "sensor", (0.2, 0.1, 0.5), topic="/tf_static")]
+    for time, where in zip(log.time, log.pose.tolist(), strict=True):
+        messages.append(transform(stamp(time), "odom", "base_link", where))
+        if round(time * 20) % 20 == 10:
+            messages.append(transform(stamp(time + 0.02), "map", "odom", correction(time)))
+    return in_order(messages)
+
+
+def contents(messages):
+    """Name, stamp and numbers of joint states."""
+    return [(m.topic, m.arrival, m.stamp, tuple(m.content.name), *m.content.position) for m in messages]
+
+
+def expected(messages):
+    """The same of the joint states among written messages."""
+    return [
+        (topic, at, at - 1_000_000, ("left_wheel", "right_wheel"), *fields["position"])
+        for topic, kind, at, fields in messages
+        if kind == JOINTS
+    ]

@@ -1,0 +1,109 @@
+"""Which topic the poses are taken from."""
+
+import pytest
+from bags import (
+    START,
+    chain_of,
+    fix,
+    header,
+    in_order,
+    odometry,
+    pose_with_covariance,
+    poses_of,
+    stamp,
+    transform,
+    write_bag,
+)
+from wandered import wandered
+
+from trackslip.errors import LogError
+from trackslip.ros.bag import open_bag
+from trackslip.ros.pose_sources import chosen_source, pose_sources
+from trackslip.ros.poses import read_poses
+
+LOG = wandered(duration=8.0)
+
+
+def read(tmp_path, messages, source, kind="mcap"):
+    notes = []
+    found = read_poses(open_bag(write_bag(tmp_path / "run", kind, messages)), source, notes)
+    return found, notes
+
+
+@pytest.mark.parametrize(
+    ("source", "line"),
+    [
+        ("tf:map:robot", "frame 'robot' is not in the transforms; they have base_link, cup, map, odom, sensor, table"),
+        ("tf:map:cup", "frames 'map' and 'cup' are not connected by transforms; 'map' is with base_link, odom, sensor"),
+        ("tf:table:cup", "the transforms table -> cup never change"),
+        ("/scan", "it has no topic '/scan'"),
+        ("/odd", r"topic /odd has messages of odd_msgs/.*; poses are read from nav_msgs/"),
+    ],
+)
+def test_sources_that_do_not_exist(tmp_path, source, line):
+    more = [transform(START, "table", "cup", (0, 0, 0), topic="/tf_static"), ("/odd", "odd_msgs/msg/Odd", START, {})]
+    with pytest.raises(LogError, match=line):
+        read(tmp_path, [*chain_of(LOG), *more], source)
+
+
+def sources(tmp_path, *messages):
+    bag = open_bag(write_bag(tmp_path / "run", "mcap", in_order(*messages)))
+    return bag, [source.name for source in pose_sources(bag)]
+
+
+def test_sources_by_how_independent_of_the_wheels_they_are(tmp_path):
+    wheels, goal = poses_of(LOG, odometry), poses_of(LOG, topic="/goal_pose")
+    fused = poses_of(LOG, odometry, topic="/odometry/filtered")
+    truth = poses_of(LOG, odometry, topic="/ground_truth")
+    mocap = poses_of(LOG, topic="/vrpn/robot/pose")
+    gnss = [fix(stamp(t), 47.0, 8.0) for t in LOG.time]
+    bag, names = sources(tmp_path, wheels, goal, fused, truth, mocap, gnss, chain_of(LOG), poses_of(LOG))
+    order = [
+        "/vrpn/robot/pose",
+        "/slam/pose",
+        "tf:map:base_link",
+        "/fix",
+        "/ground_truth",
+        "/odometry/filtered",
+        "/odom",
+    ]
+    assert names == order
+    assert chosen_source(bag).name == "/vrpn/robot/pose"
+
+
+def test_odometry_in_a_fixed_frame_is_no_wheel_odometry(tmp_path):
+    bag, names = sources(
+        tmp_path, poses_of(LOG, odometry), poses_of(LOG, odometry, topic="/odometry/filtered/global", frame="map")
+    )
+    assert names == ["/odometry/filtered/global", "/odom"]
+    assert chosen_source(bag).name == names[0]
+
+
+def test_two_sources_alike_are_for_the_user_to_choose(tmp_path):
+    bag, _ = sources(tmp_path, poses_of(LOG), poses_of(LOG, pose_with_covariance))
+    with pytest.raises(LogError, match="poses may be /amcl_pose, /slam/pose: choose with --poses TOPIC"):
+        chosen_source(bag)
+
+
+def test_transforms_that_repeat_a_topic_are_no_doubt(tmp_path):
+    bag, names = sources(
+        tmp_path, poses_of(LOG, odometry), poses_of(LOG, lambda at, p: transform(at, "odom", "base", p))
+    )
+    assert names == ["/odom", "tf:odom:base"]
+    assert chosen_source(bag).name == "/odom"
+
+
+def test_transforms_of_two_robots_are_for_the_user_to_choose(tmp_path):
+    robots = [
+        poses_of(LOG, lambda at, p, name=name: transform(at, "map", name, p)) for name in ("a/base_link", "b/base_link")
+    ]
+    bag, _ = sources(tmp_path, *robots)
+    with pytest.raises(LogError, match="poses may be tf:map:a/base_link, tf:map:b/base_link: choose with --poses"):
+        chosen_source(bag)
+
+
+def test_no_source_at_all(tmp_path):
+    bag, _ = sources(tmp_path, poses_of(LOG, topic="/goal_pose"))
+    with pytest.raises(LogError, match=r"no poses: no topic of .*; its topics are /goal_pose"):
+        chosen_source(bag)
+    assert header(START, "a")["frame_id"] == "a"
