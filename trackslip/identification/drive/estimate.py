@@ -31,7 +31,7 @@ DRIVE_LAWS = ("none", "icr", "icr_radius", "icr_sides", "turn_loss", "exponentia
 _LAG = 0.03  # starting value [s]
 _CERTAIN = 3.0  # lag that shows [standard errors]
 _TRIALS = 4  # steps after which a lag is given up unless it shows
-_LIKELIER = 10.0  # fall of -2 log likelihood that a lag must bring
+_LIKELIER = 10.0  # fall of -2 log likelihood that a lag must bring, or that poses count alike
 
 
 @dataclass(frozen=True)
@@ -146,13 +146,13 @@ def _without_lag(
 
 
 def _likelier_alike(found: Fit) -> bool:
-    """Whether the poses of a fit that uses their covariances are likelier if all are equally uncertain."""
+    """Whether the poses of a fit that uses their covariances are clearly likelier if all are equally uncertain."""
     if found.nodes.whitening is None:
         return False
     drives = tuple(replace(drive, whitening=None) for drive in found.nodes.drives)
     nodes = replace(found.nodes, drives=drives, whitening=None)
     alike = fit(found.model, nodes, found.states, found.values, found.noise, found.free, found.mean, gated=False)
-    return alike.deviance < found.deviance
+    return alike.deviance < found.deviance - _LIKELIER
 
 
 def _lagged(found: Fit) -> Array:

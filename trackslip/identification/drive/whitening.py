@@ -18,7 +18,8 @@ def whitening(pose: Array, covariance: Array | None) -> Array | None:
     """Lower left blocks W (K, 3, 3) for poses (K, 3) with covariances (K, 3, 3), NaN where not measured or stated.
 
     W times a residual of a pose is uncorrelated, and as large as a usual one: two components in m, and the heading's in
-    rad, which depends on nothing else. A pose without covariance counts as a usual one. None if hardly any has one.
+    rad, which depends on nothing else. A pose without covariance counts as a usual one. None if hardly any has one, or
+    all are alike.
     """
     if covariance is None:
         return None
@@ -41,7 +42,7 @@ def whitening(pose: Array, covariance: Array | None) -> Array | None:
     found[:, :2, 2] = -np.einsum("kij,kj->ki", found[:, :2, :2], np.where(stated[:, None], lever, 0.0))
     heading = float(np.sqrt(np.median(turn[headed]))) if headed.any() else 1.0
     found[:, 2, 2] = np.where(headed, _limited(heading / np.sqrt(turn)), 1.0)
-    return found
+    return None if np.allclose(found, np.eye(3)) else found
 
 
 def _limited(ratio: Array) -> Array:

@@ -85,6 +85,7 @@ def test_without_them_such_poses_tell_less():
 def test_equal_covariances_change_nothing():
     log = drive_log(0, 40.0)
     known = replace(log, covariance=np.broadcast_to(np.diag([4e-4, 4e-4, 3e-4]), (len(log.time), 3, 3)))
+    assert whitening(log.pose, known.covariance) is None
     plain, whitened = (fit_drives("icr_radius", [one], GEOMETRY) for one in (log, known))
     for name, value in plain.values.items():
         assert whitened.values[name] == pytest.approx(value, rel=1e-9)
