@@ -13,6 +13,7 @@ from experiments.driving.plan import Driven, SimulatedDrives, driven_by_law, pap
 from experiments.measuring.drive_cases import TRUE_LAW
 from experiments.measuring.drive_coverage import Check
 from experiments.parallel.executors import Workers
+from sim.drive.drive import Drive
 from sim.robot.parameters import RobotParameters
 from sim.seeds import generator
 from sim.wander.pose_source import PoseSource
@@ -269,7 +270,7 @@ def _reach(plan: DrivePlan, driven: Driven) -> float:
 def _speed(plan: DrivePlan, driven: Driven) -> float:
     """Largest mean speed of a belt in a period, less what one count of the encoder makes of it."""
     radius = plan.knowledge.geometry.sprocket_radius
-    step = 2 * np.pi / 100_000 * RATE
+    step = 2 * np.pi / Drive().encoder_counts * RATE
     return float((np.abs(driven.log.omega).max() - step) * radius / plan.limits.max_speed)
 
 

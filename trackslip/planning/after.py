@@ -12,7 +12,7 @@ import numpy as np
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.logs.file_format import require_known_format
+from trackslip.logs.file_format import require_known_format, require_known_manifest
 from trackslip.planning.information import Known
 from trackslip.planning.limits import Knowledge, first_knowledge
 from trackslip.slip.families import family, law_from_values
@@ -44,6 +44,8 @@ def read_identification(path: str | Path, law: str) -> Before:
     path = Path(path)
     file = path / "summary.json" if path.is_dir() else path
     try:
+        if path.is_dir():
+            require_known_manifest(path)
         content = json.loads(file.read_text(encoding="utf-8"))
         require_known_format(content, file)
         geometry = RobotGeometry(*(float(content["geometry"][name]) for name in ("half_gauge", "sprocket_radius")))
@@ -65,7 +67,7 @@ def read_identification(path: str | Path, law: str) -> Before:
 def _laws(content: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
     """Laws by name: those of whole drives, which have noise and correlations, else those of steady stretches."""
     steady = {name: law for name, law in content["slip_laws"].items() if law.get("stderr")}
-    return steady | {name: law for name, law in content.get("drive", {}).get("laws", {}).items() if law["values"]}
+    return steady | {name: law for name, law in (content.get("drive") or {}).get("laws", {}).items() if law["values"]}
 
 
 def _values(law: str, stored: Mapping[str, Any], geometry: RobotGeometry) -> Array:
