@@ -17,6 +17,11 @@ from trackslip.errors import InvalidValueError, require, require_finite, require
 SENSED = 1 << 0 | 1 << 1 | 1 << 3 | 1 << 5 | 1 << 6 | 1 << 7
 """Bits of what a contact sensor reports of each contact: found, force, dist, normal, tangent, linvel."""
 _MAX_SEGMENTS = 40
+_SLOTS = {
+    "both": 64,
+    "left": 32,
+    "right": 32,
+}  # contacts that a sensor reports; on fine height fields there may be more
 _MAX_FORCE = 2  # reduction of a contact sensor: the largest forces first
 _SIDES = {"both": (("left", 1.0), ("right", -1.0)), "left": (("", 1.0),), "right": (("", -1.0),)}
 
@@ -88,7 +93,7 @@ def add_tracks(
             type=mujoco.mjtSensor.mjSENS_CONTACT,
             reftype=mujoco.mjtObj.mjOBJ_BODY,
             refname=track,
-            intprm=[SENSED, _MAX_FORCE, 4 * count + 8],
+            intprm=[SENSED, _MAX_FORCE, _SLOTS[side]],
         )
     tracks = Tracks(
         names,
@@ -102,6 +107,7 @@ def add_tracks(
         tuple(part.weight for part in parts),
         tuple(part.crosswise for part in parts),
         tuple(part.direction for part in parts),
+        shape.longest_below / count,
         len(names) * 2 * (count + WHEEL_WEIGHT),
     )
     if terrain is not None:
