@@ -8,7 +8,7 @@ import mujoco
 
 from sim.tracks.connect import require_friction
 from sim.tracks.hull import Hull
-from sim.tracks.options import set_options
+from sim.tracks.options import require_stable
 from sim.tracks.parts import WHEEL_WEIGHT, track_parts
 from sim.tracks.presets import Preset, load_preset
 from sim.tracks.tracks import Tracks
@@ -42,7 +42,8 @@ def add_tracks(
 ) -> Tracks:
     """Add a track, or a pair of tracks, to a body of a MuJoCo spec.
 
-    The spec's cone becomes elliptic and its impratio 10,000. A time step that is MuJoCo's default becomes the preset's.
+    Connecting them makes the spec's cone elliptic and its impratio 10,000 at least, and turns a time step that is
+    MuJoCo's default into the preset's.
 
     Args:
         spec: a model that is not compiled yet.
@@ -80,7 +81,8 @@ def add_tracks(
             find(each) for find, each in ((spec.body, track), (spec.sensor, track), (spec.geom, f"{track}_wheel0"))
         )
         require(not taken, "name", prefix, f"another: the spec has a {track} already")
-    set_options(spec, recipe)
+    if spec.option.timestep != mujoco.MjSpec().option.timestep:
+        require_stable(spec.option.timestep, recipe)
     offsets = tuple(sign * half_gauge for _, sign in _SIDES[side])
     anisotropic = friction[0] != friction[1]
     parts = track_parts(shape, count, anisotropic)

@@ -4,7 +4,7 @@ import sys
 import mujoco
 import numpy as np
 import pytest
-from robots import HULL, URDF, add_flipper, add_robot, plane, slab
+from tracked import HULL, URDF, add_flipper, add_robot, plane, slab
 
 from sim.tracks import PRESETS, add_tracks, bind
 from trackslip.errors import InvalidValueError, TrackslipError
@@ -92,8 +92,7 @@ def test_an_attached_robot_keeps_its_tracks_under_other_names():
     robot, scene = mujoco.MjSpec(), plane()
     add_robot(robot).name = "chassis"
     tracks = add_tracks(robot, "chassis", half_gauge=0.2, hull=HULL)
-    with pytest.warns(UserWarning, match="impratio"):
-        scene.worldbody.add_frame().attach_body(robot.body("chassis"), "first/", "")
+    scene.worldbody.add_frame().attach_body(robot.body("chassis"), "first/", "")
     tracks = tracks.prefixed("first/")
     tracks.connect(scene)
     model = scene.compile()
@@ -175,7 +174,7 @@ def test_a_time_step_at_which_contacts_are_unstable_is_refused(preset, step, lon
 def test_a_spec_that_does_not_compile_is_not_connected():
     spec = plane()
     add_robot(spec)
-    spec.add_actuator(name="motor", target="nothing", trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    spec.body("robot").add_body(name="weightless").add_joint()
     with pytest.raises(TrackslipError, match="spec: must compile before tracks are connected"):
         add_tracks(spec, "robot", half_gauge=0.2, hull=HULL, terrain="ground")
 
