@@ -96,7 +96,10 @@ def test_from_a_hundred_repeats_on_the_errors_are_checked(trackslip, monkeypatch
     monkeypatch.setattr(plan_trials, "_AS_GOOD", 30.0)
     result = trackslip("plan", *SHORT, "--drive", "--repeats", "2")
     names = [check["name"] for check in result.summary["checks"]]
-    for about in ("real over predicted error of offset", "error of radius_error over the least that the paper's runs can have"):
+    for about in (
+        "real over predicted error of offset",
+        "error of radius_error over the least that the paper's runs can have",
+    ):
         assert any(about in name for name in names)
 
 
