@@ -118,7 +118,8 @@ class Course:
         x, y = (np.broadcast_to(np.asarray(a, float), shape).ravel() for a in (x, y))
         height, normal = np.full(x.shape, self.floor), np.tile([0.0, 0.0, 1.0], (len(x), 1))
         for solid in self.solids:
-            low, high = solid.bounds + [[-ROUNDING], [ROUNDING]]
+            low, high = solid.bounds
+            low, high = low - ROUNDING, high + ROUNDING
             near = np.flatnonzero((x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1]))
             top, upward = solid.top(x[near], y[near])
             higher = top > height[near]

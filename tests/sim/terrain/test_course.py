@@ -150,7 +150,7 @@ def test_elevation_is_height_but_for_edges():
     np.testing.assert_allclose(course.elevation(inner), np.tan(0.3) * inner[:, 0], atol=1e-9)
     far = np.array([[1e6, 0.0], [-1e6, 3.0], [0.0, 1e9]])
     np.testing.assert_allclose(course.elevation(far), course.floor)
-    corners = np.array([[-2.0, -1.5], [-2.0, 1.5]]) + [[0.03, 0.03], [0.03, -0.03]]
+    corners = np.array([[-1.97, -1.47], [-1.97, 1.47]])
     np.testing.assert_allclose(course.elevation(corners), 0.0, atol=1e-12)
 
 
@@ -164,7 +164,7 @@ def test_two_courses_in_one_model():
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     points = np.random.default_rng(0).uniform(*courses[1].bounds[:, :2], (100, 2))
-    height, _ = look_down(model, data, points + [3.0, 20.0])
+    height, _ = look_down(model, data, points + np.array([3.0, 20.0]))
     np.testing.assert_allclose(courses[1].height(*points.T), height, atol=1e-6)
     with pytest.raises(
         InvalidValueError, match="name = 'second': must be a name that no other course in the model has"
