@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.tracks.hull import Hull
 from sim.tracks.outline import Outline
 
 Array = NDArray[np.float64]
@@ -58,7 +59,9 @@ class TrackLook:
         """Everything that is drawn after the belt has driven `travel` (...) [m] forwards."""
         travel = np.asarray(travel, float)
         parts = [self._band(travel), self._shoes(travel), *(self._wheel(wheel, travel) for wheel in self._wheels())]
-        kind, size, rgba = (np.concatenate([getattr(part, name) for part in parts]) for name in ("kind", "size", "rgba"))
+        kind, size, rgba = (
+            np.concatenate([getattr(part, name) for part in parts]) for name in ("kind", "size", "rgba")
+        )
         position = np.concatenate([part.position for part in parts], axis=-2) + [0.0, self.y, 0.0]
         return Pieces(kind, size, rgba, position, np.concatenate([part.angle for part in parts], axis=-1))
 
@@ -70,37 +73,30 @@ class TrackLook:
 
     def _inside(self, depth: float) -> Outline:
         """The outline at a depth below the surface of the belt [m]."""
-        return Outline.of(np.asarray(self.hull, float) - [0.0, 0.0, depth])
+        return Outline.of(Hull.from_wheels(np.asarray(self.hull, float) - [0.0, 0.0, depth]))
 
     def _wheels(self) -> Array:
         """The wheels that are drawn (W', 3): the hull's, within the belt, and road wheels on the lower run."""
-        wheels = np.asarray(self.hull, float) - [0.0, 0.0, sum(self._thickness)]
         outline = self._inside(sum(self._thickness))
-        low = int(np.argmin(np.abs(np.mod(outline.heading + np.pi, 2 * np.pi) - np.pi)))  # the most level forward run
-        first, last = outline.wheels[low], outline.wheels[(low + 1) % len(wheels)]
+        low = int(np.argmin(np.cos(outline.heading)))  # the run that goes straight backwards
+        first, last = outline.wheels[low], outline.wheels[(low + 1) % len(outline.wheels)]
         radius = _ROAD_WHEEL * min(first[2], last[2])
         room = outline.run[low] - first[2] - last[2]
-        count = int(room // (_ROAD_GAP * radius)) if len(wheels) == 2 else 0
-        heading = outline.heading[low]
+        count = max(0, int(room // (_ROAD_GAP * radius)))
+        ahead, up = np.cos(outline.heading[low]), np.sin(outline.heading[low])
         along = first[2] + (np.arange(count) + 0.5) * room / max(count, 1)
-        where = outline.leave[low] + along[:, None] * [np.cos(heading), np.sin(heading)]
-        where += radius * np.array([-np.sin(heading), np.cos(heading)])
-        return np.concatenate([wheels, np.column_stack([where, np.full(count, radius)])])
+        where = outline.start[low] + along[:, None] * [ahead, up] - radius * np.array([-up, ahead])
+        return np.concatenate([outline.wheels, np.column_stack([where, np.full(count, radius)])])
 
     def _band(self, travel: Array) -> Pieces:
         shoe, band = self._thickness
         outline = self._inside(shoe + band / 2)
-        starts, ends = [], []
-        at = 0.0
-        for run, wrap, wheel in zip(
-            outline.run, np.roll(outline.wrap, -1), np.roll(outline.wheels, -1, axis=0), strict=True
-        ):
-            pieces = max(1, int(np.ceil(wrap / _ARC)))
-            knots = at + run + np.linspace(0.0, wrap * wheel[2], pieces + 1)
-            starts += [at, *knots[:-1]]
-            ends += [*knots]
-            at = float(knots[-1])
-        first, last = (outline.place(np.array(s))[0] for s in (starts, np.array(ends) - 1e-9))
+        ends, at = outline.ends, [0.0]
+        radii = np.roll(outline.wheels[:, 2], -1)
+        for run, arc, radius in zip(ends[::2], ends[1::2], radii, strict=True):
+            at += [run, *np.linspace(run, arc, int(np.ceil((arc - run) / radius / _ARC)) + 1)[1:]]
+        starts, ends = np.array(at[:-1]), np.array(at[1:])
+        first, last = (outline.place(s)[0] for s in (starts, ends))
         way = last - first
         half = np.hypot(*way.T) / 2 + 0.2 * band  # the pieces overlap at their ends
         size = np.column_stack([half, np.full(len(half), self.width / 2), np.full(len(half), band / 2)])
@@ -109,9 +105,10 @@ class TrackLook:
     def _shoes(self, travel: Array) -> Pieces:
         shoe, _ = self._thickness
         outline = self._inside(shoe / 2)
-        count = max(3, round(outline.length / _PITCH))
-        pitch = outline.length / count
-        place, heading = outline.place(np.arange(count) * pitch - travel[..., None])
+        length = float(outline.ends[-1])
+        count = max(3, round(length / _PITCH))
+        pitch = length / count
+        place, heading = outline.place(np.arange(count) * pitch + travel[..., None])
         size = np.tile([0.34 * pitch, 0.515 * self.width, shoe / 2], (count, 1))
         rgba = np.where((np.arange(count) % _MARKED == 0)[:, None], _MARK, _SHOE)
         position = np.stack([place[..., 0], np.zeros_like(heading), place[..., 1]], axis=-1)
