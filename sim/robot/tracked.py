@@ -1,4 +1,4 @@
-"""Robots with tracks bolted on: a model, where its tracks run, and its flippers, as robot files in TOML describe them."""
+"""Robots with tracks bolted on, as robot files in TOML describe them: a model, its tracks and its flippers."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -55,15 +56,12 @@ class TrackLook:
     width: float
     """Width of the belt [m]."""
 
-    def pieces(self, travel: Array) -> Pieces:
+    def pieces(self, travel: Array | float) -> Pieces:
         """Everything that is drawn after the belt has driven `travel` (...) [m] forwards."""
         travel = np.asarray(travel, float)
-        parts = [self._band(travel), self._shoes(travel), *(self._wheel(wheel, travel) for wheel in self._wheels())]
-        kind, size, rgba = (
-            np.concatenate([getattr(part, name) for part in parts]) for name in ("kind", "size", "rgba")
-        )
-        position = np.concatenate([part.position for part in parts], axis=-2) + [0.0, self.y, 0.0]
-        return Pieces(kind, size, rgba, position, np.concatenate([part.angle for part in parts], axis=-1))
+        wheels = [self._wheel(wheel, travel) for wheel in self._wheels()]
+        found = _joined([self._band(travel), self._shoes(travel), *wheels])
+        return replace(found, position=found.position + np.array([0.0, self.y, 0.0]))
 
     @property
     def _thickness(self) -> tuple[float, float]:
@@ -127,12 +125,14 @@ class TrackLook:
         )
         size = np.tile([0.13 * radius, half + 0.003, 0.0], (_SPOKES, 1))
         bolts = Pieces(np.full(_SPOKES, CYLINDER), size, np.tile(_BOLT, (_SPOKES, 1)), position, around)
-        join = [np.concatenate([getattr(still, name), getattr(bolts, name)]) for name in ("kind", "size", "rgba")]
-        return Pieces(
-            *join,
-            np.concatenate([still.position, bolts.position], axis=-2),
-            np.concatenate([still.angle, bolts.angle], axis=-1),
-        )
+        return _joined([still, bolts])
+
+
+def _joined(parts: Sequence[Pieces]) -> Pieces:
+    """All pieces of `parts`."""
+    kind, size, rgba = (np.concatenate([getattr(one, name) for one in parts]) for name in ("kind", "size", "rgba"))
+    position = np.concatenate([one.position for one in parts], axis=-2)
+    return Pieces(kind, size, rgba, position, np.concatenate([one.angle for one in parts], axis=-1))
 
 
 def _same(size: Array, rgba: tuple[float, ...], place: Array, angle: Array, travel: Array, kind: int = BOX) -> Pieces:
