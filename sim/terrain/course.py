@@ -150,15 +150,22 @@ class Course:
         return self.height(x[:, None], y), np.array([x[0], y[0]]), 1 / cell
 
     def add_to(
-        self, spec: mujoco.MjSpec, *, name: str = "course", at: tuple[float, float] = (0.0, 0.0), floor: bool = True
+        self,
+        spec: mujoco.MjSpec,
+        *,
+        name: str = "course",
+        at: tuple[float, float] = (0.0, 0.0),
+        floor: bool = True,
+        looks: bool = True,
     ) -> list[str]:
         """Add the course to the world body of `spec`.
 
         Args:
-            spec: the model; its world body must be level, as usual.
+            spec: the model.
             name: what the geoms' names begin with, unique in the model.
             at: where its origin is in the world, x and y [m].
             floor: whether to add the floor, too, which has no end.
+            looks: whether to draw what carries slopes, by meshes that collide with nothing.
 
         Returns:
             Names of the geoms, for `Tracks.connect`.
@@ -168,7 +175,7 @@ class Course:
         """
         taken = any(geom.name.startswith(f"{name}/") for geom in spec.geoms)
         require(not taken, "name", name, "a name that no other course in the model has")
-        base = Base(self.floor, self.friction, *at, name)
+        base = Base(self.floor, self.friction, *at, name, looks)
         _add_lines(spec, f"{name}/lines")
         names = [f"{name}/{k}" for k in range(len(self.solids))]
         for solid, geom in zip(self.solids, names, strict=True):

@@ -34,6 +34,8 @@ class Base:
     """Place of the course's origin in the world [m]."""
     name: str = "course"
     """What the names of its geoms, and of all else that it adds to the model, begin with."""
+    looks: bool = True
+    """Whether to draw what carries slopes, too."""
 
     @property
     def contact(self) -> list[float]:
@@ -146,7 +148,7 @@ class Box:
             quat=list(self.quaternion),
             **look(self.colour, base),
         )
-        if self.rotation[2, 2] < 1:
+        if base.looks and self.rotation[2, 2] < 1:
             self._add_skirt(spec, f"{name}/skirt", base)
 
     def _add_skirt(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:

@@ -177,7 +177,10 @@ def test_all_named_geoms_collide_and_nothing_else_does():
     names = Course((Ramp(), SideSlope(), Gap(), Rough())).add_to(spec)
     colliding = [geom.name for geom in spec.worldbody.geoms if geom.contype]
     assert sorted(names) == sorted(colliding)
-    assert spec.compile().geom_friction[0, 0] == 0.7
+    model = spec.compile()
+    assert model.nmesh == 2
+    assert model.geom_friction[0, 0] == 0.7
+    assert compiled(Course((Ramp(),)), looks=False)[0].nmesh == 0
 
 
 @pytest.mark.parametrize(
