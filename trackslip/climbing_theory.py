@@ -45,7 +45,7 @@ class SideView:
             raise InvalidValueError("wheels", np.shape(self.wheels), "two or more finite (x, z, radius)")
         require_positive("radius of a wheel", float(wheels[:, 2].min()))
         object.__setattr__(self, "wheels", wheels)
-        low, high = self._touching()
+        low, high = self.touching
         x, z = self.centre_of_mass
         if not (low < x < high and z > self.ground):
             allowed = f"above the track's contact with level ground, x from {low:g} to {high:g} m"
@@ -59,14 +59,22 @@ class SideView:
     @property
     def ahead(self) -> float:
         """Distance of the centre of mass ahead of the last wheel that touches level ground [m]."""
-        return self.centre_of_mass[0] - self._touching()[0]
+        return self.centre_of_mass[0] - self.touching[0]
 
     @property
     def height(self) -> float:
         """Height of the centre of mass above level ground [m]."""
         return self.centre_of_mass[1] - self.ground
 
-    def _touching(self) -> tuple[float, float]:
+    @property
+    def rear(self) -> Array:
+        """The last wheel that touches level ground, (3,) [m]."""
+        standing = self.wheels[self.wheels[:, 1] - self.wheels[:, 2] < self.ground + _TOUCHES]
+        return standing[np.argmin(standing[:, 0])]
+
+    @property
+    def touching(self) -> tuple[float, float]:
+        """Where the first and the last wheel touch level ground, rear and front x in the robot's frame [m]."""
         x = self.wheels[self.wheels[:, 1] - self.wheels[:, 2] < self.ground + _TOUCHES, 0]
         return float(x.min()), float(x.max())
 
