@@ -22,7 +22,9 @@ class TrackParts:
     """The tracks of one call of `add_tracks`: each a body without joints, with its geoms and a contact sensor."""
 
     names: tuple[str, ...]
-    """Name of each track: of its body, and where the names of its geoms and of its sensor begin."""
+    """Name of each track."""
+    bodies: tuple[str, ...]
+    """Name of each track's body and sensor, and the beginning of the names of its geoms: NAME_track."""
     hull: Hull
     """The hull of each track."""
     offsets: tuple[float, ...]
