@@ -9,7 +9,7 @@ import mujoco
 from sim.tracks.connect import require_friction
 from sim.tracks.hull import Hull
 from sim.tracks.options import set_options
-from sim.tracks.parts import track_parts
+from sim.tracks.parts import WHEEL_WEIGHT, track_parts
 from sim.tracks.presets import Preset, load_preset
 from sim.tracks.tracks import Tracks
 from trackslip.errors import InvalidValueError, require, require_finite, require_positive
@@ -92,7 +92,7 @@ def add_tracks(
         tuple(tuple(f"{track}_{part.name}" for part in parts) for track in names),
         tuple(part.weight for part in parts),
         tuple(part.direction for part in parts),
-        len(names) * (2 * recipe.segments + 2),
+        len(names) * 2 * (recipe.segments + WHEEL_WEIGHT),
     )
     if terrain is not None:
         tracks.connect(spec, terrain)

@@ -39,8 +39,8 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
     for ground in grounds:
         for names in tracks.geoms:
             for name, weight in zip(names, tracks.weights, strict=True):
-                contact = tracks.preset.contact(gravity, mass * (own + mobility[ground]), tracks.points / weight)
-                crosswise = weight != 1.0
+                contact = tracks.preset.contact(gravity, mass * (own + mobility[ground]), tracks.points, weight)
+                crosswise = name.rpartition("_")[2].startswith("wheel")
                 pair = (across, along) if crosswise else (along, across)
                 _add_pair(spec, ground.name, name, pair, contact)
 
