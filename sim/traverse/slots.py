@@ -18,7 +18,7 @@ from sim.terrain import Course
 from trackslip.errors import require
 from trackslip.kinematics import Array
 
-_FIELDS = ("geom_pos", "geom_quat", "geom_size", "geom_rbound", "geom_aabb", "geom_sameframe", "geom_dataid")
+_FIELDS = ("geom_pos", "geom_quat", "geom_size", "geom_rbound", "geom_aabb", "geom_sameframe", "geom_dataid", "geom_friction")
 _BOX, _FIELD, _PLANE = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_PLANE
 _AWAY = -1000.0  # height of slots that are not in use [m]
 _TINY = 0.01  # half of their size [m]
