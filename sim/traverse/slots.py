@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from sim.terrain import Course
 from trackslip.errors import require
-from trackslip.kinematics import Array
 
 _FIELDS = ("geom_pos", "geom_quat", "geom_size", "geom_rbound", "geom_aabb", "geom_sameframe", "geom_dataid")
 _BOX, _FIELD, _PLANE = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_PLANE
