@@ -13,6 +13,7 @@ import numpy as np
 
 from experiments.driving.course_pilots import CoursePilot
 from experiments.driving.course_run import CourseRun, drive_course
+from experiments.driving.course_table import write_course_run
 from experiments.driving.course_world import CourseWorld
 from experiments.driving.teleop import HELP, Keyboard, Teleop
 from experiments.measuring.course_drive import DriveResult
@@ -23,7 +24,6 @@ from experiments.recording.video import require_video
 from experiments.report.course_drive import TRACKS_HEADER, lines, render, sentence, track_rows
 from experiments.report.formats import for_terminal
 from experiments.report.terminal import busy, print_table, progress
-from experiments.storage.course_runs import write_course_run
 from experiments.storage.manifest import command_line, make_manifest
 from experiments.storage.results import (
     PICTURES_FOLDER,

@@ -24,7 +24,8 @@ HELP = (
     "arrow keys: faster, slower, left, right; space: stop; "
     "Home, End: front flippers up, down; Page Up, Page Down: rear flippers up, down; close the window to end"
 )
-_SHOW_EVERY = 2  # periods
+_BETWEEN = 0.03  # pictures, at least [s]
+_SHARE = 0.5  # of the time that may go by with drawing [-]
 
 
 class Keyboard:
@@ -67,10 +68,10 @@ class Teleop:
         """Open the viewer on the model `looks`, which is only drawn; TrackslipError without a display."""
         self._looks, self._view = looks, TrackedView(looks)
         self._data = mujoco.MjData(looks.model)
-        self._window = Window(self._data, keyboard.press)
+        self._window = Window(self._data, keyboard.press, panels=False)
         self._travel: Array = np.zeros(len(looks.track_side))
         self._began: float | None = None
-        self._count = 0
+        self._shown, self._cost = -np.inf, 0.0  # when the last picture was finished, and how long it took [s]
         self._aim()
 
     def __call__(self, world: Traverse, pilot: CoursePilot) -> bool:
@@ -79,20 +80,25 @@ class Teleop:
         if not viewer.is_running():
             return False
         self._travel = self._travel + world.contact.belt[0] * PERIOD
-        self._count += 1
-        if self._count % _SHOW_EVERY == 0:
-            with viewer.lock():
-                self._data.qpos[:] = world.state.qpos[0]
-                mujoco.mj_kinematics(self._looks.model, self._data)
-                mujoco.mj_camlight(self._looks.model, self._data)
-                viewer.user_scn.ngeom = 0
-                self._view.draw(viewer.user_scn, self._data, self._travel)
-            if isinstance(pilot, Keyboard):
-                left = f"{pilot.speed:+.2f} m/s\n{pilot.turn:+.1f} rad/s\n{world.time[0]:.1f} s"
-                viewer.set_texts((None, None, "speed\nturn\ntime", left))
-            viewer.sync()
+        if time.monotonic() - self._shown >= max(_BETWEEN, self._cost * (1 / _SHARE - 1)):
+            self._show(world, pilot)
         self._wait(float(world.time[0]))
         return True
+
+    def _show(self, world: Traverse, pilot: CoursePilot) -> None:
+        began, viewer, model = time.monotonic(), self._window.viewer, self._looks.model
+        with viewer.lock():
+            self._data.qpos[:] = world.state.qpos[0]
+            mujoco.mj_kinematics(model, self._data)
+            mujoco.mj_camlight(model, self._data)
+            viewer.user_scn.ngeom = 0
+            self._view.draw(viewer.user_scn, self._data, self._travel)
+        if isinstance(pilot, Keyboard):
+            now = f"{pilot.speed:+.2f} m/s\n{pilot.turn:+.1f} rad/s\n{world.time[0]:.1f} s"
+            viewer.set_texts((None, None, "speed\nturn\ntime", now))
+        viewer.sync()
+        self._shown = time.monotonic()
+        self._cost = self._shown - began
 
     def close(self) -> None:
         """Close the window."""

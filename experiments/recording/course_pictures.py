@@ -33,7 +33,7 @@ def write_video(
     """Write an .mp4 file in real time; `advance` is called with the simulated time of each picture [s]."""
     times = np.arange(0.0, run.time[-1], 1 / FRAME_RATE)
     rows = np.clip(np.searchsorted(run.time, times), 0, len(run.time) - 1)
-    with video(file) as add:
+    with video(file, WIDTH, HEIGHT) as add:
         for picture in _pictures(run, looks, course, rows):
             add(picture)
             advance(1 / FRAME_RATE)

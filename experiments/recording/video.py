@@ -23,8 +23,8 @@ def require_video() -> None:
 
 
 @contextlib.contextmanager
-def video(file: Path) -> Iterator[Callable[[np.ndarray], None]]:
-    """Yields what adds a picture (height, width, 3) uint8 of even height and width to an .mp4 file.
+def video(file: Path, width: int, height: int) -> Iterator[Callable[[np.ndarray], None]]:
+    """Yields what adds a picture (height, width, 3) uint8 to an .mp4 file; width and height are even.
 
     The file is complete or not written at all. Raises OutputError if it can't be written.
     """
@@ -35,11 +35,10 @@ def video(file: Path) -> Iterator[Callable[[np.ndarray], None]]:
         file.parent.mkdir(parents=True, exist_ok=True)
         with av.open(str(draft), "w", format="mp4") as container:
             stream = container.add_stream("libx264", rate=FRAME_RATE, options={"crf": "22", "preset": "veryfast"})
-            stream.pix_fmt = "yuv420p"
+            stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
             stream.time_base = Fraction(1, FRAME_RATE)
 
             def add(picture: np.ndarray) -> None:
-                stream.height, stream.width = picture.shape[:2]
                 container.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
 
             yield add
