@@ -97,6 +97,7 @@ def require_heights(heights: Array) -> None:
     shape = np.shape(heights)
     require(len(shape) == 2 and min(shape) >= 2, "shape of heights", shape, "(rows, columns), at least (2, 2)")
     require_at_most("samples of heights", int(np.prod(shape)), MAX_SAMPLES)
-    numbers = np.asarray(heights).dtype.kind in "iuf"
-    require(numbers and np.isfinite(heights).all(), "heights", "not all finite", "finite numbers")
+    values = np.ravel(heights)
+    wrong = values[~np.isfinite(values)] if values.dtype.kind in "iuf" else values
+    require(len(wrong) == 0, "heights", wrong[:1].tolist(), "finite numbers")
     require_at_most("range of heights", float(np.ptp(heights)), MAX_LENGTH, "m")

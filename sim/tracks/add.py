@@ -9,7 +9,7 @@ import mujoco
 from sim.tracks.connect import require_friction
 from sim.tracks.hull import Hull
 from sim.tracks.options import set_options
-from sim.tracks.parts import track_parts
+from sim.tracks.parts import WHEEL_WEIGHT, track_parts
 from sim.tracks.presets import Preset, load_preset
 from sim.tracks.tracks import Tracks
 from trackslip.errors import InvalidValueError, require, require_finite, require_positive
@@ -45,7 +45,7 @@ def add_tracks(
         hull: wheels (x, z, radius) in the body's frame, in the order of the belt [m].
         preset: "accurate" (2 ms), "fast" (4 ms), or a recipe of your own.
         friction: coefficients along and across the belt [-]. They may differ on planes only.
-        name: prefix of the names of all that is added; by default the body's name.
+        name: of the track; two are called NAME_left and NAME_right. By default the body's name.
         side: "both", "left" or "right".
         load: part of the robot's weight that these tracks carry when the robot stands on them [-].
         terrain: geoms, or their names, to `connect` the tracks with at once; otherwise call `Tracks.connect`.
@@ -63,15 +63,17 @@ def add_tracks(
     prefix = name or carrier.name
     require(prefix, "name", name, "given: the body has no name")
     names = tuple("_".join(filter(None, (prefix, which))) for which, _ in _SIDES[side])
-    for track in names:
-        for what, taken in (("body", spec.body), ("sensor", spec.sensor), ("geom", spec.geom)):
-            free = taken(track) is None and taken(f"{track}_wheel0") is None
-            require(free, "name", name or prefix, f"another: the spec has a {what} called {track} already")
+    bodies = tuple(f"{track}_track" for track in names)
+    for track in bodies:
+        taken = any(
+            find(each) for find, each in ((spec.body, track), (spec.sensor, track), (spec.geom, f"{track}_wheel0"))
+        )
+        require(not taken, "name", prefix, f"another: the spec has a {track} already")
     set_options(spec, recipe)
     offsets = tuple(sign * half_gauge for _, sign in _SIDES[side])
     anisotropic = friction[0] != friction[1]
     parts = track_parts(shape, recipe.segments, anisotropic)
-    for track, offset in zip(names, offsets, strict=True):
+    for track, offset in zip(bodies, offsets, strict=True):
         frame = carrier.add_body(name=track, pos=[0.0, offset, 0.0])
         for part in parts:
             frame.add_geom(name=f"{track}_{part.name}", mass=0, contype=0, conaffinity=0, group=3, **part.shape)
@@ -84,15 +86,16 @@ def add_tracks(
         )
     tracks = Tracks(
         names,
+        bodies,
         shape,
         offsets,
         recipe,
         (float(friction[0]), float(friction[1])),
         load,
-        tuple(tuple(f"{track}_{part.name}" for part in parts) for track in names),
+        tuple(tuple(f"{track}_{part.name}" for part in parts) for track in bodies),
         tuple(part.weight for part in parts),
         tuple(part.direction for part in parts),
-        len(names) * (2 * recipe.segments + 2),
+        len(names) * 2 * (recipe.segments + WHEEL_WEIGHT),
     )
     if terrain is not None:
         tracks.connect(spec, terrain)

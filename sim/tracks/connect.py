@@ -28,7 +28,7 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
     """
     grounds = _grounds(spec, tracks, terrain)
     model = spec.copy().compile()
-    body = model.body(tracks.names[0])
+    body = model.body(tracks.bodies[0])
     root = model.body_rootid[body.id]
     require(body.weldid[0] != 0, "body", tracks.names[0], "on a body that moves: give the robot a free joint")
     mass = float(model.body_subtreemass[root]) * tracks.load
@@ -39,8 +39,8 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
     for ground in grounds:
         for names in tracks.geoms:
             for name, weight in zip(names, tracks.weights, strict=True):
-                contact = tracks.preset.contact(gravity, mass * (own + mobility[ground]), tracks.points / weight)
-                crosswise = weight != 1.0
+                contact = tracks.preset.contact(gravity, mass * (own + mobility[ground]), tracks.points, weight)
+                crosswise = name.rpartition("_")[2].startswith("wheel")
                 pair = (across, along) if crosswise else (along, across)
                 _add_pair(spec, ground.name, name, pair, contact)
 
@@ -53,6 +53,9 @@ def _add_pair(
         geomname1=ground,
         geomname2=name,
         condim=3,
+        margin=0.0,
+        gap=0.0,
+        adhesion=0.0,
         friction=[*friction, 0.0, 0.0, 0.0],
         solref=contact.solref,
         solimp=contact.solimp,

@@ -40,19 +40,21 @@ class Preset:
     grip: float = 100.0
     """Rate at which sliding decays where the ground holds [1/s]."""
 
-    def contact(self, gravity: float, mobility: float, points: float) -> ContactParameters:
+    def contact(self, gravity: float, mobility: float, points: float, weight: float = 1.0) -> ContactParameters:
         """Parameters of one of `points` contacts of a robot.
 
         Args:
             gravity: acceleration of gravity [m/s^2].
             mobility: mass of the robot times the inverse weight of the touching bodies [-].
             points: number of points that carry the robot [-].
+            weight: load of this point on a plane, relative to the others [-].
         """
         softness = self.regularisation * mobility / points
         standing = softness / (1 + softness)
         growth = (self.stiffening - 1) * (self.sink / self.width) ** self.power
         first = standing / (1 + growth)
         last = min(first * self.stiffening, 0.99)
+        softer = np.sqrt(weight)  # the force of a point goes with the square of its impedance
         steepness = 1 + 2 * self.power * growth / (1 + growth)
         e = self.regularisation
         frequency = np.sqrt(steepness * gravity / (self.sink * (1 + e)))
@@ -61,7 +63,7 @@ class Preset:
         midpoint = 0.5 if self.power == 1 else 0.999  # the whole rise is a power of depth
         return ContactParameters(
             solref=(-stiffness, -damping),
-            solimp=(first, last, self.width, midpoint, self.power),
+            solimp=(first * softer, last, self.width, midpoint, self.power),
             solreffriction=(-1.0, -self.grip * last),
         )
 
@@ -76,8 +78,8 @@ class ContactParameters:
 
 
 PRESETS = {
-    "accurate": Preset(0.002, 0.002, 10, 0.0003, 0.7, 5.0, 0.003, 3.0),
-    "fast": Preset(0.004, 0.004, 4, 0.0015, 0.3, 1000.0, 0.010, 1.0),
+    "accurate": Preset(0.002, 0.002, 10, 0.0003, 0.5, 3.0, 0.003, 3.0),
+    "fast": Preset(0.004, 0.004, 5, 0.0010, 0.5, 3.0, 0.006, 4.0),
 }
 """Presets by name."""
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from sim.terrain import Course
 from trackslip.errors import require
 
-_FIELDS = ("geom_pos", "geom_quat", "geom_size", "geom_rbound", "geom_aabb", "geom_sameframe", "geom_dataid")
+_FIELDS = ("geom_pos", "geom_quat", "geom_size", "geom_rbound", "geom_aabb", "geom_sameframe", "geom_dataid", "geom_friction")
 _BOX, _FIELD, _PLANE = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_PLANE
 _AWAY = -1000.0  # height of slots that are not in use [m]
 _TINY = 0.01  # half of their size [m]
@@ -83,7 +83,7 @@ class Slots:
 def _terrain(course: Course) -> mujoco.MjModel:
     """A model of the course alone."""
     spec = mujoco.MjSpec()
-    course.add_to(spec)
+    course.add_to(spec, looks=False)
     model = spec.compile()
     allowed = "of boxes, height fields and a floor"
     require(np.isin(model.geom_type, (_BOX, _FIELD, _PLANE)).all(), "course", course, allowed)
