@@ -30,9 +30,7 @@ class Contact:
     def none(cls, size: int, tracks: int) -> Contact:
         """Tracks that have not touched anything."""
         zero = np.zeros((size, tracks))
-        return cls(
-            zero, zero.copy(), zero.copy(), np.full(zero.shape, np.nan), zero > 0, zero.copy(), zero.copy()
-        )
+        return cls(zero, zero.copy(), zero.copy(), np.full(zero.shape, np.nan), zero > 0, zero.copy(), zero.copy())
 
     @classmethod
     def of(cls, readings: Sequence[Reading], belts: Sequence[Array], sample: float) -> Contact:
