@@ -35,7 +35,7 @@ class DriveConfig:
     path: Annotated[Path | None, default_is("straight on", "FILE.csv")] = None
     """Way points x, y to follow by the true pose, in the course's frame [m]."""
     flippers: Annotated[str, tyro.conf.arg(metavar="{up,down,reflex,ANGLES}")] = "reflex"
-    """Flippers: up, down (along the tracks), by reflex, or angles: one, front,rear, or one each; up is positive [rad]."""
+    """Flippers: up, down (along the tracks), by reflex, or angles: one, front,rear, or one each, tips up [rad]."""
     preset: Literal["accurate", "fast"] = "accurate"
     """Contact of the tracks: steps of 2 ms, or of 4 ms."""
     friction: Annotated[float | None, default_is("the course's", "FLOAT")] = None

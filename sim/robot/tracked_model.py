@@ -117,7 +117,7 @@ def _load(robot: TrackedRobot, looks: bool) -> Any:
 def _light(spec: Any) -> None:
     """Light and sky, and a size of pictures that MuJoCo's own limit would forbid."""
     spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
-    spec.visual.quality.shadowsize = 4096
+    spec.visual.quality.shadowsize, spec.visual.quality.offsamples = 2048, 4  # what a processor can draw, too
     if not any(texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX for texture in spec.textures):
         spec.add_texture(
             name="sky",

@@ -12,8 +12,8 @@ from sim.robot.tracked_model import SIDES, TrackedModel
 from sim.tracks.looks import TrackLook, draw
 from trackslip.kinematics import Array
 
-_AZIMUTH, _ELEVATION = 128.0, -20.0  # of the camera: it looks back at the robot from the right, ahead of it [deg]
-_AWAY = 3.4  # distance of the camera, in lengths of the robot
+_AZIMUTH, _ELEVATION = 106.0, -21.0  # of the camera: it looks at the robot from the right, a little ahead of it [deg]
+_AWAY = 2.8  # distance of the camera, in lengths of the robot
 _CALM = 0.6  # share of the robot's heave that the camera follows
 
 

@@ -37,7 +37,7 @@ def draw_course(rng: np.random.Generator, difficulty: float, obstacles: int = 2)
 
 
 def _obstacle(kind: str, difficulty: float, rng: np.random.Generator) -> list[Piece]:
-    """An obstacle of one of the `OBSTACLES`; it is at most as large as the difficulty allows, and at least half that."""
+    """An obstacle of one of the `OBSTACLES`, from half as large as the difficulty allows to just that."""
     size = difficulty * rng.uniform(0.5, 1.0)
 
     def between(easiest: float, hardest: float) -> float:

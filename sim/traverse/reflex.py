@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sim.robot.tracked_model import TrackedModel
 from trackslip.kinematics import Array
 
-SAMPLES = np.array([0.5, 0.75, 1.0, 1.25])
+SAMPLES = np.array([1.0, 1.25, 1.5])
 """Distances from the hinge at which a reflex looks at the ground, in lengths of the flipper."""
 
 
@@ -49,22 +49,22 @@ class FlipperGeometry:
 
 @dataclass(frozen=True)
 class Reflex:
-    """Rules that turn ground and attitude into set points of the flippers."""
+    """Rules that turn ground and attitude into set points of the flippers.
 
-    lead: float = 0.1
-    """Angle by which front flippers are lifted above the ground ahead [rad]."""
-    press: float = 0.1
-    """Angle by which rear flippers press into the ground behind [rad]."""
-    lowest: float = -0.7
-    """Lowest set point, measured from the chassis' plane, tips up [rad]."""
-    highest: float = 1.1
-    """Highest set point [rad]."""
+    Front flippers rise as far as what is ahead demands. Rear flippers stay in line with the chassis, which keeps it
+    from tipping backwards, and reach down for the ground behind it when the robot comes over an edge.
+    """
+
+    highest: float = 0.5
+    """Largest lift of front flippers above the chassis' plane [rad]."""
+    lowest: float = -0.5
+    """Lowest reach of rear flippers [rad]."""
 
     def angles(self, ground: Array, pitch: Array, hinge_height: Array, geometry: FlipperGeometry) -> Array:
         """Set points (N, F) of the flippers' angles, tips up [rad].
 
         Args:
-            ground: heights (N, F, S) of the ground at `SAMPLES` beyond the hinges, in the direction of each flipper [m].
+            ground: heights (N, F, S) of the ground at `SAMPLES` beyond the hinges, in the flippers' directions [m].
             pitch: angles (N,) by which the chassis points upwards [rad].
             hinge_height: heights (N, F) of the hinges [m].
             geometry: the F flippers.
@@ -72,9 +72,9 @@ class Reflex:
         away = SAMPLES * geometry.length[:, None]  # (F, S)
         rise = ground - hinge_height[..., None]
         distance = np.hypot(away, rise)
-        # a line through the hinge whose lower side, `radius` below, touches the ground there
+        # of a line through the hinge whose lower side, `radius` below, touches the ground there
         above = np.arcsin(np.minimum(geometry.radius[:, None] / distance, 1.0))
-        upwards = (np.arctan2(rise, away) + above).max(axis=-1)
-        nose = np.where(geometry.front, 1.0, -1.0) * pitch[:, None]
-        margin = np.where(geometry.front, self.lead, -self.press)
-        return np.clip(upwards - nose + margin, self.lowest, self.highest) - geometry.rest
+        slope = (np.arctan2(rise, away) + above).max(axis=-1)
+        lift = slope - np.where(geometry.front, 1.0, -1.0) * pitch[:, None]
+        low, high = np.where(geometry.front, 0.0, self.lowest), np.where(geometry.front, self.highest, 0.0)
+        return np.clip(lift, low, high) - geometry.rest

@@ -16,16 +16,18 @@ from numpy.typing import NDArray
 
 from sim.terrain import Course
 from trackslip.errors import require
-from trackslip.kinematics import Array
 
-_FIELDS = ("geom_pos", "geom_quat", "geom_size", "geom_rbound", "geom_aabb", "geom_sameframe", "geom_dataid", "geom_friction")
+_FIELDS = (
+    *("geom_pos", "geom_quat", "geom_size", "geom_rbound", "geom_aabb"),
+    *("geom_sameframe", "geom_dataid", "geom_friction"),
+)
 _BOX, _FIELD, _PLANE = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_PLANE
 _AWAY = -1000.0  # height of slots that are not in use [m]
 _TINY = 0.01  # half of their size [m]
 
 
 class Slots:
-    """Slots for courses in a model, which they are added to as a terrain: some boxes, some height fields, and a floor."""
+    """Slots for courses in a model, which they are added to as a terrain: boxes, height fields, and a floor."""
 
     def __init__(self, courses: Sequence[Course], boxes: int = 0) -> None:
         """Make room for each of `courses`, and for any course of `boxes` boxes or less without a height field."""
@@ -39,7 +41,7 @@ class Slots:
 
     def add_to(self, spec: mujoco.MjSpec) -> list[str]:
         """Add the slots to the world body of `spec`; returns the names of their geoms."""
-        for (course, model), first in zip(self._listed, self._first_field, strict=False):
+        for (_, model), first in zip(self._listed, self._first_field, strict=False):
             for k in range(model.nhfield):
                 adr, rows, columns = model.hfield_adr[k], model.hfield_nrow[k], model.hfield_ncol[k]
                 data = model.hfield_data[adr : adr + rows * columns]
