@@ -94,6 +94,7 @@ def add_tracks(
         load,
         tuple(tuple(f"{track}_{part.name}" for part in parts) for track in bodies),
         tuple(part.weight for part in parts),
+        tuple(part.crosswise for part in parts),
         tuple(part.direction for part in parts),
         len(names) * 2 * (recipe.segments + WHEEL_WEIGHT),
     )
