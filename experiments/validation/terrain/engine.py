@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from experiments.validation.terrain.grounds import Level
-from experiments.validation.terrain.obstacles import FRICTION, SPEED, climber, rough_course, stairs_course
+from experiments.validation.terrain.obstacles import SPEED, climber, rough_course, stairs_course
 from experiments.validation.terrain.subjects import STAIRS, Stand, Subject
 from experiments.validation.terrain.trial import Trial
 from sim.robot.tracked_model import Terrain
@@ -42,7 +42,7 @@ def belt_error(subject: Subject, preset: str, rng: np.random.Generator) -> float
 
     The velocity comes from the engine's constraints; the belt's from its body's motion, its wheels and its speed.
     """
-    stand = subject.stand(Level(), preset, FRICTION, 0.0, _FLAPPING)
+    stand = subject.stand(Level(), preset, flippers=_FLAPPING)
     model, data = stand.model, mujoco.MjData(stand.model)
     worst = 0.0
     for _ in range(_STATES):
@@ -55,13 +55,13 @@ def belt_error(subject: Subject, preset: str, rng: np.random.Generator) -> float
         speeds = rng.uniform(-1.0, 1.0, len(stand.track_side))
         stand.belts.set(model, speeds)
         mujoco.mj_forward(model, data)
-        worst = max(worst, _contact_error(stand, data, speeds))
+        worst = float(np.maximum(worst, _contact_error(stand, data, speeds)))
     return worst
 
 
 def _contact_error(stand: Stand, data: mujoco.MjData, speeds: Array) -> float:
     """The same in one state."""
-    model, worst = stand.model, 0.0
+    model, worst = stand.model, float("nan")
     jacobian = np.zeros((3, model.nv))
     tracks = [(each.hull, names) for each in stand.tracks for names in each.geoms]
     for contact in data.contact:
@@ -83,7 +83,7 @@ def _contact_error(stand: Stand, data: mujoco.MjData, speeds: Array) -> float:
         frame = np.asarray(contact.frame).reshape(3, 3)
         expected = frame[1:] @ (jacobian @ data.qvel + speeds[track] * belt)
         found = data.efc_vel[contact.efc_address + 1 : contact.efc_address + 3]
-        worst = max(worst, float(np.abs(found - expected).max()))
+        worst = float(np.fmax(worst, np.abs(found - expected).max()))
     return worst
 
 
@@ -126,7 +126,7 @@ def _timed(trial: Trial) -> float:
 
 def _on_course(subject: Subject, course: Course | None, preset: str, size: int, threads: int) -> Trial:
     terrain: Terrain = Level() if course is None else course
-    trial = Trial(subject.stand(terrain, preset, FRICTION, 0.0, STAIRS), size, threads)
+    trial = Trial(subject.stand(terrain, preset, flippers=STAIRS), size, threads)
     if course is not None:
         trial.position[:] += np.array(course.start[:3])
     return trial

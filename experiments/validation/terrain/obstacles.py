@@ -1,4 +1,4 @@
-"""Robots on stairs and on rough ground: how deep their tracks sink in, how fast they get, and whether the engine warns."""
+"""Robots on stairs and rough ground: how deep their tracks sink in, how fast they get, whether the engine warns."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.validation.terrain.subjects import STAIRS, UP, Box, Subject
+from experiments.validation.terrain.subjects import STAIRS, Box, Subject
 from experiments.validation.terrain.trial import Trial
+from sim.instruments import default_contact
 from sim.terrain import Course, Rough, Stairs
 from trackslip.kinematics import Array
 
@@ -26,6 +27,7 @@ _YAW = (-0.1, 0.0, 0.1)  # headings at which stairs are climbed [rad]
 _STAIRS_TIME = 30.0  # [s]
 _HOLD = 2.0  # time for which random belt speeds are held [s]
 _FIELD = 30.0  # size of the rough ground [m]
+_LANDING = 1.0  # time to fall and come to rest, not looked at [s]
 _DROP = 0.15  # from which robots are put on rough ground, above its mean [m]
 
 
@@ -68,10 +70,13 @@ def climber(subject: Subject) -> Subject:
     return CLIMBER if isinstance(subject, Box) else subject
 
 
-def stairs(subject: Subject, preset: str, threads: int) -> Sinking:
-    """Climb stairs, straight on and obliquely."""
+def stairs(subject: Subject, preset: str, threads: int, by_default: bool = False) -> Sinking:
+    """Climb stairs, straight on and obliquely, with the recipe or with MuJoCo's default contact."""
     course = stairs_course()
-    trial = Trial(climber(subject).stand(course, preset, FRICTION, 0.0, STAIRS), len(_YAW), threads)
+    stand = climber(subject).stand(course, preset, flippers=STAIRS)
+    if by_default:
+        default_contact(stand.model)
+    trial = Trial(stand, len(_YAW), threads)
     trial.position[:] += np.array(course.start[:3])
     trial.turn_to(np.array(_YAW))
     trial.drive(np.array([SPEED, SPEED]))
@@ -86,12 +91,12 @@ def stairs(subject: Subject, preset: str, threads: int) -> Sinking:
 def rough(subject: Subject, preset: str, rng: np.random.Generator, threads: int) -> Sinking:
     """Drive at random on rough ground."""
     course = rough_course(_FIELD)
-    trial = Trial(subject.stand(course, preset, FRICTION, 0.0, UP), ROBOTS, threads)
+    trial = Trial(subject.stand(course, preset), ROBOTS, threads)
     trial.position[:, 0] = _FIELD * (np.arange(ROBOTS) + 0.5) / ROBOTS
     trial.position[:, 2] += _DROP
     trial.turn_to(rng.uniform(-np.pi, np.pi, ROBOTS))
     watch = _Watch(trial)
-    watch.step(None, round(1.0 / trial.timestep))  # the drop isn't looked at
+    watch.skip(_LANDING)
     for k in range(round(DURATION / trial.timestep)):
         if k % round(_HOLD / trial.timestep) == 0:
             trial.drive(rng.uniform(-SPEED, SPEED, (ROBOTS, 2)))
@@ -107,16 +112,20 @@ class _Watch:
         self._depth: list[Array] = []
         self._fastest = 0.0
 
-    def step(self, rows: np.ndarray | None = None, unseen: int = 0) -> None:
+    def skip(self, duration: float) -> None:
+        """Let time pass [s]."""
+        self._trial.advance(duration)
+
+    def step(self, rows: np.ndarray | None = None) -> None:
+        """A physics step of all robots, or those of `rows` (N,) bool."""
         trial = self._trial
-        if unseen:
-            trial.batch.step(nstep=unseen)
-            return
         trial.batch.step(ids=rows)
         reading = trial.belts.read()
-        self._depth.append(reading.depth[reading.touching])
+        moving = slice(None) if rows is None else rows
+        self._depth.append(reading.depth[moving][reading.touching[moving]])
         self._fastest = max(self._fastest, float(np.linalg.norm(trial.velocity, axis=1).max()))
 
     def found(self, arrived: int) -> Sinking:
+        """What was noted, with the number of robots that arrived."""
         warnings = int(self._trial.batch.warning[..., 1].sum())
         return Sinking(np.concatenate(self._depth), self._fastest, warnings, arrived, self._trial.size)

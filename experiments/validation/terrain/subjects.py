@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol
 
 import mujoco
@@ -59,9 +60,7 @@ class Subject(Protocol):
     def name(self) -> str:
         """How it is called in tables."""
 
-    def stand(
-        self, terrain: Terrain, preset: str, friction: float, shift: float = 0.0, flippers: tuple[float, float] = UP
-    ) -> Stand:
+    def stand(self, terrain: Terrain, preset: str, shift: float = 0.0, flippers: tuple[float, float] = UP) -> Stand:
         """Put it on terrain, with its centre of mass `shift` further ahead [m]; a box has no `flippers`."""
 
 
@@ -79,22 +78,25 @@ class Box:
     """[kg]"""
     name: str = "box"
 
-    def stand(
-        self, terrain: Terrain, preset: str, friction: float, shift: float = 0.0, flippers: tuple[float, float] = UP
-    ) -> Stand:
+    def stand(self, terrain: Terrain, preset: str, shift: float = 0.0, flippers: tuple[float, float] = UP) -> Stand:
         """See `Subject`."""
         x, z = self.centre_of_mass[0] + shift, self.centre_of_mass[1]
         spec = mujoco.MjSpec()
         ground = terrain.add_to(spec)
         body = spec.worldbody.add_body(name="box")
         body.add_freejoint()
-        body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.22, 0.16, 0.05], pos=[x, 0, z], mass=self.mass, contype=0, conaffinity=0
-        )
+        half_size, loose = [0.22, 0.16, 0.05], {"contype": 0, "conaffinity": 0}
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=half_size, pos=[x, 0, z], mass=self.mass, **loose)
+        friction = (terrain.friction, terrain.friction)
         tracks = add_tracks(
-            spec, "box", half_gauge=self.half_gauge, hull=self.hull, preset=preset, friction=(friction, friction)
+            spec,
+            "box",
+            half_gauge=self.half_gauge,
+            hull=self.hull,
+            preset=preset,
+            friction=friction,
+            terrain=ground,
         )
-        tracks.connect(spec, ground)
         model = spec.compile()
         view = SideView(np.array(self.hull), (x, z))
         qpos = model.qpos0.copy()
@@ -121,12 +123,10 @@ class FromFile:
         """See `Subject`."""
         return self.robot.name
 
-    def stand(
-        self, terrain: Terrain, preset: str, friction: float, shift: float = 0.0, flippers: tuple[float, float] = UP
-    ) -> Stand:
+    def stand(self, terrain: Terrain, preset: str, shift: float = 0.0, flippers: tuple[float, float] = UP) -> Stand:
         """See `Subject`."""
         robot = self.robot
-        built = build_tracked(robot, _Shifted(terrain, robot, shift), preset=preset, friction=(friction, friction))
+        built = build_tracked(robot, _Shifted(terrain, robot, shift), preset=preset)
         model, control = built.model, np.zeros(built.model.nu)
         control[built.flipper_motor] = built.flipper_control(np.where(built.flipper_front, *flippers))
         qpos = model.qpos0.copy()
@@ -159,6 +159,11 @@ class _Shifted:
     robot: TrackedRobot
     shift: float
 
+    @property
+    def friction(self) -> float:
+        """See `Terrain`."""
+        return self.terrain.friction
+
     def add_to(self, spec: Any) -> list[str]:
         """See `Terrain`."""
         if self.shift:
@@ -170,3 +175,11 @@ class _Shifted:
             ahead = self.shift * float(body.subtreemass[0]) / float(body.mass[0])
             chassis.ipos = body.ipos + np.array([ahead, 0.0, 0.0])
         return self.terrain.add_to(spec)
+
+
+def subjects(robot: Path | None) -> tuple[Subject, ...]:
+    """The box and the rescue robot, or the robot of a file; raises SettingsFileError for one that can't be read."""
+    if robot is None:
+        return Box(), FromFile("rescue")
+    load_tracked(robot)
+    return (FromFile(str(robot)),)
