@@ -14,6 +14,7 @@ from sim.tracks.presets import Preset
 WHEEL_WEIGHT = 0.5
 """Load of a wheel on a plane, relative to that of a capsule's end [-]."""
 _MAX_RUN_RADIUS = 0.03  # [m]
+_ABOVE = 0.4  # density of capsules along a run that only touches when the robot has overturned, relative to one below
 _ALONG = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
@@ -64,14 +65,15 @@ class Part:
 
 
 def track_parts(hull: Hull, segments: int, anisotropic: bool) -> list[Part]:
-    """Geoms of a track, in its frame; the longest run has the most segments."""
-    longest = max(run.length for run in hull.runs)
+    """Geoms of a track, in its frame: `segments` capsules along the longest run that faces the ground."""
+    longest = max(run.length for run in hull.runs if run.outwards[1] < 0)
     parts = []
     for i, run in enumerate(hull.runs):
+        density = (1.0 if run.outwards[1] < 0 else _ABOVE) * segments / longest
         radius = min(run.radius, _MAX_RUN_RADIUS)
         middle = (run.start + run.end) / 2 - radius * run.outwards
         turn = np.arctan2(run.along[0], run.along[1])  # about y, from z to the belt's direction
-        for j, (start, end) in enumerate(_chain(run.length, max(2, round(segments * run.length / longest)))):
+        for j, (start, end) in enumerate(_chain(run.length, max(2, round(density * run.length)))):
             x, z = middle + (start + end) / 2 * run.along
             shape = {
                 "type": mujoco.mjtGeom.mjGEOM_CAPSULE,
