@@ -20,9 +20,10 @@ class _Map:
         self.names = tuple(name for each in tracks for name in each.names)
         require(len(set(self.names)) == len(self.names), "tracks", self.names, "each bound once")
         try:
-            self.bodies = np.array([model.body(name).id for name in self.names])
+            bodies = [body for each in tracks for body in each.bodies]
+            self.bodies = np.array([model.body(body).id for body in bodies])
             self.geoms = np.array([model.geom(geom).id for each in tracks for names in each.geoms for geom in names])
-            sensors = [model.sensor(name).id for name in self.names]
+            sensors = [model.sensor(body).id for body in bodies]
         except KeyError:
             raise InvalidValueError("tracks", self.names, "in the model: compile the spec they were added to") from None
         counts = [len(names) for each in tracks for names in each.geoms]
@@ -113,9 +114,9 @@ def bind(model: mujoco.MjModel, *tracks: TrackParts) -> Belts:
 
 def _speeds(speeds: ArrayLike, count: int) -> Floats:
     values = np.asarray(speeds, float)
-    allowed = f"finite numbers, the last axis of size {count}, a belt each"
-    fits = values.ndim > 0 and values.shape[-1] == count and np.isfinite(values).all()
-    require(fits, "speeds", values.tolist(), allowed)
+    fits = values.ndim > 0 and values.shape[-1] == count
+    require(fits, "shape of speeds", values.shape, f"(..., {count}), a belt each")
+    require(np.isfinite(values).all(), "speeds", values[~np.isfinite(values)][:1].tolist(), "finite")
     return values
 
 

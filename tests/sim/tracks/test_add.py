@@ -44,7 +44,7 @@ def test_the_ground_carries_the_robot():
     belts, data = tracks.bind(model), mujoco.MjData(model)
     mujoco.mj_step(model, data, 1000)
     reading = belts.read(model, data)
-    assert reading.load.sum() == pytest.approx(25 * 9.81, rel=1e-6)
+    assert reading.load.sum() == pytest.approx(25 * 9.81, rel=1e-4)
     np.testing.assert_allclose(reading.depth, 0.0003, rtol=0.01)
     assert np.isnan(reading.slip).all()
     assert np.abs(reading.sliding).max() < 1e-6
