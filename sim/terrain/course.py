@@ -21,7 +21,7 @@ _MAX_SOLIDS = 2000
 _CLEARANCE = 0.3  # of the floor below the lowest point of the course [m]
 _CELL = 0.02  # of the table that `elevation` looks up, for courses of moderate size [m]
 _MAX_CELLS = 2_000_000
-_FLOOR = (0.20, 0.22, 0.25, 1.0)
+_FLOOR = (0.40, 0.43, 0.40, 1.0)
 _FLOOR_SIZE = 50.0  # half of the floor's drawn size; it has no end [m]
 _START_BEFORE = 1.0  # of the start before the first piece [m]
 
