@@ -130,7 +130,7 @@ class Box:
         at, half = offset @ self.rotation, np.array(self.half)
         down = -self.rotation[2]  # of the ray, in the frame of the box
         within = np.where(np.abs(at) <= half + ROUNDING, -np.inf, np.inf)  # of a slab that the ray is parallel to
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             enter = np.where(down == 0, within, (-np.sign(down) * half - at) / down)
             leave = np.where(down == 0, np.inf, (np.sign(down) * half - at) / down)
         face = enter.argmax(axis=-1)  # (P,)
