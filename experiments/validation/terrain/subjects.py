@@ -86,7 +86,12 @@ class Box:
         body = spec.worldbody.add_body(name="box")
         body.add_freejoint()
         body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.22, 0.16, 0.05], pos=[x, 0, z], mass=self.mass, contype=0, conaffinity=0
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[0.22, 0.16, 0.05],
+            pos=[x, 0, z],
+            mass=self.mass,
+            contype=0,
+            conaffinity=0,
         )
         tracks = add_tracks(
             spec, "box", half_gauge=self.half_gauge, hull=self.hull, preset=preset, friction=(friction, friction)
@@ -96,9 +101,7 @@ class Box:
         view = SideView(np.array(self.hull), (x, z))
         qpos = model.qpos0.copy()
         qpos[2] = -view.ground
-        return Stand(
-            model, bind(model, tracks), np.arange(2), (0, 0), qpos, np.zeros(0), self.half_gauge, view
-        )
+        return Stand(model, bind(model, tracks), np.arange(2), (0, 0), qpos, np.zeros(0), self.half_gauge, view)
 
 
 @dataclass(frozen=True)
