@@ -11,10 +11,10 @@ import mujoco
 import numpy as np
 
 from sim.seeds import generator
-from sim.terrain.limits import MAX_COURSE, require_between, require_length
+from sim.terrain.limits import MAX_COURSE, is_whole, require_between, require_length
 from sim.terrain.pieces import Flat, Piece, Placed, Site
 from sim.terrain.solids import ROUNDING, Base, Level, Solid, look
-from trackslip.errors import require, require_at_most
+from trackslip.errors import require, require_at_most, require_finite
 from trackslip.kinematics import Array
 
 _MAX_SOLIDS = 2000
@@ -53,7 +53,7 @@ class Course:
         for name in ("width", "start_length", "goal_length"):
             require_length(name, getattr(self, name))
         require_between("friction", self.friction, 0.0, 10.0)
-        require(isinstance(self.seed, int) and self.seed >= 0, "seed", self.seed, "a whole number >= 0")
+        require(is_whole(self.seed) and self.seed >= 0, "seed", self.seed, "a whole number >= 0")
         require_at_most("length of the course", self._placed[-1].x + self.start_length, MAX_COURSE, "m")
 
     @cached_property
@@ -171,8 +171,10 @@ class Course:
             Names of the geoms, for `Tracks.connect`.
 
         Raises:
-            InvalidValueError: if the model has geoms of these names.
+            InvalidValueError: if the model has geoms of these names, or the place isn't finite.
         """
+        for place in at:
+            require_finite("at", place)
         taken = any(geom.name.startswith(f"{name}/") for geom in spec.geoms)
         require(not taken, "name", name, "a name that no other course in the model has")
         base = Base(self.floor, self.friction, *at, name, looks)

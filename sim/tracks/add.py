@@ -16,6 +16,7 @@ from trackslip.errors import InvalidValueError, require, require_finite, require
 
 SENSED = 1 << 0 | 1 << 1 | 1 << 3 | 1 << 5 | 1 << 6 | 1 << 7
 """Bits of what a contact sensor reports of each contact: found, force, dist, normal, tangent, linvel."""
+_MAX_SEGMENTS = 40
 _MAX_FORCE = 2  # reduction of a contact sensor: the largest forces first
 _SIDES = {"both": (("left", 1.0), ("right", -1.0)), "left": (("", 1.0),), "right": (("", -1.0),)}
 
@@ -31,11 +32,12 @@ def add_tracks(
     name: str = "",
     side: str = "both",
     load: float = 1.0,
+    segments: int | None = None,
     terrain: Iterable[object] | None = None,
 ) -> Tracks:
     """Add a track, or a pair of tracks, to a body of a MuJoCo spec.
 
-    The spec's cone, impratio and solver become those of the recipe, and its time step, too, if it is MuJoCo's default.
+    The spec's cone becomes elliptic and its impratio 10,000. A time step that is MuJoCo's default becomes the preset's.
 
     Args:
         spec: a model that is not compiled yet.
@@ -48,6 +50,8 @@ def add_tracks(
         name: of the track; two are called NAME_left and NAME_right. By default the body's name.
         side: "both", "left" or "right".
         load: part of the robot's weight that these tracks carry when the robot stands on them [-].
+        segments: capsules along the longest run below; by default the preset's, and half as many for a single track,
+            such as a flipper's.
         terrain: geoms, or their names, to `connect` the tracks with at once; otherwise call `Tracks.connect`.
 
     Raises:
@@ -60,6 +64,8 @@ def add_tracks(
     require(0 < load <= 1, "load", load, "greater than 0, and at most 1")
     require_friction(friction)
     shape, recipe = Hull.from_wheels(hull), load_preset(preset)
+    count = segments or (recipe.segments if side == "both" else recipe.segments // 2)
+    require(2 <= count <= _MAX_SEGMENTS, "segments", segments, f"from 2 to {_MAX_SEGMENTS}")
     prefix = name or carrier.name
     require(prefix, "name", name, "given: the body has no name")
     names = tuple("_".join(filter(None, (prefix, which))) for which, _ in _SIDES[side])
@@ -72,7 +78,7 @@ def add_tracks(
     set_options(spec, recipe)
     offsets = tuple(sign * half_gauge for _, sign in _SIDES[side])
     anisotropic = friction[0] != friction[1]
-    parts = track_parts(shape, recipe.segments, anisotropic)
+    parts = track_parts(shape, count, anisotropic)
     for track, offset in zip(bodies, offsets, strict=True):
         frame = carrier.add_body(name=track, pos=[0.0, offset, 0.0])
         for part in parts:
@@ -82,7 +88,7 @@ def add_tracks(
             type=mujoco.mjtSensor.mjSENS_CONTACT,
             reftype=mujoco.mjtObj.mjOBJ_BODY,
             refname=track,
-            intprm=[SENSED, _MAX_FORCE, 4 * recipe.segments + 8],
+            intprm=[SENSED, _MAX_FORCE, 4 * count + 8],
         )
     tracks = Tracks(
         names,
@@ -94,8 +100,9 @@ def add_tracks(
         load,
         tuple(tuple(f"{track}_{part.name}" for part in parts) for track in bodies),
         tuple(part.weight for part in parts),
+        tuple(part.crosswise for part in parts),
         tuple(part.direction for part in parts),
-        len(names) * 2 * (recipe.segments + WHEEL_WEIGHT),
+        len(names) * 2 * (count + WHEEL_WEIGHT),
     )
     if terrain is not None:
         tracks.connect(spec, terrain)

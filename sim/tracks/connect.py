@@ -7,11 +7,15 @@ from collections.abc import Iterable
 import mujoco
 import numpy as np
 
+from sim.tracks.mobility import mobility
 from sim.tracks.parts import TrackParts
 from sim.tracks.presets import ContactParameters
 from trackslip.errors import InvalidValueError, require, require_at_most, require_positive
 
 _MAX_FRICTION = 10.0
+_MAX_MOBILITY = (
+    3.0  # up to which contacts have the stiffness of their preset; more is that of flippers and light limbs [-]
+)
 
 
 def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] | None = None) -> None:
@@ -29,20 +33,21 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
     grounds = _grounds(spec, tracks, terrain)
     model = spec.copy().compile()
     body = model.body(tracks.bodies[0])
-    root = model.body_rootid[body.id]
     require(body.weldid[0] != 0, "body", tracks.names[0], "on a body that moves: give the robot a free joint")
-    mass = float(model.body_subtreemass[root]) * tracks.load
+    mass = float(model.body_subtreemass[model.body_rootid[body.id]]) * tracks.load
     gravity = float(np.linalg.norm(model.opt.gravity)) or 9.81
-    mobility = {geom: float(model.body_invweight0[model.geom(geom.name).bodyid[0], 0]) for geom in grounds}
+    hardness = min(1.0, _MAX_MOBILITY / mobility(model, tracks, mass))
     own = float(model.body_invweight0[body.id, 0])
-    along, across = tracks.friction
     for ground in grounds:
+        inverse_weight = own + float(model.body_invweight0[model.geom(ground.name).bodyid[0], 0])
+        share = mass * inverse_weight / tracks.points
+        contacts = {
+            weight: tracks.preset.contact(gravity, share, hardness, weight) for weight in sorted(set(tracks.weights))
+        }
         for names in tracks.geoms:
-            for name, weight in zip(names, tracks.weights, strict=True):
-                contact = tracks.preset.contact(gravity, mass * (own + mobility[ground]), tracks.points, weight)
-                crosswise = name.rpartition("_")[2].startswith("wheel")
-                pair = (across, along) if crosswise else (along, across)
-                _add_pair(spec, ground.name, name, pair, contact)
+            for name, weight, crosswise in zip(names, tracks.weights, tracks.crosswise, strict=True):
+                friction = tracks.friction[::-1] if crosswise else tracks.friction
+                _add_pair(spec, ground.name, name, friction, contacts[weight])
 
 
 def _add_pair(

@@ -12,7 +12,7 @@ IMPRATIO = 1e4
 
 
 def set_options(spec: mujoco.MjSpec, preset: Preset) -> None:
-    """Set cone, impratio and solver, and the time step unless it is the user's own.
+    """Set the cone and impratio, and the time step unless it is the user's own.
 
     Raises InvalidValueError for a time step at which the preset isn't stable.
     """
@@ -23,4 +23,5 @@ def set_options(spec: mujoco.MjSpec, preset: Preset) -> None:
     require(0 < option.timestep <= preset.longest_timestep, "timestep", option.timestep, allowed)
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = max(option.impratio, IMPRATIO)
-    option.solver = mujoco.mjtSolver.mjSOL_CG
+    if option.solver == mujoco.mjtSolver.mjSOL_PGS:  # doesn't converge at such an impratio
+        option.solver = plain.solver

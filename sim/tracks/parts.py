@@ -14,6 +14,7 @@ from sim.tracks.presets import Preset
 WHEEL_WEIGHT = 0.5
 """Load of a wheel on a plane, relative to that of a capsule's end [-]."""
 _MAX_RUN_RADIUS = 0.03  # [m]
+_ABOVE = 0.4  # density of capsules along a run that only touches when the robot has overturned, relative to one below
 _ALONG = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
@@ -39,6 +40,8 @@ class TrackParts:
     """Names of the geoms of each track."""
     weights: tuple[float, ...]
     """Stiffness of each geom of a track, relative to that of a capsule's end [-]."""
+    crosswise: tuple[bool, ...]
+    """Whether each geom of a track is a capsule across it."""
     directions: tuple[tuple[float, ...], ...]
     """Surface velocity (6,) of each geom of a track in its own frame, at a belt speed of 1 m/s."""
     points: float
@@ -55,19 +58,22 @@ class Part:
     """Type, place and size, in the track's frame; the own z axis of a capsule along the run is the belt's direction."""
     weight: float
     """Stiffness relative to that of a capsule's end [-]."""
+    crosswise: bool
+    """Whether it is a capsule across the track."""
     direction: tuple[float, ...]
     """Surface velocity (6,) in its own frame, at a belt speed of 1 m/s."""
 
 
 def track_parts(hull: Hull, segments: int, anisotropic: bool) -> list[Part]:
-    """Geoms of a track, in its frame; the longest run has the most segments."""
-    longest = max(run.length for run in hull.runs)
+    """Geoms of a track, in its frame: `segments` capsules along the longest run that faces the ground."""
+    longest = max(run.length for run in hull.runs if run.outwards[1] < 0)
     parts = []
     for i, run in enumerate(hull.runs):
+        density = (1.0 if run.outwards[1] < 0 else _ABOVE) * segments / longest
         radius = min(run.radius, _MAX_RUN_RADIUS)
         middle = (run.start + run.end) / 2 - radius * run.outwards
         turn = np.arctan2(run.along[0], run.along[1])  # about y, from z to the belt's direction
-        for j, (start, end) in enumerate(_chain(run.length, max(2, round(segments * run.length / longest)))):
+        for j, (start, end) in enumerate(_chain(run.length, max(2, round(density * run.length)))):
             x, z = middle + (start + end) / 2 * run.along
             shape = {
                 "type": mujoco.mjtGeom.mjGEOM_CAPSULE,
@@ -75,7 +81,7 @@ def track_parts(hull: Hull, segments: int, anisotropic: bool) -> list[Part]:
                 "size": [radius, (end - start) / 2, 0.0],
                 "quat": [np.cos(turn / 2), 0.0, np.sin(turn / 2), 0.0],
             }
-            parts.append(Part(f"run{i}_{j}", shape, 1.0, _ALONG))
+            parts.append(Part(f"run{i}_{j}", shape, 1.0, False, _ALONG))
     for i, (x, z, radius) in enumerate(hull.wheels.tolist()):
         parts.append(_wheel(i, x, z, radius, anisotropic))
     return parts
@@ -96,7 +102,7 @@ def _chain(length: float, count: int) -> NDArray[np.float64]:
 def _wheel(index: int, x: float, z: float, radius: float, anisotropic: bool) -> Part:
     if not anisotropic:
         sphere = {"type": mujoco.mjtGeom.mjGEOM_SPHERE, "pos": [x, 0.0, z], "size": [radius, 0.0, 0.0]}
-        return Part(f"wheel{index}", sphere, WHEEL_WEIGHT, (0.0, 0.0, 0.0, 0.0, 1 / radius, 0.0))
+        return Part(f"wheel{index}", sphere, WHEEL_WEIGHT, False, (0.0, 0.0, 0.0, 0.0, 1 / radius, 0.0))
     # on a plane only a capsule's contact frame turns with the robot; it touches at both ends
     across = {
         "type": mujoco.mjtGeom.mjGEOM_CAPSULE,
@@ -104,4 +110,4 @@ def _wheel(index: int, x: float, z: float, radius: float, anisotropic: bool) -> 
         "size": [radius, radius / 100, 0.0],
         "quat": [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0],
     }
-    return Part(f"wheel{index}", across, WHEEL_WEIGHT / 2, (0.0, 0.0, 0.0, 0.0, 0.0, -1 / radius))
+    return Part(f"wheel{index}", across, WHEEL_WEIGHT / 2, True, (0.0, 0.0, 0.0, 0.0, 0.0, -1 / radius))

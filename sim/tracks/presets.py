@@ -2,8 +2,8 @@
 
 A contact with impedance d(r) at depth r, between bodies of inverse weight A, pushes with
 f = (d / (1 - d)) / A * (a* - a), a* = K d(r) / dmax^2 r - B / dmax v. Standing, N points at the depth `sink` carry the
-robot of mass m; of their `regularisation` e, d / (1 - d) = e m A / N there. Then K = g dmax^2 / (e d sink), and heave has
-the frequency w^2 = (1 + 2 sink d' / d) g / sink / (1 + e) and the damping e B / dmax / (1 + e) = 2 zeta w.
+robot of mass m; of their `regularisation` e, d / (1 - d) = e m A / N there. Then K = g dmax^2 / (e d sink), and heave
+has the frequency w^2 = (1 + 2 sink d' / d) g / sink / (1 + e) and the damping e B / dmax / (1 + e) = 2 zeta w.
 """
 
 from __future__ import annotations
@@ -40,16 +40,16 @@ class Preset:
     grip: float = 100.0
     """Rate at which sliding decays where the ground holds [1/s]."""
 
-    def contact(self, gravity: float, mobility: float, points: float, weight: float = 1.0) -> ContactParameters:
-        """Parameters of one of `points` contacts of a robot.
+    def contact(self, gravity: float, share: float, hardness: float, weight: float = 1.0) -> ContactParameters:
+        """Parameters of a contact.
 
         Args:
             gravity: acceleration of gravity [m/s^2].
-            mobility: mass of the robot times the inverse weight of the touching bodies [-].
-            points: number of points that carry the robot [-].
+            share: m A / N above [-].
+            hardness: stiffness and damping relative to those of the preset [-].
             weight: load of this point on a plane, relative to the others [-].
         """
-        softness = self.regularisation * mobility / points
+        softness = self.regularisation * share
         standing = softness / (1 + softness)
         growth = (self.stiffening - 1) * (self.sink / self.width) ** self.power
         first = standing / (1 + growth)
@@ -58,8 +58,8 @@ class Preset:
         steepness = 1 + 2 * self.power * growth / (1 + growth)
         e = self.regularisation
         frequency = np.sqrt(steepness * gravity / (self.sink * (1 + e)))
-        stiffness = gravity * last**2 / (e * standing * self.sink)
-        damping = 2 * self.damping_ratio * frequency * last * (1 + e) / e
+        stiffness = hardness * gravity * last**2 / (e * standing * self.sink)
+        damping = hardness * 2 * self.damping_ratio * frequency * last * (1 + e) / e
         midpoint = 0.5 if self.power == 1 else 0.999  # the whole rise is a power of depth
         return ContactParameters(
             solref=(-stiffness, -damping),

@@ -9,7 +9,7 @@ import numpy as np
 from sim.terrain import Beams, Course, Flat, Gap, Piece, Ramp, Stairs, Step
 from trackslip.errors import require
 
-MAX_BOXES = 20
+MAX_BOXES = 9
 """Largest number of boxes of a course that `draw_course` draws."""
 OBSTACLES = ("ramp", "step up", "step down", "stairs up", "stairs down", "beams", "gap")
 """Kinds of obstacles that it draws."""

@@ -154,6 +154,10 @@ def test_elevation_is_height_but_for_edges():
     np.testing.assert_allclose(course.elevation(corners), 0.0, atol=1e-12)
 
 
+def test_whole_numbers_may_be_numpys():
+    assert Course((Stairs(number=np.int64(3)),), seed=np.int32(4)) == Course((Stairs(number=3),), seed=4)
+
+
 def test_two_courses_in_one_model():
     spec = mujoco.MjSpec()
     courses = Course((Ramp(0.3, 1.0), Rough())), Course((Stairs(),))
@@ -200,7 +204,15 @@ def test_all_named_geoms_collide_and_nothing_else_does():
         (lambda: Pallets(spacing=0.5), "spacing = 0.5: must be greater than the depth of a pallet, 0.8 m"),
         (lambda: Rough(cell=0.0), "cell = 0.0: must be from 0.005 to 4 m, at most the length"),
         (lambda: Rough(length=1.0, blend=0.6), "blend = 0.6: must be from 0 to 0.5 m, at most half of the length"),
-        (lambda: Course((Rough(100.0, cell=0.01),)), "samples of rough ground = 3010301: must be at most 1e[+]06"),
+        (
+            lambda: Course((Rough(100.0, cell=0.01),)),
+            "cells along a side of rough ground = 10001: must be at most 2000",
+        ),
+        (
+            lambda: Course((Rough(15.0, cell=0.01),), width=15.0),
+            "samples of rough ground = 2253001: must be at most 1e[+]06",
+        ),
+        (lambda: Course((Flat(),)).add_to(mujoco.MjSpec(), at=(np.inf, 0.0)), "at = inf: must be a finite number"),
         (lambda: HeightField(np.zeros(4)), r"shape of heights = \(4,\): must be \(rows, columns\), at least \(2, 2\)"),
         (lambda: HeightField(np.full((3, 3), np.nan)), r"heights = \[nan\]: must be finite numbers"),
         (lambda: HeightField(np.full((3, 3), "a")), r"heights = \['a'\]: must be finite numbers"),

@@ -83,7 +83,7 @@ def test_files_of_a_piece_are_beside_the_course(tmp_path):
         ("width = 0\n" + RAMP, "width = 0.0: must be from 0.001 to 200 m"),
         (
             'width = 200\n[[pieces]]\nkind = "rough"\ncell = 0.005',
-            "samples of rough ground = 32040801: must",
+            "cells along a side of rough ground = 40001: must",
         ),
         ("[[pieces]\n", "not TOML"),
     ],

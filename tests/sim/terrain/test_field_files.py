@@ -118,6 +118,14 @@ def test_many_small_triangles_are_taken_in_parts(monkeypatch):
     assert (whole > 0).mean() > 0.99
 
 
+def test_too_much_work_is_refused():
+    vertices = np.array([[0, 0, 0], [2000, 0, 1], [0, 2000, 2]], float)
+    with pytest.raises(
+        InvalidValueError, match=r"samples near the mesh's triangles = 120000000: must be at most 1e\+08"
+    ):
+        highest(vertices, np.tile([0, 1, 2], (120, 1)), (1000, 1000))
+
+
 @pytest.mark.parametrize(
     "text", ["junk", "", "v 0 0 0\nv 1 0 0\nf 1 2 9\n", "v nan 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n"]
 )
