@@ -1,1 +1,1 @@
-"""What `trackslip validate --terrain` measures: tracks made with `sim.tracks` compared with theory, a file a question."""
+"""What `trackslip validate --terrain` measures: tracks on terrain compared with theory, a file a question."""

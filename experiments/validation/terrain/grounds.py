@@ -18,6 +18,8 @@ _DEPTH = 0.5  # half of the height of boxes [m]
 class Level:
     """Level ground at z = 0."""
 
+    friction: float = 0.7
+    """Coefficient of friction [-]."""
     boxed: bool = False
     """A box, instead of a plane."""
 
@@ -35,6 +37,9 @@ class Level:
 @dataclass(frozen=True)
 class SingleStep:
     """Level ground, and a step whose height is set in the model."""
+
+    friction: float
+    """Coefficient of friction [-]."""
 
     def add_to(self, spec: Any) -> list[str]:
         """See `sim.robot.tracked_model.Terrain`."""

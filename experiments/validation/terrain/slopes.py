@@ -12,7 +12,9 @@ from experiments.validation.terrain.trial import Trial, limit
 from trackslip.climbing_theory import friction_angle, tips_backwards, tips_sideways
 from trackslip.kinematics import Array
 
-FRICTION = 0.7
+FRICTIONS = (0.3, 0.5, 0.7, 0.9)
+"""Coefficients at which the climbing limit is looked for [-]."""
+_PARKED = 0.7  # the same of parked robots [-]
 _CLIMB = 0.05  # belt speed of climbing robots [m/s]
 _AROUND = float(np.radians(0.6))  # where the limit is looked for, on both sides of theory [rad]
 _CLIMBING = 4.0  # [s]
@@ -46,9 +48,13 @@ class Angle:
         return self.found - self.expected
 
 
-def climbing_limit(subject: Subject, preset: str, boxed: bool, threads: int) -> Angle:
-    """The steepest slope that robots climb from rest."""
-    stand = subject.stand(Level(boxed), preset, FRICTION)
+def climbing_limits(subject: Subject, preset: str, boxed: bool, threads: int) -> tuple[Angle, ...]:
+    """The steepest slopes that robots climb from rest, at all FRICTIONS."""
+    return tuple(_climbing_limit(subject, preset, Level(friction, boxed), threads) for friction in FRICTIONS)
+
+
+def _climbing_limit(subject: Subject, preset: str, ground: Level, threads: int) -> Angle:
+    stand = subject.stand(ground, preset)
 
     def climbs(slopes: Array) -> np.ndarray:
         trial = Trial(stand, len(slopes), threads)
@@ -57,13 +63,13 @@ def climbing_limit(subject: Subject, preset: str, boxed: bool, threads: int) -> 
         trial.advance(_CLIMBING)
         return trial.velocity[:, 0] > 0
 
-    expected = float(friction_angle(FRICTION))
+    expected = float(friction_angle(ground.friction))
     return Angle(limit(climbs, expected - _AROUND, expected + _AROUND, ROWS, ROUNDS), expected)
 
 
 def creep(subject: Subject, preset: str, boxed: bool, threads: int) -> Array:
     """Speeds (H,) at which robots with HEADINGS creep down a slope of CREEP_ANGLE [m/s]."""
-    trial = Trial(subject.stand(Level(boxed), preset, FRICTION), len(HEADINGS), threads)
+    trial = Trial(subject.stand(Level(_PARKED, boxed), preset), len(HEADINGS), threads)
     trial.turn_to(np.array(HEADINGS))
     trial.tilt(np.full(len(HEADINGS), CREEP_ANGLE))
     trial.drive(np.zeros(2))
@@ -75,7 +81,7 @@ def creep(subject: Subject, preset: str, boxed: bool, threads: int) -> Array:
 
 def tipping(subject: Subject, preset: str, sideways: bool, threads: int) -> Angle:
     """The slope on which a parked robot tips over: one that stands across it, or points uphill."""
-    stand = subject.stand(Level(), preset, _STICKY)
+    stand = subject.stand(Level(_STICKY), preset)
     expected = float(tips_sideways(stand.half_gauge, stand.view.height)) if sideways else tips_backwards(stand.view)
 
     def stand_still(slopes: Array) -> np.ndarray:

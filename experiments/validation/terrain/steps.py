@@ -57,7 +57,7 @@ class Step:
 
 def step(subject: Subject, preset: str, friction: float, threads: int) -> Step:
     """Find the highest step that a robot climbs."""
-    stand = subject.stand(SingleStep(), preset, friction)
+    stand = subject.stand(SingleStep(friction), preset)
     expected = highest_step(stand.view, friction)
     ahead, height, (_, _, radius) = stand.view.ahead, stand.view.height, stand.view.rear
     low, high = max(1e-3, expected - _AROUND), expected + _AROUND

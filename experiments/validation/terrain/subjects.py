@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Protocol
 
 import mujoco
@@ -10,27 +11,31 @@ import numpy as np
 
 from sim.robot.tracked import TrackedRobot, load_tracked
 from sim.robot.tracked_model import Terrain, build_tracked
-from sim.tracks import Belts, add_tracks, bind
+from sim.tracks import Belts, Tracks, add_tracks, bind
 from trackslip.climbing_theory import SideView
 from trackslip.kinematics import Array
 from trackslip.skid_theory import Contact, line_contact
 
 Wheels = tuple[tuple[float, float, float], ...]
-_FLIPPERS_UP = np.pi / 2
-"""Angle of raised flippers [rad]."""
+UP = (np.pi / 2, np.pi / 2)
+"""Angles of the front and the rear flippers when they are out of the way [rad]."""
+STAIRS = (0.7, 0.0)
+"""The same on stairs [rad]."""
 
 
 @dataclass(frozen=True)
 class Stand:
-    """A compiled robot on its terrain, its flippers up, and its numbers for the theory."""
+    """A compiled robot on its terrain, its flippers held, and its numbers for the theory."""
 
     model: mujoco.MjModel
+    tracks: tuple[Tracks, ...]
     belts: Belts
+    """Of all tracks, in this order."""
     track_side: np.ndarray  # (T,) 0 left, 1 right: whose command a belt runs with
     free: tuple[int, int]
     """First numbers of the robot's pose in qpos, and of its velocity in qvel."""
     qpos: Array  # (nq,) at the origin, with its tracks on z = 0
-    control: Array  # (nu,) that holds the flippers up
+    control: Array  # (nu,) that holds the flippers
     half_gauge: float
     """Half the distance between the tracks [m]."""
     view: SideView
@@ -55,12 +60,8 @@ class Subject(Protocol):
     def name(self) -> str:
         """How it is called in tables."""
 
-    @property
-    def outrigged(self) -> bool:
-        """Whether something besides its two tracks catches it when it tips over sideways."""
-
-    def stand(self, terrain: Terrain, preset: str, friction: float, shift: float = 0.0) -> Stand:
-        """Put it on terrain, with its centre of mass `shift` further ahead [m]."""
+    def stand(self, terrain: Terrain, preset: str, shift: float = 0.0, flippers: tuple[float, float] = UP) -> Stand:
+        """Put it on terrain, with its centre of mass `shift` further ahead [m]; a box has no `flippers`."""
 
 
 @dataclass(frozen=True)
@@ -76,34 +77,38 @@ class Box:
     mass: float = 25.0
     """[kg]"""
     name: str = "box"
-    outrigged: bool = False
 
-    def stand(self, terrain: Terrain, preset: str, friction: float, shift: float = 0.0) -> Stand:
+    def stand(self, terrain: Terrain, preset: str, shift: float = 0.0, flippers: tuple[float, float] = UP) -> Stand:
         """See `Subject`."""
         x, z = self.centre_of_mass[0] + shift, self.centre_of_mass[1]
         spec = mujoco.MjSpec()
         ground = terrain.add_to(spec)
         body = spec.worldbody.add_body(name="box")
         body.add_freejoint()
-        body.add_geom(
-            type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.22, 0.16, 0.05], pos=[x, 0, z], mass=self.mass, contype=0, conaffinity=0
-        )
+        half_size, loose = [0.22, 0.16, 0.05], {"contype": 0, "conaffinity": 0}
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=half_size, pos=[x, 0, z], mass=self.mass, **loose)
+        friction = (terrain.friction, terrain.friction)
         tracks = add_tracks(
-            spec, "box", half_gauge=self.half_gauge, hull=self.hull, preset=preset, friction=(friction, friction)
+            spec,
+            "box",
+            half_gauge=self.half_gauge,
+            hull=self.hull,
+            preset=preset,
+            friction=friction,
+            terrain=ground,
         )
-        tracks.connect(spec, ground)
         model = spec.compile()
         view = SideView(np.array(self.hull), (x, z))
         qpos = model.qpos0.copy()
         qpos[2] = -view.ground
         return Stand(
-            model, bind(model, tracks), np.arange(2), (0, 0), qpos, np.zeros(0), self.half_gauge, view
+            model, (tracks,), bind(model, tracks), np.arange(2), (0, 0), qpos, np.zeros(0), self.half_gauge, view
         )
 
 
 @dataclass(frozen=True)
 class FromFile:
-    """A robot from a robot file, or a shipped one by its name, with its flippers up."""
+    """A robot from a robot file, or a shipped one by its name."""
 
     source: str
     """Name or file."""
@@ -118,17 +123,12 @@ class FromFile:
         """See `Subject`."""
         return self.robot.name
 
-    @property
-    def outrigged(self) -> bool:
-        """See `Subject`."""
-        return bool(self.robot.flippers)
-
-    def stand(self, terrain: Terrain, preset: str, friction: float, shift: float = 0.0) -> Stand:
+    def stand(self, terrain: Terrain, preset: str, shift: float = 0.0, flippers: tuple[float, float] = UP) -> Stand:
         """See `Subject`."""
         robot = self.robot
-        built = build_tracked(robot, _Shifted(terrain, robot, shift), preset=preset, friction=(friction, friction))
+        built = build_tracked(robot, _Shifted(terrain, robot, shift), preset=preset)
         model, control = built.model, np.zeros(built.model.nu)
-        control[built.flipper_motor] = built.flipper_control(np.full(len(built.flipper_motor), _FLIPPERS_UP))
+        control[built.flipper_motor] = built.flipper_control(np.where(built.flipper_front, *flippers))
         qpos = model.qpos0.copy()
         qpos[built.flipper_qpos] = control[built.flipper_motor]
         position, _ = built.free
@@ -139,7 +139,15 @@ class FromFile:
         x, _, z = data.subtree_com[model.body_rootid[built.body]] - data.xpos[built.body]
         view = SideView(np.array(robot.hull), (float(x), float(z)))
         return Stand(
-            model, bind(model, *built.tracks), built.track_side, built.free, qpos, control, robot.half_gauge, view
+            model,
+            built.tracks,
+            bind(model, *built.tracks),
+            built.track_side,
+            built.free,
+            qpos,
+            control,
+            robot.half_gauge,
+            view,
         )
 
 
@@ -150,6 +158,11 @@ class _Shifted:
     terrain: Terrain
     robot: TrackedRobot
     shift: float
+
+    @property
+    def friction(self) -> float:
+        """See `Terrain`."""
+        return self.terrain.friction
 
     def add_to(self, spec: Any) -> list[str]:
         """See `Terrain`."""
@@ -162,3 +175,11 @@ class _Shifted:
             ahead = self.shift * float(body.subtreemass[0]) / float(body.mass[0])
             chassis.ipos = body.ipos + np.array([ahead, 0.0, 0.0])
         return self.terrain.add_to(spec)
+
+
+def subjects(robot: Path | None) -> tuple[Subject, ...]:
+    """The box and the rescue robot, or the robot of a file; raises SettingsFileError for one that can't be read."""
+    if robot is None:
+        return Box(), FromFile("rescue")
+    load_tracked(robot)
+    return (FromFile(str(robot)),)

@@ -59,12 +59,12 @@ def turning(subject: Subject, preset: str, boxed: bool, threads: int, by_default
     """Turn on a plane or a box, with the recipe or with MuJoCo's default contact."""
 
     def turned(belts: tuple[tuple[float, float], ...], shift: float) -> Turns:
-        stand = subject.stand(Level(boxed), preset, FRICTION, shift)
+        stand = subject.stand(Level(FRICTION, boxed), preset, shift)
         if by_default:
             default_contact(stand.model)
         return _turns(stand, np.array(belts), threads)
 
-    half_length = subject.stand(Level(boxed), preset, FRICTION).half_length
+    half_length = subject.stand(Level(FRICTION, boxed), preset).half_length
     return Turning(turned(SLOW, 0.0), turned(PIVOT, 0.0), turned(SLOW, OFFSET * half_length))
 
 
