@@ -30,7 +30,7 @@ _START_BEFORE = 1.0  # of the start before the first piece [m]
 class Course:
     """Pieces in a row between a start and a goal platform; the first piece begins at x = 0, at height 0.
 
-    Beside and below the course is a level floor, 0.3 m below its lowest point.
+    Beside and below the course is a level floor, 0.3 m below the lowest of its parts.
     """
 
     pieces: tuple[Piece, ...]
@@ -86,7 +86,7 @@ class Course:
 
     @cached_property
     def bounds(self) -> Array:
-        """Smallest and largest x, y, z of the surface, without the floor, (2, 3) [m]."""
+        """Corners of an upright box around the surface, without the floor, (2, 3) [m]."""
         every = np.stack([solid.bounds for solid in self.solids])  # (S, 2, 3)
         return np.stack([every[:, 0].min(axis=0), every[:, 1].max(axis=0)])
 

@@ -205,6 +205,19 @@ def test_all_named_geoms_collide_and_nothing_else_does():
     assert compiled(Course((Ramp(),)), looks=False)[0].nmesh == 0
 
 
+def test_defaults_of_the_model_leave_the_course_as_it_is():
+    spec = mujoco.MjSpec.from_string(
+        """<mujoco><default><geom contype="0" conaffinity="0" condim="1" group="3" friction="9"/></default>
+        <worldbody><body/></worldbody></mujoco>"""
+    )
+    Course((Ramp(), Rough())).add_to(spec, looks=False)
+    model = spec.compile()
+    assert (model.geom_contype & model.geom_conaffinity == 1).all()
+    assert (model.geom_condim == 3).all()
+    assert (model.geom_friction[:, 0] == 0.7).all()
+    assert (model.geom_group == 0).all()
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
