@@ -13,10 +13,13 @@ from experiments.measuring.crossing import compare
 from experiments.options.train import TrainConfig
 from experiments.report.crossing import CROSSING_HEADER, crossing_row, gain_text
 from experiments.report.terminal import print_table
+from sim.traverse.outcome import Limits
 from sim.traverse.policy import OPTIONS, CrossingPolicy
 
-_HARD = ("ramp", "step up", "stairs up", "beams")
+_HARD = ("step up", "stairs up", "beams")
 """Kinds of obstacles that the scripted controller does not always cross, which training draws."""
+_LIMITS = Limits(time=20.0, stuck_time=3.0)
+"""Of training, which should not spend its time on robots that are stuck."""
 
 
 class TraverseTraining:
@@ -32,7 +35,14 @@ class TraverseTraining:
         from sim.sb3 import TraverseVecEnv
 
         config = self._config
-        options = {**OPTIONS, "robot": config.robot, "difficulty": config.difficulty, "kinds": _HARD, "obstacles": 1}
+        options = {
+            **OPTIONS,
+            "robot": config.robot,
+            "difficulty": config.difficulty,
+            "kinds": _HARD,
+            "obstacles": 1,
+            "limits": _LIMITS,
+        }
         return TraverseVecEnv(config.robots, config.threads, **options)
 
     def ended(self, infos: Sequence[dict[str, Any]]) -> dict[str, float]:
