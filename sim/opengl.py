@@ -41,8 +41,11 @@ def offscreen(model: Any, width: int, height: int) -> Any:
 class Window:
     """MuJoCo's viewer, which renders in threads of its own."""
 
-    def __init__(self, data: Any, on_key: Callable[[int], None] | None = None) -> None:
-        """Open the viewer on data and its model; `on_key` gets the codes of pressed keys, as GLFW numbers them."""
+    def __init__(self, data: Any, on_key: Callable[[int], None] | None = None, panels: bool = True) -> None:
+        """Open the viewer on data and its model, with or without its own panels.
+
+        `on_key` gets the codes of pressed keys, as GLFW numbers them. Raises TrackslipError without a display.
+        """
         if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
             raise TrackslipError('rendering: "human" needs a display, and there is none; "rgb_array" needs none')
         try:
@@ -53,7 +56,9 @@ class Window:
                 warnings.simplefilter("error")
                 glfw.init()  # a failure raises here; in the viewer's thread it would end the process
             others = threading.enumerate()
-            self.viewer = viewer.launch_passive(data.model, data, key_callback=on_key)
+            self.viewer = viewer.launch_passive(
+                data.model, data, key_callback=on_key, show_left_ui=panels, show_right_ui=panels
+            )
         except Exception as error:  # whatever a broken display raises
             raise TrackslipError(f"rendering: no window opens here: {' '.join(str(error).split())}") from error
         self._threads = [thread for thread in threading.enumerate() if thread not in others]

@@ -20,7 +20,8 @@ from trackslip.localization.line import LineLocator
 from trackslip.localization.plate import PlateLocator
 from trackslip.slip.compensation import Compensation, FixedLaw, OnlineIcr
 from trackslip.slip.icr import ConstantIcr
-from trackslip.slip.law_file import SHIPPED, load_laws
+from trackslip.slip.law_file import load_laws
+from trackslip.slip.stored_laws import SHIPPED
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.named import load_reference
 

@@ -105,11 +105,34 @@ def _load(robot: TrackedRobot, looks: bool) -> Any:
         raise TrackslipError(f"{robot.model}: no such file; `model` must name the robot's MJCF or URDF file")
     spec = mujoco.MjSpec.from_file(str(robot.model))
     spec.compiler.fusestatic = False  # a URDF's base link is to stay a body
-    if not looks:
+    if looks:
+        _light(spec)
+    else:
         for geom in list(spec.geoms):
             if geom.group == VISUAL_GROUP and geom.contype == geom.conaffinity == 0:
                 spec.delete(geom)
     return spec
+
+
+def _light(spec: Any) -> None:
+    """Light and sky, and a size of pictures that MuJoCo's own limit would forbid."""
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
+    spec.visual.quality.shadowsize, spec.visual.quality.offsamples = 2048, 4  # what a processor can draw, too
+    if not any(texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX for texture in spec.textures):
+        spec.add_texture(
+            name="sky",
+            type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+            builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+            rgb1=[0.45, 0.63, 0.82],
+            rgb2=[0.86, 0.91, 0.95],
+            width=256,
+            height=1536,
+        )
+    if not spec.lights:
+        sun = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+        spec.worldbody.add_light(
+            name="sun", type=sun, pos=[6, -8, 12], dir=[-0.45, 0.6, -1], diffuse=[0.62, 0.6, 0.55], castshadow=True
+        )
 
 
 def _chassis(spec: Any, robot: TrackedRobot) -> Any:

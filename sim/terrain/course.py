@@ -11,10 +11,10 @@ import mujoco
 import numpy as np
 
 from sim.seeds import generator
-from sim.terrain.limits import MAX_COURSE, require_between, require_length
+from sim.terrain.limits import MAX_COURSE, is_whole, require_between, require_length
 from sim.terrain.pieces import Flat, Piece, Placed, Site
-from sim.terrain.solids import Base, Level, Solid
-from trackslip.errors import require, require_at_most
+from sim.terrain.solids import ROUNDING, Base, Level, Solid, look
+from trackslip.errors import require, require_at_most, require_finite
 from trackslip.kinematics import Array
 
 _MAX_SOLIDS = 2000
@@ -48,10 +48,12 @@ class Course:
 
     def __post_init__(self) -> None:
         require(len(self.pieces) > 0, "pieces", self.pieces, "at least one piece")
+        for piece in self.pieces:
+            require(hasattr(piece, "place"), "pieces", piece, "pieces of terrain")
         for name in ("width", "start_length", "goal_length"):
             require_length(name, getattr(self, name))
         require_between("friction", self.friction, 0.0, 10.0)
-        require(isinstance(self.seed, int) and self.seed >= 0, "seed", self.seed, "a whole number >= 0")
+        require(is_whole(self.seed) and self.seed >= 0, "seed", self.seed, "a whole number >= 0")
         require_at_most("length of the course", self._placed[-1].x + self.start_length, MAX_COURSE, "m")
 
     @cached_property
@@ -112,19 +114,17 @@ class Course:
         return self._surface(x, y)[1]
 
     def _surface(self, x: Array, y: Array) -> tuple[Array, Array]:
-        x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
-        height, normal = np.full(x.shape, self.floor), np.zeros((*x.shape, 3))
-        normal[..., 2] = 1.0
+        shape = np.broadcast_shapes(np.shape(x), np.shape(y))
+        x, y = (np.broadcast_to(np.asarray(a, float), shape).ravel() for a in (x, y))
+        height, normal = np.full(x.shape, self.floor), np.tile([0.0, 0.0, 1.0], (len(x), 1))
         for solid in self.solids:
             low, high = solid.bounds
-            near = (x >= low[0]) & (x <= high[0]) & (y >= low[1]) & (y <= high[1])
-            if not near.any():
-                continue
+            low, high = low - ROUNDING, high + ROUNDING
+            near = np.flatnonzero((x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1]))
             top, upward = solid.top(x[near], y[near])
             higher = top > height[near]
-            near[near] = higher
-            height[near], normal[near] = top[higher], upward[higher]
-        return height, normal
+            height[near[higher]], normal[near[higher]] = top[higher], upward[higher]
+        return height.reshape(shape), normal.reshape(*shape, 3)
 
     def elevation(self, points: Array) -> Array:
         """Heights (...) at `points` (..., 2) [m], fast: looked up bilinearly in a table of 2 cm cells.
@@ -146,29 +146,39 @@ class Course:
         """Heights on a grid that ends outside of the course, the place of the first, and cells per metre."""
         low, high = self.bounds[:, :2]
         cell = max(_CELL, math.sqrt(float(np.prod(high - low)) / _MAX_CELLS))
-        x, y = (np.arange(low[k] - cell, high[k] + 2 * cell, cell) for k in range(2))
+        x, y = (np.arange(low[k] - 2 * cell, high[k] + 3 * cell, cell) for k in range(2))
         return self.height(x[:, None], y), np.array([x[0], y[0]]), 1 / cell
 
     def add_to(
-        self, spec: mujoco.MjSpec, *, name: str = "course", at: tuple[float, float] = (0.0, 0.0), floor: bool = True
+        self,
+        spec: mujoco.MjSpec,
+        *,
+        name: str = "course",
+        at: tuple[float, float] = (0.0, 0.0),
+        floor: bool = True,
+        looks: bool = True,
     ) -> list[str]:
         """Add the course to the world body of `spec`.
 
         Args:
-            spec: the model; its world body must be level, as usual.
+            spec: the model.
             name: what the geoms' names begin with, unique in the model.
             at: where its origin is in the world, x and y [m].
             floor: whether to add the floor, too, which has no end.
+            looks: whether to draw what carries slopes, by meshes that collide with nothing.
 
         Returns:
             Names of the geoms, for `Tracks.connect`.
 
         Raises:
-            InvalidValueError: if the model has geoms of these names.
+            InvalidValueError: if the model has geoms of these names, or the place isn't finite.
         """
+        for place in at:
+            require_finite("at", place)
         taken = any(geom.name.startswith(f"{name}/") for geom in spec.geoms)
         require(not taken, "name", name, "a name that no other course in the model has")
-        base = Base(self.floor, self.friction, *at)
+        base = Base(self.floor, self.friction, *at, name, looks)
+        _add_lines(spec, f"{name}/lines")
         names = [f"{name}/{k}" for k in range(len(self.solids))]
         for solid, geom in zip(self.solids, names, strict=True):
             solid.add_to(spec, geom, base)
@@ -179,7 +189,22 @@ class Course:
                 type=mujoco.mjtGeom.mjGEOM_PLANE,
                 size=[_FLOOR_SIZE, _FLOOR_SIZE, 1.0],
                 pos=[*at, self.floor],
-                rgba=list(_FLOOR),
-                friction=base.contact,
+                **look(_FLOOR, base),
             )
         return names
+
+
+def _add_lines(spec: mujoco.MjSpec, name: str) -> None:
+    """Add a material that draws lines half a metre apart."""
+    spec.add_texture(
+        name=name,
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
+        rgb1=[1.0, 1.0, 1.0],
+        mark=mujoco.mjtMark.mjMARK_EDGE,
+        markrgb=[0.6, 0.6, 0.6],
+        width=256,
+        height=256,
+    )
+    material = spec.add_material(name=name, texuniform=True, texrepeat=[2.0, 2.0])
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name

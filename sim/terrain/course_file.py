@@ -54,15 +54,14 @@ def load_course(source: str, seed: int | None = None) -> Course:
     folder = Path(source).parent
     rows = table.pop("pieces", [])
     if not isinstance(rows, list):
-        raise SettingsFileError(f"{source}: pieces = {rows!r:.80}: must be tables [[pieces]]")
+        raise SettingsFileError(f"{source}: pieces = {rows!r:.80}: must be a list of tables")
     pieces = tuple(_piece(row, f"{source}: pieces[{k}]", folder) for k, row in enumerate(rows))
-    if seed is not None:
-        table["seed"] = seed
     course = build(Course, table, source, Course((Flat(),)))
     try:
-        return dataclasses.replace(course, pieces=pieces)
+        course = dataclasses.replace(course, pieces=pieces)
     except InvalidValueError as error:
         raise SettingsFileError(f"{source}: {error}") from error
+    return course if seed is None else dataclasses.replace(course, seed=seed)
 
 
 def _piece(row: object, where: str, folder: Path) -> Piece:

@@ -11,12 +11,12 @@ import mujoco
 import numpy as np
 
 from sim.terrain.fields import HeightField, require_heights
-from sim.terrain.limits import MAX_SAMPLES, require_between, require_height, require_length
+from sim.terrain.limits import MAX_LOOKED_AT, MAX_SAMPLES, require_between, require_height, require_length
 from sim.terrain.pieces import Placed, Site
 from trackslip.errors import SettingsFileError, first_line, require, require_at_most
 from trackslip.kinematics import Array
 
-_CHUNK = 2_000_000  # pairs of a triangle and a sample that are looked at together
+_CHUNK = 200_000  # pairs of a triangle and a sample that are looked at together
 _MESHES = (".obj", ".stl", ".msh")
 _MIN_CELL, _MAX_CELL = 0.005, 1.0  # [m]
 _EDGE = 1e-9  # by which a sample may lie outside of a triangle, as a share of its size
@@ -108,6 +108,7 @@ def highest(vertices: Array, faces: np.ndarray, shape: tuple[int, int]) -> Array
     end = np.clip(np.floor(corners[..., :2].max(axis=1) + _EDGE), -1, last).astype(int) + 1
     size = np.maximum(end - begin, 0)
     samples = size.prod(axis=1)
+    require_at_most("samples near the mesh's triangles", int(samples.sum()), MAX_LOOKED_AT)
     chunk = np.cumsum(samples) // _CHUNK
     for k in np.unique(chunk):
         some = chunk == k

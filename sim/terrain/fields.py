@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.terrain.limits import MAX_LENGTH, MAX_SAMPLES, require_between, require_height, require_length
+from sim.terrain.limits import MAX_LENGTH, MAX_SAMPLES, MAX_SIDE, require_between, require_height, require_length
 from sim.terrain.pieces import Placed, Site, smooth_step
 from sim.terrain.solids import Grid
 from trackslip.errors import require, require_at_most
@@ -42,6 +42,7 @@ class Rough:
     def place(self, site: Site) -> Placed:
         """See `Piece`."""
         columns, rows = (max(2, round(size / self.cell)) + 1 for size in (self.length, site.width))
+        require_at_most("cells along a side of rough ground", max(rows, columns), MAX_SIDE)
         require_at_most("samples of rough ground", rows * columns, MAX_SAMPLES)
         waves = _noise(rows, columns, self.exponent, site.rng)
         if self.blend > 0:
@@ -97,6 +98,7 @@ def require_heights(heights: Array) -> None:
     shape = np.shape(heights)
     require(len(shape) == 2 and min(shape) >= 2, "shape of heights", shape, "(rows, columns), at least (2, 2)")
     require_at_most("samples of heights", int(np.prod(shape)), MAX_SAMPLES)
-    numbers = np.asarray(heights).dtype.kind in "iuf"
-    require(numbers and np.isfinite(heights).all(), "heights", "not all finite", "finite numbers")
+    values = np.ravel(heights)
+    wrong = values[~np.isfinite(values)] if values.dtype.kind in "iuf" else values
+    require(len(wrong) == 0, "heights", wrong[:1].tolist(), "finite numbers")
     require_at_most("range of heights", float(np.ptp(heights)), MAX_LENGTH, "m")

@@ -60,7 +60,10 @@ class Beams:
 
 @dataclass(frozen=True)
 class Pallets:
-    """Pallets of 0.8 x 1.2 m on level ground, as many side by side as fit: five boards across, on three bearers."""
+    """Pallets of 0.8 x 1.2 m on level ground: five boards across, on three bearers.
+
+    As many as fit are side by side, an odd number, so that one is in the middle.
+    """
 
     number: int = 3
     """Number of rows of pallets, one behind the other."""
@@ -84,10 +87,11 @@ class Pallets:
 
     def place(self, site: Site) -> Placed:
         """See `Piece`."""
-        abreast = max(1, int(site.width // self._reach[1]))
-        y = (np.arange(abreast) - (abreast - 1) / 2) * site.width / abreast
+        width = self._reach[1]
+        beside = int((site.width / width - 1) / 2)  # on either side of the middle
+        y = np.arange(-beside, beside + 1) * width
         x = site.x + (np.arange(self.number) + 0.5) * self.spacing
-        yaw = site.rng.uniform(-self.yaw, self.yaw, (self.number, abreast))
+        yaw = site.rng.uniform(-self.yaw, self.yaw, (self.number, len(y)))
         end = site.x + self.number * self.spacing
         pallets = [
             part

@@ -16,6 +16,8 @@ STONE: Colour = (0.62, 0.64, 0.66, 1.0)
 SLATE: Colour = (0.40, 0.43, 0.47, 1.0)
 WOOD: Colour = (0.72, 0.55, 0.35, 1.0)
 EARTH: Colour = (0.55, 0.47, 0.37, 1.0)
+ROUNDING = 1e-12
+"""By which a point may be outside of a solid [m]."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,10 @@ class Base:
     """Place of the course's origin in the world [m]."""
     y: float = 0.0
     """Place of the course's origin in the world [m]."""
+    name: str = "course"
+    """What the names of its geoms, and of all else that it adds to the model, begin with."""
+    looks: bool = True
+    """Whether to draw what carries slopes, too."""
 
     @property
     def contact(self) -> list[float]:
@@ -89,7 +95,7 @@ class Level:
             type=mujoco.mjtGeom.mjGEOM_BOX,
             size=[(self.x1 - self.x0) / 2, self.half_width, half_height],
             pos=[base.x + (self.x0 + self.x1) / 2, base.y, self.z - half_height],
-            **_look(self.colour, base),
+            **look(self.colour, base),
         )
 
 
@@ -123,15 +129,14 @@ class Box:
         offset = np.stack([x, y, np.zeros_like(x)], axis=-1) - self.centre  # (P, 3)
         at, half = offset @ self.rotation, np.array(self.half)
         down = -self.rotation[2]  # of the ray, in the frame of the box
+        within = np.where(np.abs(at) <= half + ROUNDING, -np.inf, np.inf)  # of a slab that the ray is parallel to
         with np.errstate(divide="ignore", invalid="ignore"):
-            enter = np.where(down == 0, np.where(np.abs(at) <= half, -np.inf, np.inf), -np.sign(down) * half - at)
-            leave = np.where(down == 0, np.inf, np.sign(down) * half - at)
-            enter = np.where(down == 0, enter, enter / down)
-            leave = np.where(down == 0, leave, leave / down)
+            enter = np.where(down == 0, within, (-np.sign(down) * half - at) / down)
+            leave = np.where(down == 0, np.inf, (np.sign(down) * half - at) / down)
         face = enter.argmax(axis=-1)  # (P,)
         depth = enter.max(axis=-1)
         normal = -np.sign(down)[face, None] * self.rotation.T[face]
-        return np.where(depth <= leave.min(axis=-1), -depth, -np.inf), normal
+        return np.where(depth <= leave.min(axis=-1) + ROUNDING, -depth, -np.inf), normal
 
     def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
         """See `Solid`."""
@@ -141,7 +146,20 @@ class Box:
             size=list(self.half),
             pos=[base.x + self.centre[0], base.y + self.centre[1], self.centre[2]],
             quat=list(self.quaternion),
-            **_look(self.colour, base),
+            **look(self.colour, base),
+        )
+        if base.looks and self.rotation[2, 2] < 1:
+            self._add_skirt(spec, f"{name}/skirt", base)
+
+    def _add_skirt(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
+        """Draw what carries a sloping box: from its lower face to the floor. It collides with nothing."""
+        signs = np.array([[i, j, -1.0] for i in (-1, 1) for j in (-1, 1)])
+        lower = self.centre + signs * self.half @ self.rotation.T + [base.x, base.y, 0.0]  # (4, 3)
+        below = np.column_stack([lower[:, :2], np.full(4, base.floor)])
+        spec.add_mesh(name=name, uservert=np.concatenate([lower, below]).ravel())
+        mesh = mujoco.mjtGeom.mjGEOM_MESH
+        spec.worldbody.add_geom(
+            name=name, type=mesh, meshname=name, contype=0, conaffinity=0, **look(self.colour, base)
         )
 
 
@@ -205,9 +223,10 @@ class Grid:
             type=mujoco.mjtGeom.mjGEOM_HFIELD,
             hfieldname=name,
             pos=[base.x + self.x0 + self.length / 2, base.y, low],
-            **_look(self.colour, base),
+            **look(self.colour, base),
         )
 
 
-def _look(colour: Colour, base: Base) -> dict[str, Any]:
-    return {"rgba": list(colour), "friction": base.contact}
+def look(colour: Colour, base: Base) -> dict[str, Any]:
+    """What all geoms of a course share, as arguments of `add_geom`."""
+    return {"rgba": list(colour), "friction": base.contact, "material": f"{base.name}/lines"}

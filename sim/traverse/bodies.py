@@ -26,6 +26,12 @@ class States:
         return self.qpos[:, first : first + 3]
 
     @property
+    def quaternion(self) -> Array:
+        """Attitudes (N, 4) of the chassis: w, x, y, z."""
+        first = self._tracked.free[0] + 3
+        return self.qpos[:, first : first + 4]
+
+    @property
     def velocity(self) -> Array:
         """Velocities (N, 3) of the chassis' frame in the world [m/s]."""
         first = self._tracked.free[1]

@@ -86,7 +86,7 @@ class Slots:
 def _terrain(course: Course) -> mujoco.MjModel:
     """A model of the course alone."""
     spec = mujoco.MjSpec()
-    course.add_to(spec)
+    course.add_to(spec, looks=False)
     model = spec.compile()
     allowed = "of boxes, height fields and a floor"
     require(np.isin(model.geom_type, (_BOX, _FIELD, _PLANE)).all(), "course", course, allowed)

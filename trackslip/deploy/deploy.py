@@ -11,9 +11,8 @@ from trackslip.deploy.expressible import best_expressible
 from trackslip.deploy.json_text import json_text
 from trackslip.deploy.python_file import python_text
 from trackslip.deploy.ros2_control import ros2_control_text
-from trackslip.deploy.stored import StoredLaws, read_stored, stored_laws
 from trackslip.errors import InvalidValueError
-from trackslip.slip.law_file import SHIPPED
+from trackslip.slip.stored_laws import SHIPPED, StoredLaws, read_stored, stored_laws
 
 if TYPE_CHECKING:
     from trackslip.identification.result import Identification
