@@ -130,6 +130,7 @@ COMMAND_EXAMPLES = (
     ("to a log, with other parameters", "trackslip calibrate --target log.csv --free friction_ratio radius_error"),
     ("the shipped robot", "trackslip validate"),
     ("a calibrated robot", "trackslip validate --robot out/calibrate/robot.toml"),
+    ("tracks on terrain", "trackslip validate --terrain"),
     ("a thousand repeats", "trackslip coverage"),
     ("fewer", "trackslip coverage --repeats 100 --run-repeats 40 --grids 4"),
     ("laws from teleoperated drives", "trackslip coverage --drives"),
