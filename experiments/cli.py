@@ -122,6 +122,7 @@ COMMAND_EXAMPLES = (
     ("your own controller", "trackslip benchmark --controllers linear my_controller:MyController"),
     ("two million steps", "trackslip train"),
     ("resume from the last checkpoint", "trackslip train --steps 4000000 --resume"),
+    ("to cross courses", "trackslip train --env traverse --out out/traverse"),
     ("a quick try", "trackslip train --steps 100000 --robots 16 --batch 512 --out out/try"),
     ("the shipped robot", "trackslip predict"),
     ("a robot of another size", "trackslip predict --half-gauge 0.25 --contact-length 0.6 --friction-ratio 1.2"),
