@@ -6,8 +6,8 @@ within an elliptic limit (mu_along along the track, mu_across across it):
     F = -g N (mu_along^2 s_x, mu_across^2 s_y) / sqrt((mu_along s_x)^2 + (mu_across s_y)^2)
 
 On Coulomb ground g = 1; on ground that shears, g = 1 - exp(-|j| / K) grows with the displacement j of the element over
-the ground since it entered the contact. In slow steady motion these forces balance the load. After Moreau's principle of
-maximum dissipation, Janosi and Hanamoto (1961), and Wong and Chiang (2001).
+the ground since it entered the contact. In slow steady motion these forces balance the load. After Moreau's principle
+of maximum dissipation, Janosi and Hanamoto (1961), and Wong and Chiang (2001).
 """
 
 from trackslip.skid_theory.contact import Contact, Load, line_contact

@@ -51,7 +51,7 @@ def steady_twist(
 
 def require_carried(load: Load, contact: Contact) -> None:
     """Raise InvalidValueError unless friction carries a load, and the load leaves every point of the tracks loaded."""
-    along, across = load.downhill + [load.drawbar, 0.0]
+    along, across = load.downhill + np.array([load.drawbar, 0.0])
     needed = float(np.hypot(along / contact.along, across / contact.across))
     shown = f"slope {load.slope:.3g} rad, pull {load.pull:.3g} of the weight"
     if not needed < 1:
@@ -73,7 +73,7 @@ def _balance(speeds: Array, contact: Contact, acceleration: Array, shear: float,
     forwards, left, _ = contact.centre_of_mass
     carried = acceleration / np.cos(load.slope) + load.downhill
     moment = forwards * carried[:, 1] - left * carried[:, 0]
-    required = np.column_stack([carried, moment]) + [load.drawbar, 0.0, 0.0]
+    required = np.column_stack([carried, moment]) + np.array([load.drawbar, 0.0, 0.0])
     loads, relative = contact.loads(carried, load.hitch_height * load.drawbar), speeds / scale[:, None]
     twist = minimise(relative, contact, loads, required)
     if shear > 0:
