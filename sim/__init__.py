@@ -84,3 +84,8 @@ with contextlib.suppress(ImportError):  # sim.tracks and sim.terrain do without 
         entry_point="sim.env:PathTrackingEnv",
         vector_entry_point="sim.vector_env:PathTrackingVectorEnv",
     )
+    gymnasium.register(
+        id="trackslip/Traverse-v0",
+        entry_point="sim.traverse.env:TraverseEnv",
+        vector_entry_point="sim.traverse.env:TraverseVectorEnv",
+    )
