@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -10,7 +9,7 @@ import numpy as np
 import rerun as rr
 
 from experiments.driving.course_run import CourseRun
-from experiments.recording import files, robot_mesh
+from experiments.recording import robot_mesh
 from experiments.recording.blueprint import begin_of_loop, blueprint
 from experiments.recording.columns import mesh, rgb, send, send_properties, send_series
 from experiments.recording.field import FIELD
@@ -42,13 +41,10 @@ PANELS = (
 """Plots over time."""
 
 
-def record_course_drive(file: Path, run: CourseRun, world: TrackedModel, about: Mapping[str, Any]) -> None:
-    """Record a drive as an .rrd file; `world` is the model with its looks. OutputError if it can't be written."""
-    with files.recording(file, f"{world.robot.name}: {run.outcome}") as stream:
-        _send(stream, run, world, about)
-
-
-def _send(stream: rr.RecordingStream, run: CourseRun, world: TrackedModel, about: Mapping[str, Any]) -> None:
+def send_course_drive(
+    stream: rr.RecordingStream, run: CourseRun, world: TrackedModel, about: Mapping[str, Any]
+) -> None:
+    """Send a drive to a stream; `world` is the model with its looks."""
     rows = np.arange(0, len(run.time), _EVERY)
     time, position = run.time[rows], run.state.position
     within = position[:, :2]
