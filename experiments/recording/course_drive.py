@@ -59,7 +59,7 @@ def send_course_drive(
     send_properties(stream, RUN, about)
     panels = [replace(panel, range=panel.range or _range(panel, series)) for panel in PANELS]
     duration = float(run.time[-1])
-    begin = begin_of_loop(0.0, duration)
+    begin = begin_of_loop(float(run.time[np.argmax(np.abs(run.state.pitch))]), duration)
     stream.send_blueprint(blueprint([RUN], panels, sent, within, begin, duration))
 
 
