@@ -1,7 +1,7 @@
 """Tracks for any MuJoCo robot: needs MuJoCo and NumPy only.
 
 tracks = add_tracks(spec, "chassis", half_gauge=0.2, hull=[(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)])
-tracks.connect(spec)  # with every colliding geom of the world body
+tracks.connect(spec)  # with every colliding geom that is fixed to the world
 model = spec.compile()
 belts = bind(model, tracks)
 belts.set(model, [0.3, 0.3])  # [m/s]
