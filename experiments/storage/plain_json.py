@@ -44,5 +44,6 @@ def _stored(value: Any) -> Iterator[tuple[dataclasses.Field[Any], Any]]:
     """The fields of a dataclass that are stored, and their values."""
     for f in dataclasses.fields(value):
         item = getattr(value, f.name)
-        if f.metadata.get("stored_unless", _ALWAYS) != item:
+        unless = f.metadata.get("stored_unless", _ALWAYS)
+        if unless is _ALWAYS or unless != item:  # arrays compare element by element
             yield f, item

@@ -37,6 +37,7 @@ NEEDED = {
     ("localize",): {"pyarrow", *DRAWN},
     ("deploy", "--to", "c"): set(),
     ("evaluate",): {"pyarrow", *DRAWN},
+    ("drive",): {"mujoco", "pyarrow", *DRAWN},
     ("benchmark",): {"mujoco", "pyarrow", *DRAWN},
     ("train",): set(),
     ("calibrate",): {"mujoco", "pyarrow", *SCIPY},

@@ -131,6 +131,11 @@ EXAMPLES = {
         | {"reference": "circle", "circle-radius": "1.1", "circle-speed": "0.2", "circle-duration": "4"}
         | {"start": "0.1 0.2 0.3", "laws": "predicted", "bag": ""},
     ),
+    "drive": (
+        {"robot": "box", "course": "step10", "speed": "0.2", "turn": "0.1", "flippers": "up", "preset": "fast"}
+        | {"friction": "0.6", "duration": "0.5", "seed": "3", "out": "a"},
+        {"path": "way.csv", "course": "flat", "duration": "0.5", "preset": "fast"},
+    ),
     "benchmark": (
         EQUIPMENT
         | {"suite": "paper", "controllers": "lqr", "compensations": "icr_radius", "references": "way.csv"}
@@ -170,6 +175,7 @@ EXAMPLES = {
 }
 """Command -> command lines that together give every option; an option without a value is a switch."""
 NOT_RUN = {
+    "drive": {"teleop", "video", "pictures"},  # need a display, PyAV, OpenGL
     "view": {"web"},  # opens a browser
     "validate": {"terrain"},  # takes minutes; test_validate_terrain runs it
     "train": {field.name for field in dataclasses.fields(COMMANDS["train"])},  # needs PyTorch
