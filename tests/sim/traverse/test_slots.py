@@ -33,7 +33,9 @@ def test_what_the_engine_sees_is_the_compiled_course(world, row):
     used = [k for k in range(slots.ngeom) if slots.geom_bodyid[k] == 0 and slots.geom_pos[k, 2] > -100]
     ground = [k for k in range(own.ngeom) if own.geom_bodyid[k] == 0 and own.geom_contype[k]]
     assert len(used) == len(ground)
-    used, ground = ([k for _, k in sorted((m.geom_type[k], k) for k in ids)] for m, ids in ((slots, used), (own, ground)))
+    used, ground = (
+        [k for _, k in sorted((m.geom_type[k], k) for k in ids)] for m, ids in ((slots, used), (own, ground))
+    )
     for name in GEOMS:
         field = f"geom_{name}"
         np.testing.assert_array_equal(getattr(slots, field)[used], getattr(own, field)[ground], err_msg=name)
