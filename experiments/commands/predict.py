@@ -1,6 +1,5 @@
 """`trackslip predict`: slip from theory, without simulating."""
 
-import functools
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -107,23 +106,20 @@ def predicted_robot(config: PredictConfig) -> tuple[RobotParameters, float]:
 
 def predicted_load(config: PredictConfig, robot: RobotParameters) -> Load:
     """The load, whose centre of mass is as high as the robot's."""
+    if config.slope == 0 and config.pull == 0:
+        return Load()
     return Load(config.slope, config.uphill, config.pull / (robot.mass * _GRAVITY), config.pull_height)
 
 
 def predict(config: PredictConfig) -> ConstantIcr:
     """The constant ICR of Coulomb theory; raises InvalidValueError where the centre of mass would lift a track."""
     robot, ratio = predicted_robot(config)
-    offset = _coulomb_offset(robot.half_gauge, robot.contact_length, ratio, robot.com_x)
-    return ConstantIcr(offset, robot.half_gauge, config.radius_error)
-
-
-@functools.lru_cache  # the last digits of linear algebra depend on where arrays lie in memory
-def _coulomb_offset(half_gauge: float, contact_length: float, ratio: float, com_x: float) -> float:
-    """D on Coulomb ground [m]."""
-    contact = line_contact(half_gauge, contact_length / 2, along=1.0, across=ratio, centre_of_mass=(com_x, 0.0, 0.0))
+    contact = line_contact(
+        robot.half_gauge, robot.contact_length / 2, along=1.0, across=ratio, centre_of_mass=(robot.com_x, 0.0, 0.0)
+    )
     left, right = 1.0, 1.4  # the result does not depend on the turn
     yaw_rate = steady_twist([left, right], contact)[2]
-    return float((right - left) / (2 * yaw_rate) - half_gauge)
+    return ConstantIcr((right - left) / (2 * yaw_rate) - robot.half_gauge, robot.half_gauge, config.radius_error)
 
 
 def _contact(robot: RobotParameters, ground: Ground) -> Contact:
