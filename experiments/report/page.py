@@ -12,6 +12,7 @@ from typing import Any
 import jinja2
 import matplotlib
 from markupsafe import Markup
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from experiments.report.formats import MISSING, percent, significant
@@ -31,6 +32,7 @@ class Drawing:
         """The text of an SVG file, reproducible, with letters as outlines so that it needs no font."""
         buffer = io.StringIO()
         with matplotlib.rc_context({"svg.hashsalt": self.name, "svg.fonttype": "path"}):
+            _lay_out(self.figure)
             self.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
         return buffer.getvalue()
 
@@ -42,6 +44,14 @@ class Drawing:
         text = re.sub(r'((?:\bid|xlink:href)="#?|url\(#)(?=[^"#)])', rf"\g<1>{self.name}-", text)
         text = re.sub(r"\n\s*", "\n", text)
         return Markup(text.replace("<svg ", '<svg aria-hidden="true" ', 1))
+
+
+def _lay_out(figure: Figure) -> None:
+    """Place what a figure shows, once: its layout engine would draw everything another time for each file."""
+    if (engine := figure.get_layout_engine()) is not None:
+        FigureCanvasSVG(figure)
+        engine.execute(figure)
+        figure.set_layout_engine(None)
 
 
 @dataclass(frozen=True)
@@ -89,14 +99,15 @@ def relative_command(command: str) -> str:
 
 
 def conditions(manifest: Mapping[str, Any], command: str) -> str:
-    """Seed, ground and command on one line, for captions; what the manifest lacks is called unknown."""
+    """Seed, ground and command on one line, for captions; what the manifest lacks is left out."""
     seed, ground = manifest.get("seed"), manifest.get("ground")
     seeds = seed if isinstance(seed, list | tuple) else [seed]
     parts = [
-        "seed unknown" if seed is None else f"seed{'s' if len(seeds) > 1 else ''} {', '.join(map(str, seeds))}",
-        "ground unknown" if not isinstance(ground, Mapping) else _ground(ground),
+        "" if seed is None else f"seed{'s' if len(seeds) > 1 else ''} {', '.join(map(str, seeds))}",
+        _ground(ground) if isinstance(ground, Mapping) else "",
+        relative_command(command),
     ]
-    return " · ".join([*parts, relative_command(command)] if command else parts)
+    return " · ".join(part for part in parts if part)
 
 
 def _ground(ground: Mapping[str, Any]) -> str:

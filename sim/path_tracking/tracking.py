@@ -43,6 +43,10 @@ class PathTracking:
         begin = np.tile(start, (size, 1))
         self.fleet = Fleet(robot, begin, None, 0.0, config.drive, threads, shears=config.shears)
         self.layout = Layout(config, self.fleet.drive.limit)
+        self.actions = 2
+        """Number of actions of a robot."""
+        self.bound = self.layout.bound
+        """Bounds (n,) of the observations."""
         self._source = pose_source(config, self.fleet)
         self._to_omega = _action_map(config, self.fleet)
         self._reference: Index = np.zeros(size, int)

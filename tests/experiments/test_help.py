@@ -50,6 +50,7 @@ NEEDED = {
 """What a command may import of HEAVY: by being run, or where only its name is given, by being got ready to run."""
 PROBE = """
 import contextlib, importlib, io, json, os, sys, typing
+import numpy, scipy.linalg, scipy.special, rich.progress, rich.table  # light, and most commands need them
 import experiments.cli as cli
 heavy, jobs = json.loads(sys.argv[1])
 for k, arguments in enumerate(jobs):
