@@ -24,7 +24,8 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
     Args:
         spec: the spec of the tracks. Its masses must be complete: the pairs depend on the robot's weight.
         tracks: the tracks.
-        terrain: geoms of the spec, or their names; by default all colliding geoms of the world body.
+        terrain: geoms of the spec, or their names; by default all colliding geoms of the world and of bodies fixed
+            to it.
 
     Raises:
         InvalidValueError: for a geom that is not in the spec or is already connected, a robot that can't move, and
@@ -109,6 +110,14 @@ def _static_geoms(body: mujoco.MjsBody) -> Iterator[mujoco.MjsGeom]:
     yield from body.geoms
     for child in body.bodies:
         if not list(child.joints):
+            yield from _static_geoms(child)
+
+
+def _static_geoms(body: mujoco.MjsBody) -> Iterator[mujoco.MjsGeom]:
+    """The geoms of a body and of those that are fixed to it."""
+    yield from body.geoms
+    for child in body.bodies:
+        if not child.joints and not child.mocap:
             yield from _static_geoms(child)
 
 

@@ -141,6 +141,21 @@ def test_a_name_is_taken_once():
     add_tracks(spec, "robot", half_gauge=0.3, hull=HULL, name="outer")
 
 
+def test_whatever_is_fixed_to_the_world_is_terrain_by_default():
+    spec = plane()
+    rack = spec.worldbody.add_body(name="rack").add_body(name="shelf")
+    rack.add_geom(name="board", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.1, 0.1, 0.1])
+    rack.add_geom(name="paint", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.1, 0.1, 0.1], contype=0, conaffinity=0)
+    for name, moves in (("parcel", True), ("lift", False)):
+        body = spec.worldbody.add_body(name=name, pos=[3, 0, 1], mocap=not moves)
+        body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.1, 0.1, 0.1])
+        if moves:
+            body.add_freejoint()
+    add_robot(spec)
+    add_tracks(spec, "robot", half_gauge=0.2, hull=HULL).connect(spec)
+    assert {pair.geomname1 for pair in spec.pairs} == {"ground", "board"}
+
+
 def test_a_geom_of_another_spec_is_no_terrain():
     spec, other = plane(), plane()
     add_robot(spec)
