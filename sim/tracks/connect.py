@@ -107,13 +107,6 @@ def _grounds(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] 
 
 
 def _static_geoms(body: mujoco.MjsBody) -> Iterator[mujoco.MjsGeom]:
-    yield from body.geoms
-    for child in body.bodies:
-        if not list(child.joints):
-            yield from _static_geoms(child)
-
-
-def _static_geoms(body: mujoco.MjsBody) -> Iterator[mujoco.MjsGeom]:
     """The geoms of a body and of those that are fixed to it."""
     yield from body.geoms
     for child in body.bodies:
