@@ -56,7 +56,8 @@ class Slots:
         kinds += [{"type": _FIELD, "hfieldname": "field0"}] * self._fields
         kinds += [{"type": _PLANE, "size": [1.0, 1.0, 1.0]}]
         for name, kind in zip(self._names, kinds, strict=True):
-            spec.worldbody.add_geom(name=name, pos=[0.0, 0.0, _AWAY], **kind)
+            place = {"pos": [0.0, 0.0, _AWAY], "condim": 3, "contype": 1, "conaffinity": 1}
+            spec.worldbody.add_geom(name=name, **place, **kind)
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
         return list(self._names)
 

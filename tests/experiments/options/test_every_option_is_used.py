@@ -63,6 +63,9 @@ EQUIPMENT = {
     "scanner.divergence": "0.004",
     "scanner.scan-duration": "0.01",
     "obstacles": "room",
+    "pull": "5",
+    "pull.height": "0.2",
+    "pull.since": "0.5",
     "rrd": "",
 }
 GROUND = {
@@ -71,6 +74,7 @@ GROUND = {
     "ground.across": "0.7",
     "ground.slope": "0.01",
     "ground.uphill": "1",
+    "ground.shear": "0.005",
 }
 SIMULATION = REPEATABLE | EQUIPMENT | GROUND
 RUNS = SIMULATION | {"radii": "0.8 1.2", "speeds": "0.2 0.25", "localization": "line", "duration": "5"}
@@ -145,6 +149,8 @@ EXAMPLES = {
     "predict": (
         {"robot": "robot.toml", "half-gauge": "0.2", "contact-length": "0.4", "friction-ratio": "1.1", "com-x": "0.01"}
         | {"sprocket-radius": "0.07", "radius-error": "0.01", "radii": "1 2", "out": "a"},
+        {"friction": "0.6", "shear": "0.01", "slope": "0.1", "uphill": "0.2", "pull": "20", "pull-height": "0.2"}
+        | {"out": "b"},
     ),
     "calibrate": (
         REPEATABLE
