@@ -39,6 +39,11 @@ class Slots:
         self._ids: NDArray[np.int_] = np.zeros(0, int)
         self._batch: dict[str, Any] = {}
 
+    @property
+    def friction(self) -> float:
+        """Coefficient of friction of the first course [-]."""
+        return self._listed[0][0].friction
+
     def add_to(self, spec: mujoco.MjSpec) -> list[str]:
         """Add the slots to the world body of `spec`; returns the names of their geoms."""
         for (_, model), first in zip(self._listed, self._first_field, strict=False):
