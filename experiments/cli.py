@@ -18,6 +18,7 @@ from experiments.options.benchmark import BenchmarkConfig
 from experiments.options.calibrate import CalibrateConfig
 from experiments.options.coverage import CoverageConfig
 from experiments.options.deploy import DeployConfig
+from experiments.options.drive import DriveConfig
 from experiments.options.evaluate import EvaluateConfig
 from experiments.options.export import ExportConfig
 from experiments.options.grid import SweepConfig
@@ -46,6 +47,7 @@ COMMANDS: dict[str, Any] = {
     "bag": BagConfig,
     "localize": LocalizeConfig,
     "track": TrackConfig,
+    "drive": DriveConfig,
     "benchmark": BenchmarkConfig,
     "train": TrainConfig,
     "predict": PredictConfig,
@@ -110,12 +112,17 @@ COMMAND_EXAMPLES = (
     ("without slip compensation", "trackslip track --compensation none --out out/track-none"),
     ("with online identification", "trackslip track --controller lqr --compensation online --reference slalom"),
     ("with your own laws", "trackslip track --laws out/identify --compensation exponential"),
+    ("the rescue robot on stairs, flippers by reflex", "trackslip drive"),
+    ("slowly over a step, with pictures", "trackslip drive --course step10 --speed 0.1 --flippers up --pictures 8"),
+    ("your own robot and course, as a video", "trackslip drive --robot r.toml --course c.toml --video drive.mp4"),
+    ("by the keyboard", "trackslip drive --course arena --teleop"),
     ("every controller on the paper's path", "trackslip benchmark"),
     ("Sec. IV of the paper", "trackslip benchmark --suite paper"),
     ("two controllers on ice", "trackslip benchmark --controllers linear lqr --grounds ice --seeds 0 1"),
     ("your own controller", "trackslip benchmark --controllers linear my_controller:MyController"),
     ("two million steps", "trackslip train"),
     ("resume from the last checkpoint", "trackslip train --steps 4000000 --resume"),
+    ("to cross courses", "trackslip train --env traverse --out out/traverse"),
     ("a quick try", "trackslip train --steps 100000 --robots 16 --batch 512 --out out/try"),
     ("the shipped robot", "trackslip predict"),
     ("a robot of another size", "trackslip predict --half-gauge 0.25 --contact-length 0.6 --friction-ratio 1.2"),
@@ -123,6 +130,7 @@ COMMAND_EXAMPLES = (
     ("to a log, with other parameters", "trackslip calibrate --target log.csv --free friction_ratio radius_error"),
     ("the shipped robot", "trackslip validate"),
     ("a calibrated robot", "trackslip validate --robot out/calibrate/robot.toml"),
+    ("tracks on terrain", "trackslip validate --terrain"),
     ("a thousand repeats", "trackslip coverage"),
     ("fewer", "trackslip coverage --repeats 100 --run-repeats 40 --grids 4"),
     ("laws from teleoperated drives", "trackslip coverage --drives"),
@@ -131,6 +139,7 @@ COMMAND_EXAMPLES = (
     ("the simulator", "trackslip bench"),
     ("a quick look", "trackslip bench --sizes 1 64 --thread-counts 1 --seconds 5 --repeats 3"),
     ("the learning environments", "trackslip bench --env"),
+    ("tracks on terrain", "trackslip bench --terrain"),
     ("a thousand runs, on one process and on two", "trackslip bench --grid"),
     ("list the runs", "trackslip export out/grid"),
     ("write all runs as CSV", "trackslip export out/grid --csv"),

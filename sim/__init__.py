@@ -12,10 +12,9 @@ trackslip/PathTracking-v0: `gymnasium.make("sim:trackslip/PathTracking-v0")`.
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 from typing import TYPE_CHECKING
-
-import gymnasium
 
 if TYPE_CHECKING:
     from sim.drive.drive import Drive
@@ -24,6 +23,8 @@ if TYPE_CHECKING:
     from sim.ground.named import load_ground
     from sim.robot.parameters import RobotParameters
     from sim.robot.robot import load_robot
+    from sim.robot.tracked import Flipper, TrackedRobot, load_tracked
+    from sim.robot.tracked_model import TrackedModel, build_tracked
     from sim.run_recorder import Description, RunFailedError
     from sim.runs import Pilot, closed_loop, open_loop
     from sim.scanner.feed import ScannerFeed
@@ -34,16 +35,21 @@ __all__ = [
     "Description",
     "Drive",
     "Fleet",
+    "Flipper",
     "Ground",
     "LaserScanner",
     "Pilot",
     "RobotParameters",
     "RunFailedError",
     "ScannerFeed",
+    "TrackedModel",
+    "TrackedRobot",
+    "build_tracked",
     "closed_loop",
     "load_ground",
     "load_obstacles",
     "load_robot",
+    "load_tracked",
     "open_loop",
 ]
 
@@ -51,16 +57,21 @@ _MODULE_OF = {
     "Description": "run_recorder",
     "Drive": "drive.drive",
     "Fleet": "fleet",
+    "Flipper": "robot.tracked",
     "Ground": "ground.ground",
     "LaserScanner": "scanner.scanner",
     "Pilot": "runs",
     "RobotParameters": "robot.parameters",
     "RunFailedError": "run_recorder",
     "ScannerFeed": "scanner.feed",
+    "TrackedModel": "robot.tracked_model",
+    "TrackedRobot": "robot.tracked",
+    "build_tracked": "robot.tracked_model",
     "closed_loop": "runs",
     "load_ground": "ground.named",
     "load_obstacles": "scanner.named_obstacles",
     "load_robot": "robot.robot",
+    "load_tracked": "robot.tracked",
     "open_loop": "runs",
 }
 
@@ -77,8 +88,16 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
 
 
-gymnasium.register(
-    id="trackslip/PathTracking-v0",
-    entry_point="sim.env:PathTrackingEnv",
-    vector_entry_point="sim.vector_env:PathTrackingVectorEnv",
-)
+with contextlib.suppress(ImportError):  # sim.tracks and sim.terrain do without gymnasium
+    import gymnasium
+
+    gymnasium.register(
+        id="trackslip/PathTracking-v0",
+        entry_point="sim.env:PathTrackingEnv",
+        vector_entry_point="sim.vector_env:PathTrackingVectorEnv",
+    )
+    gymnasium.register(
+        id="trackslip/Traverse-v0",
+        entry_point="sim.traverse.env:TraverseEnv",
+        vector_entry_point="sim.traverse.env:TraverseVectorEnv",
+    )

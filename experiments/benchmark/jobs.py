@@ -15,7 +15,7 @@ from experiments.storage.parts import Part
 from experiments.storage.results import SUMMARY_FILE
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.logs.runlog import RunLog
-from trackslip.slip.law_file import SHIPPED
+from trackslip.slip.stored_laws import SHIPPED
 
 GROUP_SIZE = 32
 """Robots in a fleet: larger fleets hardly gain speed, and smaller ones are shared better between processes."""
@@ -36,6 +36,7 @@ def ids(setup: Setup, cases: Sequence[Case]) -> dict[Case, str]:
             "world": [world.parameters, world.obstacles, world.radius_error],
             "laws": content(laws / SUMMARY_FILE if laws.is_dir() else laws),
         }
+        | ({"pull": world.pull} if world.pull.force > 0 else {})
     )
     contents = functools.cache(lambda name: content(Path(name)))
     modules = set(user_modules())

@@ -7,7 +7,8 @@ import sys
 from pathlib import Path
 
 from experiments.driving.paper_model import KNOWN_LAWS
-from sim.policy import Policy, PolicyController, policy_file
+from sim.network import policy_file
+from sim.policy import Policy, PolicyController
 from sim.robot.robot import Robot
 from trackslip.controllers.base import Controller
 from trackslip.controllers.mpc import ModelPredictive
@@ -19,7 +20,8 @@ from trackslip.localization.line import LineLocator
 from trackslip.localization.plate import PlateLocator
 from trackslip.slip.compensation import Compensation, FixedLaw, OnlineIcr
 from trackslip.slip.icr import ConstantIcr
-from trackslip.slip.law_file import SHIPPED, load_laws
+from trackslip.slip.law_file import load_laws
+from trackslip.slip.stored_laws import SHIPPED
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.named import load_reference
 

@@ -20,9 +20,9 @@ from sim.wander.law_motion import LawMotion, SlipVariation
 from sim.wander.log import encoder_log, joined_log, quantised
 from sim.wander.motion import Motion
 from sim.wander.pose_source import PoseSource
+from trackslip.identification.drive.reckoning import rotated
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
-from trackslip.planning.information import PoseQuality
 from trackslip.planning.plan import PAPER_DURATION, DrivePlan, paper_runs
 from trackslip.planning.strokes import RATE
 from trackslip.slip.families import family
@@ -43,11 +43,6 @@ class Driven:
     def measured(self, source: PoseSource, rng: np.random.Generator) -> RunLog:
         """The log as a source of poses sees it."""
         return joined_log(self.log, *source.measure(self.motion, rng))
-
-
-def quality_of(source: PoseSource) -> PoseQuality:
-    """What a plan has to know of a source of poses."""
-    return PoseQuality(source.rate, source.position_noise, source.heading_noise if source.heading else None)
 
 
 def driven_by_law(plan: DrivePlan, truth: Array, rng: np.random.Generator) -> Driven:
@@ -109,8 +104,7 @@ def driven_in_mujoco(plan: DrivePlan, seed: int, threads: int, progress: Progres
 
 def placed(pose: Array, start: Array) -> Array:
     """Poses (F, 3) from the origin, as seen from where the robot starts at `start` (3,)."""
-    at = (pose[:, 0] + 1j * pose[:, 1]) * np.exp(1j * start[2])
-    return np.stack([start[0] + at.real, start[1] + at.imag, start[2] + pose[:, 2]], axis=-1)
+    return start + np.column_stack([rotated(start[2], pose[:, :2]), pose[:, 2]])
 
 
 def _law_motion(plan: DrivePlan, truth: Array) -> LawMotion:

@@ -2,11 +2,15 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from experiments.storage.file_names import file_names
 from experiments.storage.results import RECORDINGS_FOLDER
-from trackslip.errors import OutputError
 from trackslip.logs.runlog import RunLog
+
+if TYPE_CHECKING:
+    from experiments.driving.course_run import CourseRun
+    from sim.robot.tracked_model import TrackedModel
 
 
 def record_all(folder: Path, logs: Sequence[RunLog], compared: Mapping[str, Sequence[RunLog]] | None = None) -> None:
@@ -22,22 +26,19 @@ def record(file: Path, logs: Sequence[RunLog], laws: Path | None = None) -> floa
     Returns the start of the loop that the viewer plays [s]; raises OutputError if the file can't be written.
     """
     from experiments.recording import stream
+    from experiments.recording.files import recording
 
-    draft = file.with_name(f".partial-{file.name}")
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        draft.touch()
-        with stream.new_stream(title(logs)) as recording:
-            recording.save(draft)
-            begin = stream.send(recording, logs, laws)
-            recording.flush()
-            recording.disconnect()
-        draft.replace(file)
-        return begin
-    except OSError as error:
-        raise OutputError(f"{file}: can't be written ({error.strerror or error})") from error
-    finally:
-        draft.unlink(missing_ok=True)
+    with recording(file, title(logs)) as opened:
+        return stream.send(opened, logs, laws)
+
+
+def record_course_drive(file: Path, run: "CourseRun", world: "TrackedModel", about: Mapping[str, Any]) -> None:
+    """Record a drive over a course; `world` is the model with its looks. Raises OutputError as `record` does."""
+    from experiments.recording import course_drive
+    from experiments.recording.files import recording
+
+    with recording(file, f"{world.robot.name}: {run.outcome}") as opened:
+        course_drive.send_course_drive(opened, run, world, about)
 
 
 def title(logs: Sequence[RunLog]) -> str:

@@ -37,6 +37,7 @@ NEEDED = {
     ("localize",): {"pyarrow", *DRAWN},
     ("deploy", "--to", "c"): set(),
     ("evaluate",): {"pyarrow", *DRAWN},
+    ("drive",): {"mujoco", "pyarrow", *DRAWN},
     ("benchmark",): {"mujoco", "pyarrow", *DRAWN},
     ("train",): set(),
     ("calibrate",): {"mujoco", "pyarrow", *SCIPY},
@@ -135,7 +136,7 @@ def test_help_lists_every_option_with_its_default(capsys, monkeypatch):
         hint = typing.get_type_hints(owner, include_extras=True)[field.name]
         if tyro.conf.Positional in getattr(hint, "__metadata__", ()):
             continue
-        flag = "--" + option.removesuffix(".source").removeprefix("bag.").replace("_", "-")
+        flag = "--" + option.removesuffix(".source").removesuffix(".force").removeprefix("bag.").replace("_", "-")
         about = re.split(rf"│ +{re.escape(flag)}[ ,]", shown[command], maxsplit=1)
         assert len(about) == 2, (command, flag)
         assert text_of(owner, field.name) in about[1], (command, flag)

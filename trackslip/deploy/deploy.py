@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trackslip.deploy.c_header import c_text
-from trackslip.deploy.expressible import best_expressible
+from trackslip.deploy.expressible import best_expressible, instead_of
 from trackslip.deploy.json_text import json_text
 from trackslip.deploy.python_file import python_text
 from trackslip.deploy.ros2_control import ros2_control_text
-from trackslip.deploy.stored import StoredLaws, read_stored, stored_laws
 from trackslip.errors import InvalidValueError
-from trackslip.slip.law_file import SHIPPED
+from trackslip.slip.stored_laws import SHIPPED, StoredLaws, read_stored, stored_laws
 
 if TYPE_CHECKING:
     from trackslip.identification.result import Identification
@@ -25,6 +25,18 @@ TARGETS: dict[str, Callable[[StoredLaws, str], str]] = {
     "python": python_text,
 }
 """What laws can be deployed to: the text of a file, from laws and the name of one of them."""
+
+
+@dataclass(frozen=True)
+class Deployed:
+    """A law as another program takes it."""
+
+    law: str
+    """Name of the law."""
+    text: str
+    """Text of the file."""
+    instead: str
+    """What it costs that this isn't the best law, which the target can't express; else empty."""
 
 
 def deploy_law(source: str | Path | Identification = SHIPPED, to: str = "ros2_control", law: str | None = None) -> str:
@@ -43,11 +55,17 @@ def deploy_law(source: str | Path | Identification = SHIPPED, to: str = "ros2_co
         InvalidValueError: for an unknown target or law.
         TrackslipError: if the target can't express the law; the message names the nearest one that it can.
     """
+    return deployed(source, to, law).text
+
+
+def deployed(source: str | Path | Identification, to: str, law: str | None = None) -> Deployed:
+    """The same, with what was taken."""
     if to not in TARGETS:
         raise InvalidValueError("to", to, f"one of {', '.join(TARGETS)}")
-    stored = _stored(source)
-    best = best_expressible(stored) if law is None and to == "ros2_control" else law
-    return TARGETS[to](stored, stored.law_named(best))
+    stored, limited = _stored(source), to == "ros2_control"
+    name = stored.law_named(best_expressible(stored) if law is None and limited else law)
+    text = TARGETS[to](stored, name)
+    return Deployed(name, text, instead_of(stored, name) if limited else "")
 
 
 def _stored(source: str | Path | Identification) -> StoredLaws:

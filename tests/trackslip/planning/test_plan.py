@@ -11,8 +11,9 @@ from trackslip.errors import InvalidValueError
 from trackslip.identification.drive.estimate import DRIVE_LAWS
 from trackslip.identification.drive.model import DriveModel
 from trackslip.kinematics import RobotGeometry
+from trackslip.odometry.uncertainty import LawErrors
 from trackslip.planning import plan as planning
-from trackslip.planning.information import Known, PoseQuality, drive_to_measure, expected, with_extras
+from trackslip.planning.information import PoseQuality, drive_to_measure, expected, with_extras
 from trackslip.planning.limits import DriveLimits, first_knowledge
 from trackslip.planning.place import path
 from trackslip.planning.plan import PLANNED_LAWS, expected_alone, expected_of_paper, paper_runs, plan_drive
@@ -79,7 +80,7 @@ def test_smaller_areas_tell_less(plan):
 
 
 def test_a_second_round_is_made_for_what_is_left_open(plan):
-    known = Known(("offset", "radius_error"), np.diag(np.square([1e-3, 1e-4])))
+    known = LawErrors(("offset", "radius_error"), np.diag(np.square([1e-3, 1e-4])))
     second = plan_drive(GEOMETRY, LIMITS, SLAM, known=known)
     model = DriveModel(FAMILIES["icr_radius"], GEOMETRY)
     drive = drive_to_measure(plan.strokes.speeds(40.0), RATE, SLAM, 0.06)
@@ -98,7 +99,8 @@ def test_every_law_can_be_planned_for(law, monkeypatch):
     if law in ("turn_loss", *SLOW_LAWS):  # few drives determine them
         monkeypatch.setattr(planning, "_EVALUATIONS", 200 if law in SLOW_LAWS else 100)
     found = plan_drive(GEOMETRY, LIMITS, SLAM, law)
-    assert all(0 < found.expectation.stderr[name] < size for name, size in found.sizes.items())
+    most = 1.0 if law in SLOW_LAWS else 0.02
+    assert all(0 < found.expectation.stderr[name] < most * size for name, size in found.sizes.items())
 
 
 def test_the_laws_are_those_that_drives_determine():
