@@ -65,13 +65,15 @@ def _simulator(config: BenchConfig, robot: Robot) -> _Measured:
 
 def _environments(config: BenchConfig, robot: Robot) -> _Measured:
     from experiments.speed.environments import env_speeds, measure_env  # late: it needs gymnasium
+    from experiments.speed.traverse import measure_traverse
 
-    with _progress(1 + config.repeats) as step:
+    with _progress(2 * (1 + config.repeats)) as step:
         speeds = env_speeds(measure_env(config, step), robot.model.opt.timestep)
+        traverse = measure_traverse(config, step)
     title, header, rows = _speed_table("Speed of the learning environments", speeds)
     header = (*header[:-1], "ratio to SyncVectorEnv", header[-1])
     rows = [(*row[:-1], f"{one.ratio_to_single:.1f}", row[-1]) for row, one in zip(rows, speeds, strict=True)]
-    return {"rows": speeds}, [(title, header, rows)]
+    return {"rows": speeds, "traverse": traverse}, [(title, header, rows), _speed_table("Speed on courses", traverse)]
 
 
 def _terrain(config: BenchConfig, _: Robot) -> _Measured:
