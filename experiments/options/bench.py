@@ -9,13 +9,15 @@ from trackslip.errors import InvalidValueError
 
 MAX_ROBOTS = 10_000
 MAX_REPEATS = 1000
+_SHEAR_SIZES = (32, 64, 256)
 
 
 @dataclass(frozen=True)
 class BenchConfig:
     """Measure the speed of the simulation: bare physics, a fleet, a fleet with scanners, and the closed loop.
 
-    With --env, measure the learning environments instead; with --grid, a grid of a thousand runs.
+    With --env, measure the learning environments instead; with --grid, a grid of a thousand runs; with --shear, what
+    ground that shears costs a fleet.
     """
 
     sizes: tuple[int, ...] = (1, 25, 256)
@@ -36,6 +38,8 @@ class BenchConfig:
     """Number of runs in the grid, a multiple of 25; needs --grid."""
     grid_duration: float = 30.0
     """Length of each run of the grid; needs --grid [s]."""
+    shear: bool = False
+    """Measure fleets on ground that shears and on Coulomb ground; by default of 32, 64 and 256 robots."""
     seed: int = 0
     """Seed of all random numbers."""
     out: Path = Path("out/bench")
@@ -51,6 +55,8 @@ class BenchConfig:
         checks.require_integer("env_size", self.env_size, 1, MAX_ROBOTS)
         if self.env and self.grid:
             raise InvalidValueError("grid", self.grid, "left out with --env")
+        if self.shear and (self.env or self.grid):
+            raise InvalidValueError("shear", self.shear, "left out with --env and --grid")
         if not 25 <= self.grid_runs <= MAX_ROBOTS or self.grid_runs % 25:
             raise InvalidValueError("grid_runs", self.grid_runs, f"a multiple of 25 from 25 to {MAX_ROBOTS}")
         checks.require_between("grid_duration", self.grid_duration, MIN_DURATION, MAX_DURATION, "s")
@@ -63,3 +69,8 @@ class BenchConfig:
             checks.refuse_unused(self, ("sizes",), "with --env and --grid")
         if self.grid:
             checks.refuse_unused(self, ("seconds", "repeats"), "with --grid")
+
+    @property
+    def shear_sizes(self) -> tuple[int, ...]:
+        """Numbers of robots with --shear: those given, or else enough for the cost to be bounded."""
+        return _SHEAR_SIZES if self.sizes == BenchConfig.sizes else self.sizes
