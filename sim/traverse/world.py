@@ -155,7 +155,16 @@ class Traverse:
         self.outcome[where], self.time[where] = Outcome.DRIVING, 0.0
 
     def step(self, command: Command) -> None:
-        """Simulate one control period of the robots whose runs have not ended."""
+        """Simulate one control period of the robots whose runs have not ended.
+
+        Raises InvalidValueError for set points that aren't finite or have another shape.
+        """
+        for name, values, state in (
+            ("speed", command.speed, self.servo.speed),
+            ("flippers", command.flippers, self.servo.angle),
+        ):
+            valid = np.shape(values) == state.shape and np.isfinite(values).all()
+            require(valid, name, np.asarray(values).tolist(), f"finite, of shape {state.shape}")
         rows = np.flatnonzero(self.outcome == Outcome.DRIVING)
         if not rows.size:
             return
