@@ -194,7 +194,11 @@ def parse(arguments: Sequence[str]) -> Any:
     try:
         with contextlib.redirect_stderr(explanation), contextlib.redirect_stdout(shown):
             return tyro.extras.subcommand_cli_from_dict(
-                COMMANDS, prog="trackslip", args=arguments, description=_DESCRIPTION, config=(tyro.conf.DisallowNone,)
+                COMMANDS,
+                prog="trackslip",
+                args=arguments,
+                description=_DESCRIPTION,
+                config=(tyro.conf.DisallowNone, tyro.conf.HelptextFromCommentsOff),
             )
     except SystemExit as stop:
         if stop.code and (refused := _refused_value(stop)):
