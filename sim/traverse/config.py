@@ -85,7 +85,7 @@ class TraverseConfig:
     """Contact preset of the tracks."""
     reward: Reward = field(default_factory=Reward)
     """The reward of a step."""
-    limits: Limits = field(default_factory=lambda: Limits(time=30.0))
+    limits: Limits = field(default_factory=Limits)
     """Where episodes end."""
     servos: Servos = field(default_factory=Servos)
     """Servos of belts and flippers."""
