@@ -21,7 +21,8 @@ from experiments.storage.results import results_folder, write_results
 from trackslip.errors import InvalidValueError, LogError, TrackslipError
 from trackslip.logs.runlog import RunLog
 
-POLICY, CHECKPOINT = "policy.npz", "checkpoint.zip"
+POLICY, CHECKPOINT, CURVE = "policy.npz", "checkpoint.zip", "curve.png"
+_DPI = 160  # of the figure of the curve
 _MIN_RATE = 0.05  # final over initial learning rate
 _CHECKPOINT_EVERY = 20  # updates
 _TRAININGS: dict[str, Callable[[TrainConfig], Training]] = {
@@ -31,7 +32,9 @@ _TRAININGS: dict[str, Callable[[TrainConfig], Training]] = {
 
 
 def run(config: TrainConfig) -> None:
-    """Train, store the policy, and print the reward before and after."""
+    """Train, store the policy, draw its curve, and print the reward before and after."""
+    from experiments.report.figures.learning import learning_curve  # late: it needs matplotlib
+
     began = time.perf_counter()
     with results_folder(config.out) as folder:
         training = _TRAININGS[config.env](config)
@@ -49,6 +52,7 @@ def run(config: TrainConfig) -> None:
         timing = {"wall_s": wall, "steps_per_s": (model.num_timesteps - before) / wall}
         summary = {"steps": model.num_timesteps, "curve": curve, **found, "timing": timing}
         write_results(folder, summary, make_manifest("train", config, wall, seed=config.seed))
+        learning_curve(curve, found.get("rates", ())).savefig(folder / CURVE, dpi=_DPI)
         if config.rrd:
             record_all(folder, [log for name in config.references for log in _driven(config, folder / POLICY, name)])
     of = " of 1" if config.env == PATH_TRACKING else ""
