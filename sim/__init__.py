@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from sim.drive.drive import Drive
+    from sim.drive.pull import Pull
     from sim.fleet import Fleet
     from sim.ground.ground import Ground
     from sim.ground.named import load_ground
@@ -36,6 +37,7 @@ __all__ = [
     "Ground",
     "LaserScanner",
     "Pilot",
+    "Pull",
     "RobotParameters",
     "RunFailedError",
     "ScannerFeed",
@@ -53,6 +55,7 @@ _MODULE_OF = {
     "Ground": "ground.ground",
     "LaserScanner": "scanner.scanner",
     "Pilot": "runs",
+    "Pull": "drive.pull",
     "RobotParameters": "robot.parameters",
     "RunFailedError": "run_recorder",
     "ScannerFeed": "scanner.feed",
