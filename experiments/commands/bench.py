@@ -87,7 +87,7 @@ def _shear(config: BenchConfig, robot: Robot) -> _Measured:
     checks = [
         Check(f"{one.n} robots, {one.threads} threads", "cost ratio", one.cost_ratio, MOST, "1")
         for one in costs
-        if one.n >= FEWEST and one.threads == 1  # on more threads, those that wait cost time but no work
+        if one.n >= FEWEST and one.threads == 1  # on more, those that wait for work may use time, too
     ]
     return {"rows": costs, "checks": [one.to_json() for one in checks]}, [("Cost of shear", header, rows)]
 

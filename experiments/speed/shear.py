@@ -1,10 +1,10 @@
-"""What ground that shears costs: the time of a fleet on it, over that of a fleet on Coulomb ground, in turns."""
+"""What ground that shears costs: processor time of a fleet on it, over that of a fleet on Coulomb ground, in turns."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from time import perf_counter
+from time import perf_counter, process_time
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from sim.robot.robot import Robot
 FEWEST = 32
 """Number of robots from which on the cost is bounded."""
 MOST = 1.5
-"""Largest ratio of the times [-]."""
+"""Largest ratio of processor times, on one thread [-]."""
 _MODULUS = 0.01  # [m]
 _STEADY = 2.0  # time after which the belts run steadily [s]
 _PERIOD = 0.05  # time between two scans [s]
@@ -35,7 +35,7 @@ class ShearCost:
     shear_steps_per_s: float
     """The same on ground that shears [1/s]."""
     cost_ratio: float
-    """Median of the ratios of the times of both, measured one right after the other [-]."""
+    """Median of the ratios of processor time on both, measured one right after the other [-]."""
 
 
 def measure_shear(config: BenchConfig, robot: Robot, step: Callable[[str], None]) -> list[ShearCost]:
@@ -55,14 +55,16 @@ def cost(robot: Robot, size: int, threads: int, seconds: float, turns: int) -> S
         fleet.command([2.0, 3.0])
         fleet.advance(_STEADY)
     periods = max(1, round(seconds / (size * _PERIOD)))
-    times = np.array([[_time(fleet, periods) for fleet in fleets] for _ in range(1 + turns)])[1:]
+    times = np.array([[_times(fleet, periods) for fleet in fleets] for _ in range(1 + turns)])[1:]
+    passed, worked = np.moveaxis(times, -1, 0)  # (turns, 2) each
     steps = size * periods * _PERIOD / robot.model.opt.timestep
-    coulomb, shear = np.median(steps / times, axis=0)
-    return ShearCost(size, threads, float(coulomb), float(shear), float(np.median(times[:, 1] / times[:, 0])))
+    coulomb, shear = np.median(steps / passed, axis=0)
+    return ShearCost(size, threads, float(coulomb), float(shear), float(np.median(worked[:, 1] / worked[:, 0])))
 
 
-def _time(fleet: Fleet, periods: int) -> float:
-    began = perf_counter()
+def _times(fleet: Fleet, periods: int) -> tuple[float, float]:
+    """Time that passes and time of all processors, of a number of periods [s]."""
+    began, worked = perf_counter(), process_time()
     for _ in range(periods):
         fleet.advance(_PERIOD)
-    return perf_counter() - began
+    return perf_counter() - began, process_time() - worked
