@@ -141,6 +141,7 @@ COMMAND_EXAMPLES = (
     ("the simulator", "trackslip bench"),
     ("a quick look", "trackslip bench --sizes 1 64 --thread-counts 1 --seconds 5 --repeats 3"),
     ("the learning environments", "trackslip bench --env"),
+    ("tracks on terrain", "trackslip bench --terrain"),
     ("ground that shears", "trackslip bench --shear"),
     ("a thousand runs, on one process and on two", "trackslip bench --grid"),
     ("list the runs", "trackslip export out/grid"),
@@ -196,7 +197,11 @@ def parse(arguments: Sequence[str]) -> Any:
     try:
         with contextlib.redirect_stderr(explanation), contextlib.redirect_stdout(shown):
             return tyro.extras.subcommand_cli_from_dict(
-                COMMANDS, prog="trackslip", args=arguments, description=_DESCRIPTION, config=(tyro.conf.DisallowNone,)
+                COMMANDS,
+                prog="trackslip",
+                args=arguments,
+                description=_DESCRIPTION,
+                config=(tyro.conf.DisallowNone, tyro.conf.HelptextFromCommentsOff),
             )
     except SystemExit as stop:
         if stop.code and (refused := _refused_value(stop)):

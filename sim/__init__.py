@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from sim.ground.named import load_ground
     from sim.robot.parameters import RobotParameters
     from sim.robot.robot import load_robot
+    from sim.robot.tracked import Flipper, TrackedRobot, load_tracked
+    from sim.robot.tracked_model import TrackedModel, build_tracked
     from sim.run_recorder import Description, RunFailedError
     from sim.runs import Pilot, closed_loop, open_loop
     from sim.scanner.feed import ScannerFeed
@@ -34,6 +36,7 @@ __all__ = [
     "Description",
     "Drive",
     "Fleet",
+    "Flipper",
     "Ground",
     "LaserScanner",
     "Pilot",
@@ -41,10 +44,14 @@ __all__ = [
     "RobotParameters",
     "RunFailedError",
     "ScannerFeed",
+    "TrackedModel",
+    "TrackedRobot",
+    "build_tracked",
     "closed_loop",
     "load_ground",
     "load_obstacles",
     "load_robot",
+    "load_tracked",
     "open_loop",
 ]
 
@@ -52,6 +59,7 @@ _MODULE_OF = {
     "Description": "run_recorder",
     "Drive": "drive.drive",
     "Fleet": "fleet",
+    "Flipper": "robot.tracked",
     "Ground": "ground.ground",
     "LaserScanner": "scanner.scanner",
     "Pilot": "runs",
@@ -59,10 +67,14 @@ _MODULE_OF = {
     "RobotParameters": "robot.parameters",
     "RunFailedError": "run_recorder",
     "ScannerFeed": "scanner.feed",
+    "TrackedModel": "robot.tracked_model",
+    "TrackedRobot": "robot.tracked",
+    "build_tracked": "robot.tracked_model",
     "closed_loop": "runs",
     "load_ground": "ground.named",
     "load_obstacles": "scanner.named_obstacles",
     "load_robot": "robot.robot",
+    "load_tracked": "robot.tracked",
     "open_loop": "runs",
 }
 

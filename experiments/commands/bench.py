@@ -32,7 +32,8 @@ def run(config: BenchConfig) -> None:
     began = perf_counter()
     with results_folder(config.out) as folder:
         robot = load_robot()
-        measure = _environments if config.env else _grid if config.grid else _shear if config.shear else _simulator
+        chosen = {_environments: config.env, _grid: config.grid, _terrain: config.terrain, _shear: config.shear}
+        measure = next((one for one, wanted in chosen.items() if wanted), _simulator)
         summary, tables = measure(config, robot)
         memory = peak_memory()
         wall = perf_counter() - began
@@ -67,12 +68,28 @@ def _simulator(config: BenchConfig, robot: Robot) -> _Measured:
 
 def _environments(config: BenchConfig, robot: Robot) -> _Measured:
     from experiments.speed.environments import env_speeds, measure_env  # late: it needs gymnasium
+    from experiments.speed.traverse import measure_traverse
 
-    with _progress(1 + config.repeats) as step:
+    with _progress(2 * (1 + config.repeats)) as step:
         speeds = env_speeds(measure_env(config, step), robot.model.opt.timestep)
+        traverse = measure_traverse(config, step)
     title, header, rows = _speed_table("Speed of the learning environments", speeds)
     header = (*header[:-1], "ratio to SyncVectorEnv", header[-1])
     rows = [(*row[:-1], f"{one.ratio_to_single:.1f}", row[-1]) for row, one in zip(rows, speeds, strict=True)]
+    return {"rows": speeds, "traverse": traverse}, [(title, header, rows), _speed_table("Speed on courses", traverse)]
+
+
+def _terrain(config: BenchConfig, _: Robot) -> _Measured:
+    from experiments.speed.terrain import CONDITIONS, measure_terrain  # late: only this needs tracks and terrain
+
+    with _progress(CONDITIONS) as step:
+        speeds = measure_terrain(config, step)
+    header = ("preset", "terrain", "case", "robots", "threads", "steps/s", "ratio to bare", "real-time factor")
+    rows: list[_Cells] = []
+    for one in speeds:
+        numbers = f"{one.steps_per_s:,.0f}", f"{one.ratio_to_bare:.2f}", f"{one.real_time_factor:.1f}"
+        rows.append((one.preset, one.terrain, one.case, str(one.n), str(one.threads), *numbers))
+    title = f"Speed on terrain of the robot {Path(config.terrain_robot).stem}"
     return {"rows": speeds}, [(title, header, rows)]
 
 

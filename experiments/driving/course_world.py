@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from experiments.driving.course_pilots import ConstantPilot, CoursePilot, PathPilot
-from experiments.driving.course_run import PERIOD, reflexes
+from experiments.driving.course_run import PERIOD, SAMPLE, reflexes
 from experiments.options.drive import DriveConfig
 from sim.robot.flipper_clearance import clear_angles
 from sim.robot.tracked import TrackedRobot, load_tracked
@@ -49,7 +49,7 @@ class CourseWorld:
             servos=servos,
             limits=limits,
             period=PERIOD,
-            sample=PERIOD,
+            sample=SAMPLE,
             threads=1,
         )
         made = cls(robot, course, world, config)
@@ -93,5 +93,4 @@ class CourseWorld:
 
     def with_looks(self) -> TrackedModel:
         """The same model with all that is only looked at."""
-        friction = (self.course.friction, self.course.friction)
-        return build_tracked(self.robot, self.course, preset=self.config.preset, friction=friction, looks=True)
+        return build_tracked(self.robot, self.course, preset=self.config.preset, looks=True)

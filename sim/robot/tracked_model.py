@@ -18,12 +18,17 @@ from trackslip.kinematics import Array
 
 SIDES = ("left", "right")
 _FROM_GEOMS = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+_FRICTION = 0.7  # of a plane
 _CLEAR = 1e-3  # height above the tracks' lowest point that everything else on the chassis must have [m]
 _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
 
 
 class Terrain(Protocol):
     """What a robot can be put on."""
+
+    @property
+    def friction(self) -> float:
+        """Coefficient of friction [-]."""
 
     def add_to(self, spec: Any) -> list[str]:
         """Add the terrain to a `mujoco.MjSpec` and return the names of its geoms."""
@@ -62,7 +67,7 @@ def build_tracked(
     terrain: Terrain | None = None,
     *,
     preset: str = "accurate",
-    friction: tuple[float, float] = (0.7, 0.7),
+    friction: tuple[float, float] | None = None,
     looks: bool = False,
 ) -> TrackedModel:
     """Compile a robot on its terrain, or on a plane.
@@ -71,7 +76,7 @@ def build_tracked(
         robot: the robot.
         terrain: what it stands on, such as a `sim.terrain.Course`.
         preset: contact preset of the tracks.
-        friction: coefficients of friction along and across the tracks.
+        friction: coefficients of friction along and across the tracks; by default the terrain's, or a plane's 0.7.
         looks: keep geoms that are only looked at, which slow the physics down.
 
     Raises:
@@ -88,6 +93,9 @@ def build_tracked(
             chassis.add_freejoint()
         flippers = [(flipper, *_motor_of(spec, flipper, chassis)) for flipper in robot.flippers]
         names = _plane(spec) if terrain is None else terrain.add_to(spec)
+        if friction is None:
+            coefficient = _FRICTION if terrain is None else terrain.friction
+            friction = (coefficient, coefficient)
         tracks = _add_tracks(spec, robot, chassis, preset, friction)
         for one in tracks:
             one.connect(spec, names)
@@ -101,12 +109,12 @@ def build_tracked(
 
 
 def _load(robot: TrackedRobot) -> Any:
-    """The robot's model, without the ground that it may lie on, and without states, which a free joint would change."""
+    """The robot's model, without the scene that it may lie in, and without states, which a free joint would change."""
     if not robot.model.is_file():
         raise TrackslipError(f"{robot.model}: no such file; `model` must name the robot's MJCF or URDF file")
     spec = mujoco.MjSpec.from_file(str(robot.model))
     spec.compiler.fusestatic = False  # a URDF's base link is to stay a body
-    for thing in (*spec.worldbody.geoms, *spec.keys):
+    for thing in (*spec.worldbody.geoms, *spec.worldbody.lights, *spec.keys):
         spec.delete(thing)
     return spec
 
@@ -134,11 +142,15 @@ def _light(spec: Any) -> None:
             width=256,
             height=1536,
         )
-    if not spec.lights:
-        sun = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
-        spec.worldbody.add_light(
-            name="sun", type=sun, pos=[6, -8, 12], dir=[-0.45, 0.6, -1], diffuse=[0.62, 0.6, 0.55], castshadow=True
-        )
+    headlight = spec.visual.headlight
+    headlight.ambient, headlight.diffuse, headlight.specular = [0.36, 0.37, 0.39], [0.3] * 3, [0.05] * 3
+    spec.worldbody.add_light(
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        pos=[6, -8, 12],
+        dir=[-0.45, 0.6, -1],
+        diffuse=[0.62, 0.6, 0.55],
+        castshadow=True,
+    )
 
 
 def _chassis(spec: Any, robot: TrackedRobot) -> Any:

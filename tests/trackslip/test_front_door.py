@@ -69,6 +69,7 @@ def test_reading_laws_imports_what_laws_need():
     assert {name for name in found if name.startswith("trackslip.") and name.count(".") > 1} == {
         *("trackslip.logs.file_format", "trackslip.slip.law_file", "trackslip.slip.families"),
         *(f"trackslip.slip.{name}" for name in ("base", "constant", "exponential", "icr", "power", "turn_loss")),
+        *("trackslip.slip.nested", "trackslip.slip.stored_laws"),
     }
     assert not any(name.startswith(("scipy", "pyarrow")) for name in found)
 
@@ -136,7 +137,7 @@ def install(tmp_path, monkeypatch, entry_point):
     monkeypatch.syspath_prepend(tmp_path)
 
 
-def test_reports_are_drawn_by_whoever_offers_to(found, tmp_path, monkeypatch):
+def test_reports_are_drawn_by_whoever_offers_to(found, tmp_path, monkeypatch, undrawn):
     entry_point = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]["trackslip.reports"]
     install(tmp_path, monkeypatch, entry_point["identification"])
     file = found.report(tmp_path)

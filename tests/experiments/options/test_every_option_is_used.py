@@ -135,6 +135,11 @@ EXAMPLES = {
         | {"reference": "circle", "circle-radius": "1.1", "circle-speed": "0.2", "circle-duration": "4"}
         | {"start": "0.1 0.2 0.3", "laws": "predicted", "bag": ""},
     ),
+    "drive": (
+        {"robot": "box", "course": "step10", "speed": "0.2", "turn": "0.1", "flippers": "up", "preset": "fast"}
+        | {"friction": "0.6", "duration": "0.5", "seed": "3", "out": "a"},
+        {"path": "way.csv", "course": "flat", "duration": "0.5", "preset": "fast"},
+    ),
     "benchmark": (
         EQUIPMENT
         | {"suite": "paper", "controllers": "lqr", "compensations": "icr_radius", "references": "way.csv"}
@@ -169,6 +174,14 @@ EXAMPLES = {
         {"sizes": "2", "thread-counts": "1", "seconds": "0.5", "repeats": "1", "seed": "3", "out": "a"},
         {"env": "", "env-size": "2", "thread-counts": "1", "seconds": "0.5", "repeats": "1"},
         {"grid": "", "grid-runs": "25", "grid-duration": "4", "thread-counts": "1"},
+        {
+            "terrain": "",
+            "terrain-robot": "box",
+            "terrain-sizes": "1",
+            "thread-counts": "1",
+            "seconds": "0.1",
+            "repeats": "1",
+        },
     ),
     "export": ({"": "sweep", "csv": "", "run": "radius=1.0\\ speed=0.1", "out": "a.csv", "overwrite": ""},),
     "deploy": ({"": "predicted", "to": "c", "law": "icr_radius", "out": "a.csv", "overwrite": ""},),
@@ -176,6 +189,7 @@ EXAMPLES = {
 }
 """Command -> command lines that together give every option; an option without a value is a switch."""
 NOT_RUN = {
+    "drive": {"teleop", "video", "pictures"},  # need a display, PyAV, OpenGL
     "view": {"web"},  # opens a browser
     "validate": {"terrain"},  # takes minutes; test_validate_terrain runs it
     "train": {field.name for field in dataclasses.fields(COMMANDS["train"])},  # needs PyTorch
