@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from sim.drive.drive import Drive
+    from sim.drive.pull import Pull
     from sim.fleet import Fleet
     from sim.ground.ground import Ground
     from sim.ground.named import load_ground
@@ -45,6 +46,7 @@ __all__ = [
     "LaserScanner",
     "Outcome",
     "Pilot",
+    "Pull",
     "Reflex",
     "RobotParameters",
     "RunFailedError",
@@ -72,6 +74,7 @@ _MODULE_OF = {
     "LaserScanner": "scanner.scanner",
     "Outcome": "traverse.outcome",
     "Pilot": "runs",
+    "Pull": "drive.pull",
     "Reflex": "traverse.reflex",
     "RobotParameters": "robot.parameters",
     "RunFailedError": "run_recorder",
