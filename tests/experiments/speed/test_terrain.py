@@ -38,7 +38,7 @@ def test_both_cases_make_the_same_steps(monkeypatch):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"terrain": True, "env": True}, "terrain = True: must be left out with --env and --grid"),
+        ({"terrain": True, "env": True}, "terrain = True: must be left out with --env"),
         ({"terrain": True, "sizes": (3,)}, "sizes"),
         ({"terrain_robot": "box"}, "terrain_robot"),
         ({"terrain": True, "terrain_sizes": (0,)}, "terrain_sizes"),
