@@ -42,7 +42,7 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
     require(body.weldid[0] != 0, "body", tracks.names[0], "on a body that moves: give the robot a free joint")
     mass = float(model.body_subtreemass[model.body_rootid[body.id]]) * tracks.load
     gravity = float(np.linalg.norm(model.opt.gravity)) or 9.81
-    rocking = 1 / mobility(model, tracks, mass)
+    rocks, lightest = mobility(model, tracks, mass)
     on_limb = bool(model.body_weldid[body.id] != model.body_rootid[body.id])
     own = float(model.body_invweight0[body.id, 0])
     for ground in grounds:
@@ -50,8 +50,11 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
         share = mass * inverse_weight / tracks.points
         softened = _field_hardness(model, model.geom(ground.name).id, tracks.segment)
         most = _MAX_MOBILITY if softened is None or on_limb else _MAX_FIELD_MOBILITY
-        hardness = min(1.0, most * rocking) * (softened or 1.0)
-        contacts = {each: tracks.preset.contact(gravity, share, hardness, each) for each in set(tracks.weights)}
+        hardness = min(1.0, most / rocks) * (softened or 1.0)
+        lightness = lightest / inverse_weight
+        contacts = {
+            each: tracks.preset.contact(gravity, share, hardness, each, lightness) for each in set(tracks.weights)
+        }
         for names in tracks.geoms:
             for name, weight, crosswise in zip(names, tracks.weights, tracks.crosswise, strict=True):
                 friction = tracks.friction[::-1] if crosswise else tracks.friction

@@ -8,10 +8,10 @@ import numpy as np
 from sim.tracks.parts import TrackParts
 
 
-def mobility(model: mujoco.MjModel, tracks: TrackParts, mass: float) -> float:
+def mobility(model: mujoco.MjModel, tracks: TrackParts, mass: float) -> tuple[float, float]:
     """Largest ratio [-] of the squared frequencies of a robot on its tracks to that of its heave.
 
-    Each run stands on springs that together carry the robot's `mass` [kg]. A box on two tracks has about 2 in roll; a
+    The second number is the largest inverse mass of a point of the tracks along its normal [1/kg]. Each run stands on springs that together carry the robot's `mass` [kg]. A box on two tracks has about 2 in roll; a
     light flipper on its hinge has more, and springs of that stiffness would throw it off.
     """
     data = mujoco.MjData(model)
@@ -19,10 +19,13 @@ def mobility(model: mujoco.MjModel, tracks: TrackParts, mass: float) -> float:
     mujoco.mj_comPos(model, data)
     mujoco.mj_crb(model, data)
     mujoco.mj_factorM(model, data)
-    return max(_stiffest(model, data, tracks, mass, run) for run in range(len(tracks.hull.runs)))
+    found = [_stiffest(model, data, tracks, mass, run) for run in range(len(tracks.hull.runs))]
+    return max(ratio for ratio, _ in found), max(point for _, point in found)
 
 
-def _stiffest(model: mujoco.MjModel, data: mujoco.MjData, tracks: TrackParts, mass: float, run: int) -> float:
+def _stiffest(
+    model: mujoco.MjModel, data: mujoco.MjData, tracks: TrackParts, mass: float, run: int
+) -> tuple[float, float]:
     shape = tracks.hull.runs[run]
     rows = []
     places = 2 if tracks.segment >= shape.length else 5
@@ -37,4 +40,5 @@ def _stiffest(model: mujoco.MjModel, data: mujoco.MjData, tracks: TrackParts, ma
     along = np.array(rows)
     moved = np.zeros_like(along)
     mujoco.mj_solveM(model, data, moved, along)
-    return float(np.linalg.eigvalsh(along @ moved.T).max()) * mass / len(rows)
+    inverse = along @ moved.T
+    return float(np.linalg.eigvalsh(inverse).max()) * mass / len(rows), float(np.diag(inverse).max())

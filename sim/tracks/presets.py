@@ -14,6 +14,11 @@ import numpy as np
 
 from trackslip.errors import require
 
+_MAX_PUSH = 0.5
+"""Share of its depth by which a contact may push a light body out in one physics step; more would throw it [-]."""
+_MAX_BRAKE = 1.0
+"""Share of its speed that a contact may take from a light body in one physics step; more would turn it round [-]."""
+
 
 @dataclass(frozen=True)
 class Preset:
@@ -40,7 +45,9 @@ class Preset:
     grip: float = 100.0
     """Rate at which sliding decays where the ground holds [1/s]."""
 
-    def contact(self, gravity: float, share: float, hardness: float, weight: float = 1.0) -> ContactParameters:
+    def contact(
+        self, gravity: float, share: float, hardness: float, weight: float = 1.0, lightness: float = 1.0
+    ) -> ContactParameters:
         """Parameters of a contact.
 
         Args:
@@ -48,6 +55,7 @@ class Preset:
             share: m A / N above [-].
             hardness: stiffness and damping relative to those of the preset [-].
             weight: load of this point on a plane, relative to the others [-].
+            lightness: largest inverse mass of a point over that of the bodies, A [-].
         """
         softness = self.regularisation * share
         standing = softness / (1 + softness)
@@ -58,11 +66,17 @@ class Preset:
         steepness = 1 + 2 * self.power * growth / (1 + growth)
         e = self.regularisation
         frequency = np.sqrt(steepness * gravity / (self.sink * (1 + e)))
-        stiffness = hardness * gravity * last**2 / (e * standing * self.sink)
-        damping = hardness * 2 * self.damping_ratio * frequency * last * (1 + e) / e
+        stiffness = gravity * last**2 / (e * standing * self.sink)
+        damping = 2 * self.damping_ratio * frequency * last * (1 + e) / e
+        response = lightness / (lightness * last + 1 - last)  # of a point's acceleration to the contact's, over `last`
+        hardness = min(
+            hardness,
+            _MAX_PUSH / (response * stiffness * self.timestep**2),
+            _MAX_BRAKE / (response * damping * self.timestep),
+        )
         midpoint = 0.5 if self.power == 1 else 0.999  # the whole rise is a power of depth
         return ContactParameters(
-            solref=(-stiffness, -damping),
+            solref=(-hardness * stiffness, -hardness * damping),
             solimp=(first * softer, last, self.width, midpoint, self.power),
             solreffriction=(-1.0, -self.grip * last),
         )
