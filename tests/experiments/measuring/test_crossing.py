@@ -7,6 +7,7 @@ from experiments.measuring.crossing import POLICY, SCRIPTED, compare, crossing_g
 from experiments.report.crossing import CROSSING_HEADER, crossing_row, gain_text
 from experiments.report.figures.learning import learning_curve
 from sim.network import Network
+from sim.terrain import Course, Flat
 from sim.traverse.policy import OPTIONS, CrossingPolicy
 
 
@@ -34,7 +35,8 @@ def test_intervals_of_the_gain_cover_the_truth():
 
 
 def test_a_policy_that_corrects_nothing_crosses_what_the_scripted_controller_does():
-    still = CrossingPolicy(Network((np.zeros((63, 4)),), (np.zeros(4),)), OPTIONS)
+    short = Course((Flat(0.1),), start_length=0.4, goal_length=0.4)
+    still = CrossingPolicy(Network((np.zeros((63, 4)),), (np.zeros(4),)), OPTIONS | {"course": short})
     rates, gain = compare(still, (0.1, 0.1), 2, seed=0, threads=1)
     assert [(one.controller, one.courses, one.crossed) for one in rates] == [(SCRIPTED, 2, 2), (POLICY, 2, 2)]
     assert rates[0].time == rates[1].time

@@ -15,6 +15,11 @@ def test_what_is_written(trackslip):
         assert row["case"] != BARE or row["ratio_to_bare"] == 1
         assert row["case"] != SINGLE or row["ratio_to_single"] == 1
     assert "SyncVectorEnv" in result.printed
+    vector, bare = result.summary["traverse"]
+    assert (vector["case"], bare["case"]) == ("Traverse-v0, vector env", "Traverse-v0, bare")
+    assert (bare["ratio_to_bare"], vector["n"]) == (1, 2)
+    assert vector["ratio_to_bare"] > 0
+    assert "Traverse-v0" in result.printed
 
 
 def test_the_bare_engine_does_what_the_environment_did():
