@@ -174,6 +174,7 @@ EXAMPLES = {
         {"sizes": "2", "thread-counts": "1", "seconds": "0.5", "repeats": "1", "seed": "3", "out": "a"},
         {"env": "", "env-size": "2", "thread-counts": "1", "seconds": "0.5", "repeats": "1"},
         {"grid": "", "grid-runs": "25", "grid-duration": "4", "thread-counts": "1"},
+        {"shear": "", "sizes": "2", "thread-counts": "1", "seconds": "0.5", "repeats": "1"},
         {
             "terrain": "",
             "terrain-robot": "box",
