@@ -83,7 +83,6 @@ class Fleet(Bodies):
         self.pull = pull or Pull()
         """What the robots tow."""
         self._drawbar = Drawbar(self.pull, robot, self.batch) if self.pull.force > 0 else None
-        self._uninterrupted = self.shear is None and self._drawbar is None  # where belts run steadily
         self._centre: Array | None = None  # (N, 3), live, once a centre of mass is moved
         self._periods = 0  # since the start
         self._began: NDArray[np.int_] = np.zeros(self.size, int)  # start of each robot's run, in periods
@@ -180,7 +179,7 @@ class Fleet(Bodies):
         belts = (-self._radius[rows] * mean)[..., self.robot.pad_side] * self.robot.pad_sign
         forces = np.empty((*mean.shape[:2], self._sensors.shape[1]))
         forward = np.empty((*mean.shape[:2], 2))
-        steady = self._uninterrupted and not self._footing.varies and bool((mean == mean[0]).all())
+        steady = not (self.shear or self._drawbar or self._footing.varies) and bool((mean == mean[0]).all())
         before = None if self.shear is None else self._placed(rows)
         at_once = self._unwrap_every if steady else 1  # the engine is faster without interruptions
         for first in range(0, len(mean), at_once):

@@ -115,6 +115,8 @@ def _ground(ground: Mapping[str, Any]) -> str:
     if "along" not in ground:
         return "; ".join(f"{relative(name)} {_ground(one)}" for name, one in ground.items() if isinstance(one, Mapping))
     text = f"ground: friction {ground['along']:g} along, {ground['across']:g} across"
+    if ground.get("shear"):
+        text += f", shear {1e3 * ground['shear']:g} mm"
     if ground.get("slope"):
         text += f", slope {ground['slope']:.3g} rad, uphill {ground.get('uphill', 0.0):.3g} rad"
     for key, one in (("patches", "patch"), ("changes", "change")):

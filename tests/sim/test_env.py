@@ -250,3 +250,15 @@ def test_a_controller_keeps_the_path_as_it_does_elsewhere(robot):
     np.testing.assert_allclose(np.array(poses), log.truth.pose, atol=1e-4)  # but for settling and float32
     elsewhere, here = (tracking_errors(log.time, p, reference) for p in (log.truth.pose, np.array(poses)))
     assert here.rms_position == pytest.approx(elsewhere.rms_position, rel=0.02)
+
+
+def test_ground_that_shears_is_named_or_drawn():
+    env = PathTrackingEnv(ground=("stone", "clay"), randomization=Randomization(shear=(0.005, 0.02)))
+    for seed in range(3):
+        env.reset(seed=seed)
+        env.step(np.ones(2, np.float32))
+    plain = PathTrackingEnv()
+    with pytest.raises(InvalidValueError, match=r"ground\.shear = 0\.006: must be 0 in an environment"):
+        plain.reset(seed=0, options={"ground": "clay"})
+    with pytest.raises(InvalidValueError, match="shear"):
+        Randomization(shear=(0.0, 0.3))
