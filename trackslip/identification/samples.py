@@ -17,7 +17,7 @@ from trackslip.motion.constant_speed import SETTLE
 from trackslip.motion.methods import MOTION_METHODS, best_method
 from trackslip.motion.steady import MARGIN, STANDING, SteadyPart, require_steady_motion, steady_part, steady_parts
 
-_OPTIONAL = ("covariance", "lateral", "lateral_stderr")  # fields of SlipSamples
+_OPTIONAL = ("covariance", "lateral", "lateral_stderr", "load")  # fields of SlipSamples
 
 
 @dataclass(frozen=True)
@@ -31,6 +31,7 @@ class SlipSamples:
     covariance: Array | None = None  # (n, 2, 2) of the errors of the twists, if known
     lateral: Array | None = None  # (n,) speed to the left in the frame of the measured heading, if measured [m/s]
     lateral_stderr: Array | None = None  # (n,) its standard errors [m/s]
+    load: Array | None = None  # (n,) mean traction per unit load, if known [-]
 
     def __len__(self) -> int:
         return len(self.run)
@@ -56,10 +57,12 @@ class SlipSamples:
         covariance: Array | None = None,
         lateral: Array | None = None,
         lateral_stderr: Array | None = None,
+        load: Array | None = None,
     ) -> SlipSamples:
         """Samples from steady sprocket speeds and twists (n, 2); Eqs. 2-3.
 
-        With covariances (n, 2, 2) of the twists, lateral speeds (n,) and their standard errors (n,) if known.
+        With covariances (n, 2, 2) of the twists, lateral speeds (n,), their standard errors (n,) and tractions per
+        unit load (n,) if known.
 
         The slip of a track whose sprocket stands, or nearly so, is undefined: NaN. Raises LogError if both stand or the
         motion is implausible.
@@ -69,7 +72,7 @@ class SlipSamples:
         slip = np.where(standing, np.nan, track_slip(omega, twist, geometry))
         yaw_stderr = np.zeros(len(twist)) if covariance is None else np.sqrt(np.maximum(covariance[:, 1, 1], 0.0))
         require_plausible(omega, twist, slip, geometry, run, yaw_stderr)
-        return cls(omega, twist, slip, tuple(run), covariance, lateral, lateral_stderr)
+        return cls(omega, twist, slip, tuple(run), covariance, lateral, lateral_stderr, load)
 
     @classmethod
     def joined(cls, parts: Sequence[SlipSamples]) -> SlipSamples:
@@ -212,7 +215,14 @@ def _sample(part: SteadyPart, geometry: RobotGeometry, method: str | None) -> Sl
     lateral = None if steady.lateral is None else np.array([steady.lateral])
     lateral_stderr = None if steady.lateral_stderr is None else np.array([steady.lateral_stderr])
     return SlipSamples.of(
-        part.omega[None], steady.twist[None], geometry, [part.name], steady.covariance[None], lateral, lateral_stderr
+        part.omega[None],
+        steady.twist[None],
+        geometry,
+        [part.name],
+        steady.covariance[None],
+        lateral,
+        lateral_stderr,
+        None if part.load is None else np.array([part.load]),
     )
 
 
@@ -224,7 +234,7 @@ def true_samples(
     `of_plate` takes the motion of the scanned plate, which leans outwards with the robot: it moves along a wider
     circle, faster by the yaw rate times the lean.
     """
-    omega, twist = [], []
+    omega, twist, load = [], [], []
     for log in logs:
         if log.truth is None or (of_plate and log.truth.lean is None):
             raise LogError(f"run {log.run!r}: has no truth")
@@ -236,4 +246,6 @@ def true_samples(
             true = np.column_stack([true[:, 0] - true[:, 1] * truth.lean[rows], true[:, 1]])
         omega.append(part.omega)
         twist.append(true.mean(axis=0))
-    return SlipSamples.of(np.array(omega), np.array(twist), geometry, [log.run for log in logs])
+        load.append(part.load)
+    known = None if None in load else np.array(load, float)
+    return SlipSamples.of(np.array(omega), np.array(twist), geometry, [log.run for log in logs], load=known)

@@ -63,6 +63,14 @@ class SteadyPart:
         mean: Array = np.average(self.log.omega[rows], axis=0, weights=step if uneven else None)
         return mean
 
+    @property
+    def load(self) -> float | None:
+        """Mean traction per unit load in the window [-]; None if the run doesn't tell it."""
+        if self.log.load is None:
+            return None
+        known = self.log.load[self.rows]
+        return float(np.nanmean(known)) if np.isfinite(known).any() else None
+
 
 def steady_part(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -> SteadyPart:
     """The longest steady stretch of a run, under the name of the run; raises LogError like `steady_parts`."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass, field, replace
+from typing import Protocol, runtime_checkable
+
+import numpy as np
 
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
@@ -11,6 +13,7 @@ from trackslip.localization.base import PoseEstimate
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import NoSlip
 from trackslip.slip.icr import ConstantIcr
+from trackslip.slip.icr_load import MAX_LOAD, IcrLoad
 from trackslip.slip.online import FilterTuning, IcrFilter
 
 
@@ -44,6 +47,36 @@ class FixedLaw:
         return self.known
 
 
+@runtime_checkable
+class SensesLoad(Protocol):
+    """A compensation that also measures the traction per unit load that the robots need, as from their inclination."""
+
+    def sense(self, load: Array) -> None:
+        """Take tractions per unit load (N,) [-], before each call of `law`."""
+
+
+class LoadedLaw:
+    """A fixed law of slip under load, at the load that is measured."""
+
+    def __init__(self, known: IcrLoad) -> None:
+        self._known = known
+
+    def reset(self, start: Array) -> None:
+        """Start a new run at poses (N, 3), without load."""
+        self._load: Array = np.zeros(len(start))
+
+    def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
+        """Nothing to learn."""
+
+    def sense(self, load: Array) -> None:
+        """Take tractions per unit load (N,) [-]; beyond MAX_LOAD, the law takes MAX_LOAD."""
+        self._load = np.clip(load, -MAX_LOAD, MAX_LOAD)
+
+    def law(self) -> IcrLoad:
+        """The law at the load sensed last."""
+        return self._known.under(self._load)
+
+
 class OnlineIcr:
     """Constant ICRs, learnt while driving by an `IcrFilter`, from those of `prior` or without prior knowledge."""
 
@@ -61,7 +94,7 @@ class OnlineIcr:
         """Update the filters with the motion of the robots."""
         self._running.update(omega, duration, estimate)
 
-    def law(self) -> ConstantIcr:
+    def law(self) -> ConstantIcr | IcrLoad:
         """The current estimates, with parameters (N,)."""
         return self._running.law
 
@@ -70,3 +103,29 @@ class OnlineIcr:
         if self._filter is None:
             raise TrackslipError("compensation: call reset() before the first run")
         return self._filter
+
+
+class LoadedOnlineIcr(OnlineIcr):
+    """Constant ICRs, learnt while driving, with the slip under load of a known law."""
+
+    def __init__(self, geometry: RobotGeometry, prior: IcrLoad, tuning: FilterTuning | None = None) -> None:
+        super().__init__(geometry, ConstantIcr(prior.offset, prior.half_gauge, prior.radius_error), tuning)
+        self._loaded = LoadedLaw(prior)
+
+    def reset(self, start: Array) -> None:
+        """Start a new run at poses (N, 3), without load."""
+        super().reset(start)
+        self._loaded.reset(start)
+
+    def sense(self, load: Array) -> None:
+        """Take tractions per unit load (N,) [-]."""
+        self._loaded.sense(load)
+
+    def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
+        """Update the filters with the motion of the robots, whose tracks slip under the load sensed before it."""
+        super().observe(self._loaded.law().gripped(omega), duration, estimate)
+
+    def law(self) -> IcrLoad:
+        """The current estimates, with parameters (N,), at the load sensed last."""
+        learnt = self._running.law
+        return replace(self._loaded.law(), offset=learnt.offset, radius_error=learnt.radius_error)
