@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sim.bodies import Bodies, Rows, along_robot
-from sim.drive.drive import RADIUS_ERROR, Drive, DriveState
+from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive, DriveState
+from sim.drive.pull import Drawbar, Pull
 from sim.drive.saturation import SpeedSearch
+from sim.ground.footing import Footing
 from sim.ground.ground import Ground
-from sim.ground.pad_friction import PadFriction
+from sim.ground.shear import Shear
 from sim.robot.parameters import SINK
 from sim.robot.robot import Robot
 from trackslip.errors import require
@@ -45,10 +47,6 @@ class Setting:
 class Fleet(Bodies):
     """N robots on their grounds. The same arguments give the same bits at any number of threads."""
 
-    ground: tuple[Ground, ...]
-    """Ground of each robot."""
-    _friction: PadFriction
-
     def __init__(
         self,
         robot: Robot,
@@ -57,21 +55,29 @@ class Fleet(Bodies):
         radius_error: ArrayLike = RADIUS_ERROR,
         drive: Drive | None = None,
         threads: int = 0,
+        pull: Pull | None = None,
+        shears: bool = False,
     ) -> None:
         """Put N robots on the ground at poses `start` (N, 3) [m, m, rad], at rest.
 
         There is one `ground` for all, or one each, and one relative `radius_error` of the sprockets, or (N,) [-]. All
-        sprockets have the same `drive`. The number of worker `threads` may be 0, for one per processor.
+        sprockets have the same `drive`. The number of worker `threads` may be 0, for one per processor. All robots tow
+        the same `pull`. Where a ground shears, or `shears` says that one may later, pads touch the ground at one point
+        each instead of two.
 
         Raises:
             InvalidValueError: for poses that aren't finite, a wrong number of grounds, a slope on which robots would
-                slide or tip over, or a servo period that is not a multiple of the physics step.
+                slide or tip over, a pull that drags them backwards, or a servo period that is not a multiple of the
+                physics step.
         """
         start = np.atleast_2d(np.asarray(start, float))
         valid = start.ndim == 2 and start.shape[1] == 3 and np.isfinite(start).all()
         require(valid, "start", start.tolist(), "N finite poses (x, y, phi)")
         require(threads >= 0, "threads", threads, "0 (one per processor) or more")
-        super().__init__(robot, len(start), threads)
+        grounds = self._one_each(ground or Ground(), len(start))
+        shears = shears or any(one.largest_shear > 0 for one in grounds)
+        super().__init__(robot.with_single_contacts() if shears else robot, len(start), threads)
+        robot = self.robot
         self._radius = robot.geometry.sprocket_radius * (1 + np.broadcast_to(radius_error, (self.size,)))[:, None]
         drive = drive or Drive()
         self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius, self._radius)
@@ -84,8 +90,15 @@ class Fleet(Bodies):
         surface = self.batch.expand("geom_surfacevel")  # (N, ngeom, 6)
         self.belts = surface[:, robot.pads, 2]
         """Speed of each pad's surface, along its own axis (N, P) [m/s], live."""
-        self._pad_friction = self.batch.expand("pair_friction")[:, robot.pad_pairs, :2]  # (N, P, 2), live
-        self._gravity: Array | None = None  # (N, 3), live, once a ground slopes
+        self._slanted = surface[:, robot.pads, 0]  # (N, P), live: the same across a tilted pad
+        fastest = (1 + MAX_RADIUS_ERROR) * drive.top_speed
+        self.shear = Shear(robot, self.size, drive.period, fastest) if shears else None
+        """Shear of the ground under the robots; None for a fleet on Coulomb ground."""
+        self._footing = Footing(self.batch, robot, grounds, self.shear)
+        self.pull = pull or Pull()
+        """What the robots tow."""
+        self._drawbar = Drawbar(self.pull, robot, self.batch) if self.pull.force > 0 else None
+        self._uninterrupted = self.shear is None and self._drawbar is None  # where belts run steadily
         self._centre: Array | None = None  # (N, 3), live, once a centre of mass is moved
         self._periods = 0  # since the start
         self._began: NDArray[np.int_] = np.zeros(self.size, int)  # start of each robot's run, in periods
@@ -93,7 +106,7 @@ class Fleet(Bodies):
         self._unwrap_every = max(1, int(1.0 / largest_turn))  # periods
         everyone = np.arange(self.size)
         self._place_at(everyone, start)
-        self.set_ground(ground or Ground())
+        self._lay_ground(everyone)
         self._require_parking(everyone, start)
         self._settle(everyone, start, SETTLING)
 
@@ -101,6 +114,17 @@ class Fleet(Bodies):
     def time(self) -> float:
         """Time since the start [s]."""
         return self._periods * self.period
+
+    @property
+    def ground(self) -> tuple[Ground, ...]:
+        """Ground of each robot."""
+        return self._footing.grounds
+
+    @staticmethod
+    def _one_each(ground: Ground | Sequence[Ground], size: int) -> list[Ground]:
+        grounds = [ground] * size if isinstance(ground, Ground) else list(ground)
+        require(len(grounds) == size, "ground", f"{len(grounds)} grounds", f"one or {size}")
+        return grounds
 
     def restart(self, rows: ArrayLike, setting: Sequence[Setting]) -> None:
         """Start new runs with the robots `rows` (R,), one setting each; the other robots' runs continue.
@@ -115,15 +139,11 @@ class Fleet(Bodies):
         self._radius[rows, 0] = self.robot.geometry.sprocket_radius * (1 + np.array([s.radius_error for s in setting]))
         self.drive.restart(rows, [s.lag for s in setting])
         self._began[rows] = self._periods
-        self.belts[rows] = 0.0
+        self._drive(rows, 0.0)
         self._balance(rows, np.array([s.weight for s in setting]))
         self._place_at(rows, start, -SINK)
         self._heading[rows] = start[:, 2]
-        grounds = list(self.ground)
-        for row, s in zip(rows, setting, strict=True):
-            grounds[row] = s.ground
-        self.ground = tuple(grounds)
-        self._friction.replace(rows, [s.ground for s in setting])
+        self._footing.put([s.ground for s in setting], rows)
         self._lay_ground(rows)
         self._require_parking(rows, start)
         self._settle(rows, start, _RESETTLING)
@@ -135,16 +155,19 @@ class Fleet(Bodies):
                 return
             self._centre = self.batch.expand("body_ipos")[:, self.robot.model.body("chassis").id]
         self._centre[rows, :2] = self.robot.model.body("chassis").ipos[:2] + weight
-        self.belts[rows] = 1.0  # with belts at rest the engine would conclude that they never move
+        self._drive(rows, 1.0)  # with belts at rest the engine would conclude that they never move
         self.batch.set_const(ids=rows)
-        self.belts[rows] = 0.0
+        self._drive(rows, 0.0)
+
+    def _drive(self, rows: Rows, belts: float | Array) -> None:
+        """Set the speeds of the pads' surfaces, one or (R, P), of the robots `rows` (R,) [m/s]."""
+        self.belts[rows] = belts
+        if self.shear is not None:
+            self._slanted[rows] = belts * self.robot.pad_slant
 
     def set_ground(self, ground: Ground | Sequence[Ground]) -> None:
         """Put the robots on another ground, one for all or one each; it takes effect at once, even during a run."""
-        grounds = [ground] * self.size if isinstance(ground, Ground) else list(ground)
-        require(len(grounds) == self.size, "ground", f"{len(grounds)} grounds", f"one or {self.size}")
-        self.ground = tuple(grounds)
-        self._friction = PadFriction(grounds, self.robot.pad_position)
+        self._footing.put(self._one_each(ground, self.size))
         self._lay_ground(np.arange(self.size))
 
     def command(self, omega: ArrayLike) -> None:
@@ -178,15 +201,19 @@ class Fleet(Bodies):
         belts = (-self._radius[rows] * mean)[..., self.robot.pad_side] * self.robot.pad_sign
         forces = np.empty((*mean.shape[:2], self._sensors.shape[1]))
         forward = np.empty((*mean.shape[:2], 2))
-        steady = not self._friction.varies and bool((mean == mean[0]).all())
+        steady = self._uninterrupted and not self._footing.varies and bool((mean == mean[0]).all())
         at_once = self._unwrap_every if steady else 1  # the engine is faster without interruptions
         for first in range(0, len(mean), at_once):
             end = min(first + at_once, len(mean))
-            if self._friction.varies:
+            if self._footing.varies:
                 self._lay_friction(rows)
-            self.belts[rows] = belts[first]
+            self._tow(rows)
+            before = None if self.shear is None else self._placed(rows)
+            self._drive(rows, belts[first])
             self._step(rows, forces[first:end], forward[first:end])
             self._periods += end - first
+            if before is not None:
+                self._footing.moved(rows, before, self._placed(rows), self._radius[rows] * mean[first])
             if end % self._unwrap_every == 0:
                 self._follow_heading()
         self._follow_heading()
@@ -225,25 +252,43 @@ class Fleet(Bodies):
 
     def friction(self) -> Array:
         """Friction coefficients (N, 2) along and across the tracks, averaged over the pads [-]."""
-        return self._pad_friction.mean(axis=1)
+        return self._footing.friction.mean(axis=1)
+
+    def _placed(self, rows: Rows) -> Array:
+        """Poses (R, 3) of the robots `rows` (R,), headings wrapped [m, m, rad]."""
+        return np.column_stack([self.batch.qpos[rows, :2], self._wrapped_heading()[rows]])
+
+    def _ran(self) -> Array:
+        """Time (N,) since the start of each robot's run [s]."""
+        return (self._periods - self._began) * self.period
 
     def _lay_friction(self, rows: Rows) -> None:
         """Set the friction of every pad of the robots `rows` (R,) for its present place and time."""
-        time = (self._periods - self._began) * self.period
-        self._pad_friction[rows] = self._friction.at(time, self.batch.qpos[:, :2], self._wrapped_heading())[rows]
+        self._footing.lay(rows, self._ran(), self.batch.qpos[:, :2], self._wrapped_heading())
 
     def _lay_ground(self, rows: np.ndarray) -> None:
         """Tilt the gravity of the robots `rows` (R,) as their grounds slope, and set the friction of their pads."""
         self._lay_friction(rows)
-        if self._gravity is None and any(self.ground[k].slope != 0 for k in rows):
-            self._gravity = self.batch.expand("opt.gravity")
-        if self._gravity is not None:
-            size = -float(self.robot.model.opt.gravity[2])
-            self._gravity[rows] = [self.ground[k].gravity(size) for k in rows]
+        self._footing.tilt(rows)
+
+    def _tow(self, rows: Rows) -> None:
+        """Let the robots `rows` (R,) feel what they tow, as they will be directed in the middle of the next period."""
+        if self._drawbar is not None:
+            heading = self._wrapped_heading()[rows] + self.batch.qvel[rows, 5] * self.period / 2
+            self._drawbar.apply(rows, heading, self._drawbar.acts(self._ran()[rows]))
+
+    def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
+        return (*super()._snapshot(rows), *self._footing.snapshot(rows))
+
+    def _restore(self, rows: np.ndarray, snapshot: tuple[Array, ...]) -> None:
+        super()._restore(rows, snapshot[:2])
+        self._footing.restore(rows, snapshot[2:])
 
     def _settle(self, rows: np.ndarray, start: Array, duration: float) -> None:
         """Let the robots `rows` (R,) come to rest for `duration` [s], and put them at the poses `start` (R, 3)."""
         qpos = self.batch.qpos
+        self._footing.harden(rows)
+        self._tow(rows)
         self.batch.step(ids=rows, nstep=round(duration / self.robot.model.opt.timestep))
         self._require_rest(rows, start)
         # settling moves a robot by less than a micrometre: undo even that
@@ -256,11 +301,20 @@ class Fleet(Bodies):
         self.batch.time[rows] = 0
         self._heading[rows] = start[:, 2]
         self._follow_heading()
+        self._footing.hold(rows, start[:, 2], self._towed(rows))
+
+    def _towed(self, rows: np.ndarray) -> Array:
+        """Pull (R,) on the robots `rows` (R,) at the start of their runs, over their normal force [-]."""
+        if self._drawbar is None:
+            return np.zeros(len(rows))
+        weight = self.robot.mass * float(np.linalg.norm(self.robot.model.opt.gravity))
+        normal = weight * np.cos([self.ground[k].slope for k in rows])
+        return np.where(self._drawbar.acts(self._ran()[rows]), self.pull.force, 0.0) / normal
 
     def _require_parking(self, rows: np.ndarray, start: Array) -> None:
         """Raise InvalidValueError if friction can't hold one of the robots `rows` (R,) at its pose `start` (R, 3)."""
         for k, heading in zip(rows, start[:, 2], strict=True):
-            self.ground[k].require_parking(self._pad_friction[k].mean(axis=0), float(heading))
+            self.ground[k].require_parking(self._footing.friction[k].mean(axis=0), float(heading))
 
     def _require_rest(self, rows: np.ndarray, start: Array) -> None:
         """Raise InvalidValueError if one of the robots slides or has tipped over where it was put."""

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from sim.fleet import Fleet
-from sim.robot.robot import CONTACT_POINTS, CONTACT_WIDTH, Robot
+from sim.robot.robot import CONTACT_WIDTH, Robot
 from trackslip.kinematics import Array
 
 
@@ -31,7 +31,7 @@ class Contacts:
 
 def read_contacts(fleet: Fleet) -> Contacts:
     """Contacts of a fleet whose robot was loaded with contact sensors."""
-    points = len(fleet.robot.pad_side) * CONTACT_POINTS
+    points = len(fleet.robot.pad_side) * fleet.robot.points_per_pad
     sensed = fleet.batch.bind("sensordata")[:, -points * CONTACT_WIDTH :].reshape(fleet.size, points, CONTACT_WIDTH)
     pose = fleet.pose()
     cos, sin = np.cos(pose[:, 2, None]), np.sin(pose[:, 2, None])
@@ -41,7 +41,7 @@ def read_contacts(fleet: Fleet) -> Contacts:
         force=sensed[..., 1:3].copy(),
         velocity=sensed[..., 7:9].copy(),
         rising=sensed[..., 6].copy(),
-        belt=np.repeat(fleet.belts, CONTACT_POINTS, axis=1),
+        belt=np.repeat(fleet.belts / np.abs(fleet.robot.pad_sign), fleet.robot.points_per_pad, axis=1),
         position=np.stack([cos * x + sin * y, -sin * x + cos * y], axis=-1),
     )
 
@@ -52,9 +52,10 @@ def pad_forces(fleet: Fleet) -> Array:
     The fleet's robot must have been loaded with contact sensors.
     """
     contacts = read_contacts(fleet)
-    along_across = contacts.force * np.repeat(fleet.robot.pad_sign, CONTACT_POINTS)[:, None]
+    points = fleet.robot.points_per_pad
+    along_across = contacts.force * np.repeat(np.sign(fleet.robot.pad_sign), points)[:, None]
     at_points = np.concatenate([along_across, contacts.load[..., None]], axis=-1)
-    return at_points.reshape(fleet.size, -1, CONTACT_POINTS, 3).sum(axis=2)
+    return at_points.reshape(fleet.size, -1, points, 3).sum(axis=2)
 
 
 def use_default_contact(robot: Robot) -> None:

@@ -79,7 +79,7 @@ def build(cls: type[T], table: object, where: str, base: T | None = None) -> T:
 
 
 def _value(hint: Any, value: object, where: str, name: str) -> Any:
-    if hint is float:
+    if hint in (float, float | None):
         return _number(value, where, name)
     of = typing.get_args(hint)[0]
     if not isinstance(value, list):

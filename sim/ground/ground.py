@@ -1,4 +1,4 @@
-"""The ground under the tracks: friction, its patches and changes, and the slope."""
+"""The ground under the tracks: friction, shear, their patches and changes, and the slope."""
 
 from __future__ import annotations
 
@@ -15,12 +15,14 @@ MAX_FRICTION = 10.0
 """Largest friction coefficient [-]."""
 MAX_SLOPE = 1.5
 """Largest slope [rad]."""
+MAX_SHEAR = 0.2
+"""Largest shear modulus [m]."""
 _MAX_PATCHES = 10_000  # largest number of patches of a ground, and of changes
 
 
 @dataclass(frozen=True)
 class Patch:
-    """A rectangle with another friction, aligned with the world's axes. It acts on pads whose centres are on it."""
+    """A rectangle of another ground, aligned with the world's axes. It acts on pads whose centres are on it."""
 
     x: tuple[float, float]
     """From, to, along the world's x axis [m]; may be infinite."""
@@ -30,16 +32,19 @@ class Patch:
     """Friction coefficient along the track [-]."""
     across: float
     """Friction coefficient across the track [-]."""
+    shear: float | None = None
+    """Shear modulus; None for that of the ground around it [m]."""
 
     def __post_init__(self) -> None:
         _require_friction(self.along, self.across)
+        _require_shear(self.shear or 0.0)
         for name, pair in (("x", self.x), ("y", self.y)):
             require(len(pair) == 2 and pair[0] < pair[1], name, tuple(pair), "two ascending numbers")
 
 
 @dataclass(frozen=True)
 class Change:
-    """A change of friction at a time, everywhere but on patches."""
+    """A change of the ground at a time, everywhere but on patches."""
 
     time: float
     """Time since the start of the run [s]."""
@@ -47,18 +52,25 @@ class Change:
     """Friction coefficient along the track [-]."""
     across: float
     """Friction coefficient across the track [-]."""
+    shear: float | None = None
+    """Shear modulus; None for the one before [m]."""
 
     def __post_init__(self) -> None:
         _require_friction(self.along, self.across)
+        _require_shear(self.shear or 0.0)
         require_non_negative("time", self.time)
 
 
 @dataclass(frozen=True)
 class Ground:
-    """Coulomb friction, along and across the tracks, on a plane.
+    """Friction, along and across the tracks, on a plane.
 
     Slip depends on the ratio of the two coefficients, not on their magnitude. The default is stone paving under tracks
     whose treads grip better sideways; its ratio is tuned so that the robot drives the radii observed in the paper.
+
+    Ground with a shear modulus K gives way before it slides: a share 1 - exp(-j / K) of the friction acts on an element
+    of track that has moved by j over the ground since it touched down (Janosi and Hanamoto 1961). Slip then depends on
+    slope, load and radius as well.
     """
 
     along: float = 0.70
@@ -70,19 +82,27 @@ class Ground:
     uphill: float = 0.0
     """Heading of a robot that drives straight up the slope [rad]."""
     patches: tuple[Patch, ...] = ()
-    """Areas with another friction; where patches overlap, the last one applies."""
+    """Areas of another ground; where patches overlap, the last one applies."""
     changes: tuple[Change, ...] = ()
-    """Changes of friction, in order of time."""
+    """Changes of the ground, in order of time."""
+    shear: float = 0.0
+    """Shear modulus K; 0 for Coulomb friction [m]."""
 
     def __post_init__(self) -> None:
         _require_friction(self.along, self.across)
         require_non_negative("slope", self.slope)
         require_at_most("slope", self.slope, MAX_SLOPE, "rad")
         require_finite("uphill", self.uphill)
+        _require_shear(self.shear)
         for name in ("patches", "changes"):
             require_at_most(f"number of {name}", len(getattr(self, name)), _MAX_PATCHES)
         times = [change.time for change in self.changes]
         require(times == sorted(set(times)), "changes", times, "in ascending order, all different")
+
+    @property
+    def largest_shear(self) -> float:
+        """Largest shear modulus of the ground, its patches and changes [m]."""
+        return max(self.shear, *(part.shear or 0.0 for part in (*self.patches, *self.changes)), 0.0)
 
     def gravity(self, size: float) -> tuple[float, float, float]:
         """Gravity of magnitude `size` [m/s^2] in the plane's frame: x and y in the plane, z along its normal."""
@@ -114,3 +134,8 @@ def _require_friction(along: float, across: float) -> None:
     for name, value in (("along", along), ("across", across)):
         require_positive(name, value)
         require_at_most(name, value, MAX_FRICTION)
+
+
+def _require_shear(shear: float) -> None:
+    require_non_negative("shear", shear)
+    require_at_most("shear", shear, MAX_SHEAR, "m")

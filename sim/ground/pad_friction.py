@@ -1,4 +1,4 @@
-"""Friction under each pad of a fleet, which depends on place and time."""
+"""Friction and shear modulus under each pad of a fleet, which depend on place and time."""
 
 from __future__ import annotations
 
@@ -15,24 +15,25 @@ _FEW = 16  # up to this many patches are all tested, always
 
 
 class PadFriction:
-    """Friction of N robots' grounds under their P pads."""
+    """Friction and shear modulus of N robots' grounds under their P pads."""
 
     def __init__(self, grounds: Sequence[Ground], pads: Array) -> None:
         """`grounds`: one for each robot; `pads`: positions (P, 2) of the pads on the robot [m]."""
         self._pads = pads
         n, changes, patches = len(grounds), max(len(g.changes) for g in grounds), max(len(g.patches) for g in grounds)
         self.varies = changes > 0 or patches > 0
-        """Whether the friction depends on place or time at all."""
+        """Whether the ground depends on place or time at all."""
         self._time = np.full((n, changes), np.inf)  # ascending [s]
-        self._base = np.zeros((n, changes + 1, 2))
+        self._base = np.zeros((n, changes + 1, 3))  # along, across, shear
         self._corners = np.full((n, patches, 2, 2), np.nan)  # minimum, maximum; x, y [m]
-        self._patch = np.zeros((n, patches, 2))
+        self._patch = np.zeros((n, patches, 3))
         laid = {key: _laid(ground) for key, ground in {id(g): g for g in grounds}.items()}  # each ground once
         for i, ground in enumerate(grounds):
-            self._base[i] = ground.along, ground.across
+            self._base[i] = ground.along, ground.across, ground.shear
             for j, change in enumerate(ground.changes):
                 self._time[i, j] = change.time
-                self._base[i, j + 1 :] = change.along, change.across
+                shear = self._base[i, j, 2] if change.shear is None else change.shear
+                self._base[i, j + 1 :] = change.along, change.across, shear
             self._corners[i, : len(ground.patches)], self._patch[i, : len(ground.patches)] = laid[id(ground)]
         self._forget_nearby()
 
@@ -45,7 +46,7 @@ class PadFriction:
         new._widen(changes, patches)
         for name in ("_time", "_base", "_corners", "_patch"):
             getattr(self, name)[rows] = getattr(new, name)
-        self.varies = bool(np.isfinite(self._time).any() or (self._patch > 0).any())
+        self.varies = bool(np.isfinite(self._time).any() or (self._patch[..., 0] > 0).any())
         self._forget_nearby()
 
     def _widen(self, changes: int, patches: int) -> None:
@@ -57,9 +58,14 @@ class PadFriction:
         self._patch = np.pad(self._patch, ((0, 0), (0, more), (0, 0)))
 
     def at(self, time: ArrayLike, position: Array, heading: Array) -> Array:
-        """Friction (N, P, 2) along and across the tracks [-] at a `time` since the start of the runs, one or (N,) [s].
+        """Friction (N, P, 2) along and across the tracks [-]; arguments as for `surface`."""
+        return self.surface(time, position, heading)[..., :2]
 
-        The robots have positions (N, 2) [m] and headings (N,) [rad].
+    def surface(self, time: ArrayLike, position: Array, heading: Array) -> Array:
+        """Friction along and across the tracks [-] and shear modulus [m], (N, P, 3).
+
+        `time` since the start of the runs is one or (N,) [s]. The robots have positions (N, 2) [m] and headings (N,)
+        [rad].
         """
         n = len(position)
         passed = (self._time <= np.reshape(time, (-1, 1)) + 1e-9).sum(axis=1)
@@ -74,11 +80,12 @@ class PadFriction:
         inside = ((place[:, :, None] >= low) & (place[:, :, None] < high)).all(axis=-1)  # (N, P, M)
         last = inside.shape[2] - 1 - np.argmax(inside[..., ::-1], axis=-1)  # of overlapping patches
         on_patch = np.take_along_axis(self._near_patch, last[..., None], axis=1)
+        on_patch[..., 2] = np.where(np.isnan(on_patch[..., 2]), friction[..., 2], on_patch[..., 2])
         return np.where(inside.any(axis=-1)[..., None], on_patch, friction)
 
     def _forget_nearby(self) -> None:
         self._selected_at: Array | None = None  # (N, 2) [m]
-        self._near_corners, self._near_patch = self._corners, self._patch  # (N, M, 2, 2), (N, M, 2)
+        self._near_corners, self._near_patch = self._corners, self._patch  # (N, M, 2, 2), (N, M, 3)
 
     def _select_nearby(self, position: Array) -> None:
         """Select the M patches of each robot that its pads may touch until it has moved by _SLACK / 2."""
@@ -97,6 +104,7 @@ class PadFriction:
 
 
 def _laid(ground: Ground) -> tuple[Array, Array]:
-    """Corners (K, 2, 2) [m] and friction (K, 2) of a ground's patches."""
+    """Corners (K, 2, 2) [m] and surface (K, 3) of a ground's patches; shear is NaN where it is the ground's."""
     corners = np.array([(patch.x, patch.y) for patch in ground.patches]).reshape(-1, 2, 2)
-    return corners.swapaxes(1, 2), np.array([(p.along, p.across) for p in ground.patches]).reshape(-1, 2)
+    surface = [(p.along, p.across, np.nan if p.shear is None else p.shear) for p in ground.patches]
+    return corners.swapaxes(1, 2), np.array(surface).reshape(-1, 3)

@@ -11,6 +11,7 @@ import numpy as np
 
 import models
 from sim.robot.parameters import RobotParameters
+from sim.robot.single_contacts import split_pads
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Plate
@@ -22,7 +23,7 @@ SCANNED_GROUP = 0
 VISUAL_GROUP = 1
 """Geom group of the visuals, which are left out of the physics."""
 CONTACT_POINTS = 2
-"""Number of points at which a pad touches the ground."""
+"""Number of points at which a pad touches the ground, unless it is a single one."""
 CONTACT_WIDTH = 9
 """Numbers that a contact sensor gives per point, in this order: force, position in the world, velocity; force and
 velocity are normal to the ground, along the pad and across it."""
@@ -46,8 +47,9 @@ class Robot:
     """Radius of the sphere around the plate [m]."""
     pads: slice  # of the geoms: the contact capsules, each along its own z axis
     pad_side: np.ndarray  # (P,) 0 left, 1 right
-    pad_sign: Array  # (P,) 1 where a pad's z axis points forward, -1 where it points backward
-    pad_position: Array  # (P, 2) centre of each pad, in the chassis' frame [m]
+    pad_sign: Array  # (P,) 1 where a pad's z axis points forward, -1 where backward; less where it is tilted
+    pad_slant: Array  # (P,) the robot's direction forward, in the pad's frame: its x component over z
+    pad_position: Array  # (P, 2) middle of each pad's contact, in the chassis' frame [m]
     pad_pairs: slice  # of the contact pairs, in the order of the pads
     contact_points: Array  # (K, 2) points where the tracks touch the ground, in the chassis' frame [m]
     lrf_mount: Array  # (3,) pose of the laser range finder in the world [m, m, rad]
@@ -55,14 +57,44 @@ class Robot:
     """Height of the scan plane above the ground [m]."""
     digest: str
     """SHA-256 of the model, without visuals and contact sensors."""
+    path: Path
+    """The MJCF file."""
+    parameters: RobotParameters | None
+    """Changes of the file's robot."""
     contact_sensors: bool = False
     """Whether there is a sensor at every pad; runs are then recorded with the pads' forces and complete scans."""
+    points_per_pad: int = CONTACT_POINTS
+    """Number of points at which a pad touches the ground."""
+
+    def with_single_contacts(self) -> Robot:
+        """The same robot with pads that touch the ground at one point each, twice as many, as shearing ground needs.
+
+        Options and contact parameters are those that the model has now.
+        """
+        if self.points_per_pad == 1:
+            return self
+        robot = load_robot(self.path, self.parameters, self.contact_sensors, single_contacts=True)
+        for name in (n for n in dir(self.model.opt) if not n.startswith("_")):
+            value = getattr(self.model.opt, name)
+            if isinstance(value, np.ndarray):
+                getattr(robot.model.opt, name)[:] = value
+            else:
+                setattr(robot.model.opt, name, value)
+        for name in ("pair_solref", "pair_solreffriction", "pair_solimp"):
+            getattr(robot.model, name)[:] = getattr(self.model, name)[0]
+        return replace(robot, digest=self.digest)
 
 
-def load_robot(path: Path = FIELD, parameters: RobotParameters | None = None, contact_sensors: bool = False) -> Robot:
+def load_robot(
+    path: Path = FIELD,
+    parameters: RobotParameters | None = None,
+    contact_sensors: bool = False,
+    single_contacts: bool = False,
+) -> Robot:
     """Compile the MJCF file `path`, changed by `parameters`, and read its numbers.
 
-    With `contact_sensors`, every pad has a sensor, for `sim.instruments` to read and runs to record.
+    With `contact_sensors`, every pad has a sensor, for `sim.instruments` to read and runs to record; with
+    `single_contacts`, a pad touches the ground at one point instead of two, and there are twice as many.
 
     Raises:
         TrackslipError: for a file that doesn't compile or lacks a required part.
@@ -72,20 +104,23 @@ def load_robot(path: Path = FIELD, parameters: RobotParameters | None = None, co
         if parameters is not None:
             parameters.apply(spec)
         sprocket_radius = float(spec.geom("left_sprocket").size[0])
+        if single_contacts:
+            split_pads(spec)
         for geom in list(spec.geoms):
             if geom.group == VISUAL_GROUP:
                 spec.delete(geom)
         model = spec.compile()
         digest = hashlib.sha256(spec.to_xml().encode()).hexdigest()
         if contact_sensors:
-            _add_contact_sensors(spec)
+            _add_contact_sensors(spec, 1 if single_contacts else CONTACT_POINTS)
             model = spec.compile()
-        return replace(_read(model, sprocket_radius, digest), contact_sensors=contact_sensors)
+        robot = _read(model, sprocket_radius, digest, single_contacts)
+        return replace(robot, path=path, parameters=parameters, contact_sensors=contact_sensors)
     except (ValueError, KeyError, AttributeError) as error:
         raise TrackslipError(f"{path}: {' '.join(str(error).split())}") from error
 
 
-def _add_contact_sensors(spec: mujoco.MjSpec) -> None:
+def _add_contact_sensors(spec: mujoco.MjSpec, points: int) -> None:
     """Add a sensor of the contact with the ground to every pad."""
     geom_type = mujoco.mjtObj.mjOBJ_GEOM
     for geom in spec.geoms:
@@ -97,18 +132,22 @@ def _add_contact_sensors(spec: mujoco.MjSpec) -> None:
                 objname="ground",
                 reftype=geom_type,
                 refname=geom.name,
-                intprm=[1 << _FORCE | 1 << _POSITION | 1 << _VELOCITY, 0, CONTACT_POINTS],
+                intprm=[1 << _FORCE | 1 << _POSITION | 1 << _VELOCITY, 0, points],
             )
 
 
-def _read(model: mujoco.MjModel, sprocket_radius: float, digest: str) -> Robot:
+def _read(model: mujoco.MjModel, sprocket_radius: float, digest: str, single_contacts: bool) -> Robot:
     pads = np.array([i for i in range(model.ngeom) if "_pad" in model.geom(i).name])
     side = np.array([0 if model.geom(i).name.startswith("left_") else 1 for i in pads])
     pairs = {int(model.pair_geom2[i]): i for i in range(model.npair)}
     rotation = np.array([_rotation(model.geom_quat[i]) for i in pads])  # (P, 3, 3) geom -> chassis
-    # a capsule lies along its own z; a contact point is at either end
+    # a capsule lies along its own z; a contact point is at either end, or at the lower one
     ends = model.geom_size[pads, 1, None] * rotation[:, :, 2]
-    points = np.concatenate([model.geom_pos[pads] - ends, model.geom_pos[pads] + ends])[:, :2]
+    if single_contacts:
+        points = middle = (model.geom_pos[pads] - np.sign(ends[:, 2:]) * ends)[:, :2]
+    else:
+        points = np.concatenate([model.geom_pos[pads] - ends, model.geom_pos[pads] + ends])[:, :2]
+        middle = model.geom_pos[pads, :2].copy()
     on_left = np.sort(points[points[:, 1] > 0, 0])
     spacing = (on_left[-1] - on_left[0]) / (len(on_left) - 1)
     plate = model.geom("plate").id
@@ -127,13 +166,17 @@ def _read(model: mujoco.MjModel, sprocket_radius: float, digest: str) -> Robot:
         plate_radius=float(np.linalg.norm(plate_size)),
         pads=_consecutive(pads, "pads"),
         pad_side=side,
-        pad_sign=np.sign(rotation[:, 0, 2]),
-        pad_position=model.geom_pos[pads, :2].copy(),
+        pad_sign=rotation[:, 0, 2] if single_contacts else np.sign(rotation[:, 0, 2]),
+        pad_slant=rotation[:, 0, 0] / rotation[:, 0, 2],
+        pad_position=middle,
         pad_pairs=_consecutive(np.array([pairs[int(i)] for i in pads]), "pairs of the pads"),
         contact_points=points,
         lrf_mount=np.array([*model.body_pos[lrf.id][:2], np.arctan2(heading[1], heading[0])]),
         lrf_height=float(model.body_pos[lrf.id][2]),
         digest=digest,
+        path=FIELD,
+        parameters=None,
+        points_per_pad=1 if single_contacts else CONTACT_POINTS,
     )
 
 

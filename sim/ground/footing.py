@@ -1,0 +1,112 @@
+"""The grounds under the robots of a fleet, written to the engine: friction of every pad, shear, and gravity."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from mujoco import batch
+
+from sim.bodies import Rows
+from sim.ground.ground import Ground
+from sim.ground.pad_friction import PadFriction
+from sim.ground.shear import Shear
+from sim.robot.robot import Robot
+from trackslip.errors import require
+from trackslip.kinematics import Array
+
+_Snapshot = tuple[Array, ...]
+
+
+class Footing:
+    """What N robots stand on."""
+
+    def __init__(self, of: batch.Batch, robot: Robot, grounds: Sequence[Ground], shear: Shear | None) -> None:
+        """`grounds`, one for each robot of the batch `of`; without `shear`, none of them may give way."""
+        self._batch, self._robot, self._shear = of, robot, shear
+        self._pads = of.expand("pair_friction")[:, robot.pad_pairs, :2]  # (N, P, 2), live
+        self._gravity: Array | None = None  # (N, 3), live, once a ground slopes
+        self._surface: Array = np.zeros((of.nsim, len(robot.pad_side), 3))  # as PadFriction.surface
+        self.put(grounds)
+
+    @property
+    def friction(self) -> Array:
+        """Friction coefficients (N, P, 2) along and across the tracks, of which a share may act [-]."""
+        return self._surface[..., :2]
+
+    @property
+    def varies(self) -> bool:
+        """Whether the ground depends on place or time."""
+        return self._ground.varies
+
+    def put(self, grounds: Sequence[Ground], rows: np.ndarray | None = None) -> None:
+        """Put all robots, or the robots `rows` (R,), on `grounds`, one each; `lay` and `tilt` write them to the engine.
+
+        Raises InvalidValueError for ground that shears under robots that were not built for it.
+        """
+        largest = max(ground.largest_shear for ground in grounds)
+        allowed = "0 for a fleet that began on ground that doesn't shear: say Fleet(..., shears=True)"
+        require(largest == 0 or self._shear is not None, "ground.shear", largest, allowed)
+        if rows is None:
+            self.grounds = tuple(grounds)
+            self._ground = PadFriction(grounds, self._robot.pad_position)
+        else:
+            changed = dict(zip(rows.tolist(), grounds, strict=True))
+            self.grounds = tuple(changed.get(k, ground) for k, ground in enumerate(self.grounds))
+            self._ground.replace(rows, grounds)
+
+    def tilt(self, rows: np.ndarray) -> None:
+        """Tilt the gravity of the robots `rows` (R,) as their grounds slope."""
+        if self._gravity is None and any(self.grounds[k].slope != 0 for k in rows):
+            self._gravity = self._batch.expand("opt.gravity")
+        if self._gravity is not None:
+            size = -float(self._robot.model.opt.gravity[2])
+            self._gravity[rows] = [self.grounds[k].gravity(size) for k in rows]
+
+    def lay(self, rows: Rows, time: Array, position: Array, heading: Array) -> None:
+        """Set the friction of every pad of the robots `rows` (R,).
+
+        All N robots are at positions (N, 2) [m] with headings (N,) [rad] at times (N,) since the start of their runs.
+        """
+        self._surface[rows] = self._ground.surface(time, position, heading)[rows]
+        self._share(rows)
+
+    def _share(self, rows: Rows) -> None:
+        """Let the share of the friction act that the shear of the ground allows the robots `rows` (R,)."""
+        friction = self._surface[rows, ..., :2]
+        self._pads[rows] = friction if self._shear is None else friction * self._shear.share[rows][..., None]
+
+    def moved(self, rows: Rows, before: Array, after: Array, belt: Array) -> None:
+        """Shear the ground in a period in which the robots `rows` (R,) move; arguments as for `Shear.advance`."""
+        if self._shear is not None:
+            self._shear.advance(rows, before, after, belt, self._surface[rows, ..., 2])
+            self._share(rows)
+
+    def harden(self, rows: Rows) -> None:
+        """Let the friction act in full under the robots `rows` (R,)."""
+        if self._shear is not None:
+            self._shear.forget(rows)
+            self._share(rows)
+
+    def hold(self, rows: np.ndarray, heading: Array, load: Array) -> None:
+        """Shear the ground as far as it must be to hold the robots `rows` (R,), with headings (R,) [rad], at rest.
+
+        `load` (R,) is the force of what they tow, backwards along them, over their normal force [-].
+        """
+        if self._shear is None:
+            return
+        slope = np.tan([self.grounds[k].slope for k in rows])
+        uphill = np.array([self.grounds[k].uphill for k in rows]) - heading
+        required = np.stack([slope * np.cos(uphill) + load, slope * np.sin(uphill)], axis=-1)
+        self._shear.rest(rows, heading, required, self._surface[rows])
+        self._share(rows)
+
+    def snapshot(self, rows: Rows) -> _Snapshot:
+        """The state of the ground under the robots `rows` (R,), with the robots on the first axis."""
+        return () if self._shear is None else self._shear.snapshot(rows)
+
+    def restore(self, rows: Rows, snapshot: _Snapshot) -> None:
+        """Go back to a snapshot of the robots `rows` (R,)."""
+        if self._shear is not None:
+            self._shear.restore(rows, *snapshot)
+            self._share(rows)

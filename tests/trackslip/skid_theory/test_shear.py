@@ -1,0 +1,170 @@
+"""The theory of ground that shears, held against closed forms, integrated paths and its limits."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad, solve_ivp
+from scipy.optimize import fsolve
+
+from trackslip.errors import InvalidValueError
+from trackslip.skid_theory import Load, line_contact, steady_twist, straight_share, straight_slip
+from trackslip.skid_theory.shear import displacement, ground_wrench
+
+B, L = 0.168, 0.17
+LEVEL = line_contact(B, L, 0.7, 0.778)
+HIGH = line_contact(B, L, 0.7, 0.778, (0.0, 0.0, 0.12))
+MIRROR = [1, -1, -1]
+
+
+def offset(speeds, contact=LEVEL, **options):
+    """D [m] of turns at belt speeds (..., 2)."""
+    speeds = np.asarray(speeds, float)
+    return (speeds[..., 1] - speeds[..., 0]) / (2 * steady_twist(speeds, contact, **options)[..., 2]) - B
+
+
+def commanded(radius):
+    radius = np.asarray(radius)
+    return np.stack([radius - B, radius + B], axis=-1)
+
+
+@pytest.mark.parametrize("shear", [1e-4, 0.002, 0.01, 0.025])
+@pytest.mark.parametrize("pull", [-0.3, 0.05, 0.3, 0.6])
+def test_straight_ahead_is_the_closed_form(shear, pull):
+    i = float(straight_slip(pull / 0.7, 2 * L, shear))
+    closed = 0.7 * (1 - shear / (i * 2 * L) * (1 - np.exp(-i * 2 * L / shear))) if pull > 0 else -0.3
+    assert closed == pytest.approx(pull, rel=1e-9)
+    v, u, w = steady_twist([0.2, 0.2], line_contact(B, L, 0.7, 0.778, points=400), shear=shear, load=Load(pull=pull))
+    assert 1 - v / 0.2 == pytest.approx(i, rel=2e-3 if shear < 1e-3 else 2e-5)  # the points must resolve the entry
+    np.testing.assert_allclose([u, w], 0, atol=1e-9)
+
+
+def test_the_closed_form_is_the_mean_of_the_shares():
+    for slip, shear in ((0.03, 0.01), (0.3, 0.002), (1e-7, 0.025)):
+        mean = quad(lambda x, i=slip, k=shear: -np.expm1(-i * x / k), 0, 0.34)[0] / 0.34
+        assert straight_share(slip, 0.34, shear) == pytest.approx(mean, rel=1e-9)
+        assert straight_slip(mean, 0.34, shear) == pytest.approx(slip, rel=1e-6)
+        assert straight_share(-slip, 0.34, shear) == -straight_share(slip, 0.34, shear)
+
+
+def test_offsets_and_slips_of_the_shipped_robot():
+    """The values that the work on this ground began with: of another implementation of the same theory."""
+    found = offset(commanded([0.5, 1.0, 1.5, 2.0, 2.5]), shear=0.01)
+    np.testing.assert_allclose(found, [0.0371, 0.0333, 0.0314, 0.0303, 0.0296], atol=6e-5)
+    assert offset([-1.0, 1.0], shear=0.01) == pytest.approx(0.0389, abs=6e-5)
+    assert offset([-1.0, 1.0], shear=0.025) == pytest.approx(0.0330, abs=6e-5)
+    slips = {0.002: [0.0015, 0.0032, 0.0074], 0.01: [0.0075, 0.0158, 0.0369], 0.025: [0.0189, 0.0395, 0.0923]}
+    for shear, expected in slips.items():
+        uphill = [steady_twist([1.0, 1.0], HIGH, shear=shear, load=Load(np.radians(s)))[0] for s in (5, 10, 20)]
+        np.testing.assert_allclose(1 - np.array(uphill), expected, atol=6e-5)
+
+
+def test_firm_ground_is_coulomb_ground():
+    speeds = [[0.1, 0.14], [-0.1, 0.1], [0.0, 0.1], [-0.14, -0.1], [0.1, 0.1]]
+    load = Load(slope=0.1, uphill=0.4, pull=0.05, hitch_height=0.1)
+    coulomb, firm = (steady_twist(speeds, HIGH, shear=shear, load=load) for shear in (0.0, 1e-6))
+    np.testing.assert_allclose(firm, coulomb, atol=2e-5 * 0.14 / 0.2)
+
+
+@pytest.mark.parametrize("belt", [0.2, -0.2])
+@pytest.mark.parametrize("twist", [(0.15, 0.02, 0.9), (0.1, -0.01, -0.3), (-0.15, 0.0, 1e-9)])
+def test_displacements_are_those_of_elements_followed_on_their_way(twist, belt):
+    contact = line_contact(B, L, 0.7, 0.778, points=4)
+    found = displacement(np.array(twist), np.full(8, belt), contact)
+    v, u, w = twist
+    entry = L if belt > 0 else -L
+    for k in range(8):
+        y = contact.y[k]
+
+        def velocity(t, state, y=y):  # of an element in the world, and of where it is on the robot
+            phi, x = state[2], state[3]
+            cos, sin = np.cos(phi), np.sin(phi)
+            slide, aside = v - w * y - belt, u + w * x
+            return [cos * slide - sin * aside, sin * slide + cos * aside, w, -belt]
+
+        time = (entry - contact.x[k]) / belt
+        x, y_moved, phi, _ = solve_ivp(velocity, (0, time), [0, 0, 0, entry], rtol=1e-10, atol=1e-12).y[:, -1]
+        cos, sin = np.cos(phi), np.sin(phi)
+        np.testing.assert_allclose(found[k], [cos * x + sin * y_moved, cos * y_moved - sin * x], atol=1e-9)
+
+
+@pytest.mark.parametrize("speeds", [[0.1, 0.16], [-0.1, 0.1], [0.0, 0.1], [-0.16, -0.1]])
+def test_the_ground_carries_weight_momentum_slope_and_pull(speeds):
+    """Newton and Euler for a robot of unit weight on a slope, with a drawbar, written out from the twist alone."""
+    centre = forwards, left, height = 0.02, 0.01, 0.12
+    contact, load = line_contact(B, L, 0.6, 0.8, centre), Load(0.15, 0.7, 0.08, 0.1)
+    speeds = 3 * np.array(speeds)
+    v, u, w = twist = steady_twist(speeds, contact, 9.81, shear=0.01, load=load)
+    normal = np.cos(load.slope)
+    need = np.array([-w * (u + w * forwards), w * (v - w * left)]) / 9.81 / normal
+    need += np.tan(load.slope) * np.array([np.cos(load.uphill), np.sin(load.uphill)])  # at the centre of mass
+    drawbar = load.pull / normal
+    belt = np.where(contact.y > 0, speeds[0], speeds[1])
+    loads = contact.loads(need, load.hitch_height * drawbar)
+    assert loads.sum() == pytest.approx(1)
+    assert (contact.x * loads).sum() == pytest.approx(forwards - height * need[0] - load.hitch_height * drawbar)
+    assert (contact.y * loads).sum() == pytest.approx(left - height * need[1])
+    found = ground_wrench(twist, belt, contact, loads, 0.01)
+    moment = forwards * need[1] - left * need[0]
+    np.testing.assert_allclose(found, [need[0] + drawbar, need[1], moment], atol=1e-6)
+
+
+def test_turns_mirror_left_and_right_and_front_and_back():
+    load = Load(0.1, 0.5, 0.05, 0.1)
+    left = steady_twist([0.1, 0.15], HIGH, shear=0.01, load=load)
+    right = steady_twist([0.15, 0.1], HIGH, shear=0.01, load=Load(0.1, -0.5, 0.05, 0.1))
+    np.testing.assert_allclose(right, left * MIRROR, atol=1e-9)
+    ahead, back = steady_twist([[0.1, 0.15], [-0.1, -0.15]], LEVEL, shear=0.01)
+    np.testing.assert_allclose(back, ahead * [-1, 1, -1], atol=1e-9)
+
+
+def test_slip_depends_on_neither_speed_nor_size_of_friction_but_on_the_load():
+    speeds = np.array([0.1, 0.15])
+    twist = steady_twist(speeds, LEVEL, shear=0.01)
+    np.testing.assert_allclose(steady_twist(3 * speeds, LEVEL, shear=0.01), 3 * twist, rtol=1e-7)
+    weak = line_contact(B, L, 0.35, 0.389)
+    np.testing.assert_allclose(steady_twist(speeds, weak, shear=0.01), twist, rtol=1e-7)
+    slips = [1 - steady_twist([1, 1], LEVEL, shear=0.01, load=Load(pull=p))[0] for p in (0.0, 0.1, 0.2, 0.4, 0.6)]
+    assert np.all(np.diff(slips) > 0)
+
+
+def test_the_offset_falls_with_the_radius_to_the_same_limit_on_all_grounds():
+    found = [offset(commanded([0.3, 0.5, 1.0, 2.0, 10.0, 1000.0]), shear=shear) for shear in (0.002, 0.01, 0.025)]
+    assert np.all(np.diff(found, axis=1) < 0)
+    assert np.all(np.diff(found, axis=0)[:, 1:] < 0)
+    np.testing.assert_allclose(np.array(found)[:, -1], limit_of_gentle_turns(), rtol=2e-3)
+
+
+def limit_of_gentle_turns():
+    """D in turns so gentle that shares are proportional to the displacement and the arc is short: by quadrature."""
+
+    def balance(unknown):
+        slide, c = unknown  # sliding velocity (D, x + u / w) over w; c = u / w
+
+        def force(x, direction):
+            moved = (L - x) * np.hypot(slide, (L + x) / 2 + c)
+            sliding = np.array([0.7**2 * slide, 0.778**2 * (x + c)])
+            return moved * sliding[direction] / np.hypot(0.7 * slide, 0.778 * (x + c))
+
+        along, across, moment = (
+            quad(integrand, -L, L)[0]
+            for integrand in (lambda x: force(x, 0), lambda x: force(x, 1), lambda x: x * force(x, 1))
+        )
+        return [B * along - moment, across * L]
+
+    return fsolve(balance, [0.03, 0.05], xtol=1e-12)[0]
+
+
+@pytest.mark.parametrize(
+    ("options", "field"),
+    [
+        ({"load": Load(pull=0.8)}, "load"),
+        ({"load": Load(slope=0.7)}, "load"),
+        ({"load": Load(pull=0.3, hitch_height=0.3)}, "load"),
+        ({"shear": -0.01}, "shear"),
+        ({"shear": np.nan}, "shear"),
+    ],
+)
+def test_impossible_loads_and_grounds_are_refused(options, field):
+    with pytest.raises(InvalidValueError, match=field):
+        steady_twist([0.1, 0.1], LEVEL, **options)
+    with pytest.raises(InvalidValueError, match="share"):
+        straight_slip(1.0, 0.34, 0.01)
