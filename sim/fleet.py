@@ -301,10 +301,10 @@ class Fleet(Bodies):
         self.batch.time[rows] = 0
         self._heading[rows] = start[:, 2]
         self._follow_heading()
-        self._footing.hold(rows, start[:, 2], self._towed(rows))
+        self._footing.hold(rows, start[:, 2], self.towed(rows))
 
-    def _towed(self, rows: np.ndarray) -> Array:
-        """Pull (R,) on the robots `rows` (R,) at the start of their runs, over their normal force [-]."""
+    def towed(self, rows: np.ndarray) -> Array:
+        """Pull (R,) that acts on the robots `rows` (R,), over their normal force [-]."""
         if self._drawbar is None:
             return np.zeros(len(rows))
         weight = self.robot.mass * float(np.linalg.norm(self.robot.model.opt.gravity))

@@ -12,4 +12,4 @@ def needed_traction(fleet: Fleet) -> Array:
     """Traction (N,) that the robots need against slope and pull at a constant speed, over their normal force [-]."""
     slope = np.array([ground.slope for ground in fleet.ground])
     uphill = np.array([ground.uphill for ground in fleet.ground])
-    return np.asarray(np.tan(slope) * np.cos(uphill - fleet.pose()[:, 2]))
+    return np.tan(slope) * np.cos(uphill - fleet.pose()[:, 2]) + fleet.towed(np.arange(fleet.size))

@@ -65,6 +65,7 @@ class RunRecorder:
         self.pose = np.zeros((rows, n, 3))  # [m, m, rad]
         self.load = np.zeros((rows, n))
         """Tractions per unit load that the robots need (T, N) [-]."""
+        self._yields = False  # whether that matters to slip
         self._command = np.zeros((rows, n, 2))
         self._twist_command = np.full((rows, n, 2), np.nan)
         self._icr = np.full((rows, n, 2), np.nan)
@@ -84,6 +85,7 @@ class RunRecorder:
         self.omega[k] = (angle - self._angle) / self._period
         self._angle = angle
         self.load[k] = needed_traction(fleet)
+        self._yields |= fleet.shear is not None or bool(self.load[k].any())
         of_drive = drive.torque.copy(), drive.energy.copy(), drive.saturated_time.copy()
         contact = (pad_forces(fleet).astype(np.float32),) if self._in_detail else ()
         self._truth.append((fleet.pose(), fleet.twist(), fleet.traction(), *of_drive, fleet.lean(), *contact))
@@ -170,7 +172,7 @@ class RunRecorder:
             icr=None if np.isnan(icr).any() else icr,
             covariance=self._covariance[rows, i],
             valid=self._valid[rows, i],
-            load=self.load[rows, i] if self.load[rows, i].any() else None,
+            load=self.load[rows, i] if self._yields else None,
             truth=truth,
             scans=scans,
             metadata=dict(description.metadata) | ({} if failure is None else {FAILURE: failure}),

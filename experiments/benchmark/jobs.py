@@ -15,7 +15,7 @@ from experiments.storage.parts import Part
 from experiments.storage.results import SUMMARY_FILE
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.logs.runlog import RunLog
-from trackslip.slip.law_file import SHIPPED
+from trackslip.slip.stored_laws import SHIPPED
 
 GROUP_SIZE = 32
 """Robots in a fleet: larger fleets hardly gain speed, and smaller ones are shared better between processes."""

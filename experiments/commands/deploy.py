@@ -7,7 +7,7 @@ from pathlib import Path
 from experiments.options.deploy import DeployConfig
 from trackslip.deploy.deploy import deploy_law
 from trackslip.errors import OutputError
-from trackslip.slip.law_file import SHIPPED
+from trackslip.slip.stored_laws import SHIPPED
 
 
 def run(config: DeployConfig) -> None:

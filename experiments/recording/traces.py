@@ -20,7 +20,8 @@ from trackslip.motion.filtered import even_poses
 from trackslip.motion.steady_twist import Motion
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.icr import ConstantIcr
-from trackslip.slip.law_file import SHIPPED, load_laws
+from trackslip.slip.law_file import load_laws
+from trackslip.slip.stored_laws import SHIPPED
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.segmented import circle
 

@@ -12,6 +12,7 @@ from typing import Any
 import jinja2
 import matplotlib
 from markupsafe import Markup
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from experiments.report.formats import MISSING, percent, significant
@@ -31,6 +32,7 @@ class Drawing:
         """The text of an SVG file, reproducible, with letters as outlines so that it needs no font."""
         buffer = io.StringIO()
         with matplotlib.rc_context({"svg.hashsalt": self.name, "svg.fonttype": "path"}):
+            _lay_out(self.figure)
             self.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
         return buffer.getvalue()
 
@@ -42,6 +44,14 @@ class Drawing:
         text = re.sub(r'((?:\bid|xlink:href)="#?|url\(#)(?=[^"#)])', rf"\g<1>{self.name}-", text)
         text = re.sub(r"\n\s*", "\n", text)
         return Markup(text.replace("<svg ", '<svg aria-hidden="true" ', 1))
+
+
+def _lay_out(figure: Figure) -> None:
+    """Place what a figure shows, once: its layout engine would draw everything another time for each file."""
+    if (engine := figure.get_layout_engine()) is not None:
+        FigureCanvasSVG(figure)
+        engine.execute(figure)
+        figure.set_layout_engine(None)
 
 
 @dataclass(frozen=True)

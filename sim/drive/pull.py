@@ -40,7 +40,10 @@ class Pull:
         """
         most = max(held - uphill, 0.0)
         require(
-            self.force == 0 or self.force < most, "pull", self.force, f"less than {most:.4g} N, not to drag it backwards"
+            self.force == 0 or self.force < most,
+            "pull",
+            self.force,
+            f"less than {most:.4g} N, not to drag it backwards",
         )
 
 

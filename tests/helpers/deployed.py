@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackslip.deploy.stored import StoredLaws, stored_laws
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.slip.law_file import laws_content
+from trackslip.slip.stored_laws import StoredLaws, stored_laws
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
 VALUES = {

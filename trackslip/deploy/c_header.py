@@ -6,7 +6,7 @@ from trackslip.deploy.c_laws import ICR, TURN_LOSS, TYPES
 from trackslip.deploy.c_slips import CONSTANT_TWIST, SLIP, SLIPS, SPROCKET_SPEEDS, TWIST
 from trackslip.deploy.constants import constants_of
 from trackslip.deploy.facts import commented, fact_lines
-from trackslip.deploy.stored import StoredLaws
+from trackslip.slip.stored_laws import StoredLaws
 
 
 def c_text(stored: StoredLaws, law: str) -> str:

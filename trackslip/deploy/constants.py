@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from trackslip.deploy.stored import StoredLaws, values_of
 from trackslip.slip.families import FAMILIES
+from trackslip.slip.stored_laws import StoredLaws
 
 LINEAR = ("none", "icr", "icr_radius", "icr_sides")
 """Laws whose sprocket speeds are linear in the twist."""
@@ -11,7 +11,7 @@ LINEAR = ("none", "icr", "icr_radius", "icr_sides")
 
 def constants_of(stored: StoredLaws, law: str) -> dict[str, tuple[float, str]]:
     """Name -> value and what it is, of all constants that the functions of a law need."""
-    values, geometry = values_of(stored, law), stored.geometry
+    values, geometry = stored.values(law), stored.geometry
     radius = {"sprocket_radius": (geometry.sprocket_radius, "r [m]")}
     if law in LINEAR:
         return radius | _tracks(values, geometry.half_gauge)

@@ -11,9 +11,9 @@ from trackslip.deploy.expressible import best_expressible
 from trackslip.deploy.json_text import json_text
 from trackslip.deploy.python_file import python_text
 from trackslip.deploy.ros2_control import ros2_control_text
-from trackslip.deploy.stored import StoredLaws, read_stored, stored_laws
-from trackslip.errors import InvalidValueError
-from trackslip.slip.law_file import SHIPPED
+from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.slip.icr_load import IcrLoad
+from trackslip.slip.stored_laws import SHIPPED, StoredLaws, read_stored, stored_laws
 
 if TYPE_CHECKING:
     from trackslip.identification.result import Identification
@@ -25,6 +25,8 @@ TARGETS: dict[str, Callable[[StoredLaws, str], str]] = {
     "python": python_text,
 }
 """What laws can be deployed to: the text of a file, from laws and the name of one of them."""
+
+_WITHOUT_LOAD = ("c", "python")  # whose functions take speeds alone
 
 
 def deploy_law(source: str | Path | Identification = SHIPPED, to: str = "ros2_control", law: str | None = None) -> str:
@@ -47,7 +49,12 @@ def deploy_law(source: str | Path | Identification = SHIPPED, to: str = "ros2_co
         raise InvalidValueError("to", to, f"one of {', '.join(TARGETS)}")
     stored = _stored(source)
     best = best_expressible(stored) if law is None and to == "ros2_control" else law
-    return TARGETS[to](stored, stored.law_named(best))
+    name = stored.law_named(best)
+    chosen = stored.laws[name]
+    if isinstance(chosen, IcrLoad) and to in _WITHOUT_LOAD:
+        cost = f"the same without load, off by {abs(chosen.compliance):.1%} of the speed per traction over load of 1"
+        raise TrackslipError(f"law = {name!r}: {to} has no input for the load; nearest is icr_radius: {cost}")
+    return TARGETS[to](stored, name)
 
 
 def _stored(source: str | Path | Identification) -> StoredLaws:

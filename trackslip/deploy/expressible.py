@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackslip.deploy.prediction import best_of, measured_cost
-from trackslip.deploy.stored import NO_SLIP, StoredLaws
 from trackslip.errors import LogError, TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.metrics import rms
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import NoSlip
 from trackslip.slip.icr import ConstantIcr, IcrSides
+from trackslip.slip.stored_laws import NO_SLIP, StoredLaws
 from trackslip.slip.turn_loss import TurnLoss
 
 _RADII = (3.0, 20.0)  # of the turns in which laws are compared where no prediction was measured [half gauges]

@@ -8,8 +8,9 @@ import shlex
 from collections.abc import Iterable
 
 from trackslip.deploy.prediction import gain_lines
-from trackslip.deploy.stored import StoredLaws, entry, number, text, texts, values_of
 from trackslip.slip.families import FAMILIES
+from trackslip.slip.nested import entry, number, text, texts
+from trackslip.slip.stored_laws import StoredLaws
 
 _MAX_LENGTH = 200  # of a line taken from a file
 _MAX_NAMES = 5  # of drives
@@ -101,7 +102,7 @@ def commented(lines: Iterable[str], mark: str) -> str:
 
 def _parameter_lines(stored: StoredLaws, law: str) -> list[str]:
     lines = []
-    for name, value in values_of(stored, law).items():
+    for name, value in stored.values(law).items():
         unit = FAMILIES[law].parameters[name].unit or "-"
         ends, error = stored.interval95(law, name), number(stored.content, "slip_laws", law, "stderr", name)
         about = ""

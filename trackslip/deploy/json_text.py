@@ -7,14 +7,15 @@ from typing import Any
 
 from trackslip.deploy.facts import fact_lines, sensor_of, warnings_of
 from trackslip.deploy.prediction import errors_of
-from trackslip.deploy.stored import NO_SLIP, StoredLaws, number, text, texts, values_of
 from trackslip.slip.families import FAMILIES
 from trackslip.slip.law_file import laws_content
+from trackslip.slip.nested import number, text, texts
+from trackslip.slip.stored_laws import NO_SLIP, StoredLaws
 
 
 def json_text(stored: StoredLaws, law: str) -> str:
     """JSON of one law; docs/ros.md describes its keys."""
-    values = values_of(stored, law)
+    values = stored.values(law)
     intervals = {name: stored.interval95(law, name) for name in values}
     errors = {name: number(stored.content, "slip_laws", law, "stderr", name) for name in values}
     described = {law: {"values": values, "stderr": errors, "interval95": intervals}} if values else {}

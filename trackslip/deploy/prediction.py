@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from trackslip.deploy.stored import NO_SLIP, StoredLaws, entry, number
+from trackslip.slip.nested import entry, number
+from trackslip.slip.stored_laws import NO_SLIP, StoredLaws
 
 _USUAL = 5.0  # horizon at which laws are compared, if it was evaluated [s]
 

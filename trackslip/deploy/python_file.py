@@ -14,7 +14,7 @@ from trackslip.deploy.python_laws import (
     TURN_LOSS,
     TWIST,
 )
-from trackslip.deploy.stored import StoredLaws
+from trackslip.slip.stored_laws import StoredLaws
 
 
 def python_text(stored: StoredLaws, law: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from trackslip.deploy.expressible import instead_of, require_expressible
 from trackslip.deploy.facts import commented, fact_lines
-from trackslip.deploy.stored import StoredLaws
+from trackslip.slip.stored_laws import StoredLaws
 
 _NEGLIGIBLE = 1e-6  # distance between two points of the robot [m]
 

@@ -16,9 +16,11 @@ def twist_slopes(
 ) -> Array:
     """Derivatives (m, n, 2, p) of the twists at sprocket speeds omega (n, 2) by the values (m, p) of m laws.
 
-    For values at a limit, they are taken just inside it. They are 0 where a law jumps. Known twists (m, n, 2) need not
-    be computed again.
+    For values at a limit, they are taken just inside it. They are 0 where no twist produces these speeds. Known twists
+    (m, n, 2) need not be computed again.
     """
+    if not family.names:
+        return np.empty((len(values), len(omega), 2, 0))
     low, high, scale = family.limits(geometry.half_gauge)
     step = _DIFFERENCE * scale
     inside = np.clip(values, low + step, high - step)
@@ -28,17 +30,25 @@ def twist_slopes(
     else:
         twist = law.twist(omega, geometry) if twist is None else twist
         slopes = _by_sprocket_speeds(family, inside, step, twist, geometry)
+        jumps, _ = law.turns_in_place(omega, geometry)
+        if jumps.any():
+            above, below = (family.law(each[..., None, :], geometry) for each in _beside(inside, step))
+            high_end, low_end = (each.turns_in_place(omega, geometry)[1] for each in (above, below))
+            change = (high_end - low_end) / (2 * step[:, None, None] * geometry.half_gauge)  # (p, m, n) of w
+            slopes[jumps] = 0.0
+            slopes[jumps, 1, :] = np.moveaxis(change, 0, -1)[jumps]
     return np.where(np.isfinite(slopes), slopes, 0.0)
 
 
+def _beside(values: Array, step: Array) -> Array:
+    """Values (2, p, m, p), one parameter a step above and below those (m, p) of m laws."""
+    return values + np.diag(step)[:, None, :] * np.array([1.0, -1.0])[:, None, None, None]
+
+
 def _by_differences(family: LawFamily, values: Array, step: Array, omega: Array, geometry: RobotGeometry) -> Array:
-    slopes = np.empty((len(values), len(omega), 2, values.shape[1]))
-    for k, only in enumerate(np.diag(step)):
-        ahead, behind = (
-            family.law((values + side * only)[:, None, :], geometry).twist(omega, geometry) for side in (1, -1)
-        )
-        slopes[..., k] = (ahead - behind) / (2 * step[k])
-    return slopes
+    beside = _beside(values, step)[..., None, :]
+    ahead, behind = family.law(beside, geometry).twist(omega, geometry)  # (p, m, n, 2) each
+    return np.moveaxis((ahead - behind) / (2 * step[:, None, None, None]), 0, -1)
 
 
 def _by_sprocket_speeds(family: LawFamily, values: Array, step: Array, twist: Array, geometry: RobotGeometry) -> Array:
@@ -46,17 +56,22 @@ def _by_sprocket_speeds(family: LawFamily, values: Array, step: Array, twist: Ar
 
     The twists solve omega(twist, values) = omega.
     """
-    law = family.law(values[:, None, :], geometry)
-    by_values = np.empty((*twist.shape, values.shape[1]))
+    parameters = len(step)
+    size = _DIFFERENCE * np.maximum(np.abs(twist[..., 0]), geometry.half_gauge * np.abs(twist[..., 1]))  # (m, n)
+    pushes = np.stack([size, size / geometry.half_gauge])
+    laws = np.tile(values, (parameters + 3, 1, 1))  # as they are, a parameter pushed, a component of the twist pushed
+    twists = np.tile(twist, (parameters + 3, 1, 1, 1))
+    for k in range(parameters):
+        laws[1 + k, :, k] += step[k]
+    for k in range(2):
+        twists[1 + parameters + k, ..., k] += pushes[k]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        here = law.sprocket_speeds(twist, geometry)
-        for k, only in enumerate(np.diag(step)):
-            beside = family.law((values + only)[:, None, :], geometry)
-            by_values[..., k] = (beside.sprocket_speeds(twist, geometry) - here) / step[k]
-        size = _DIFFERENCE * np.maximum(np.abs(twist[..., :1]), geometry.half_gauge * np.abs(twist[..., 1:]))
+        here, *beside = family.law(laws[:, :, None, :], geometry).sprocket_speeds(twists, geometry)
+        by_values = np.stack([(each - here) / one for each, one in zip(beside, step, strict=False)], axis=-1)
         (a, c), (b, d) = (
-            np.moveaxis((law.sprocket_speeds(twist + push * unit, geometry) - here) / push, -1, 0)
-            for push, unit in ((size, np.array([1, 0])), (size / geometry.half_gauge, np.array([0, 1])))
+            np.moveaxis((each - here) / push[..., None], -1, 0)
+            for each, push in zip(beside[parameters:], pushes, strict=True)
         )
-        inverse = np.stack([np.stack([d, -b], axis=-1), np.stack([-c, a], axis=-1)], axis=-2)
-        return -inverse @ by_values / (a * d - b * c)[..., None, None]
+        x, y = by_values[..., 0, :], by_values[..., 1, :]
+        scaled = np.stack([d[..., None] * x - b[..., None] * y, a[..., None] * y - c[..., None] * x], axis=-2)
+        return -scaled / (a * d - b * c)[..., None, None]

@@ -13,6 +13,7 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.slip.base import SlipLaw
 
 _SLIP = ("slip_forward", "slip_sideways", "slip_turn")  # entries of DriveFit.noise
+_NORMAL_95 = 1.959963984540054  # half width of a 95 % interval [standard deviations]
 _DIFFERENCE = 1e-3  # of parameters for derivatives [standard errors]
 _ASYMMETRY = 1e-6  # of a covariance, relative to its variances
 
@@ -78,6 +79,24 @@ class LawErrors:
         errors = np.array([stderr[name] for name in names])
         matrix = np.asarray(correlation, float).reshape(len(fitted), len(fitted))[np.ix_(rows, rows)]
         return cls(names, np.outer(errors, errors) * matrix)
+
+    @classmethod
+    def stored(cls, fit: Mapping[str, Any]) -> Self:
+        """Those of a fit as results hold it: `values`, `stderr`, and maybe `interval95` and `correlation`.
+
+        Errors are as wide as the 95 % intervals, which allow for slip that lasts. Parameters whose errors are not known
+        have none here.
+        """
+        intervals, stderr = fit.get("interval95") or {}, {}
+        for name, error in fit["stderr"].items():
+            if error is not None and 0 < float(error) < np.inf:
+                low, high = intervals.get(name) or (0.0, 0.0)
+                stderr[name] = max(float(error), (float(high) - float(low)) / 2 / _NORMAL_95)
+        order = list(fit["stderr"])
+        rows = [order.index(name) for name in stderr]
+        whole = np.array(fit.get("correlation", np.eye(len(order))), float)
+        correlation = whole.reshape(len(order), len(order))[np.ix_(rows, rows)]
+        return cls.of(fit["values"], stderr, correlation)
 
     def slopes(self, law: SlipLaw, omega: Array, geometry: RobotGeometry) -> Array:
         """Derivatives (..., 2, p) of the law's twists at sprocket speeds (..., 2) [rad/s] by its parameters.

@@ -14,6 +14,7 @@ from trackslip.identification.drive.equations import solve
 from trackslip.identification.drive.model import EXTRAS, DriveModel
 from trackslip.identification.drive.residuals import Nodes, Noise, residuals
 from trackslip.kinematics import Array
+from trackslip.odometry.uncertainty import LawErrors
 from trackslip.planning.strokes import RATE
 
 _UNKNOWN_HEADING = 1.0  # standard deviation of a heading that isn't measured, which has no weight [rad]
@@ -53,15 +54,6 @@ class Expectation:
     """Parameters that the driving doesn't determine."""
 
 
-@dataclass(frozen=True)
-class Known:
-    """Information on a law from an identification before."""
-
-    names: tuple[str, ...]
-    covariance: Array
-    """(n, n) of these parameters of the law, in their units."""
-
-
 def drive_to_measure(speeds: Array, rate: float, poses: PoseQuality, radius: float, merge: int = 1) -> Drive:
     """A drive with belt speeds (T, 2) [m/s] in periods of 1 / `rate` [s], `merge` of them taken together."""
     edges, omega = merged(np.arange(len(speeds) + 1) / rate, speeds / radius, -(-len(speeds) // merge))
@@ -78,7 +70,7 @@ def expected(
     drives: Sequence[Drive],
     poses: PoseQuality,
     slip: Sequence[float],
-    known: Known | None = None,
+    known: LawErrors | None = None,
 ) -> Expectation:
     """Standard errors to expect, with all parameters but the lag free that the drives determine, as in `fit_drives`.
 
@@ -131,9 +123,9 @@ def information(
     return solve(found, nodes, noise, model.index("sensor_yaw"), model.prior, still).information
 
 
-def with_extras(law: Array, extras: Mapping[str, float] | None = None) -> Array:
-    """Parameters (p,) of a model: those of a law, and EXTRAS, 0 where they aren't given."""
-    return np.concatenate([law, [(extras or {}).get(name, 0.0) for name in EXTRAS]])
+def with_extras(law: Array) -> Array:
+    """Parameters (p,) of a model: those of a law, and EXTRAS, which are 0."""
+    return np.concatenate([law, np.zeros(len(EXTRAS))])
 
 
 def rate_of(poses: PoseQuality) -> int:

@@ -11,10 +11,10 @@ from trackslip.errors import InvalidValueError
 from trackslip.identification.drive.estimate import DRIVE_LAWS
 from trackslip.identification.drive.model import DriveModel
 from trackslip.kinematics import Array, RobotGeometry, twist_of_tracks
+from trackslip.odometry.uncertainty import LawErrors
 from trackslip.paper import COMMANDED_RADII, SPEEDS
 from trackslip.planning.information import (
     Expectation,
-    Known,
     PoseQuality,
     drive_to_measure,
     expected,
@@ -51,7 +51,7 @@ class DrivePlan:
     limits: DriveLimits
     knowledge: Knowledge
     poses: PoseQuality
-    known: Known | None
+    known: LawErrors | None
     """What an identification before has told of the law."""
     strokes: Strokes
     start: Array  # (3,) where it begins, from the middle of the area [m, m, rad]
@@ -99,7 +99,7 @@ def plan_drive(
     law: str = "icr_radius",
     knowledge: Knowledge | None = None,
     values: Sequence[float] | Array | None = None,
-    known: Known | None = None,
+    known: LawErrors | None = None,
     seed: int = 0,
     step: Callable[[float], None] = lambda _: None,
 ) -> DrivePlan:

@@ -16,6 +16,7 @@ _CLIMBING = 0.5  # share of the changes made to these
 _MOST_PAIRS = 12
 _MAX_SPINNING = 0.8
 _LEAST_SIZE = 0.2
+_MAX_SHRINK = 0.05
 _CORNERS = (0, 2, 8, 6)  # of PLACES, in order
 
 
@@ -52,7 +53,7 @@ def _known() -> list[Tour]:
     round_trip = np.array([*_CORNERS[1:], _CORNERS[0], *_CORNERS[:0:-1], _CORNERS[0]])
     forwards, back = np.zeros(len(round_trip), bool), np.array([False, True])
     lines = [
-        Tour(_CORNERS[0], diagonal, back, _straight(2), share, pairs)
+        Tour(_CORNERS[0], diagonal, back, _straight(2), share, pairs, shrink=0.01)
         for share in (0.25, 0.35, 0.45, 0.55)
         for pairs in (2, 3, 4, 6)
     ]
@@ -88,7 +89,7 @@ def _random(rng: np.random.Generator) -> Tour:
 def _changed(tour: Tour, rng: np.random.Generator) -> Tour:
     """A tour with one or two things changed."""
     for _ in range(int(rng.integers(1, 3))):
-        k, kind = int(rng.integers(len(tour.place))), int(rng.integers(9))
+        k, kind = int(rng.integers(len(tour.place))), int(rng.integers(11))
         if kind == 0:
             place = tour.place.copy()
             place[k] = rng.integers(len(PLACES))
@@ -113,6 +114,10 @@ def _changed(tour: Tour, rng: np.random.Generator) -> Tour:
         elif kind == 7:
             size = tour.size * np.exp(0.3 * rng.standard_normal())
             tour = replace(tour, size=float(np.clip(size, _LEAST_SIZE, 1.0)))
+        elif kind == 8:
+            tour = replace(tour, ends=float(max(0.0, rng.uniform(-0.3, 1.0))))
+        elif kind == 9:
+            tour = replace(tour, shrink=float(rng.uniform(0.0, _MAX_SHRINK)))
         else:
             spinning = tour.spinning * np.exp(0.25 * rng.standard_normal())
             tour = replace(tour, spinning=float(np.clip(spinning, 0.0, _MAX_SPINNING)))

@@ -43,6 +43,10 @@ class Tour:
     """Number of such pairs, spread over the tour."""
     size: float = 1.0
     """How far apart the places are, relative to the largest distances that matter [-]."""
+    ends: float = 0.5
+    """Length of the first and the last pair over that of the others, which are measured for two legs [-]."""
+    shrink: float = 0.0
+    """How much nearer to the middle each leg leads than the one before, as slip adds up [-]."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +86,8 @@ def _strokes(tour: Tour, scale: float, limits: DriveLimits, knowledge: Knowledge
     begin = np.concatenate([[tour.start], end[:-1]])
     moving = begin != end
     backwards, bow = (np.tile(gene, rounds)[moving] for gene in (tour.backwards, BOWS[tour.bow]))
-    chord = (PLACES[end] - PLACES[begin])[moving] * half
+    size = (1 - tour.shrink) ** np.arange(len(end) + 1)[:, None]
+    chord = (size[1:] * PLACES[end] - size[:-1] * PLACES[begin])[moving] * half
     if not len(chord):
         return Strokes.of(np.zeros((0, 2)), limits), 0.0
     heading = np.arctan2(chord[:, 1], chord[:, 0]) - bow + np.pi * backwards
@@ -93,15 +98,13 @@ def _strokes(tour: Tour, scale: float, limits: DriveLimits, knowledge: Knowledge
 
 
 def _timed(legs: Array, tour: Tour, limits: DriveLimits) -> Strokes:
-    """As many of the legs (n, 2, 2), each a spin and a stroke, as there is time for, and pairs of spins between.
-
-    Pairs at the ends are half as long: a place between two legs is measured for both.
-    """
+    """As many of the legs (n, 2, 2), each a spin and a stroke, as there is time for, and pairs of spins between."""
     for_legs = limits.duration * (1 - tour.spinning)
     times = durations(legs.reshape(-1, 2), limits).reshape(-1, 2).sum(axis=1)
     count = int(np.searchsorted(np.cumsum(times), for_legs + 1e-9))
-    share = np.full(tour.pairs + 1, 1 / tour.pairs)
-    share[[0, -1]] /= 2
+    share = np.ones(tour.pairs + 1)
+    share[[0, -1]] = tour.ends
+    share /= share.sum()
     rest = limits.duration - times[:count].sum()
     spins = [longest_spin(rest * part / 2, limits) * np.outer([1.0, -1.0], SIDES) for part in share]
     before = np.linspace(0, count, tour.pairs + 1).astype(int)

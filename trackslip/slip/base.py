@@ -43,7 +43,7 @@ class SlipLaw(ABC):
         in between. If there is no solution, or more than one, the result is close to one.
         """
         omega = np.asarray(omega, float)
-        in_place, turning = self._in_place(omega, geometry)
+        in_place, turning = self.turns_in_place(omega, geometry)
         commanded = _plane(body_twist(omega, 0.0, geometry), geometry)
         real = commanded
         wrong = turned = np.zeros_like(commanded, dtype=float)
@@ -65,7 +65,7 @@ class SlipLaw(ABC):
         real = np.where(in_place, 1j * turning, real)
         return np.stack([real.real, real.imag / geometry.half_gauge], axis=-1)
 
-    def _in_place(self, omega: Array, geometry: RobotGeometry) -> tuple[np.ndarray, Array]:
+    def turns_in_place(self, omega: Array, geometry: RobotGeometry) -> tuple[np.ndarray, Array]:
         """Whether sprocket speeds (..., 2) lie in the jump between turns in place, (...), and b w (...) [m/s] there.
 
         The slips of both tracks then have the same sum as at either end of the jump.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.kinematics import Array, RobotGeometry, twist_of_tracks
+from trackslip.kinematics import Array, RobotGeometry, body_twist, twist_of_tracks
 from trackslip.slip.base import SlipLaw, by_side, require_slips
 
 
@@ -18,6 +18,10 @@ class NoSlip(SlipLaw):
     def __call__(self, kappa: ArrayLike) -> Array:
         """Zeros (..., 2)."""
         return np.zeros((*np.shape(kappa), 2))
+
+    def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
+        """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce; Eqs. 2 and 5."""
+        return body_twist(omega, 0.0, geometry)
 
 
 @dataclass(frozen=True)

@@ -8,16 +8,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from trackslip.errors import InvalidValueError, LogError, OutputError
+from trackslip.errors import InvalidValueError, OutputError
 from trackslip.kinematics import RobotGeometry
-from trackslip.logs.file_format import FORMAT, require_known_format, require_known_manifest
+from trackslip.logs.file_format import FORMAT
 from trackslip.slip.base import SlipLaw
-from trackslip.slip.families import FAMILIES, family, law_from_values
-
-SHIPPED = Path(__file__).parent / "laws.json"
-"""Laws of the default robot on the default ground, made by `trackslip reproduce`."""
+from trackslip.slip.families import family, law_from_values
+from trackslip.slip.stored_laws import NO_SLIP, SHIPPED, read_stored
 
 
 def laws_content(laws: Mapping[str, Mapping[str, Any]], geometry: RobotGeometry) -> dict[str, Any]:
@@ -55,52 +51,4 @@ def load_laws(path: str | Path = SHIPPED, robot: RobotGeometry | None = None) ->
     Raises:
         LogError: if the file does not exist, holds no slip laws, or was made for another robot or by a newer version.
     """
-    content, file = read_content(Path(path))
-    geometry, laws = parse_laws(content, file)
-    if robot is not None and not np.allclose(_sizes(geometry), _sizes(robot)):
-        raise LogError(
-            f"{file}: its laws are for half_gauge = {geometry.half_gauge:g} m and sprocket_radius = "
-            f"{geometry.sprocket_radius:g} m, the robot has {robot.half_gauge:g} m and {robot.sprocket_radius:g} m"
-        )
-    return laws
-
-
-def read_content(path: Path) -> tuple[Any, Path]:
-    """What a JSON file, or the summary.json of a folder of results, holds, and which file it is.
-
-    Raises LogError if the file cannot be read or the folder is of a newer version.
-    """
-    file = path
-    try:
-        if path.is_dir():
-            file = path / "summary.json"
-            require_known_manifest(path)
-        return json.loads(file.read_text(encoding="utf-8")), file
-    except OSError as error:
-        raise LogError(f"{file}: {error.strerror}") from error
-    except RecursionError as error:
-        raise LogError(f"{file}: not JSON of slip laws (nested too deeply)") from error
-    except LogError:
-        raise
-    except ValueError as error:
-        raise LogError(f"{file}: not JSON ({error})") from error
-
-
-def parse_laws(content: Any, file: object) -> tuple[RobotGeometry, dict[str, SlipLaw]]:
-    """Geometry and laws by family name in the content of a file of laws; raises LogError if there are none."""
-    try:
-        require_known_format(content, file)
-        geometry = RobotGeometry(*(float(content["geometry"][key]) for key in ("half_gauge", "sprocket_radius")))
-        stored = content["slip_laws"]
-        b = geometry.half_gauge
-        return geometry, {name: law_from_values(name, stored[name]["values"], b) for name in FAMILIES if name in stored}
-    except InvalidValueError as error:
-        raise LogError(f"{file}: {error}") from error
-    except LogError:
-        raise
-    except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
-        raise LogError(f"{file}: no slip laws in it ({type(error).__name__}: {error})") from error
-
-
-def _sizes(geometry: RobotGeometry) -> tuple[float, float]:
-    return geometry.half_gauge, geometry.sprocket_radius
+    return {name: law for name, law in read_stored(Path(path), robot).laws.items() if name != NO_SLIP}

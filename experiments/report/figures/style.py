@@ -17,6 +17,7 @@ STYLE: dict[Any, Any] = {
     "axes.titlesize": 9.5,
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
+    "axes.titley": 1.0,  # as nothing is above the axes; matplotlib would measure all labels to find out
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,

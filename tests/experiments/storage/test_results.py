@@ -25,7 +25,8 @@ from experiments.storage.results import results_folder
 from trackslip.errors import LogError, OutputError
 from trackslip.logs.file_format import FORMAT, require_known_format
 from trackslip.logs.logfile import read_runs
-from trackslip.slip.law_file import SHIPPED, load_laws
+from trackslip.slip.law_file import load_laws
+from trackslip.slip.stored_laws import SHIPPED
 
 ROOT = Path(__file__).parents[3]
 TRACK = ("track", "--reference", "circle", "--circle-duration", "5", "--localization", "truth")

@@ -15,13 +15,13 @@ import trackslip
 from trackslip.deploy.c_header import c_text
 from trackslip.deploy.deploy import TARGETS, deploy_law
 from trackslip.deploy.facts import fact_lines
-from trackslip.deploy.stored import read_stored
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.identify import identify_samples
 from trackslip.identification.result import Identification
 from trackslip.identification.samples import Sampling
 from trackslip.slip.law_file import load_laws
 from trackslip.slip.power import Power
+from trackslip.slip.stored_laws import read_stored
 
 NASTY = '*/ int x; /* ??/ \\ \n\r\x00 */ é # : - "\'\'\'""" %s {0} \u2028 tail\\'
 DRIVE = {
@@ -134,7 +134,7 @@ def test_the_best_law_is_the_default():
     assert laws.law_named("icr") == "icr"
     assert stored({"icr": VALUES["icr"]}).law_named(None) == "icr"
     assert "Slip law icr_radius" in deploy_law()  # that with the smallest error among the shipped
-    with pytest.raises(LogError, match=r"nothing of which law is best: choose with --law; it holds constant, exp"):
+    with pytest.raises(LogError, match=r"nothing of which law is best: choose one of constant, exp"):
         stored().law_named(None)
     with pytest.raises(InvalidValueError, match=r"law = 'online': must be one of none, constant.*\(in laws.json\)"):
         stored().law_named("online")

@@ -61,6 +61,27 @@ def test_slopes_of_twists_are_those_of_finite_differences(name):
         np.testing.assert_allclose(slopes[..., k], difference, atol=1e-4 * np.abs(difference).max())
 
 
+@pytest.mark.parametrize("name", ["exponential", "power", "exponential_speed"])
+def test_slopes_of_turns_in_place_are_those_of_finite_differences(name):
+    """Where slips jump between left and right turns in place, twists still depend on the law."""
+    family, step = FAMILIES[name], 1e-5
+    omega = np.array([[-3.0, 3.0], [4.0, -4.0], [-3.0, 3.05], [1.0, 3.0]])
+    values = family.starts(GEOMETRY.half_gauge)
+    slopes = twist_slopes(family, values, omega, GEOMETRY)
+    ahead, behind = (
+        np.stack(
+            [
+                family.law((values + s * only)[:, None, :], GEOMETRY).twist(omega, GEOMETRY)
+                for only in np.eye(len(values[0]))
+            ]
+        )
+        for s in (step, -step)
+    )
+    difference = np.moveaxis((ahead - behind) / (2 * step), 0, -1)
+    np.testing.assert_allclose(slopes, difference, atol=1e-4 * np.abs(difference).max())
+    assert np.abs(difference[:, 0]).max() > 0.1
+
+
 def test_limits_and_held_parameters():
     truth, y = decays(5)
     at_limit = solved(y, low=(-np.inf, -0.2), start=(1.0, -0.1))

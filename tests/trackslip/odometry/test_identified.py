@@ -11,7 +11,7 @@ from experiments.storage.plain_json import write_json
 from sim.wander.commands import Driver, track_commands
 from sim.wander.law_motion import WHITE, LawMotion
 from sim.wander.pose_source import SOURCES
-from trackslip.errors import LogError
+from trackslip.errors import LogError, TrackslipError
 from trackslip.identification.drive.estimate import fit_drives
 from trackslip.identification.identify import identify
 from trackslip.identification.result import identification_to_json
@@ -101,14 +101,19 @@ def test_what_is_wrong_is_told_in_a_line(found, folder, tmp_path):
     save_laws(tmp_path / "two.json", {"icr_radius": ICR, "icr": ConstantIcr(0.04, 0.168)}, GEOMETRY)
     other = RobotGeometry(0.2, 0.06)
     for source, name, robot, message in [
-        (folder, "power", None, f"{folder}: has no law 'power', but icr, icr_radius, none"),
-        (found, "power", None, "the identification: has no law 'power', but"),
-        (tmp_path / "two.json", None, None, "two.json: names no best law: choose one of icr, icr_radius, none"),
+        (folder, "power", None, "law = 'power': must be one of none, icr, icr_radius (in "),
+        (found, "power", None, "(in the identification)"),
+        (
+            tmp_path / "two.json",
+            None,
+            None,
+            "two.json: says nothing of which law is best: choose one of icr, ",
+        ),
         (folder, "icr", other, "its laws are for half_gauge = 0.168 m and sprocket_radius = 0.06 m"),
-        (found, "icr", other, "is of a robot with half_gauge = 0.168 m"),
+        (found, "icr", other, "the identification: its laws are for half_gauge = 0.168 m"),
         (tmp_path / "nowhere", "icr", None, "nowhere: No such file or directory"),
     ]:
-        with pytest.raises(LogError) as caught:
+        with pytest.raises(TrackslipError) as caught:
             identified_law(source, name, robot)
         assert message in str(caught.value)
 

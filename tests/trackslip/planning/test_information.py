@@ -10,7 +10,8 @@ from sim.wander.law_motion import LawMotion, SlipVariation
 from sim.wander.motion import steps_between
 from trackslip.identification.drive.model import DriveModel
 from trackslip.kinematics import RobotGeometry
-from trackslip.planning.information import Known, PoseQuality, drive_to_measure, expected, information, with_extras
+from trackslip.odometry.uncertainty import LawErrors
+from trackslip.planning.information import PoseQuality, drive_to_measure, expected, information, with_extras
 from trackslip.slip.families import FAMILIES
 
 GEOMETRY = RobotGeometry(0.168, 0.06)
@@ -65,9 +66,9 @@ def test_information_from_before_adds_up():
     drive = drive_to_measure(SPEEDS, RATE, COARSE, 0.06)
     alone = expected(MODEL, with_extras(TRUTH), [drive], COARSE, SLIP)
     covariance = np.diag([alone.stderr["offset"] ** 2, alone.stderr["radius_error"] ** 2])
-    known = Known(("offset", "radius_error"), covariance)
+    known = LawErrors(("offset", "radius_error"), covariance)
     both = expected(MODEL, with_extras(TRUTH), [drive], COARSE, SLIP, known)
     for name in known.names:
         assert 0.5 * alone.stderr[name] < both.stderr[name] < 0.8 * alone.stderr[name]
-    certain = Known(("offset", "radius_error"), 1e-12 * np.eye(2))
+    certain = LawErrors(("offset", "radius_error"), 1e-12 * np.eye(2))
     assert expected(MODEL, with_extras(TRUTH), [drive], COARSE, SLIP, certain).stderr["offset"] < 1.1e-6

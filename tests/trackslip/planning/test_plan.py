@@ -11,8 +11,9 @@ from trackslip.errors import InvalidValueError
 from trackslip.identification.drive.estimate import DRIVE_LAWS
 from trackslip.identification.drive.model import DriveModel
 from trackslip.kinematics import RobotGeometry
+from trackslip.odometry.uncertainty import LawErrors
 from trackslip.planning import plan as planning
-from trackslip.planning.information import Known, PoseQuality, drive_to_measure, expected, with_extras
+from trackslip.planning.information import PoseQuality, drive_to_measure, expected, with_extras
 from trackslip.planning.limits import DriveLimits, first_knowledge
 from trackslip.planning.place import path
 from trackslip.planning.plan import PLANNED_LAWS, expected_alone, expected_of_paper, paper_runs, plan_drive
@@ -79,7 +80,7 @@ def test_smaller_areas_tell_less(plan):
 
 
 def test_a_second_round_is_made_for_what_is_left_open(plan):
-    known = Known(("offset", "radius_error"), np.diag(np.square([1e-3, 1e-4])))
+    known = LawErrors(("offset", "radius_error"), np.diag(np.square([1e-3, 1e-4])))
     second = plan_drive(GEOMETRY, LIMITS, SLAM, known=known)
     model = DriveModel(FAMILIES["icr_radius"], GEOMETRY)
     drive = drive_to_measure(plan.strokes.speeds(40.0), RATE, SLAM, 0.06)

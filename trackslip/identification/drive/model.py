@@ -22,6 +22,7 @@ import scipy
 from trackslip.identification.drive.drives import Drive
 from trackslip.identification.drive.law_twist import many_twists, twists
 from trackslip.identification.drive.reckoning import path_at, rotated
+from trackslip.identification.drive.timeline import Timeline
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.slip.families import LawFamily
 
@@ -117,12 +118,13 @@ class DriveModel:
         """Whether both the lag and the clock offset are among the parameters `free` (f,)."""
         return bool(np.isin([self.index("lag"), self.index("clock_offset")], free).all())
 
-    def steps(self, values: Array, drive: Drive, free: np.ndarray) -> Steps:
-        """Dead reckoning of a drive with parameter values (p,), with derivatives by the parameters `free` (f,)."""
+    def steps(self, values: Array, line: Timeline, free: np.ndarray) -> Steps:
+        """Dead reckoning of drives with parameter values (p,), with derivatives by the parameters `free` (f,)."""
         law = len(self.family.names)
         extra = dict(zip(EXTRAS, values[law:], strict=True))
-        motion, slope = self._motion(values[:law], extra, drive, free)
-        path = path_at(drive.edges, motion, slope, drive.time + extra["clock_offset"])
+        motion, slope = self._motion(values[:law], extra, line, free)
+        time = line.time + extra["clock_offset"]
+        path = path_at(line.edges, motion, slope, time, line.intervals(time))
         clock = free == self.index("clock_offset")
         path.place_slope[clock] += path.velocity
         path.heading_slope[clock] += path.yaw_rate
@@ -132,58 +134,62 @@ class DriveModel:
         return Steps(
             np.stack([moved.real, moved.imag, np.diff(path.heading)]),
             np.stack([by.real, by.imag, np.diff(path.heading_slope, axis=-1)]),
-            self._distance(drive, extra["clock_offset"]),
+            self._distance(line, line.within(time)),
             np.column_stack([path.place.real, path.place.imag, path.heading]),
         )
 
     def sensor_path(self, values: Array, drive: Drive) -> Array:
         """Positions of the sensor and headings of the robot (K, 3) by dead reckoning, from anywhere."""
-        return self.of_sensor(values, self.steps(values, drive, np.zeros(0, int)).path)
+        return self.of_sensor(values, self.steps(values, Timeline.of([drive]), np.zeros(0, int)).path)
 
     def of_sensor(self, values: Array, path: Array) -> Array:
         """Positions of the sensor and headings (K, 3) of a robot whose turning centre follows a path (K, 3)."""
         lever = values[[self.index("sensor_x"), self.index("sensor_y")]]
         return np.column_stack([path[:, :2] + rotated(path[:, 2], np.broadcast_to(lever, (len(path), 2))), path[:, 2]])
 
-    def _motion(self, values: Array, extra: Mapping[str, float], drive: Drive, free: np.ndarray) -> tuple[Array, Array]:
+    def _motion(
+        self, values: Array, extra: Mapping[str, float], line: Timeline, free: np.ndarray
+    ) -> tuple[Array, Array]:
         """Motion (3, M) in the encoder intervals, and its derivatives (3, f, M) by the parameters `free` (f,)."""
         law, lag, drift = len(values), extra["lag"], extra["drift"]
-        slope = np.zeros((3, len(free), len(drive.omega)))
+        slope = np.zeros((3, len(free), len(line.omega)))
         of_law = free < law
         if of_law.any():
-            twist, by_law = twists(self.family, values, drive.omega, self.geometry)
-            by_law = _lagging(np.moveaxis(by_law, 0, -1)[:, free[of_law]], drive.edges, lag)
+            twist, by_law = twists(self.family, values, line.omega, self.geometry)
+            by_law = _lagging(np.moveaxis(by_law, 0, -1)[:, free[of_law]], line, lag)
             slope[0, of_law], slope[2, of_law] = by_law
         else:
-            twist = many_twists(self.family, values[None], drive.omega, self.geometry)[0]
+            twist = many_twists(self.family, values[None], line.omega, self.geometry)[0]
         belts = np.moveaxis(twist, 0, -1)
-        v, w = lagged = _lagging(belts, drive.edges, lag)
+        v, w = lagged = _lagging(belts, line, lag)
         at_lag = free == self.index("lag")
         if at_lag.any():
-            later = _lagging(belts, drive.edges, lag + _LAG_DIFFERENCE)
+            later = _lagging(belts, line, lag + _LAG_DIFFERENCE)
             slope[::2, at_lag] = ((later - lagged) / _LAG_DIFFERENCE)[:, None]
         if drift:
             slope[1] = -drift * (v * slope[2] + w * slope[0])
         slope[1, free == self.index("drift")] -= v * w
         return np.stack([v, -drift * v * w, w]), slope
 
-    def _distance(self, drive: Drive, offset: float) -> Array:
-        """Mean way (K - 1,) of the two belts between nodes [m]."""
-        speed = self.geometry.sprocket_radius * np.abs(drive.omega).mean(axis=1)
-        ways = np.concatenate([[0.0], np.cumsum(speed * np.diff(drive.edges))])
-        return np.diff(np.interp(drive.time + offset, drive.edges, ways))
+    def _distance(self, line: Timeline, time: Array) -> Array:
+        """Mean way (K - 1,) of the two belts between nodes at times (K,) [m]."""
+        speed = self.geometry.sprocket_radius * np.abs(line.omega).mean(axis=1)
+        ways = np.concatenate([[0.0], np.cumsum(speed * np.diff(line.edges))])
+        return np.diff(np.interp(time, line.edges, ways))
 
 
-def _lagging(values: Array, edges: Array, lag: float) -> Array:
-    """Means (..., M) in the intervals of a first-order lag [s] behind values (..., M), which starts settled."""
+def _lagging(values: Array, line: Timeline, lag: float) -> Array:
+    """Means (..., M) in the intervals of a first-order lag [s] behind values (..., M); each drive starts settled."""
     if lag <= 0:
         return values
-    step = np.diff(edges)
+    step, begins = np.diff(line.edges), line.begins
     kept = np.exp(-step / lag)
-    bands = np.stack([np.ones(len(step)), np.append(-kept[1:], 0.0)])
     driven = (1 - kept) * values
-    driven[..., 0] += kept[0] * values[..., 0]
+    driven[..., begins] += kept[begins] * values[..., begins]
+    bands = np.stack([np.ones(len(step)), np.append(-kept[1:], 0.0)])
+    bands[1, begins[1:] - 1] = 0.0
     flat = driven.reshape(-1, len(step)).T
     ends = scipy.linalg.solve_banded((1, 0), bands, flat, overwrite_b=True, check_finite=False).T.reshape(driven.shape)
-    begins = np.concatenate([values[..., :1], ends[..., :-1]], axis=-1)
-    return values + (begins - values) * ((lag / step) * (1 - kept))
+    before = np.roll(ends, 1, axis=-1)
+    before[..., begins] = values[..., begins]
+    return values + (before - values) * ((lag / step) * (1 - kept))

@@ -21,17 +21,16 @@ class Path:
     yaw_rate: Array  # (K,) [rad/s]
 
 
-def path_at(edges: Array, motion: Array, slope: Array, time: Array) -> Path:
+def path_at(edges: Array, motion: Array, slope: Array, time: Array, row: np.ndarray) -> Path:
     """The path at `time` (K,) of a robot that moves with (v, u, w), forwards, to the left and turning.
 
-    `motion` (3, M) is constant in each interval between `edges` (M + 1,), its derivatives are `slope` (3, p, M).
-    Beyond the ends, the first and the last motion continue.
+    `motion` (3, M) is constant in each interval between `edges` (M + 1,), its derivatives are `slope` (3, p, M). `row`
+    (K,) is the interval that each time lies in, or whose motion continues until then.
     """
     step = np.diff(edges)
     turned, turned_slope = _started(motion[2] * step), _started(slope[2] * step)
     moved, moved_slope = _displaced(motion, slope, step, turned[:-1], turned_slope[:, :-1])
     reached, reached_slope = _started(moved), _started(moved_slope)
-    row = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, len(step) - 1)
     rest, here, here_slope = time - edges[row], motion[:, row], slope[..., row]
     heading, heading_slope = turned[row], turned_slope[:, row]
     moved, moved_slope = _displaced(here, here_slope, rest, heading, heading_slope)

@@ -12,6 +12,7 @@ import numpy as np
 
 from trackslip.identification.drive.drives import Drive
 from trackslip.identification.drive.model import DriveModel
+from trackslip.identification.drive.timeline import Timeline
 from trackslip.kinematics import Array, wrap_angle
 
 _MIN_DISTANCE = 1e-3  # of a step, so that a robot at rest isn't known to stay exactly [m]
@@ -32,6 +33,7 @@ class Nodes:
     """Nodes of all drives in a row, and which of their measurements and steps count."""
 
     drives: tuple[Drive, ...]
+    timeline: Timeline
     pose: Array  # (K, 3) measured, NaN where not
     weight: Array  # (K, 2) of positions and headings: 1, or 0 for what isn't measured or is left out
     link: Array  # (K - 1,) of steps: 1, or 0 between drives and where poses jump lastingly
@@ -47,7 +49,7 @@ class Nodes:
         shapes = None
         if any(drive.whitening is not None for drive in drives):
             shapes = np.concatenate([drive.shapes for drive in drives])
-        return cls(tuple(drives), pose, weight, link, shapes)
+        return cls(tuple(drives), Timeline.of(drives), pose, weight, link, shapes)
 
     @property
     def time(self) -> Array:
@@ -138,13 +140,6 @@ def cost(found: Residuals, nodes: Nodes, noise: Noise) -> float:
 
 def _reckoned(model: DriveModel, nodes: Nodes, values: Array, free: np.ndarray) -> tuple[Array, Array, Array, Array]:
     """Motion (3, K - 1), slope (3, f, K - 1) and distance of all steps, zero between drives, and paths (K, 3)."""
-    count = len(nodes.pose)
-    motion, slope = np.zeros((3, count - 1)), np.zeros((3, len(free), count - 1))
-    distance, path = np.ones(count - 1), np.zeros((count, 3))
-    for drive, begin in zip(nodes.drives, nodes.first, strict=False):
-        end = begin + len(drive.time)
-        rows = slice(begin, end - 1)
-        steps = model.steps(values, drive, free)
-        motion[:, rows], slope[..., rows], distance[rows] = steps.motion, steps.slope, steps.distance
-        path[begin:end] = steps.path
-    return motion, slope, np.maximum(distance, _MIN_DISTANCE), path
+    steps, between = model.steps(values, nodes.timeline, free), nodes.timeline.between
+    steps.motion[:, between], steps.slope[..., between], steps.distance[between] = 0.0, 0.0, 1.0
+    return steps.motion, steps.slope, np.maximum(steps.distance, _MIN_DISTANCE), steps.path

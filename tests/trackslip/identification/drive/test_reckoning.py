@@ -1,13 +1,19 @@
 import numpy as np
 import pytest
 
-from trackslip.identification.drive.reckoning import path_at, rotated
+from trackslip.identification.drive import reckoning
+from trackslip.identification.drive.reckoning import rotated
 from trackslip.kinematics import advance
 
 RNG = np.random.default_rng(0)
 EDGES = np.cumsum(RNG.uniform(0.01, 0.1, 41))
 MOTION = RNG.normal(size=(3, 40)) * [[0.3], [0.1], [1.0]]
 NO_SLOPE = np.zeros((3, 0, 40))
+
+
+def path_at(edges, motion, slope, time):
+    row = np.clip(np.searchsorted(edges, time, side="right") - 1, 0, len(edges) - 2)
+    return reckoning.path_at(edges, motion, slope, time, row)
 
 
 def advanced(motion, edges, time):
