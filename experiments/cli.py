@@ -18,6 +18,7 @@ from experiments.options.benchmark import BenchmarkConfig
 from experiments.options.calibrate import CalibrateConfig
 from experiments.options.coverage import CoverageConfig
 from experiments.options.deploy import DeployConfig
+from experiments.options.drive import DriveConfig
 from experiments.options.evaluate import EvaluateConfig
 from experiments.options.export import ExportConfig
 from experiments.options.grid import SweepConfig
@@ -46,6 +47,7 @@ COMMANDS: dict[str, Any] = {
     "bag": BagConfig,
     "localize": LocalizeConfig,
     "track": TrackConfig,
+    "drive": DriveConfig,
     "benchmark": BenchmarkConfig,
     "train": TrainConfig,
     "predict": PredictConfig,
@@ -110,6 +112,10 @@ COMMAND_EXAMPLES = (
     ("without slip compensation", "trackslip track --compensation none --out out/track-none"),
     ("with online identification", "trackslip track --controller lqr --compensation online --reference slalom"),
     ("with your own laws", "trackslip track --laws out/identify --compensation exponential"),
+    ("the rescue robot on stairs, flippers by reflex", "trackslip drive"),
+    ("slowly over a step, with pictures", "trackslip drive --course step10 --speed 0.1 --flippers up --pictures 8"),
+    ("your own robot and course, as a video", "trackslip drive --robot r.toml --course c.toml --video drive.mp4"),
+    ("by the keyboard", "trackslip drive --course arena --teleop"),
     ("every controller on the paper's path", "trackslip benchmark"),
     ("Sec. IV of the paper", "trackslip benchmark --suite paper"),
     ("two controllers on ice", "trackslip benchmark --controllers linear lqr --grounds ice --seeds 0 1"),

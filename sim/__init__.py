@@ -12,10 +12,9 @@ trackslip/PathTracking-v0: `gymnasium.make("sim:trackslip/PathTracking-v0")`.
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 from typing import TYPE_CHECKING
-
-import gymnasium
 
 if TYPE_CHECKING:
     from sim.drive.drive import Drive
@@ -77,8 +76,16 @@ def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
 
 
-gymnasium.register(
-    id="trackslip/PathTracking-v0",
-    entry_point="sim.env:PathTrackingEnv",
-    vector_entry_point="sim.vector_env:PathTrackingVectorEnv",
-)
+with contextlib.suppress(ImportError):  # sim.tracks and sim.terrain do without gymnasium
+    import gymnasium
+
+    gymnasium.register(
+        id="trackslip/PathTracking-v0",
+        entry_point="sim.env:PathTrackingEnv",
+        vector_entry_point="sim.vector_env:PathTrackingVectorEnv",
+    )
+    gymnasium.register(
+        id="trackslip/Traverse-v0",
+        entry_point="sim.traverse.env:TraverseEnv",
+        vector_entry_point="sim.traverse.env:TraverseVectorEnv",
+    )

@@ -60,7 +60,12 @@ def pad_forces(fleet: Fleet) -> Array:
 
 def use_default_contact(robot: Robot) -> None:
     """Replace the contact parameters by MuJoCo's defaults, except the friction coefficients."""
-    model, plain = robot.model, mujoco.MjSpec().option
+    default_contact(robot.model)
+
+
+def default_contact(model: mujoco.MjModel) -> None:
+    """The same for the pairs of a model."""
+    plain = mujoco.MjSpec().option
     model.pair_solref[:] = [0.02, 1.0]
     model.pair_solreffriction[:] = 0.0
     model.pair_solimp[:] = [0.9, 0.95, 0.001, 0.5, 2.0]

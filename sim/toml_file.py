@@ -48,7 +48,7 @@ def read_named(field: str, source: str, names: Iterable[str]) -> dict[str, Any]:
 
 
 def build(cls: type[T], table: object, where: str, base: T | None = None) -> T:
-    """Build a frozen dataclass whose fields are numbers, pairs of numbers and tuples of such dataclasses.
+    """Build a frozen dataclass whose fields are numbers, texts, paths, and tuples of numbers, tuples or dataclasses.
 
     Args:
         cls: the dataclass.
@@ -81,11 +81,20 @@ def build(cls: type[T], table: object, where: str, base: T | None = None) -> T:
 def _value(hint: Any, value: object, where: str, name: str) -> Any:
     if hint in (float, float | None):
         return _number(value, where, name)
+    if hint in (int, str):
+        what = "a whole number" if hint is int else "a text"
+        if not isinstance(value, hint) or isinstance(value, bool):
+            raise SettingsFileError(f"{where}: {name} = {_shown(value)}: must be {what}")
+        return value
+    if hint is Path:
+        return Path(_value(str, value, where, name))
     of = typing.get_args(hint)[0]
     if not isinstance(value, list):
         raise SettingsFileError(f"{where}: {name} = {_shown(value)}: must be a list")
     if dataclasses.is_dataclass(of):
         return tuple(build(of, item, f"{where}: {name}[{k}]") for k, item in enumerate(value))  # type: ignore[arg-type]
+    if typing.get_origin(of) is tuple:
+        return tuple(_value(of, item, where, f"{name}[{k}]") for k, item in enumerate(value))
     return tuple(_number(item, where, name) for item in value)
 
 

@@ -81,3 +81,4 @@ def undrawn(monkeypatch):
             file.write("<svg></svg>")
 
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", save)
+    monkeypatch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda engine, figure: None)

@@ -12,8 +12,7 @@ from experiments.measuring.error_table import write_error_table
 from experiments.measuring.odometry import Evaluated, clock_doubt, evaluated, pose_doubts, summary_of
 from experiments.options.evaluate import EvaluateConfig
 from experiments.report.formats import for_terminal
-from experiments.report.odometry import HEADERS, TITLES, gain, render, sensing_lines, tables
-from experiments.report.page import file_name
+from experiments.report.odometry import HEADERS, TITLES, gain, sensing_lines, tables
 from experiments.report.terminal import print_table, progress
 from experiments.storage.manifest import command_line, make_manifest, relative
 from experiments.storage.results import (
@@ -31,10 +30,11 @@ from experiments.sweep.table import chosen
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.source import Reading, Source, origin, read_source
 from trackslip.kinematics import RobotGeometry
-from trackslip.odometry.identified import NO_SLIP, LawInUse, identified_law, no_slip
+from trackslip.odometry.identified import LawInUse, identified_law, no_slip
 from trackslip.odometry.mounting import Mounting
 from trackslip.odometry.tum import write_tum
 from trackslip.slip.families import FAMILIES
+from trackslip.slip.stored_laws import NO_SLIP
 
 
 def run(config: EvaluateConfig) -> None:
@@ -69,6 +69,8 @@ def run(config: EvaluateConfig) -> None:
             write_error_table(found, folder / TABLE_FILE)
         if config.tum:
             _write_trajectories(found, folder / TRAJECTORIES_FOLDER)
+        from experiments.report.odometry_page import render  # late: matplotlib
+
         name = config.path.name or str(config.path)
         render(found, notes, sensing, manifest, command_line("evaluate"), name).write(folder, config.pdf)
         step(1.0)
@@ -130,6 +132,8 @@ def _seen_before(config: EvaluateConfig, specs: Sequence[tuple[Path | None, str 
 
 def _write_trajectories(found: Sequence[Evaluated], folder: Path) -> None:
     """Write a file for each drive and law, and one for the measured poses."""
+    from experiments.report.page import file_name  # late: matplotlib
+
     folder.mkdir()
     taken: set[str] = set()
     for k, drive in enumerate(found[0].errors.trajectories):

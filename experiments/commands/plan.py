@@ -10,21 +10,20 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.driving.plan import driven_in_mujoco, quality_of
 from experiments.options.plan import PlanConfig
 from experiments.parallel.executors import processors, workers
 from experiments.report.plan import EXPECTED_HEADER, expected_rows
 from experiments.report.terminal import print_table, progress
 from experiments.storage.manifest import make_manifest
 from experiments.storage.results import BAGS_FOLDER, FIGURES_FOLDER, results_folder, write_results
-from sim.wander.pose_source import SOURCES
+from sim.wander.pose_source import SOURCES, PoseSource
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry
 from trackslip.planning.after import Before, read_identification
-from trackslip.planning.information import Expectation
+from trackslip.planning.information import Expectation, PoseQuality
 from trackslip.planning.limits import Knowledge, first_knowledge
 from trackslip.planning.plan import DrivePlan, evaluations, expected_of_paper, plan_drive
-from trackslip.ros.decode import require_rosbags
+from trackslip.ros.decode import has_rosbags
 
 if TYPE_CHECKING:
     from experiments.measuring.plan_trials import Trials
@@ -37,15 +36,14 @@ _COLUMNS = ("t", "omega_l", "omega_r", "v", "w")
 def run(config: PlanConfig) -> None:
     """Plan, try, store and print."""
     began = time.perf_counter()
-    if config.bag:
-        require_rosbags()
+    bag = config.bag and has_rosbags()
     with results_folder(config.out) as folder:
         plan = planned(config)
         paper = expected_of_paper(plan)
-        trials = _tried(config, plan) if config.drive else None
+        trials = _tried(config, plan, paper) if config.drive else None
         write_plan(folder / PLAN_FILE, plan)
         _draw(plan, folder, config.pdf)
-        if config.bag:
+        if bag:
             from trackslip.ros.command_bag import write_commands  # late: few need it
 
             write_commands(folder / BAGS_FOLDER / BAG_FILE, plan.time, plan.twist)
@@ -53,13 +51,15 @@ def run(config: PlanConfig) -> None:
         summary = plan_to_json(plan, paper) | ({"trials": trials.to_json()} if trials else {})
         checks = {"checks": [check.to_json() for check in trials.checks()]} if trials else {}
         timing = {"timing": {"wall_s": wall, "stages": {"plan": wall}}}
-        first = trials.outcomes[0].log if trials else None
+        first = trials.log if trials else None
         manifest = make_manifest("plan", config, wall, seed=config.seed)
         write_results(folder, summary | checks | timing, manifest, [] if first is None else [first])
     _print(plan, paper, trials)
     print(f"{config.out / PLAN_FILE}: {wall:.1f} s")
-    if config.bag:
+    if bag:
         print(f"{config.out / BAGS_FOLDER / BAG_FILE}: commands as a ROS 2 bag")
+    elif config.bag:
+        print("no ROS 2 bag of the commands: that needs the package rosbags, pip install 'trackslip[ros]'")
     print(f"next: drive it, then trackslip identify LOG{_sizes(plan)}")
 
 
@@ -72,7 +72,7 @@ def planned(config: PlanConfig) -> DrivePlan:
         return plan_drive(
             geometry,
             limits,
-            quality_of(SOURCES[config.poses]),
+            _quality(SOURCES[config.poses]),
             config.law,
             _knowledge(config, geometry, before),
             None if before is None else before.values,
@@ -112,6 +112,11 @@ def plan_to_json(plan: DrivePlan, paper: Expectation | None) -> dict[str, Any]:
     }
 
 
+def _quality(source: PoseSource) -> PoseQuality:
+    """What a plan has to know of a source of poses."""
+    return PoseQuality(source.rate, source.position_noise, source.heading_noise if source.heading else None)
+
+
 def _geometry(config: PlanConfig, before: Before | None) -> RobotGeometry:
     """That given; raises InvalidValueError if the identification before was of another robot."""
     if before is None:
@@ -135,17 +140,20 @@ def _knowledge(config: PlanConfig, geometry: RobotGeometry, before: Before | Non
     )
 
 
-def _tried(config: PlanConfig, plan: DrivePlan) -> "Trials":
-    from experiments.measuring.plan_trials import try_plan  # late: plans need none of it
+def _tried(config: PlanConfig, plan: DrivePlan, paper: Expectation | None) -> "Trials":
+    from experiments.measuring.plan_trials import DRIVES, try_plan  # late: plans need none of it
 
     jobs = config.threads or processors()
     simulated = None
     if config.motion == "mujoco":
+        from experiments.driving.plan import driven_in_mujoco  # late, too: MuJoCo
+
         with progress("drives in MuJoCo", plan.limits.duration + 90.0) as report:
             simulated = driven_in_mujoco(plan, config.seed, config.threads, report)
     executor = "processes" if min(jobs, config.repeats) > 1 else "inline"
-    with progress("trials", config.repeats, "trials") as step, workers(executor, jobs) as pool:
-        return try_plan(plan, SOURCES[config.poses], config.repeats, config.seed, simulated, pool, step)
+    count = config.repeats * (2 if simulated else 1 + DRIVES)
+    with progress("trials", count, "trials") as step, workers(executor, jobs) as pool:
+        return try_plan(plan, paper, SOURCES[config.poses], config.repeats, config.seed, simulated, pool, step)
 
 
 def _draw(plan: DrivePlan, folder: Path, pdf: bool) -> None:
@@ -177,13 +185,17 @@ def _print(plan: DrivePlan, paper: Expectation | None, trials: "Trials | None") 
 
 
 def _print_trials(trials: "Trials") -> None:
+    from experiments.measuring.plan_trials import PLAN
     from experiments.report.drive_checks import CHECKS_HEADER, checks_table  # late, as above
     from experiments.report.plan_trials import TRIED_HEADER, tried_rows
 
-    count, checks = len(trials.outcomes), trials.checks()
-    drives = f"{count} {'drive' if count == 1 else 'drives'}, moved by {'MuJoCo' if trials.simulated else 'the law'}"
-    what = "standard deviations between repeats" if trials.simulated else "root mean square errors"
-    print_table(f"{drives}: {what}", TRIED_HEADER, tried_rows(trials))
+    checks = trials.checks()
+    if trials.simulated:
+        title = f"A drive in MuJoCo, measured {trials.repeats} times: standard deviations between measurements"
+    else:
+        counts = f"{len(trials.of(PLAN))} drives of the plan, {trials.repeats} times the paper's runs"
+        title = f"{counts}, moved by the law: root mean square errors"
+    print_table(title, TRIED_HEADER, tried_rows(trials))
     print_table("Checks", CHECKS_HEADER, checks_table(checks))
     for line in trials.failures:
         print(f"a fit failed: {line}")

@@ -28,6 +28,45 @@ from sim.stopwatch import Stopwatch
 
 
 def run(config: ValidateConfig) -> None:
+    """Compare the shipped robot with theory, or tracks on terrain."""
+    if config.terrain:
+        validate_terrain(config)
+    else:
+        validate_robot(config)
+
+
+def validate_terrain(config: ValidateConfig) -> None:
+    """Measure tracks on terrain; store and print what has to hold."""
+    # late: the other validation needs none of it
+    from experiments.report import terrain as report
+    from experiments.validation.terrain.bounds import BOUNDS, checks_of
+    from experiments.validation.terrain.findings import STAGES, TerrainValidation, by_default, measure, summary_of
+    from experiments.validation.terrain.subjects import subjects
+
+    began = time.perf_counter()
+    robots = subjects(config.robot)
+    with results_folder(config.out) as folder:
+        with progress("tracks on terrain", len(robots) * (len(BOUNDS) * STAGES + 1), "stages") as done:
+            findings = [measure(one, preset, config.seed, config.threads, done) for one in robots for preset in BOUNDS]
+            naive = []
+            for one in robots:
+                naive.append(by_default(one, config.threads))
+                done(1.0)
+        found = TerrainValidation(tuple(findings), tuple(naive))
+        checks = [check for one in findings for check in checks_of(one)]
+        wall = time.perf_counter() - began
+        manifest = make_manifest("validate", config, wall, seed=config.seed)
+        with busy("report"):
+            report.render(found, checks, manifest, command_line("validate")).write(folder, config.pdf)
+        summary = {"checks": [check.to_json() for check in checks], **summary_of(found)}
+        write_results(folder, plain(summary) | {"timing": {"wall_s": wall, "stages": {"terrain": wall}}}, manifest)
+    print_table(report.TITLE, report.header_of(found), for_terminal(report.table_of(found, checks)))
+    print_table(report.DEFAULT_TITLE, report.DEFAULT_HEADER, for_terminal(report.default_table(found)))
+    print(f"{sum(check.holds for check in checks)} of {len(checks)} checks hold")
+    print(f"{config.out / REPORT_FILE}: {time.perf_counter() - began:.1f} s")
+
+
+def validate_robot(config: ValidateConfig) -> None:
     """Measure, store and print."""
     began = time.perf_counter()
     parameters, ground = load_robot_file(config.robot)

@@ -3,7 +3,7 @@
 The paper prints no numbers for its Figs. 4, 8 and 10 to 12, but everything they follow from.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -35,24 +35,31 @@ def published_poses(log: RunLog) -> Array:
 
 def published_runs(controller: str, start: Array, geometry: RobotGeometry) -> dict[str, RunLog]:
     """Compensation -> run along the paper's path, with the slip of Eq. 11, from the pose `start` (3,) [m, m, rad]."""
-    path = paper_reference()
-    return {name: published_run(controller, start, law, geometry, path) for name, law in KNOWN_LAWS.items()}
+    runs = _driven(controller, start, tuple(KNOWN_LAWS.values()), geometry, paper_reference())
+    return dict(zip(KNOWN_LAWS, runs, strict=True))
 
 
 def published_run(controller: str, start: Array, law: SlipLaw, geometry: RobotGeometry, reference: Reference) -> RunLog:
     """One run compensated with `law`; the robot slips as in Eq. 11 at the curvature that it actually drives."""
-    driver = CONTROLLERS[controller]()
+    return _driven(controller, start, [law], geometry, reference)[0]
+
+
+def _driven(
+    controller: str, start: Array, laws: Sequence[SlipLaw], geometry: RobotGeometry, reference: Reference
+) -> list[RunLog]:
+    """A run for each law, all from the same start."""
+    driver, limit = CONTROLLERS[controller](), TOP_SPEED / geometry.sprocket_radius
     driver.reset()
     time = np.arange(0, reference.duration + PERIOD / 2, PERIOD)
-    poses = [np.asarray(start, float)]
-    commanded, omegas = [], []
-    for now in time:
-        commanded.append(driver.twist(float(now), poses[-1], reference))
-        omega = law.sprocket_speeds(commanded[-1], geometry)
-        omegas.append(limit_sprocket_speeds(omega, TOP_SPEED / geometry.sprocket_radius))
-        poses.append(advance(poses[-1], PUBLISHED.twist(omegas[-1], geometry), PERIOD))
-    name, twist = f"{controller}, by the paper's equations", np.array(commanded)
-    return RunLog(name, time, np.array(omegas), np.array(poses[:-1]), twist_command=twist)
+    pose, commanded, omega = (np.empty((len(time) + 1, len(laws), size)) for size in (3, 2, 2))
+    pose[0] = start
+    for k, now in enumerate(time.tolist()):
+        commanded[k] = driver.twist(now, pose[k], reference)
+        wanted = [law.sprocket_speeds(twist, geometry) for law, twist in zip(laws, commanded[k], strict=True)]
+        omega[k] = limit_sprocket_speeds(wanted, limit)
+        pose[k + 1] = advance(pose[k], PUBLISHED.twist(omega[k], geometry), PERIOD)
+    name = f"{controller}, by the paper's equations"
+    return [RunLog(name, time, omega[:-1, k], pose[:-1, k], twist_command=commanded[:-1, k]) for k in range(len(laws))]
 
 
 def geometry_of(metadata: Mapping[str, object]) -> RobotGeometry | None:

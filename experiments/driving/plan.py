@@ -22,7 +22,6 @@ from sim.wander.motion import Motion
 from sim.wander.pose_source import PoseSource
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
-from trackslip.planning.information import PoseQuality
 from trackslip.planning.plan import PAPER_DURATION, DrivePlan, paper_runs
 from trackslip.planning.strokes import RATE
 from trackslip.slip.families import family
@@ -43,11 +42,6 @@ class Driven:
     def measured(self, source: PoseSource, rng: np.random.Generator) -> RunLog:
         """The log as a source of poses sees it."""
         return joined_log(self.log, *source.measure(self.motion, rng))
-
-
-def quality_of(source: PoseSource) -> PoseQuality:
-    """What a plan has to know of a source of poses."""
-    return PoseQuality(source.rate, source.position_noise, source.heading_noise if source.heading else None)
 
 
 def driven_by_law(plan: DrivePlan, truth: Array, rng: np.random.Generator) -> Driven:

@@ -7,10 +7,11 @@ from typing import Any
 from trackslip.logs.runlog import RunLog
 from trackslip.odometry.clock_check import better_clock_offset
 from trackslip.odometry.evaluation import OdometryErrors, odometry_errors
-from trackslip.odometry.identified import NO_SLIP, LawInUse
+from trackslip.odometry.identified import LawInUse
 from trackslip.odometry.mounting import Mounting
 from trackslip.odometry.pose_check import jumps
 from trackslip.odometry.slip_odometry import SlipOdometry
+from trackslip.slip.stored_laws import NO_SLIP
 
 _MANY = 0.005  # share of outlying poses that is told
 

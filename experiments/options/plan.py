@@ -51,11 +51,11 @@ class PlanConfig(Repeatable):
     drive: bool = False
     """Also drive it, and the paper's 25 runs, identify the law from each, and compare the errors."""
     repeats: int = 1
-    """Number of such drives, with different random numbers."""
+    """Number of times, with different random numbers; with --motion mujoco, of measurements of the same drives."""
     motion: Literal["law", "mujoco"] = "law"
     """What moves the robot then: a law with random slip, or the simulated ground."""
-    bag: bool = False
-    """Also write the commands as a ROS 2 bag to OUT/bags."""
+    bag: bool = True
+    """Also write the commands as a ROS 2 bag to OUT/bags, if the package rosbags is installed."""
     pdf: bool = False
     """Also write the figure as PDF."""
     out: Path = Path("out/plan")

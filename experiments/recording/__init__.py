@@ -5,7 +5,6 @@ from pathlib import Path
 
 from experiments.storage.file_names import file_names
 from experiments.storage.results import RECORDINGS_FOLDER
-from trackslip.errors import OutputError
 from trackslip.logs.runlog import RunLog
 
 
@@ -22,22 +21,10 @@ def record(file: Path, logs: Sequence[RunLog], laws: Path | None = None) -> floa
     Returns the start of the loop that the viewer plays [s]; raises OutputError if the file can't be written.
     """
     from experiments.recording import stream
+    from experiments.recording.files import recording
 
-    draft = file.with_name(f".partial-{file.name}")
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        draft.touch()
-        with stream.new_stream(title(logs)) as recording:
-            recording.save(draft)
-            begin = stream.send(recording, logs, laws)
-            recording.flush()
-            recording.disconnect()
-        draft.replace(file)
-        return begin
-    except OSError as error:
-        raise OutputError(f"{file}: can't be written ({error.strerror or error})") from error
-    finally:
-        draft.unlink(missing_ok=True)
+    with recording(file, title(logs)) as opened:
+        return stream.send(opened, logs, laws)
 
 
 def title(logs: Sequence[RunLog]) -> str:

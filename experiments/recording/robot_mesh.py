@@ -2,7 +2,7 @@
 
 import contextlib
 import functools
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -78,14 +78,23 @@ def parameters_of(log: RunLog) -> RobotParameters:
 
 def body(model: mujoco.MjModel, name: str, without: Collection[str] = ()) -> Triangles:
     """The visible geoms of a body, in its frame."""
-    chosen = (model.geom_bodyid == model.body(name).id) & np.isin(model.geom_group, _LOOKS)
-    parts = [_of_geom(model, int(i)) for i in np.flatnonzero(chosen) if model.geom(i).name not in without]
+    chosen = [i for i in drawn(model, model.body(name).id) if model.geom(i).name not in without]
+    return joined([geom(model, i) for i in chosen])
+
+
+def drawn(model: mujoco.MjModel, body: int) -> list[int]:
+    """The visible geoms of a body."""
+    return [int(i) for i in np.flatnonzero((model.geom_bodyid == body) & np.isin(model.geom_group, _LOOKS))]
+
+
+def joined(parts: Sequence[Triangles]) -> Triangles:
+    """All triangles of some parts, of which there is at least one."""
     return Triangles(np.concatenate([p.vertices for p in parts]), np.concatenate([p.colours for p in parts]))
 
 
 def belt(model: mujoco.MjModel, name: str) -> tuple[Triangles, Belt | None]:
     """Split a belt geom into its band and its shoes; None instead of shoes that cannot be separated."""
-    whole = _of_geom(model, model.geom(name).id)
+    whole = geom(model, model.geom(name).id)
     corner = whole.vertices.reshape(-1, 3, 3)
     label = _connected(corner)
     count = np.bincount(label)
@@ -120,24 +129,64 @@ def _connected(corner: Array) -> np.ndarray:
     return np.unique(lowest[face[:, 0]], return_inverse=True)[1]
 
 
-def _of_geom(model: mujoco.MjModel, i: int) -> Triangles:
-    """A geom in the frame of its body."""
+def geom(model: mujoco.MjModel, i: int) -> Triangles:
+    """A geom in the frame of its body; not a plane, which has no end."""
     kind, size = model.geom_type[i], model.geom_size[i]
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
         mesh = model.geom_dataid[i]
         first, faces = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
         corners = model.mesh_vert[model.mesh_vertadr[mesh] :][model.mesh_face[first : first + faces]].reshape(-1, 3)
     elif kind == mujoco.mjtGeom.mjGEOM_BOX:
-        corners = _prism(np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * size[:2], size[2])
+        corners = box(size)
+    elif kind == mujoco.mjtGeom.mjGEOM_HFIELD:
+        corners = _field(model, int(model.geom_dataid[i]))
+    elif kind in (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_ELLIPSOID):
+        corners = _ball() * (size if kind == mujoco.mjtGeom.mjGEOM_ELLIPSOID else size[0])
     else:  # a cylinder, or a capsule without its round ends
-        angle = np.linspace(0, 2 * np.pi, _SIDES, endpoint=False)
-        corners = _prism(size[0] * np.stack([np.cos(angle), np.sin(angle)], axis=-1), size[1])
+        corners = _cylinder(size[0], size[1])
     rotation = np.zeros(9)
     mujoco.mju_quat2Mat(rotation, model.geom_quat[i])
     vertices = corners @ rotation.reshape(3, 3).T + model.geom_pos[i]
     material = model.geom_matid[i]
     rgba: Any = model.mat_rgba[material] if material >= 0 else model.geom_rgba[i]
     return Triangles(vertices, np.tile(np.rint(255 * rgba).astype(np.uint8), (len(vertices), 1)))
+
+
+def box(size: Array) -> Array:
+    """The corners (3 F, 3) of a box of half sizes (3,) [m]."""
+    return _prism(np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * size[:2], size[2])
+
+
+def wheel(radius: float, half_width: float) -> Array:
+    """The corners (3 F, 3) of a wheel whose axis is y [m]."""
+    return _cylinder(radius, half_width)[:, [0, 2, 1]] * [1, -1, 1]
+
+
+def _cylinder(radius: float, half_height: float) -> Array:
+    """The corners (3 F, 3) of an upright cylinder [m]."""
+    angle = np.linspace(0, 2 * np.pi, _SIDES, endpoint=False)
+    return _prism(radius * np.stack([np.cos(angle), np.sin(angle)], axis=-1), half_height)
+
+
+def _field(model: mujoco.MjModel, field: int) -> Array:
+    """The corners (3 F, 3) of the surface of a height field, cut into triangles as the engine does."""
+    rows, columns, first = model.hfield_nrow[field], model.hfield_ncol[field], model.hfield_adr[field]
+    length, width, high, _ = model.hfield_size[field]
+    x, y = np.meshgrid(np.linspace(-length, length, columns), np.linspace(-width, width, rows))
+    z = high * model.hfield_data[first : first + rows * columns].reshape(rows, columns)
+    return _surface(np.stack([x, y, z], axis=-1))
+
+
+def _ball() -> Array:
+    """The corners (3 F, 3) of a sphere of radius 1."""
+    turn, rise = np.meshgrid(np.linspace(0, 2 * np.pi, _SIDES + 1), np.linspace(-np.pi / 2, np.pi / 2, _SIDES // 2 + 1))
+    return _surface(np.stack([np.cos(rise) * np.cos(turn), np.cos(rise) * np.sin(turn), np.sin(rise)], axis=-1))
+
+
+def _surface(points: Array) -> Array:
+    """Two triangles (3 F, 3) for each cell of a grid of points (R, C, 3)."""
+    a, b, c, d = points[:-1, :-1], points[:-1, 1:], points[1:, 1:], points[1:, :-1]
+    return np.stack([a, b, c, a, c, d], axis=2).reshape(-1, 3)
 
 
 def _prism(section: Array, half_height: float) -> Array:

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from uuid import uuid4
 
 import numpy as np
 import rerun as rr
@@ -16,16 +15,8 @@ from experiments.report.colours import BLUE, COLOURS
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 
-APPLICATION = "trackslip"
 RUN = "run"  # entity of a single run; it contains one entity per run if there are several
 _DISTINCT = (BLUE, "#D55E00", "#009E73", "#E69F00", "#CC79A7", "#56B4E9", "#F0E442", "#B8B8B8", "#8C510A", "#6A3D9A")
-
-
-def new_stream(title: str) -> rr.RecordingStream:
-    """A stream for a new recording."""
-    stream = rr.RecordingStream(APPLICATION, recording_id=uuid4())
-    stream.send_recording_name(title)
-    return stream
 
 
 def send(stream: rr.RecordingStream, logs: Sequence[RunLog], laws: Path | None = None) -> float:

@@ -1,4 +1,4 @@
-"""The page of odometry's errors: tables and figures."""
+"""Tables of odometry's errors, and what to say of them."""
 
 from collections.abc import Mapping, Sequence
 from math import degrees
@@ -7,12 +7,10 @@ from typing import Any
 import numpy as np
 
 from experiments.measuring.odometry import Evaluated
-from experiments.report.figures import odometry as figures
 from experiments.report.formats import MISSING, number, pair, significant
-from experiments.report.page import Drawing, Page, render_page
 from trackslip.odometry.evaluation import LENGTHS, PoseErrors, RelativeErrors
-from trackslip.odometry.identified import NO_SLIP
 from trackslip.odometry.mounting import Mounting
+from trackslip.slip.stored_laws import NO_SLIP
 
 _METRES, _SECONDS = (tuple(f"{length:g} {unit}" for length in LENGTHS) for unit in ("m", "s"))
 ABSOLUTE_HEADER = ("law", "aligned [m]", "heading [deg]", "from first pose [m]", "heading [deg]")
@@ -47,39 +45,6 @@ def tables(found: Sequence[Evaluated]) -> dict[str, Rows]:
         "time_heading": [_row(one.label, one.errors.after_seconds, _time_heading) for one in found],
     }
     return {name: lines for name, lines in rows.items() if any(set(line[1:]) != {MISSING} for line in lines)}
-
-
-def render(
-    found: Sequence[Evaluated],
-    notes: Sequence[str],
-    sensing: Sequence[str],
-    manifest: Mapping[str, Any],
-    command: str,
-    name: str,
-) -> Page:
-    """Draw the figures and fill in the template."""
-    drives = found[0].errors.drives
-    drawings = [Drawing("odometry_paths", figures.paths(found))]
-    if found[0].errors.after_metres:
-        drawings.append(Drawing("odometry_errors_over_way", figures.errors_over_way(found)))
-    shown = tables(found)
-    return render_page(
-        "evaluate.html.j2",
-        drawings,
-        title=f"Odometry by slip laws on {name}",
-        command=command,
-        manifest=manifest,
-        tables=[(TITLES[key], HEADERS[key], rows) for key, rows in shown.items()],
-        drives=len(drives),
-        way=f"{sum(drive.way for drive in drives):.0f} m",
-        duration=f"{sum(drive.duration for drive in drives):.0f} s",
-        poses=sum(drive.poses for drive in drives),
-        headings=figures.longest(found).has_heading,
-        shown=figures.longest(found).name,
-        gain=gain(found),
-        sensing=sensing,
-        notes=notes,
-    )
 
 
 def gain(found: Sequence[Evaluated]) -> str:

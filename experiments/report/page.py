@@ -99,14 +99,15 @@ def relative_command(command: str) -> str:
 
 
 def conditions(manifest: Mapping[str, Any], command: str) -> str:
-    """Seed, ground and command on one line, for captions; what the manifest lacks is called unknown."""
+    """Seed, ground and command on one line, for captions; what the manifest lacks is left out."""
     seed, ground = manifest.get("seed"), manifest.get("ground")
     seeds = seed if isinstance(seed, list | tuple) else [seed]
     parts = [
-        "seed unknown" if seed is None else f"seed{'s' if len(seeds) > 1 else ''} {', '.join(map(str, seeds))}",
-        "ground unknown" if not isinstance(ground, Mapping) else _ground(ground),
+        "" if seed is None else f"seed{'s' if len(seeds) > 1 else ''} {', '.join(map(str, seeds))}",
+        _ground(ground) if isinstance(ground, Mapping) else "",
+        relative_command(command),
     ]
-    return " · ".join([*parts, relative_command(command)] if command else parts)
+    return " · ".join(part for part in parts if part)
 
 
 def _ground(ground: Mapping[str, Any]) -> str:

@@ -29,11 +29,13 @@ TABLE_FILE = "table.parquet"
 FIGURES_FOLDER = "figures"
 RECORDINGS_FOLDER = "recordings"
 BAGS_FOLDER = "bags"
+PICTURES_FOLDER = "pictures"
 TRAJECTORIES_FOLDER = "trajectories"
 FOLDERS = {
     FIGURES_FOLDER: (".svg", ".pdf"),
     RECORDINGS_FOLDER: (".rrd",),
     BAGS_FOLDER: (".mcap", ".yaml"),
+    PICTURES_FOLDER: (".png",),
     TRAJECTORIES_FOLDER: (".tum",),
 }
 """Folders among the results, and the suffixes of the files in them; everything else is a file."""

@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
-import os
-import sys
-import threading
-import warnings
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any
@@ -14,13 +9,12 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from sim.opengl import Window, offscreen
 from sim.path_tracking.tracking import PathTracking
 from sim.robot.robot import FIELD
-from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array
 
 WIDTH, HEIGHT = 640, 480
-_BACKENDS = ("egl", "osmesa")  # which need no display
 _SPACING = 0.03  # smallest length of a segment of a drawn line [m]
 # of a drawn line: height above the ground and half width [m], colour
 _PATH, _TRAIL = (0.004, 0.012, (0.10, 0.36, 0.85, 1.0)), (0.014, 0.008, (0.95, 0.45, 0.08, 1.0))
@@ -34,7 +28,7 @@ class Renderer:
         self._tracking = tracking
         self._data: Any = None
         self._renderer: Any = None
-        self._window: _Window | None = None
+        self._window: Window | None = None
         self._trails: list[list[Array]] = [[] for _ in range(tracking.size)]
 
     def begin(self, rows: Sequence[int]) -> None:
@@ -53,7 +47,7 @@ class Renderer:
         """Image (HEIGHT, WIDTH, 3) uint8 of robot `row`; raises TrackslipError if OpenGL doesn't work."""
         data = self._posed(row)
         if self._renderer is None:
-            self._renderer = _renderer(data.model)
+            self._renderer = offscreen(data.model, WIDTH, HEIGHT)
         camera = mujoco.MjvCamera()
         camera.lookat[:] = (*data.qpos[:2], 0.2)
         camera.distance, camera.azimuth, camera.elevation = _DISTANCE, _AZIMUTH, _ELEVATION
@@ -64,7 +58,7 @@ class Renderer:
     def show(self) -> None:
         """Show robot 0 in a window; raises TrackslipError if there is no display."""
         if self._window is None:
-            self._window = _Window(self._posed(0))
+            self._window = Window(self._posed(0))
         viewer = self._window.viewer
         with viewer.lock():
             self._posed(0)
@@ -109,49 +103,3 @@ def _thinned(points: Array) -> Iterator[Array]:
         if np.linalg.norm(point - last) > _SPACING:
             last = point
             yield last
-
-
-def _renderer(model: Any) -> Any:
-    """MuJoCo's renderer with the OpenGL backend named by MUJOCO_GL, or the first without a display that works."""
-    from mujoco.rendering.classic import gl_context
-
-    problems = []
-    chosen = gl_context.GLContext
-    for backend in (None,) if os.environ.get("MUJOCO_GL") or sys.platform != "linux" else _BACKENDS:
-        try:
-            if backend is not None:
-                gl_context.GLContext = __import__(f"mujoco.{backend}", fromlist=["GLContext"]).GLContext
-            return mujoco.Renderer(model, HEIGHT, WIDTH)
-        except Exception as error:  # whatever a machine without OpenGL raises
-            problems.append(f"{backend or os.environ.get('MUJOCO_GL')}: {' '.join(str(error).split())}")
-        finally:
-            gl_context.GLContext = chosen
-    raise TrackslipError(f"rendering: no OpenGL works here ({'; '.join(problems)}); set MUJOCO_GL to egl or osmesa")
-
-
-class _Window:
-    """MuJoCo's viewer, which renders in threads of its own."""
-
-    def __init__(self, data: Any) -> None:
-        if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-            raise TrackslipError('rendering: "human" needs a display, and there is none; "rgb_array" needs none')
-        try:
-            import glfw
-            from mujoco import viewer
-
-            with warnings.catch_warnings():
-                warnings.simplefilter("error")
-                glfw.init()  # a failure raises here; in the viewer's thread it would end the process
-            others = threading.enumerate()
-            self.viewer = viewer.launch_passive(data.model, data)
-        except Exception as error:  # whatever a broken display raises
-            raise TrackslipError(f"rendering: no window opens here: {' '.join(str(error).split())}") from error
-        self._threads = [thread for thread in threading.enumerate() if thread not in others]
-        atexit.register(self.close)
-
-    def close(self) -> None:
-        """Close the window and wait until it is gone: a thread that still renders crashes the interpreter at exit."""
-        atexit.unregister(self.close)
-        self.viewer.close()
-        for thread in self._threads:
-            thread.join(timeout=5.0)

@@ -42,6 +42,10 @@ class PathTracking:
         start = self.table.path(0)[0]
         self.fleet = Fleet(robot, np.tile(start, (size, 1)), radius_error=0.0, drive=config.drive, threads=threads)
         self.layout = Layout(config, self.fleet.drive.limit)
+        self.actions = 2
+        """Number of actions of a robot."""
+        self.bound = self.layout.bound
+        """Bounds (n,) of the observations."""
         self._source = pose_source(config, self.fleet)
         self._to_omega = _action_map(config, self.fleet)
         self._reference: Index = np.zeros(size, int)

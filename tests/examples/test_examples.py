@@ -83,6 +83,12 @@ def test_read_a_sweep(run, tmp_path):
     assert printed.count("stone") == printed.count("ice") == 3
 
 
+def test_tracks_on_your_robot(run):
+    printed = run("tracks_on_your_robot")
+    assert "on ground 0.45 m high" in printed
+    assert all(0 < slip < 0.3 for slip in numbers(r"slip of robot_\w+: (\S+)", printed))
+
+
 def test_every_example_is_tested_and_short():
     tested = set(re.findall(r'run\(\s*"(\w+)"', Path(__file__).read_text()))
     assert {path.stem for path in FOLDER.glob("*.py")} == tested

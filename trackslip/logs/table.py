@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import zlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -63,9 +63,15 @@ def to_table(logs: Sequence[RunLog]) -> pa.Table:
     return table.cast(pa.schema(fields, metadata=file_metadata(fields, runs)))
 
 
-def file_metadata(fields: Iterable[pa.Field], runs: Mapping[str, Any]) -> dict[bytes, str]:
+def file_metadata(fields: Sequence[pa.Field], runs: Mapping[str, Any]) -> dict[bytes, str]:
     """Metadata of a file: its runs, and its columns again for readers that ignore the metadata of columns (polars)."""
-    columns = {field.name: COLUMNS[field.name].metadata for field in fields if field.name in COLUMNS}
+    known = {field.name: COLUMNS[field.name].metadata for field in fields if field.name in COLUMNS}
+    others = {
+        field.name: {key.decode(): value.decode() for key, value in field.metadata.items()}
+        for field in fields
+        if field.name not in COLUMNS and field.metadata
+    }
+    columns = known | others
     text = json.dumps({"format": FORMAT, "columns": columns, "runs": runs})
     return {_METADATA_KEY: text, _CHECKSUM_KEY: _checksum(text.encode())}
 

@@ -78,8 +78,9 @@ def _knowledge(stored: StoredLaws, law: str) -> Knowledge:
         usual = replace(usual, pull=_within(pull, _LEAST_PULL))
     noise = (stored.drive_fit(law) or {}).get("noise")
     if noise:
-        slip = SlipNoise.of(noise)
-        usual = replace(usual, slip=tuple(max(one, _LEAST_SLIP) for one in (slip.forward, slip.sideways, slip.turn)))
+        white = SlipNoise.of(noise)
+        along, across, turning = (max(one, _LEAST_SLIP) for one in (white.forward, white.sideways, white.turn))
+        usual = replace(usual, slip=(along, across, turning))
     return usual
 
 

@@ -42,6 +42,9 @@ def from_positions(time: Array, position: Array, velocity: Array) -> tuple[Array
     turns too far between readings. A leap, as when an encoder is reset, is bridged by the velocity or the steps around.
     """
     step, interval = np.diff(position), np.diff(time)
+    velocity = (
+        velocity if np.any(velocity) else np.full_like(velocity, np.nan)
+    )  # zeros fill a field that isn't measured
     low, high = position.min() + _TOLERANCE, position.max() - _TOLERANCE
     leaps = 0
     if any(start <= low and high <= start + _TURN for start in (-np.pi, 0.0)):

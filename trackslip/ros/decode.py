@@ -13,12 +13,19 @@ _SAME = {"tf/msg/tfMessage": "tf2_msgs/msg/TFMessage"}  # old names of types
 _TRANSFORMS = "geometry_msgs/TransformStamped[] transforms"
 
 
-def require_rosbags() -> None:
-    """Raise TrackslipError unless rosbags is installed."""
+def has_rosbags() -> bool:
+    """Whether rosbags is installed."""
     try:
         import rosbags.typesys  # noqa: F401
-    except ImportError as error:
-        raise TrackslipError("bags need the package rosbags: pip install 'trackslip[ros]'") from error
+    except ImportError:
+        return False
+    return True
+
+
+def require_rosbags() -> None:
+    """Raise TrackslipError unless rosbags is installed."""
+    if not has_rosbags():
+        raise TrackslipError("bags need the package rosbags: pip install 'trackslip[ros]'")
 
 
 class Decoder:

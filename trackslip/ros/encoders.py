@@ -15,6 +15,7 @@ from trackslip.ros.bag import Bag, Topic
 from trackslip.ros.choice import AUTOMATIC, BagChoice
 from trackslip.ros.joints import known_joints, listed, sides
 from trackslip.ros.stamps import ascending, clock_parts, seconds
+from trackslip.ros.wheels import side_turns
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 _COMMANDS = re.compile(r"command|cmd|desired|target|setpoint|reference|goal", re.IGNORECASE)
@@ -68,7 +69,8 @@ def encoder_topic(bag: Bag, choice: BagChoice = AUTOMATIC) -> tuple[Topic, tuple
     if not fitting:
         raise LogError(reasons[0])
     measured = [one for one in fitting if not _COMMANDS.search(one[0].name)] or fitting
-    usual = [one for one in measured if one[0].name.strip("/") == "joint_states"] or measured
+    usual = [one for one in measured if one[0].name.rpartition("/")[2] == "joint_states"] or measured
+    usual = [one for one in usual if one[0].name.strip("/") == "joint_states"] or usual
     if len(usual) > 1:
         names = ", ".join(topic.name for topic, _ in usual)
         raise LogError(f"{bag.path}: encoders may be {names}: choose with --encoders TOPIC")
@@ -187,7 +189,7 @@ def _speeds(
         turned[name] = at, angle
     if not by_position:
         notes.append(f"topic {topic}: speeds are its velocities, because it states no positions")
-    return _sides(turned, joints)
+    return _sides(topic, turned, joints, notes)
 
 
 def _within(joint: _Joint, rows: np.ndarray, count: int) -> _Joint:
@@ -200,7 +202,10 @@ def _within(joint: _Joint, rows: np.ndarray, count: int) -> _Joint:
 
 
 def _sides(
-    turned: dict[str, tuple[np.ndarray, Array]], joints: tuple[tuple[str, ...], tuple[str, ...]]
+    topic: str,
+    turned: dict[str, tuple[np.ndarray, Array]],
+    joints: tuple[tuple[str, ...], tuple[str, ...]],
+    notes: list[str],
 ) -> tuple[np.ndarray, Array] | None:
     """Mean speeds (T, 2) between the readings of the joint that has most, where all joints have some."""
     at = max((stamps for stamps, _ in turned.values()), key=len)
@@ -210,7 +215,7 @@ def _sides(
     if len(at) < 2:
         return None
     time = seconds(at, first)
-    between = {name: np.interp(time, seconds(stamps, first), angle) for name, (stamps, angle) in turned.items()}
-    angle = np.stack([np.mean([between[name] for name in side], axis=0) for side in joints], axis=-1)
-    omega = np.diff(angle, axis=0) / np.diff(time)[:, None]
+    turns = {name: np.diff(np.interp(time, seconds(stamps, first), angle)) for name, (stamps, angle) in turned.items()}
+    mean = np.stack([side_turns(topic, side, turns, notes) for side in joints], axis=-1)
+    omega = mean / np.diff(time)[:, None]
     return at, np.concatenate([omega[:1], omega])

@@ -119,7 +119,8 @@ def _fixes(bag: Bag, topic: Topic, notes: list[str]) -> _Raw:
         values.append((fix.latitude, fix.longitude, fix.altitude, fix.status.status, fix.position_covariance_type))
         stated.append(fix.position_covariance)
     table, at = np.array(values, float), np.array(stamps, np.int64)
-    fixed = np.asarray((table[:, 3] >= _NO_FIX) & (np.abs(table[:, :2]) <= [90, 360]).all(axis=1))
+    there = (np.abs(table[:, :2]) <= [90, 360]).all(axis=1) & table[:, :2].any(axis=1)  # receivers start with zeros
+    fixed = np.asarray((table[:, 3] >= _NO_FIX) & there)
     if not fixed.any():
         raise LogError(f"{bag.path}: topic {topic.name}: none of its {len(fixed)} messages has a fix")
     if not fixed.all():

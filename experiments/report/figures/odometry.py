@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.axis import YAxis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from experiments.measuring.odometry import Evaluated
 from experiments.report.colours import GREY
@@ -15,6 +16,7 @@ from trackslip.kinematics import Array
 from trackslip.odometry.trajectory_errors import Trajectory
 
 _POINTS = 1500  # poses drawn
+_FEW_DECADES = 1e3  # largest over least, up to which decades are divided
 _WIDTHS = (1.6, 2.6, 0.9)  # of the lines of laws with the same name [pt]
 
 
@@ -40,8 +42,7 @@ def paths(found: Sequence[Evaluated]) -> Figure:
     left.set(aspect="equal", adjustable="datalim", xlabel="x [m]", ylabel="y [m]", title="Paths")
     right.set(xlabel="way [m]", ylabel="error of position [m]", title=_title(drive))
     right.set_yscale("log")
-    right.yaxis.set_major_formatter("{x:g}")
-    right.yaxis.set_minor_formatter(NullFormatter())
+    _label(right.yaxis)
     measured = Line2D([], [], ls="none", marker=".", ms=7, color=GREY, label="measured poses")
     _legend(figure, found, [measured])
     return figure
@@ -63,10 +64,18 @@ def errors_over_way(found: Sequence[Evaluated]) -> Figure:
         axis.set(title=title, xlabel="way driven [m]", ylabel=label, xscale="log", yscale="log")
         axis.set_xticks(lengths, [f"{length:g}" for length in lengths])
         axis.set_xticks([], minor=True)
-        axis.yaxis.set_major_formatter("{x:g}")
-        axis.yaxis.set_minor_formatter(NullFormatter())
+        _label(axis.yaxis)
     _legend(figure, found, [])
     return figure
+
+
+def _label(axis: YAxis) -> None:
+    """Several labels on a logarithmic axis, of one decade or of many."""
+    low, high = axis.get_view_interval()
+    steps = (1.0, 2.0, 5.0) if high < _FEW_DECADES * low else (1.0,)
+    axis.set_major_locator(LogLocator(subs=steps))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
 
 
 def _positive(values: Array) -> Array:

@@ -12,7 +12,8 @@ from experiments.measuring.odometry import clock_doubt, evaluated
 from experiments.report.colours import COLOURS, GREY
 from experiments.report.figures import odometry as figures
 from experiments.report.formats import MISSING
-from experiments.report.odometry import gain, render, tables
+from experiments.report.odometry import gain, tables
+from experiments.report.odometry_page import render
 from sim.wander.pose_source import PoseSource
 from trackslip.odometry.identified import LawInUse, no_slip
 from trackslip.slip.icr import ConstantIcr

@@ -87,7 +87,7 @@ def test_captions_state_seed_ground_and_command():
     line = conditions({"seed": [0, 1], "ground": {"stone": stone, "hill": tilted}}, "trackslip benchmark")
     assert line.startswith("seeds 0, 1 · stone ground: friction 0.7 along, 0.778 across; hill ground: friction 0.7")
     assert "slope 0.1 rad, uphill 1.57 rad, 2 patches" in line
-    assert conditions({}, "") == "seed unknown · ground unknown"
+    assert conditions({}, "trackslip evaluate a.csv") == "trackslip evaluate a.csv"
 
 
 def test_names_of_files():

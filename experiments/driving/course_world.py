@@ -1,0 +1,95 @@
+"""From the options of `trackslip drive` to a robot at the start of a course."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from experiments.driving.course_pilots import ConstantPilot, CoursePilot, PathPilot
+from experiments.driving.course_run import PERIOD, reflexes
+from experiments.options.drive import DriveConfig
+from sim.robot.tracked import TrackedRobot, load_tracked
+from sim.robot.tracked_model import TrackedModel, build_tracked
+from sim.terrain import Course, load_course
+from sim.traverse.outcome import Limits
+from sim.traverse.servo import Servos
+from sim.traverse.world import Traverse
+from trackslip.errors import InvalidValueError
+from trackslip.kinematics import Array
+
+_TOP_SPEED = 0.6  # of the belts at the keyboard [m/s]
+
+
+@dataclass(frozen=True)
+class CourseWorld:
+    """A robot at the start of a course."""
+
+    robot: TrackedRobot
+    course: Course
+    traverse: Traverse
+    config: DriveConfig
+
+    @classmethod
+    def of(cls, config: DriveConfig) -> CourseWorld:
+        """Build the world; raises TrackslipError for a robot or a course that can't be built."""
+        robot = load_tracked(config.robot)
+        course = load_course(config.course, config.seed)
+        if config.friction is not None:
+            course = replace(course, friction=config.friction)
+        outwards = abs(config.turn) * robot.half_gauge
+        servos = Servos(top_speed=max(_TOP_SPEED, abs(config.speed) + outwards))
+        limits = Limits(time=config.duration)
+        world = Traverse(
+            robot,
+            [course],
+            preset=config.preset,
+            servos=servos,
+            limits=limits,
+            period=PERIOD,
+            sample=PERIOD,
+            threads=1,
+        )
+        made = cls(robot, course, world, config)
+        world.begin([0], flippers=made.start_angles)
+        return made
+
+    @property
+    def start_angles(self) -> Array:
+        """Angles (F,) of the flippers at the start, tips up [rad]."""
+        given, count = self.config.flipper_angles(), len(self.robot.flippers)
+        if given is None:
+            return np.zeros(count)
+        if len(given) == 1:
+            return np.full(count, given[0])
+        if len(given) == 2:
+            return np.where(self.traverse.tracked.flipper_front, *given)
+        if len(given) != count:
+            allowed = f"one angle, two (front, rear) or {count}, one for each flipper of {self.robot.name}"
+            raise InvalidValueError("flippers", self.config.flippers, allowed)
+        return np.array(given)
+
+    def flippers(self) -> Callable[[Traverse], Array]:
+        """What gives the flippers their angles."""
+        if self.config.flipper_angles() is None:
+            return reflexes
+        angles = self.start_angles
+        return lambda _: angles
+
+    def pilot(self) -> CoursePilot:
+        """Who drives, unless it is somebody at the keyboard."""
+        config = self.config
+        if config.path is not None:
+            return PathPilot.of(config.path, config.speed, self.robot.half_gauge)
+        outwards = config.turn * self.robot.half_gauge
+        return ConstantPilot(config.speed - outwards, config.speed + outwards)
+
+    @property
+    def top_speed(self) -> float:
+        """Largest speed of a belt [m/s]."""
+        return self.traverse.servos.top_speed
+
+    def with_looks(self) -> TrackedModel:
+        """The same model with all that is only looked at."""
+        return build_tracked(self.robot, self.course, preset=self.config.preset, looks=True)

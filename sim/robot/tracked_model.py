@@ -1,0 +1,230 @@
+"""A robot with tracks on its terrain, compiled: which bodies, joints, motors and tracks are whose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.robot.robot import VISUAL_GROUP
+from sim.robot.tracked import Flipper, TrackedRobot
+from sim.tracks import Tracks, add_tracks
+from trackslip.errors import TrackslipError
+from trackslip.kinematics import Array
+
+SIDES = ("left", "right")
+_FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
+
+
+class Terrain(Protocol):
+    """What a robot can be put on."""
+
+    @property
+    def friction(self) -> float:
+        """Coefficient of friction [-]."""
+
+    def add_to(self, spec: Any) -> list[str]:
+        """Add the terrain to a `mujoco.MjSpec` and return the names of its geoms."""
+
+
+@dataclass(frozen=True)
+class TrackedModel:
+    """A compiled model with T tracks and F flippers; the chassis' tracks come first, then the flippers' in order."""
+
+    model: mujoco.MjModel
+    robot: TrackedRobot
+    tracks: tuple[Tracks, ...]
+    """For `sim.tracks.bind`: those of the chassis, then of each flipper."""
+    body: int
+    """The chassis."""
+    free: tuple[int, int]
+    """First numbers of the chassis' pose in qpos, and of its velocity in qvel."""
+    track_side: NDArray[np.int_]  # (T,) 0 left, 1 right: whose command a belt runs with
+    flipper_qpos: NDArray[np.int_]  # (F,) of the hinges, in qpos
+    flipper_motor: NDArray[np.int_]  # (F,) of their motors, in ctrl
+    flipper_sign: Array  # (F,) 1 where a positive angle of the hinge lifts the flipper's tip, else -1
+    flipper_front: NDArray[np.bool_]  # (F,) whether the flipper points forwards
+    flipper_range: Array  # (F, 2) lowest and highest angle, positive is up [rad]
+
+    def flipper_angles(self, qpos: Array) -> Array:
+        """Angles (..., F) of flippers in states qpos (..., nq), positive is up [rad]."""
+        return np.asarray(self.flipper_sign * np.asarray(qpos)[..., self.flipper_qpos])
+
+    def flipper_control(self, angles: Array) -> Array:
+        """Control signals (..., F) for set points (..., F) of the flippers' angles, kept within their range [rad]."""
+        return np.asarray(self.flipper_sign * np.clip(angles, *self.flipper_range.T))
+
+
+def build_tracked(
+    robot: TrackedRobot,
+    terrain: Terrain | None = None,
+    *,
+    preset: str = "accurate",
+    friction: tuple[float, float] | None = None,
+    looks: bool = False,
+) -> TrackedModel:
+    """Compile a robot on its terrain, or on a plane.
+
+    Args:
+        robot: the robot.
+        terrain: what it stands on, such as a `sim.terrain.Course`.
+        preset: contact preset of the tracks.
+        friction: coefficients of friction along and across the tracks; by default the terrain's.
+        looks: keep geoms that are only looked at, which slow the physics down.
+
+    Raises:
+        TrackslipError: for a model that can't be compiled or lacks a part that the robot names.
+    """
+    try:
+        spec = _load(robot, looks)
+        chassis = _chassis(spec, robot)
+        if not any(joint.type == _FREE for joint in chassis.joints):
+            chassis.add_freejoint()
+        flippers = [(flipper, *_motor_of(spec, flipper, chassis)) for flipper in robot.flippers]
+        names = _plane(spec) if terrain is None else terrain.add_to(spec)
+        if friction is None:
+            friction = (0.7, 0.7) if terrain is None else (terrain.friction, terrain.friction)
+        tracks = _add_tracks(spec, robot, chassis, preset, friction)
+        for one in tracks:
+            one.connect(spec, names)
+        chassis_name, motors = chassis.name, [(f.body, joint, motor) for f, joint, motor in flippers]
+        model = spec.compile()
+    except TrackslipError:
+        raise
+    except (ValueError, KeyError, AttributeError) as error:
+        raise TrackslipError(f"{robot.model}: {' '.join(str(error).split())}") from error
+    return _read(model, robot, tracks, chassis_name, motors)
+
+
+def _load(robot: TrackedRobot, looks: bool) -> Any:
+    if not robot.model.is_file():
+        raise TrackslipError(f"{robot.model}: no such file; `model` must name the robot's MJCF or URDF file")
+    spec = mujoco.MjSpec.from_file(str(robot.model))
+    spec.compiler.fusestatic = False  # a URDF's base link is to stay a body
+    if looks:
+        _light(spec)
+    else:
+        for geom in list(spec.geoms):
+            if geom.group == VISUAL_GROUP and geom.contype == geom.conaffinity == 0:
+                spec.delete(geom)
+    return spec
+
+
+def _light(spec: Any) -> None:
+    """Light and sky, and a size of pictures that MuJoCo's own limit would forbid."""
+    spec.visual.global_.offwidth, spec.visual.global_.offheight = 1920, 1080
+    spec.visual.quality.shadowsize, spec.visual.quality.offsamples = 2048, 4  # what a processor can draw, too
+    if not any(texture.type == mujoco.mjtTexture.mjTEXTURE_SKYBOX for texture in spec.textures):
+        spec.add_texture(
+            name="sky",
+            type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
+            builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
+            rgb1=[0.45, 0.63, 0.82],
+            rgb2=[0.86, 0.91, 0.95],
+            width=256,
+            height=1536,
+        )
+    if not spec.lights:
+        sun = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+        spec.worldbody.add_light(
+            name="sun", type=sun, pos=[6, -8, 12], dir=[-0.45, 0.6, -1], diffuse=[0.62, 0.6, 0.55], castshadow=True
+        )
+
+
+def _chassis(spec: Any, robot: TrackedRobot) -> Any:
+    roots = [body.name for body in spec.worldbody.bodies]
+    if not robot.body and len(roots) != 1:
+        raise TrackslipError(f"{robot.model}: {len(roots)} bodies lie in the world; `body` must name the chassis")
+    name = robot.body or roots[0]
+    body = spec.body(name)
+    if body is None or name not in roots:
+        raise TrackslipError(f"{robot.model}: body = {name!r}: must be one that lies in the world: {', '.join(roots)}")
+    return body
+
+
+def _motor_of(spec: Any, flipper: Flipper, chassis: Any) -> tuple[str, str]:
+    """Names of the hinge and motor of a flipper; a motor is added to a hinge without one."""
+    body = spec.body(flipper.body)
+    if body is None:
+        known = ", ".join(one.name for one in chassis.find_all(mujoco.mjtObj.mjOBJ_BODY))
+        raise TrackslipError(f"flippers: body = {flipper.body!r}: must be one of the model's: {known}")
+    hinges = [joint for joint in body.joints if joint.type == _HINGE]
+    if len(hinges) != 1 or len(body.joints) != 1:
+        raise TrackslipError(f"flippers: body = {flipper.body!r}: must have one joint, a hinge")
+    hinge = hinges[0]
+    hinge.name = hinge.name or f"{flipper.body}_hinge"
+    motors = [one for one in spec.actuators if one.target == hinge.name]
+    if not motors:
+        motor = spec.add_actuator(name=f"{flipper.body}_motor", target=hinge.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        motor.set_to_position(kp=flipper.stiffness, kv=flipper.damping)
+        motor.forcerange, motor.forcelimited = [-flipper.torque, flipper.torque], True
+        motors = [motor]
+    motors[0].name = motors[0].name or f"{flipper.body}_motor"
+    return hinge.name, motors[0].name
+
+
+def _add_tracks(
+    spec: Any, robot: TrackedRobot, chassis: Any, preset: str, friction: tuple[float, float]
+) -> tuple[Tracks, ...]:
+    made = [add_tracks(spec, chassis, half_gauge=robot.half_gauge, hull=robot.hull, preset=preset, friction=friction)]
+    for flipper in robot.flippers:
+        one = add_tracks(
+            spec,
+            flipper.body,
+            half_gauge=flipper.y,
+            hull=flipper.hull,
+            preset=preset,
+            friction=friction,
+            name=f"{flipper.body}_track",
+            side="left",
+        )
+        made.append(one)
+    return tuple(made)
+
+
+def _plane(spec: Any) -> list[str]:
+    """A level ground."""
+    name = "ground"
+    spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_PLANE, size=[20, 20, 0.1], rgba=[0.6, 0.58, 0.54, 1])
+    return [name]
+
+
+def _read(
+    model: mujoco.MjModel,
+    robot: TrackedRobot,
+    tracks: tuple[Tracks, ...],
+    chassis: str,
+    motors: Sequence[tuple[str, str, str]],
+) -> TrackedModel:
+    body = model.body(chassis).id
+    free = model.body_jntadr[body]
+    joints = np.array([model.joint(joint).id for _, joint, _ in motors], int)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    middle = np.array([np.mean(flipper.hull, axis=0)[[0, 1]] for flipper in robot.flippers]).reshape(-1, 2)
+    reach = np.insert(middle, 1, 0.0, axis=1)  # (F, 3) from the hinge to the middle of the flipper, in its frame
+    bodies = model.jnt_bodyid[joints]
+    turned = data.xmat[bodies].reshape(-1, 3, 3)
+    reach = np.einsum("fij,fj->fi", turned, reach) - (data.xanchor[joints] - data.xpos[bodies])
+    upwards = np.cross(data.xaxis[joints], reach)[:, 2]
+    sign = np.where(upwards >= 0, 1.0, -1.0)
+    forwards = data.xmat[body].reshape(3, 3)[:, 0]
+    limits = np.where(model.jnt_limited[joints, None] == 1, model.jnt_range[joints], [-np.pi, np.pi])
+    sides = [0, 1, *(SIDES.index(flipper.side) for flipper in robot.flippers)]
+    return TrackedModel(
+        model=model,
+        robot=robot,
+        tracks=tracks,
+        body=body,
+        free=(int(model.jnt_qposadr[free]), int(model.jnt_dofadr[free])),
+        track_side=np.array(sides),
+        flipper_qpos=model.jnt_qposadr[joints],
+        flipper_motor=np.array([model.actuator(motor).id for _, _, motor in motors], int),
+        flipper_sign=sign,
+        flipper_front=reach @ forwards > 0,
+        flipper_range=np.sort(sign[:, None] * limits, axis=1),
+    )

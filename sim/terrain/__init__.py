@@ -1,0 +1,36 @@
+"""Terrain for robots to cross: ramps, steps, stairs, beams, pallets, rough ground, gaps, side slopes, in courses.
+
+    spec = mujoco.MjSpec()
+    course = Course((Stairs(rise=0.15, run=0.28, number=5), Flat(1.0), Rough(4.0, amplitude=0.1)), friction=0.8)
+    geoms = course.add_to(spec)
+
+Heights are those of the surface that MuJoCo collides with: `course.height(x, y)`.
+"""
+
+from sim.terrain.course import Course
+from sim.terrain.course_file import course_names, load_course
+from sim.terrain.field_files import Mesh, Picture
+from sim.terrain.fields import HeightField, Rough
+from sim.terrain.loose import Beams, Pallets
+from sim.terrain.pieces import Flat, Gap, Piece, Ramp, SideSlope, Stairs, Step
+from sim.terrain.random_course import random_course
+
+__all__ = [
+    "Beams",
+    "Course",
+    "Flat",
+    "Gap",
+    "HeightField",
+    "Mesh",
+    "Pallets",
+    "Picture",
+    "Piece",
+    "Ramp",
+    "Rough",
+    "SideSlope",
+    "Stairs",
+    "Step",
+    "course_names",
+    "load_course",
+    "random_course",
+]

@@ -1,0 +1,210 @@
+"""Courses: pieces of terrain in a row along x, as geoms of a model and as exact heights."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from sim.seeds import generator
+from sim.terrain.limits import MAX_COURSE, is_whole, require_between, require_length
+from sim.terrain.pieces import Flat, Piece, Placed, Site
+from sim.terrain.solids import ROUNDING, Base, Level, Solid, look
+from trackslip.errors import require, require_at_most, require_finite
+from trackslip.kinematics import Array
+
+_MAX_SOLIDS = 2000
+_CLEARANCE = 0.3  # of the floor below the lowest point of the course [m]
+_CELL = 0.02  # of the table that `elevation` looks up, for courses of moderate size [m]
+_MAX_CELLS = 2_000_000
+_FLOOR = (0.20, 0.22, 0.25, 1.0)
+_FLOOR_SIZE = 50.0  # half of the floor's drawn size; it has no end [m]
+_START_BEFORE = 1.0  # of the start before the first piece [m]
+
+
+@dataclass(frozen=True)
+class Course:
+    """Pieces in a row between a start and a goal platform; the first piece begins at x = 0, at height 0.
+
+    Beside and below the course is a level floor, 0.3 m below its lowest point.
+    """
+
+    pieces: tuple[Piece, ...]
+    """In the order in which they are crossed."""
+    width: float = 3.0
+    """Width [m]."""
+    friction: float = 0.7
+    """Coefficient of friction."""
+    seed: int = 0
+    """Root seed of everything drawn, such as rough ground."""
+    start_length: float = 2.0
+    """Length of the level platform before the first piece [m]."""
+    goal_length: float = 2.0
+    """Length of the level platform behind the last piece [m]."""
+
+    def __post_init__(self) -> None:
+        require(len(self.pieces) > 0, "pieces", self.pieces, "at least one piece")
+        for piece in self.pieces:
+            require(hasattr(piece, "place"), "pieces", piece, "pieces of terrain")
+        for name in ("width", "start_length", "goal_length"):
+            require_length(name, getattr(self, name))
+        require_between("friction", self.friction, 0.0, 10.0)
+        require(is_whole(self.seed) and self.seed >= 0, "seed", self.seed, "a whole number >= 0")
+        require_at_most("length of the course", self._placed[-1].x + self.start_length, MAX_COURSE, "m")
+
+    @cached_property
+    def _placed(self) -> tuple[Placed, ...]:
+        """Start platform, pieces and goal platform, in their places."""
+        placed = [Placed((), -self.start_length, 0.0)]
+        kinds: Counter[str] = Counter()
+        for piece in (Flat(self.start_length), *self.pieces, Flat(self.goal_length)):
+            kind = type(piece).__name__
+            rng = generator(self.seed, f"{kind} {kinds[kind]}")  # whatever else is on the course
+            placed.append(piece.place(Site(placed[-1].x, placed[-1].z, self.width, rng)))
+            kinds[kind] += 1
+            require_at_most("solids of the course", sum(len(p.solids) for p in placed), _MAX_SOLIDS)
+        return tuple(placed[1:])
+
+    @cached_property
+    def solids(self) -> tuple[Solid, ...]:
+        """What the course is made of; level blocks that continue each other are one, without an edge between them."""
+        solids: list[Solid] = []
+        last = 0  # index of the last level block
+        for solid in (solid for placed in self._placed for solid in placed.solids):
+            if isinstance(solid, Level):
+                before = solids[last] if solids else None
+                if isinstance(before, Level) and before.continues(solid):
+                    solids[last] = replace(before, x1=solid.x1)
+                    continue
+                last = len(solids)
+            solids.append(solid)
+        return tuple(solids)
+
+    @cached_property
+    def bounds(self) -> Array:
+        """Smallest and largest x, y, z of the surface, without the floor, (2, 3) [m]."""
+        every = np.stack([solid.bounds for solid in self.solids])  # (S, 2, 3)
+        return np.stack([every[:, 0].min(axis=0), every[:, 1].max(axis=0)])
+
+    @property
+    def floor(self) -> float:
+        """Height of the floor beside and below the course [m]."""
+        return float(self.bounds[0, 2]) - _CLEARANCE
+
+    @property
+    def start(self) -> tuple[float, float, float, float]:
+        """Where a robot begins: x, y, height of the ground [m] and heading [rad]; 1 m before the first piece."""
+        return -min(_START_BEFORE, self.start_length / 2), 0.0, 0.0, 0.0
+
+    @property
+    def goal(self) -> float:
+        """The course is crossed beyond this x, 1 m behind the last piece [m]."""
+        return self._placed[-2].x + min(_START_BEFORE, self.goal_length / 2)
+
+    def height(self, x: Array, y: Array) -> Array:
+        """Exact heights (...) of the surface at (x, y), arrays that broadcast to (...) [m]."""
+        return self._surface(x, y)[0]
+
+    def normal(self, x: Array, y: Array) -> Array:
+        """Unit normals (..., 3) of the surface at (x, y), arrays that broadcast to (...) [m]."""
+        return self._surface(x, y)[1]
+
+    def _surface(self, x: Array, y: Array) -> tuple[Array, Array]:
+        shape = np.broadcast_shapes(np.shape(x), np.shape(y))
+        x, y = (np.broadcast_to(np.asarray(a, float), shape).ravel() for a in (x, y))
+        height, normal = np.full(x.shape, self.floor), np.tile([0.0, 0.0, 1.0], (len(x), 1))
+        for solid in self.solids:
+            low, high = solid.bounds
+            low, high = low - ROUNDING, high + ROUNDING
+            near = np.flatnonzero((x > low[0]) & (x < high[0]) & (y > low[1]) & (y < high[1]))
+            top, upward = solid.top(x[near], y[near])
+            higher = top > height[near]
+            height[near[higher]], normal[near[higher]] = top[higher], upward[higher]
+        return height.reshape(shape), normal.reshape(*shape, 3)
+
+    def elevation(self, points: Array) -> Array:
+        """Heights (...) at `points` (..., 2) [m], fast: looked up bilinearly in a table of 2 cm cells.
+
+        Cells of courses of more than 800 m² are larger. `height` is exact.
+        """
+        table, origin, per_metre = self._table
+        at = (points - origin) * per_metre
+        at = np.clip(at, 0.0, np.array(table.shape) - 1.001)
+        cell = at.astype(int)
+        u, v = np.moveaxis(at - cell, -1, 0)
+        i, j = cell[..., 0], cell[..., 1]
+        return (1 - u) * ((1 - v) * table[i, j] + v * table[i, j + 1]) + u * (
+            (1 - v) * table[i + 1, j] + v * table[i + 1, j + 1]
+        )
+
+    @cached_property
+    def _table(self) -> tuple[Array, Array, float]:
+        """Heights on a grid that ends outside of the course, the place of the first, and cells per metre."""
+        low, high = self.bounds[:, :2]
+        cell = max(_CELL, math.sqrt(float(np.prod(high - low)) / _MAX_CELLS))
+        x, y = (np.arange(low[k] - 2 * cell, high[k] + 3 * cell, cell) for k in range(2))
+        return self.height(x[:, None], y), np.array([x[0], y[0]]), 1 / cell
+
+    def add_to(
+        self,
+        spec: mujoco.MjSpec,
+        *,
+        name: str = "course",
+        at: tuple[float, float] = (0.0, 0.0),
+        floor: bool = True,
+        looks: bool = True,
+    ) -> list[str]:
+        """Add the course to the world body of `spec`.
+
+        Args:
+            spec: the model.
+            name: what the geoms' names begin with, unique in the model.
+            at: where its origin is in the world, x and y [m].
+            floor: whether to add the floor, too, which has no end.
+            looks: whether to draw what carries slopes, by meshes that collide with nothing.
+
+        Returns:
+            Names of the geoms, for `Tracks.connect`.
+
+        Raises:
+            InvalidValueError: if the model has geoms of these names, or the place isn't finite.
+        """
+        for place in at:
+            require_finite("at", place)
+        taken = any(geom.name.startswith(f"{name}/") for geom in spec.geoms)
+        require(not taken, "name", name, "a name that no other course in the model has")
+        base = Base(self.floor, self.friction, *at, name, looks)
+        _add_lines(spec, f"{name}/lines")
+        names = [f"{name}/{k}" for k in range(len(self.solids))]
+        for solid, geom in zip(self.solids, names, strict=True):
+            solid.add_to(spec, geom, base)
+        if floor:
+            names.append(f"{name}/floor")
+            spec.worldbody.add_geom(
+                name=names[-1],
+                type=mujoco.mjtGeom.mjGEOM_PLANE,
+                size=[_FLOOR_SIZE, _FLOOR_SIZE, 1.0],
+                pos=[*at, self.floor],
+                **look(_FLOOR, base),
+            )
+        return names
+
+
+def _add_lines(spec: mujoco.MjSpec, name: str) -> None:
+    """Add a material that draws lines half a metre apart."""
+    spec.add_texture(
+        name=name,
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
+        rgb1=[1.0, 1.0, 1.0],
+        mark=mujoco.mjtMark.mjMARK_EDGE,
+        markrgb=[0.6, 0.6, 0.6],
+        width=256,
+        height=256,
+    )
+    material = spec.add_material(name=name, texuniform=True, texrepeat=[2.0, 2.0])
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name

@@ -1,0 +1,104 @@
+"""Pieces that are height fields: rough ground, and heights of the user's."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.terrain.limits import MAX_LENGTH, MAX_SAMPLES, MAX_SIDE, require_between, require_height, require_length
+from sim.terrain.pieces import Placed, Site, smooth_step
+from sim.terrain.solids import Grid
+from trackslip.errors import require, require_at_most
+from trackslip.kinematics import Array
+
+_MIN_CELL = 0.005  # [m]
+_MAX_EXPONENT = 8.0
+
+
+@dataclass(frozen=True)
+class Rough:
+    """Rough ground, drawn with a power spectrum that falls with the wave number; it begins and ends level."""
+
+    length: float = 4.0
+    """Length [m]."""
+    amplitude: float = 0.1
+    """From the lowest to the highest point [m]."""
+    exponent: float = 3.0
+    """Power per area of wave numbers falls with the wave number to this power; 3: that of roads (ISO 8608)."""
+    cell: float = 0.1
+    """Size of a cell of the height field [m]."""
+    blend: float = 0.5
+    """Length over which it grows out of the level ground at either end [m]."""
+
+    def __post_init__(self) -> None:
+        require_length("length", self.length)
+        require_height("amplitude", self.amplitude)
+        require_between("exponent", self.exponent, 0.0, _MAX_EXPONENT)
+        require_between("cell", self.cell, _MIN_CELL, self.length, "m, at most the length")
+        require_between("blend", self.blend, 0.0, self.length / 2, "m, at most half of the length")
+
+    def place(self, site: Site) -> Placed:
+        """See `Piece`."""
+        columns, rows = (max(2, round(size / self.cell)) + 1 for size in (self.length, site.width))
+        require_at_most("cells along a side of rough ground", max(rows, columns), MAX_SIDE)
+        require_at_most("samples of rough ground", rows * columns, MAX_SAMPLES)
+        waves = _noise(rows, columns, self.exponent, site.rng)
+        if self.blend > 0:
+            x = np.linspace(0.0, self.length, columns)
+            waves = waves * smooth_step(np.minimum(x, x[::-1]) / self.blend)
+        waves[:, [0, -1]] = 0.0  # flush with what it lies between
+        heights = site.z + waves * (self.amplitude / np.ptp(waves))
+        end = site.x + self.length
+        return Placed((Grid(site.x, self.length, site.width, heights),), end, site.z)
+
+
+def _noise(rows: int, columns: int, exponent: float, rng: np.random.Generator) -> Array:
+    """Gaussian noise (rows, columns) of mean 0 whose power per area of wave numbers is ~ wave number ** -exponent.
+
+    It is cut from a square of twice the size: noise from a Fourier sum repeats itself from edge to edge.
+    """
+    size = 2 * max(rows, columns)
+    wave_number = np.hypot(np.fft.fftfreq(size)[:, None], np.fft.rfftfreq(size))
+    wave_number[0, 0] = np.inf
+    spectrum = np.fft.rfft2(rng.standard_normal((size, size))) * wave_number ** (-exponent / 2)
+    noise = np.fft.irfft2(spectrum, (size, size))[:rows, :columns]
+    return noise - noise.mean()
+
+
+@dataclass(frozen=True, eq=False)
+class HeightField:
+    """Heights of the user's; the mean of the first column is at the height of what is before, and so on."""
+
+    heights: Array
+    """Heights (rows, columns) [m]: rows along y, to the left, columns along x, the way to drive."""
+    length: float = 4.0
+    """Length from the first to the last column [m]."""
+    width: float = math.inf
+    """Width from the first to the last row [m]; inf: that of the course."""
+
+    def __post_init__(self) -> None:
+        require_heights(self.heights)
+        require_length("length", self.length)
+        if self.width != math.inf:
+            require_length("width", self.width)
+
+    def place(self, site: Site) -> Placed:
+        """See `Piece`."""
+        heights = np.asarray(self.heights, float)
+        width = site.width if self.width == math.inf else self.width
+        heights = heights + (site.z - heights[:, 0].mean())
+        end = site.x + self.length
+        return Placed((Grid(site.x, self.length, width, heights),), end, float(heights[:, -1].mean()))
+
+
+def require_heights(heights: Array) -> None:
+    """Raise InvalidValueError unless `heights` is a table of finite heights that MuJoCo can hold."""
+    shape = np.shape(heights)
+    require(len(shape) == 2 and min(shape) >= 2, "shape of heights", shape, "(rows, columns), at least (2, 2)")
+    require_at_most("samples of heights", int(np.prod(shape)), MAX_SAMPLES)
+    values = np.ravel(heights)
+    wrong = values[~np.isfinite(values)] if values.dtype.kind in "iuf" else values
+    require(len(wrong) == 0, "heights", wrong[:1].tolist(), "finite numbers")
+    require_at_most("range of heights", float(np.ptp(heights)), MAX_LENGTH, "m")

@@ -1,0 +1,117 @@
+"""Pieces with things that lie on level ground: beams across the course, and pallets."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.terrain.limits import require_between, require_height, require_length, require_number
+from sim.terrain.pieces import Placed, Site
+from sim.terrain.solids import WOOD, Box, Level, Solid
+from trackslip.errors import require
+
+_MAX_YAW = 0.8  # [rad]
+# of the European pallet, its blocks and the boards above and below them as three whole bearers [m]
+_WIDTH, _DEPTH, _HEIGHT, _BOARD = 1.2, 0.8, 0.144, 0.022
+_BOARDS = ((-0.3275, 0.145), (-0.1635, 0.1), (0.0, 0.145), (0.1635, 0.1), (0.3275, 0.145))  # place along x, width
+_BEARERS = ((-0.55, 0.1), (0.0, 0.145), (0.55, 0.1))  # place along y, width
+
+
+@dataclass(frozen=True)
+class Beams:
+    """Square beams across the course, on level ground."""
+
+    size: float = 0.1
+    """Height and thickness of a beam [m]."""
+    spacing: float = 0.6
+    """From middle to middle [m]."""
+    number: int = 6
+    """Number of beams."""
+    yaw: float = 0.0
+    """Largest angle by which a beam is turned, drawn evenly [rad]."""
+
+    def __post_init__(self) -> None:
+        require_height("size", self.size)
+        require_length("spacing", self.spacing)
+        require(self.spacing > self.size, "spacing", self.spacing, f"greater than the beams' size, {self.size:g} m")
+        require_number("number", self.number)
+        require_between("yaw", self.yaw, 0.0, _MAX_YAW, "rad")
+
+    def place(self, site: Site) -> Placed:
+        """See `Piece`."""
+        half = self.size / 2
+        margin = self.spacing / 2 + site.width / 2 * math.sin(self.yaw)  # so that no beam lies on another piece
+        end = site.x + 2 * margin + (self.number - 1) * self.spacing
+        yaw = site.rng.uniform(-self.yaw, self.yaw, self.number)
+        beams = tuple(
+            Box(
+                (site.x + margin + k * self.spacing, 0.0, site.z + half),
+                (half, site.width / 2, half),
+                _turned(float(yaw[k])),
+                WOOD,
+            )
+            for k in range(self.number)
+        )
+        return Placed((Level(site.x, end, site.width / 2, site.z), *beams), end, site.z)
+
+
+@dataclass(frozen=True)
+class Pallets:
+    """Pallets of 0.8 x 1.2 m on level ground: five boards across, on three bearers.
+
+    As many as fit are side by side, an odd number, so that one is in the middle.
+    """
+
+    number: int = 3
+    """Number of rows of pallets, one behind the other."""
+    spacing: float = 1.6
+    """From middle to middle [m]."""
+    yaw: float = 0.0
+    """Largest angle by which a pallet is turned, drawn evenly [rad]."""
+
+    def __post_init__(self) -> None:
+        require_number("number", self.number)
+        require_length("spacing", self.spacing)
+        require_between("yaw", self.yaw, 0.0, _MAX_YAW, "rad")
+        depth, _ = self._reach
+        require(self.spacing > depth, "spacing", self.spacing, f"greater than the depth of a pallet, {depth:.3g} m")
+
+    @property
+    def _reach(self) -> tuple[float, float]:
+        """Largest extent of a turned pallet along and across the course [m]."""
+        cos, sin = math.cos(self.yaw), math.sin(self.yaw)
+        return _DEPTH * cos + _WIDTH * sin, _WIDTH * cos + _DEPTH * sin
+
+    def place(self, site: Site) -> Placed:
+        """See `Piece`."""
+        width = self._reach[1]
+        beside = int((site.width / width - 1) / 2)  # on either side of the middle
+        y = np.arange(-beside, beside + 1) * width
+        x = site.x + (np.arange(self.number) + 0.5) * self.spacing
+        yaw = site.rng.uniform(-self.yaw, self.yaw, (self.number, len(y)))
+        end = site.x + self.number * self.spacing
+        pallets = [
+            part
+            for row, column in np.ndindex(yaw.shape)
+            for part in _pallet(float(x[row]), float(y[column]), site.z, float(yaw[row, column]))
+        ]
+        return Placed((Level(site.x, end, site.width / 2, site.z), *pallets), end, site.z)
+
+
+def _pallet(x: float, y: float, z: float, yaw: float) -> Iterator[Solid]:
+    """Boards and bearers of a pallet whose middle is at (x, y)."""
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    under = _HEIGHT - _BOARD
+    for along, across in _BOARDS:
+        middle = x + along * cos, y + along * sin, z + under + _BOARD / 2
+        yield Box(middle, (across / 2, _WIDTH / 2, _BOARD / 2), _turned(yaw), WOOD)
+    for along, across in _BEARERS:
+        middle = x - along * sin, y + along * cos, z + under / 2
+        yield Box(middle, (_DEPTH / 2, across / 2, under / 2), _turned(yaw), WOOD)
+
+
+def _turned(yaw: float) -> tuple[float, float, float, float]:
+    return math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)

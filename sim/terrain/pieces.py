@@ -1,0 +1,204 @@
+"""Pieces of a course with plane surfaces: level ground, ramps, steps, stairs, gaps and side slopes.
+
+A piece begins where the one before it ended, at its height, and runs along x.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from sim.terrain.limits import (
+    require_angle,
+    require_change,
+    require_height,
+    require_length,
+    require_number,
+)
+from sim.terrain.solids import SLATE, STONE, Box, Grid, Level, Solid
+from trackslip.kinematics import Array
+
+_THICKNESS = 0.1  # of the boxes of slopes [m]
+_BLEND_CELL = 0.1  # largest cell of the twisted ground beside a side slope [m]
+
+
+@dataclass(frozen=True)
+class Site:
+    """Where a piece is placed."""
+
+    x: float
+    """Where it begins [m]."""
+    z: float
+    """Height there [m]."""
+    width: float
+    """Width of the course [m]."""
+    rng: np.random.Generator
+    """Random numbers of this piece."""
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A piece in its place."""
+
+    solids: tuple[Solid, ...]
+    x: float
+    """Where it ends [m]."""
+    z: float
+    """Height there [m]."""
+
+
+class Piece(Protocol):
+    """A piece of a course."""
+
+    def place(self, site: Site) -> Placed:
+        """The solids of this piece, at `site`."""
+
+
+@dataclass(frozen=True)
+class Flat:
+    """Level ground."""
+
+    length: float = 1.0
+    """Length [m]."""
+
+    def __post_init__(self) -> None:
+        require_length("length", self.length)
+
+    def place(self, site: Site) -> Placed:
+        """See `Piece`."""
+        end = site.x + self.length
+        return Placed((Level(site.x, end, site.width / 2, site.z),), end, site.z)
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """A slope up or down."""
+
+    angle: float = 0.35
+    """Angle with the horizontal, < 0 down [rad]."""
+    length: float = 2.0
+    """Length along the slope [m]."""
+
+    def __post_init__(self) -> None:
+        require_angle("angle", self.angle)
+        require_length("length", self.length)
+
+    def place(self, site: Site) -> Placed:
+        """See `Piece`."""
+        cos, sin = math.cos(self.angle), math.sin(self.angle)
+        end, height = site.x + self.length * cos, site.z + self.length * sin
+        half = _THICKNESS / 2
+        centre = ((site.x + end) / 2 + half * sin, 0.0, (site.z + height) / 2 - half * cos)
+        turned = (math.cos(self.angle / 2), 0.0, -math.sin(self.angle / 2), 0.0)  # nose up about -y
+        return Placed((Box(centre, (self.length / 2, site.width / 2, half), turned, SLATE),), end, height)
+
+
+@dataclass(frozen=True)
+class Step:
+    """A single step up or down, and level ground behind it."""
+
+    height: float = 0.1
+    """Height, < 0 down [m]."""
+    length: float = 1.5
+    """Length of the ground behind it [m]."""
+
+    def __post_init__(self) -> None:
+        require_change("height", self.height)
+        require_length("length", self.length)
+
+    def place(self, site: Site) -> Placed:
+        """See `Piece`."""
+        end, height = site.x + self.length, site.z + self.height
+        return Placed((Level(site.x, end, site.width / 2, height, SLATE),), end, height)
+
+
+@dataclass(frozen=True)
+class Stairs:
+    """Stairs up or down; the last tread is at the height of what follows."""
+
+    rise: float = 0.15
+    """Height of a step, < 0 down [m]."""
+    run: float = 0.28
+    """Depth of a tread [m]."""
+    number: int = 8
+    """Number of steps."""
+    width: float = math.inf
+    """Width [m]; inf: that of the course."""
+
+    def __post_init__(self) -> None:
+        require_change("rise", self.rise)
+        require_length("run", self.run)
+        require_number("number", self.number)
+        if self.width != math.inf:
+            require_length("width", self.width)
+
+    def place(self, site: Site) -> Placed:
+        """See `Piece`."""
+        half_width = min(self.width, site.width) / 2
+        edges = site.x + self.run * np.arange(self.number + 1)
+        heights = site.z + self.rise * np.arange(1, self.number + 1)
+        treads = tuple(
+            Level(float(edges[k]), float(edges[k + 1]), half_width, float(heights[k]), STONE if k % 2 else SLATE)
+            for k in range(self.number)
+        )
+        return Placed(treads, treads[-1].x1, treads[-1].z)
+
+
+@dataclass(frozen=True)
+class Gap:
+    """A ditch across the course."""
+
+    length: float = 0.3
+    """Length from edge to edge [m]."""
+    depth: float = 0.5
+    """Depth of its bottom [m]."""
+
+    def __post_init__(self) -> None:
+        require_length("length", self.length)
+        require_height("depth", self.depth)
+
+    def place(self, site: Site) -> Placed:
+        """See `Piece`."""
+        end = site.x + self.length
+        return Placed((Level(site.x, end, site.width / 2, site.z - self.depth, SLATE),), end, site.z)
+
+
+@dataclass(frozen=True)
+class SideSlope:
+    """Ground that falls to one side, between two stretches that twist from level to the slope and back."""
+
+    angle: float = 0.3
+    """Angle with the horizontal, < 0 if the left is lower [rad]."""
+    length: float = 3.0
+    """Length of the slope, without the twisted stretches [m]."""
+    blend: float = 1.0
+    """Length of each twisted stretch [m]."""
+
+    def __post_init__(self) -> None:
+        require_angle("angle", self.angle)
+        require_length("length", self.length)
+        require_length("blend", self.blend)
+
+    def place(self, site: Site) -> Placed:
+        """See `Piece`. The middle of the course stays level."""
+        begin = site.x + self.blend
+        end = begin + self.length
+        cos, sin, half = math.cos(self.angle), math.sin(self.angle), _THICKNESS / 2
+        turned = (math.cos(self.angle / 2), math.sin(self.angle / 2), 0.0, 0.0)
+        centre = ((begin + end) / 2, half * sin, site.z - half * cos)
+        slope = Box(centre, (self.length / 2, site.width / 2 / cos, half), turned, SLATE)
+        columns, rows = (max(2, math.ceil(size / _BLEND_CELL) + 1) for size in (self.blend, site.width))
+        across = np.linspace(-site.width / 2, site.width / 2, rows)[:, None] * math.tan(self.angle)
+        twisted = site.z + across * smooth_step(np.linspace(0.0, 1.0, columns))
+        before = Grid(site.x, self.blend, site.width, twisted)
+        behind = Grid(end, self.blend, site.width, twisted[:, ::-1])
+        return Placed((before, slope, behind), end + self.blend, site.z)
+
+
+def smooth_step(share: Array) -> Array:
+    """From 0 to 1 as `share` goes from 0 to 1, with level ends; constant beyond."""
+    share = np.clip(share, 0.0, 1.0)
+    return share**2 * (3 - 2 * share)

@@ -1,0 +1,232 @@
+"""What courses are made of: level blocks, boxes in any attitude and height fields, with their exact upper surfaces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import mujoco
+import numpy as np
+
+from trackslip.kinematics import Array
+
+Colour = tuple[float, float, float, float]
+STONE: Colour = (0.62, 0.64, 0.66, 1.0)
+SLATE: Colour = (0.40, 0.43, 0.47, 1.0)
+WOOD: Colour = (0.72, 0.55, 0.35, 1.0)
+EARTH: Colour = (0.55, 0.47, 0.37, 1.0)
+ROUNDING = 1e-12
+"""By which a point may be outside of a solid [m]."""
+
+
+@dataclass(frozen=True)
+class Base:
+    """What the solids of a course stand on, and what their geoms have in common."""
+
+    floor: float
+    """Height of the floor below the course [m]."""
+    friction: float
+    """Coefficient of sliding friction."""
+    x: float = 0.0
+    """Place of the course's origin in the world [m]."""
+    y: float = 0.0
+    """Place of the course's origin in the world [m]."""
+    name: str = "course"
+    """What the names of its geoms, and of all else that it adds to the model, begin with."""
+    looks: bool = True
+    """Whether to draw what carries slopes, too."""
+
+    @property
+    def contact(self) -> list[float]:
+        """Coefficients of friction as MuJoCo has them: sliding, torsional [m], rolling [m]."""
+        return [self.friction, 0.005, 0.0001]
+
+
+class Solid(Protocol):
+    """A part of a course."""
+
+    @property
+    def bounds(self) -> Array:
+        """Smallest and largest x, y, z of the upper surface, (2, 3) [m]."""
+
+    def top(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """Heights (P,) of the upper surface [m] and unit normals (P, 3) at (x, y) within the bounds, both (P,) [m].
+
+        The height is -inf where the solid is not.
+        """
+
+    def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
+        """Add the solid to the world body as a geom called `name`."""
+
+
+@dataclass(frozen=True)
+class Level:
+    """A block that stands on the floor, with a level top."""
+
+    x0: float
+    """Where it begins [m]."""
+    x1: float
+    """Where it ends [m]."""
+    half_width: float
+    """Half of its width; it is centred on the x axis [m]."""
+    z: float
+    """Height of its top [m]."""
+    colour: Colour = STONE
+
+    @property
+    def bounds(self) -> Array:
+        """See `Solid`."""
+        return np.array([[self.x0, -self.half_width, self.z], [self.x1, self.half_width, self.z]])
+
+    def continues(self, behind: Level) -> bool:
+        """Whether the block `behind` continues this one without an edge."""
+        return (self.x1, self.z, self.half_width) == (behind.x0, behind.z, behind.half_width)
+
+    def top(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """See `Solid`."""
+        return np.full(x.shape, self.z), np.broadcast_to([0.0, 0.0, 1.0], (*x.shape, 3))
+
+    def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
+        """See `Solid`."""
+        half_height = (self.z - base.floor) / 2
+        spec.worldbody.add_geom(
+            name=name,
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[(self.x1 - self.x0) / 2, self.half_width, half_height],
+            pos=[base.x + (self.x0 + self.x1) / 2, base.y, self.z - half_height],
+            **look(self.colour, base),
+        )
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box in any attitude."""
+
+    centre: tuple[float, float, float]
+    """Its centre [m]."""
+    half: tuple[float, float, float]
+    """Half of its length, width and height [m]."""
+    quaternion: tuple[float, float, float, float] = (1.0, 0.0, 0.0, 0.0)
+    """Its attitude: w, x, y, z."""
+    colour: Colour = STONE
+
+    @cached_property
+    def rotation(self) -> Array:
+        """Its axes, as the columns of a matrix (3, 3)."""
+        matrix = np.empty(9)
+        mujoco.mju_quat2Mat(matrix, np.array(self.quaternion))
+        return matrix.reshape(3, 3)
+
+    @property
+    def bounds(self) -> Array:
+        """See `Solid`."""
+        reach = np.abs(self.rotation) @ np.array(self.half)
+        return np.array(self.centre) + np.array([[-1.0], [1.0]]) * reach
+
+    def top(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """See `Solid`. A ray straight down enters the box through the last of the slabs that it enters."""
+        offset = np.stack([x, y, np.zeros_like(x)], axis=-1) - self.centre  # (P, 3)
+        at, half = offset @ self.rotation, np.array(self.half)
+        down = -self.rotation[2]  # of the ray, in the frame of the box
+        within = np.where(np.abs(at) <= half + ROUNDING, -np.inf, np.inf)  # of a slab that the ray is parallel to
+        with np.errstate(divide="ignore", invalid="ignore"):
+            enter = np.where(down == 0, within, (-np.sign(down) * half - at) / down)
+            leave = np.where(down == 0, np.inf, (np.sign(down) * half - at) / down)
+        face = enter.argmax(axis=-1)  # (P,)
+        depth = enter.max(axis=-1)
+        normal = -np.sign(down)[face, None] * self.rotation.T[face]
+        return np.where(depth <= leave.min(axis=-1) + ROUNDING, -depth, -np.inf), normal
+
+    def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
+        """See `Solid`."""
+        spec.worldbody.add_geom(
+            name=name,
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=list(self.half),
+            pos=[base.x + self.centre[0], base.y + self.centre[1], self.centre[2]],
+            quat=list(self.quaternion),
+            **look(self.colour, base),
+        )
+        if base.looks and self.rotation[2, 2] < 1:
+            self._add_skirt(spec, f"{name}/skirt", base)
+
+    def _add_skirt(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
+        """Draw what carries a sloping box: from its lower face to the floor. It collides with nothing."""
+        signs = np.array([[i, j, -1.0] for i in (-1, 1) for j in (-1, 1)])
+        lower = self.centre + signs * self.half @ self.rotation.T + [base.x, base.y, 0.0]  # (4, 3)
+        below = np.column_stack([lower[:, :2], np.full(4, base.floor)])
+        spec.add_mesh(name=name, uservert=np.concatenate([lower, below]).ravel())
+        mesh = mujoco.mjtGeom.mjGEOM_MESH
+        spec.worldbody.add_geom(
+            name=name, type=mesh, meshname=name, contype=0, conaffinity=0, **look(self.colour, base)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """A height field: heights at the corners of rectangles, each of which is two triangles."""
+
+    x0: float
+    """Where it begins [m]."""
+    length: float
+    """Its length along x [m]."""
+    width: float
+    """Its width; it is centred on the x axis [m]."""
+    heights: Array
+    """Heights (rows, columns) [m]: rows along y, columns along x, each in ascending order."""
+    colour: Colour = EARTH
+
+    @property
+    def bounds(self) -> Array:
+        """See `Solid`."""
+        low = [self.x0, -self.width / 2, self.heights.min()]
+        return np.array([low, [self.x0 + self.length, self.width / 2, self.heights.max()]])
+
+    @cached_property
+    def _shares(self) -> np.ndarray:
+        """The heights from 0 (lowest) to 1 (highest), in MuJoCo's single precision."""
+        low, high = self.heights.min(), self.heights.max()
+        return ((self.heights - low) / ((high - low) or 1.0)).astype(np.float32)
+
+    @cached_property
+    def _exact(self) -> Array:
+        """The heights that MuJoCo makes of them [m]."""
+        low, high = self.heights.min(), self.heights.max()
+        return low + (high - low) * self._shares.astype(float)
+
+    def top(self, x: Array, y: Array) -> tuple[Array, Array]:
+        """See `Solid`. MuJoCo cuts each rectangle from its corner at small x, y to that at large x, y."""
+        rows, columns = self.heights.shape
+        across = np.clip((x - self.x0) / self.length, 0.0, 1.0) * (columns - 1)
+        along = np.clip(y / self.width + 0.5, 0.0, 1.0) * (rows - 1)
+        column = np.minimum(across.astype(int), columns - 2)
+        row = np.minimum(along.astype(int), rows - 2)
+        u, v = across - column, along - row
+        corner, beyond = self._exact[row, column], self._exact[row + 1, column + 1]
+        right, left = self._exact[row, column + 1], self._exact[row + 1, column]
+        below = u >= v
+        per_u = np.where(below, right - corner, beyond - left)
+        per_v = np.where(below, beyond - right, left - corner)
+        slope_x, slope_y = per_u * (columns - 1) / self.length, per_v * (rows - 1) / self.width
+        normal = np.stack([-slope_x, -slope_y, np.ones_like(slope_x)], axis=-1)
+        return corner + u * per_u + v * per_v, normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+
+    def add_to(self, spec: mujoco.MjSpec, name: str, base: Base) -> None:
+        """See `Solid`."""
+        rows, columns = self.heights.shape
+        low, high = float(self.heights.min()), float(self.heights.max())
+        size = [self.length / 2, self.width / 2, (high - low) or 1.0, low - base.floor]
+        spec.add_hfield(name=name, nrow=rows, ncol=columns, size=size, userdata=self._shares.ravel())
+        spec.worldbody.add_geom(
+            name=name,
+            type=mujoco.mjtGeom.mjGEOM_HFIELD,
+            hfieldname=name,
+            pos=[base.x + self.x0 + self.length / 2, base.y, low],
+            **look(self.colour, base),
+        )
+
+
+def look(colour: Colour, base: Base) -> dict[str, Any]:
+    """What all geoms of a course share, as arguments of `add_geom`."""
+    return {"rgba": list(colour), "friction": base.contact, "material": f"{base.name}/lines"}

@@ -1,0 +1,118 @@
+"""Tracks bolted to a body of a MuJoCo spec: capsules along the runs of the belt, spheres at its wheels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import mujoco
+
+from sim.tracks.connect import require_friction
+from sim.tracks.hull import Hull
+from sim.tracks.options import set_options
+from sim.tracks.parts import WHEEL_WEIGHT, track_parts
+from sim.tracks.presets import Preset, load_preset
+from sim.tracks.tracks import Tracks
+from trackslip.errors import InvalidValueError, require, require_finite, require_positive
+
+SENSED = 1 << 0 | 1 << 1 | 1 << 3 | 1 << 5 | 1 << 6 | 1 << 7
+"""Bits of what a contact sensor reports of each contact: found, force, dist, normal, tangent, linvel."""
+_MAX_SEGMENTS = 40
+_MAX_FORCE = 2  # reduction of a contact sensor: the largest forces first
+_SIDES = {"both": (("left", 1.0), ("right", -1.0)), "left": (("", 1.0),), "right": (("", -1.0),)}
+
+
+def add_tracks(
+    spec: mujoco.MjSpec,
+    body: str | mujoco.MjsBody,
+    *,
+    half_gauge: float,
+    hull: Sequence[Sequence[float]],
+    preset: str | Preset = "accurate",
+    friction: tuple[float, float] = (0.7, 0.7),
+    name: str = "",
+    side: str = "both",
+    load: float = 1.0,
+    segments: int | None = None,
+    terrain: Iterable[object] | None = None,
+) -> Tracks:
+    """Add a track, or a pair of tracks, to a body of a MuJoCo spec.
+
+    The spec's cone becomes elliptic and its impratio 10,000. A time step that is MuJoCo's default becomes the preset's.
+
+    Args:
+        spec: a model that is not compiled yet.
+        body: name of the body that carries the tracks, or the body; x forwards, y left, z up.
+        half_gauge: half of the distance between the middles of two tracks; with one track, its distance to the left or
+            right of the body's frame, which may be 0 [m].
+        hull: wheels (x, z, radius) in the body's frame, in the order of the belt [m].
+        preset: "accurate" (2 ms), "fast" (4 ms), or a recipe of your own.
+        friction: coefficients along and across the belt [-]. They may differ on planes only.
+        name: of the track; two are called NAME_left and NAME_right. By default the body's name.
+        side: "both", "left" or "right".
+        load: part of the robot's weight that these tracks carry when the robot stands on them [-].
+        segments: capsules along the longest run below; by default the preset's, and half as many for a single track,
+            such as a flipper's.
+        terrain: geoms, or their names, to `connect` the tracks with at once; otherwise call `Tracks.connect`.
+
+    Raises:
+        InvalidValueError: for a body that is not in the spec, a name that is taken, an impossible hull, or a time step
+            at which the preset isn't stable.
+    """
+    carrier = _body(spec, body)
+    require(side in _SIDES, "side", side, f"one of {', '.join(_SIDES)}")
+    (require_positive if side == "both" else require_finite)("half_gauge", half_gauge)
+    require(0 < load <= 1, "load", load, "greater than 0, and at most 1")
+    require_friction(friction)
+    shape, recipe = Hull.from_wheels(hull), load_preset(preset)
+    count = segments or (recipe.segments if side == "both" else recipe.segments // 2)
+    require(2 <= count <= _MAX_SEGMENTS, "segments", segments, f"from 2 to {_MAX_SEGMENTS}")
+    prefix = name or carrier.name
+    require(prefix, "name", name, "given: the body has no name")
+    names = tuple("_".join(filter(None, (prefix, which))) for which, _ in _SIDES[side])
+    bodies = tuple(f"{track}_track" for track in names)
+    for track in bodies:
+        taken = any(
+            find(each) for find, each in ((spec.body, track), (spec.sensor, track), (spec.geom, f"{track}_wheel0"))
+        )
+        require(not taken, "name", prefix, f"another: the spec has a {track} already")
+    set_options(spec, recipe)
+    offsets = tuple(sign * half_gauge for _, sign in _SIDES[side])
+    anisotropic = friction[0] != friction[1]
+    parts = track_parts(shape, count, anisotropic)
+    for track, offset in zip(bodies, offsets, strict=True):
+        frame = carrier.add_body(name=track, pos=[0.0, offset, 0.0])
+        for part in parts:
+            frame.add_geom(name=f"{track}_{part.name}", mass=0, contype=0, conaffinity=0, group=3, **part.shape)
+        spec.add_sensor(
+            name=track,
+            type=mujoco.mjtSensor.mjSENS_CONTACT,
+            reftype=mujoco.mjtObj.mjOBJ_BODY,
+            refname=track,
+            intprm=[SENSED, _MAX_FORCE, 4 * count + 8],
+        )
+    tracks = Tracks(
+        names,
+        bodies,
+        shape,
+        offsets,
+        recipe,
+        (float(friction[0]), float(friction[1])),
+        load,
+        tuple(tuple(f"{track}_{part.name}" for part in parts) for track in bodies),
+        tuple(part.weight for part in parts),
+        tuple(part.crosswise for part in parts),
+        tuple(part.direction for part in parts),
+        len(names) * 2 * (count + WHEEL_WEIGHT),
+    )
+    if terrain is not None:
+        tracks.connect(spec, terrain)
+    return tracks
+
+
+def _body(spec: mujoco.MjSpec, body: str | mujoco.MjsBody) -> mujoco.MjsBody:
+    found = spec.body(body) if isinstance(body, str) else body
+    if found is None:
+        names = ", ".join(each.name for each in spec.bodies if each.name)
+        raise InvalidValueError("body", body, f"a body of the spec: {names}")
+    require(found.name != "world", "body", found.name, "a body that moves")
+    return found

@@ -1,0 +1,111 @@
+"""The hull of a track, seen from its left side: wheels in a convex chain, and the straight runs of belt between them.
+
+Coordinates are (x, z), forwards and up. The belt of a robot that drives forwards circulates clockwise: backwards below,
+forwards above.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackslip.errors import require
+
+_MAX_SIZE = 10.0  # of a hull's numbers [m]
+_MIN_RADIUS = 1e-3  # [m]
+_TOLERANCE = 1e-9  # of directions [rad]
+
+
+@dataclass(frozen=True)
+class Run:
+    """A straight piece of belt between two wheels."""
+
+    start: NDArray[np.float64]  # (2,) where the belt leaves one wheel [m]
+    end: NDArray[np.float64]  # (2,) where it meets the next [m]
+    radius: float
+    """Radius of the smaller of its two wheels [m]."""
+
+    @property
+    def length(self) -> float:
+        """Length [m]."""
+        return float(np.linalg.norm(self.end - self.start))
+
+    @property
+    def along(self) -> NDArray[np.float64]:
+        """Direction (2,) in which the belt moves when the robot drives forwards."""
+        return (self.end - self.start) / self.length
+
+    @property
+    def outwards(self) -> NDArray[np.float64]:
+        """Normal (2,), away from the hull."""
+        x, z = self.along
+        return np.array([-z, x])
+
+
+@dataclass(frozen=True)
+class Hull:
+    """Wheels that bend the belt, clockwise, and the runs between them: run i leaves wheel i."""
+
+    wheels: NDArray[np.float64]  # (W, 3) x, z, radius [m]
+    runs: tuple[Run, ...]
+
+    @classmethod
+    def from_wheels(cls, wheels: Sequence[Sequence[float]]) -> Hull:
+        """Hull of wheels (x, z, radius) [m] in the order of the belt, clockwise or not, from any of them on.
+
+        Wheels that the belt passes without bending carry nothing of their own and are left out.
+
+        Raises:
+            InvalidValueError: for fewer than two wheels, numbers out of range, a wheel inside another, and a chain that
+                isn't convex or crosses itself.
+        """
+        require(len(wheels) >= 2, "hull", list(wheels), "two wheels (x, z, radius) or more")
+        whole = all(np.shape(wheel) == (3,) for wheel in wheels)
+        require(whole, "hull", list(wheels), "wheels of three numbers each, (x, z, radius) [m]")
+        chain = np.array(wheels, float)
+        allowed = f"finite, with radii of at least {_MIN_RADIUS:g} m and nothing beyond {_MAX_SIZE:g} m"
+        fits = np.isfinite(chain).all() and np.abs(chain).max() <= _MAX_SIZE and chain[:, 2].min() >= _MIN_RADIUS
+        require(fits, "hull", chain.tolist(), allowed)
+        _require_apart(chain)
+        for order in (chain, chain[::-1]):
+            wrap = _wraps(order)
+            if abs(wrap.sum() - 2 * np.pi) < 1e-6:
+                return _hull(order[wrap > _TOLERANCE])
+        allowed = "a convex chain of wheels in the order of the belt, which bends around each and crosses nowhere"
+        require(False, "hull", chain.tolist(), allowed)
+        raise AssertionError
+
+
+def _require_apart(chain: NDArray[np.float64]) -> None:
+    for first, second in zip(chain, np.roll(chain, -1, axis=0), strict=True):
+        apart = np.hypot(*(second - first)[:2]) > abs(second[2] - first[2]) + 1e-6
+        require(apart, "hull", chain.tolist(), "without a wheel inside its neighbour or at the same place")
+
+
+def _tangents(chain: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Outward normals (W, 2) of the outer tangents from each wheel to the next, with the hull to their right."""
+    step = np.roll(chain, -1, axis=0) - chain
+    distance = np.hypot(step[:, 0], step[:, 1])
+    ahead = step[:, :2] / distance[:, None]
+    left = np.stack([-ahead[:, 1], ahead[:, 0]], axis=1)
+    lean = -step[:, 2:] / distance[:, None]
+    normals: NDArray[np.float64] = lean * ahead + np.sqrt(1 - lean**2) * left
+    return normals
+
+
+def _wraps(chain: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Angles (W,) by which the belt bends around each wheel, clockwise, from 0 to 2 pi [rad]."""
+    leaving = _tangents(chain)
+    angle = np.arctan2(leaving[:, 1], leaving[:, 0])
+    bend = np.mod(np.roll(angle, 1) - angle, 2 * np.pi)
+    return np.where(bend > 2 * np.pi - _TOLERANCE, 0.0, bend)
+
+
+def _hull(wheels: NDArray[np.float64]) -> Hull:
+    normals, following = _tangents(wheels), np.roll(wheels, -1, axis=0)
+    starts, ends = (at[:, :2] + at[:, 2:] * normals for at in (wheels, following))
+    radii = np.minimum(wheels[:, 2], following[:, 2])
+    return Hull(wheels, tuple(Run(*run) for run in zip(starts, ends, radii.tolist(), strict=True)))

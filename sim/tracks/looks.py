@@ -1,0 +1,163 @@
+"""What a track looks like: band, shoes and wheels, which move with the belt and are drawn only, never simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.tracks.hull import Hull
+from sim.tracks.outline import Outline
+
+Array = NDArray[np.float64]
+
+BOX, CYLINDER = int(mujoco.mjtGeom.mjGEOM_BOX), int(mujoco.mjtGeom.mjGEOM_CYLINDER)
+_RUBBER, _SHOE, _MARK = (0.10, 0.10, 0.11, 1.0), (0.15, 0.15, 0.17, 1.0), (0.93, 0.66, 0.07, 1.0)
+_STEEL, _HUB, _BOLT = (0.50, 0.52, 0.55, 1.0), (0.22, 0.23, 0.26, 1.0), (0.80, 0.81, 0.83, 1.0)
+_SHOE_HEIGHT, _BAND = 0.12, 0.09  # of the smallest wheel's radius
+_PITCH = 0.034  # distance between shoes, about [m]
+_MARKED = 9  # one shoe in so many is painted, which shows the belt moving
+_ARC = np.pi / 8  # that one straight piece of the band may turn [rad]
+_SPOKES = 5
+_ROAD_WHEEL, _ROAD_GAP = 0.62, 2.6  # radius over the end wheels', distance over radius
+_TURN_TO_Y = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # a cylinder's axis, z, becomes -y
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Boxes and cylinders across, P of them, in the frame of a body; each turned about the body's y axis only."""
+
+    kind: NDArray[np.int64]  # (P,) BOX or CYLINDER
+    size: Array  # (P, 3) half sizes; of a cylinder radius, half width and 0 [m]
+    rgba: Array  # (P, 4)
+    position: Array  # (..., P, 3) [m]
+    angle: Array  # (..., P) about y, nose down is positive [rad]
+
+    @property
+    def rotation(self) -> Array:
+        """Rotation matrices (..., P, 3, 3) of geoms in the body's frame."""
+        c, s = np.cos(self.angle), np.sin(self.angle)
+        zero, one = np.zeros_like(c), np.ones_like(c)
+        rows = [np.stack(row, axis=-1) for row in ((c, zero, s), (zero, one, zero), (-s, zero, c))]
+        turn = np.stack(rows, axis=-2)
+        return np.where((self.kind == CYLINDER)[:, None, None], turn @ _TURN_TO_Y, turn)
+
+
+@dataclass(frozen=True)
+class TrackLook:
+    """The looks of one track: its hull, where it runs in the body's frame, and how wide it is drawn."""
+
+    hull: Array  # (W, 3) x, z and radius of the wheels in the body's frame [m]
+    y: float
+    """Lateral place of the track in the body's frame [m]."""
+    width: float
+    """Width of the belt [m]."""
+
+    def pieces(self, travel: Array | float) -> Pieces:
+        """Everything that is drawn after the belt has driven `travel` (...) [m] forwards."""
+        travel = np.asarray(travel, float)
+        wheels = [self._wheel(wheel, travel) for wheel in self._wheels()]
+        found = _joined([self._band(travel), self._shoes(travel), *wheels])
+        return replace(found, position=found.position + np.array([0.0, self.y, 0.0]))
+
+    @property
+    def _thickness(self) -> tuple[float, float]:
+        """Height of the shoes and thickness of the band [m]."""
+        radius = float(np.min(np.asarray(self.hull)[:, 2]))
+        return _SHOE_HEIGHT * radius, _BAND * radius
+
+    def _inside(self, depth: float) -> Outline:
+        """The outline at a depth below the surface of the belt [m]."""
+        return Outline.of(Hull.from_wheels(np.asarray(self.hull, float) - [0.0, 0.0, depth]))
+
+    def _wheels(self) -> Array:
+        """The wheels that are drawn (W', 3): the hull's, within the belt, and road wheels on the lower run."""
+        outline = self._inside(sum(self._thickness))
+        low = int(np.argmin(np.cos(outline.heading)))  # the run that goes straight backwards
+        first, last = outline.wheels[low], outline.wheels[(low + 1) % len(outline.wheels)]
+        radius = _ROAD_WHEEL * min(first[2], last[2])
+        room = outline.run[low] - first[2] - last[2]
+        count = max(0, int(room // (_ROAD_GAP * radius)))
+        ahead, up = np.cos(outline.heading[low]), np.sin(outline.heading[low])
+        along = first[2] + (np.arange(count) + 0.5) * room / max(count, 1)
+        where = outline.start[low] + along[:, None] * [ahead, up] - radius * np.array([-up, ahead])
+        return np.concatenate([outline.wheels, np.column_stack([where, np.full(count, radius)])])
+
+    def _band(self, travel: Array) -> Pieces:
+        shoe, band = self._thickness
+        outline = self._inside(shoe + band / 2)
+        ends, at = outline.ends, [0.0]
+        radii = np.roll(outline.wheels[:, 2], -1)
+        for run, arc, radius in zip(ends[::2], ends[1::2], radii, strict=True):
+            at += [run, *np.linspace(run, arc, int(np.ceil((arc - run) / radius / _ARC)) + 1)[1:]]
+        starts, ends = np.array(at[:-1]), np.array(at[1:])
+        first, last = (outline.place(s)[0] for s in (starts, ends))
+        way = last - first
+        half = np.hypot(*way.T) / 2 + 0.2 * band  # the pieces overlap at their ends
+        size = np.column_stack([half, np.full(len(half), self.width / 2), np.full(len(half), band / 2)])
+        return _same(size, _RUBBER, (first + last) / 2, -np.arctan2(way[:, 1], way[:, 0]), travel)
+
+    def _shoes(self, travel: Array) -> Pieces:
+        shoe, _ = self._thickness
+        outline = self._inside(shoe / 2)
+        length = float(outline.ends[-1])
+        count = max(3, round(length / _PITCH))
+        pitch = length / count
+        place, heading = outline.place(np.arange(count) * pitch + travel[..., None])
+        size = np.tile([0.34 * pitch, 0.515 * self.width, shoe / 2], (count, 1))
+        rgba = np.where((np.arange(count) % _MARKED == 0)[:, None], _MARK, _SHOE)
+        position = np.stack([place[..., 0], np.zeros_like(heading), place[..., 1]], axis=-1)
+        return Pieces(np.full(count, BOX), size, rgba, position, -heading)
+
+    def _wheel(self, wheel: Array, travel: Array) -> Pieces:
+        x, z, radius = wheel
+        turn = travel / radius
+        half = 0.46 * self.width
+        discs = np.array([[radius, half, 0.0], [0.30 * radius, 0.53 * self.width, 0.0]])
+        still = _same(discs, _STEEL, np.tile([x, z], (2, 1)), np.zeros(2), travel, CYLINDER)
+        still = replace(still, rgba=np.array([_HUB, _STEEL]))
+        around = turn[..., None] + 2 * np.pi * np.arange(_SPOKES) / _SPOKES
+        position = np.stack(
+            [x + 0.62 * radius * np.sin(around), np.zeros_like(around), z + 0.62 * radius * np.cos(around)], axis=-1
+        )
+        size = np.tile([0.13 * radius, half + 0.003, 0.0], (_SPOKES, 1))
+        bolts = Pieces(np.full(_SPOKES, CYLINDER), size, np.tile(_BOLT, (_SPOKES, 1)), position, around)
+        return _joined([still, bolts])
+
+
+def _joined(parts: Sequence[Pieces]) -> Pieces:
+    """All pieces of `parts`."""
+    kind, size, rgba = (np.concatenate([getattr(one, name) for one in parts]) for name in ("kind", "size", "rgba"))
+    position = np.concatenate([one.position for one in parts], axis=-2)
+    return Pieces(kind, size, rgba, position, np.concatenate([one.angle for one in parts], axis=-1))
+
+
+def _same(size: Array, rgba: tuple[float, ...], place: Array, angle: Array, travel: Array, kind: int = BOX) -> Pieces:
+    """Pieces of one colour that stay where they are, at `place` (P, 2) in x and z, for every `travel`."""
+    count = len(size)
+    position = np.stack([place[:, 0], np.zeros(count), place[:, 1]], axis=-1)
+    shape = (*travel.shape, count)
+    return Pieces(
+        np.full(count, kind),
+        size,
+        np.tile(rgba, (count, 1)),
+        np.broadcast_to(position, (*shape, 3)),
+        np.broadcast_to(angle, shape),
+    )
+
+
+def draw(scene: mujoco.MjvScene, pieces: Pieces, position: Array, rotation: Array) -> None:
+    """Append pieces of a body at `position` (3,), turned by `rotation` (3, 3), to a scene, as far as it has room."""
+    where = position + pieces.position @ rotation.T
+    turn = (rotation @ pieces.rotation).reshape(-1, 9)
+    colour = pieces.rgba.astype(np.float32)
+    for kind, size, at, matrix, rgba in zip(pieces.kind, pieces.size, where, turn, colour, strict=True):
+        if scene.ngeom == scene.maxgeom:
+            return
+        geom = scene.geoms[scene.ngeom]
+        mujoco.mjv_initGeom(geom, int(kind), size, at, matrix, rgba)
+        geom.category = mujoco.mjtCatBit.mjCAT_DYNAMIC  # what is only decoration casts no shadow
+        scene.ngeom += 1

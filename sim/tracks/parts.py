@@ -1,0 +1,113 @@
+"""The geoms of a track: capsules along the runs of the belt, spheres at its wheels."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.tracks.hull import Hull
+from sim.tracks.presets import Preset
+
+WHEEL_WEIGHT = 0.5
+"""Load of a wheel on a plane, relative to that of a capsule's end [-]."""
+_MAX_RUN_RADIUS = 0.03  # [m]
+_ABOVE = 0.4  # density of capsules along a run that only touches when the robot has overturned, relative to one below
+_ALONG = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class TrackParts:
+    """The tracks of one call of `add_tracks`: each a body without joints, with its geoms and a contact sensor."""
+
+    names: tuple[str, ...]
+    """Name of each track."""
+    bodies: tuple[str, ...]
+    """Name of each track's body and sensor, and the beginning of the names of its geoms: NAME_track."""
+    hull: Hull
+    """The hull of each track."""
+    offsets: tuple[float, ...]
+    """Position of each track to the left on the body [m]."""
+    preset: Preset
+    """The contact recipe."""
+    friction: tuple[float, float]
+    """Friction coefficients along and across the belt [-]."""
+    load: float
+    """Part of the robot's weight that these tracks carry when it stands on them [-]."""
+    geoms: tuple[tuple[str, ...], ...]
+    """Names of the geoms of each track."""
+    weights: tuple[float, ...]
+    """Stiffness of each geom of a track, relative to that of a capsule's end [-]."""
+    crosswise: tuple[bool, ...]
+    """Whether each geom of a track is a capsule across it."""
+    directions: tuple[tuple[float, ...], ...]
+    """Surface velocity (6,) of each geom of a track in its own frame, at a belt speed of 1 m/s."""
+    points: float
+    """Number of points with which these tracks stand on their longest runs, a wheel counting by its load."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """A geom of a track."""
+
+    name: str
+    """Its name, after that of the track."""
+    shape: dict[str, object]
+    """Type, place and size, in the track's frame; the own z axis of a capsule along the run is the belt's direction."""
+    weight: float
+    """Stiffness relative to that of a capsule's end [-]."""
+    crosswise: bool
+    """Whether it is a capsule across the track."""
+    direction: tuple[float, ...]
+    """Surface velocity (6,) in its own frame, at a belt speed of 1 m/s."""
+
+
+def track_parts(hull: Hull, segments: int, anisotropic: bool) -> list[Part]:
+    """Geoms of a track, in its frame: `segments` capsules along the longest run that faces the ground."""
+    longest = max(run.length for run in hull.runs if run.outwards[1] < 0)
+    parts = []
+    for i, run in enumerate(hull.runs):
+        density = (1.0 if run.outwards[1] < 0 else _ABOVE) * segments / longest
+        radius = min(run.radius, _MAX_RUN_RADIUS)
+        middle = (run.start + run.end) / 2 - radius * run.outwards
+        turn = np.arctan2(run.along[0], run.along[1])  # about y, from z to the belt's direction
+        for j, (start, end) in enumerate(_chain(run.length, max(2, round(density * run.length)))):
+            x, z = middle + (start + end) / 2 * run.along
+            shape = {
+                "type": mujoco.mjtGeom.mjGEOM_CAPSULE,
+                "pos": [x, 0.0, z],
+                "size": [radius, (end - start) / 2, 0.0],
+                "quat": [np.cos(turn / 2), 0.0, np.sin(turn / 2), 0.0],
+            }
+            parts.append(Part(f"run{i}_{j}", shape, 1.0, False, _ALONG))
+    for i, (x, z, radius) in enumerate(hull.wheels.tolist()):
+        parts.append(_wheel(i, x, z, radius, anisotropic))
+    return parts
+
+
+def _chain(length: float, count: int) -> NDArray[np.float64]:
+    """Ends (count, 2) of the capsules along a run, from its middle.
+
+    Together with wheels at the run's ends that carry half of a point each, the ends are spread like an even load: equal
+    steps between them, and a chain as much shorter as gives all of them the mean distance from the middle, length / 4.
+    Each capsule reaches beyond the beginning of the next, so that there is no gap for an edge.
+    """
+    ends = ((np.arange(2 * count) + 0.5) / (2 * count) - 0.5) * length * (1 - WHEEL_WEIGHT / count)
+    first, last = ends[[0, *range(1, 2 * count - 1, 2)]], ends[[*range(2, 2 * count, 2), -1]]
+    return np.stack([first, last], axis=1)
+
+
+def _wheel(index: int, x: float, z: float, radius: float, anisotropic: bool) -> Part:
+    if not anisotropic:
+        sphere = {"type": mujoco.mjtGeom.mjGEOM_SPHERE, "pos": [x, 0.0, z], "size": [radius, 0.0, 0.0]}
+        return Part(f"wheel{index}", sphere, WHEEL_WEIGHT, False, (0.0, 0.0, 0.0, 0.0, 1 / radius, 0.0))
+    # on a plane only a capsule's contact frame turns with the robot; it touches at both ends
+    across = {
+        "type": mujoco.mjtGeom.mjGEOM_CAPSULE,
+        "pos": [x, 0.0, z],
+        "size": [radius, radius / 100, 0.0],
+        "quat": [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0],
+    }
+    return Part(f"wheel{index}", across, WHEEL_WEIGHT / 2, True, (0.0, 0.0, 0.0, 0.0, 0.0, -1 / radius))

@@ -1,0 +1,92 @@
+"""Contact presets: impedance that stiffens with depth, so that many points share a plane and few carry a stair.
+
+A contact with impedance d(r) at depth r, between bodies of inverse weight A, pushes with
+f = (d / (1 - d)) / A * (a* - a), a* = K d(r) / dmax^2 r - B / dmax v. Standing, N points at the depth `sink` carry the
+robot of mass m; of their `regularisation` e, d / (1 - d) = e m A / N there. Then K = g dmax^2 / (e d sink), and heave
+has the frequency w^2 = (1 + 2 sink d' / d) g / sink / (1 + e) and the damping e B / dmax / (1 + e) = 2 zeta w.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackslip.errors import require
+
+
+@dataclass(frozen=True)
+class Preset:
+    """A contact recipe. `stiffening` points have d0 at no depth and `stiffening` d0 at `width`."""
+
+    timestep: float
+    """Physics step that it is made for [s]."""
+    longest_timestep: float
+    """Longest physics step at which it is stable [s]."""
+    segments: int
+    """Capsules along the longest run of a track; even."""
+    sink: float
+    """Depth of a robot that stands on one run of each track [m]."""
+    damping_ratio: float
+    """Damping ratio of heave [-]."""
+    stiffening: float
+    """Ratio of the impedances at depth `width` and at no depth [-]."""
+    width: float
+    """Depth at which the impedance is largest [m]."""
+    power: float
+    """Power of depth with which the impedance grows [-]."""
+    regularisation: float = 0.02
+    """Inverse softness of all points of the standing robot together, in robot masses [-]."""
+    grip: float = 100.0
+    """Rate at which sliding decays where the ground holds [1/s]."""
+
+    def contact(self, gravity: float, share: float, hardness: float, weight: float = 1.0) -> ContactParameters:
+        """Parameters of a contact.
+
+        Args:
+            gravity: acceleration of gravity [m/s^2].
+            share: m A / N above [-].
+            hardness: stiffness and damping relative to those of the preset [-].
+            weight: load of this point on a plane, relative to the others [-].
+        """
+        softness = self.regularisation * share
+        standing = softness / (1 + softness)
+        growth = (self.stiffening - 1) * (self.sink / self.width) ** self.power
+        first = standing / (1 + growth)
+        last = min(first * self.stiffening, 0.99)
+        softer = np.sqrt(weight)  # the force of a point goes with the square of its impedance
+        steepness = 1 + 2 * self.power * growth / (1 + growth)
+        e = self.regularisation
+        frequency = np.sqrt(steepness * gravity / (self.sink * (1 + e)))
+        stiffness = hardness * gravity * last**2 / (e * standing * self.sink)
+        damping = hardness * 2 * self.damping_ratio * frequency * last * (1 + e) / e
+        midpoint = 0.5 if self.power == 1 else 0.999  # the whole rise is a power of depth
+        return ContactParameters(
+            solref=(-stiffness, -damping),
+            solimp=(first * softer, last, self.width, midpoint, self.power),
+            solreffriction=(-1.0, -self.grip * last),
+        )
+
+
+@dataclass(frozen=True)
+class ContactParameters:
+    """Fields of a contact pair."""
+
+    solref: tuple[float, float]
+    solimp: tuple[float, float, float, float, float]
+    solreffriction: tuple[float, float]
+
+
+PRESETS = {
+    "accurate": Preset(0.002, 0.002, 10, 0.0003, 0.5, 3.0, 0.003, 3.0),
+    "fast": Preset(0.004, 0.004, 5, 0.0010, 0.5, 3.0, 0.006, 4.0),
+}
+"""Presets by name."""
+
+
+def load_preset(preset: str | Preset) -> Preset:
+    """Return the preset of that name, or the one given. Raises InvalidValueError for an unknown name."""
+    if isinstance(preset, Preset):
+        return preset
+    require(preset in PRESETS, "preset", preset, f"one of {', '.join(PRESETS)}")
+    return PRESETS[preset]

@@ -1,0 +1,121 @@
+"""Options of the environment trackslip/Traverse-v0, the keyword arguments of `gymnasium.make`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+from sim.robot.tracked import TrackedRobot, load_tracked
+from sim.terrain import load_course
+from sim.traverse.outcome import Limits
+from sim.traverse.scripted import Scripted
+from sim.traverse.servo import Servos
+from trackslip.errors import require, require_non_negative, require_positive
+
+PERIOD = 0.1
+"""Control period: time between actions [s]."""
+RANDOM = "random"
+"""Name of courses that are drawn; see `courses.draw_course`."""
+_ACTIONS = ("direct", "correction")
+_FLIPPERS = ("each", "pairs")
+
+
+@dataclass(frozen=True)
+class Reward:
+    """The reward of a step: a sum of terms, each of which is given by name in `info`.
+
+    progress            weight_progress times the way that the robot came closer to the goal [m]
+    energy              -weight_energy times the work of the belts against the ground [J]
+    change              -weight_change times the mean square of the change of the actions
+    end                 weight_reached for a crossed course; -weight_failed for tipping over, falling, exploding or
+                        being stuck
+    """
+
+    weight_progress: float = 2.0
+    """Reward per way [1/m]."""
+    weight_energy: float = 0.001
+    """Cost of work [1/J]."""
+    weight_change: float = 0.02
+    """Cost of changes of the actions [-]."""
+    weight_reached: float = 5.0
+    """Reward, once, for crossing the course [-]."""
+    weight_failed: float = 5.0
+    """Penalty, once, for an end that is neither that nor the end of the time [-]."""
+
+    def __post_init__(self) -> None:
+        for f in fields(self):
+            require_non_negative(f.name, getattr(self, f.name))
+
+
+@dataclass(frozen=True)
+class TraverseConfig:
+    """The task of crossing a course."""
+
+    robot: str | TrackedRobot = "rescue"
+    """Name of a tracked robot, its .toml file, or the robot."""
+    course: str | tuple[str, ...] = RANDOM
+    """Name of a course, "random", or a .toml file; if there are several, each episode draws one."""
+    difficulty: tuple[float, float] = (0.0, 1.0)
+    """Range from which the difficulty of random courses is drawn, within 0 to 1 [-]."""
+    obstacles: int = 2
+    """Number of obstacles on a random course, 1 or 2."""
+    action: str = "direct"
+    """Meaning of the actions in [-1, 1]: "direct", set points in units of the top speed and of pi / 2; "correction",
+    what is added to the set points of `scripted`."""
+    flippers: str = "each"
+    """An action for "each" flipper, or for the "pairs" of front and rear ones."""
+    speed_authority: float = 0.3
+    """Largest correction of a belt's speed [m/s]."""
+    flipper_authority: float = 0.8
+    """Largest correction of a flipper's set point [rad]."""
+    scripted: Scripted = field(default_factory=Scripted)
+    """The scripted controller."""
+    start_offset: float = 0.1
+    """Largest offset of the start to either side, drawn evenly [m]."""
+    start_heading: float = 0.1
+    """Largest heading at the start, in either direction, drawn evenly [rad]."""
+    preset: str = "fast"
+    """Contact preset of the tracks."""
+    reward: Reward = field(default_factory=Reward)
+    """The reward of a step."""
+    limits: Limits = field(default_factory=lambda: Limits(time=30.0))
+    """Where episodes end."""
+    servos: Servos = field(default_factory=Servos)
+    """Servos of belts and flippers."""
+
+    def __post_init__(self) -> None:
+        for name, value, choices in (("action", self.action, _ACTIONS), ("flippers", self.flippers, _FLIPPERS)):
+            require(value in choices, name, value, f"one of {', '.join(choices)}")
+        require(len(self.courses) > 0, "course", self.course, "a name, or a tuple of names")
+        for course in self.courses:
+            if course != RANDOM:
+                load_course(course)
+        require_range(self.difficulty)
+        require(self.obstacles in (1, 2), "obstacles", self.obstacles, "1 or 2")
+        for name in ("speed_authority", "flipper_authority"):
+            require_positive(name, getattr(self, name))
+        for name in ("start_offset", "start_heading"):
+            require_non_negative(name, getattr(self, name))
+
+    @classmethod
+    def of(cls, options: dict[str, Any]) -> TraverseConfig:
+        """Create the configuration from keyword arguments; raises InvalidValueError for unknown names."""
+        known = [f.name for f in fields(cls)]
+        for name in options:
+            require(name in known, "option", name, f"one of {', '.join(known)}")
+        return cls(**{name: tuple(value) if isinstance(value, list) else value for name, value in options.items()})
+
+    @property
+    def courses(self) -> tuple[str, ...]:
+        """Courses from which episodes draw."""
+        return (self.course,) if isinstance(self.course, str) else tuple(self.course)
+
+    def load_robot(self) -> TrackedRobot:
+        """The robot."""
+        return self.robot if isinstance(self.robot, TrackedRobot) else load_tracked(self.robot)
+
+
+def require_range(difficulty: tuple[float, float]) -> None:
+    """Raise InvalidValueError unless `difficulty` is a range within 0 to 1."""
+    valid = len(difficulty) == 2 and 0.0 <= difficulty[0] <= difficulty[1] <= 1.0
+    require(valid, "difficulty", difficulty, "two ascending numbers from 0 to 1")

@@ -1,0 +1,60 @@
+"""What tracks do on the ground in a control period, from samples of their contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.tracks import Reading
+from trackslip.kinematics import Array
+
+_STILL = 1e-3  # belt speed below which slip is not defined [m/s]
+
+
+@dataclass
+class Contact:
+    """What the T tracks of N robots did in a control period, (N, T) each."""
+
+    traction: Array  # mean force of the ground along the belt, positive forwards [N]
+    load: Array  # mean normal force [N]
+    belt: Array  # mean belt speed [m/s]
+    slip: Array  # 1 - speed over ground / belt speed while it touched; NaN where it did not, or the belt stood [-]
+    touching: NDArray[np.bool_]  # whether it touched the ground
+    depth: Array  # largest penetration [m]
+    work: Array  # of the belts against the ground [J]
+
+    @classmethod
+    def none(cls, size: int, tracks: int) -> Contact:
+        """Tracks that have not touched anything."""
+        zero = np.zeros((size, tracks))
+        return cls(zero, zero.copy(), zero.copy(), np.full(zero.shape, np.nan), zero > 0, zero.copy(), zero.copy())
+
+    @classmethod
+    def of(cls, readings: Sequence[Reading], belts: Sequence[Array], sample: float) -> Contact:
+        """The mean of readings (N, T) at the ends of samples of `sample` [s] with mean belt speeds (N, T) [m/s]."""
+        count = len(readings)
+        traction, load, slid, driven, work = (np.zeros(belts[0].shape) for _ in range(5))
+        touching, depth = np.zeros(belts[0].shape, bool), np.zeros(belts[0].shape)
+        for reading, belt in zip(readings, belts, strict=True):
+            traction += reading.traction / count
+            load += reading.load / count
+            work += reading.traction * belt * sample
+            slid += np.where(reading.touching, reading.sliding, 0.0)
+            driven += np.where(reading.touching, belt, 0.0)
+            touching |= reading.touching
+            depth = np.maximum(depth, reading.depth)
+        defined = touching & (np.abs(driven) > _STILL * count)
+        slip = np.divide(slid, driven, out=np.full(slid.shape, np.nan), where=defined)
+        return cls(traction, load, sum(belts, np.zeros(slid.shape)) / count, slip, touching, depth, work)
+
+    def put(self, rows: NDArray[np.int_], other: Contact) -> None:
+        """Take the rows `rows` (R,) of another."""
+        for name, values in vars(other).items():
+            getattr(self, name)[rows] = values[rows]
+
+    def clear(self, rows: NDArray[np.int_]) -> None:
+        """Forget what the robots `rows` (R,) did."""
+        self.put(rows, Contact.none(*self.load.shape))

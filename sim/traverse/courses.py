@@ -1,0 +1,63 @@
+"""Short courses drawn at random for learning: of boxes alone, so that every robot can have its own in one batch."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sim.terrain import Beams, Course, Flat, Gap, Piece, Ramp, Stairs, Step
+from trackslip.errors import require
+
+MAX_BOXES = 9
+"""Largest number of boxes of a course that `draw_course` draws."""
+OBSTACLES = ("ramp", "step up", "step down", "stairs up", "stairs down", "beams", "gap")
+"""Kinds of obstacles that it draws."""
+_WIDTH = 2.0  # [m]
+_APART = 0.7  # length of level ground between two obstacles [m]
+_START, _GOAL = 1.6, 1.2  # lengths of the platforms before and behind them [m]
+_SEEDS = 2**31
+
+
+def draw_course(rng: np.random.Generator, difficulty: float, obstacles: int = 2) -> Course:
+    """Draw a course of a `difficulty` from 0 (hardly anything in the way) to 1 (the rescue robot's limits).
+
+    Raises InvalidValueError for a difficulty or a number of obstacles out of range.
+    """
+    require(0.0 <= difficulty <= 1.0, "difficulty", difficulty, "from 0 to 1")
+    require(1 <= obstacles <= 2, "obstacles", obstacles, "1 or 2")
+    pieces: list[Piece] = []
+    for k in range(obstacles):
+        kind = OBSTACLES[rng.integers(len(OBSTACLES))]
+        pieces += [Flat(_APART)] * (k > 0)
+        pieces += _obstacle(kind, difficulty, rng)
+    friction = float(rng.uniform(0.6, 0.9))
+    seed = int(rng.integers(_SEEDS))
+    return Course(tuple(pieces), _WIDTH, friction, seed, start_length=_START, goal_length=_GOAL)
+
+
+def _obstacle(kind: str, difficulty: float, rng: np.random.Generator) -> list[Piece]:
+    """An obstacle of one of the `OBSTACLES`, from half as large as the difficulty allows to just that."""
+    size = difficulty * rng.uniform(0.5, 1.0)
+
+    def between(easiest: float, hardest: float) -> float:
+        return easiest + float(size) * (hardest - easiest)
+
+    run, number = float(rng.uniform(0.26, 0.34)), int(rng.integers(2, 5))
+    step, rise = between(0.02, 0.32), between(0.02, 0.24)
+    match kind:
+        case "ramp":
+            angle = between(0.05, math.radians(35))
+            return [Ramp(angle, 1.0), Flat(0.5), Ramp(-angle, 1.0)]
+        case "step up":
+            return [Step(step, _APART)]
+        case "step down":
+            return [Step(-step, _APART)]
+        case "stairs up":
+            return [Stairs(rise, run, number)]
+        case "stairs down":
+            return [Stairs(-rise, run, number)]
+        case "beams":
+            return [Beams(between(0.02, 0.2), float(rng.uniform(0.45, 0.7)), number, yaw=between(0.0, 0.5))]
+        case _:
+            return [Gap(between(0.05, 0.5))]

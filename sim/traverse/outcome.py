@@ -1,0 +1,93 @@
+"""How a run over a course ends."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trackslip.errors import require, require_positive
+from trackslip.kinematics import Array
+
+Outcomes = NDArray[np.int_]
+"""Outcomes (N,) as the numbers of `Outcome`."""
+
+
+class Outcome(IntEnum):
+    """State or end of a run. If several apply, the one that is named last here counts."""
+
+    DRIVING = 0
+    """The run goes on."""
+    TIME = 1
+    """The time is over."""
+    STUCK = 2
+    """The belts ran without getting the robot anywhere."""
+    REACHED = 3
+    """The robot has crossed the course."""
+    FELL = 4
+    """The robot fell off the course."""
+    TIPPED = 5
+    """The robot tipped over."""
+    EXPLODED = 6
+    """The simulation broke down: the robot is faster than anything drives, or its state is not finite."""
+
+    @property
+    def label(self) -> str:
+        """The name in lower case, as it is printed and stored."""
+        return self.name.lower()
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Where a run ends."""
+
+    time: float = 60.0
+    """Longest run [s]."""
+    lean: float = 1.3
+    """Angle between the chassis' and the world's vertical beyond which a robot has tipped over [rad]."""
+    drop: float = 0.3
+    """Depth below the lowest ground of the course at which a robot has fallen [m]."""
+    stuck_time: float = 5.0
+    """Time over which a robot must get on, if its belts do [s]."""
+    stuck_travel: float = 0.1
+    """Way of the belts in that time, mean of left and right, below which a robot isn't stuck but waits or turns [m]."""
+    stuck_share: float = 0.1
+    """Share of the belts' way that the robot must move in that time [-]."""
+    speed: float = 10.0
+    """Speed of the chassis beyond which the simulation has broken down [m/s]."""
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            require_positive(name, value)
+        require(self.lean < np.pi, "lean", self.lean, "less than pi")
+
+
+class StuckWatch:
+    """Finds robots whose belts run without getting them anywhere."""
+
+    def __init__(self, limits: Limits, size: int, period: float) -> None:
+        """`size` robots, observed once in every control `period` [s]."""
+        self._limits, self._period = limits, period
+        self._history = max(1, round(limits.stuck_time / period))
+        self._position: deque[Array] = deque(maxlen=self._history + 1)  # (N, 3) each [m]
+        self._travel: deque[Array] = deque(maxlen=self._history + 1)  # (N,) each, since the first observation [m]
+        self._age: NDArray[np.int_] = np.zeros(size, int)  # periods since the start of each run
+        self._travelled: Array = np.zeros(size)
+
+    def begin(self, rows: NDArray[np.int_]) -> None:
+        """Start new runs with the robots `rows` (R,)."""
+        self._age[rows] = 0
+
+    def observe(self, position: Array, belts: Array) -> NDArray[np.bool_]:
+        """Whether robots (N,) are stuck, at positions (N, 3) [m] with belt speeds (N, 2) over the last period [m/s]."""
+        self._travelled = self._travelled + (belts[:, 0] + belts[:, 1]) * (self._period / 2)
+        self._position.append(position.copy())
+        self._travel.append(self._travelled)
+        self._age += 1
+        moved = np.linalg.norm(position - self._position[0], axis=1)
+        travelled = np.abs(self._travelled - self._travel[0])
+        idle = (travelled < self._limits.stuck_travel) | (moved >= self._limits.stuck_share * travelled)
+        return (self._age > self._history) & ~idle

@@ -1,0 +1,80 @@
+"""Flippers by reflex: each follows the ground that lies ahead of it, so that it meets edges with its belt on top."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.robot.tracked_model import TrackedModel
+from trackslip.kinematics import Array
+
+SAMPLES = np.array([1.0, 1.25, 1.5])
+"""Distances from the hinge at which a reflex looks at the ground, in lengths of the flipper."""
+
+
+@dataclass(frozen=True)
+class FlipperGeometry:
+    """Shape of F flippers."""
+
+    hinge: Array  # (F, 3) in the chassis' frame [m]
+    length: Array  # (F,) from the hinge to the wheel at the tip [m]
+    radius: Array  # (F,) of a flipper's wheels, mean [m]
+    front: NDArray[np.bool_]  # (F,) whether the flipper points forwards
+    rest: Array  # (F,) lift of the tip above the chassis' plane at angle 0 [rad]
+
+    @classmethod
+    def of(cls, tracked: TrackedModel) -> FlipperGeometry:
+        """The flippers of a robot."""
+        model, flippers = tracked.model, tracked.robot.flippers
+        data = mujoco.MjData(model)
+        data.qpos[tracked.flipper_qpos] = 0.0
+        mujoco.mj_kinematics(model, data)
+        axes, origin = data.xmat[tracked.body].reshape(3, 3), data.xpos[tracked.body]
+        joints = [int(np.flatnonzero(model.jnt_qposadr == adr)[0]) for adr in tracked.flipper_qpos]
+        hinge, tip, radius = np.zeros((len(joints), 3)), np.zeros((len(joints), 3)), np.zeros(len(joints))
+        for k, (joint, flipper) in enumerate(zip(joints, flippers, strict=True)):
+            body, wheels = model.jnt_bodyid[joint], np.array(flipper.hull)
+            places = np.insert(wheels[:, :2], 1, flipper.y, axis=1) @ data.xmat[body].reshape(3, 3).T + data.xpos[body]
+            away = np.linalg.norm(places - data.xanchor[joint], axis=1)
+            hinge[k] = (data.xanchor[joint] - origin) @ axes
+            tip[k] = (places[away.argmax()] - origin) @ axes
+            radius[k] = wheels[:, 2].mean()
+        reach = tip - hinge
+        length = np.hypot(reach[:, 0], reach[:, 2])
+        return cls(hinge, length, radius, tracked.flipper_front, np.arctan2(reach[:, 2], np.abs(reach[:, 0])))
+
+
+@dataclass(frozen=True)
+class Reflex:
+    """Rules that turn ground and attitude into set points of the flippers.
+
+    Front flippers rise as far as what is ahead demands. Rear flippers stay in line with the chassis, which keeps it
+    from tipping backwards, and reach down for the ground behind it when the robot comes over an edge.
+    """
+
+    highest: float = 0.5
+    """Largest lift of front flippers above the chassis' plane [rad]."""
+    lowest: float = -0.5
+    """Lowest reach of rear flippers [rad]."""
+
+    def angles(self, ground: Array, pitch: Array, hinge_height: Array, geometry: FlipperGeometry) -> Array:
+        """Set points (N, F) of the flippers' angles, tips up [rad].
+
+        Args:
+            ground: heights (N, F, S) of the ground at `SAMPLES` beyond the hinges, in the flippers' directions [m].
+            pitch: angles (N,) by which the chassis points upwards [rad].
+            hinge_height: heights (N, F) of the hinges [m].
+            geometry: the F flippers.
+        """
+        away = SAMPLES * geometry.length[:, None]  # (F, S)
+        rise = ground - hinge_height[..., None]
+        distance = np.hypot(away, rise)
+        # of a line through the hinge whose lower side, `radius` below, touches the ground there
+        above = np.arcsin(np.minimum(geometry.radius[:, None] / distance, 1.0))
+        slope = (np.arctan2(rise, away) + above).max(axis=-1)
+        lift = slope - np.where(geometry.front, 1.0, -1.0) * pitch[:, None]
+        low, high = np.where(geometry.front, 0.0, self.lowest), np.where(geometry.front, self.highest, 0.0)
+        return np.clip(lift, low, high) - geometry.rest

@@ -1,0 +1,97 @@
+"""Courses that differ from robot to robot and from episode to episode, in one compiled model.
+
+The model has slots: boxes, height fields and a floor without a place of their own. A course takes as many of them as it
+needs, the others lie far below. Where they are is then an expanded field of the batch, which the engine uses as if it
+had been compiled. MuJoCo's tree of bounding boxes can't be expanded; the model does without.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.terrain import Course
+from trackslip.errors import require
+
+_FIELDS = (
+    *("geom_pos", "geom_quat", "geom_size", "geom_rbound", "geom_aabb"),
+    *("geom_sameframe", "geom_dataid", "geom_friction"),
+)
+_BOX, _FIELD, _PLANE = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_HFIELD, mujoco.mjtGeom.mjGEOM_PLANE
+_AWAY = -1000.0  # height of slots that are not in use [m]
+_TINY = 0.01  # half of their size [m]
+
+
+class Slots:
+    """Slots for courses in a model, which they are added to as a terrain: boxes, height fields, and a floor."""
+
+    def __init__(self, courses: Sequence[Course], boxes: int = 0) -> None:
+        """Make room for each of `courses`, and for any course of `boxes` boxes or less without a height field."""
+        self._listed = [(course, _terrain(course)) for course in courses]
+        self._boxes = max([boxes, *(_count(model, _BOX) for _, model in self._listed)])
+        self._fields = max((_count(model, _FIELD) for _, model in self._listed), default=0)
+        self._first_field = np.cumsum([0, *(model.nhfield for _, model in self._listed)])
+        self._names = [f"slot{k}" for k in range(self._boxes + self._fields + 1)]
+        self._ids: NDArray[np.int_] = np.zeros(0, int)
+        self._batch: dict[str, Any] = {}
+
+    def add_to(self, spec: mujoco.MjSpec) -> list[str]:
+        """Add the slots to the world body of `spec`; returns the names of their geoms."""
+        for (_, model), first in zip(self._listed, self._first_field, strict=False):
+            for k in range(model.nhfield):
+                adr, rows, columns = model.hfield_adr[k], model.hfield_nrow[k], model.hfield_ncol[k]
+                data = model.hfield_data[adr : adr + rows * columns]
+                size = list(model.hfield_size[k])
+                spec.add_hfield(name=f"field{first + k}", nrow=rows, ncol=columns, size=size, userdata=data)
+        kinds = [{"type": _BOX, "size": [_TINY] * 3}] * self._boxes
+        kinds += [{"type": _FIELD, "hfieldname": "field0"}] * self._fields
+        kinds += [{"type": _PLANE, "size": [1.0, 1.0, 1.0]}]
+        for name, kind in zip(self._names, kinds, strict=True):
+            spec.worldbody.add_geom(name=name, pos=[0.0, 0.0, _AWAY], **kind)
+        spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
+        return list(self._names)
+
+    def bind_batch(self, batch: Any) -> None:
+        """Take control of the slots in a batch of the model."""
+        self._ids = np.array([batch.model.geom(name).id for name in self._names])
+        self._batch = {name: batch.expand(name) for name in _FIELDS}  # (N, ngeom, ...) each, live
+        self._empty = {name: getattr(batch.model, name)[self._ids].copy() for name in _FIELDS}
+
+    def lay(self, row: int, course: Course) -> None:
+        """Put a course under the robot `row` of the batch.
+
+        Raises InvalidValueError for a course that has too many boxes, or height fields that there is no room for.
+        """
+        listed = next((k for k, (one, _) in enumerate(self._listed) if one is course), None)
+        model = _terrain(course) if listed is None else self._listed[listed][1]
+        boxes, fields = _count(model, _BOX), _count(model, _FIELD)
+        require(boxes <= self._boxes, "course", f"{boxes} boxes", f"of at most {self._boxes}")
+        require(listed is not None or not fields, "course", f"{fields} height fields", "without, unless it is listed")
+        where = np.full(model.ngeom, -1)
+        for kind, first in ((_BOX, 0), (_FIELD, self._boxes), (_PLANE, self._boxes + self._fields)):
+            own = np.flatnonzero(model.geom_type == kind)
+            where[own] = first + np.arange(len(own))
+        for name in _FIELDS:
+            values = self._empty[name].copy()
+            values[where] = getattr(model, name)
+            if name == "geom_dataid" and listed is not None:
+                values[where] += np.where(model.geom_type == _FIELD, self._first_field[listed], 0)
+            self._batch[name][row, self._ids] = values
+
+
+def _terrain(course: Course) -> mujoco.MjModel:
+    """A model of the course alone."""
+    spec = mujoco.MjSpec()
+    course.add_to(spec, looks=False)
+    model = spec.compile()
+    allowed = "of boxes, height fields and a floor"
+    require(np.isin(model.geom_type, (_BOX, _FIELD, _PLANE)).all(), "course", course, allowed)
+    return model
+
+
+def _count(model: mujoco.MjModel, kind: int) -> int:
+    return int((model.geom_type == kind).sum())

@@ -1,0 +1,216 @@
+"""Crossing courses as a learning task of N robots, one row each: actions in, observations and rewards out."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from sim.terrain import Course, load_course
+from sim.traverse.config import PERIOD, RANDOM, Reward, TraverseConfig, require_range
+from sim.traverse.courses import MAX_BOXES, draw_course
+from sim.traverse.observation import Layout
+from sim.traverse.outcome import Outcome, Outcomes
+from sim.traverse.world import Command, Traverse
+from trackslip.errors import InvalidValueError, require, require_finite
+from trackslip.kinematics import Array
+
+TERMS = ("progress", "energy", "change", "end")
+"""Names of the terms of the reward."""
+_OPTIONS = ("course", "difficulty", "start_offset", "start_heading")
+_QUARTER = np.pi / 2  # flipper angle of an action of 1 [rad]
+_FAILED = (Outcome.STUCK, Outcome.FELL, Outcome.TIPPED, Outcome.EXPLODED)
+
+
+@dataclass(frozen=True)
+class Episode:
+    """One robot's task in one episode."""
+
+    course: Course
+    """The course."""
+    difficulty: float
+    """Its difficulty; NaN for a course that was not drawn [-]."""
+    start: tuple[float, float, float]
+    """Start pose (x, y, heading) [m, m, rad]."""
+
+
+class Crossing:
+    """The task, independent of the interface that offers it. Rows are bitwise independent."""
+
+    def __init__(self, config: TraverseConfig, size: int, threads: int = 0) -> None:
+        """Prepare `size` robots on `threads` worker threads (0: one per processor); `begin` starts their episodes."""
+        self.config = config
+        self.size = size
+        self._named = {name: load_course(name) for name in config.courses if name != RANDOM}
+        drawn = [draw_course(np.random.default_rng(0), 0.0)] if RANDOM in config.courses else []
+        self.world = Traverse(
+            config.load_robot(),
+            [*self._named.values(), *drawn],
+            size,
+            boxes=MAX_BOXES if drawn else 0,
+            preset=config.preset,
+            servos=config.servos,
+            limits=config.limits,
+            period=PERIOD,
+            threads=threads,
+        )
+        self.layout = Layout(self.world)
+        self.bound = self.layout.bound
+        """Bounds (n,) of the observations."""
+        self.difficulty = config.difficulty
+        """Range from which the difficulty of the next courses is drawn [-]."""
+        front = self.world.flippers.front
+        self._member = np.arange(len(front)) if config.flippers == "each" else np.where(front, 0, 1)
+        self.actions = 2 + (int(self._member.max()) + 1 if len(front) else 0)
+        """Number of actions of a robot."""
+        self._action: Array = np.zeros((size, self.actions))
+        self._difficulty: Array = np.full(size, np.nan)
+        self._length: Array = np.ones(size)  # way from start to goal [m]
+        self._penetration: Array = np.zeros(size)  # largest in the episode [m]
+        self._work: Array = np.zeros(size)  # in the episode [J]
+        self._terms: dict[str, Array] = {name: np.zeros(size) for name in TERMS}
+        self.reward: Array = np.zeros(size)
+        """Rewards (N,) of the last step."""
+        self.terminated: NDArray[np.bool_] = np.zeros(size, bool)
+        """Whether each robot has crossed its course or failed (N,)."""
+        self.truncated: NDArray[np.bool_] = np.zeros(size, bool)
+        """Whether each robot's time is over (N,)."""
+
+    @property
+    def outcome(self) -> Outcomes:
+        """Outcomes (N,) of the episodes so far."""
+        return self.world.outcome
+
+    def set_difficulty(self, low: float, high: float) -> None:
+        """Set the range from which the difficulty of later courses is drawn; raises InvalidValueError out of 0 to 1."""
+        require_range((low, high))
+        self.difficulty = low, high
+
+    def draw(self, generator: np.random.Generator, options: Mapping[str, Any]) -> Episode:
+        """Draw a robot's episode; values in `options` replace drawn ones, but don't change which numbers are drawn.
+
+        The options are `course`, a name that the environment was made with, or a course of boxes; `difficulty`, of a
+        random course [-]; `start_offset`, to the left [m]; and `start_heading` [rad]. Raises InvalidValueError for
+        unknown options and values out of range.
+        """
+        for name in options:
+            require(name in _OPTIONS, "options", name, f"one of {', '.join(_OPTIONS)}")
+        config, own = self.config, np.random.default_rng(int(generator.integers(2**63)))
+        chosen = config.courses[generator.integers(len(config.courses))]
+        low, high = self.difficulty
+        difficulty = options.get("difficulty", low + (high - low) * float(generator.random()))
+        offset, heading = (
+            float(options.get(name, generator.uniform(-1.0, 1.0) * largest))
+            for name, largest in (("start_offset", config.start_offset), ("start_heading", config.start_heading))
+        )
+        for name, value in (("start_offset", offset), ("start_heading", heading)):
+            require_finite(name, value)
+        course = options.get("course", chosen)
+        if course == RANDOM:
+            course = draw_course(own, difficulty, config.obstacles)
+        else:
+            difficulty = np.nan
+            if not isinstance(course, Course):
+                allowed = f"a course, or one of {', '.join((*self._named, RANDOM))}"
+                require(course in self._named, "course", course, allowed)
+                course = self._named[course]
+        x, y, _, ahead = course.start
+        require(abs(y + offset) < course.width / 2, "start_offset", offset, f"less than {course.width / 2:g} m")
+        return Episode(course, float(difficulty), (x, y + offset, ahead + heading))
+
+    def begin(self, rows: Sequence[int], episodes: Sequence[Episode]) -> None:
+        """Begin episodes with the robots `rows` (R,), one each."""
+        where = np.asarray(rows, int)
+        if not where.size:
+            return
+        self.world.begin(where, [one.course for one in episodes], [one.start for one in episodes])
+        self._difficulty[where] = [one.difficulty for one in episodes]
+        self._length[where] = self.world.way[where]
+        for state in (self._action, self._penetration, self._work, self.reward, *self._terms.values()):
+            state[where] = 0
+        self.terminated[where] = self.truncated[where] = False
+
+    def step(self, actions: ArrayLike) -> None:
+        """Simulate one control period with actions (N, A), clipped to [-1, 1]; ended episodes stand still.
+
+        Raises InvalidValueError for actions that aren't finite or have another shape.
+        """
+        action = np.asarray(actions, float)
+        wanted = (self.size, self.actions)
+        require(action.shape == wanted, "action", f"an array of shape {action.shape}", f"of shape {wanted}")
+        for row in np.flatnonzero(~np.isfinite(action).all(axis=1)):
+            raise InvalidValueError("action", action[row].tolist(), f"finite (robot {row})")
+        action = np.clip(action, -1.0, 1.0)
+        running = self.outcome == Outcome.DRIVING
+        before = self.world.way
+        self.world.step(self._command(action))
+        change, self._action = action - self._action, action
+        contact = self.world.contact
+        work = np.where(running, _sum(contact.work), 0.0)
+        self._work += work
+        self._penetration = np.maximum(self._penetration, np.where(running, contact.depth.max(axis=1), 0.0))
+        gain = np.where(running, before - self.world.way, 0.0)
+        ended = np.where(running, self.outcome, Outcome.DRIVING)
+        self._terms = reward_terms(self.config.reward, gain, work, np.where(running[:, None], change, 0.0), ended)
+        self.reward = sum((self._terms[name] for name in TERMS), np.zeros(self.size))
+        self.truncated = self.outcome == Outcome.TIME
+        self.terminated = (self.outcome != Outcome.DRIVING) & ~self.truncated
+
+    def observation(self) -> Array:
+        """Observations (N, n), see `traverse.observation`."""
+        return self.layout.observation(self.world)
+
+    def info(self) -> dict[str, NDArray[Any]]:
+        """Further quantities by name, as arrays (N, ...); the keys are always the same."""
+        world, contact = self.world, self.world.contact
+        defined = np.isfinite(contact.slip)
+        return {
+            "time": world.time.copy(),  # [s]
+            "outcome": np.array([Outcome(one).label for one in self.outcome], object),
+            "difficulty": np.where(np.isfinite(self._difficulty), self._difficulty, -1.0),  # -1: not drawn
+            "progress": 1 - world.way / self._length,  # share of the way [-]
+            "true_position": world.state.position.copy(),  # (N, 3) [m]
+            "true_velocity": world.state.velocity.copy(),  # (N, 3) [m/s]
+            "true_slip": np.where(defined, contact.slip, 0.0),  # (N, T) [-]
+            "slip_defined": defined,  # (N, T) whether the track touched and its belt ran
+            "load": contact.load.copy(),  # (N, T) [N]
+            "traction": contact.traction.copy(),  # (N, T) [N]
+            "penetration": self._penetration.copy(),  # largest so far [m]
+            "work": self._work.copy(),  # of the belts so far [J]
+            **{f"reward_{name}": self._terms[name].copy() for name in TERMS},
+        }
+
+    def _command(self, action: Array) -> Command:
+        """Set points for actions (N, A)."""
+        world, config = self.world, self.config
+        belts, flippers = action[:, :2], action[:, 2:][:, self._member]
+        if config.action == "correction":
+            scripted = config.scripted.command(world)
+            speed = scripted.speed + config.speed_authority * belts
+            return Command(speed, scripted.flippers + config.flipper_authority * flippers)
+        return Command(config.servos.top_speed * belts, _QUARTER * flippers)
+
+
+def reward_terms(reward: Reward, gain: Array, work: Array, change: Array, outcome: Outcomes) -> dict[str, Array]:
+    """The terms (N,) of `config.Reward`, by name.
+
+    They depend on the way gained (N,) [m], the belts' work (N,) [J], the change of the actions (N, A), and the outcome
+    of this step (N,).
+    """
+    return {
+        "progress": reward.weight_progress * gain,
+        "energy": -reward.weight_energy * work,
+        "change": -reward.weight_change * _sum(change**2) / change.shape[1],
+        "end": reward.weight_reached * (outcome == Outcome.REACHED) - reward.weight_failed * np.isin(outcome, _FAILED),
+    }
+
+
+def _sum(values: Array) -> Array:
+    """Sums (N,) of values (N, n), with the same bits for any N."""
+    total = np.zeros(len(values))
+    for column in values.T:
+        total = total + column
+    return total

@@ -1,0 +1,264 @@
+"""Robots with tracks on courses: N of them in a batch, each on its own, in control periods."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from mujoco import batch, mjtWarning
+from numpy.typing import ArrayLike, NDArray
+
+from sim.robot.tracked import TrackedRobot
+from sim.robot.tracked_model import build_tracked
+from sim.terrain import Course
+from sim.tracks import bind
+from sim.traverse.bodies import States
+from sim.traverse.contact import Contact
+from sim.traverse.outcome import Limits, Outcome, Outcomes, StuckWatch
+from sim.traverse.reflex import SAMPLES, FlipperGeometry, Reflex
+from sim.traverse.servo import Servos, ServoState
+from sim.traverse.slots import Slots
+from trackslip.errors import require, require_positive
+from trackslip.kinematics import Array
+
+_BROKEN = [int(one) for one in (mjtWarning.mjWARN_BADQPOS, mjtWarning.mjWARN_BADQVEL, mjtWarning.mjWARN_BADQACC)]
+_GAP = 0.002  # above the ground at which robots are put down [m]
+
+
+@dataclass(frozen=True)
+class Command:
+    """Set points of N robots."""
+
+    speed: Array  # (N, 2) of the belts, left and right [m/s]
+    flippers: Array  # (N, F) angles, tips up [rad]
+
+
+class Traverse:
+    """N robots on courses. Rows are bitwise independent, and the same at any number of threads."""
+
+    def __init__(
+        self,
+        robot: TrackedRobot,
+        courses: Sequence[Course],
+        size: int = 1,
+        *,
+        boxes: int = 0,
+        preset: str = "fast",
+        servos: Servos | None = None,
+        limits: Limits | None = None,
+        period: float = 0.1,
+        sample: float = 0.02,
+        threads: int = 0,
+    ) -> None:
+        """Prepare `size` robots; `begin` starts their runs.
+
+        Args:
+            robot: the robot.
+            courses: those that runs may take place on.
+            size: number of robots.
+            boxes: allow other courses, too, of this many boxes or less and without height fields.
+            preset: contact preset of the tracks.
+            servos: servos of belts and flippers.
+            limits: where runs end.
+            period: time between set points [s].
+            sample: time between samples of the contacts, and between changes of the belts' speeds [s].
+            threads: number of worker threads, 0 for one per processor.
+
+        Raises:
+            InvalidValueError: for values out of range, and unless `period` is a multiple of `sample`, and that of the
+                physics step.
+        """
+        require(size >= 1, "size", size, "at least 1")
+        require(threads >= 0, "threads", threads, "0 (one per processor) or more")
+        require(len(courses) > 0, "courses", list(courses), "at least one")
+        shared = len(courses) == 1 and not boxes
+        self._slots = None if shared else Slots(courses, boxes)
+        friction = courses[0].friction
+        terrain = courses[0] if self._slots is None else self._slots
+        self.tracked = build_tracked(robot, terrain, preset=preset, friction=(friction, friction))
+        """The robot's model."""
+        self.size = size
+        self.period, self.sample = period, sample
+        self.limits, self.servos = limits or Limits(), servos or Servos()
+        model = self.tracked.model
+        self._substeps = _multiple("sample", sample, "the physics step", float(model.opt.timestep))
+        self._samples = _multiple("period", period, "sample", sample)
+        belts = bind(model, *self.tracked.tracks)
+        self.track_names = belts.names
+        """Names of the tracks (T,)."""
+        self.batch = batch.Batch(model, size, nthread=threads)
+        self._belts = belts.bind_batch(self.batch)
+        self._friction = None if shared else self.batch.expand("pair_friction")  # (N, npair, 5), live
+        if self._slots is not None:
+            self._slots.bind_batch(self.batch)
+        self._fresh = self.batch.state[0].copy()
+        self.flippers = FlipperGeometry.of(self.tracked)
+        self.state = States(self.tracked, self.batch.qpos, self.batch.qvel)
+        self.servo = ServoState(self.servos, size, len(self.flippers.length))
+        """Belt speeds, and what the flippers' motors are set to."""
+        self.contact = Contact.none(size, len(self.track_names))
+        """What the tracks did in the last control period."""
+        self.course: list[Course] = [courses[0]] * size
+        """Course of each robot."""
+        self._laid: list[Course | None] = [None] * size
+        self._groups: list[NDArray[np.int_]] = []  # robots on the same course
+        self._stuck = StuckWatch(self.limits, size, period)
+        self.outcome: Outcomes = np.full(size, Outcome.DRIVING)
+        """Outcomes (N,) of the runs so far."""
+        self.time: Array = np.zeros(size)
+        """Times (N,) since the start of each run [s]."""
+        self._bottom: Array = np.zeros(size)  # height below which a robot has fallen [m]
+        self._side: Array = np.zeros(size)  # y beyond which it has, too [m]
+        self._goal: Array = np.zeros(size)
+        self.begin(np.arange(size))
+
+    def begin(
+        self,
+        rows: ArrayLike,
+        courses: Sequence[Course] | None = None,
+        start: ArrayLike | None = None,
+        flippers: ArrayLike = 0.0,
+    ) -> None:
+        """Begin runs of the robots `rows` (R,).
+
+        Args:
+            rows: which robots.
+            courses: one each; by default they stay on theirs.
+            start: poses (R, 3), x, y and heading; by default those of the courses [m, m, rad].
+            flippers: angles of the flippers (F,), tips up [rad].
+
+        Raises:
+            InvalidValueError: for a course that there are no slots for, and poses that aren't finite.
+        """
+        where = np.asarray(rows, int)
+        if not where.size:
+            return
+        chosen = [self.course[row] for row in where] if courses is None else list(courses)
+        require(len(chosen) == len(where), "courses", f"{len(chosen)} courses", f"{len(where)}, one for each robot")
+        default = [(course.start[0], course.start[1], course.start[3]) for course in chosen]
+        poses = np.array(default if start is None else start, float)
+        valid = poses.shape == (len(where), 3) and np.isfinite(poses).all()
+        require(valid, "start", poses.tolist(), f"finite poses (x, y, heading), one for each of {len(where)} robots")
+        for row, course in zip(where, chosen, strict=True):
+            self._lay(int(row), course)
+        same: dict[int, list[int]] = {}
+        for row, own in enumerate(self.course):
+            same.setdefault(id(own), []).append(row)
+        self._groups = [np.array(group) for group in same.values()]
+        angles = np.broadcast_to(np.asarray(flippers, float), self.servo.angle.shape[1:])
+        self.servo.begin(where, np.clip(angles, *self.tracked.flipper_range.T))
+        self._place(where, poses)
+        self._stuck.begin(where)
+        self.contact.clear(where)
+        self.outcome[where], self.time[where] = Outcome.DRIVING, 0.0
+
+    def step(self, command: Command) -> None:
+        """Simulate one control period of the robots whose runs have not ended."""
+        rows = np.flatnonzero(self.outcome == Outcome.DRIVING)
+        if not rows.size:
+            return
+        self.servo.command(command.speed, command.flippers)
+        readings, belts = [], []
+        for _ in range(self._samples):
+            belts.append(self.servo.advance(self.sample)[:, self.tracked.track_side])
+            self._belts.set(belts[-1])
+            self.batch.ctrl[:, self.tracked.flipper_motor] = self.tracked.flipper_control(self.servo.angle)
+            self.batch.step(ids=rows, nstep=self._substeps)
+            readings.append(self._belts.read())
+        self.time[rows] += self.period
+        broken = self._broken(rows)
+        fine = rows[~broken[rows]]
+        self.state.qpos[fine], self.state.qvel[fine] = self.batch.qpos[fine], self.batch.qvel[fine]
+        self.contact.put(fine, Contact.of(readings, belts, self.sample))
+        self._judge(rows, broken)
+
+    def elevation(self, points: Array) -> Array:
+        """Heights (N, P) of the ground at `points` (N, P, 2) of each robot's course [m]."""
+        heights = np.empty(points.shape[:2])
+        for group in self._groups:
+            heights[group] = self.course[group[0]].elevation(points[group])
+        return heights
+
+    def reflex(self, reflex: Reflex) -> Array:
+        """Set points (N, F) of the flippers' angles by reflex, tips up [rad]."""
+        geometry, heading = self.flippers, self.state.heading
+        hinge = self.state.position[:, None] + np.einsum("nij,fj->nfi", self.state.rotation, geometry.hinge)
+        forwards = np.stack([np.cos(heading), np.sin(heading)], axis=-1)
+        away = np.where(geometry.front, 1.0, -1.0)[:, None] * SAMPLES * geometry.length[:, None]  # (F, S)
+        points = hinge[:, :, None, :2] + away[..., None] * forwards[:, None, None]
+        ground = self.elevation(points.reshape(self.size, -1, 2)).reshape(self.size, *away.shape)
+        return reflex.angles(ground, self.state.pitch, hinge[..., 2], geometry)
+
+    @property
+    def way(self) -> Array:
+        """Way (N,) along x that remains until the course is crossed [m]."""
+        return self._goal - self.state.position[:, 0]
+
+    def _lay(self, row: int, course: Course) -> None:
+        """Put a course under a robot."""
+        if self._slots is None:
+            require(course is self.course[row], "courses", course, "the one that the robots were made for")
+        elif course is not self._laid[row]:
+            self._slots.lay(row, course)
+        self.course[row] = self._laid[row] = course
+        if self._friction is not None:
+            self._friction[row, :, :2] = course.friction
+        bounds = course.bounds
+        self._bottom[row] = bounds[0, 2] - self.limits.drop
+        self._side[row] = np.abs(bounds[:, 1]).max()
+        self._goal[row] = course.goal
+
+    def _place(self, rows: NDArray[np.int_], poses: Array) -> None:
+        """Put the robots `rows` (R,) on the highest ground under their tracks, level and at rest, at poses (R, 3)."""
+        robot, first = self.tracked.robot, self.tracked.free[0]
+        self.batch.state[rows] = self._fresh
+        qpos = self.batch.qpos
+        hull = np.array(robot.hull)
+        x = np.linspace((hull[:, 0] - hull[:, 2]).min(), (hull[:, 0] + hull[:, 2]).max(), 9)
+        y = robot.half_gauge * np.array([-1.0, 0.0, 1.0])
+        forwards, left = np.meshgrid(x, y)
+        cos, sin = np.cos(poses[:, 2, None]), np.sin(poses[:, 2, None])
+        under = np.zeros((self.size, forwards.size, 2))
+        under[rows, :, 0] = poses[:, 0, None] + cos * forwards.ravel() - sin * left.ravel()
+        under[rows, :, 1] = poses[:, 1, None] + sin * forwards.ravel() + cos * left.ravel()
+        ground = self.elevation(under)[rows].max(axis=1)
+        qpos[rows, first : first + 2] = poses[:, :2]
+        qpos[rows, first + 2] = ground - robot.lowest + _GAP
+        half, zero = poses[:, 2] / 2, np.zeros(len(rows))
+        qpos[rows, first + 3 : first + 7] = np.column_stack([np.cos(half), zero, zero, np.sin(half)])
+        self.batch.qpos[rows[:, None], self.tracked.flipper_qpos] = self.tracked.flipper_control(self.servo.angle[rows])
+        self.state.qpos[rows], self.state.qvel[rows] = self.batch.qpos[rows], 0.0
+
+    def _broken(self, rows: NDArray[np.int_]) -> NDArray[np.bool_]:
+        """Whether the simulation of robots (N,) broke down in this period, seen from those `rows` (R,) that drive."""
+        broken = np.zeros(self.size, bool)
+        first = self.tracked.free[1]
+        speed = np.linalg.norm(self.batch.qvel[rows, first : first + 3], axis=1)
+        finite = np.isfinite(self.batch.qpos[rows]).all(axis=1) & np.isfinite(self.batch.qvel[rows]).all(axis=1)
+        warned = self.batch.warning[rows][:, _BROKEN, 1].any(axis=1)
+        broken[rows] = warned | ~finite | ~(speed < self.limits.speed)
+        return broken
+
+    def _judge(self, rows: NDArray[np.int_], broken: NDArray[np.bool_]) -> None:
+        """Find the outcomes of the robots `rows` (R,) that have driven in this period."""
+        state = self.state
+        belts = self.servo.speed
+        found = (
+            (Outcome.TIME, self.time > self.limits.time - self.period / 2),
+            (Outcome.STUCK, self._stuck.observe(state.position, belts)),
+            (Outcome.REACHED, self.way <= 0),
+            (Outcome.FELL, (state.position[:, 2] < self._bottom) | (np.abs(state.position[:, 1]) > self._side)),
+            (Outcome.TIPPED, state.upright < np.cos(self.limits.lean)),
+            (Outcome.EXPLODED, broken),
+        )
+        for outcome, where in found:
+            self.outcome[rows[where[rows]]] = outcome
+
+
+def _multiple(name: str, value: float, of: str, unit: float) -> int:
+    """How many times `value` is `unit`; raises InvalidValueError unless that is whole."""
+    require_positive(name, value)
+    count = round(value / unit)
+    require(count >= 1 and abs(count * unit - value) < 1e-9, name, value, f"a multiple of {of}, {unit:g} s")
+    return count

@@ -1,0 +1,26 @@
+"""What is below a point of a compiled model, by MuJoCo's rays."""
+
+import mujoco
+import numpy as np
+
+_HIGH = 30.0  # above everything [m]
+
+
+def compiled(course, **placed):
+    """Model and data of a course alone."""
+    spec = mujoco.MjSpec()
+    course.add_to(spec, **placed)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def look_down(model, data, points):
+    """Heights (P,) and normals (P, 3) of what rays hit that look down at `points` (P, 2)."""
+    heights, normals = np.empty(len(points)), np.empty((len(points), 3))
+    down, geom = np.array([0.0, 0.0, -1.0]), np.zeros(1, np.int32)
+    for k, (x, y) in enumerate(points):
+        above = np.array([x, y, _HIGH])
+        heights[k] = _HIGH - mujoco.mj_ray(model, data, above, down, None, 1, -1, geom, normals[k])
+    return heights, normals

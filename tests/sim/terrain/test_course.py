@@ -1,0 +1,236 @@
+"""Courses: the surface that they say is the one that MuJoCo has."""
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from rays import compiled, look_down
+
+from sim.terrain import Beams, Course, Flat, Gap, HeightField, Pallets, Ramp, Rough, SideSlope, Stairs, Step
+from sim.terrain.random_course import random_course
+from sim.terrain.solids import Level
+from trackslip.errors import InvalidValueError
+
+PIECES = {
+    "flat": (Flat(2.0),),
+    "ramps": (Ramp(0.4, 2.0), Flat(1.0), Ramp(-0.3, 1.5)),
+    "steps": (Step(0.1), Step(-0.25)),
+    "stairs": (Stairs(0.15, 0.28, 6), Flat(0.5), Stairs(-0.18, 0.3, 4, width=1.2)),
+    "beams": (Beams(yaw=0.4), Beams(0.05, 0.3, 4)),
+    "pallets": (Pallets(yaw=0.3),),
+    "rough": (Rough(), Step(0.2), Rough(2.0, 0.05, cell=0.07, blend=0.0)),
+    "gap": (Gap(0.3, 0.4), Flat(0.5), Gap(0.2)),
+    "side_slope": (SideSlope(0.4), SideSlope(-0.3, blend=0.3)),
+    "between_slopes": (Ramp(0.3, 1.0), Ramp(0.5, 1.0), Ramp(-0.2, 1.0), Rough(), Ramp(0.2), Gap(), Ramp(-0.4)),
+    "array": (HeightField(np.random.default_rng(1).uniform(0, 0.3, (5, 4)), 2.0, 1.1), Flat(0.5)),
+    "level_array": (Step(0.3), HeightField(np.full((2, 3), 7.0))),
+}
+
+
+def assert_as_rays_find(course, points, **placed):
+    height, normal = look_down(*compiled(course, **placed), points)
+    assert np.abs(course.height(*points.T) - height).max() < 1e-6
+    assert np.abs(course.normal(*points.T) - normal).max() < 1e-6
+
+
+@pytest.mark.parametrize("pieces", PIECES.values(), ids=PIECES)
+def test_height_and_normal_are_those_that_rays_find(pieces):
+    course = Course(pieces, width=2.5, seed=3)
+    low, high = course.bounds[:, :2]
+    assert_as_rays_find(course, np.random.default_rng(0).uniform(low - 0.3, high + 0.3, (1500, 2)))
+
+
+@settings(max_examples=10)
+@given(seed=st.integers(0, 10_000), difficulty=st.floats(0.0, 1.0))
+def test_so_are_those_of_any_course(seed, difficulty):
+    rng = np.random.default_rng(seed)
+    course = random_course(rng, difficulty)
+    assert_as_rays_find(course, rng.uniform(*course.bounds[:, :2], (300, 2)))
+
+
+def test_a_small_ball_touches_height_fields_where_height_says():
+    """Rays and collisions have triangles of their own in MuJoCo."""
+    course = Course((Rough(2.0, 0.4, cell=0.2, blend=0.0),), seed=1)
+    spec = mujoco.MjSpec()
+    course.add_to(spec)
+    ball = spec.worldbody.add_body()
+    ball.add_freejoint()
+    ball.add_geom(size=[1e-3, 0, 0])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    points = np.random.default_rng(0).uniform([0.05, -1.4], [1.95, 1.4], (200, 2))
+    height, upward = course.height(*points.T), course.normal(*points.T)[:, 2]
+    depth = np.full(len(points), np.nan)
+    for k, point in enumerate(points):
+        data.qpos[:3] = *point, height[k] + 5e-4
+        mujoco.mj_forward(model, data)
+        depth[k] = -data.contact.dist.min()
+    assert np.median(np.abs(depth - (1e-3 - 5e-4 * upward))) < 1e-12
+    assert np.abs(depth - (1e-3 - 5e-4 * upward)).max() < 5e-5  # beside edges, another triangle is a little nearer
+
+
+def test_seams_are_flush():
+    pieces = (
+        Ramp(0.3, 1.7),
+        Flat(1.0),
+        Ramp(-0.7, 2.3),
+        Beams(),
+        Ramp(0.1),
+        SideSlope(0.4),
+        Pallets(),
+        Rough(),
+        Step(),
+    )
+    course = Course(pieces)
+    seams = np.array([placed.x for placed in course._placed[:-2]])
+    y = np.linspace(-1.5, 1.5, 7)[:, None]
+    before, behind = course.height(seams - 1e-13, y), course.height(seams + 1e-13, y)
+    level = np.abs(before - behind).max(axis=0)
+    assert (level[:5] < 1e-12).all()
+    assert (level[5:-1] < 1e-7).all()  # height fields are in single precision
+    heights = [placed.z for placed in course._placed[:-2]]
+    np.testing.assert_allclose(course.height(seams - 1e-9, 0.0), heights, atol=1e-8)
+
+
+def test_level_ground_goes_on_without_an_edge():
+    course = Course((Flat(1.0), Beams(), Flat(0.5), Pallets(), Step(0.1), Flat(1.0), Rough(), Flat(1.0)))
+    levels = [solid for solid in course.solids if isinstance(solid, Level)]
+    assert [round(level.z, 6) for level in levels] == [0.0, 0.1, 0.1]
+    assert levels[0].x0 == -2.0
+    assert levels[1].x0 == levels[0].x1
+    assert levels[2].x1 == course.bounds[1, 0]
+
+
+def test_start_and_goal_stand_on_level_ground():
+    course = Course((Stairs(0.2, 0.3, 5), Ramp(-0.2, 1.0)))
+    x, y, z, heading = course.start
+    assert (x, y, z, heading) == (-1.0, 0.0, 0.0, 0.0)
+    assert course.height(x, y) == 0.0
+    assert course.goal == pytest.approx(5 * 0.3 + np.cos(0.2) + 1.0)
+    assert course.height(course.goal, 0.0) == pytest.approx(1.0 - np.sin(0.2))
+    assert Course((Flat(1.0),), start_length=0.5, goal_length=0.4).start[0] == -0.25
+    assert Course((Flat(1.0),), start_length=0.5, goal_length=0.4).goal == 1.2
+
+
+def test_rough_ground_has_its_height_and_its_spectrum():
+    course = Course((Rough(40.0, 0.2, exponent=3.0, blend=0.0),), width=20.0, seed=5)
+    heights = course.solids[1].heights
+    assert np.ptp(heights) == pytest.approx(0.2, rel=1e-12)
+    assert (heights[:, [0, -1]] == 0.0).all()
+    inner = heights[:, 1:-1] * np.hanning(heights.shape[1] - 2) * np.hanning(heights.shape[0])[:, None]
+    power = np.abs(np.fft.rfft2(inner)) ** 2
+    rows, columns = inner.shape
+    wave_number = np.hypot(np.fft.fftfreq(rows)[:, None], np.fft.rfftfreq(columns))
+    band = (wave_number > 0.05) & (wave_number < 0.4)
+    slope = np.polyfit(np.log(wave_number[band]), np.log(power[band]), 1)[0]
+    assert slope == pytest.approx(-3.0, abs=0.1)
+
+
+def test_same_seed_same_bits_and_other_pieces_leave_a_piece_as_it_is():
+    pieces = (Rough(), Beams(yaw=0.3))
+    one, again, other = Course(pieces, seed=2), Course(pieces, seed=2), Course(pieces, seed=3)
+    assert (one.solids[1].heights == again.solids[1].heights).all()
+    assert one.solids[2:] == again.solids[2:]
+    assert (one.solids[1].heights != other.solids[1].heights).any()
+    longer = Course((Flat(3.0), Pallets(), *pieces), seed=2)
+    assert any(getattr(solid, "quaternion", None) == one.solids[-1].quaternion for solid in longer.solids)
+    twice = Course((Rough(), Rough())).solids[1:3]
+    assert (twice[0].heights != twice[1].heights).any()
+
+
+def test_elevation_is_height_but_for_edges():
+    course = Course((Ramp(0.3, 2.0), Stairs(0.1, 0.3, 3), Rough(2.0, 0.1)))
+    points = np.random.default_rng(0).uniform(*course.bounds[:, :2], (4, 500, 2))
+    exact = course.height(points[..., 0], points[..., 1])
+    error = np.abs(course.elevation(points) - exact)
+    assert error.shape == (4, 500)
+    assert np.quantile(error, 0.9) < 2e-3
+    inner = np.array([[0.5, 0.2], [0.7, -1.4], [1.0, 1.3]])  # on the ramp
+    np.testing.assert_allclose(course.elevation(inner), np.tan(0.3) * inner[:, 0], atol=1e-9)
+    far = np.array([[1e6, 0.0], [-1e6, 3.0], [0.0, 1e9]])
+    np.testing.assert_allclose(course.elevation(far), course.floor)
+    corners = np.array([[-1.97, -1.47], [-1.97, 1.47]])
+    np.testing.assert_allclose(course.elevation(corners), 0.0, atol=1e-12)
+
+
+def test_whole_numbers_may_be_numpys():
+    assert Course((Stairs(number=np.int64(3)),), seed=np.int32(4)) == Course((Stairs(number=3),), seed=4)
+
+
+def test_two_courses_in_one_model():
+    spec = mujoco.MjSpec()
+    courses = Course((Ramp(0.3, 1.0), Rough())), Course((Stairs(),))
+    names = courses[0].add_to(spec), courses[1].add_to(spec, name="second", at=(3.0, 20.0), floor=False)
+    assert set(names[0]) & set(names[1]) == set()
+    assert [name for name in names[1] if name.endswith("floor")] == []
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    points = np.random.default_rng(0).uniform(*courses[1].bounds[:, :2], (100, 2))
+    height, _ = look_down(model, data, points + np.array([3.0, 20.0]))
+    np.testing.assert_allclose(courses[1].height(*points.T), height, atol=1e-6)
+    with pytest.raises(
+        InvalidValueError, match="name = 'second': must be a name that no other course in the model has"
+    ):
+        courses[0].add_to(spec, name="second")
+
+
+def test_all_named_geoms_collide_and_nothing_else_does():
+    spec = mujoco.MjSpec()
+    names = Course((Ramp(), SideSlope(), Gap(), Rough())).add_to(spec)
+    colliding = [geom.name for geom in spec.worldbody.geoms if geom.contype]
+    assert sorted(names) == sorted(colliding)
+    model = spec.compile()
+    assert model.nmesh == 2
+    assert model.geom_friction[0, 0] == 0.7
+    assert compiled(Course((Ramp(),)), looks=False)[0].nmesh == 0
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Flat(float("nan")), "length = nan: must be from 0.001 to 200 m"),
+        (lambda: Flat(-1.0), "length = -1.0: must be from 0.001"),
+        (lambda: Ramp(1.5), r"angle = 1.5: must be from -1.2 to 1.2 rad \(69 degrees\)"),
+        (lambda: Step(0.0), "height = 0.0: must be from 0.0001 to 10 m, or its negative to go down"),
+        (lambda: Stairs(float("inf")), "rise = inf: must be"),
+        (lambda: Stairs(number=0), "number = 0: must be a whole number from 1 to 500"),
+        (lambda: Stairs(number=2.5), "number = 2.5: must be a whole number"),
+        (lambda: Stairs(number=True), "number = True: must be a whole number"),
+        (lambda: Stairs(width=float("nan")), "width = nan: must be from"),
+        (lambda: Gap(depth=-0.1), "depth = -0.1: must be from"),
+        (lambda: Beams(size=0.5, spacing=0.4), "spacing = 0.4: must be greater than the beams' size, 0.5 m"),
+        (lambda: Pallets(spacing=0.5), "spacing = 0.5: must be greater than the depth of a pallet, 0.8 m"),
+        (lambda: Rough(cell=0.0), "cell = 0.0: must be from 0.005 to 4 m, at most the length"),
+        (lambda: Rough(length=1.0, blend=0.6), "blend = 0.6: must be from 0 to 0.5 m, at most half of the length"),
+        (
+            lambda: Course((Rough(100.0, cell=0.01),)),
+            "cells along a side of rough ground = 10001: must be at most 2000",
+        ),
+        (
+            lambda: Course((Rough(15.0, cell=0.01),), width=15.0),
+            "samples of rough ground = 2253001: must be at most 1e[+]06",
+        ),
+        (lambda: Course((Flat(),)).add_to(mujoco.MjSpec(), at=(np.inf, 0.0)), "at = inf: must be a finite number"),
+        (lambda: HeightField(np.zeros(4)), r"shape of heights = \(4,\): must be \(rows, columns\), at least \(2, 2\)"),
+        (lambda: HeightField(np.full((3, 3), np.nan)), r"heights = \[nan\]: must be finite numbers"),
+        (lambda: HeightField(np.full((3, 3), "a")), r"heights = \['a'\]: must be finite numbers"),
+        (
+            lambda: HeightField(np.array([[0.0, 1e9], [0.0, 0.0]])),
+            "range of heights = 1000000000.0: must be at most 200 m",
+        ),
+        (lambda: Course(()), r"pieces = \(\): must be at least one piece"),
+        (lambda: Course((3,)), "pieces = 3: must be pieces of terrain"),
+        (lambda: Course((Flat(),), width=0.0), "width = 0.0: must be from"),
+        (lambda: Course((Flat(),), friction=float("nan")), "friction = nan: must be from 0 to 10"),
+        (lambda: Course((Flat(),), seed=-1), "seed = -1: must be a whole number >= 0"),
+        (lambda: Course((Flat(200.0),) * 6), "length of the course = 1204.0: must be at most 1000 m"),
+        (lambda: Course((Stairs(0.001, 0.1, 500),) * 5), "solids of the course = 2001: must be at most 2000"),
+        (lambda: random_course(np.random.default_rng(0), 1.5), "difficulty = 1.5: must be from 0 to 1"),
+    ],
+)
+def test_what_is_not_allowed_is_one_line(make, message):
+    with pytest.raises(InvalidValueError, match=f"^{message}") as error:
+        make()
+    assert "\n" not in str(error.value)

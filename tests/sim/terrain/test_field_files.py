@@ -1,0 +1,147 @@
+"""Height fields from PNG pictures and from meshes."""
+
+import struct
+import zlib
+
+import mujoco
+import numpy as np
+import pytest
+from rays import compiled, look_down
+
+from sim.terrain import Course, Mesh, Picture
+from sim.terrain.field_files import highest
+from trackslip.errors import InvalidValueError, SettingsFileError
+
+
+def write_png(path, grey):
+    """A PNG of shades (rows, columns) uint8."""
+    rows = b"".join(b"\0" + row.tobytes() for row in grey)
+    header = struct.pack(">IIBBBBB", grey.shape[1], grey.shape[0], 8, 0, 0, 0, 0)
+    data = b""
+    for kind, body in ((b"IHDR", header), (b"IDAT", zlib.compress(rows)), (b"IEND", b"")):
+        data += struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+    path.write_bytes(b"\x89PNG\r\n\x1a\n" + data)
+
+
+def test_a_picture_is_seen_from_above_and_light_is_high(tmp_path):
+    grey = np.full((3, 5), 100, np.uint8)
+    grey[0, 3] = 200  # left of the middle, beyond it
+    grey[2, 1] = 50
+    write_png(tmp_path / "hills.png", grey)
+    course = Course((Picture(str(tmp_path / "hills.png"), height=0.3, length=4.0, width=2.0),))
+    x, y = np.meshgrid(np.linspace(0.0, 4.0, 5), [1.0, 0.0, -1.0])
+    np.testing.assert_allclose(course.height(x, y), 0.3 * (grey.astype(float) - 100.0) / 150.0, atol=1e-7)
+    points = np.random.default_rng(0).uniform(*course.bounds[:, :2], (300, 2))
+    np.testing.assert_allclose(course.height(*points.T), look_down(*compiled(course), points)[0], atol=1e-6)
+
+
+def test_a_picture_of_one_shade_is_level(tmp_path):
+    write_png(tmp_path / "grey.png", np.full((4, 4), 9, np.uint8))
+    course = Course((Picture(str(tmp_path / "grey.png")),))
+    assert course.height(2.0, 0.3) == 0.0
+
+
+def test_wrong_pictures_are_one_line(tmp_path):
+    junk, folder, thin = tmp_path / "junk.png", tmp_path / "folder.png", tmp_path / "thin.png"
+    junk.write_text("junk")
+    folder.mkdir()
+    write_png(thin, np.zeros((1, 5), np.uint8))
+    for path, message in (
+        (junk, "decoding PNG"),
+        (folder, "empty PNG"),
+        (thin, "at least 2"),
+        (tmp_path / "none.png", "opening file"),
+    ):
+        with pytest.raises(SettingsFileError, match=message) as error:
+            Picture(str(path))
+        assert "\n" not in str(error.value)
+        assert str(error.value).startswith(str(path))
+    with pytest.raises(InvalidValueError, match=r"file = 'hills.jpg': must be a .png file"):
+        Picture("hills.jpg")
+
+
+def write_obj(path, vertices, faces):
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()] + [f"f {a} {b} {c}" for a, b, c in faces + 1]
+    path.write_text("\n".join(lines) + "\n")
+
+
+def surface(rng, rows=9, columns=13):
+    """Vertices and triangles of a rough surface, moved and turned by nothing, without volume."""
+    x, y = np.meshgrid(np.linspace(3.0, 6.0, columns), np.linspace(-1.0, 1.0, rows))
+    vertices = np.column_stack([x.ravel(), y.ravel(), rng.uniform(0.0, 0.4, x.size)])
+    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    lower = np.column_stack([corner, corner + 1, corner + columns + 1])
+    upper = np.column_stack([corner, corner + columns + 1, corner + columns])
+    return vertices, np.concatenate([lower, upper])
+
+
+def test_a_mesh_is_its_upper_surface(tmp_path):
+    vertices, faces = surface(np.random.default_rng(4))
+    write_obj(tmp_path / "hills.obj", vertices, faces)
+    course = Course((Mesh(str(tmp_path / "hills.obj"), cell=0.07),), width=4.0)
+    grid = course.solids[1]
+    assert grid.heights.shape == (30, 44)
+    spec = mujoco.MjSpec()
+    mesh = spec.add_mesh(name="hills", file=str(tmp_path / "hills.obj"))
+    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="hills")
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    x, y = np.meshgrid(np.linspace(3.0, 6.0, 44), np.linspace(-1.0, 1.0, 30))
+    inner = np.s_[1:-1, 1:-1]  # rays miss the edges
+    points = np.column_stack([x[inner].ravel(), y[inner].ravel()])
+    found, _ = look_down(model, data, points)
+    sampled = grid.heights[inner].ravel()
+    np.testing.assert_allclose(sampled - sampled.mean(), found - found.mean(), atol=1e-6)
+    assert course.height(0.0, np.linspace(-1.0, 1.0, 30)).mean() == pytest.approx(0.0, abs=1e-6)
+
+
+def test_meshes_in_other_units_with_undersides_and_holes(tmp_path):
+    vertices = np.array([[0, 0, 0], [2000, 0, 0], [2000, 1000, 500], [0, 1000, 500], [1000, 500, -300]], float)
+    faces = np.array([[0, 1, 2], [0, 2, 3], [0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4]])
+    write_obj(tmp_path / "wedge.obj", vertices, faces)
+    heights = Course((Mesh(str(tmp_path / "wedge.obj"), 0.1, scale=1e-3),)).solids[1].heights
+    np.testing.assert_allclose(heights - heights[0, 0], np.linspace(0.0, 0.5, 11)[:, None] * np.ones(21), atol=1e-6)
+    write_obj(tmp_path / "triangle.obj", vertices[[0, 1, 2, 4]] / 1000, faces[:1])
+    heights = Course((Mesh(str(tmp_path / "triangle.obj"), 0.1),)).solids[1].heights
+    assert np.ptp(heights[1:, 0]) == 0.0  # beside the triangle
+    assert heights[-1, -1] - heights[0, 0] == pytest.approx(0.5)
+
+
+def test_many_small_triangles_are_taken_in_parts(monkeypatch):
+    vertices, faces = surface(np.random.default_rng(1), 30, 40)
+    vertices = (vertices - vertices.min(axis=0)) / np.ptp(vertices, axis=0) * [60.0, 50.0, 1.0]
+    whole = highest(vertices, faces, (51, 61))
+    monkeypatch.setattr("sim.terrain.field_files._CHUNK", 100)
+    assert (highest(vertices, faces, (51, 61)) == whole).all()
+    assert (whole > 0).mean() > 0.99
+
+
+def test_too_much_work_is_refused():
+    vertices = np.array([[0, 0, 0], [2000, 0, 1], [0, 2000, 2]], float)
+    with pytest.raises(
+        InvalidValueError, match=r"samples near the mesh's triangles = 120000000: must be at most 1e\+08"
+    ):
+        highest(vertices, np.tile([0, 1, 2], (120, 1)), (1000, 1000))
+
+
+@pytest.mark.parametrize(
+    "text", ["junk", "", "v 0 0 0\nv 1 0 0\nf 1 2 9\n", "v nan 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n"]
+)
+def test_wrong_meshes_are_one_line(tmp_path, text):
+    path = tmp_path / "mesh.obj"
+    path.write_text(text)
+    with pytest.raises(SettingsFileError) as error:
+        Mesh(str(path))
+    assert str(error.value).startswith(str(path))
+    assert "\n" not in str(error.value)
+
+
+def test_meshes_that_are_not_allowed():
+    with pytest.raises(InvalidValueError, match=r"file = 'a.stp': must be a mesh: .obj, .stl, .msh"):
+        Mesh("a.stp")
+    with pytest.raises(InvalidValueError, match=r"cell = 0.0: must be from 0.005 to 1 m"):
+        Mesh("a.obj", cell=0.0)
+    with pytest.raises(SettingsFileError, match=r"none.obj"):
+        Mesh("none.obj")
