@@ -82,6 +82,13 @@ class Bodies:
     def _restore(self, rows: np.ndarray, snapshot: tuple[Array, ...]) -> None:
         self.batch.state[rows], self._heading[rows] = snapshot
 
+    def _placed(self, rows: Rows) -> Array:
+        """Where the robots `rows` (R,) are (4, R): position x, y [m], cosine and sine of the heading."""
+        w, x, y, z = self._quaternion
+        cos, sin = (1 - 2 * (y * y + z * z))[rows], (2 * (w * z + x * y))[rows]
+        size = np.sqrt(cos * cos + sin * sin)
+        return np.stack([*self.batch.qpos[rows, :2].T, cos / size, sin / size])
+
     def _wrapped_heading(self) -> Array:
         w, x, y, z = self._quaternion
         return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))

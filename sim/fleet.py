@@ -3,45 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sim.bodies import Bodies, Rows, along_robot
+from sim.drawbar import Drawbar
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive, DriveState
-from sim.drive.pull import Drawbar, Pull
+from sim.drive.pull import Pull
 from sim.drive.saturation import SpeedSearch
-from sim.ground.footing import Footing
+from sim.footing import Footing, one_each
 from sim.ground.ground import Ground
 from sim.ground.shear import Shear
+from sim.parking import require_at_rest, require_held
 from sim.robot.parameters import SINK
 from sim.robot.robot import Robot
+from sim.setting import Setting as Setting
 from trackslip.errors import require
 from trackslip.kinematics import Array
 
 SETTLING = 1.0
 """Simulated before a fleet's first period, so that the robots come to rest on the ground [s]."""
 _RESETTLING = 0.4  # the same for robots that are placed at their sinkage
-_AT_REST = 0.005  # a robot slower than this is at rest; creep is a hundred times slower [m/s]
 _EVERYONE = slice(None)
-_UPRIGHT = 0.1  # a robot with less roll and pitch than this stands on its tracks [rad]
-
-
-@dataclass(frozen=True)
-class Setting:
-    """Start and properties of one robot in one run."""
-
-    start: tuple[float, float, float]
-    """Start pose (x, y, phi) [m, m, rad]."""
-    ground: Ground = field(default_factory=Ground)
-    """Ground under the robot."""
-    radius_error: float = RADIUS_ERROR
-    """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
-    lag: float = Drive.lag
-    """Time constant of the servos [s]."""
-    weight: tuple[float, float] = (0.0, 0.0)
-    """Offset of the centre of mass from the model's, forward and to the left [m]."""
 
 
 class Fleet(Bodies):
@@ -74,7 +58,7 @@ class Fleet(Bodies):
         valid = start.ndim == 2 and start.shape[1] == 3 and np.isfinite(start).all()
         require(valid, "start", start.tolist(), "N finite poses (x, y, phi)")
         require(threads >= 0, "threads", threads, "0 (one per processor) or more")
-        grounds = self._one_each(ground or Ground(), len(start))
+        grounds = one_each(ground or Ground(), len(start))
         shears = shears or any(one.largest_shear > 0 for one in grounds)
         super().__init__(robot.with_single_contacts() if shears else robot, len(start), threads)
         robot = self.robot
@@ -92,7 +76,8 @@ class Fleet(Bodies):
         """Speed of each pad's surface, along its own axis (N, P) [m/s], live."""
         self._slanted = surface[:, robot.pads, 0]  # (N, P), live: the same across a tilted pad
         fastest = (1 + MAX_RADIUS_ERROR) * drive.top_speed
-        self.shear = Shear(robot, self.size, drive.period, fastest) if shears else None
+        cell = 4 * robot.contact_half_length / len(robot.pad_side)
+        self.shear = Shear(robot.pad_position, cell, self.size, drive.period, fastest) if shears else None
         """Shear of the ground under the robots; None for a fleet on Coulomb ground."""
         self._footing = Footing(self.batch, robot, grounds, self.shear)
         self.pull = pull or Pull()
@@ -119,12 +104,6 @@ class Fleet(Bodies):
     def ground(self) -> tuple[Ground, ...]:
         """Ground of each robot."""
         return self._footing.grounds
-
-    @staticmethod
-    def _one_each(ground: Ground | Sequence[Ground], size: int) -> list[Ground]:
-        grounds = [ground] * size if isinstance(ground, Ground) else list(ground)
-        require(len(grounds) == size, "ground", f"{len(grounds)} grounds", f"one or {size}")
-        return grounds
 
     def restart(self, rows: ArrayLike, setting: Sequence[Setting]) -> None:
         """Start new runs with the robots `rows` (R,), one setting each; the other robots' runs continue.
@@ -167,7 +146,7 @@ class Fleet(Bodies):
 
     def set_ground(self, ground: Ground | Sequence[Ground]) -> None:
         """Put the robots on another ground, one for all or one each; it takes effect at once, even during a run."""
-        self._footing.put(self._one_each(ground, self.size))
+        self._footing.put(one_each(ground, self.size))
         self._lay_ground(np.arange(self.size))
 
     def command(self, omega: ArrayLike) -> None:
@@ -202,18 +181,20 @@ class Fleet(Bodies):
         forces = np.empty((*mean.shape[:2], self._sensors.shape[1]))
         forward = np.empty((*mean.shape[:2], 2))
         steady = self._uninterrupted and not self._footing.varies and bool((mean == mean[0]).all())
+        before = None if self.shear is None else self._placed(rows)
         at_once = self._unwrap_every if steady else 1  # the engine is faster without interruptions
         for first in range(0, len(mean), at_once):
             end = min(first + at_once, len(mean))
             if self._footing.varies:
                 self._lay_friction(rows)
             self._tow(rows)
-            before = None if self.shear is None else self._placed(rows)
             self._drive(rows, belts[first])
             self._step(rows, forces[first:end], forward[first:end])
             self._periods += end - first
             if before is not None:
-                self._footing.moved(rows, before, self._placed(rows), self._radius[rows] * mean[first])
+                after = self._placed(rows)
+                self._footing.moved(rows, before, after, self._radius[rows] * mean[first])
+                before = after
             if end % self._unwrap_every == 0:
                 self._follow_heading()
         self._follow_heading()
@@ -254,10 +235,6 @@ class Fleet(Bodies):
         """Friction coefficients (N, 2) along and across the tracks, averaged over the pads [-]."""
         return self._footing.friction.mean(axis=1)
 
-    def _placed(self, rows: Rows) -> Array:
-        """Poses (R, 3) of the robots `rows` (R,), headings wrapped [m, m, rad]."""
-        return np.column_stack([self.batch.qpos[rows, :2], self._wrapped_heading()[rows]])
-
     def _ran(self) -> Array:
         """Time (N,) since the start of each robot's run [s]."""
         return (self._periods - self._began) * self.period
@@ -290,7 +267,8 @@ class Fleet(Bodies):
         self._footing.harden(rows)
         self._tow(rows)
         self.batch.step(ids=rows, nstep=round(duration / self.robot.model.opt.timestep))
-        self._require_rest(rows, start)
+        speed, lean = np.hypot(*self.batch.qvel[rows, :2].T), np.abs(self.attitude()[rows, 1:]).max(axis=1)
+        require_at_rest([self.ground[k] for k in rows], start[:, 2], speed, lean, self.pull)
         # settling moves a robot by less than a micrometre: undo even that
         qpos[rows, :2] = start[:, :2]
         half_turn = (start[:, 2] - self._wrapped_heading()[rows]) / 2
@@ -301,26 +279,23 @@ class Fleet(Bodies):
         self.batch.time[rows] = 0
         self._heading[rows] = start[:, 2]
         self._follow_heading()
-        self._footing.hold(rows, start[:, 2], self.towed(rows))
+        self._footing.hold(rows, start[:, 2], self.towed(rows), self.pull.height)
 
     def towed(self, rows: np.ndarray) -> Array:
         """Pull (R,) that acts on the robots `rows` (R,), over their normal force [-]."""
         if self._drawbar is None:
             return np.zeros(len(rows))
-        weight = self.robot.mass * float(np.linalg.norm(self.robot.model.opt.gravity))
-        normal = weight * np.cos([self.ground[k].slope for k in rows])
+        normal = self._weight * np.cos([self.ground[k].slope for k in rows])
         return np.where(self._drawbar.acts(self._ran()[rows]), self.pull.force, 0.0) / normal
 
-    def _require_parking(self, rows: np.ndarray, start: Array) -> None:
-        """Raise InvalidValueError if friction can't hold one of the robots `rows` (R,) at its pose `start` (R, 3)."""
-        for k, heading in zip(rows, start[:, 2], strict=True):
-            self.ground[k].require_parking(self._footing.friction[k].mean(axis=0), float(heading))
+    @property
+    def _weight(self) -> float:
+        return self.robot.mass * float(np.linalg.norm(self.robot.model.opt.gravity))
 
-    def _require_rest(self, rows: np.ndarray, start: Array) -> None:
-        """Raise InvalidValueError if one of the robots slides or has tipped over where it was put."""
-        sliding = ~(np.hypot(*self.batch.qvel[rows, :2].T) < _AT_REST)
-        tipped = ~(np.abs(self.attitude()[rows, 1:]).max(axis=1) < _UPRIGHT)
-        for k, row in enumerate(rows):
-            what = "tips over" if tipped[k] else "slides"
-            allowed = f"less, to park with heading {round(float(start[k, 2]), 3) + 0:g} rad: the robot {what}"
-            require(not (sliding[k] or tipped[k]), "slope", self.ground[row].slope, allowed)
+    def _require_parking(self, rows: np.ndarray, start: Array) -> None:
+        """Raise InvalidValueError if one of the robots `rows` (R,) can't be held at its pose `start` (R, 3)."""
+        _, most = self.drive.torque_range(np.zeros(2))
+        friction = self.friction()
+        for k, heading in zip(rows, start[:, 2], strict=True):
+            held = float(most.sum() / self._radius[k, 0])
+            require_held(self.ground[k], friction[k], float(heading), self.pull, self._weight, held)

@@ -47,7 +47,7 @@ class Window:
         `on_key` gets the codes of pressed keys, as GLFW numbers them. Raises TrackslipError without a display.
         """
         if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
-            raise TrackslipError('rendering: "human" needs a display, and there is none; "rgb_array" needs none')
+            raise TrackslipError("rendering: a window needs a display, and there is none; pictures need none")
         try:
             import glfw
             from mujoco import viewer

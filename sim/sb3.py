@@ -1,4 +1,4 @@
-"""The vector environment for Stable-Baselines3; needs the extra `rl`."""
+"""The vector environments for Stable-Baselines3; they need the extra `rl`."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from sim.policy import corrected, features
+from sim.task_vector_env import TaskVectorEnv
+from sim.traverse.env import TraverseVectorEnv
 from sim.vector_env import PathTrackingVectorEnv
 from trackslip.errors import InvalidValueError, TrackslipError
 
@@ -19,15 +21,15 @@ except ImportError as error:
     raise TrackslipError(f"sim.sb3: {error}; pip install 'trackslip[rl]'") from error
 
 
-class PathTrackingVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
-    """PathTrackingVectorEnv with the interface of Stable-Baselines3, which resets in the same step."""
+class TaskVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
+    """A vector environment with the interface of Stable-Baselines3, which resets in the same step."""
 
-    def __init__(self, num_envs: int = 1, threads: int = 0, **options: Any) -> None:
-        """Build the simulator of N robots, with `options` of `EnvConfig`; see `PathTrackingVectorEnv`."""
-        self.env = PathTrackingVectorEnv(num_envs, autoreset_mode=AutoresetMode.SAME_STEP, threads=threads, **options)
-        self.render_mode = self.env.render_mode
-        super().__init__(num_envs, self.env.single_observation_space, self.env.single_action_space)
-        self._actions: np.ndarray = np.zeros((num_envs, 2))
+    def __init__(self, env: TaskVectorEnv) -> None:
+        """Offer `env`, which must reset in the same step."""
+        self.env = env
+        self.render_mode = env.render_mode
+        super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
+        self._actions: np.ndarray = np.zeros(env.action_space.shape or ())
 
     def reset(self) -> np.ndarray:
         """Begin episodes with the seeds and options set before, if any; returns observations (N, n)."""
@@ -40,7 +42,7 @@ class PathTrackingVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
         return observation
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Set the actions (N, 2)."""
+        """Set the actions (N, A)."""
         self._actions = actions
 
     def step_wait(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[dict[str, Any]]]:
@@ -78,6 +80,26 @@ class PathTrackingVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
         """False for each robot: none is wrapped."""
         return [False] * len(list(self._get_indices(indices)))
+
+
+class PathTrackingVecEnv(TaskVecEnv):
+    """PathTrackingVectorEnv with the interface of Stable-Baselines3."""
+
+    def __init__(self, num_envs: int = 1, threads: int = 0, **options: Any) -> None:
+        """Build the simulator of N robots, with `options` of `EnvConfig`; see `PathTrackingVectorEnv`."""
+        super().__init__(
+            PathTrackingVectorEnv(num_envs, autoreset_mode=AutoresetMode.SAME_STEP, threads=threads, **options)
+        )
+
+
+class TraverseVecEnv(TaskVecEnv):
+    """TraverseVectorEnv with the interface of Stable-Baselines3."""
+
+    def __init__(self, num_envs: int = 1, threads: int = 0, **options: Any) -> None:
+        """Build the simulator of N robots, with `options` of `TraverseConfig`; see `TraverseVectorEnv`."""
+        super().__init__(
+            TraverseVectorEnv(num_envs, autoreset_mode=AutoresetMode.SAME_STEP, threads=threads, **options)
+        )
 
 
 class Corrections(VecEnvWrapper):  # type: ignore[misc, unused-ignore]

@@ -36,6 +36,7 @@ def ids(setup: Setup, cases: Sequence[Case]) -> dict[Case, str]:
             "world": [world.parameters, world.obstacles, world.radius_error],
             "laws": content(laws / SUMMARY_FILE if laws.is_dir() else laws),
         }
+        | ({"pull": world.pull} if world.pull.force > 0 else {})
     )
     contents = functools.cache(lambda name: content(Path(name)))
     modules = set(user_modules())

@@ -1,16 +1,14 @@
 """`trackslip bag`: what is in a bag, what trackslip takes of it, and the log that this makes."""
 
-import os
 import shlex
-import tempfile
 from pathlib import Path
 
 from experiments.options.bag import BagConfig
 from experiments.report.formats import MISSING, for_terminal, number
 from experiments.report.terminal import print_table
+from experiments.storage.whole_file import write_output
 from trackslip.errors import OutputError
 from trackslip.logs.logfile import write_csv, write_parquet
-from trackslip.logs.runlog import RunLog
 from trackslip.ros.bag import Bag, open_bags
 from trackslip.ros.choice import BagChoice
 from trackslip.ros.drive_log import read_bags
@@ -35,7 +33,8 @@ def _export(path: Path, choice: BagChoice, file: Path, overwrite: bool) -> None:
     if file.exists() and not overwrite:
         raise OutputError(f"{file}: exists already; --overwrite replaces it")
     read = read_bags(path, choice)
-    _write(read.runs, file)
+    write = write_parquet if file.suffix.lower() == ".parquet" else write_csv
+    write_output(file, lambda draft: write(read.runs, draft))
     for line in (*read.taken, *(f"warning: {line}" for line in read.warnings)):
         print(line)
     print(f"{file}: {len(read.runs)} run(s), {sum(len(log.time) for log in read.runs)} rows")
@@ -64,16 +63,3 @@ def _print(bag: Bag, choice: BagChoice) -> None:
         print(line)
     for line in (*bag.notes, *found.doubts):
         print(f"warning: {line}")
-
-
-def _write(logs: tuple[RunLog, ...], file: Path) -> None:
-    """Write the runs: a complete file, or none."""
-    write = write_parquet if file.suffix.lower() == ".parquet" else write_csv
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=".partial-", dir=file.parent) as folder:
-            part = Path(folder) / file.name
-            write(logs, part)
-            os.replace(part, file)
-    except OSError as error:
-        raise OutputError(f"{file}: can't be written ({error.strerror or error})") from error

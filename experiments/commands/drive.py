@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import shlex
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -26,6 +27,7 @@ from experiments.report.formats import for_terminal
 from experiments.report.terminal import busy, print_table, progress
 from experiments.storage.manifest import command_line, make_manifest
 from experiments.storage.results import (
+    DRIVE_RECORDING,
     PICTURES_FOLDER,
     RECORDINGS_FOLDER,
     REPORT_FILE,
@@ -56,7 +58,7 @@ def run(config: DriveConfig) -> None:
         write_course_run(driven, _NAME, about, radius, folder / RUNS_FILE)
         looks = world.with_looks()
         with busy("recording"):
-            record_course_drive(folder / RECORDINGS_FOLDER / f"{_NAME}.rrd", driven, looks, about)
+            record_course_drive(folder / RECORDINGS_FOLDER / DRIVE_RECORDING, driven, looks, about)
         if config.pictures:
             with busy("pictures"):
                 write_pictures(folder / PICTURES_FOLDER, driven, looks, world.course, config.pictures)
@@ -70,8 +72,8 @@ def run(config: DriveConfig) -> None:
     for line in lines(result):
         print(*for_terminal([[line]])[0])
     print_table("Tracks", TRACKS_HEADER, for_terminal(track_rows(result)))
-    recording = config.out / RECORDINGS_FOLDER / f"{_NAME}.rrd"
-    print(f"{config.out / REPORT_FILE}: {time.perf_counter() - began:.1f} s; rerun {recording} shows it")
+    shown = shlex.quote(str(config.out))
+    print(f"{config.out / REPORT_FILE}: {time.perf_counter() - began:.1f} s; next: trackslip view {shown}")
 
 
 def _drive(world: CourseWorld, pilot: CoursePilot) -> CourseRun:
@@ -88,7 +90,7 @@ def _drive(world: CourseWorld, pilot: CoursePilot) -> CourseRun:
 def _teleoperate(world: CourseWorld) -> CourseRun:
     """Drive by the keyboard."""
     by_reflex = world.config.flipper_angles() is None
-    keyboard = Keyboard(world.traverse.tracked, world.top_speed, by_reflex, world.start_angles)
+    keyboard = Keyboard(world.traverse.tracked, world.top_speed, by_reflex, world.set_angles)
     viewer = Teleop(world.with_looks(), keyboard)
     print(HELP, flush=True)
     reflex = world.flippers()

@@ -185,7 +185,7 @@ def _print(plan: DrivePlan, paper: Expectation | None, trials: "Trials | None") 
 
 
 def _print_trials(trials: "Trials") -> None:
-    from experiments.measuring.plan_trials import PLAN
+    from experiments.measuring.plan_trials import PAPER, PLAN, sampling_error
     from experiments.report.drive_checks import CHECKS_HEADER, checks_table  # late, as above
     from experiments.report.plan_trials import TRIED_HEADER, tried_rows
 
@@ -193,9 +193,13 @@ def _print_trials(trials: "Trials") -> None:
     if trials.simulated:
         title = f"A drive in MuJoCo, measured {trials.repeats} times: standard deviations between measurements"
     else:
-        counts = f"{len(trials.of(PLAN))} drives of the plan, {trials.repeats} times the paper's runs"
-        title = f"{counts}, moved by the law: root mean square errors"
+        driven = f"{len(trials.of(PLAN))} drives of the plan, {trials.repeats} times the paper's runs"
+        title = f"{driven}, moved by the law: root mean square errors"
     print_table(title, TRIED_HEADER, tried_rows(trials))
+    if not trials.simulated:
+        counts = {source: len(trials.of(source)) for source in (PLAN, PAPER)}
+        known = [f"{source} {sampling_error(count):.0%}" for source, count in counts.items() if count]
+        print(f"so many drives leave real errors uncertain by: {', '.join(known)}")
     print_table("Checks", CHECKS_HEADER, checks_table(checks))
     for line in trials.failures:
         print(f"a fit failed: {line}")

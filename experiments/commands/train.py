@@ -1,113 +1,68 @@
 """`trackslip train`: train a policy with PPO from Stable-Baselines3 on the vector environment."""
 
+import itertools
 import os
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from experiments.options.train import TrainConfig
-from experiments.recording import record_all
+from experiments.learning.path_tracking import PathTrackingTraining
+from experiments.learning.training import Training
+from experiments.learning.traverse import TraverseTraining
+from experiments.options.train import PATH_TRACKING, TRAVERSE, TrainConfig
 from experiments.report.terminal import progress
 from experiments.storage.manifest import make_manifest
 from experiments.storage.results import results_folder, write_results
-from sim.path_tracking.config import Reward
-from sim.path_tracking.randomization import Randomization
-from sim.policy import Network, Policy
 from trackslip.errors import InvalidValueError, LogError, TrackslipError
-from trackslip.logs.runlog import RunLog
 
 POLICY, CHECKPOINT = "policy.npz", "checkpoint.zip"
 _MIN_RATE = 0.05  # final over initial learning rate
 _CHECKPOINT_EVERY = 20  # updates
-_RANDOMIZATION = Randomization(start_distance=(0.0, 0.2), start_heading=(-0.4, 0.4), friction_ratio=(0.9, 1.4))
-_REWARD = Reward(weight_position=0.8, weight_heading=0.2, weight_change=4.0, position_scale=0.02, heading_scale=0.2)
+_TRAININGS: dict[str, Callable[[TrainConfig], Training]] = {
+    PATH_TRACKING: PathTrackingTraining,
+    TRAVERSE: TraverseTraining,
+}
 
 
 def run(config: TrainConfig) -> None:
     """Train, store the policy, and print the reward before and after."""
     began = time.perf_counter()
     with results_folder(config.out) as folder:
-        model = _model(config)
+        training = _TRAININGS[config.env](config)
+        model = _model(config, training)
         before = model.num_timesteps
         try:
-            curve = _learn(model, config, folder)
+            curve = _learn(model, config, training, folder)
         except KeyboardInterrupt:
             if not (config.out / CHECKPOINT).is_file():
                 raise
             raise KeyboardInterrupt("interrupted; --resume continues from the last checkpoint") from None
-        policy_of(model, config).save(folder / POLICY)
+        training.save(model, folder / POLICY)
+        found = training.finish(folder / POLICY, folder)
         wall = time.perf_counter() - began
         timing = {"wall_s": wall, "steps_per_s": (model.num_timesteps - before) / wall}
-        summary = {"steps": model.num_timesteps, "curve": curve, "timing": timing}
+        summary = {"steps": model.num_timesteps, "curve": curve, **found, "timing": timing}
         write_results(folder, summary, make_manifest("train", config, wall, seed=config.seed))
-        if config.rrd:
-            record_all(folder, [log for name in config.references for log in _driven(config, folder / POLICY, name)])
+    of = " of 1" if config.env == PATH_TRACKING else ""
     for point in curve[:1] + curve[-1:]:
-        print(f"{point['steps']:>10,} steps: {point['reward']:.3f} of 1 per step")
+        print(f"{point['steps']:>10,} steps: {point['reward']:.3f}{of} per step")
+    training.show(found)
     print(f"{config.out / POLICY}: {model.num_timesteps:,} steps in {wall:.0f} s")
 
 
-def _driven(config: TrainConfig, policy: Path, reference: str) -> list[RunLog]:
-    """Run the policy along a path, from its beginning, on the first of the grounds; as far as it gets if it fails."""
-    from experiments.commands.track import drive, make_reference
-    from experiments.driving.world import World
-    from experiments.options.track import TrackConfig
-    from experiments.options.world import GroundOptions
-    from sim.run_recorder import RunFailedError
-
-    course = TrackConfig(
-        controller=f"ppo:{policy}",
-        compensation=config.compensation,
-        reference=reference,
-        ground=GroundOptions(config.grounds[0]),
-        seed=config.seed,
-        threads=config.threads,
-        rrd=True,
-    )
-    world = World.of(course)
-    try:
-        logs = drive(course, world, make_reference(course, world.robot))
-    except RunFailedError as error:
-        logs = error.logs
-    named = {"controller": f"ppo:{config.out}"}
-    return [replace(log, run=f"policy {reference}", metadata=log.metadata | named) for log in logs[:1]]
-
-
-def policy_of(model: Any, config: TrainConfig) -> Policy:
-    """The learnt policy of a Stable-Baselines3 model, as a `sim.policy.Policy`."""
-    network = model.policy
-    layers = [layer for layer in [*network.mlp_extractor.policy_net, network.action_net] if hasattr(layer, "weight")]
-    weights = tuple(layer.weight.detach().numpy().T.astype(float) for layer in layers)
-    biases = tuple(layer.bias.detach().numpy().astype(float) for layer in layers)
-    return Policy(Network(weights, biases), config.authority, {"action": "twist"})
-
-
-def _model(config: TrainConfig) -> Any:
+def _model(config: TrainConfig, training: Training) -> Any:
     """A new PPO model, or the one of the last checkpoint."""
     try:
         import torch
         from stable_baselines3 import PPO
     except ImportError as error:
         raise TrackslipError('train needs Stable-Baselines3: pip install "trackslip[rl]"') from error
-    from sim.sb3 import Corrections, PathTrackingVecEnv
 
     torch.set_num_threads(1)  # its threads would take processors from the simulation
-    robots = PathTrackingVecEnv(
-        config.robots,
-        config.threads,
-        reference=config.references,
-        ground=config.grounds,
-        action="twist",
-        compensation=config.compensation,
-        pose_source="noisy",
-        reward=_REWARD,
-        randomization=_RANDOMIZATION,
-    )
-    corrections, checkpoint = Corrections(robots, config.authority), config.out / CHECKPOINT
+    robots, checkpoint = training.robots(), config.out / CHECKPOINT
     rate = _falling(config.learning_rate)
     settings = {
         "n_steps": config.horizon,
@@ -120,7 +75,7 @@ def _model(config: TrainConfig) -> Any:
         if not checkpoint.is_file():
             raise LogError(f"{checkpoint}: no such file; training starts from scratch without --resume")
         try:
-            model = PPO.load(checkpoint, corrections, "cpu", {"learning_rate": rate}, **settings)
+            model = PPO.load(checkpoint, robots, "cpu", {"learning_rate": rate}, **settings)
         except Exception as error:  # whatever is wrong with the file
             raise LogError(f"{checkpoint}: can't be resumed ({type(error).__name__}: {error})") from error
         layers = tuple(model.policy_kwargs["net_arch"])
@@ -129,10 +84,14 @@ def _model(config: TrainConfig) -> Any:
         return model
     return PPO(
         "MlpPolicy",
-        corrections,
+        robots,
         learning_rate=rate,
         device="cpu",
-        policy_kwargs={"net_arch": list(config.network), "activation_fn": torch.nn.Tanh, "log_std_init": -1.2},
+        policy_kwargs={
+            "net_arch": list(config.network),
+            "activation_fn": torch.nn.Tanh,
+            "log_std_init": training.initial_deviation,
+        },
         **settings,
     )
 
@@ -142,15 +101,17 @@ def _falling(rate: float) -> Callable[[float], float]:
     return lambda left: rate * (_MIN_RATE + (1 - _MIN_RATE) * left)
 
 
-def _learn(model: Any, config: TrainConfig, drafts: Path) -> list[dict[str, float]]:
+def _learn(model: Any, config: TrainConfig, training: Training, drafts: Path) -> list[dict[str, float]]:
     """Train until `config.steps`, with checkpoints, which are drafted in the folder `drafts` on the same disk.
 
-    Returns for each update the steps of all robots so far, and their mean reward since the one before, at most 1 [-].
+    Returns for each update the steps of all robots so far, their mean reward since the one before [-], and what
+    `training` says of the episodes that have ended since.
     """
     from stable_baselines3.common.callbacks import BaseCallback
 
     curve: list[dict[str, float]] = []
     rewards: list[float] = []  # since the last update, mean of all robots
+    ended: list[dict[str, Any]] = []  # last infos of episodes since then
     with progress("training", config.steps, "steps", model.num_timesteps) as report:
 
         class Recorder(BaseCallback):  # type: ignore[misc, unused-ignore]
@@ -159,12 +120,15 @@ def _learn(model: Any, config: TrainConfig, drafts: Path) -> list[dict[str, floa
             def _on_step(self) -> bool:
                 # PPO's own rewards also contain the expected ones after an episode that is cut off
                 rewards.append(float(np.mean(self.locals["rewards"])))
+                ended.extend(itertools.compress(self.locals["infos"], self.locals["dones"]))
                 return True
 
             def _on_rollout_end(self) -> None:
-                curve.append({"steps": self.num_timesteps, "reward": float(np.mean(rewards))})
+                mean = {"steps": self.num_timesteps, "reward": float(np.mean(rewards))}
+                curve.append(mean | training.ended(ended))
                 report(len(rewards) * config.robots)
                 rewards.clear()
+                ended.clear()
                 self.updates += 1
                 if self.updates % _CHECKPOINT_EVERY == 0:
                     _save(self.model, config.out, drafts)

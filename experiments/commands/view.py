@@ -1,6 +1,7 @@
 """`trackslip view`: show stored runs in the rerun viewer, in the browser, or in a file."""
 
 import contextlib
+import json
 import os
 import re
 import shlex
@@ -18,7 +19,8 @@ from time import monotonic, sleep
 from experiments.options.view import ViewConfig
 from experiments.recording import record, title
 from experiments.storage.file_names import file_names
-from trackslip.errors import LogError, TrackslipError
+from experiments.storage.results import DRIVE_RECORDING, MANIFEST_FILE, RECORDINGS_FOLDER
+from trackslip.errors import InvalidValueError, LogError, OutputError, TrackslipError
 from trackslip.logs.runlog import RunLog
 from trackslip.ros.any_log import read_runs_of
 from trackslip.slip.law_file import load_laws
@@ -33,6 +35,9 @@ _PATIENCE, _BETWEEN = 30.0, 0.1  # how long to wait for the viewer to start, and
 
 def run(config: ViewConfig) -> None:
     """Read, choose, show."""
+    if (kept := drive_recording(config.path)) is not None:
+        _show_kept(config, kept)
+        return
     read = read_runs_of(config.path)
     logs = read.runs
     for line in read.warnings:
@@ -48,6 +53,30 @@ def run(config: ViewConfig) -> None:
     with tempfile.TemporaryDirectory(prefix="trackslip-view-") as folder:
         file = Path(folder) / file_names([title(chosen)], ".rrd")[0]
         _open(file, config.web, begin=record(file, chosen, laws))
+
+
+def drive_recording(path: Path) -> Path | None:
+    """The recording that `trackslip drive` left in a folder, which shows the course; None in any other place."""
+    try:
+        about = json.loads((path / MANIFEST_FILE).read_text(encoding="utf-8"))
+        file = path / RECORDINGS_FOLDER / DRIVE_RECORDING
+        return file if about["command"] == "drive" and file.is_file() else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _show_kept(config: ViewConfig, kept: Path) -> None:
+    """Show a recording that there already is."""
+    if config.run:
+        raise InvalidValueError("run", config.run, f"left out: {config.path} has one run, with its recording")
+    if config.save is None:
+        _open(kept, config.web, begin=0.0)
+        return
+    try:
+        shutil.copyfile(kept, config.save)
+    except OSError as error:
+        raise OutputError(f"{config.save}: can't be written ({error.strerror or error})") from error
+    print(f"{config.save}: {kept}; rerun {shlex.quote(str(config.save))}")
 
 
 def choose(logs: Sequence[RunLog], wanted: Sequence[str], path: Path) -> list[RunLog]:

@@ -70,6 +70,16 @@ def drive_closed_loops(
     Raises:
         TrackslipError: for an unknown controller or compensation; when a robot tips over or a controller fails.
     """
+    shearing = [(run.ground or world.ground).largest_shear > 0 for run in runs]
+    if len(set(shearing)) > 1:  # robots that drive elsewhere have other pads: their bits must not depend on company
+        parts = [[k for k, shears in enumerate(shearing) if shears == wanted] for wanted in (False, True)]
+        found: dict[int, RunLog] = {}
+        for part in parts:
+            some = [runs[k] for k in part]
+            logs = drive_closed_loops(some, world, path, localization, compensation, preview, progress, kept)
+            found |= zip(part, logs, strict=True)
+            progress = _unseen
+        return [found[k] for k in range(len(runs))]
     geometry, top_speed = world.robot.geometry, world.config.drive.top_speed
     driven_by: dict[tuple[str, str], list[int]] = {}
     for k, run in enumerate(runs):
@@ -84,6 +94,10 @@ def drive_closed_loops(
     descriptions = [Description(run.name, common | run.own_metadata()) for run in runs]
     method = None if localization == "truth" else locator(localization, world.robot)
     return closed_loop(fleet, pilots, path, feed, method, descriptions, progress)
+
+
+def _unseen(seconds: float) -> None:
+    """No progress: it counts once for all fleets."""
 
 
 def start_pose(controller: str, reference: str, path: Reference) -> Array:

@@ -10,6 +10,7 @@ import numpy as np
 from experiments.driving.course_pilots import ConstantPilot, CoursePilot, PathPilot
 from experiments.driving.course_run import PERIOD, reflexes
 from experiments.options.drive import DriveConfig
+from sim.robot.flipper_clearance import clear_angles
 from sim.robot.tracked import TrackedRobot, load_tracked
 from sim.robot.tracked_model import TrackedModel, build_tracked
 from sim.terrain import Course, load_course
@@ -52,12 +53,12 @@ class CourseWorld:
             threads=1,
         )
         made = cls(robot, course, world, config)
-        world.begin([0], flippers=made.start_angles)
+        world.begin([0], flippers=clear_angles(world.tracked, made.set_angles))
         return made
 
     @property
-    def start_angles(self) -> Array:
-        """Angles (F,) of the flippers at the start, tips up [rad]."""
+    def set_angles(self) -> Array:
+        """Angles (F,) asked of the flippers, tips up; 0 by reflex [rad]."""
         given, count = self.config.flipper_angles(), len(self.robot.flippers)
         if given is None:
             return np.zeros(count)
@@ -74,7 +75,7 @@ class CourseWorld:
         """What gives the flippers their angles."""
         if self.config.flipper_angles() is None:
             return reflexes
-        angles = self.start_angles
+        angles = self.set_angles
         return lambda _: angles
 
     def pilot(self) -> CoursePilot:
@@ -92,4 +93,5 @@ class CourseWorld:
 
     def with_looks(self) -> TrackedModel:
         """The same model with all that is only looked at."""
-        return build_tracked(self.robot, self.course, preset=self.config.preset, looks=True)
+        friction = (self.course.friction, self.course.friction)
+        return build_tracked(self.robot, self.course, preset=self.config.preset, friction=friction, looks=True)

@@ -8,7 +8,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from experiments.driving.paper_model import KNOWN_LAWS
-from sim.policy import Policy, PolicyController, policy_file
+from sim.network import policy_file
+from sim.policy import Policy, PolicyController
 from sim.robot.robot import Robot
 from trackslip.controllers.base import Controller
 from trackslip.controllers.mpc import ModelPredictive

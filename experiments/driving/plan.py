@@ -20,6 +20,7 @@ from sim.wander.law_motion import LawMotion, SlipVariation
 from sim.wander.log import encoder_log, joined_log, quantised
 from sim.wander.motion import Motion
 from sim.wander.pose_source import PoseSource
+from trackslip.identification.drive.reckoning import rotated
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.planning.plan import PAPER_DURATION, DrivePlan, paper_runs
@@ -103,8 +104,7 @@ def driven_in_mujoco(plan: DrivePlan, seed: int, threads: int, progress: Progres
 
 def placed(pose: Array, start: Array) -> Array:
     """Poses (F, 3) from the origin, as seen from where the robot starts at `start` (3,)."""
-    at = (pose[:, 0] + 1j * pose[:, 1]) * np.exp(1j * start[2])
-    return np.stack([start[0] + at.real, start[1] + at.imag, start[2] + pose[:, 2]], axis=-1)
+    return start + np.column_stack([rotated(start[2], pose[:, :2]), pose[:, 2]])
 
 
 def _law_motion(plan: DrivePlan, truth: Array) -> LawMotion:

@@ -50,7 +50,10 @@ def wander(config: WanderConfig, world: World, progress: Progress = lambda secon
         about_law = metadata | {"law": plain(config.law), "seed": config.seed}
         moved = _by_law(config, geometry, _start(config, world), names, omega, about_law)
     else:
-        about = [Description(name, world.metadata(config.source.source) | metadata) for name in names]
+        about_world = world.metadata(config.source.source) | metadata
+        if config.source.source != "scanner":  # then there is none in the field
+            del about_world["lrf"], about_world["scanner"]
+        about = [Description(name, about_world) for name in names]
         fleet = world.fleet(np.tile(_start(config, world), (config.drives, 1)))
         share = config.drives
         logs = drive_fleet(fleet, np.stack(omega, axis=1), config.encoder_rate, about, lambda s: progress(s * share))

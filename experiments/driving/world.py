@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Self
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from experiments.options.world import Simulation
 from experiments.storage.manifest import make_manifest
 from experiments.storage.plain_json import plain
+from sim.drive.pull import Pull
 from sim.fleet import Fleet
 from sim.ground.ground import Ground
 from sim.ground.named import load_ground
@@ -31,6 +32,7 @@ class Specification:
     radius_error: float
     """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     obstacles: Obstacles
+    pull: Pull = field(metadata={"stored_unless": Pull()})
 
     @classmethod
     def of(cls, config: Simulation) -> "Specification":
@@ -53,7 +55,7 @@ class WorldFiles:
             ground = self._ground(config.ground.source)
         obstacles = Obstacles() if config.obstacles is None else self._obstacles(config.obstacles)
         error = parameters.radius_error if config.radius_error is None else config.radius_error
-        return Specification(parameters, config.ground.changed(ground), error, obstacles)
+        return Specification(parameters, config.ground.changed(ground), error, obstacles, config.pull.pull())
 
 
 @dataclass(frozen=True)
@@ -71,8 +73,8 @@ class World(Specification):
 
     def fleet(self, start: Array, grounds: Sequence[Ground] | None = None) -> Fleet:
         """Robots at the poses `start` (N, 3) [m, m, rad], each on the world's ground or on its own of `grounds`."""
-        config = self.config
-        return Fleet(self.robot, start, grounds or self.ground, self.radius_error, config.drive, config.threads)
+        config, ground = self.config, grounds or self.ground
+        return Fleet(self.robot, start, ground, self.radius_error, config.drive, config.threads, self.pull)
 
     def feed(self, fleet: Fleet, generators: Sequence[np.random.Generator], kept: bool = False) -> ScannerFeed:
         """The scanner in front of a fleet, with one random number generator per robot; `kept`: see ScannerFeed."""
@@ -88,6 +90,7 @@ class World(Specification):
                 "lrf": {"mount": self.robot.lrf_mount},
                 "ground": self.ground,
                 "radius_error": self.radius_error,
+                **self._towed,
                 "drive": self.config.drive,
                 "scanner": self.config.scanner,
                 "obstacles": self.obstacles,
@@ -102,9 +105,14 @@ class World(Specification):
 
         `config` is the command's configuration if it isn't that of the world.
         """
-        more = {"ground": self.ground, "obstacles": self.obstacles, "robot": self.parameters}
+        more = {"ground": self.ground, "obstacles": self.obstacles, "robot": self.parameters, **self._towed}
         seed, digest = self.config.seed, self.robot.digest
         return make_manifest(command, config or self.config, wall_s, seed=seed, model_sha256=digest, **more)
+
+    @property
+    def _towed(self) -> dict[str, Pull]:
+        """The pull by name, if there is one."""
+        return {"pull": self.pull} if self.pull.force > 0 else {}
 
 
 @functools.lru_cache(maxsize=8)

@@ -222,9 +222,9 @@ class Trials:
         return found
 
     def _statistics(self, case: str) -> list[Check]:
-        """Real errors against predicted ones, and against the least that the paper's runs can have.
+        """Real errors against predicted ones, and against those expected of the paper's runs.
 
-        That bound has no sampling error, other than the real errors from the paper's runs.
+        Unlike the real errors from the paper's runs, what is expected has no sampling error.
         """
         real, predicted, bound = self.errors(PLAN), self.predicted[PLAN], self.predicted[PAPER]
         found = [
@@ -256,7 +256,9 @@ class Trials:
             "truth": None if self.simulated else self._named(self.truth),
             "predicted": self.predicted,
             "real": {source: self.errors(source) for source in sources},
-            "relative_error_of_real": {source: _sampling_error(len(self.of(source))) for source in sources},
+            "uncertainty_of_real": {
+                source: sampling_error(len(self.of(source))) for source in sources if self.of(source)
+            },
             "mean": {source: self._means(source) for source in sources},
             "ahead": {source: self.ahead(source) for source in sources},
             "inside": sum(one.reach <= 1 + _ROUNDING for one in drives),
@@ -272,9 +274,9 @@ class Trials:
         return {name: float(np.mean([one[name] for one in values])) for name in family(self.plan.law).names if values}
 
 
-def _sampling_error(count: int) -> float | None:
-    """Relative standard error of a root mean square of so many normal errors."""
-    return 1 / np.sqrt(2 * count) if count else None
+def sampling_error(count: int) -> float:
+    """Relative standard error of a root mean square of so many normal errors, at least one."""
+    return float(1 / np.sqrt(2 * count))
 
 
 def _reach(plan: DrivePlan, driven: Driven) -> float:

@@ -111,4 +111,5 @@ class BenchmarkConfig(Equipment):
 
     def simulation(self) -> Simulation:
         """The same world for a single process."""
-        return Simulation(self.robot, self.radius_error, self.drive, self.scanner, self.obstacles, threads=1)
+        equipment = self.robot, self.radius_error, self.drive, self.scanner, self.obstacles, self.pull
+        return Simulation(*equipment, threads=1)

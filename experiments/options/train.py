@@ -3,11 +3,13 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from experiments.options.checks import require_integer, require_positive_up_to
+from experiments.options.checks import refuse_unused, require_integer, require_positive_up_to
 from experiments.options.world import MAX_THREADS
 from trackslip.errors import InvalidValueError
 
+PATH_TRACKING, TRAVERSE = ENVIRONMENTS = ("path_tracking", "traverse")
 MAX_ROBOTS = MAX_LAYER = 4096
+MAX_TRIALS = 10_000
 MAX_AUTHORITY = 10.0  # [m/s], [rad/s]
 MAX_SEED = 2**32 - 1  # the largest that PyTorch and NumPy's legacy generators accept
 
@@ -16,9 +18,12 @@ MAX_SEED = 2**32 - 1  # the largest that PyTorch and NumPy's legacy generators a
 class TrainConfig:
     """Train a policy with PPO that corrects the reference's twist, for `benchmark --controllers ppo:OUT`.
 
-    The defaults are the tuned configuration behind the documented results.
+    With --env traverse, train one that corrects the scripted controller of a robot that crosses courses. The defaults
+    are the tuned configuration behind the documented results in path tracking.
     """
 
+    env: str = PATH_TRACKING
+    """Environment: path_tracking or traverse."""
     steps: int = 2_000_000
     """Total number of control periods, summed over all robots."""
     robots: int = 64
@@ -31,6 +36,13 @@ class TrainConfig:
     """Slip compensation between twist and sprocket speeds: none, published, or one of the shipped laws."""
     authority: tuple[float, float] = (0.12, 0.6)
     """Largest correction of the reference's twist [m/s, rad/s]."""
+    robot: str = "rescue"
+    """Name of a tracked robot, or its .toml file; needs --env traverse."""
+    difficulty: tuple[float, float] = (0.7, 1.0)
+    """Range of the courses' difficulty, from 0 to 1; needs --env traverse [-]."""
+    trials: int = 300
+    """Number of unseen courses of each of three difficulties that the trained policy is tried on; needs --env
+    traverse."""
     network: tuple[int, ...] = (64, 64)
     """Sizes of the hidden layers."""
     learning_rate: float = 6e-4
@@ -55,6 +67,16 @@ class TrainConfig:
     """Folder for the policy, its checkpoints and the training curve."""
 
     def __post_init__(self) -> None:
+        if self.env not in ENVIRONMENTS:
+            raise InvalidValueError("env", self.env, f"one of {', '.join(ENVIRONMENTS)}")
+        if self.env == PATH_TRACKING:
+            refuse_unused(self, ("robot", "difficulty", "trials"), "without --env traverse")
+        else:
+            refuse_unused(self, ("references", "grounds", "compensation", "authority", "rrd"), "with --env traverse")
+        low, high = self.difficulty
+        if not 0 <= low <= high <= 1:
+            raise InvalidValueError("difficulty", self.difficulty, "two ascending numbers from 0 to 1")
+        require_integer("trials", self.trials, 1, MAX_TRIALS)
         for name in ("steps", "horizon", "batch", "epochs"):
             require_integer(name, getattr(self, name), 1)
         require_integer("robots", self.robots, 1, MAX_ROBOTS)

@@ -8,7 +8,7 @@ import tyro
 
 from experiments.options.checks import refuse_changed, require_between, require_integer, require_speed
 from experiments.options.help import default_is
-from experiments.options.world import MAX_DURATION, GroundOptions, Repeatable, Simulation
+from experiments.options.world import MAX_DURATION, GroundOptions, PullOptions, Repeatable, Simulation
 from sim.drive.drive import MAX_RADIUS_ERROR, Drive
 from sim.scanner.scanner import LaserScanner
 from sim.wander.pose_source import SOURCES, PoseSource
@@ -131,6 +131,7 @@ class WanderConfig(Repeatable):
     """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     drive: Drive = field(default_factory=Drive)
     ground: GroundOptions = field(default_factory=GroundOptions)
+    pull: PullOptions = field(default_factory=PullOptions, metadata={"stored_unless": PullOptions()})
     rrd: bool = False
     """Also write recordings for the rerun viewer to OUT/recordings."""
     bag: bool = False
@@ -150,7 +151,7 @@ class WanderConfig(Repeatable):
         if self.duration < 2 / self.encoder_rate:
             raise InvalidValueError("duration", self.duration, f"at least {2 / self.encoder_rate:g} s, two readings")
         if self.motion == "law":
-            for name in ("ground", "radius_error"):
+            for name in ("ground", "pull", "radius_error"):
                 refuse_changed(name, getattr(self, name), getattr(WanderConfig(), name), "with --motion law")
             used = replace(Drive(), top_speed=self.drive.top_speed, encoder_counts=self.drive.encoder_counts)
             refuse_changed("drive", self.drive, used, "with --motion law")
@@ -171,6 +172,7 @@ class WanderConfig(Repeatable):
             scanner=LaserScanner(rate=self.encoder_rate),  # unused
             rrd=self.rrd,
             ground=self.ground,
+            pull=self.pull,
             seed=self.seed,
             threads=self.threads,
         )

@@ -10,6 +10,7 @@ import tyro
 from experiments.options.checks import require_between, require_integer
 from experiments.options.help import default_is
 from sim.drive.drive import MAX_RADIUS_ERROR, Drive
+from sim.drive.pull import Pull
 from sim.ground.ground import Ground
 from sim.scanner.scanner import LaserScanner
 from trackslip.errors import InvalidValueError
@@ -41,7 +42,7 @@ class GroundOptions:
     source: Annotated[
         str | None, tyro.conf.arg(name="", metavar="NAME|FILE", help_behavior_hint="(default: the robot's, else stone)")
     ] = None
-    """Ground to drive on: stone, concrete, rubber, packed_soil, gravel, wet, ice, or a .toml file."""
+    """Ground to drive on: stone, gravel, ice, clay, loose_sand or another of those named, or a .toml file."""
     along: Annotated[float | None, default_is("the ground's", "FLOAT")] = None
     """Friction coefficient along the track [-]."""
     across: Annotated[float | None, default_is("the ground's", "FLOAT")] = None
@@ -51,13 +52,37 @@ class GroundOptions:
     uphill: Annotated[float | None, default_is("the ground's", "FLOAT")] = None
     """Heading of a robot that drives straight up the slope [rad]."""
 
+    shear: Annotated[float | None, default_is("the ground's", "FLOAT")] = field(
+        default=None, metadata={"stored_unless": None}
+    )
+    """Shear modulus of ground that gives way before it slides, 0 for Coulomb friction [m]."""
+
     def __post_init__(self) -> None:
         self.changed(Ground())
 
     def changed(self, ground: Ground) -> Ground:
         """`ground` with the properties that are given here."""
-        given = {name: getattr(self, name) for name in ("along", "across", "slope", "uphill")}
+        given = {name: getattr(self, name) for name in ("along", "across", "slope", "uphill", "shear")}
         return replace(ground, **{name: value for name, value in given.items() if value is not None})
+
+
+@dataclass(frozen=True)
+class PullOptions:
+    """What the robot tows."""
+
+    force: Annotated[float, tyro.conf.arg(name="", metavar="FLOAT")] = 0.0
+    """Drawbar force, backwards along the robot [N]."""
+    height: float = Pull.height
+    """Height of the hitch above the ground [m]."""
+    since: float = Pull.since
+    """Time in a run at which the force begins to act [s]."""
+
+    def __post_init__(self) -> None:
+        self.pull()
+
+    def pull(self) -> Pull:
+        """The pull itself."""
+        return Pull(self.force, self.height, self.since)
 
 
 @dataclass(frozen=True)
@@ -86,6 +111,7 @@ class Equipment:
     scanner: LaserScanner = field(default_factory=LaserScanner)
     obstacles: Annotated[str | None, default_is("nothing", "NAME|FILE")] = None
     """Objects that the scanner sees besides the plate: posts, room, walker, occluded, or a .toml file."""
+    pull: PullOptions = field(default_factory=PullOptions, metadata={"stored_unless": PullOptions()})
     rrd: bool = False
     """Also write recordings for the rerun viewer to OUT/recordings."""
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from PIL import Image
+from matplotlib.image import imsave
 
 from experiments.driving.course_run import CourseRun
 from experiments.recording.video import FRAME_RATE, video
@@ -24,7 +24,7 @@ def write_pictures(folder: Path, run: CourseRun, looks: TrackedModel, course: Co
     folder.mkdir(parents=True, exist_ok=True)
     rows = np.unique(np.linspace(0, len(run.time) - 1, count + 1).astype(int)[1:])
     for number, (row, picture) in enumerate(zip(rows, _pictures(run, looks, course, rows), strict=True)):
-        Image.fromarray(picture).save(folder / f"{number:03d}_{run.time[row]:.1f}s.png")
+        imsave(folder / f"{number:03d}_{run.time[row]:.1f}s.png", picture)
 
 
 def write_video(

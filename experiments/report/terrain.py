@@ -10,7 +10,6 @@ from experiments.measuring.drive_coverage import Check
 from experiments.report.figures import terrain as figures
 from experiments.report.formats import MISSING, number, percent, significant
 from experiments.report.page import Drawing, Page, file_name, render_page
-from experiments.validation.terrain.bounds import BOUNDS
 from experiments.validation.terrain.findings import ByDefault, Findings, TerrainValidation
 
 TITLE = "Tracks on terrain compared with theory"
@@ -51,8 +50,8 @@ def render(found: TerrainValidation, checks: Sequence[Check], manifest: Mapping[
 def header_of(found: TerrainValidation) -> tuple[str, ...]:
     """Header of `table_of`."""
     cells = ["check"]
-    for preset in BOUNDS:
-        cells += [f"{one.robot}, {preset}" for one in found.findings if one.preset == preset] + ["bound"]
+    for preset in found.presets:
+        cells += [f"{one.robot}, {preset}" for one in found.of_preset(preset)] + ["bound"]
     return tuple(cells)
 
 
@@ -62,8 +61,8 @@ def table_of(found: TerrainValidation, checks: Sequence[Check]) -> list[tuple[st
     rows = []
     for what in dict.fromkeys(check.what for check in checks):
         cells = [what]
-        for preset in BOUNDS:
-            cases = [f"{one.robot}, {preset}" for one in found.findings if one.preset == preset]
+        for preset in found.presets:
+            cases = [f"{one.robot}, {preset}" for one in found.of_preset(preset)]
             row = [by_name.get((case, what)) for case in cases]
             cells += [MISSING if check is None else _value(check) for check in row]
             cells.append(next((_bound(check) for check in row if check is not None), MISSING))

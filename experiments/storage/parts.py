@@ -7,7 +7,6 @@ everything its numbers depend on except code, models and libraries; those are re
 import contextlib
 import io
 import json
-import os
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +18,7 @@ import pyarrow.parquet
 from experiments.storage.manifest import changes, digest, made_by
 from experiments.storage.plain_json import plain
 from experiments.storage.results import MANIFEST_FILE, RUNS_FILE, SUMMARY_FILE
+from experiments.storage.whole_file import write_whole
 from trackslip.errors import LogError, TrackslipError
 from trackslip.logs.file_format import require_known_manifest
 from trackslip.logs.logfile import StoredRuns, join_parquet, write_parquet
@@ -101,11 +101,11 @@ class Parts(dict[str, Stored]):
             raise TrackslipError("a worker has other code, models or libraries than this process")
         path = self._parts / f"{digest([row['id'] for row in part.rows])}.json"
         file = path.with_suffix(".parquet")
-        if part.logs is not None:
+        if (logs := part.logs) is not None:
+            rows = json.dumps({"made_by": {digest(now): now}, "runs": part.rows})
             try:
-                self._parts.mkdir(parents=True, exist_ok=True)
-                _put(file, part.logs)
-                _put(path, json.dumps({"made_by": {digest(now): now}, "runs": part.rows}).encode())
+                write_whole(file, lambda draft: draft.write_bytes(logs))
+                write_whole(path, lambda draft: draft.write_text(rows, encoding="utf-8"))
             except OSError:
                 with contextlib.suppress(OSError):  # there are other parts
                     self._parts.rmdir()
@@ -203,13 +203,3 @@ def _whole(file: Path, names: Iterable[str]) -> bool:
     except (OSError, pyarrow.ArrowException, LogError):
         return False
     return True
-
-
-def _put(path: Path, content: bytes) -> None:
-    """A file, whole or not at all."""
-    draft = path.with_name(f".{path.name}-{os.getpid()}")
-    try:
-        draft.write_bytes(content)
-        os.replace(draft, path)
-    finally:
-        draft.unlink(missing_ok=True)

@@ -3,13 +3,14 @@
 import dataclasses
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 _AS_IT_IS = (str, int, bool, type(None))
+_ALWAYS = object()
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
@@ -18,13 +19,16 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
 
 
 def plain(value: Any) -> Any:
-    """`value` as what JSON knows; dataclasses become mappings, numbers that aren't finite None."""
+    """`value` as what JSON knows; dataclasses become mappings, numbers that aren't finite None.
+
+    A dataclass' field is left out where it has the value that its metadata call `stored_unless`.
+    """
     if type(value) in _AS_IT_IS:
         return value
     if type(value) is float:
         return value if math.isfinite(value) else None
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
+        return {f.name: plain(item) for f, item in _stored(value)}
     if isinstance(value, Mapping):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, np.ndarray):
@@ -34,3 +38,11 @@ def plain(value: Any) -> Any:
     if isinstance(value, np.generic):
         return plain(value.item())
     return str(value) if isinstance(value, Path) else value
+
+
+def _stored(value: Any) -> Iterator[tuple[dataclasses.Field[Any], Any]]:
+    """The fields of a dataclass that are stored, and their values."""
+    for f in dataclasses.fields(value):
+        item = getattr(value, f.name)
+        if f.metadata.get("stored_unless", _ALWAYS) != item:
+            yield f, item

@@ -30,6 +30,7 @@ FIGURES_FOLDER = "figures"
 RECORDINGS_FOLDER = "recordings"
 BAGS_FOLDER = "bags"
 PICTURES_FOLDER = "pictures"
+DRIVE_RECORDING = "drive.rrd"
 TRAJECTORIES_FOLDER = "trajectories"
 FOLDERS = {
     FIGURES_FOLDER: (".svg", ".pdf"),

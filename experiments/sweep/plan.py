@@ -53,8 +53,10 @@ class Setting:
     @functools.cached_property
     def fleet(self) -> str:
         """Hash of what the runs of a fleet share."""
-        shape = replace(self.specification.parameters, radius_error=0.0)
-        return _fleet_digest(shape, self.specification.obstacles, *_in_common(self.config).items())
+        world = self.specification
+        shape = replace(world.parameters, radius_error=0.0)
+        shared = shape, world.obstacles, world.pull, world.ground.largest_shear > 0  # whose robots have other pads
+        return _fleet_digest(*shared, *_in_common(self.config).items())
 
 
 @dataclass(frozen=True)

@@ -1,16 +1,10 @@
-"""A drawbar force on the robots of a fleet: what they tow."""
+"""Pull: a drawbar force, of what a robot tows."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numpy as np
-from mujoco import batch
-
-from sim.bodies import Rows
-from sim.robot.robot import Robot
-from trackslip.errors import require, require_at_most, require_non_negative
-from trackslip.kinematics import Array
+from trackslip.errors import require_at_most, require_non_negative
 
 MAX_FORCE = 1e5
 """Largest pull [N]."""
@@ -32,40 +26,3 @@ class Pull:
             require_non_negative(name, getattr(self, name))
         require_at_most("force", self.force, MAX_FORCE, "N")
         require_at_most("height", self.height, 10.0, "m")
-
-    def require_parking(self, uphill: float, held: float) -> None:
-        """Raise InvalidValueError if the pull would drag a robot at rest backwards.
-
-        `uphill` is the force of the slope, backwards along it [N], and `held` the largest that tracks at rest hold [N].
-        """
-        most = max(held - uphill, 0.0)
-        require(
-            self.force == 0 or self.force < most,
-            "pull",
-            self.force,
-            f"less than {most:.4g} N, not to drag it backwards",
-        )
-
-
-class Drawbar:
-    """The pull on N robots, written to the engine."""
-
-    def __init__(self, pull: Pull, robot: Robot, of: batch.Batch) -> None:
-        """The same `pull` for all robots of the batch `of`."""
-        self._pull = pull
-        self._chassis = robot.model.body("chassis").id
-        self._wrench = of.bind("xfrc_applied")[:, self._chassis]  # (N, 6), live
-        self._batch, self._centre = of, robot.model.body_ipos  # (bodies, 3) centres of mass
-
-    def apply(self, rows: Rows, heading: Array, acts: np.ndarray) -> None:
-        """Pull the robots `rows` (R,) with these headings (R,) [rad], those that it `acts` on (R,)."""
-        force = np.where(acts, self._pull.force, 0.0)
-        moved = self._batch.expanded("body_ipos")
-        centre = self._centre[self._chassis] if moved is None else moved[rows, self._chassis]
-        cos, sin, zero = np.cos(heading), np.sin(heading), np.zeros_like(force)
-        pitch, yaw = force * (centre[..., 2] - self._pull.height), -force * centre[..., 1]
-        self._wrench[rows] = np.stack([-force * cos, -force * sin, zero, -pitch * sin, pitch * cos, yaw], axis=-1)
-
-    def acts(self, time: Array) -> np.ndarray:
-        """Whether the force acts (R,) at times (R,) since the start of the runs [s]."""
-        return time >= self._pull.since - 1e-9

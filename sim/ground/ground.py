@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,6 +17,8 @@ MAX_SLOPE = 1.5
 """Largest slope [rad]."""
 MAX_SHEAR = 0.2
 """Largest shear modulus [m]."""
+UNLESS_ZERO = {"stored_unless": 0.0}
+"""Metadata of a field that is left out of files where it is zero, so that these are as they were before it existed."""
 _MAX_PATCHES = 10_000  # largest number of patches of a ground, and of changes
 
 
@@ -32,7 +34,7 @@ class Patch:
     """Friction coefficient along the track [-]."""
     across: float
     """Friction coefficient across the track [-]."""
-    shear: float | None = None
+    shear: float | None = field(default=None, metadata={"stored_unless": None})
     """Shear modulus; None for that of the ground around it [m]."""
 
     def __post_init__(self) -> None:
@@ -52,7 +54,7 @@ class Change:
     """Friction coefficient along the track [-]."""
     across: float
     """Friction coefficient across the track [-]."""
-    shear: float | None = None
+    shear: float | None = field(default=None, metadata={"stored_unless": None})
     """Shear modulus; None for the one before [m]."""
 
     def __post_init__(self) -> None:
@@ -85,7 +87,7 @@ class Ground:
     """Areas of another ground; where patches overlap, the last one applies."""
     changes: tuple[Change, ...] = ()
     """Changes of the ground, in order of time."""
-    shear: float = 0.0
+    shear: float = field(default=0.0, metadata=UNLESS_ZERO)
     """Shear modulus K; 0 for Coulomb friction [m]."""
 
     def __post_init__(self) -> None:
@@ -102,7 +104,8 @@ class Ground:
     @property
     def largest_shear(self) -> float:
         """Largest shear modulus of the ground, its patches and changes [m]."""
-        return max(self.shear, *(part.shear or 0.0 for part in (*self.patches, *self.changes)), 0.0)
+        of_patches, of_changes = (p.shear or 0.0 for p in self.patches), (c.shear or 0.0 for c in self.changes)
+        return max(self.shear, *of_patches, *of_changes, 0.0)
 
     def gravity(self, size: float) -> tuple[float, float, float]:
         """Gravity of magnitude `size` [m/s^2] in the plane's frame: x and y in the plane, z along its normal."""

@@ -3,6 +3,9 @@
 The source of a named ground, if any, is that of the friction along the track; that across is assumed. Slip depends
 only on the ratio across / along: 0.778 / 0.70 for hard ground, on which treads grip slightly better sideways, more on
 loose ground, which the track must push aside, and 1 on ice.
+
+Shear moduli are assumed, of the order that terramechanics gives for such grounds: about a centimetre for firm sand, two
+to five for loose sand and snow, and less for clay.
 """
 
 from __future__ import annotations
@@ -15,6 +18,7 @@ from trackslip.errors import SettingsFileError
 
 _HARD = 0.778 / 0.70
 _NOON = "R. K. Noon, Engineering Analysis of Vehicular Accidents (1994), of tyres"
+_WONG = "angle of friction after J. Y. Wong, Theory of Ground Vehicles (2008), read second-hand"
 
 
 @dataclass(frozen=True)
@@ -42,6 +46,12 @@ NAMED_GROUNDS: dict[str, NamedGround] = {
     "sticky": NamedGround(
         Ground(changes=(Change(20.0, 0.70, 1.089),)), "assumed: stone that grows 40 % stickier across after 20 s"
     ),
+    "firm_sand": NamedGround(
+        Ground(0.60, 0.75, shear=0.010), f"firm sand, 31.1°: {_WONG}; ratio 1.25 and shear assumed"
+    ),
+    "loose_sand": NamedGround(Ground(0.53, 0.689, shear=0.025), f"dry sand, 28°: {_WONG}; ratio 1.3 and shear assumed"),
+    "clay": NamedGround(Ground(0.60, 0.75, shear=0.006), "assumed, firm clay; ratio 1.25 and shear assumed"),
+    "snow": NamedGround(Ground(0.36, 0.468, shear=0.040), f"snow, 19.7°: {_WONG}; ratio 1.3 and shear assumed"),
     "ice": NamedGround(Ground(0.12, 0.12), f"ice, 0.10 to 0.15: {_NOON}; ratio 1"),
 }
 

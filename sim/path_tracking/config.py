@@ -146,6 +146,12 @@ class EnvConfig:
         return _several(self.ground)
 
     @property
+    def shears(self) -> bool:
+        """Whether one of the grounds gives way before it slides."""
+        drawn = self.drawn.shear
+        return any(load_ground(one).largest_shear > 0 for one in self.grounds) or (drawn is not None and drawn[1] > 0)
+
+    @property
     def stride(self) -> int:
         """Number of control periods between previews."""
         return round(self.preview_spacing / PERIOD)

@@ -55,6 +55,8 @@ def draw(
     ground = _ground(config, base, table.path(reference), generator)
     if "ground" in options:
         ground = options["ground"] if isinstance(options["ground"], Ground) else load_ground(options["ground"])
+        shear, allowed = ground.largest_shear, "0 in an environment that is made without ground that shears"
+        require(shear == 0 or config.shears, "ground.shear", shear, allowed)
     radius_error = _uniform(generator, drawn.radius_error, config.robot.radius_error)
     com = _uniform(generator, drawn.com_x, 0.0), _uniform(generator, drawn.com_y, 0.0)
     lag = _uniform(generator, drawn.lag, config.drive.lag)
@@ -91,6 +93,8 @@ def _ground(config: EnvConfig, base: Ground, path: Array, generator: np.random.G
         patches.append(Patch((x - half, x + half), (y - half, y + half), along, along * ratio))
     slope, uphill = _uniform(generator, drawn.slope, base.slope), generator.uniform(-math.pi, math.pi)
     ground = dataclasses.replace(base, across=across, patches=(*base.patches, *patches))
+    if drawn.shear is not None:
+        ground = dataclasses.replace(ground, shear=_uniform(generator, drawn.shear, 0.0))
     if drawn.slope is None:
         return ground
     least = min(ground.along, across, *(min(patch.along, patch.across) for patch in ground.patches))

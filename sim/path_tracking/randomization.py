@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 
 from sim.drive.drive import MAX_RADIUS_ERROR, Drive
-from sim.ground.ground import MAX_FRICTION, MAX_SLOPE
+from sim.ground.ground import MAX_FRICTION, MAX_SHEAR, MAX_SLOPE
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import require
 
@@ -26,6 +26,7 @@ _LIMITS: dict[str, Range] = {
     "patches": (0, 10),
     "patch_size": (0.01, 100.0),
     "patch_friction": (0.01, MAX_FRICTION / 10),
+    "shear": (0.0, MAX_SHEAR),
     "lag": (0.001, 1.0),
     "latency": (0, MAX_LATENCY),
     "start_distance": (0.0, 10.0),
@@ -54,6 +55,8 @@ class Randomization:
     """Side length of the patches [m]."""
     patch_friction: Range = (0.5, 1.0)
     """Friction of the patches over that of the ground; across is also multiplied by another `friction_ratio` [-]."""
+    shear: Range | None = None
+    """Shear modulus of the ground, patches included; None for the ground's own [m]."""
     lag: Range | None = None
     """Time constant of the servos; None for the drive's own [s]."""
     latency: tuple[int, int] = (0, 0)

@@ -40,7 +40,8 @@ class PathTracking:
         self.size = size
         self.table = ReferenceTable(config.references, config.previews * config.stride)
         start = self.table.path(0)[0]
-        self.fleet = Fleet(robot, np.tile(start, (size, 1)), radius_error=0.0, drive=config.drive, threads=threads)
+        begin = np.tile(start, (size, 1))
+        self.fleet = Fleet(robot, begin, None, 0.0, config.drive, threads, shears=config.shears)
         self.layout = Layout(config, self.fleet.drive.limit)
         self.actions = 2
         """Number of actions of a robot."""

@@ -24,5 +24,6 @@ def load_robot_file(path: Path | None) -> tuple[RobotParameters, Ground]:
 
 def robot_file_text(parameters: RobotParameters, ground: Ground, comment: str) -> str:
     """Text of a robot file; `ground` must be level, without patches and changes."""
+    shear = f"shear = {ground.shear!r}\n" if ground.shear > 0 else ""
     lines = [f"{name} = {value!r}\n" for name, value in dataclasses.asdict(parameters).items()]
-    return f"# {comment}\n{''.join(lines)}\n[ground]\nalong = {ground.along!r}\nacross = {ground.across!r}\n"
+    return f"# {comment}\n{''.join(lines)}\n[ground]\nalong = {ground.along!r}\nacross = {ground.across!r}\n{shear}"

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import models
 from sim.toml_file import build, read_named
+from sim.tracks.hull import Hull
 from trackslip.errors import require, require_non_negative, require_positive
 
 Wheels = tuple[tuple[float, float, float], ...]
@@ -39,6 +40,7 @@ class Flipper:
     """Largest torque of that motor, unless the model limits the hinge's [N m]."""
 
     def __post_init__(self) -> None:
+        Hull.from_wheels(self.hull)
         require(self.side in ("left", "right"), "side", self.side, "left or right")
         require(abs(self.y) <= 10, "y", self.y, "from -10 to 10 m")
         for name in ("width", "stiffness", "torque"):
@@ -66,6 +68,7 @@ class TrackedRobot:
     """Name of the robot: its robot file's without .toml."""
 
     def __post_init__(self) -> None:
+        Hull.from_wheels(self.hull)
         require_positive("half_gauge", self.half_gauge)
         require_positive("width", self.width)
         bodies = [flipper.body for flipper in self.flippers]
@@ -92,6 +95,8 @@ def load_tracked(source: str | Path = "rescue") -> TrackedRobot:
         SettingsFileError: for a file that can't be read, unknown or missing fields and values that aren't allowed.
     """
     path = Path(TRACKED_ROBOTS.get(str(source), source))
+    allowed = f"one of {', '.join(TRACKED_ROBOTS)}, or a .toml file that names the model and gives its tracks"
+    require(path.suffix.lower() == ".toml", "robot", str(source), allowed)
     table = {"name": path.stem.removesuffix("_robot"), **read_named("robot", str(path), TRACKED_ROBOTS)}
     robot = build(TrackedRobot, table, str(path))
     return replace(robot, model=path.parent / robot.model)

@@ -17,15 +17,13 @@ from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array
 
 SIDES = ("left", "right")
+_FROM_GEOMS = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+_CLEAR = 1e-3  # height above the tracks' lowest point that everything else on the chassis must have [m]
 _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
 
 
 class Terrain(Protocol):
     """What a robot can be put on."""
-
-    @property
-    def friction(self) -> float:
-        """Coefficient of friction [-]."""
 
     def add_to(self, spec: Any) -> list[str]:
         """Add the terrain to a `mujoco.MjSpec` and return the names of its geoms."""
@@ -64,7 +62,7 @@ def build_tracked(
     terrain: Terrain | None = None,
     *,
     preset: str = "accurate",
-    friction: tuple[float, float] | None = None,
+    friction: tuple[float, float] = (0.7, 0.7),
     looks: bool = False,
 ) -> TrackedModel:
     """Compile a robot on its terrain, or on a plane.
@@ -73,21 +71,23 @@ def build_tracked(
         robot: the robot.
         terrain: what it stands on, such as a `sim.terrain.Course`.
         preset: contact preset of the tracks.
-        friction: coefficients of friction along and across the tracks; by default the terrain's.
+        friction: coefficients of friction along and across the tracks.
         looks: keep geoms that are only looked at, which slow the physics down.
 
     Raises:
         TrackslipError: for a model that can't be compiled or lacks a part that the robot names.
     """
     try:
-        spec = _load(robot, looks)
+        spec = _load(robot)
         chassis = _chassis(spec, robot)
+        if looks:
+            _light(spec)
+        else:
+            _strip(spec)
         if not any(joint.type == _FREE for joint in chassis.joints):
             chassis.add_freejoint()
         flippers = [(flipper, *_motor_of(spec, flipper, chassis)) for flipper in robot.flippers]
         names = _plane(spec) if terrain is None else terrain.add_to(spec)
-        if friction is None:
-            friction = (0.7, 0.7) if terrain is None else (terrain.friction, terrain.friction)
         tracks = _add_tracks(spec, robot, chassis, preset, friction)
         for one in tracks:
             one.connect(spec, names)
@@ -100,18 +100,24 @@ def build_tracked(
     return _read(model, robot, tracks, chassis_name, motors)
 
 
-def _load(robot: TrackedRobot, looks: bool) -> Any:
+def _load(robot: TrackedRobot) -> Any:
+    """The robot's model, without the ground that it may lie on, and without states, which a free joint would change."""
     if not robot.model.is_file():
         raise TrackslipError(f"{robot.model}: no such file; `model` must name the robot's MJCF or URDF file")
     spec = mujoco.MjSpec.from_file(str(robot.model))
     spec.compiler.fusestatic = False  # a URDF's base link is to stay a body
-    if looks:
-        _light(spec)
-    else:
-        for geom in list(spec.geoms):
-            if geom.group == VISUAL_GROUP and geom.contype == geom.conaffinity == 0:
-                spec.delete(geom)
+    for thing in (*spec.worldbody.geoms, *spec.keys):
+        spec.delete(thing)
     return spec
+
+
+def _strip(spec: Any) -> None:
+    """Remove geoms that are only looked at: they touch nothing, and weigh nothing."""
+    measured = spec.compiler.inertiafromgeom == _FROM_GEOMS
+    for geom in list(spec.geoms):
+        weightless = geom.mass == 0 or geom.density == 0 or (geom.parent.explicitinertial and not measured)
+        if geom.group == VISUAL_GROUP and geom.contype == geom.conaffinity == 0 and weightless:
+            spec.delete(geom)
 
 
 def _light(spec: Any) -> None:
@@ -160,7 +166,10 @@ def _motor_of(spec: Any, flipper: Flipper, chassis: Any) -> tuple[str, str]:
     motors = [one for one in spec.actuators if one.target == hinge.name]
     if not motors:
         motor = spec.add_actuator(name=f"{flipper.body}_motor", target=hinge.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
-        motor.set_to_position(kp=flipper.stiffness, kv=flipper.damping)
+        motor.set_to_position(kp=flipper.stiffness)
+        damping = np.array(hinge.damping)
+        damping[0] += flipper.damping  # of the joint, which the engine integrates implicitly; a motor's may be unstable
+        hinge.damping = damping
         motor.forcerange, motor.forcelimited = [-flipper.torque, flipper.torque], True
         motors = [motor]
     motors[0].name = motors[0].name or f"{flipper.body}_motor"
@@ -209,6 +218,7 @@ def _read(
     reach = np.insert(middle, 1, 0.0, axis=1)  # (F, 3) from the hinge to the middle of the flipper, in its frame
     bodies = model.jnt_bodyid[joints]
     turned = data.xmat[bodies].reshape(-1, 3, 3)
+    _require_clear(model, data, robot, body)
     reach = np.einsum("fij,fj->fi", turned, reach) - (data.xanchor[joints] - data.xpos[bodies])
     upwards = np.cross(data.xaxis[joints], reach)[:, 2]
     sign = np.where(upwards >= 0, 1.0, -1.0)
@@ -228,3 +238,16 @@ def _read(
         flipper_front=reach @ forwards > 0,
         flipper_range=np.sort(sign[:, None] * limits, axis=1),
     )
+
+
+def _require_clear(model: mujoco.MjModel, data: mujoco.MjData, robot: TrackedRobot, body: int) -> None:
+    """Raise TrackslipError if the robot would stand on anything but its tracks."""
+    own = (model.body_weldid[model.geom_bodyid] == model.body_weldid[body]) & (model.geom_contype > 0)
+    for geom in np.flatnonzero(own):
+        centre, half = model.geom_aabb[geom].reshape(2, 3)
+        up = data.geom_xmat[geom].reshape(3, 3)[2]
+        low = data.geom_xpos[geom, 2] + up @ centre - np.abs(up) @ half - data.xpos[body, 2]
+        if low < robot.lowest + _CLEAR:
+            what = f"{robot.model}: geom {model.geom(geom).name or geom} reaches down to {low:.3g} m"
+            allowed = f"what touches must stay above the tracks' lowest point, at {robot.lowest:.3g} m"
+            raise TrackslipError(f"{what} in the frame of {model.body(body).name}; {allowed}")

@@ -13,7 +13,6 @@ from sim.terrain.field_files import Mesh, Picture
 from sim.terrain.fields import HeightField, Rough
 from sim.terrain.loose import Beams, Pallets
 from sim.terrain.pieces import Flat, Gap, Piece, Ramp, SideSlope, Stairs, Step
-from sim.terrain.random_course import random_course
 
 __all__ = [
     "Beams",
@@ -32,5 +31,4 @@ __all__ = [
     "Step",
     "course_names",
     "load_course",
-    "random_course",
 ]

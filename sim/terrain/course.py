@@ -21,7 +21,7 @@ _MAX_SOLIDS = 2000
 _CLEARANCE = 0.3  # of the floor below the lowest point of the course [m]
 _CELL = 0.02  # of the table that `elevation` looks up, for courses of moderate size [m]
 _MAX_CELLS = 2_000_000
-_FLOOR = (0.20, 0.22, 0.25, 1.0)
+_FLOOR = (0.40, 0.43, 0.40, 1.0)
 _FLOOR_SIZE = 50.0  # half of the floor's drawn size; it has no end [m]
 _START_BEFORE = 1.0  # of the start before the first piece [m]
 
@@ -30,7 +30,7 @@ _START_BEFORE = 1.0  # of the start before the first piece [m]
 class Course:
     """Pieces in a row between a start and a goal platform; the first piece begins at x = 0, at height 0.
 
-    Beside and below the course is a level floor, 0.3 m below its lowest point.
+    Beside and below the course is a level floor, 0.3 m below the lowest of its parts.
     """
 
     pieces: tuple[Piece, ...]
@@ -86,7 +86,7 @@ class Course:
 
     @cached_property
     def bounds(self) -> Array:
-        """Smallest and largest x, y, z of the surface, without the floor, (2, 3) [m]."""
+        """Corners of an upright box around the surface, without the floor, (2, 3) [m]."""
         every = np.stack([solid.bounds for solid in self.solids])  # (S, 2, 3)
         return np.stack([every[:, 0].min(axis=0), every[:, 1].max(axis=0)])
 

@@ -16,6 +16,7 @@ STONE: Colour = (0.62, 0.64, 0.66, 1.0)
 SLATE: Colour = (0.40, 0.43, 0.47, 1.0)
 WOOD: Colour = (0.72, 0.55, 0.35, 1.0)
 EARTH: Colour = (0.55, 0.47, 0.37, 1.0)
+_NO_TURNING = 0.005, 0.0001  # torsional and rolling friction, MuJoCo's defaults, without effect in three dimensions [m]
 ROUNDING = 1e-12
 """By which a point may be outside of a solid [m]."""
 
@@ -37,18 +38,13 @@ class Base:
     looks: bool = True
     """Whether to draw what carries slopes, too."""
 
-    @property
-    def contact(self) -> list[float]:
-        """Coefficients of friction as MuJoCo has them: sliding, torsional [m], rolling [m]."""
-        return [self.friction, 0.005, 0.0001]
-
 
 class Solid(Protocol):
     """A part of a course."""
 
     @property
     def bounds(self) -> Array:
-        """Smallest and largest x, y, z of the upper surface, (2, 3) [m]."""
+        """Corners of an upright box around the upper surface, (2, 3) [m]."""
 
     def top(self, x: Array, y: Array) -> tuple[Array, Array]:
         """Heights (P,) of the upper surface [m] and unit normals (P, 3) at (x, y) within the bounds, both (P,) [m].
@@ -130,7 +126,7 @@ class Box:
         at, half = offset @ self.rotation, np.array(self.half)
         down = -self.rotation[2]  # of the ray, in the frame of the box
         within = np.where(np.abs(at) <= half + ROUNDING, -np.inf, np.inf)  # of a slab that the ray is parallel to
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             enter = np.where(down == 0, within, (-np.sign(down) * half - at) / down)
             leave = np.where(down == 0, np.inf, (np.sign(down) * half - at) / down)
         face = enter.argmax(axis=-1)  # (P,)
@@ -157,10 +153,8 @@ class Box:
         lower = self.centre + signs * self.half @ self.rotation.T + [base.x, base.y, 0.0]  # (4, 3)
         below = np.column_stack([lower[:, :2], np.full(4, base.floor)])
         spec.add_mesh(name=name, uservert=np.concatenate([lower, below]).ravel())
-        mesh = mujoco.mjtGeom.mjGEOM_MESH
-        spec.worldbody.add_geom(
-            name=name, type=mesh, meshname=name, contype=0, conaffinity=0, **look(self.colour, base)
-        )
+        seen = look(self.colour, base) | {"contype": 0, "conaffinity": 0}
+        spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name, **seen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -228,5 +222,13 @@ class Grid:
 
 
 def look(colour: Colour, base: Base) -> dict[str, Any]:
-    """What all geoms of a course share, as arguments of `add_geom`."""
-    return {"rgba": list(colour), "friction": base.contact, "material": f"{base.name}/lines"}
+    """What all geoms of a course share, whatever the model's defaults, as arguments of `add_geom`."""
+    return {
+        "rgba": list(colour),
+        "material": f"{base.name}/lines",
+        "friction": [base.friction, *_NO_TURNING],
+        "condim": 3,
+        "contype": 1,
+        "conaffinity": 1,
+        "group": 0,
+    }

@@ -71,7 +71,7 @@ class TrackLook:
 
     def _inside(self, depth: float) -> Outline:
         """The outline at a depth below the surface of the belt [m]."""
-        return Outline.of(Hull.from_wheels(np.asarray(self.hull, float) - [0.0, 0.0, depth]))
+        return Outline.of(Hull.from_wheels((np.asarray(self.hull, float) - [0.0, 0.0, depth]).tolist()))
 
     def _wheels(self) -> Array:
         """The wheels that are drawn (W', 3): the hull's, within the belt, and road wheels on the lower run."""

@@ -7,13 +7,16 @@ from typing import Any
 
 from sim.robot.tracked import TrackedRobot, load_tracked
 from sim.terrain import load_course
+from sim.traverse.courses import OBSTACLES, require_kinds
 from sim.traverse.outcome import Limits
 from sim.traverse.scripted import Scripted
 from sim.traverse.servo import Servos
 from trackslip.errors import require, require_non_negative, require_positive
 
 PERIOD = 0.1
-"""Control period: time between actions [s]."""
+"""Default control period [s]."""
+SAMPLE = 0.02
+"""Time between samples of the contacts [s]."""
 RANDOM = "random"
 """Name of courses that are drawn; see `courses.draw_course`."""
 _ACTIONS = ("direct", "correction")
@@ -59,6 +62,8 @@ class TraverseConfig:
     """Range from which the difficulty of random courses is drawn, within 0 to 1 [-]."""
     obstacles: int = 2
     """Number of obstacles on a random course, 1 or 2."""
+    kinds: tuple[str, ...] = OBSTACLES
+    """Kinds of obstacles that random courses have."""
     action: str = "direct"
     """Meaning of the actions in [-1, 1]: "direct", set points in units of the top speed and of pi / 2; "correction",
     what is added to the set points of `scripted`."""
@@ -74,6 +79,8 @@ class TraverseConfig:
     """Largest offset of the start to either side, drawn evenly [m]."""
     start_heading: float = 0.1
     """Largest heading at the start, in either direction, drawn evenly [rad]."""
+    period: float = PERIOD
+    """Control period: time between actions, a multiple of 0.02 s [s]."""
     preset: str = "fast"
     """Contact preset of the tracks."""
     reward: Reward = field(default_factory=Reward)
@@ -91,9 +98,13 @@ class TraverseConfig:
             if course != RANDOM:
                 load_course(course)
         require_range(self.difficulty)
+        require_kinds(self.kinds)
         require(self.obstacles in (1, 2), "obstacles", self.obstacles, "1 or 2")
         for name in ("speed_authority", "flipper_authority"):
             require_positive(name, getattr(self, name))
+        allowed = f"a multiple of {SAMPLE} s, up to 1 s"
+        whole = abs(self.period / SAMPLE - round(self.period / SAMPLE)) < 1e-9
+        require(whole and 0 < self.period <= 1, "period", self.period, allowed)
         for name in ("start_offset", "start_heading"):
             require_non_negative(name, getattr(self, name))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -19,21 +20,31 @@ _START, _GOAL = 1.6, 1.2  # lengths of the platforms before and behind them [m]
 _SEEDS = 2**31
 
 
-def draw_course(rng: np.random.Generator, difficulty: float, obstacles: int = 2) -> Course:
+def draw_course(
+    rng: np.random.Generator, difficulty: float, obstacles: int = 2, kinds: Sequence[str] = OBSTACLES
+) -> Course:
     """Draw a course of a `difficulty` from 0 (hardly anything in the way) to 1 (the rescue robot's limits).
 
-    Raises InvalidValueError for a difficulty or a number of obstacles out of range.
+    It has one or two `obstacles` of these `kinds`. Raises InvalidValueError for values that aren't allowed.
     """
     require(0.0 <= difficulty <= 1.0, "difficulty", difficulty, "from 0 to 1")
     require(1 <= obstacles <= 2, "obstacles", obstacles, "1 or 2")
+    require_kinds(kinds)
     pieces: list[Piece] = []
     for k in range(obstacles):
-        kind = OBSTACLES[rng.integers(len(OBSTACLES))]
+        kind = kinds[rng.integers(len(kinds))]
         pieces += [Flat(_APART)] * (k > 0)
         pieces += _obstacle(kind, difficulty, rng)
     friction = float(rng.uniform(0.6, 0.9))
     seed = int(rng.integers(_SEEDS))
     return Course(tuple(pieces), _WIDTH, friction, seed, start_length=_START, goal_length=_GOAL)
+
+
+def require_kinds(kinds: Sequence[str]) -> None:
+    """Raise InvalidValueError unless all `kinds` of obstacles are known, and there is one."""
+    require(len(kinds) > 0, "kinds", kinds, f"some of {', '.join(OBSTACLES)}")
+    for kind in kinds:
+        require(kind in OBSTACLES, "kinds", kind, f"some of {', '.join(OBSTACLES)}")
 
 
 def _obstacle(kind: str, difficulty: float, rng: np.random.Generator) -> list[Piece]:

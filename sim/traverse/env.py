@@ -16,10 +16,10 @@ from sim.traverse.task import Crossing
 class TraverseEnv(TaskEnv):
     """A tracked robot that must cross a course.
 
-    Actions are float32 in [-1, 1], 10 per second: the belts' speeds, left and right, and the flippers' angles, see
-    `TraverseConfig.action` and `flippers`. The observations are described in `traverse.observation`, the reward in
-    `traverse.config.Reward`. An episode terminates when the course is crossed, or the robot tips over, falls off, is
-    stuck or explodes, and is truncated when its time is over.
+    Actions are float32 in [-1, 1], by default 10 per second: the belts' speeds, left and right, and the flippers'
+    angles, see `TraverseConfig.action` and `flippers`. The observations are described in `traverse.observation`, the
+    reward in `traverse.config.Reward`. An episode terminates when the course is crossed, or the robot tips over, falls
+    off, is stuck or explodes, and is truncated when its time is over.
     """
 
     metadata = metadata(PERIOD)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sim.terrain import Course, load_course
-from sim.traverse.config import PERIOD, RANDOM, Reward, TraverseConfig, require_range
+from sim.traverse.config import RANDOM, SAMPLE, Reward, TraverseConfig, require_range
 from sim.traverse.courses import MAX_BOXES, draw_course
 from sim.traverse.observation import Layout
 from sim.traverse.outcome import Outcome, Outcomes
@@ -54,7 +54,8 @@ class Crossing:
             preset=config.preset,
             servos=config.servos,
             limits=config.limits,
-            period=PERIOD,
+            period=config.period,
+            sample=SAMPLE,
             threads=threads,
         )
         self.layout = Layout(self.world)
@@ -110,7 +111,7 @@ class Crossing:
             require_finite(name, value)
         course = options.get("course", chosen)
         if course == RANDOM:
-            course = draw_course(own, difficulty, config.obstacles)
+            course = draw_course(own, difficulty, config.obstacles, config.kinds)
         else:
             difficulty = np.nan
             if not isinstance(course, Course):

@@ -50,6 +50,7 @@ NEEDED = {
 """What a command may import of HEAVY: by being run, or where only its name is given, by being got ready to run."""
 PROBE = """
 import contextlib, importlib, io, json, os, sys, typing
+import numpy, scipy.linalg, scipy.special, rich.progress, rich.table  # light, and most commands need them
 import experiments.cli as cli
 heavy, jobs = json.loads(sys.argv[1])
 for k, arguments in enumerate(jobs):
@@ -131,7 +132,7 @@ def test_help_lists_every_option_with_its_default(capsys, monkeypatch):
         hint = typing.get_type_hints(owner, include_extras=True)[field.name]
         if tyro.conf.Positional in getattr(hint, "__metadata__", ()):
             continue
-        flag = "--" + option.removesuffix(".source").removeprefix("bag.").replace("_", "-")
+        flag = "--" + option.removesuffix(".source").removesuffix(".force").removeprefix("bag.").replace("_", "-")
         about = re.split(rf"│ +{re.escape(flag)}[ ,]", shown[command], maxsplit=1)
         assert len(about) == 2, (command, flag)
         assert text_of(owner, field.name) in about[1], (command, flag)

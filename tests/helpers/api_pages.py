@@ -12,6 +12,8 @@ from pathlib import Path
 PACKAGES = {
     "trackslip": "Localization, identification, slip laws, controllers and logs. It needs no simulator.",
     "sim": "The simulated world: robots, grounds, drives, the laser range finder and closed loops.",
+    "sim.tracks": "Tracks for any MuJoCo robot; see [the guide](../tracks.md).",
+    "sim.terrain": "Courses for robots to cross; see [the guide](../tracks.md#terrain).",
 }
 FOLDER = Path(__file__).parents[2] / "docs" / "api"
 
@@ -44,13 +46,13 @@ def rooms(package: str) -> dict[str, list[str]]:
             continue
         value = getattr(front_door, name)
         home = value.__name__ if inspect.ismodule(value) else getattr(value, "__module__", package)
-        room = ".".join(home.split(".")[:2]) if home != package else package
+        room = ".".join(home.split(".")[: package.count(".") + 2])
         found.setdefault(room, []).append(home if inspect.ismodule(value) else f"{home}.{name}")
     return dict(sorted(found.items()))
 
 
 def main() -> None:
-    """Write both pages."""
+    """Write the pages."""
     FOLDER.mkdir(exist_ok=True)
     for package in PACKAGES:
         (FOLDER / f"{package}.md").write_text(page(package), encoding="utf-8")

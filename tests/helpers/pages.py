@@ -21,7 +21,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md")))
-LANGUAGES = ("python", "sh", "c", "toml", "csv", "text", "bibtex")
+LANGUAGES = ("python", "sh", "c", "xml", "toml", "csv", "text", "bibtex")
 DIRECTIVES = ("slow", "needs", "parsed only", "not run", "refused", "file")
 
 _FENCE = re.compile(r"^(```+|~~~+)\s*(\S*)\s*$")

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from sim.env import PathTrackingEnv
-from sim.policy import Network, Policy, PolicyController
+from sim.network import Network
+from sim.policy import Policy, PolicyController
 from trackslip.controllers.base import SensesSprockets
 from trackslip.errors import LogError
 from trackslip.trajectory.segmented import paper_reference

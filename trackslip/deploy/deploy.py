@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from trackslip.deploy.c_header import c_text
-from trackslip.deploy.expressible import best_expressible
+from trackslip.deploy.expressible import best_expressible, instead_of
 from trackslip.deploy.json_text import json_text
 from trackslip.deploy.python_file import python_text
 from trackslip.deploy.ros2_control import ros2_control_text
@@ -29,6 +30,18 @@ TARGETS: dict[str, Callable[[StoredLaws, str], str]] = {
 _WITHOUT_LOAD = ("c", "python")  # whose functions take speeds alone
 
 
+@dataclass(frozen=True)
+class Deployed:
+    """A law as another program takes it."""
+
+    law: str
+    """Name of the law."""
+    text: str
+    """Text of the file."""
+    instead: str
+    """What it costs that this isn't the best law, which the target can't express; else empty."""
+
+
 def deploy_law(source: str | Path | Identification = SHIPPED, to: str = "ros2_control", law: str | None = None) -> str:
     """The text of a file by which another program moves, and reckons, as a slip law says.
 
@@ -45,16 +58,21 @@ def deploy_law(source: str | Path | Identification = SHIPPED, to: str = "ros2_co
         InvalidValueError: for an unknown target or law.
         TrackslipError: if the target can't express the law; the message names the nearest one that it can.
     """
+    return deployed(source, to, law).text
+
+
+def deployed(source: str | Path | Identification, to: str, law: str | None = None) -> Deployed:
+    """The same, with what was taken."""
     if to not in TARGETS:
         raise InvalidValueError("to", to, f"one of {', '.join(TARGETS)}")
-    stored = _stored(source)
-    best = best_expressible(stored) if law is None and to == "ros2_control" else law
-    name = stored.law_named(best)
+    stored, limited = _stored(source), to == "ros2_control"
+    name = stored.law_named(best_expressible(stored) if law is None and limited else law)
     chosen = stored.laws[name]
     if isinstance(chosen, IcrLoad) and to in _WITHOUT_LOAD:
         cost = f"the same without load, off by {abs(chosen.compliance):.1%} of the speed per traction over load of 1"
         raise TrackslipError(f"law = {name!r}: {to} has no input for the load; nearest is icr_radius: {cost}")
-    return TARGETS[to](stored, name)
+    text = TARGETS[to](stored, name)
+    return Deployed(name, text, instead_of(stored, name) if limited else "")
 
 
 def _stored(source: str | Path | Identification) -> StoredLaws:

@@ -22,8 +22,8 @@ def ros2_control_text(stored: StoredLaws, law: str) -> str:
         "left_wheel_radius_multiplier": drive.left_radius_multiplier,
         "right_wheel_radius_multiplier": drive.right_radius_multiplier,
     }
-    instead = [instead_of(stored, law)] if instead_of(stored, law) else []
-    comments = [*fact_lines(stored, law), *instead, *_shift_lines(drive.middle)]
+    instead = instead_of(stored, law)
+    comments = [*fact_lines(stored, law), *([instead] if instead else []), *_shift_lines(drive.middle)]
     comments += ["Put these lines among the parameters of your controller, under its own name."]
     lines = [f"    {key}: {yaml_number(value)}\n" for key, value in parameters.items()]
     return commented(comments, "#") + "diff_drive_controller:\n  ros__parameters:\n" + "".join(lines)

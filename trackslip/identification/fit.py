@@ -149,6 +149,7 @@ def _at(family: LawFamily, runs: WeightedRuns, scatter: Array, start: Array | No
         starts = family.starts(runs.geometry.half_gauge)  # (K, p)
         k = len(starts)
         reached = minimise(family, runs, scatter, np.tile(starts, (len(sets), 1)), np.repeat(sets, k))
-        start = reached.values[reached.cost.reshape(-1, k).argmin(axis=1) + k * sets]
-    best = minimise(family, runs, scatter, start, sets)
-    return Fits(family, runs, best.values, scatter, best.cost, best.hessian)
+        best = reached.cost.reshape(-1, k).argmin(axis=1) + k * sets
+        return Fits(family, runs, reached.values[best], scatter, reached.cost[best], reached.hessian[best])
+    found = minimise(family, runs, scatter, start, sets)
+    return Fits(family, runs, found.values, scatter, found.cost, found.hessian)

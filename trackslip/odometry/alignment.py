@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from trackslip.identification.drive.reckoning import rotated
 from trackslip.kinematics import Array
 
 
 def moved(pose: Array, turn: float, pivot: Array, target: Array) -> Array:
     """Poses (K, 3) turned by `turn` [rad] about the point `pivot` (2,), which gets to `target` (2,)."""
-    cos, sin = np.cos(turn), np.sin(turn)
-    x, y = pose[:, 0] - pivot[0], pose[:, 1] - pivot[1]
-    return np.stack([target[0] + cos * x - sin * y, target[1] + sin * x + cos * y, pose[:, 2] + turn], axis=-1)
+    return np.column_stack([target + rotated(np.asarray(turn), pose[:, :2] - pivot), pose[:, 2] + turn])
 
 
 def best_fit(pose: Array, measured: Array) -> Array:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackslip.errors import require_finite
+from trackslip.identification.drive.reckoning import rotated
 from trackslip.kinematics import Array
 
 
@@ -27,7 +28,5 @@ class Mounting:
 
     def sensor_poses(self, pose: Array) -> Array:
         """Poses (..., 3) of the sensor, from those of the robot (..., 3)."""
-        cos, sin = np.cos(pose[..., 2]), np.sin(pose[..., 2])
-        x = pose[..., 0] + cos * self.x - sin * self.y
-        y = pose[..., 1] + sin * self.x + cos * self.y
-        return np.stack([x, y, pose[..., 2] + self.yaw], axis=-1)
+        place = pose[..., :2] + rotated(pose[..., 2], np.array([self.x, self.y]))
+        return np.concatenate([place, pose[..., 2:] + self.yaw], axis=-1)

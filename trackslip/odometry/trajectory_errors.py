@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trackslip.identification.drive.reckoning import rotated
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.metrics import rms
 from trackslip.odometry.alignment import best_fit, from_pose
@@ -122,9 +123,8 @@ def errors_between(drive: Trajectory, start: np.ndarray, end: np.ndarray) -> Str
     known = np.isfinite(drive.heading[start])
     start, end = start[known], end[known]
     turn = drive.heading[start] - drive.estimated[start, 2]
-    cos, sin = np.cos(turn), np.sin(turn)
-    x, y, turned = (drive.estimated[end] - drive.estimated[start]).T
-    driven = np.stack([cos * x - sin * y, sin * x + cos * y, turned], axis=-1)
+    step = drive.estimated[end] - drive.estimated[start]
+    driven = np.column_stack([rotated(turn, step[:, :2]), step[:, 2]])
     position, heading = _apart(driven - (drive.measured[end] - drive.measured[start]))
     return Stretches(drive.way[end] - drive.way[start], position, heading)
 

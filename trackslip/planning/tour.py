@@ -103,7 +103,7 @@ def _timed(legs: Array, tour: Tour, limits: DriveLimits) -> Strokes:
     times = durations(legs.reshape(-1, 2), limits).reshape(-1, 2).sum(axis=1)
     count = int(np.searchsorted(np.cumsum(times), for_legs + 1e-9))
     share = np.ones(tour.pairs + 1)
-    share[[0, -1]] = tour.ends
+    share[[0, -1]] = tour.ends if tour.pairs > 1 else 1.0
     share /= share.sum()
     rest = limits.duration - times[:count].sum()
     spins = [longest_spin(rest * part / 2, limits) * np.outer([1.0, -1.0], SIDES) for part in share]

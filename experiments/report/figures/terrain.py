@@ -1,6 +1,6 @@
 """Figures of a validation of tracks on terrain: simulated against theory, and penetration."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from experiments.report.colours import BLUE, GREEN, ORANGE, RED
 from experiments.report.figures.style import THEORY, Panels, make_room, panel, styled
 from experiments.validation.terrain.bounds import BOUNDS
-from experiments.validation.terrain.findings import Findings, TerrainValidation
+from experiments.validation.terrain.findings import TerrainValidation
 from experiments.validation.terrain.turning import Turning, Turns
 from trackslip.kinematics import Array
 
@@ -32,7 +32,8 @@ def turns(found: TerrainValidation) -> Panels:
         _errors(
             axes, offset, (naive.turning,), f"{naive.robot}, default contact", _DEFAULT | {"marker": marker, "ms": 5}
         )
-    for preset, bounds in BOUNDS.items():
+    for preset in found.presets:
+        bounds = BOUNDS[preset]
         for k, bound in enumerate((bounds.slow, bounds.pivot, bounds.offset)):
             if np.isfinite(bound):
                 axes.hlines(100 * bound, k - 0.4, k + 0.4, color=_COLOURS[preset], lw=1.0, ls="--")
@@ -87,13 +88,13 @@ def steps(found: TerrainValidation) -> Panels:
 @styled
 def depths(found: TerrainValidation) -> Panels:
     """Share of the time with a deeper penetration, per preset, on stairs and rough ground."""
-    return tuple(_depths(found, preset) for preset in BOUNDS)
+    return tuple(_depths(found, preset) for preset in found.presets)
 
 
 def _depths(found: TerrainValidation, preset: str) -> Any:
     figure, axes = panel(f"Penetration, {preset}", "depth [mm]", "tracks that are deeper [%]")
     colours = iter((BLUE, ORANGE, GREEN, "#CC79A7"))
-    for one in _of_preset(found, preset):
+    for one in found.of_preset(preset):
         colour = next(colours)
         for name, sinking, dash in (("stairs", one.stairs, "-"), ("rough ground", one.rough, "--")):
             axes.plot(*_deeper(sinking.depth), color=colour, ls=dash, lw=1.3, label=f"{one.robot}, {name}")
@@ -121,10 +122,6 @@ def _one_to_one(axes: Axes) -> None:
     axes.set(xlim=ends, ylim=ends)
     make_room(axes, 0.3)
     axes.legend(loc="upper left", ncols=2, fontsize=6.5)
-
-
-def _of_preset(found: TerrainValidation, preset: str) -> Iterable[Findings]:
-    return (one for one in found.findings if one.preset == preset)
 
 
 def _markers(found: TerrainValidation) -> list[str]:

@@ -20,10 +20,10 @@ from trackslip.kinematics import Array
 _STATES = 20  # random states of a moving robot
 _SUNK = 0.01  # depth at which it touches the ground [m]
 _ROWS = 4
-_ROW_TIME = 1.0  # for which rows of a batch are compared with robots alone [s]
+ROW_TIME = 1.0  # for which rows of a batch are compared with robots alone [s]
 TIMED = 4.0
 """Simulated time over which the computing time is taken [s]."""
-_WARM = 1.0  # before it [s]
+WARM = 1.0  # before it [s]
 _FLAPPING = (0.3, -0.2)  # angles of flippers that reach the ground at random attitudes [rad]
 
 
@@ -93,7 +93,7 @@ def differing_numbers(subject: Subject, preset: str, rng: np.random.Generator) -
     trial = _on_course(climber(subject), stairs_course(), preset, _ROWS, 2)
     start = trial.batch.qpos.copy()
     trial.drive(speeds)
-    trial.advance(_ROW_TIME)
+    trial.advance(ROW_TIME)
     stand, differing = trial.stand, 0
     for k in range(_ROWS):
         data = mujoco.MjData(stand.model)
@@ -101,7 +101,7 @@ def differing_numbers(subject: Subject, preset: str, rng: np.random.Generator) -
         if stand.model.nu:
             data.ctrl[:] = stand.control
         stand.belts.set(stand.model, speeds[k, stand.track_side])
-        mujoco.mj_step(stand.model, data, round(_ROW_TIME / trial.timestep))
+        mujoco.mj_step(stand.model, data, round(ROW_TIME / trial.timestep))
         differing += int((data.qpos != trial.batch.qpos[k]).sum() + (data.qvel != trial.batch.qvel[k]).sum())
     return differing
 
@@ -118,7 +118,7 @@ def speed(subject: Subject, preset: str) -> Speed:
 
 def _timed(trial: Trial) -> float:
     trial.drive(np.array([SPEED, SPEED]))
-    trial.advance(_WARM)
+    trial.advance(WARM)
     began = time.process_time()
     trial.advance(TIMED)
     return TIMED / (time.process_time() - began)

@@ -58,6 +58,15 @@ class TerrainValidation:
     findings: tuple[Findings, ...]
     by_default: tuple[ByDefault, ...]
 
+    @property
+    def presets(self) -> list[str]:
+        """The presets, each once."""
+        return list(dict.fromkeys(one.preset for one in self.findings))
+
+    def of_preset(self, preset: str) -> list[Findings]:
+        """One per robot."""
+        return [one for one in self.findings if one.preset == preset]
+
 
 def measure(subject: Subject, preset: str, seed: int, threads: int, done: Callable[[float], None]) -> Findings:
     """Make all measurements; `done` is called after each of STAGES with 1."""

@@ -24,7 +24,7 @@ ROBOTS = 6
 DURATION = 60.0
 """Time on rough ground [s]."""
 _YAW = (-0.1, 0.0, 0.1)  # headings at which stairs are climbed [rad]
-_STAIRS_TIME = 30.0  # [s]
+STAIRS_TIME = 30.0  # [s]
 _HOLD = 2.0  # time for which random belt speeds are held [s]
 _FIELD = 30.0  # size of the rough ground [m]
 _LANDING = 1.0  # time to fall and come to rest, not looked at [s]
@@ -81,7 +81,7 @@ def stairs(subject: Subject, preset: str, threads: int, by_default: bool = False
     trial.turn_to(np.array(_YAW))
     trial.drive(np.array([SPEED, SPEED]))
     watch = _Watch(trial)
-    for _ in range(round(_STAIRS_TIME / trial.timestep)):
+    for _ in range(round(STAIRS_TIME / trial.timestep)):
         watch.step(trial.position[:, 0] < course.goal)
         if (trial.position[:, 0] >= course.goal).all():
             break

@@ -17,7 +17,7 @@ FRICTIONS = (0.3, 0.5, 0.7, 0.9)
 _PARKED = 0.7  # the same of parked robots [-]
 _CLIMB = 0.05  # belt speed of climbing robots [m/s]
 _AROUND = float(np.radians(0.6))  # where the limit is looked for, on both sides of theory [rad]
-_CLIMBING = 4.0  # [s]
+CLIMBING = 4.0  # [s]
 CREEP_ANGLE = float(np.radians(30.0))
 """Slope on which robots are parked [rad]."""
 HEADINGS = (0.0, np.pi / 4, np.pi / 2, np.pi)
@@ -25,7 +25,7 @@ HEADINGS = (0.0, np.pi / 4, np.pi / 2, np.pi)
 _SETTLE, _WATCH = 3.0, 5.0  # [s]
 _STICKY = 4.0  # friction with which robots tip over before they slide [-]
 _TIP_AROUND = float(np.radians(4.0))  # as above [rad]
-_TILT, _HOLD = 4.0, 4.0  # duration of a slow tilt and after it [s]
+TILT, HOLD = 4.0, 4.0  # duration of a slow tilt and after it [s]
 _PERIOD = 0.05  # between two steps of the tilt [s]
 _TIPPED = float(np.radians(30.0))  # [rad]
 ROWS = 9
@@ -60,7 +60,7 @@ def _climbing_limit(subject: Subject, preset: str, ground: Level, threads: int) 
         trial = Trial(stand, len(slopes), threads)
         trial.tilt(slopes)
         trial.drive(np.array([_CLIMB, _CLIMB]))
-        trial.advance(_CLIMBING)
+        trial.advance(CLIMBING)
         return trial.velocity[:, 0] > 0
 
     expected = float(friction_angle(ground.friction))
@@ -89,8 +89,8 @@ def tipping(subject: Subject, preset: str, sideways: bool, threads: int) -> Angl
         trial.turn_to(np.full(len(slopes), np.pi / 2 if sideways else 0.0))
         trial.drive(np.zeros(2))
         stays = np.ones(len(slopes), bool)
-        for k in range(round((_TILT + _HOLD) / _PERIOD)):
-            trial.tilt(slopes * np.sin(np.pi / 2 * min(1.0, k * _PERIOD / _TILT)))
+        for k in range(round((TILT + HOLD) / _PERIOD)):
+            trial.tilt(slopes * np.sin(np.pi / 2 * min(1.0, k * _PERIOD / TILT)))
             trial.advance(_PERIOD, stays)
             stays &= trial.leaning() < _TIPPED
             if not stays.any():

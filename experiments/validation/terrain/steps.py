@@ -14,7 +14,7 @@ from trackslip.kinematics import Array
 
 SPEED = 0.03
 """Belt speed [m/s]."""
-ROWS, ROUNDS = 9, 2
+ROWS, ROUNDS = 7, 2
 """Heights that are tried side by side, and how often, each time between two of the last."""
 _AROUND = 0.02  # where the limit is looked for, on both sides of theory [m]
 _GAP = 0.01  # between the robot and the step at the start [m]

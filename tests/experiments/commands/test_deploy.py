@@ -39,7 +39,7 @@ def test_it_prints_what_it_writes(to, identified, tmp_path, capsys):
     assert printed == trackslip.deploy_law(identified, to)
     file = tmp_path / "new" / "law"
     main(["deploy", str(identified), "--to", to, "--out", str(file)])
-    assert capsys.readouterr().out == f"{file}: written for {to}\n"
+    assert capsys.readouterr().out == f"{file}: written for {to}, law icr_radius\n"
     assert file.read_text() == printed
     assert os.listdir(file.parent) == ["law"]
 
@@ -50,6 +50,16 @@ def test_ros2_control_is_the_default_and_the_best_law_is_taken(identified, capsy
     law = trackslip.load_laws(identified)[best]
     found = parameters_in(capsys.readouterr().out)
     assert found["wheel_separation_multiplier"] == (GEOMETRY.half_gauge + law.offset) / GEOMETRY.half_gauge
+
+
+def test_what_is_taken_instead_of_a_law_that_cannot_be_expressed_is_said(laws, tmp_path, capsys):
+    content = json.loads((tmp_path / "laws.json").read_text())
+    (tmp_path / "laws.json").write_text(json.dumps(content | {"best": "exponential"}))
+    main(["deploy", str(tmp_path / "laws.json"), "--out", str(tmp_path / "law.yaml")])
+    first, second = capsys.readouterr().out.splitlines()
+    taken = first.rpartition(" ")[2]
+    assert second.startswith(f"The best law is exponential, which ros2_control can't express. Instead, {taken}: ")
+    assert f"# {second}" in (tmp_path / "law.yaml").read_text()
 
 
 def test_without_a_folder_it_is_the_shipped_law(capsys):
@@ -69,7 +79,7 @@ def test_without_a_folder_it_is_the_shipped_law(capsys):
         (("--law", "icr", "--out", "."), "out = '.': is a folder, must be a file"),
         (
             ("--law", "icr", "--out", "laws.json/a"),
-            "out = 'laws.json/a': can't be written (a folder of its path is a file)",
+            "laws.json/a: can't be written (a folder of its path is a file)",
         ),
         (("--law", "icr", "--out", "new/" + 300 * "x"), "can't be written (File name too long)"),
     ],

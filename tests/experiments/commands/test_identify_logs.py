@@ -71,18 +71,18 @@ def test_turns_either_way_forwards_backwards_and_in_place(trackslip, tmp_path):
 def test_sides_that_differ(tmp_path):
     sides = IcrSides(0.07, 0.11, 0.0, 0.02, 0.3)
     log = written(traces(sides), tmp_path / "log.csv")
-    found = identify(log, ROBOT, estimate_sensor=False)
+    found = identify(log, ROBOT, estimate_sensor=False, method="steady")
     assert found.best == "icr_sides"
     assert "left and right turns differ" in "".join(found.warnings)
     assert values_of(found, "icr_sides")["offset_right"] == pytest.approx(0.11, abs=0.004)
-    assumed = identify(log, ROBOT)
+    assumed = identify(log, ROBOT, method="steady")
     assert any("to the left of the middle, if the ICRs of both sides are equal" in note for note in assumed.warnings)
     assert values_of(assumed)["offset"] == pytest.approx(0.09, abs=0.004)
 
 
 def test_encoders_before_a_gear(refused, tmp_path):
     log = written(scaled(traces(), omega_l=30.0, omega_r=30.0), tmp_path / "log.csv")
-    assert values_of(identify(log, ROBOT, gear=30.0))["offset"] == pytest.approx(0.09, abs=0.002)
+    assert values_of(identify(log, ROBOT, gear=30.0, method="steady"))["offset"] == pytest.approx(0.09, abs=0.002)
     assert "it looks like a gear of about 29.6" in refused("identify", log, *OPTIONS)
 
 
@@ -115,7 +115,7 @@ def test_swapped_tracks(refused, tmp_path):
 
 def test_a_gear_that_is_a_little_wrong_is_doubted(tmp_path):
     log = written(scaled(traces(), omega_l=1.2, omega_r=1.2), tmp_path / "log.csv")
-    assert "are gear and sprocket radius right?" in "".join(identify(log, ROBOT).warnings)
+    assert "are gear and sprocket radius right?" in "".join(identify(log, ROBOT, method="steady").warnings)
 
 
 def test_gaps_in_the_clock_and_poses_that_teleport_are_listed(tmp_path):
@@ -125,7 +125,7 @@ def test_gaps_in_the_clock_and_poses_that_teleport_are_listed(tmp_path):
     for row in runs[1][20:]:
         row[4] += 4.0
     runs[2][100][5] += 3.0
-    found = identify(written(runs, tmp_path / "log.csv"), ROBOT)
+    found = identify(written(runs, tmp_path / "log.csv"), ROBOT, method="steady")
     warnings = " ".join(found.warnings)
     assert "run 'run 0': its clock has a gap from t = 4.9 s to 35 s" in warnings
     assert "run 'run 1': its pose jumps by" in warnings
@@ -141,7 +141,7 @@ def test_rows_and_runs_that_cannot_be_read_are_listed(tmp_path):
     runs[2][8][4] = "nan"
     for row in runs[3]:
         row[6] = np.degrees(row[6])
-    found = identify(written(runs, tmp_path / "log.csv"), ROBOT)
+    found = identify(written(runs, tmp_path / "log.csv"), ROBOT, method="steady")
     assert found.warnings[:2] == (
         "run 'run 1': 1 row left out: row 208, column t: 0.6 is not after 0.6, the time before it",
         "run 'run 2': 1 pose left out: row 409, column x: 'nan' is not a finite number",
@@ -166,7 +166,7 @@ def test_a_run_on_other_ground_is_an_outlier(tmp_path):
     other = traces(ConstantIcr(0.2, 0.3, 0.015), twists=((0.5, 0.4),))[0]
     for row in other:
         row[0] = "ice"
-    found = identify(written([*runs, other], tmp_path / "log.csv"), ROBOT)
+    found = identify(written([*runs, other], tmp_path / "log.csv"), ROBOT, method="steady")
     assert [outlier.run for outlier in found.outliers] == ["ice"]
     assert "run 'ice' left out" in " ".join(found.warnings)
     assert values_of(found)["offset"] == pytest.approx(0.09, abs=0.002)

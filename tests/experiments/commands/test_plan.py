@@ -98,7 +98,7 @@ def test_from_a_hundred_repeats_on_the_errors_are_checked(trackslip, monkeypatch
     names = [check["name"] for check in result.summary["checks"]]
     for about in (
         "real over predicted error of offset",
-        "error of radius_error over the least that the paper's runs can have",
+        "error of radius_error over that expected of the paper's runs can have",
     ):
         assert any(about in name for name in names)
 

@@ -26,6 +26,7 @@ def test_each_driving_in_the_simulator(trackslip, driving):
         assert log.metadata["driving"] == driving
         assert log.metadata["geometry"] == {"half_gauge": 0.168, "sprocket_radius": 0.06}
         assert log.truth.traction is not None
+        assert {"lrf", "scanner"}.isdisjoint(log.metadata)  # SLAM measured the poses
     assert f"trackslip identify {result.folder}" in result.printed
 
 

@@ -171,6 +171,7 @@ EXAMPLES = {
 """Command -> command lines that together give every option; an option without a value is a switch."""
 NOT_RUN = {
     "view": {"web"},  # opens a browser
+    "validate": {"terrain"},  # takes minutes; test_validate_terrain runs it
     "train": {field.name for field in dataclasses.fields(COMMANDS["train"])},  # needs PyTorch
 }
 SLOW = ("plan", "calibrate", "validate", "coverage", "sensitivity", "reproduce")

@@ -136,7 +136,7 @@ def test_files_that_change_while_it_drives_are_recorded_as_driven(trackslip, tmp
 @pytest.mark.parametrize(
     ("step", "says"),
     [
-        ("storage.parts._put", ""),
+        ("storage.parts.write_whole", ""),
         ("commands.grid.write_table", " with 2 of 2 runs driven; the same command resumes"),
     ],
 )

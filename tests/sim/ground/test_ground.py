@@ -88,12 +88,15 @@ def test_gravity_points_downhill():
 
 
 def test_the_page_lists_the_named_grounds():
-    rows = re.findall(r"^\| `(\w+)` \| ([\d.]+) \| ([\d.]+) \| (.+) \|$", PAGE.read_text(), re.MULTILINE)
-    listed = {name: (float(along), float(across), source) for name, along, across, source in rows}
-    assert listed == {name: (n.ground.along, n.ground.across, n.source) for name, n in NAMED_GROUNDS.items()}
-    assert set(NAMED_GROUNDS) == {"stone", "concrete", "rubber", "packed_soil", "gravel", "wet", "sticky", "ice"}
+    rows = re.findall(r"^\| `(\w+)` \| ([\d.]+) \| ([\d.]+) \| (\d+) \| (.+) \|$", PAGE.read_text(), re.MULTILINE)
+    listed = {name: (float(along), float(across), float(shear), source) for name, along, across, shear, source in rows}
+    known = NAMED_GROUNDS.items()
+    assert listed == {name: (n.ground.along, n.ground.across, 1e3 * n.ground.shear, n.source) for name, n in known}
+    hard = {"stone", "concrete", "rubber", "packed_soil", "gravel", "wet", "sticky", "ice"}
+    assert set(NAMED_GROUNDS) == hard | {"firm_sand", "loose_sand", "clay", "snow"}
+    assert {name for name, n in known if n.ground.shear == 0} == hard
     for named in NAMED_GROUNDS.values():
-        assert "assumed" in named.source or "Noon" in named.source
+        assert any(word in named.source for word in ("assumed", "Noon", "Wong"))
 
 
 def test_the_example_on_the_page_is_a_ground(tmp_path):

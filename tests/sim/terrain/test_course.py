@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from rays import compiled, look_down
 
 from sim.terrain import Beams, Course, Flat, Gap, HeightField, Pallets, Ramp, Rough, SideSlope, Stairs, Step
-from sim.terrain.random_course import random_course
 from sim.terrain.solids import Level
 from trackslip.errors import InvalidValueError
 
@@ -41,12 +40,31 @@ def test_height_and_normal_are_those_that_rays_find(pieces):
     assert_as_rays_find(course, np.random.default_rng(0).uniform(low - 0.3, high + 0.3, (1500, 2)))
 
 
-@settings(max_examples=10)
-@given(seed=st.integers(0, 10_000), difficulty=st.floats(0.0, 1.0))
-def test_so_are_those_of_any_course(seed, difficulty):
-    rng = np.random.default_rng(seed)
-    course = random_course(rng, difficulty)
-    assert_as_rays_find(course, rng.uniform(*course.bounds[:, :2], (300, 2)))
+def spread(low, high):
+    return st.floats(low, high)
+
+
+SLOPE = spread(-0.8, -0.001) | spread(0.001, 0.8)  # MuJoCo takes a turn by a microradian for none
+PIECE = st.one_of(
+    st.builds(Flat, spread(0.1, 3.0)),
+    st.builds(Ramp, SLOPE, spread(0.1, 3.0)),
+    st.builds(Step, spread(0.01, 0.4), spread(0.1, 2.0)),
+    st.builds(Stairs, spread(-0.3, -0.01), spread(0.1, 0.5), st.integers(1, 6), spread(0.5, 4.0)),
+    st.builds(Gap, spread(0.05, 0.5), spread(0.1, 1.0)),
+    st.builds(SideSlope, SLOPE, spread(0.1, 2.0), spread(0.1, 1.0)),
+    st.builds(Beams, spread(0.01, 0.3), spread(0.4, 1.0), st.integers(1, 5), spread(0.0, 0.8)),
+    st.builds(Pallets, st.integers(1, 2), spread(1.5, 2.0), spread(0.0, 0.5)),
+    st.builds(Rough, spread(1.0, 3.0), spread(0.01, 0.5), spread(0.0, 6.0), spread(0.05, 0.5)),
+)
+
+
+@settings(max_examples=20)
+@given(pieces=st.lists(PIECE, min_size=1, max_size=5), width=spread(0.5, 5.0), seed=st.integers(0, 1000))
+def test_so_are_those_of_any_course(pieces, width, seed):
+    course = Course(tuple(pieces), width, seed=seed)
+    points = np.random.default_rng(seed).uniform(*course.bounds[:, :2], (300, 2))
+    height, _ = look_down(*compiled(course), points)
+    np.testing.assert_allclose(course.height(*points.T), height, atol=1e-6)
 
 
 def test_a_small_ball_touches_height_fields_where_height_says():
@@ -187,6 +205,19 @@ def test_all_named_geoms_collide_and_nothing_else_does():
     assert compiled(Course((Ramp(),)), looks=False)[0].nmesh == 0
 
 
+def test_defaults_of_the_model_leave_the_course_as_it_is():
+    spec = mujoco.MjSpec.from_string(
+        """<mujoco><default><geom contype="0" conaffinity="0" condim="1" group="3" friction="9"/></default>
+        <worldbody><body/></worldbody></mujoco>"""
+    )
+    Course((Ramp(), Rough())).add_to(spec, looks=False)
+    model = spec.compile()
+    assert (model.geom_contype & model.geom_conaffinity == 1).all()
+    assert (model.geom_condim == 3).all()
+    assert (model.geom_friction[:, 0] == 0.7).all()
+    assert (model.geom_group == 0).all()
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -227,7 +258,6 @@ def test_all_named_geoms_collide_and_nothing_else_does():
         (lambda: Course((Flat(),), seed=-1), "seed = -1: must be a whole number >= 0"),
         (lambda: Course((Flat(200.0),) * 6), "length of the course = 1204.0: must be at most 1000 m"),
         (lambda: Course((Stairs(0.001, 0.1, 500),) * 5), "solids of the course = 2001: must be at most 2000"),
-        (lambda: random_course(np.random.default_rng(0), 1.5), "difficulty = 1.5: must be from 0 to 1"),
     ],
 )
 def test_what_is_not_allowed_is_one_line(make, message):

@@ -44,10 +44,12 @@ def test_the_margin_is_three_and_a_half_standard_deviations_of_slip():
         ends.append(motion.pose[:, :2])
     real = np.array(ends)
     spread, mean = real.std(axis=0), real.mean(axis=0)
+    exactly = places(STROKES, 0.0, replace(EXACT, slip=(1e-9, 1e-9, 1e-9)))
     found = places(STROKES, 0.0, known)
-    np.testing.assert_allclose(found.high, (mean + 3.5 * spread).max(axis=0), atol=0.03)
-    np.testing.assert_allclose(found.low, (mean - 3.5 * spread).min(axis=0), atol=0.03)
-    assert spread.max() > 0.02  # the margin is more than that
+    for side, sign in (("high", 1), ("low", -1)):
+        margin = sign * (getattr(found, side) - getattr(exactly, side))
+        real = (sign * mean + 3.5 * spread).max(axis=0) - (sign * mean).max(axis=0)
+        np.testing.assert_allclose(margin, real, rtol=0.2, atol=0.005)
 
 
 def test_the_margin_grows_with_what_is_not_known():
@@ -60,10 +62,19 @@ def test_the_margin_grows_with_what_is_not_known():
 
 @pytest.mark.parametrize("index", range(9))
 def test_every_law_that_the_robot_may_have_stays_inside(index):
-    known = replace(first_knowledge(GEOMETRY), pull=0.01)
-    x, y = path(STROKES, 0.0, known.extremes[index : index + 1])
+    """By arcs driven bit by bit, and it would not if the area were the expected law's."""
+    known = replace(first_knowledge(GEOMETRY), pull=0.01, slip=(1e-9, 1e-9, 1e-9))
+    reach, *scale = known.extremes[index]
+    pose, places_of_law = np.zeros(3), []
+    for way in STROKES.way:
+        left, right = way * scale / 20
+        for _ in range(20):
+            pose = advance(pose, np.array([(left + right) / 2, (right - left) / (2 * reach)]), 1.0)
+            places_of_law.append(pose[:2])
+    at = np.array(places_of_law)
     found = places(STROKES, 0.0, known)
-    assert (found.low[0] <= x).all()
-    assert (x <= found.high[0]).all()
-    assert (found.low[1] <= y).all()
-    assert (y <= found.high[1]).all()
+    assert (found.low <= at.min(axis=0) + 1e-3).all()
+    assert (at.max(axis=0) <= found.high + 1e-3).all()
+    if index:
+        expected = places(STROKES, 0.0, replace(known, reach_doubt=0.0, radius_doubt=0.0, pull=0.0))
+        assert (at.min(axis=0) < expected.low).any() or (at.max(axis=0) > expected.high).any()

@@ -99,7 +99,8 @@ def test_every_law_can_be_planned_for(law, monkeypatch):
     if law in ("turn_loss", *SLOW_LAWS):  # few drives determine them
         monkeypatch.setattr(planning, "_EVALUATIONS", 200 if law in SLOW_LAWS else 100)
     found = plan_drive(GEOMETRY, LIMITS, SLAM, law)
-    assert all(0 < found.expectation.stderr[name] < size for name, size in found.sizes.items())
+    most = 1.0 if law in SLOW_LAWS else 0.02
+    assert all(0 < found.expectation.stderr[name] < most * size for name, size in found.sizes.items())
 
 
 def test_the_laws_are_those_that_drives_determine():

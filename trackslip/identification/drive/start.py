@@ -22,6 +22,7 @@ _AGAINST = (
     "the robot turns against its sprockets: are the tracks swapped, does phi run clockwise, or do the encoders count "
     "backwards?"
 )
+_Tried = tuple[float, float, float]  # cost, ratio of turns, clock offset [s]
 _EXPLAINED = 0.7  # share of the cost that turns to the wrong side leave, below which they are believed
 
 
@@ -32,10 +33,7 @@ def start(drives: Sequence[Drive], geometry: RobotGeometry) -> tuple[float, floa
     """
     costs = _turning_costs if all(drive.has_heading for drive in drives) else _path_costs
 
-    def tried(offsets: Array) -> list[tuple[float, float, float]]:
-        return [(c, ratio, float(offset)) for offset in offsets for ratio, c in costs(drives, geometry, float(offset))]
-
-    coarse = tried(_OFFSETS)
+    coarse = costs(drives, geometry, _OFFSETS)
     against = min((cost for cost, ratio, _ in coarse if ratio < 0), default=np.inf)
     if against < _EXPLAINED * min(cost for cost, ratio, _ in coarse if ratio >= 0):
         raise LogError(_AGAINST)
@@ -43,15 +41,16 @@ def start(drives: Sequence[Drive], geometry: RobotGeometry) -> tuple[float, floa
         _require_both_forwards(drives, geometry, min(coarse)[0])
     turning = [one for one in coarse if one[1] > 0]
     _, ratio, offset = min(turning, default=(0.0, 1.0, 0.0))
-    _, ratio, offset = min((one for one in tried(offset + _FINE) if one[1] > 0), default=(0.0, ratio, offset))
+    _, ratio, offset = min(
+        (one for one in costs(drives, geometry, offset + _FINE) if one[1] > 0), default=(0.0, ratio, offset)
+    )
     return geometry.half_gauge * (1 / float(np.clip(ratio, *_RATIO_LIMITS)) - 1), offset
 
 
 def _require_both_forwards(drives: Sequence[Drive], geometry: RobotGeometry, cost: float) -> None:
     """Raise LogError if turns are explained much better, than with `cost`, by an encoder that counts backwards."""
     mirrored = [replace(drive, omega=drive.omega * [-1, 1]) for drive in drives]
-    tried = [one for offset in _OFFSETS[::2] for one in _turning_costs(mirrored, geometry, float(offset))]
-    ratio, least = min(tried, key=lambda one: one[1])
+    least, ratio, _ = min(_turning_costs(mirrored, geometry, _OFFSETS[::2]), key=lambda one: one[0])
     if least < _EXPLAINED * cost and 0.1 < abs(ratio) < 10:
         side = "left" if ratio > 0 else "right"
         raise LogError(f"the robot turns as if the encoder of the {side} sprocket counted backwards: does it?")
@@ -85,38 +84,45 @@ def reckoned(drive: Drive, geometry: RobotGeometry, ratio: float, time: Array) -
     return np.interp(time, drive.edges, place), np.interp(time, drive.edges, heading)
 
 
-def _turning_costs(drives: Sequence[Drive], geometry: RobotGeometry, offset: float) -> list[tuple[float, float]]:
-    """The ratio of measured to commanded turns at a clock offset, and 0, with the costs that they leave."""
-    parts = zip(*(_turns(drive, geometry, offset) for drive in drives), strict=True)
-    real, commanded = (np.concatenate(part) for part in parts)
+def _turning_costs(drives: Sequence[Drive], geometry: RobotGeometry, offsets: Array) -> list[_Tried]:
+    """At clock offsets (n,), the ratio of measured to commanded turns, and 0, with the costs that they leave."""
+    parts = zip(*(_turns(drive, geometry, offsets) for drive in drives), strict=True)
+    real, commanded = (np.concatenate(part, axis=-1) for part in parts)
     if not len(real):
-        return [(1.0, 0.0)]
-    ratio, weight = 0.0, np.ones(len(real), bool)
+        return [(0.0, 1.0, offset) for offset in offsets.tolist()]
+    ratio, weight = np.zeros(len(offsets)), np.ones(commanded.shape, bool)
     for _ in range(4):  # a few times, because turns across a jump must not count
-        power = float(np.sum(weight * commanded**2))
-        ratio = float(np.sum(weight * real * commanded)) / power if power > 0 else 1.0
-        deviation = np.abs(real - ratio * commanded)
-        weight = deviation <= _CAP * 1.4826 * np.median(deviation)
-    return [(one, float(np.mean(np.minimum(np.abs(real - one * commanded), 0.2)))) for one in (ratio, 0.0)]
+        power = np.sum(weight * commanded**2, axis=1)
+        shared = np.sum(weight * real * commanded, axis=1)
+        ratio = np.divide(shared, power, out=np.ones_like(power), where=power > 0)
+        deviation = np.abs(real - ratio[:, None] * commanded)
+        weight = deviation <= _CAP * 1.4826 * np.median(deviation, axis=1, keepdims=True)
+    ratios = np.stack([ratio, np.zeros_like(ratio)], axis=-1)
+    left = np.stack([np.minimum(np.abs(real - one[:, None] * commanded), 0.2).mean(axis=1) for one in ratios.T], -1)
+    at = np.repeat(offsets, 2)
+    return list(zip(left.ravel().tolist(), ratios.ravel().tolist(), at.tolist(), strict=True))
 
 
-def _path_costs(drives: Sequence[Drive], geometry: RobotGeometry, offset: float) -> list[tuple[float, float]]:
+def _path_costs(drives: Sequence[Drive], geometry: RobotGeometry, offsets: Array) -> list[_Tried]:
     """Ratios of turns, to the commanded side and, negative, to the other one, with the costs that they leave."""
     found = []
-    for ratio in _TURN_RATIOS.tolist():
-        same, other = np.sum([_misfits(drive, geometry, offset, ratio) for drive in drives], axis=0).tolist()
-        found += [(ratio, same), (-ratio, other)]
+    for offset in offsets.tolist():
+        for ratio in _TURN_RATIOS.tolist():
+            same, other = np.sum([_misfits(drive, geometry, offset, ratio) for drive in drives], axis=0).tolist()
+            found += [(same, ratio, offset), (other, -ratio, offset)]
     return found
 
 
-def _turns(drive: Drive, geometry: RobotGeometry, offset: float) -> tuple[Array, Array]:
-    """Measured and commanded turns between poses about _TURN_TIME apart [rad]."""
+def _turns(drive: Drive, geometry: RobotGeometry, offsets: Array) -> tuple[Array, Array]:
+    """Measured (K,) and commanded turns (n, K) between poses about _TURN_TIME apart, at n clock offsets [rad]."""
     known = np.flatnonzero(np.isfinite(drive.pose[:, 2]))
     time, phi = drive.time[known], drive.pose[known, 2]
     stride = min(max(1, round(_TURN_TIME / drive.interval)), max(1, len(time) - 1))
-    _, heading = reckoned(drive, geometry, 1.0, time + offset)
+    yaw_rate = body_twist(drive.omega, 0.0, geometry)[:, 1]
+    turned = np.concatenate([[0.0], np.cumsum(yaw_rate * np.diff(drive.edges))])
+    heading = np.interp(time + offsets[:, None], drive.edges, turned)
     near = time[stride:] - time[:-stride] < 3 * _TURN_TIME + 3 * drive.interval
-    return (phi[stride:] - phi[:-stride])[near], (heading[stride:] - heading[:-stride])[near]
+    return (phi[stride:] - phi[:-stride])[near], (heading[:, stride:] - heading[:, :-stride])[:, near]
 
 
 def _misfits(drive: Drive, geometry: RobotGeometry, offset: float, ratio: float) -> tuple[float, float]:

@@ -16,6 +16,14 @@ from trackslip.errors import require
 from trackslip.kinematics import Array
 
 _Snapshot = tuple[Array, ...]
+_LIGHTEST = 0.05  # load of a point that is still accounted for, over the mean
+
+
+def one_each(ground: Ground | Sequence[Ground], size: int) -> list[Ground]:
+    """The ground of each of `size` robots; raises InvalidValueError for a wrong number of grounds."""
+    grounds = [ground] * size if isinstance(ground, Ground) else list(ground)
+    require(len(grounds) == size, "ground", f"{len(grounds)} grounds", f"one or {size}")
+    return grounds
 
 
 class Footing:
@@ -88,18 +96,32 @@ class Footing:
             self._shear.forget(rows)
             self._share(rows)
 
-    def hold(self, rows: np.ndarray, heading: Array, load: Array) -> None:
+    def hold(self, rows: np.ndarray, heading: Array, drawbar: Array, height: float) -> None:
         """Shear the ground as far as it must be to hold the robots `rows` (R,), with headings (R,) [rad], at rest.
 
-        `load` (R,) is the force of what they tow, backwards along them, over their normal force [-].
+        `drawbar` (R,) is the force of what they tow, backwards along them at a `height` [m], over their normal force.
         """
         if self._shear is None:
             return
         slope = np.tan([self.grounds[k].slope for k in rows])
         uphill = np.array([self.grounds[k].uphill for k in rows]) - heading
-        required = np.stack([slope * np.cos(uphill) + load, slope * np.sin(uphill)], axis=-1)
-        self._shear.rest(rows, heading, required, self._surface[rows])
+        along, across = slope * np.cos(uphill), slope * np.sin(uphill)
+        forwards, left, up = self._centre_of_mass(rows).T
+        x, y = self._robot.pad_position.T
+        # loads that are linear in position; forces spread as the engine spreads them, as if all points were alike
+        lean_x, lean_y = forwards - up * along - height * drawbar, left - up * across
+        load = 1 + lean_x[:, None] * x / np.mean(x**2) + lean_y[:, None] * y / np.mean(y**2)
+        turn = (forwards * across - left * along)[:, None] / np.mean(x**2 + y**2)
+        push = np.stack([(along + drawbar)[:, None] - turn * y, across[:, None] + turn * x], axis=-1)
+        load = np.maximum(load, _LIGHTEST)
+        self._shear.rest(rows, heading, load, push / load[..., None], self._surface[rows])
         self._share(rows)
+
+    def _centre_of_mass(self, rows: np.ndarray) -> Array:
+        """Centres of mass (R, 3) of the robots `rows` (R,) in their frames [m]."""
+        chassis, moved = self._robot.model.body("chassis").id, self._batch.expanded("body_ipos")
+        own = self._robot.model.body_ipos[chassis]
+        return np.broadcast_to(own, (len(rows), 3)) if moved is None else moved[rows, chassis]
 
     def snapshot(self, rows: Rows) -> _Snapshot:
         """The state of the ground under the robots `rows` (R,), with the robots on the first axis."""

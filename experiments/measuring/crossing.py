@@ -1,0 +1,122 @@
+"""How many courses a trained policy crosses, and the scripted controller: the same ones, new to both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import binomtest
+
+from sim.seeds import generator
+from sim.traverse.config import TraverseConfig
+from sim.traverse.outcome import Outcome
+from sim.traverse.policy import CrossingPolicy
+from sim.traverse.task import Crossing
+
+SCRIPTED, POLICY = "scripted", "policy"
+_CONFIDENCE = 0.95
+_RESAMPLES = 10_000
+
+
+@dataclass(frozen=True)
+class CrossingRate:
+    """How one controller fares on courses of one difficulty."""
+
+    controller: str
+    difficulty: float
+    """Of the courses [-]."""
+    courses: int
+    """Number of courses."""
+    crossed: int
+    """Number of courses that it crossed."""
+    rate: float
+    """Share of those [-]."""
+    low: float
+    """Lower end of the rate's 95 % interval (Wilson) [-]."""
+    high: float
+    """Its upper end [-]."""
+    tipped: int
+    """Number of runs that ended tipped over."""
+    stuck: int
+    """Number that got stuck."""
+    other: int
+    """Number that ended otherwise: fallen, exploded, out of time."""
+    time: float | None
+    """Mean time of the crossings [s]; None without any."""
+
+
+@dataclass(frozen=True)
+class CrossingGain:
+    """How much more of the courses, all difficulties together, the policy crosses."""
+
+    gain: float
+    """Difference of the rates [-]."""
+    low: float
+    """Lower end of its 95 % interval, from resampling courses [-]."""
+    high: float
+    """Its upper end [-]."""
+    only_policy: int
+    """Number of courses that the policy alone crosses."""
+    only_scripted: int
+    """Number of courses that the scripted controller alone crosses."""
+
+
+def compare(
+    policy: CrossingPolicy, difficulty: tuple[float, float], courses: int, seed: int, threads: int = 0
+) -> tuple[list[CrossingRate], CrossingGain]:
+    """Let both cross `courses` courses of the lowest, the middle and the highest difficulty.
+
+    The courses have two obstacles of all kinds, and are drawn with seeds that no training with `seed` uses.
+    """
+    config = TraverseConfig.of(policy.options)
+    task = Crossing(config, courses, threads)
+    rates, crossed = [], []
+    low, high = difficulty
+    for level in dict.fromkeys((low, (low + high) / 2, high)):
+        for controller in (SCRIPTED, POLICY):
+            task.set_difficulty(level, level)
+            everyone = range(courses)
+            unseen = [generator(seed, f"unseen course {level:g} {k}") for k in everyone]
+            task.begin(everyone, [task.draw(one, {}) for one in unseen])
+            ended = _drive(task, policy if controller == POLICY else None)
+            rates.append(_rate(controller, level, ended, task.world.time))
+            crossed.append(ended == Outcome.REACHED)
+    scripted, learnt = np.concatenate(crossed[0::2]), np.concatenate(crossed[1::2])
+    return rates, crossing_gain(scripted, learnt, generator(seed, "resampled courses"))
+
+
+def crossing_gain(scripted: NDArray[np.bool_], policy: NDArray[np.bool_], rng: np.random.Generator) -> CrossingGain:
+    """The difference between two controllers that crossed the same courses (C,) or not."""
+    more = policy.astype(float) - scripted
+    means = rng.choice(more, (_RESAMPLES, len(more))).mean(axis=1)
+    low, high = np.quantile(means, [(1 - _CONFIDENCE) / 2, (1 + _CONFIDENCE) / 2])
+    return CrossingGain(float(more.mean()), float(low), float(high), int((more > 0).sum()), int((more < 0).sum()))
+
+
+def _drive(task: Crossing, policy: CrossingPolicy | None) -> NDArray[np.int_]:
+    """Outcomes (N,) of all episodes of `task`; without a policy, the scripted controller is not corrected."""
+    while (task.outcome == Outcome.DRIVING).any():
+        action = np.zeros((task.size, task.actions)) if policy is None else policy.action(task.observation())
+        task.step(action)
+    return task.outcome.copy()
+
+
+def _rate(controller: str, difficulty: float, ended: NDArray[np.int_], time: NDArray[np.float64]) -> CrossingRate:
+    reached, total = ended == Outcome.REACHED, len(ended)
+    crossed = int(reached.sum())
+    interval = binomtest(crossed, total).proportion_ci(_CONFIDENCE, "wilson")
+    tipped, stuck = (int((ended == one).sum()) for one in (Outcome.TIPPED, Outcome.STUCK))
+    return CrossingRate(
+        controller,
+        difficulty,
+        total,
+        crossed,
+        crossed / total,
+        float(interval.low),
+        float(interval.high),
+        tipped,
+        stuck,
+        total - crossed - tipped - stuck,
+        float(time[reached].mean()) if crossed else None,
+    )

@@ -1,0 +1,80 @@
+"""Small networks in NumPy, and the files that policies are stored in."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trackslip.errors import LogError
+from trackslip.kinematics import Array
+
+_DAMAGED = (
+    *(KeyError, ValueError, TypeError, AttributeError, RecursionError),
+    *(EOFError, NotImplementedError, zipfile.BadZipFile, zlib.error),
+)
+"""Exceptions raised when reading a file that is not a policy."""
+
+
+@dataclass(frozen=True)
+class Network:
+    """Layers with tanh, except the last, which is linear. Rows are bitwise independent."""
+
+    weights: tuple[Array, ...]  # (in, out) each
+    biases: tuple[Array, ...]  # (out,) each
+
+    def __call__(self, x: Array) -> Array:
+        """Outputs (N, m) of inputs (N, n)."""
+        for k, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            # a matrix product would round differently for different N
+            x = np.add.reduce(x[:, :, None] * weight, axis=1) + bias
+            if k < len(self.weights) - 1:
+                x = np.tanh(x)
+        return x
+
+    def save(self, path: Path, about: dict[str, Any]) -> None:
+        """Write a .npz file with the network and `about`, whose `format` says what it is."""
+        arrays: dict[str, Any] = {f"weight_{k}": weight for k, weight in enumerate(self.weights)}
+        arrays |= {f"bias_{k}": bias for k, bias in enumerate(self.biases)}
+        with path.open("wb") as file:
+            np.savez(file, about=np.array(json.dumps(about)), **arrays)
+
+
+def load_network(path: Path, kind: str) -> tuple[Network, dict[str, Any]]:
+    """Read a file of the format `kind`, or policy.npz in a folder, without pickle.
+
+    Raises LogError for any other file.
+    """
+    file = policy_file(path)
+    with refusing(path), file.open("rb") as opened, np.load(opened, allow_pickle=False) as stored:
+        about = json.loads(str(stored["about"]))
+        if about["format"] != kind:
+            raise LogError(f"{file}: its format is {about['format']!r}, not {kind!r}")
+        layers = sum(name.startswith("weight_") for name in stored.files)
+        weights, biases = (tuple(stored[f"{part}_{k}"] for k in range(layers)) for part in ("weight", "bias"))
+        return Network(weights, biases), about
+
+
+def policy_file(path: Path) -> Path:
+    """The file of a policy, given by its path or by the folder that `trackslip train` wrote."""
+    return path / "policy.npz" if path.is_dir() else path
+
+
+@contextmanager
+def refusing(path: Path) -> Iterator[None]:
+    """Raise LogError for what goes wrong with a file that is not a policy."""
+    try:
+        yield
+    except LogError:
+        raise
+    except OSError as error:
+        raise LogError(f"{policy_file(path)}: {error.strerror or error}") from error
+    except _DAMAGED as error:
+        raise LogError(f"{policy_file(path)}: not a policy ({type(error).__name__}: {error})") from error

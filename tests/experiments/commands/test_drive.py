@@ -1,0 +1,239 @@
+"""`trackslip drive`: what it stores and prints, and what it refuses."""
+
+import json
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+from rrd import component, verify
+from tracked_files import write_robot
+
+import trackslip as library
+from experiments.cli import main
+from experiments.driving.teleop import Keyboard
+from sim.robot.tracked import load_tracked
+from sim.robot.tracked_model import build_tracked
+
+SHORT = ("--course", "step10", "--preset", "fast", "--speed", "0.5", "--duration", "3")
+
+
+@pytest.fixture(scope="module")
+def stored(tmp_path_factory):
+    """A drive of the rescue robot over a step, made once."""
+    out = tmp_path_factory.mktemp("drive")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("matplotlib.figure.Figure.savefig", lambda figure, file, **_: file.write("<svg></svg>"))
+        patch.setattr("experiments.report.page.Page.write", lambda page, folder, pdf=False: None)
+        main(["drive", *SHORT, "--out", str(out)])
+    return out
+
+
+def test_a_drive_is_stored_with_units_and_without_nan(stored):
+    table = pyarrow.parquet.read_table(stored / "runs.parquet")
+    for field in table.schema:
+        if field.name != "run":
+            assert field.metadata[b"unit"], field.name
+            assert field.metadata[b"description"], field.name
+            values = table[field.name].to_numpy(zero_copy_only=False)[table[field.name].is_valid().to_numpy()]
+            assert np.isfinite(values).all(), field.name
+    assert table["slip_chassis_left"][0].as_py() is None  # nothing is known at rest
+    assert table["t"].to_numpy()[-1] == pytest.approx(3.0)
+    about = json.loads(table.schema.metadata[b"trackslip"])
+    assert about["columns"]["load_chassis_left"] == {
+        "unit": "N",
+        "description": "mean normal force, track chassis_left",
+    }
+    assert {f"angle_{side}_flipper" for side in ("front_left", "front_right", "rear_left", "rear_right")} < set(
+        table.column_names
+    )
+
+
+def test_its_log_reads_like_any_other(stored):
+    (log,) = library.load(str(stored))
+    assert log.run == "drive"
+    assert log.time[-1] == pytest.approx(3.0)
+    table = pyarrow.parquet.read_table(stored / "runs.parquet")
+    np.testing.assert_allclose(log.omega[:, 0], table["belt_chassis_left"].to_numpy() / 0.08, rtol=1e-12)
+
+
+def test_its_summary_tells_what_happened(stored):
+    drive = json.loads((stored / "summary.json").read_text())["drive"]
+    assert drive["outcome"] == "time"
+    assert drive["duration"] == pytest.approx(3.0)
+    assert [track["name"] for track in drive["tracks"]][:2] == ["chassis_left", "chassis_right"]
+    assert 0 < drive["max_penetration"] < 0.02
+    assert drive["energy"] == pytest.approx(sum(track["work"] for track in drive["tracks"]))
+    table = pyarrow.parquet.read_table(stored / "runs.parquet")
+    x, y = table["x"].to_numpy(), table["y"].to_numpy()
+    assert drive["way"] == pytest.approx(np.hypot(np.diff(x), np.diff(y)).sum())
+    manifest = json.loads((stored / "manifest.json").read_text())
+    assert manifest["robot"]["name"] == "rescue"
+    assert manifest["course"]["friction"] > 0
+
+
+def test_its_recording_has_the_course_the_robot_and_its_contacts(stored):
+    file = stored / "recordings" / "drive.rrd"
+    verify(file)
+    table = pyarrow.parquet.read_table(stored / "runs.parquet")
+    time, place = component(file, "/run/robot/chassis", "translation")
+    every = slice(None, None, 2)
+    np.testing.assert_allclose(time, table["t"].to_numpy()[every], atol=1e-6)
+    for k, name in enumerate(("x", "y", "z")):
+        np.testing.assert_allclose(place[:, k], table[name].to_numpy()[every], atol=1e-5)
+    _, turned = component(file, "/run/robot/front_left_flipper", "quaternion")
+    np.testing.assert_allclose(np.linalg.norm(turned, axis=1), 1.0, atol=1e-5)
+    entities = {line.split()[0] for line in _entities(file)}
+    assert {"/field/course", "/run/contacts/points", "/run/contacts/forces", "/run/path/true"} <= entities
+    assert sum(entity.startswith("/run/robot/chassis/chassis_left/") for entity in entities) > 4
+    _, slip = component(file, "/run/slip/tracks", "scalars")
+    assert slip.shape[1] == 6
+
+
+def test_belts_turn_in_the_recording(stored):
+    file = stored / "recordings" / "drive.rrd"
+    moving = []
+    for entity in _entities(file):
+        if entity.startswith("/run/robot/chassis/chassis_left/"):
+            try:
+                moving.append(component(file, entity, "translations")[1])
+            except ValueError:  # one that never moves has no times
+                continue
+    assert moving
+    assert all(np.ptp(one, axis=0).max() > 0.01 for one in moving)
+
+
+def test_view_shows_its_recording(stored, tmp_path, capsys):
+    copy = tmp_path / "copy.rrd"
+    main(["view", str(stored), "--save", str(copy)])
+    assert copy.read_bytes() == (stored / "recordings" / "drive.rrd").read_bytes()
+    assert "copy.rrd" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main(["view", str(stored), "--run", "drive"])
+    assert "must be left out" in capsys.readouterr().err
+
+
+@pytest.mark.drawn
+def test_a_users_robot_and_course_with_a_report(trackslip, tmp_path):
+    course = tmp_path / "course.toml"
+    course.write_text('friction = 0.9\n[[pieces]]\nkind = "ramp"\nangle = 0.2\nlength = 1.0\n')
+    result = trackslip(
+        *("drive", "--robot", str(write_robot(tmp_path)), "--course", str(course)),
+        *("--preset", "fast", "--speed", "0.6", "--flippers", "up"),
+    )
+    assert result.summary["drive"]["outcome"] == "reached"
+    assert "It crossed the course after" in result.printed
+    assert "arm track" in result.printed
+    page = (result.folder / "report.html").read_text()
+    assert page.count("<svg ") == 3
+    assert "mine on" in page
+    assert len(list((result.folder / "figures").glob("*.svg"))) == 3
+
+
+def test_pictures(trackslip):
+    try:
+        result = trackslip("drive", *SHORT, "--robot", "box", "--duration", "0.4", "--pictures", "2", *())
+    except SystemExit:
+        pytest.skip("OpenGL doesn't work here")
+    files = sorted((result.folder / "pictures").glob("*.png"))
+    assert [file.name for file in files] == ["000_0.2s.png", "001_0.4s.png"]
+
+
+@pytest.mark.slow
+def test_a_video_has_a_picture_for_each_moment(trackslip, tmp_path):
+    av = pytest.importorskip("av", reason="PyAV isn't installed")
+    file = tmp_path / "drive.mp4"
+    trackslip(
+        "drive", "--course", "flat", "--robot", "box", "--preset", "fast", "--duration", "0.6", "--video", str(file)
+    )
+    with av.open(str(file)) as container:
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+    assert len(frames) == 15
+    assert frames[0].shape == (540, 960, 3)
+    assert np.abs(frames[-1].astype(int) - frames[0]).max() > 50
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("--robot", "nobody"), "robot = 'nobody': must be one of rescue, box, or a .toml file"),
+        (("--course", "nowhere"), "course = 'nowhere': must be one of"),
+        (("--flippers", "sideways"), "flippers = 'sideways': must be up, down, reflex, or angles"),
+        (("--flippers", "nan"), "flippers = 'nan': must be"),
+        (("--flippers", "1,2,3"), "flippers = '1,2,3': must be one angle, two (front, rear) or 4"),
+        (("--speed", "9"), "speed = 9.0: must be from -2 to 2 m/s"),
+        (("--speed", "nan"), "speed = nan: must be from -2 to 2 m/s"),
+        (("--turn", "-99"), "turn = -99.0: must be from -5 to 5 rad/s"),
+        (("--duration", "0"), "duration = 0.0: must be a finite number > 0"),
+        (("--duration", "1e9"), "duration = 1000000000.0: must be at most"),
+        (("--friction", "nan"), "friction = nan: must be a finite number > 0"),
+        (("--pictures", "-1"), "pictures = -1: must be an integer from 0 to 100"),
+        (("--seed", "-1"), "seed = -1: must be an integer >= 0"),
+        (("--video", "drive.avi"), "video = 'drive.avi': must be a file that ends in .mp4"),
+        (("--path", "gone.csv"), "gone.csv: no such file"),
+        (("--path", "gone.csv", "--turn", "1"), "turn = 1.0: must be left out with --path"),
+        (("--path", "gone.csv", "--speed", "-1"), "speed = -1.0: must be a finite number > 0"),
+        (("--teleop", "--turn", "1"), "turn = 1.0: must be left out with --teleop"),
+    ],
+)
+def test_mistakes(refused, options, said):
+    assert said in refused("drive", *options)
+
+
+def test_without_pyav_a_video_is_refused_in_one_line(refused, monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name, *_: None)
+    assert 'a video needs PyAV: pip install -e ".[video]"' in refused("drive", "--video", "drive.mp4")
+
+
+def test_without_a_display_teleop_is_refused_in_one_line(refused, monkeypatch):
+    if not sys.platform.startswith("linux"):
+        pytest.skip("there is always a display")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    assert "needs a display" in refused("drive", "--teleop", "--course", "flat")
+
+
+def test_keys():
+    world = build_tracked(load_tracked("rescue"))
+    keyboard = Keyboard(world, 0.6, True, np.zeros(4))
+    for _ in range(3):
+        keyboard.press(265)  # arrow up
+    keyboard.press(263)  # arrow left
+    half = world.robot.half_gauge
+    np.testing.assert_allclose(keyboard.speeds(None), [0.15 - 0.1 * half, 0.15 + 0.1 * half])
+    for _ in range(50):
+        keyboard.press(265)
+    assert keyboard.speed == 0.6
+    keyboard.press(32)  # space
+    np.testing.assert_allclose(keyboard.speeds(None), [0.0, 0.0])
+    assert keyboard.by_reflex
+    keyboard.press(268)  # Home
+    keyboard.press(267)  # Page Down
+    np.testing.assert_allclose(keyboard.angles, [0.1, 0.1, -0.1, -0.1])
+    assert not keyboard.by_reflex
+    for _ in range(50):
+        keyboard.press(268)
+    np.testing.assert_allclose(keyboard.angles[:2], world.flipper_range[:2, 1])
+
+
+@pytest.mark.slow
+def test_teleop_on_a_virtual_display(tmp_path):
+    if shutil.which("xvfb-run") is None:
+        pytest.skip("there is no xvfb-run")
+    own = [sys.executable, "-m", "experiments", "drive", "--teleop", "--robot", "box", "--course", "flat"]
+    command = ["xvfb-run", "-a", "-s", "-screen 0 640x480x24", *own, "--duration", "1", "--out", str(tmp_path / "out")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert "arrow keys" in done.stdout
+    drive = json.loads((tmp_path / "out" / "summary.json").read_text())["drive"]
+    assert drive["outcome"] == "time"
+    assert drive["duration"] == pytest.approx(1.0)
+
+
+def _entities(file):
+    """The entities of a recording."""
+    from rerun.chunk import RrdReader
+
+    return sorted({chunk.entity_path for chunk in RrdReader(file).stream()})

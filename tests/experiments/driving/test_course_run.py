@@ -1,0 +1,166 @@
+"""Drives over courses: pilots, and what is recorded."""
+
+import numpy as np
+import pytest
+
+from experiments.driving.course_pilots import ConstantPilot, PathPilot
+from experiments.driving.course_run import STOPPED, drive_course, ground_slope
+from experiments.driving.course_world import CourseWorld
+from experiments.measuring.course_drive import DriveResult, slip_by_slope
+from experiments.options.drive import DriveConfig
+from sim.robot.tracked import load_tracked
+from sim.terrain import Course, Flat, Ramp
+from sim.traverse.bodies import States
+from trackslip.errors import InvalidValueError
+
+G, BOX_MASS = 9.81, 25.0
+
+
+class Level:
+    """States with given poses (R, 3)."""
+
+    def __init__(self, pose):
+        self.position, self.heading = np.insert(pose[:, :2], 2, 0.0, axis=1), pose[:, 2]
+
+
+def driven(**options):
+    world = CourseWorld.of(DriveConfig(**{"robot": "box", "course": "flat", "preset": "fast", **options}))
+    return world, drive_course(world.traverse, world.pilot(), world.flippers())
+
+
+@pytest.mark.parametrize("heading", [0.0, np.pi, np.pi / 2, 0.7])
+def test_slope_of_a_ramp_is_that_along_the_robot(heading):
+    angle = 0.3
+    course = Course((Ramp(angle=angle, length=4.0), Flat(1.0)))
+    pose = np.array([[2.0, 0.1, heading]])
+    slope = ground_slope(course, Level(pose), load_tracked("box"))
+    assert slope == pytest.approx(np.arctan(np.tan(angle) * np.cos(heading)), abs=1e-9)
+
+
+def test_steady_driving_on_the_flat():
+    world, run = driven(speed=0.4, duration=3.0)
+    assert run.outcome == "time"
+    late = run.time > 1.0
+    np.testing.assert_allclose(run.state.velocity[late, 0], 0.4, atol=1e-3)
+    np.testing.assert_allclose(run.slip[late], 0.0, atol=5e-3)
+    np.testing.assert_allclose(run.load[late].sum(axis=1), G * BOX_MASS, rtol=5e-3)
+    np.testing.assert_allclose(np.diff(run.time), 0.02, atol=1e-9)
+    assert np.isnan(run.slip[0]).all()
+    assert run.travel[-1] == pytest.approx(run.belt[1:].sum(axis=0) * 0.02)
+
+
+def test_work_on_a_ramp_is_that_of_lifting_the_robot(tmp_path):
+    file = tmp_path / "ramp.toml"
+    file.write_text('friction = 1.0\n[[pieces]]\nkind = "ramp"\nangle = 0.3\nlength = 4.0\n')
+    _, run = driven(course=str(file), duration=9.0)
+    on = run.slope > 0.299
+    rows = np.flatnonzero(on)
+    first, last = rows[50], rows[-50]
+    lifted = run.state.position[last, 2] - run.state.position[first, 2]
+    assert lifted > 0.2
+    assert run.work[first + 1 : last + 1].sum() == pytest.approx(G * BOX_MASS * lifted, rel=0.01)
+
+
+def test_the_same_seed_gives_the_same_bits():
+    (_, one), (_, two) = (driven(course="rough", seed=3, duration=4.5) for _ in range(2))
+    np.testing.assert_array_equal(one.qpos, two.qpos)
+    np.testing.assert_array_equal(one.slip, two.slip)
+    _, other = driven(course="rough", seed=4, duration=4.5)
+    assert np.abs(one.qpos - other.qpos).max() > 1e-4
+
+
+@pytest.mark.parametrize(
+    ("options", "outcome"),
+    [
+        ({"speed": -0.5}, "fell"),
+        ({"course": "ramp20", "friction": 0.2}, "stuck"),
+        ({"course": "stairs", "robot": "rescue", "flippers": "up"}, "tipped"),
+        ({"course": "gap", "robot": "rescue", "speed": 0.5}, "reached"),
+    ],
+)
+def test_ends_by_name(options, outcome):
+    world, run = driven(**options)
+    assert run.outcome == outcome
+    assert np.isfinite(run.qpos).all()
+    assert DriveResult.of(run, world.course).outcome == outcome
+
+
+def test_an_explosion_ends_by_name_with_finite_states():
+    world = CourseWorld.of(DriveConfig(robot="box", course="flat", preset="fast"))
+
+    def blow_up(traverse, _):
+        if traverse.time[0] > 0.1:
+            traverse.batch.qvel[0, :3] = 1e9
+        return True
+
+    run = drive_course(world.traverse, world.pilot(), world.flippers(), blow_up)
+    assert run.outcome == "exploded"
+    assert np.isfinite(run.qpos).all()
+    assert np.isfinite(run.qvel).all()
+    assert np.isfinite(run.load).all()
+
+
+def test_a_driver_can_stop():
+    world = CourseWorld.of(DriveConfig(robot="box", course="flat", preset="fast"))
+    run = drive_course(world.traverse, world.pilot(), world.flippers(), lambda traverse, _: traverse.time[0] < 0.1)
+    assert run.outcome == STOPPED
+    assert run.time[-1] == pytest.approx(0.1)
+
+
+def test_a_path_is_followed_to_its_end(tmp_path):
+    path = tmp_path / "path.csv"
+    path.write_text("x,y\n-1,0\n0,0\n1,0.4\n2,-0.2\n3,0\n")
+    _, run = driven(path=path, speed=0.5)
+    assert run.outcome == "reached"
+    points = PathPilot.of(path, 0.5, 0.17).points
+    off = np.hypot(*(run.state.position[:, None, :2] - points).transpose(2, 0, 1)).min(axis=1)
+    assert off.max() < 0.15
+    assert np.abs(run.command).max() <= 0.5 + 1e-12
+
+
+def test_a_straight_path_leads_straight_on(tmp_path):
+    path = tmp_path / "path.csv"
+    path.write_text("x,y\n0,0\n2,0\n5,0\n")
+    pilot = PathPilot.of(path, 0.3, 0.2)
+    np.testing.assert_allclose(np.diff(pilot.points, axis=0), [[0.02, 0.0]] * 250, atol=1e-3)
+    state = Level(np.array([[1.0, 0.0, 0.0]]))
+    np.testing.assert_allclose(pilot.speeds(state), [0.3, 0.3], atol=1e-9)
+    left = pilot.speeds(Level(np.array([[1.0, -0.1, 0.0]])))
+    assert left[0] < left[1] == pytest.approx(0.3)
+    for x in (1.9, 2.8, 3.7, 4.6):
+        assert pilot.speeds(Level(np.array([[x, 0.0, 0.0]]))) is not None
+    assert pilot.speeds(Level(np.array([[5.1, 0.0, 0.0]]))) is None
+
+
+def test_flippers_as_asked():
+    for given, angles in (
+        ("0.5", [0.5] * 4),
+        ("0.5,0.2", [0.5, 0.5, 0.2, 0.2]),
+        ("0.1,0.2,0.3,0.4", [0.1, 0.2, 0.3, 0.4]),
+    ):
+        world, run = driven(robot="rescue", flippers=given, duration=0.5)
+        np.testing.assert_allclose(run.state.flippers[-1], angles, atol=0.06)
+        np.testing.assert_allclose(world.set_angles, angles)
+    with pytest.raises(InvalidValueError, match="flippers = '1,2,3': must be one angle, two"):
+        CourseWorld.of(DriveConfig(flippers="1,2,3"))
+
+
+def test_constant_speeds_turn_by_the_half_gauge():
+    world = CourseWorld.of(DriveConfig(robot="box", course="flat", speed=0.3, turn=0.5))
+    half = world.robot.half_gauge
+    assert world.pilot() == ConstantPilot(0.3 - 0.5 * half, 0.3 + 0.5 * half)
+
+
+def test_slip_in_bins_of_slope():
+    slope = np.repeat([0.0, 0.1, 0.2], [10, 3, 20])
+    slip = np.concatenate([np.linspace(0, 0.9, 10), [0.5] * 3, np.full(20, 0.2)])
+    slip[-5:] = np.nan
+    middle, quartiles = slip_by_slope(slope, slip, 0.1)
+    np.testing.assert_allclose(middle, [0.0, 0.2])  # too few at 0.1
+    np.testing.assert_allclose(quartiles, [[0.45, 0.225, 0.675], [0.2, 0.2, 0.2]])
+
+
+def test_states_have_unit_quaternions():
+    _, run = driven(duration=0.5)
+    assert isinstance(run.state, States)
+    np.testing.assert_allclose(np.linalg.norm(run.state.quaternion, axis=1), 1.0, atol=1e-9)
