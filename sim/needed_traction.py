@@ -9,7 +9,9 @@ from trackslip.kinematics import Array
 
 
 def needed_traction(fleet: Fleet) -> Array:
-    """Traction (N,) that the robots need against slope and pull at a constant speed, over their normal force [-]."""
+    """Tractions (N, 2) along the robots and to their left, over their normal force, at a constant velocity [-]."""
     slope = np.array([ground.slope for ground in fleet.ground])
     uphill = np.array([ground.uphill for ground in fleet.ground])
-    return np.tan(slope) * np.cos(uphill - fleet.pose()[:, 2]) + fleet.towed(np.arange(fleet.size))
+    direction = uphill - fleet.pose()[:, 2]
+    along = np.tan(slope) * np.cos(direction) + fleet.towed(np.arange(fleet.size))
+    return np.column_stack([along, np.tan(slope) * np.sin(direction)])

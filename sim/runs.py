@@ -246,6 +246,9 @@ def _steer(
     if isinstance(pilot.compensation, SensesLoad):
         pilot.compensation.sense(record.load[k, robots])
     law = pilot.compensation.law()
+    if isinstance(pilot.compensation, SensesLoad):
+        pose = pose.copy()
+        pose[:, 2] += pilot.compensation.crab_angle(law.twist(omega, geometry))
     if pilot.preview > 0:
         pose = advance(pose, law.twist(omega, geometry), pilot.preview)
     try:

@@ -78,11 +78,11 @@ def by_equal_command(omega: Array, geometry: RobotGeometry) -> np.ndarray:
 
 
 def by_load(labels: np.ndarray, load: Array | None) -> np.ndarray:
-    """The groups (n,) of runs, divided by the tractions per unit load (n,) where these are known."""
+    """The groups (n,) of runs, divided by the tractions per unit load (n, 2) where these are known."""
     if load is None:
         return labels
-    pairs = np.column_stack([labels, group_labels(load, _MIN_LOAD)])
-    return np.unique(pairs, axis=0, return_inverse=True)[1].reshape(-1)
+    divided = np.column_stack([labels, *(group_labels(component, _MIN_LOAD) for component in load.T)])
+    return np.unique(divided, axis=0, return_inverse=True)[1].reshape(-1)
 
 
 def folds(labels: np.ndarray) -> np.ndarray:

@@ -31,7 +31,7 @@ class SlipSamples:
     covariance: Array | None = None  # (n, 2, 2) of the errors of the twists, if known
     lateral: Array | None = None  # (n,) speed to the left in the frame of the measured heading, if measured [m/s]
     lateral_stderr: Array | None = None  # (n,) its standard errors [m/s]
-    load: Array | None = None  # (n,) mean traction per unit load, if known [-]
+    load: Array | None = None  # (n, 2) mean tractions per unit load, along and to the left, if known [-]
 
     def __len__(self) -> int:
         return len(self.run)
@@ -62,7 +62,7 @@ class SlipSamples:
         """Samples from steady sprocket speeds and twists (n, 2); Eqs. 2-3.
 
         With covariances (n, 2, 2) of the twists, lateral speeds (n,), their standard errors (n,) and tractions per
-        unit load (n,) if known.
+        unit load (n, 2) if known.
 
         The slip of a track whose sprocket stands, or nearly so, is undefined: NaN. Raises LogError if both stand or the
         motion is implausible.
@@ -222,7 +222,7 @@ def _sample(part: SteadyPart, geometry: RobotGeometry, method: str | None) -> Sl
         steady.covariance[None],
         lateral,
         lateral_stderr,
-        None if part.load is None else np.array([part.load]),
+        None if part.load is None else part.load[None],
     )
 
 
@@ -247,5 +247,5 @@ def true_samples(
         omega.append(part.omega)
         twist.append(true.mean(axis=0))
         load.append(part.load)
-    known = None if None in load else np.array(load, float)
+    known = None if any(one is None for one in load) else np.array(load, float)
     return SlipSamples.of(np.array(omega), np.array(twist), geometry, [log.run for log in logs], load=known)

@@ -40,7 +40,7 @@ class WeightedRuns:
     turn: Array  # (n, 2, 2) Q^T / s
     eigenvalues: Array  # (n, 2) lambda
     weight: Array  # (M or 1, n) multiplicity of each run
-    load: Array | None = None  # (n,) traction per unit load, if known [-]
+    load: Array | None = None  # (n, 2) tractions per unit load, if known [-]
 
     @classmethod
     def of(cls, samples: SlipSamples, geometry: RobotGeometry) -> WeightedRuns:

@@ -42,7 +42,7 @@ class RunLog:
     icr: Array | None = None  # (T, 2) D [m] and epsilon [-] of the constant ICRs used for slip compensation
     covariance: Array | None = None  # (T, 3, 3) of the pose
     valid: np.ndarray | None = None  # (T,) bool: whether the pose was measured; None if every pose was
-    load: Array | None = None  # (T,) traction per unit load that the robot needs, uphill positive [-]
+    load: Array | None = None  # (T, 2) traction per unit load that the robot needs, along and to its left [-]
     truth: Truth | None = None
     scans: ScanLog | None = None  # T rows: the scans from which the poses were estimated
     metadata: dict[str, Any] = field(default_factory=dict)

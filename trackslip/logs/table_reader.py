@@ -126,7 +126,7 @@ class _Reader:
             time=time,
             omega=omega,
             pose=pose,
-            **_flat(_present(self._blocks, rows), "load"),
+            **_present(self._blocks, rows),
             valid=None if self._valid is None and valid.all() else valid,
             truth=_truth(_present(self._truth, rows), from_list_column(self._table, CONTACT, rows)),
             scans=scans_from_table(self._table, rows, metadata),
@@ -235,15 +235,11 @@ def _present(blocks: Mapping[str, Array | None], rows: np.ndarray) -> dict[str, 
     }
 
 
-def _flat(parts: dict[str, Any], name: str) -> dict[str, Any]:
-    """The same with a block of one column (T, 1) as (T,)."""
-    return parts | {name: parts[name][:, 0]} if name in parts else parts
-
-
 def _truth(parts: dict[str, Any], contact: Array | None) -> Truth | None:
     if not {"pose", "twist"} <= set(parts):
         return None
-    parts = _flat(parts, "lean")
+    if "lean" in parts:
+        parts["lean"] = parts["lean"][:, 0]
     pads = None if contact is None or contact.shape[1] % 3 else contact.reshape(len(contact), -1, 3)
     return Truth(**parts, contact=pads)
 

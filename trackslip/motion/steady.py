@@ -64,12 +64,13 @@ class SteadyPart:
         return mean
 
     @property
-    def load(self) -> float | None:
-        """Mean traction per unit load in the window [-]; None if the run doesn't tell it."""
+    def load(self) -> Array | None:
+        """Mean tractions per unit load in the window (2,) [-]; None if the run doesn't tell them."""
         if self.log.load is None:
             return None
         known = self.log.load[self.rows]
-        return float(np.nanmean(known)) if np.isfinite(known).any() else None
+        known = known[np.isfinite(known).all(axis=1)]
+        return np.asarray(known.mean(axis=0)) if len(known) else None
 
 
 def steady_part(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -> SteadyPart:

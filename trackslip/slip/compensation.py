@@ -16,6 +16,9 @@ from trackslip.slip.icr import ConstantIcr
 from trackslip.slip.icr_load import MAX_LOAD, IcrLoad
 from trackslip.slip.online import FilterTuning, IcrFilter
 
+MAX_CRAB_ANGLE = 0.3
+"""Largest angle at which a robot is taken to move to the side of its heading [rad]."""
+
 
 class Compensation(Protocol):
     """Provides the slip laws of N robots."""
@@ -52,7 +55,16 @@ class SensesLoad(Protocol):
     """A compensation that also measures the traction per unit load that the robots need, as from their inclination."""
 
     def sense(self, load: Array) -> None:
-        """Take tractions per unit load (N,) [-], before each call of `law`."""
+        """Take tractions per unit load (N, 2), along the robots and to their left [-], before each call of `law`."""
+
+    def crab_angle(self, twist: Array) -> Array:
+        """Angles (N,) to the left of their headings at which the robots move at twists (N, 2) [rad]."""
+
+
+def crab_angle(forward: Array, leftward: Array) -> Array:
+    """Angles (N,) from the robots' axes to their directions of motion, at speeds (N,); at most MAX_CRAB_ANGLE [rad]."""
+    angle = np.arctan2(leftward * np.sign(forward), np.abs(forward))
+    return np.asarray(np.clip(angle, -MAX_CRAB_ANGLE, MAX_CRAB_ANGLE))
 
 
 class LoadedLaw:
@@ -63,14 +75,18 @@ class LoadedLaw:
 
     def reset(self, start: Array) -> None:
         """Start a new run at poses (N, 3), without load."""
-        self._load: Array = np.zeros(len(start))
+        self._load: Array = np.zeros((len(start), 2))
 
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
         """Nothing to learn."""
 
     def sense(self, load: Array) -> None:
-        """Take tractions per unit load (N,) [-]; beyond MAX_LOAD, the law takes MAX_LOAD."""
+        """Take tractions per unit load (N, 2) [-]; beyond MAX_LOAD, the law takes MAX_LOAD."""
         self._load = np.clip(load, -MAX_LOAD, MAX_LOAD)
+
+    def crab_angle(self, twist: Array) -> Array:
+        """Angles (N,) to the left of their headings at which the robots move at twists (N, 2) [rad]."""
+        return crab_angle(twist[:, 0], self.law().sideslip(twist))
 
     def law(self) -> IcrLoad:
         """The law at the load sensed last."""
@@ -118,12 +134,17 @@ class LoadedOnlineIcr(OnlineIcr):
         self._loaded.reset(start)
 
     def sense(self, load: Array) -> None:
-        """Take tractions per unit load (N,) [-]."""
+        """Take tractions per unit load (N, 2) [-]."""
         self._loaded.sense(load)
+
+    def crab_angle(self, twist: Array) -> Array:
+        """Angles (N,) to the left of their headings at which the robots move at twists (N, 2) [rad]."""
+        drift = -self._running.state[:, 5] * twist[:, 1]
+        return crab_angle(twist[:, 0], self._loaded.law().sideslip(twist) + drift)
 
     def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
         """Update the filters with the motion of the robots, whose tracks slip under the load sensed before it."""
-        super().observe(self._loaded.law().gripped(omega), duration, estimate)
+        self._running.update(omega, duration, estimate, self.law().yielding(omega, self._geometry))
 
     def law(self) -> IcrLoad:
         """The current estimates, with parameters (N,), at the load sensed last."""

@@ -45,7 +45,7 @@ def full(scan_rectangle):
         icr=two,
         covariance=np.tile(np.eye(3), (ROWS, 1, 1)),
         valid=np.ones(ROWS, bool),
-        load=three[:, 0],
+        load=two,
         truth=Truth(pose, three, two, two, power=two, saturated=two, lean=three[:, 0], contact=np.ones((ROWS, 20, 3))),
         scans=scans,
         metadata={"seed": 1},
