@@ -139,6 +139,7 @@ COMMAND_EXAMPLES = (
     ("the simulator", "trackslip bench"),
     ("a quick look", "trackslip bench --sizes 1 64 --thread-counts 1 --seconds 5 --repeats 3"),
     ("the learning environments", "trackslip bench --env"),
+    ("tracks on terrain", "trackslip bench --terrain"),
     ("a thousand runs, on one process and on two", "trackslip bench --grid"),
     ("list the runs", "trackslip export out/grid"),
     ("write all runs as CSV", "trackslip export out/grid --csv"),

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from sim.ground.named import load_ground
     from sim.robot.parameters import RobotParameters
     from sim.robot.robot import load_robot
+    from sim.robot.tracked import Flipper, TrackedRobot, load_tracked
+    from sim.robot.tracked_model import TrackedModel, build_tracked
     from sim.run_recorder import Description, RunFailedError
     from sim.runs import Pilot, closed_loop, open_loop
     from sim.scanner.feed import ScannerFeed
@@ -33,16 +35,21 @@ __all__ = [
     "Description",
     "Drive",
     "Fleet",
+    "Flipper",
     "Ground",
     "LaserScanner",
     "Pilot",
     "RobotParameters",
     "RunFailedError",
     "ScannerFeed",
+    "TrackedModel",
+    "TrackedRobot",
+    "build_tracked",
     "closed_loop",
     "load_ground",
     "load_obstacles",
     "load_robot",
+    "load_tracked",
     "open_loop",
 ]
 
@@ -50,16 +57,21 @@ _MODULE_OF = {
     "Description": "run_recorder",
     "Drive": "drive.drive",
     "Fleet": "fleet",
+    "Flipper": "robot.tracked",
     "Ground": "ground.ground",
     "LaserScanner": "scanner.scanner",
     "Pilot": "runs",
     "RobotParameters": "robot.parameters",
     "RunFailedError": "run_recorder",
     "ScannerFeed": "scanner.feed",
+    "TrackedModel": "robot.tracked_model",
+    "TrackedRobot": "robot.tracked",
+    "build_tracked": "robot.tracked_model",
     "closed_loop": "runs",
     "load_ground": "ground.named",
     "load_obstacles": "scanner.named_obstacles",
     "load_robot": "robot.robot",
+    "load_tracked": "robot.tracked",
     "open_loop": "runs",
 }
 

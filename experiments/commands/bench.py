@@ -30,7 +30,7 @@ def run(config: BenchConfig) -> None:
     began = perf_counter()
     with results_folder(config.out) as folder:
         robot = load_robot()
-        measure = _environments if config.env else _grid if config.grid else _simulator
+        measure = _environments if config.env else _grid if config.grid else _terrain if config.terrain else _simulator
         summary, tables = measure(config, robot)
         memory = peak_memory()
         wall = perf_counter() - began
@@ -71,6 +71,20 @@ def _environments(config: BenchConfig, robot: Robot) -> _Measured:
     title, header, rows = _speed_table("Speed of the learning environments", speeds)
     header = (*header[:-1], "ratio to SyncVectorEnv", header[-1])
     rows = [(*row[:-1], f"{one.ratio_to_single:.1f}", row[-1]) for row, one in zip(rows, speeds, strict=True)]
+    return {"rows": speeds}, [(title, header, rows)]
+
+
+def _terrain(config: BenchConfig, _: Robot) -> _Measured:
+    from experiments.speed.terrain import CONDITIONS, measure_terrain  # late: only this needs tracks and terrain
+
+    with _progress(CONDITIONS) as step:
+        speeds = measure_terrain(config, step)
+    header = ("preset", "terrain", "case", "robots", "threads", "steps/s", "ratio to bare", "real-time factor")
+    rows: list[_Cells] = []
+    for one in speeds:
+        numbers = f"{one.steps_per_s:,.0f}", f"{one.ratio_to_bare:.2f}", f"{one.real_time_factor:.1f}"
+        rows.append((one.preset, one.terrain, one.case, str(one.n), str(one.threads), *numbers))
+    title = f"Speed on terrain of the robot {Path(config.terrain_robot).stem}"
     return {"rows": speeds}, [(title, header, rows)]
 
 

@@ -19,7 +19,7 @@ from experiments.driving.course_world import CourseWorld
 from experiments.driving.teleop import HELP, Keyboard, Teleop
 from experiments.measuring.course_drive import DriveResult
 from experiments.options.drive import DriveConfig
-from experiments.recording.course_drive import record_course_drive
+from experiments.recording import record_course_drive
 from experiments.recording.course_pictures import write_pictures, write_video
 from experiments.recording.video import require_video
 from experiments.report.course_drive import TRACKS_HEADER, lines, render, sentence, track_rows

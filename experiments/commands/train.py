@@ -4,6 +4,7 @@ import itertools
 import os
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,12 @@ from experiments.learning.path_tracking import PathTrackingTraining
 from experiments.learning.training import Training
 from experiments.learning.traverse import TraverseTraining
 from experiments.options.train import PATH_TRACKING, TRAVERSE, TrainConfig
+from experiments.recording import record_all
 from experiments.report.terminal import progress
 from experiments.storage.manifest import make_manifest
 from experiments.storage.results import results_folder, write_results
 from trackslip.errors import InvalidValueError, LogError, TrackslipError
+from trackslip.logs.runlog import RunLog
 
 POLICY, CHECKPOINT = "policy.npz", "checkpoint.zip"
 _MIN_RATE = 0.05  # final over initial learning rate
@@ -41,16 +44,44 @@ def run(config: TrainConfig) -> None:
                 raise
             raise KeyboardInterrupt("interrupted; --resume continues from the last checkpoint") from None
         training.save(model, folder / POLICY)
-        found = training.finish(folder / POLICY, folder)
+        found = training.finish(folder / POLICY)
         wall = time.perf_counter() - began
         timing = {"wall_s": wall, "steps_per_s": (model.num_timesteps - before) / wall}
         summary = {"steps": model.num_timesteps, "curve": curve, **found, "timing": timing}
         write_results(folder, summary, make_manifest("train", config, wall, seed=config.seed))
+        if config.rrd:
+            record_all(folder, [log for name in config.references for log in _driven(config, folder / POLICY, name)])
     of = " of 1" if config.env == PATH_TRACKING else ""
     for point in curve[:1] + curve[-1:]:
         print(f"{point['steps']:>10,} steps: {point['reward']:.3f}{of} per step")
     training.show(found)
     print(f"{config.out / POLICY}: {model.num_timesteps:,} steps in {wall:.0f} s")
+
+
+def _driven(config: TrainConfig, policy: Path, reference: str) -> list[RunLog]:
+    """Run the policy along a path, from its beginning, on the first of the grounds; as far as it gets if it fails."""
+    from experiments.commands.track import drive, make_reference
+    from experiments.driving.world import World
+    from experiments.options.track import TrackConfig
+    from experiments.options.world import GroundOptions
+    from sim.run_recorder import RunFailedError
+
+    course = TrackConfig(
+        controller=f"ppo:{policy}",
+        compensation=config.compensation,
+        reference=reference,
+        ground=GroundOptions(config.grounds[0]),
+        seed=config.seed,
+        threads=config.threads,
+        rrd=True,
+    )
+    world = World.of(course)
+    try:
+        logs = drive(course, world, make_reference(course, world.robot))
+    except RunFailedError as error:
+        logs = error.logs
+    named = {"controller": f"ppo:{config.out}"}
+    return [replace(log, run=f"policy {reference}", metadata=log.metadata | named) for log in logs[:1]]
 
 
 def _model(config: TrainConfig, training: Training) -> Any:

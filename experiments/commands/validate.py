@@ -28,9 +28,11 @@ from sim.stopwatch import Stopwatch
 
 
 def run(config: ValidateConfig) -> None:
-    """Compare the shipped robot with theory, or tracks on terrain."""
+    """Compare the shipped robot with theory, or tracks on terrain, or ground that shears."""
     if config.terrain:
         validate_terrain(config)
+    elif config.shear:
+        validate_shear(config)
     else:
         validate_robot(config)
 
@@ -62,6 +64,32 @@ def validate_terrain(config: ValidateConfig) -> None:
         write_results(folder, plain(summary) | {"timing": {"wall_s": wall, "stages": {"terrain": wall}}}, manifest)
     print_table(report.TITLE, report.header_of(found), for_terminal(report.table_of(found, checks)))
     print_table(report.DEFAULT_TITLE, report.DEFAULT_HEADER, for_terminal(report.default_table(found)))
+    print(f"{sum(check.holds for check in checks)} of {len(checks)} checks hold")
+    print(f"{config.out / REPORT_FILE}: {time.perf_counter() - began:.1f} s")
+
+
+def validate_shear(config: ValidateConfig) -> None:
+    """Measure robots on ground that shears; store and print what has to hold."""
+    # late: the other validations need none of it
+    from experiments.report import shear as report
+    from experiments.report.drive_checks import CHECKS_HEADER, checks_table
+    from experiments.validation.shear.findings import STAGES, checks_of, measure, subjects
+
+    began = time.perf_counter()
+    parameters, ground = load_robot_file(config.robot)
+    robots = subjects(parameters, config.robot is not None)
+    ground = Ground(ground.along, ground.across)
+    with results_folder(config.out) as folder:
+        with progress("ground that shears", len(robots) * STAGES, "stages") as done:
+            findings = [measure(name, one, ground, config.seed, config.threads, done) for name, one in robots.items()]
+        checks = [check for found in findings for check in checks_of(found)]
+        wall = time.perf_counter() - began
+        manifest = make_manifest("validate", config, wall, seed=config.seed, robots=robots, ground=ground)
+        with busy("report"):
+            report.render(findings, checks, manifest, command_line("validate")).write(folder, config.pdf)
+        summary = {"checks": [check.to_json() for check in checks], "findings": findings}
+        write_results(folder, plain(summary) | {"timing": {"wall_s": wall, "stages": {"shear": wall}}}, manifest)
+    print_table(report.TITLE, CHECKS_HEADER, checks_table(checks))
     print(f"{sum(check.holds for check in checks)} of {len(checks)} checks hold")
     print(f"{config.out / REPORT_FILE}: {time.perf_counter() - began:.1f} s")
 

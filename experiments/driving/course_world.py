@@ -93,5 +93,4 @@ class CourseWorld:
 
     def with_looks(self) -> TrackedModel:
         """The same model with all that is only looked at."""
-        friction = (self.course.friction, self.course.friction)
-        return build_tracked(self.robot, self.course, preset=self.config.preset, friction=friction, looks=True)
+        return build_tracked(self.robot, self.course, preset=self.config.preset, looks=True)

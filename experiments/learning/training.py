@@ -24,7 +24,7 @@ class Training(Protocol):
     def save(self, model: Any, file: Path) -> None:
         """Write the policy of a model."""
 
-    def finish(self, policy: Path, folder: Path) -> dict[str, Any]:
+    def finish(self, policy: Path) -> dict[str, Any]:
         """Try the policy that was written; returns entries of summary.json."""
 
     def show(self, found: dict[str, Any]) -> None:

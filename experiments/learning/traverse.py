@@ -53,7 +53,7 @@ class TraverseTraining:
         """Write the policy of a model."""
         CrossingPolicy(network_of(model), {**OPTIONS, "robot": self._config.robot}).save(file)
 
-    def finish(self, policy: Path, folder: Path) -> dict[str, Any]:
+    def finish(self, policy: Path) -> dict[str, Any]:
         """Compare the policy with the scripted controller on courses that it was not trained on."""
         config = self._config
         rates, gain = compare(

@@ -64,7 +64,7 @@ class DriveResult:
         deepest = moving.max(axis=1) if len(moving) else np.zeros(1)
         return cls(
             outcome=run.outcome,
-            duration=float(run.time[-1]),
+            duration=round(float(run.time[-1]), 9),
             way=float(np.hypot(*np.diff(position[:, :2], axis=0).T).sum()),
             remaining=max(0.0, course.goal - float(position[-1, 0])),
             climbed=float(position[-1, 2] - position[0, 2]),

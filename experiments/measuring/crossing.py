@@ -13,6 +13,7 @@ from sim.traverse.config import TraverseConfig
 from sim.traverse.outcome import Outcome
 from sim.traverse.policy import CrossingPolicy
 from sim.traverse.task import Crossing
+from trackslip.kinematics import Array
 
 SCRIPTED, POLICY = "scripted", "policy"
 _CONFIDENCE = 0.95
@@ -102,7 +103,7 @@ def _drive(task: Crossing, policy: CrossingPolicy | None) -> NDArray[np.int_]:
     return task.outcome.copy()
 
 
-def _rate(controller: str, difficulty: float, ended: NDArray[np.int_], time: NDArray[np.float64]) -> CrossingRate:
+def _rate(controller: str, difficulty: float, ended: NDArray[np.int_], time: Array) -> CrossingRate:
     reached, total = ended == Outcome.REACHED, len(ended)
     crossed = int(reached.sum())
     interval = binomtest(crossed, total).proportion_ci(_CONFIDENCE, "wilson")

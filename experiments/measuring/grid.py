@@ -12,7 +12,7 @@ from experiments.options.grid import GridConfig
 from experiments.storage.plain_json import plain
 from sim.stopwatch import Stopwatch
 from trackslip.errors import LogError
-from trackslip.identification.samples import SlipSamples, slip_samples, true_samples
+from trackslip.identification.samples import SlipSamples, samples_by_method, true_samples
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.localization.bound import scan_ratio_to_bound
 from trackslip.logs.runlog import RunLog
@@ -194,14 +194,16 @@ def grid_summary(
 
 def errors_by_method(logs: Sequence[RunLog], geometry: RobotGeometry) -> dict[str, OuterInner[ErrorStatistics] | None]:
     """Errors of slip with every motion method, over the runs that it suits; None where it suits none."""
-    errors: dict[str, OuterInner[ErrorStatistics] | None] = {}
-    for name in MOTION_METHODS:
-        parts = []
-        for log in logs:
-            with contextlib.suppress(LogError):
-                parts.append(slip_samples([log], geometry, method=name).slip - true_samples([log], geometry).slip)
-        errors[name] = OuterInner.of(np.concatenate(parts), ErrorStatistics.of) if parts else None
-    return errors
+    errors: dict[str, list[Array]] = {name: [] for name in MOTION_METHODS}
+    for log in logs:
+        with contextlib.suppress(LogError):
+            true = true_samples([log], geometry).slip
+            for name, sample in samples_by_method(log, geometry).items():
+                errors[name].append(sample.slip - true)
+    return {
+        name: OuterInner.of(np.concatenate(parts), ErrorStatistics.of) if parts else None
+        for name, parts in errors.items()
+    }
 
 
 def published_radii(commanded: Sequence[float]) -> Array:

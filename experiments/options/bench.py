@@ -15,7 +15,8 @@ MAX_REPEATS = 1000
 class BenchConfig:
     """Measure the speed of the simulation: bare physics, a fleet, a fleet with scanners, and the closed loop.
 
-    With --env, measure the learning environments instead; with --grid, a grid of a thousand runs.
+    With --env, measure the learning environments instead; with --grid, a grid of a thousand runs; with --terrain,
+    robots with tracks on level ground, on ten steps and on rough ground.
     """
 
     sizes: tuple[int, ...] = (1, 25, 256)
@@ -36,13 +37,19 @@ class BenchConfig:
     """Number of runs in the grid, a multiple of 25; needs --grid."""
     grid_duration: float = 30.0
     """Length of each run of the grid; needs --grid [s]."""
+    terrain: bool = False
+    """Measure robots with tracks on terrain, with both contact presets, relative to the bare engine."""
+    terrain_robot: str = "rescue"
+    """Name of a tracked robot, or its .toml file; needs --terrain."""
+    terrain_sizes: tuple[int, ...] = (1, 64)
+    """Numbers of robots on terrain; needs --terrain."""
     seed: int = 0
     """Seed of all random numbers."""
     out: Path = Path("out/bench")
     """Folder for the results."""
 
     def __post_init__(self) -> None:
-        for name, most in (("sizes", MAX_ROBOTS), ("thread_counts", MAX_THREADS)):
+        for name, most in (("sizes", MAX_ROBOTS), ("thread_counts", MAX_THREADS), ("terrain_sizes", MAX_ROBOTS)):
             checks.require_distinct(name, getattr(self, name), "number")
             for value in getattr(self, name):
                 checks.require_integer(name, value, 1, most)
@@ -51,6 +58,8 @@ class BenchConfig:
         checks.require_integer("env_size", self.env_size, 1, MAX_ROBOTS)
         if self.env and self.grid:
             raise InvalidValueError("grid", self.grid, "left out with --env")
+        if self.terrain and (self.env or self.grid):
+            raise InvalidValueError("terrain", self.terrain, "left out with --env and --grid")
         if not 25 <= self.grid_runs <= MAX_ROBOTS or self.grid_runs % 25:
             raise InvalidValueError("grid_runs", self.grid_runs, f"a multiple of 25 from 25 to {MAX_ROBOTS}")
         checks.require_between("grid_duration", self.grid_duration, MIN_DURATION, MAX_DURATION, "s")
@@ -59,7 +68,9 @@ class BenchConfig:
             checks.refuse_unused(self, ("env_size",), "without --env")
         if not self.grid:
             checks.refuse_unused(self, ("grid_runs", "grid_duration"), "without --grid")
-        if self.env or self.grid:
-            checks.refuse_unused(self, ("sizes",), "with --env and --grid")
+        if not self.terrain:
+            checks.refuse_unused(self, ("terrain_robot", "terrain_sizes"), "without --terrain")
+        if self.env or self.grid or self.terrain:
+            checks.refuse_unused(self, ("sizes",), "with --env, --grid and --terrain")
         if self.grid:
             checks.refuse_unused(self, ("seconds", "repeats"), "with --grid")

@@ -21,6 +21,8 @@ class ValidateConfig(Repeatable):
     """Robot file as written by calibrate; with --terrain, a tracked robot's instead of the box and the rescue robot."""
     terrain: bool = False
     """Instead compare tracks on terrain with theory, and check their bounds."""
+    shear: bool = False
+    """Instead compare ground that shears with theory, under two robots or --robot, and check its bounds."""
     rrd: bool = False
     """Also record the robot turning at the paper's radii, for the rerun viewer, in OUT/recordings."""
     out: Path = Path("out/validate")
@@ -31,4 +33,6 @@ class ValidateConfig(Repeatable):
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.terrain:
-            refuse_unused(self, ("rrd",), "with --terrain")
+            refuse_unused(self, ("shear", "rrd"), "with --terrain")
+        if self.shear:
+            refuse_unused(self, ("rrd",), "with --shear")

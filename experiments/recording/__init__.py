@@ -2,10 +2,15 @@
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from experiments.storage.file_names import file_names
 from experiments.storage.results import RECORDINGS_FOLDER
 from trackslip.logs.runlog import RunLog
+
+if TYPE_CHECKING:
+    from experiments.driving.course_run import CourseRun
+    from sim.robot.tracked_model import TrackedModel
 
 
 def record_all(folder: Path, logs: Sequence[RunLog], compared: Mapping[str, Sequence[RunLog]] | None = None) -> None:
@@ -25,6 +30,15 @@ def record(file: Path, logs: Sequence[RunLog], laws: Path | None = None) -> floa
 
     with recording(file, title(logs)) as opened:
         return stream.send(opened, logs, laws)
+
+
+def record_course_drive(file: Path, run: "CourseRun", world: "TrackedModel", about: Mapping[str, Any]) -> None:
+    """Record a drive over a course; `world` is the model with its looks. Raises OutputError as `record` does."""
+    from experiments.recording import course_drive
+    from experiments.recording.files import recording
+
+    with recording(file, f"{world.robot.name}: {run.outcome}") as opened:
+        course_drive.send_course_drive(opened, run, world, about)
 
 
 def title(logs: Sequence[RunLog]) -> str:

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -10,7 +9,7 @@ import numpy as np
 import rerun as rr
 
 from experiments.driving.course_run import CourseRun
-from experiments.recording import files, robot_mesh
+from experiments.recording import robot_mesh
 from experiments.recording.blueprint import begin_of_loop, blueprint
 from experiments.recording.columns import mesh, rgb, send, send_properties, send_series
 from experiments.recording.field import FIELD
@@ -42,13 +41,10 @@ PANELS = (
 """Plots over time."""
 
 
-def record_course_drive(file: Path, run: CourseRun, world: TrackedModel, about: Mapping[str, Any]) -> None:
-    """Record a drive as an .rrd file; `world` is the model with its looks. OutputError if it can't be written."""
-    with files.recording(file, f"{world.robot.name}: {run.outcome}") as stream:
-        _send(stream, run, world, about)
-
-
-def _send(stream: rr.RecordingStream, run: CourseRun, world: TrackedModel, about: Mapping[str, Any]) -> None:
+def send_course_drive(
+    stream: rr.RecordingStream, run: CourseRun, world: TrackedModel, about: Mapping[str, Any]
+) -> None:
+    """Send a drive to a stream; `world` is the model with its looks."""
     rows = np.arange(0, len(run.time), _EVERY)
     time, position = run.time[rows], run.state.position
     within = position[:, :2]
@@ -63,7 +59,7 @@ def _send(stream: rr.RecordingStream, run: CourseRun, world: TrackedModel, about
     send_properties(stream, RUN, about)
     panels = [replace(panel, range=panel.range or _range(panel, series)) for panel in PANELS]
     duration = float(run.time[-1])
-    begin = begin_of_loop(0.0, duration)
+    begin = begin_of_loop(float(run.time[np.argmax(np.abs(run.state.pitch))]), duration)
     stream.send_blueprint(blueprint([RUN], panels, sent, within, begin, duration))
 
 

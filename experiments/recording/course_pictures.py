@@ -31,7 +31,7 @@ def write_video(
     file: Path, run: CourseRun, looks: TrackedModel, course: Course, advance: Callable[[float], None]
 ) -> None:
     """Write an .mp4 file in real time; `advance` is called with the simulated time of each picture [s]."""
-    times = np.arange(0.0, run.time[-1], 1 / FRAME_RATE)
+    times = np.arange(max(1, round(run.time[-1] * FRAME_RATE))) / FRAME_RATE
     rows = np.clip(np.searchsorted(run.time, times), 0, len(run.time) - 1)
     with video(file, WIDTH, HEIGHT) as add:
         for picture in _pictures(run, looks, course, rows):

@@ -4,7 +4,6 @@ import contextlib
 import functools
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -18,6 +17,7 @@ from trackslip.logs.runlog import RunLog
 CHASSIS, SCANNER = "chassis", "lrf"
 BELTS = ("left_belt", "right_belt")  # geoms that are a belt with its shoes, as one mesh
 _SIDES = 20  # of a cylinder
+_UNSET = (0.5, 0.5, 0.5, 1.0)  # colour of a geom that is given none
 _LOOKS = (SCANNED_GROUP, VISUAL_GROUP)
 
 
@@ -147,8 +147,9 @@ def geom(model: mujoco.MjModel, i: int) -> Triangles:
     rotation = np.zeros(9)
     mujoco.mju_quat2Mat(rotation, model.geom_quat[i])
     vertices = corners @ rotation.reshape(3, 3).T + model.geom_pos[i]
-    material = model.geom_matid[i]
-    rgba: Any = model.mat_rgba[material] if material >= 0 else model.geom_rgba[i]
+    material, rgba = model.geom_matid[i], model.geom_rgba[i]
+    if material >= 0 and (rgba == _UNSET).all():  # as the engine draws it
+        rgba = model.mat_rgba[material]
     return Triangles(vertices, np.tile(np.rint(255 * rgba).astype(np.uint8), (len(vertices), 1)))
 
 

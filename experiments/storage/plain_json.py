@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 _AS_IT_IS = (str, int, bool, type(None))
-_ALWAYS = object()
 
 
 def write_json(path: Path, content: Mapping[str, Any]) -> None:
@@ -44,5 +43,6 @@ def _stored(value: Any) -> Iterator[tuple[dataclasses.Field[Any], Any]]:
     """The fields of a dataclass that are stored, and their values."""
     for f in dataclasses.fields(value):
         item = getattr(value, f.name)
-        if f.metadata.get("stored_unless", _ALWAYS) != item:
+        # arrays are compared element by element, so only where it is asked for
+        if "stored_unless" not in f.metadata or f.metadata["stored_unless"] != item:
             yield f, item

@@ -18,12 +18,17 @@ from trackslip.kinematics import Array
 
 SIDES = ("left", "right")
 _FROM_GEOMS = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+_FRICTION = 0.7  # of a plane
 _CLEAR = 1e-3  # height above the tracks' lowest point that everything else on the chassis must have [m]
 _FREE, _HINGE = mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_HINGE
 
 
 class Terrain(Protocol):
     """What a robot can be put on."""
+
+    @property
+    def friction(self) -> float:
+        """Coefficient of friction [-]."""
 
     def add_to(self, spec: Any) -> list[str]:
         """Add the terrain to a `mujoco.MjSpec` and return the names of its geoms."""
@@ -62,7 +67,7 @@ def build_tracked(
     terrain: Terrain | None = None,
     *,
     preset: str = "accurate",
-    friction: tuple[float, float] = (0.7, 0.7),
+    friction: tuple[float, float] | None = None,
     looks: bool = False,
 ) -> TrackedModel:
     """Compile a robot on its terrain, or on a plane.
@@ -71,7 +76,7 @@ def build_tracked(
         robot: the robot.
         terrain: what it stands on, such as a `sim.terrain.Course`.
         preset: contact preset of the tracks.
-        friction: coefficients of friction along and across the tracks.
+        friction: coefficients of friction along and across the tracks; by default the terrain's, or a plane's 0.7.
         looks: keep geoms that are only looked at, which slow the physics down.
 
     Raises:
@@ -88,6 +93,9 @@ def build_tracked(
             chassis.add_freejoint()
         flippers = [(flipper, *_motor_of(spec, flipper, chassis)) for flipper in robot.flippers]
         names = _plane(spec) if terrain is None else terrain.add_to(spec)
+        if friction is None:
+            coefficient = _FRICTION if terrain is None else terrain.friction
+            friction = (coefficient, coefficient)
         tracks = _add_tracks(spec, robot, chassis, preset, friction)
         for one in tracks:
             one.connect(spec, names)

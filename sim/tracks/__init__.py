@@ -1,7 +1,7 @@
 """Tracks for any MuJoCo robot: needs MuJoCo and NumPy only.
 
 tracks = add_tracks(spec, "chassis", half_gauge=0.2, hull=[(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)])
-tracks.connect(spec)  # with every colliding geom of the world body
+tracks.connect(spec)  # with every colliding geom that is fixed to the world
 model = spec.compile()
 belts = bind(model, tracks)
 belts.set(model, [0.3, 0.3])  # [m/s]
@@ -9,8 +9,9 @@ belts.set(model, [0.3, 0.3])  # [m/s]
 
 from sim.tracks.add import add_tracks
 from sim.tracks.belts import BatchBelts, Belts, bind
+from sim.tracks.drawn import DrawnTracks
 from sim.tracks.presets import PRESETS, Preset
 from sim.tracks.readings import Reading
 from sim.tracks.tracks import Tracks
 
-__all__ = ["PRESETS", "BatchBelts", "Belts", "Preset", "Reading", "Tracks", "add_tracks", "bind"]
+__all__ = ["PRESETS", "BatchBelts", "Belts", "DrawnTracks", "Preset", "Reading", "Tracks", "add_tracks", "bind"]

@@ -8,7 +8,7 @@ import mujoco
 
 from sim.tracks.connect import require_friction
 from sim.tracks.hull import Hull
-from sim.tracks.options import set_options
+from sim.tracks.options import require_stable
 from sim.tracks.parts import WHEEL_WEIGHT, track_parts
 from sim.tracks.presets import Preset, load_preset
 from sim.tracks.tracks import Tracks
@@ -17,6 +17,11 @@ from trackslip.errors import InvalidValueError, require, require_finite, require
 SENSED = 1 << 0 | 1 << 1 | 1 << 3 | 1 << 5 | 1 << 6 | 1 << 7
 """Bits of what a contact sensor reports of each contact: found, force, dist, normal, tangent, linvel."""
 _MAX_SEGMENTS = 40
+_SLOTS = {
+    "both": 64,
+    "left": 32,
+    "right": 32,
+}  # contacts that a sensor reports; on fine height fields there may be more
 _MAX_FORCE = 2  # reduction of a contact sensor: the largest forces first
 _SIDES = {"both": (("left", 1.0), ("right", -1.0)), "left": (("", 1.0),), "right": (("", -1.0),)}
 
@@ -37,7 +42,8 @@ def add_tracks(
 ) -> Tracks:
     """Add a track, or a pair of tracks, to a body of a MuJoCo spec.
 
-    The spec's cone becomes elliptic and its impratio 10,000. A time step that is MuJoCo's default becomes the preset's.
+    Connecting them makes the spec's cone elliptic and its impratio 10,000 at least, and turns a time step that is
+    MuJoCo's default into the preset's.
 
     Args:
         spec: a model that is not compiled yet.
@@ -75,7 +81,8 @@ def add_tracks(
             find(each) for find, each in ((spec.body, track), (spec.sensor, track), (spec.geom, f"{track}_wheel0"))
         )
         require(not taken, "name", prefix, f"another: the spec has a {track} already")
-    set_options(spec, recipe)
+    if spec.option.timestep != mujoco.MjSpec().option.timestep:
+        require_stable(spec.option.timestep, recipe)
     offsets = tuple(sign * half_gauge for _, sign in _SIDES[side])
     anisotropic = friction[0] != friction[1]
     parts = track_parts(shape, count, anisotropic)
@@ -88,7 +95,7 @@ def add_tracks(
             type=mujoco.mjtSensor.mjSENS_CONTACT,
             reftype=mujoco.mjtObj.mjOBJ_BODY,
             refname=track,
-            intprm=[SENSED, _MAX_FORCE, 4 * count + 8],
+            intprm=[SENSED, _MAX_FORCE, _SLOTS[side]],
         )
     tracks = Tracks(
         names,
@@ -102,6 +109,7 @@ def add_tracks(
         tuple(part.weight for part in parts),
         tuple(part.crosswise for part in parts),
         tuple(part.direction for part in parts),
+        shape.longest_below / count,
         len(names) * 2 * (count + WHEEL_WEIGHT),
     )
     if terrain is not None:

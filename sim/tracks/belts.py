@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sim.tracks.options import require_stable
 from sim.tracks.parts import TrackParts
-from sim.tracks.readings import SENSED_WIDTH, Floats, Reading, read_track, slip_of
+from sim.tracks.readings import SENSED_WIDTH, Floats, Reading, read_contacts
 from trackslip.errors import InvalidValueError, require
 
 
@@ -17,6 +19,10 @@ class _Map:
     """Where T tracks are in a compiled model."""
 
     def __init__(self, model: mujoco.MjModel, tracks: tuple[TrackParts, ...]) -> None:
+        require(tracks, "tracks", tracks, "at least one")
+        for each in tracks:
+            require_stable(model.opt.timestep, each.preset)
+        require(model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC, "cone", "pyramidal", "elliptic, as connect sets it")
         self.names = tuple(name for each in tracks for name in each.names)
         require(len(set(self.names)) == len(self.names), "tracks", self.names, "each bound once")
         try:
@@ -29,7 +35,12 @@ class _Map:
         counts = [len(names) for each in tracks for names in each.geoms]
         self.track = np.repeat(np.arange(len(self.names)), counts)
         self.direction = np.array([way for each in tracks for _ in each.names for way in each.directions])
-        self.slots = [slice(int(model.sensor_adr[i]), int(model.sensor_adr[i] + model.sensor_dim[i])) for i in sensors]
+        address, slots = model.sensor_adr[sensors], model.sensor_dim[sensors] // SENSED_WIDTH
+        self.groups = []  # tracks of equally many slots: which, and where theirs are (T', C, SENSED_WIDTH)
+        for count in sorted(set(slots.tolist())):
+            which = np.flatnonzero(slots == count)
+            place = np.arange(count * SENSED_WIDTH).reshape(count, SENSED_WIDTH)
+            self.groups.append((which, address[which, None, None] + place))
 
     def surface(self, speeds: Floats) -> Floats:
         """Surface velocities (..., G, 6) of the geoms for belt speeds (..., T)."""
@@ -37,12 +48,13 @@ class _Map:
 
     def read(self, sensordata: Floats, axes: Floats, speeds: Floats) -> Reading:
         """Reading from sensor data (..., S), the tracks' axes to the left (..., T, 3), and speeds (..., T)."""
-        tracks = []
-        for k, slots in enumerate(self.slots):
-            sensed = sensordata[..., slots].reshape(*sensordata.shape[:-1], -1, SENSED_WIDTH)
-            tracks.append(read_track(sensed, axes[..., k, :], speeds[..., k]))
-        traction, load, sliding, touching, depth = (np.stack(column, axis=-1) for column in zip(*tracks, strict=True))
-        return Reading(traction, load, sliding, slip_of(sliding, speeds), touching, depth)
+        parts = []
+        for which, place in self.groups:
+            used = max(1, int(sensordata[..., place[:, 0, 0]].max()))  # the first slots are filled first
+            parts.append(read_contacts(sensordata[..., place[:, :used]], axes[..., which, :], speeds[..., which]))
+        order = np.argsort(np.concatenate([which for which, _ in self.groups]))
+        columns = [np.concatenate([getattr(part, each.name) for part in parts], axis=-1) for each in fields(Reading)]
+        return Reading(*(column[..., order] for column in columns))
 
 
 class Belts:

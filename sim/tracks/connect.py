@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 
 import mujoco
 import numpy as np
 
 from sim.tracks.mobility import mobility
+from sim.tracks.options import set_options
 from sim.tracks.parts import TrackParts
 from sim.tracks.presets import ContactParameters
-from trackslip.errors import InvalidValueError, require, require_at_most, require_positive
+from trackslip.errors import InvalidValueError, TrackslipError, first_line, require, require_at_most, require_positive
 
 _MAX_FRICTION = 10.0
-_MAX_MOBILITY = (
-    3.0  # up to which contacts have the stiffness of their preset; more is that of flippers and light limbs [-]
-)
+_MAX_MOBILITY = 6.0  # contacts have the stiffness of their preset up to this: a robot's, not a flipper's [-]
+_FIELD_HARDNESS = (0.1, 0.5)  # on height fields of the finest and of the coarsest cells [-]
 
 
 def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] | None = None) -> None:
@@ -24,14 +24,19 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
     Args:
         spec: the spec of the tracks. Its masses must be complete: the pairs depend on the robot's weight.
         tracks: the tracks.
-        terrain: geoms of the spec, or their names; by default all colliding geoms of the world body.
+        terrain: geoms of the spec, or their names; by default all colliding geoms of the world and of bodies fixed
+            to it.
 
     Raises:
         InvalidValueError: for a geom that is not in the spec or is already connected, a robot that can't move, and
             friction that differs along and across on anything but a plane.
     """
     grounds = _grounds(spec, tracks, terrain)
-    model = spec.copy().compile()
+    set_options(spec, tracks.preset)
+    try:
+        model = spec.copy().compile()
+    except ValueError as error:
+        raise TrackslipError(f"spec: must compile before tracks are connected: {first_line(error)}") from error
     body = model.body(tracks.bodies[0])
     require(body.weldid[0] != 0, "body", tracks.names[0], "on a body that moves: give the robot a free joint")
     mass = float(model.body_subtreemass[model.body_rootid[body.id]]) * tracks.load
@@ -41,13 +46,25 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
     for ground in grounds:
         inverse_weight = own + float(model.body_invweight0[model.geom(ground.name).bodyid[0], 0])
         share = mass * inverse_weight / tracks.points
-        contacts = {
-            weight: tracks.preset.contact(gravity, share, hardness, weight) for weight in sorted(set(tracks.weights))
-        }
+        firmness = hardness * _field_hardness(model, model.geom(ground.name).id, tracks.segment)
+        contacts = {each: tracks.preset.contact(gravity, share, firmness, each) for each in set(tracks.weights)}
         for names in tracks.geoms:
             for name, weight, crosswise in zip(names, tracks.weights, tracks.crosswise, strict=True):
                 friction = tracks.friction[::-1] if crosswise else tracks.friction
                 _add_pair(spec, ground.name, name, friction, contacts[weight])
+
+
+def _field_hardness(model: mujoco.MjModel, geom: int, segment: float) -> float:
+    """Hardness [-] of contacts with a geom: less on a height field, whose vertices touch once for each triangle.
+
+    The finer its cells, the more of them a capsule of a `segment` of track [m] touches at once.
+    """
+    if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_HFIELD:
+        return 1.0
+    field = model.geom_dataid[geom]
+    cells = model.hfield_ncol[field] - 1, model.hfield_nrow[field] - 1
+    finest = float((2 * model.hfield_size[field, :2] / cells).min())
+    return float(np.clip(finest / segment, *_FIELD_HARDNESS))
 
 
 def _add_pair(
@@ -70,27 +87,46 @@ def _add_pair(
 
 def _grounds(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] | None) -> list[mujoco.MjsGeom]:
     if terrain is None:
-        grounds = [geom for geom in spec.worldbody.geoms if geom.contype or geom.conaffinity]
+        grounds = [geom for geom in _static_geoms(spec.worldbody) if geom.contype or geom.conaffinity]
     else:
-        grounds = [_geom(spec, each) for each in terrain]
-    require(grounds, "terrain", [], "at least one geom: the world body has none that collides")
-    paired = {pair.name for pair in spec.pairs}
-    for number, geom in enumerate(grounds):
-        if not geom.name:
-            geom.name = f"{tracks.names[0]}_terrain{number}"
+        listed = [terrain] if isinstance(terrain, str | mujoco.MjsGeom) else terrain
+        grounds = [_geom(spec, each) for each in listed]
+    require(grounds, "terrain", [], "at least one geom that collides, of a body that doesn't move")
+    paired, number = {pair.name for pair in spec.pairs}, 0
+    for geom in grounds:
+        while not geom.name:
+            number += 1
+            geom.name = "" if spec.geom(f"terrain{number}") else f"terrain{number}"
         plane = geom.type == mujoco.mjtGeom.mjGEOM_PLANE
         allowed = f"equal along and across, except on planes; {geom.name} is no plane"
         require(plane or tracks.friction[0] == tracks.friction[1], "friction", tracks.friction, allowed)
-        free = f"{geom.name}/{tracks.geoms[0][0]}" not in paired
-        require(free, "terrain", geom.name, f"connected with {tracks.names[0]} only once")
+        pair = f"{geom.name}/{tracks.geoms[0][0]}"
+        require(pair not in paired, "terrain", geom.name, f"connected with {tracks.names[0]} only once")
+        paired.add(pair)
     return grounds
+
+
+def _static_geoms(body: mujoco.MjsBody) -> Iterator[mujoco.MjsGeom]:
+    yield from body.geoms
+    for child in body.bodies:
+        if not list(child.joints):
+            yield from _static_geoms(child)
+
+
+def _static_geoms(body: mujoco.MjsBody) -> Iterator[mujoco.MjsGeom]:
+    """The geoms of a body and of those that are fixed to it."""
+    yield from body.geoms
+    for child in body.bodies:
+        if not child.joints and not child.mocap:
+            yield from _static_geoms(child)
 
 
 def _geom(spec: mujoco.MjSpec, geom: object) -> mujoco.MjsGeom:
     found = spec.geom(geom) if isinstance(geom, str) else geom
-    if not isinstance(found, mujoco.MjsGeom):
-        names = ", ".join(each.name for each in spec.worldbody.geoms if each.name)
-        raise InvalidValueError("terrain", geom, f"a geom of the spec: {names}")
+    if not isinstance(found, mujoco.MjsGeom) or not any(each == found for each in spec.geoms):
+        names = ", ".join(each.name for each in _static_geoms(spec.worldbody) if each.name)
+        shown = geom.name if isinstance(geom, mujoco.MjsGeom) else geom
+        raise InvalidValueError("terrain", shown, f"a geom of the spec, such as {names or 'one of the world body'}")
     return found
 
 

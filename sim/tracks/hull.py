@@ -52,6 +52,11 @@ class Hull:
     wheels: NDArray[np.float64]  # (W, 3) x, z, radius [m]
     runs: tuple[Run, ...]
 
+    @property
+    def longest_below(self) -> float:
+        """Length of the longest run that faces the ground [m]."""
+        return max(run.length for run in self.runs if run.outwards[1] < 0)
+
     @classmethod
     def from_wheels(cls, wheels: Sequence[Sequence[float]]) -> Hull:
         """Hull of wheels (x, z, radius) [m] in the order of the belt, clockwise or not, from any of them on.

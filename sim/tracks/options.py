@@ -19,9 +19,14 @@ def set_options(spec: mujoco.MjSpec, preset: Preset) -> None:
     option, plain = spec.option, mujoco.MjSpec().option
     if option.timestep == plain.timestep:
         option.timestep = preset.timestep
-    allowed = f"at most {preset.longest_timestep:g} s, for the preset to be stable"
-    require(0 < option.timestep <= preset.longest_timestep, "timestep", option.timestep, allowed)
+    require_stable(option.timestep, preset)
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.impratio = max(option.impratio, IMPRATIO)
     if option.solver == mujoco.mjtSolver.mjSOL_PGS:  # doesn't converge at such an impratio
         option.solver = plain.solver
+
+
+def require_stable(timestep: float, preset: Preset) -> None:
+    """Raise InvalidValueError for a time step [s] at which the preset isn't stable."""
+    allowed = f"at most {preset.longest_timestep:g} s, for contacts of this preset to be stable"
+    require(0 < timestep <= preset.longest_timestep, "timestep", timestep, allowed)

@@ -44,6 +44,8 @@ class TrackParts:
     """Whether each geom of a track is a capsule across it."""
     directions: tuple[tuple[float, ...], ...]
     """Surface velocity (6,) of each geom of a track in its own frame, at a belt speed of 1 m/s."""
+    segment: float
+    """Length of track for each capsule of a run that faces the ground [m]."""
     points: float
     """Number of points with which these tracks stand on their longest runs, a wheel counting by its load."""
 
@@ -66,7 +68,7 @@ class Part:
 
 def track_parts(hull: Hull, segments: int, anisotropic: bool) -> list[Part]:
     """Geoms of a track, in its frame: `segments` capsules along the longest run that faces the ground."""
-    longest = max(run.length for run in hull.runs if run.outwards[1] < 0)
+    longest = hull.longest_below
     parts = []
     for i, run in enumerate(hull.runs):
         density = (1.0 if run.outwards[1] < 0 else _ABOVE) * segments / longest

@@ -32,35 +32,47 @@ class Reading:
     """Largest penetration (..., T) [m]."""
 
 
-def read_track(
-    sensed: Floats, lateral: Floats, speed: Floats
-) -> tuple[Floats, Floats, Floats, NDArray[np.bool_], Floats]:
-    """Traction, load, sliding, touching and depth (...,) of one track.
+def read_contacts(sensed: Floats, lateral: Floats, speeds: Floats) -> Reading:
+    """Reading (..., T) of tracks from what their sensors report.
 
     Args:
-        sensed: contacts (..., C, SENSED_WIDTH) of the track.
-        lateral: the track's axis to the left in the world (..., 3).
-        speed: speed of its belt (...) [m/s].
+        sensed: contacts (..., T, C, SENSED_WIDTH) of the tracks.
+        lateral: axes (..., T, 3) of the tracks to the left, in the world.
+        speeds: speeds of the belts (..., T) [m/s].
     """
-    found, force, distance = sensed[..., 0] > 0, sensed[..., 1:4], sensed[..., 4]
-    normal, tangent, velocity = sensed[..., 5:8], sensed[..., 8:11], sensed[..., 11:14]
-    # the belt's way over a contact: square to the normal and to the wheels' axes
-    ahead = np.cross(lateral[..., None, :], normal)
-    size = np.linalg.norm(ahead, axis=-1)
-    first = (ahead * tangent).sum(axis=-1)
-    second = (ahead * np.cross(normal, tangent)).sum(axis=-1)
-    scale = 1 / np.where(size > 0, size, 1.0)
-    along_force = (first * force[..., 1] + second * force[..., 2]) * scale
-    along_velocity = (first * velocity[..., 1] + second * velocity[..., 2]) * scale
-    weight = np.where(found, np.maximum(force[..., 0], 0.0), 0.0)
-    load = weight.sum(axis=-1)
-    with np.errstate(invalid="ignore"):
-        ground_speed = (weight * along_velocity).sum(axis=-1) / np.where(load > 0, load, np.nan)
-    depth = np.where(found, np.maximum(-distance, 0.0), 0.0).max(axis=-1)
-    return along_force.sum(axis=-1), load, speed - ground_speed, load > 0, depth
+    columns = np.moveaxis(sensed, -1, 0)
+    found, force, distance = columns[0] > 0, columns[1:4], columns[4]
+    normal, tangent, velocity = columns[5:8], columns[8:11], columns[11:14]
+    # over a contact the belt moves square to the normal and to the wheels' axes; its direction in the contact's frame:
+    left = np.moveaxis(lateral[..., None, :], -1, 0)
+    first, second = _triple(left, normal, tangent), -(left * tangent).sum(axis=0)
+    size = np.hypot(first, second)
+    size[size == 0] = 1.0
+    weight = np.where(found, force[0], 0.0)
+    load = _sum(weight)
+    touching = load > 0
+    over_ground = _sum(weight * (first * velocity[1] + second * velocity[2]) / size)
+    sliding = speeds - np.divide(over_ground, load, out=np.full(load.shape, np.nan), where=touching)
+    traction = _sum((first * force[1] + second * force[2]) / size)
+    depth = np.maximum(-distance, 0.0).max(axis=-1)
+    return Reading(traction, load, sliding, _slip(sliding, speeds), touching, depth)
 
 
-def slip_of(sliding: Floats, speed: Floats) -> Floats:
+def _triple(a: Floats, b: Floats, c: Floats) -> Floats:
+    """Triple products a . (b x c) of vectors (3, ...)."""
+    product: Floats = (
+        a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])
+    )
+    return product
+
+
+def _sum(values: Floats) -> Floats:
+    """Sums over the last axis, one after another, so that empty slots at the end don't change a bit."""
+    total: Floats = np.add.accumulate(values, axis=-1)[..., -1]
+    return total
+
+
+def _slip(sliding: Floats, speed: Floats) -> Floats:
     """Slip (...) of belts of `speed` (...) that slide over the ground at `sliding` (...) [m/s]."""
     moving = np.abs(speed) > _STILL
     return np.divide(sliding, speed, out=np.full(np.shape(sliding), np.nan), where=moving)

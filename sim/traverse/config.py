@@ -114,7 +114,8 @@ class TraverseConfig:
         known = [f.name for f in fields(cls)]
         for name in options:
             require(name in known, "option", name, f"one of {', '.join(known)}")
-        return cls(**{name: tuple(value) if isinstance(value, list) else value for name, value in options.items()})
+        values: dict[str, Any] = {n: tuple(value) if isinstance(value, list) else value for n, value in options.items()}
+        return cls(**values)
 
     @property
     def courses(self) -> tuple[str, ...]:

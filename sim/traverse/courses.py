@@ -32,7 +32,7 @@ def draw_course(
     require_kinds(kinds)
     pieces: list[Piece] = []
     for k in range(obstacles):
-        kind = kinds[rng.integers(len(kinds))]
+        kind = kinds[int(rng.integers(len(kinds)))]
         pieces += [Flat(_APART)] * (k > 0)
         pieces += _obstacle(kind, difficulty, rng)
     friction = float(rng.uniform(0.6, 0.9))

@@ -39,6 +39,11 @@ class Slots:
         self._ids: NDArray[np.int_] = np.zeros(0, int)
         self._batch: dict[str, Any] = {}
 
+    @property
+    def friction(self) -> float:
+        """Coefficient of friction of the first course [-]."""
+        return self._listed[0][0].friction
+
     def add_to(self, spec: mujoco.MjSpec) -> list[str]:
         """Add the slots to the world body of `spec`; returns the names of their geoms."""
         for (_, model), first in zip(self._listed, self._first_field, strict=False):
@@ -51,7 +56,8 @@ class Slots:
         kinds += [{"type": _FIELD, "hfieldname": "field0"}] * self._fields
         kinds += [{"type": _PLANE, "size": [1.0, 1.0, 1.0]}]
         for name, kind in zip(self._names, kinds, strict=True):
-            spec.worldbody.add_geom(name=name, pos=[0.0, 0.0, _AWAY], **kind)
+            place = {"pos": [0.0, 0.0, _AWAY], "condim": 3, "contype": 1, "conaffinity": 1}
+            spec.worldbody.add_geom(name=name, **place, **kind)
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
         return list(self._names)
 

@@ -16,6 +16,7 @@ from sim.tracks import bind
 from sim.traverse.bodies import States
 from sim.traverse.contact import Contact
 from sim.traverse.outcome import Limits, Outcome, Outcomes, StuckWatch
+from sim.traverse.quiet import quietly
 from sim.traverse.reflex import SAMPLES, FlipperGeometry, Reflex
 from sim.traverse.servo import Servos, ServoState
 from sim.traverse.slots import Slots
@@ -164,7 +165,8 @@ class Traverse:
             belts.append(self.servo.advance(self.sample)[:, self.tracked.track_side])
             self._belts.set(belts[-1])
             self.batch.ctrl[:, self.tracked.flipper_motor] = self.tracked.flipper_control(self.servo.angle)
-            self.batch.step(ids=rows, nstep=self._substeps)
+            with quietly():  # a run that breaks down ends by name
+                self.batch.step(ids=rows, nstep=self._substeps)
             readings.append(self._belts.read())
         self.time[rows] += self.period
         broken = self._broken(rows)
@@ -213,6 +215,7 @@ class Traverse:
         """Put the robots `rows` (R,) on the highest ground under their tracks, level and at rest, at poses (R, 3)."""
         robot, first = self.tracked.robot, self.tracked.free[0]
         self.batch.state[rows] = self._fresh
+        self.batch.warning[rows] = 0
         qpos = self.batch.qpos
         hull = np.array(robot.hull)
         x = np.linspace((hull[:, 0] - hull[:, 2]).min(), (hull[:, 0] + hull[:, 2]).max(), 9)

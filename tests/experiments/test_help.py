@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import functools
 import json
 import os
 import re
@@ -36,6 +37,7 @@ NEEDED = {
     ("localize",): {"pyarrow", *DRAWN},
     ("deploy", "--to", "c"): set(),
     ("evaluate",): {"pyarrow", *DRAWN},
+    ("drive",): {"mujoco", "pyarrow", *DRAWN},
     ("benchmark",): {"mujoco", "pyarrow", *DRAWN},
     ("train",): set(),
     ("calibrate",): {"mujoco", "pyarrow", *SCIPY},
@@ -87,13 +89,15 @@ def leaves(options, prefix=""):
             yield f"{prefix}{field.name}", options, field
 
 
+@functools.cache
+def texts_of(cls):
+    """The docstrings of a class's own fields, by name."""
+    return {field.arg_name: field.description for field in docstring_parser.parse_from_object(cls).params}
+
+
 def text_of(options, name):
     """The docstring of an option's field."""
-    for cls in options.__mro__:
-        for field in docstring_parser.parse_from_object(cls).params:
-            if field.arg_name == name:
-                return field.description
-    raise AssertionError(f"{options}.{name}: no text")
+    return next(texts_of(cls)[name] for cls in options.__mro__ if name in texts_of(cls))
 
 
 OPTIONS = [(command, *leaf) for command, options in COMMANDS.items() for leaf in leaves(options)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -123,6 +124,19 @@ def slip_samples(
     return SlipSamples.joined([_sample(steady_part(log, geometry, settle), geometry, method) for log in logs])
 
 
+def samples_by_method(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -> dict[str, SlipSamples]:
+    """The sample of a run, as `slip_samples` finds it, by each of MOTION_METHODS that the run allows.
+
+    Raises LogError if the run has no steady stretch, or moves unsteadily in it.
+    """
+    part, found = steady_part(log, geometry, settle), {}
+    require_steady_motion(part)
+    for name in MOTION_METHODS:
+        with contextlib.suppress(LogError):
+            found[name] = _measured(part, geometry, name)
+    return found
+
+
 def usable_samples(
     logs: Sequence[RunLog],
     geometry: RobotGeometry,
@@ -209,8 +223,13 @@ def _require_known(settle: float, method: str | None) -> None:
 
 
 def _sample(part: SteadyPart, geometry: RobotGeometry, method: str | None) -> SlipSamples:
-    """The sample of a steady stretch."""
+    """The sample of a steady stretch; raises LogError if the robot moves unsteadily in it."""
     require_steady_motion(part)
+    return _measured(part, geometry, method)
+
+
+def _measured(part: SteadyPart, geometry: RobotGeometry, method: str | None) -> SlipSamples:
+    """The sample of a steady stretch."""
     steady = MOTION_METHODS[method or best_method(part.log)](part.log, part.window)
     lateral = None if steady.lateral is None else np.array([steady.lateral])
     lateral_stderr = None if steady.lateral_stderr is None else np.array([steady.lateral_stderr])

@@ -35,6 +35,8 @@ def displacement(twist: Array, belt: Array, contact: Contact) -> Array:
     entry = np.where(belt > 0, front, rear)
     standing = np.abs(belt) <= _SLOWEST * np.abs(belt).max(axis=-1, keepdims=True)
     time = (entry - contact.x) / np.where(standing, 1.0, belt)
+    # after half a turn an element comes back to where it touched down, but not to ground that was never sheared
+    time = np.minimum(time, np.pi / np.maximum(np.abs(w), _SLOWEST))
     turn = w * time
     cos, sin = np.cos(turn), np.sin(turn)
     ahead, aside = time * np.sinc(turn / np.pi), time * turn / 2 * np.sinc(turn / (2 * np.pi)) ** 2

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 from experiments.cli import main
+from sim.drive.drive import RADIUS_ERROR
+from sim.ground.ground import Ground
 from sim.robot.file import load_robot_file
 from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII, SPEEDS
 from trackslip.slip.exponential import PUBLISHED
@@ -58,6 +60,17 @@ def test_published_numbers(trackslip, published):
                      "--duration", "6")  # fmt: skip
     assert grid.manifest["robot"]["com_y"] == parameters.com_y
     assert grid.manifest["ground"]["across"] == ground.across
+
+
+def test_the_shipped_robot_is_the_calibrations_result(published):
+    """With the centre of mass left in the middle, so that right turns mirror left ones."""
+    centred = published[1]["centred"]
+    found = {name: parameter["value"] for name, parameter in centred["parameters"].items()}
+    assert set(found) == {"friction_ratio", "radius_error"}
+    assert found["friction_ratio"] * Ground().along == pytest.approx(Ground().across, abs=0.0011)
+    assert found["radius_error"] == pytest.approx(RADIUS_ERROR, abs=0.0001)
+    assert centred["slip_rms"] < 0.00715
+    assert centred["radius_rms"] < 0.0495
 
 
 @pytest.mark.slow

@@ -38,7 +38,7 @@ def test_slope_of_a_ramp_is_that_along_the_robot(heading):
 
 
 def test_steady_driving_on_the_flat():
-    world, run = driven(speed=0.4, duration=3.0)
+    _, run = driven(speed=0.4, duration=3.0)
     assert run.outcome == "time"
     late = run.time > 1.0
     np.testing.assert_allclose(run.state.velocity[late, 0], 0.4, atol=1e-3)

@@ -63,6 +63,9 @@ EQUIPMENT = {
     "scanner.divergence": "0.004",
     "scanner.scan-duration": "0.01",
     "obstacles": "room",
+    "pull": "5",
+    "pull.height": "0.2",
+    "pull.since": "0.5",
     "rrd": "",
 }
 GROUND = {
@@ -71,6 +74,7 @@ GROUND = {
     "ground.across": "0.7",
     "ground.slope": "0.01",
     "ground.uphill": "1",
+    "ground.shear": "0.005",
 }
 SIMULATION = REPEATABLE | EQUIPMENT | GROUND
 RUNS = SIMULATION | {"radii": "0.8 1.2", "speeds": "0.2 0.25", "localization": "line", "duration": "5"}
@@ -131,6 +135,11 @@ EXAMPLES = {
         | {"reference": "circle", "circle-radius": "1.1", "circle-speed": "0.2", "circle-duration": "4"}
         | {"start": "0.1 0.2 0.3", "laws": "predicted", "bag": ""},
     ),
+    "drive": (
+        {"robot": "box", "course": "step10", "speed": "0.2", "turn": "0.1", "flippers": "up", "preset": "fast"}
+        | {"friction": "0.6", "duration": "0.5", "seed": "3", "out": "a"},
+        {"path": "way.csv", "course": "flat", "duration": "0.5", "preset": "fast"},
+    ),
     "benchmark": (
         EQUIPMENT
         | {"suite": "paper", "controllers": "lqr", "compensations": "icr_radius", "references": "way.csv"}
@@ -140,6 +149,8 @@ EXAMPLES = {
     "predict": (
         {"robot": "robot.toml", "half-gauge": "0.2", "contact-length": "0.4", "friction-ratio": "1.1", "com-x": "0.01"}
         | {"sprocket-radius": "0.07", "radius-error": "0.01", "radii": "1 2", "out": "a"},
+        {"friction": "0.6", "shear": "0.01", "slope": "0.1", "uphill": "0.2", "pull": "20", "pull-height": "0.2"}
+        | {"out": "b"},
     ),
     "calibrate": (
         REPEATABLE
@@ -170,6 +181,7 @@ EXAMPLES = {
 }
 """Command -> command lines that together give every option; an option without a value is a switch."""
 NOT_RUN = {
+    "drive": {"teleop", "video", "pictures"},  # need a display, PyAV, OpenGL
     "view": {"web"},  # opens a browser
     "validate": {"terrain"},  # takes minutes; test_validate_terrain runs it
     "train": {field.name for field in dataclasses.fields(COMMANDS["train"])},  # needs PyTorch

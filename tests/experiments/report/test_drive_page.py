@@ -24,12 +24,6 @@ def figures_in(page):
     return re.findall(r'<figure id="(\w+)"', page)
 
 
-@pytest.fixture
-def undrawn(monkeypatch):
-    """In place of drawing, which has tests of its own."""
-    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda figure, file, **_: file.write("<svg></svg>"))
-
-
 @pytest.fixture(scope="module")
 def page(two_drives):
     return render(Report(title="Laws", command="trackslip identify", manifest={}, identification=two_drives)).html

@@ -14,7 +14,6 @@ from sim.calibration.calibration import (
     undetermined,
 )
 from sim.calibration.target import MeasuredTurns, TurnTable
-from sim.drive.drive import RADIUS_ERROR
 from sim.ground.ground import Ground
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import InvalidValueError
@@ -111,16 +110,6 @@ def test_theory_reaches_no_lower_than_its_floor():
             {name: lowest.candidate.value(name) + rng.normal(0, 0.5) * fit.stderr[name] for name in FREE}
         )
         assert target.slip_rms(theoretical_twist(near, target), near.geometry) >= lowest.slip_rms
-
-
-def test_the_shipped_robot_is_the_calibrations_result():
-    """`trackslip calibrate`, with the centre of mass left in the middle so that right turns mirror left ones."""
-    free = ("friction_ratio", "radius_error")
-    fit = calibrate(BASE, free, TurnTable.published(), simulated_twist, NO_FURTHER[:, :2])
-    assert fit.candidate.friction_ratio * 0.70 == pytest.approx(Ground().across, abs=0.0011)
-    assert fit.candidate.robot.radius_error == pytest.approx(RADIUS_ERROR, abs=0.0001)
-    assert fit.slip_rms < 0.00715
-    assert fit.radius_rms < 0.0495
 
 
 @pytest.mark.parametrize(

@@ -6,12 +6,16 @@ from slip_data import ERRORS, GEOMETRY, RADII, grid
 
 from trackslip.identification.comparison import compare_laws
 from trackslip.identification.coverage import coverage, noise_coverage
+from trackslip.identification.fit import fit
 from trackslip.identification.fitted import fit_law
 from trackslip.identification.outliers import split_outliers
+from trackslip.identification.replicates import SIGNIFICANT, lack_of_fit
 from trackslip.identification.samples import SlipSamples
+from trackslip.identification.weighting import WeightedRuns
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import Constant, NoSlip
 from trackslip.slip.exponential import PUBLISHED, ExponentialSpeed
+from trackslip.slip.families import FAMILIES
 from trackslip.slip.icr import ConstantIcr, IcrSides
 from trackslip.slip.power import Hyperbola, Power
 
@@ -71,10 +75,10 @@ def test_laws_of_another_shape_lack_fit_and_say_so():
 
 @pytest.mark.parametrize("told", [True, False])
 def test_a_law_that_fits_is_doubted_no_oftener_than_by_chance(told):
-    doubted = [
-        fit_law("icr_radius", grid(ICR, told=told, seed=seed), GEOMETRY, bootstraps=0).lacks_fit for seed in range(200)
-    ]
-    assert np.mean(doubted) < 0.04  # 0.01 but for chance
+    samples = [grid(ICR, told=told, seed=seed) for seed in range(200)]
+    runs = WeightedRuns.of(samples[0], GEOMETRY).measured(np.array([one.twist for one in samples]))
+    tests = lack_of_fit(fit(FAMILIES["icr_radius"], runs), told)
+    assert np.mean([test.probability < SIGNIFICANT for test in tests]) < 0.04  # 0.01 but for chance
 
 
 def test_without_repeats_the_errors_of_measurement_tell():

@@ -1,0 +1,1 @@
+"""Ground that shears, compared with theory."""

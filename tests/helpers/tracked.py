@@ -1,0 +1,52 @@
+"""Robots and grounds for the tests of tracks."""
+
+import mujoco
+
+HULL = [(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]
+HALF_LENGTH = 0.25
+HALF_GAUGE = 0.2
+
+URDF = """<robot name="courier">
+  <link name="base">
+    <inertial><mass value="20"/><origin xyz="0 0 0.1"/>
+      <inertia ixx="0.4" iyy="0.5" izz="0.8" ixy="0" ixz="0" iyz="0"/></inertial>
+    <collision><origin xyz="0 0 0.15"/><geometry><box size="0.3 0.2 0.1"/></geometry></collision>
+  </link>
+  <link name="deck"/>
+  <joint name="deck" type="fixed"><parent link="base"/><child link="deck"/><origin rpy="0 0 1.57079632679" xyz="0 0 0.1"/></joint>
+  <link name="arm"><inertial><mass value="2"/><origin xyz="0.1 0 0"/>
+    <inertia ixx="0.01" iyy="0.02" izz="0.02" ixy="0" ixz="0" iyz="0"/></inertial></link>
+  <joint name="shoulder" type="revolute"><parent link="deck"/><child link="arm"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="10" velocity="1"/></joint>
+</robot>"""  # noqa: E501
+
+
+def plane():
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[20, 20, 0.1])
+    return spec
+
+
+def slab():
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_BOX, size=[20, 20, 0.5], pos=[0, 0, -0.5])
+    return spec
+
+
+def add_robot(spec, com_x=0.0, name="robot"):
+    """A free body of 25 kg, its centre of mass 0.12 m above the ground."""
+    body = spec.worldbody.add_body(name=name)
+    body.add_freejoint()
+    body.mass, body.ipos, body.inertia, body.explicitinertial = 25.0, [com_x, 0, 0.12], [0.45, 0.6, 0.89], True
+    return body
+
+
+def add_flipper(spec, body, name, x, y, mass=1.5):
+    """A flipper on a hinge at (x, y), 0.08 m above the ground, that points forwards."""
+    flipper = body.add_body(name=name, pos=[x, y, 0.08])
+    flipper.mass, flipper.ipos, flipper.explicitinertial = mass, [0.12, 0, 0], True
+    flipper.inertia = [0.003, 0.009, 0.009]
+    flipper.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0], armature=0.01)
+    motor = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+    motor.set_to_position(kp=150, kv=5)
+    return flipper

@@ -1,0 +1,80 @@
+"""Tracks drawn into a scene."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from sim.tracks import DrawnTracks, add_tracks, bind
+from trackslip.errors import InvalidValueError
+
+HULL = [(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]
+
+
+@pytest.fixture
+def robot():
+    spec = mujoco.MjSpec.from_string(
+        """<mujoco><worldbody><geom name="floor" type="plane" size="5 5 1"/>
+        <body name="robot"><freejoint/><geom type="box" size=".25 .15 .05" pos="0 0 .12" mass="25"/></body>
+        </worldbody></mujoco>"""
+    )
+    tracks = add_tracks(spec, "robot", half_gauge=0.2, hull=HULL, terrain=["floor"])
+    return spec.compile(), tracks
+
+
+def places(scene):
+    return np.array([scene.geoms[k].pos for k in range(scene.ngeom)])
+
+
+def test_belts_move_as_far_as_they_have_run(robot):
+    model, tracks = robot
+    data, scene = mujoco.MjData(model), mujoco.MjvScene(model, 1000)
+    drawn, belts = DrawnTracks(model, tracks), bind(model, tracks)
+    mujoco.mj_forward(model, data)
+
+    def seen():
+        scene.ngeom = 0
+        drawn.draw(scene, data)
+        return places(scene)
+
+    first = seen()
+    assert (np.abs(np.abs(first[:, 1]) - 0.2) < 1e-6).all()
+    np.testing.assert_array_equal(first, seen())
+    belts.set(model, [0.1, 0.0])
+    data.time = 0.1
+    later = seen()
+    left = first[:, 1] > 0
+    np.testing.assert_array_equal(later[~left], first[~left])
+    lower = left & (first[:, 2] < 0.006) & (np.abs(first[:, 0]) < 0.2)  # shoes on the ground go backwards
+    np.testing.assert_allclose(later[lower] - first[lower], [[-0.01, 0, 0]] * lower.sum(), atol=1e-6)
+    assert lower.sum() > 5
+    data.time = 0.0
+    np.testing.assert_array_equal(seen(), first)
+
+
+def test_they_go_with_their_body(robot):
+    model, tracks = robot
+    data, scene = mujoco.MjData(model), mujoco.MjvScene(model, 1000)
+    drawn = DrawnTracks(model, tracks)
+    mujoco.mj_forward(model, data)
+    drawn.draw(scene, data)
+    before = places(scene)
+    half = np.pi / 4
+    data.qpos[:7] = 1.0, 2.0, 0.5, np.cos(half), 0, 0, np.sin(half)  # a quarter turn to the left
+    mujoco.mj_forward(model, data)
+    scene.ngeom = 0
+    drawn.draw(scene, data)
+    turned = before @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]) + [1.0, 2.0, 0.5]
+    np.testing.assert_allclose(places(scene), turned, atol=1e-6)
+
+
+def test_a_full_scene_takes_no_more(robot):
+    model, tracks = robot
+    data, scene = mujoco.MjData(model), mujoco.MjvScene(model, 7)
+    mujoco.mj_forward(model, data)
+    DrawnTracks(model, tracks).draw(scene, data)
+    assert scene.ngeom == 7
+
+
+def test_widths_are_positive(robot):
+    with pytest.raises(InvalidValueError, match=r"width = 0: must be a finite number > 0"):
+        DrawnTracks(*robot, width=0)

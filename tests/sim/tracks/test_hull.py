@@ -1,0 +1,69 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sim.tracks.hull import Hull
+from trackslip.errors import InvalidValueError
+
+OVAL = [(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]
+NOSE = [(-0.3, 0.08, 0.08), (0.2, 0.08, 0.08), (0.36, 0.2, 0.06)]
+
+
+def test_the_belt_of_an_oval_runs_forwards_above_and_backwards_below():
+    above, below = Hull.from_wheels(OVAL).runs
+    np.testing.assert_allclose([above.start, above.end], [[-0.25, 0.16], [0.25, 0.16]], atol=1e-15)
+    np.testing.assert_allclose([below.start, below.end], [[0.25, 0.0], [-0.25, 0.0]], atol=1e-15)
+    np.testing.assert_allclose(below.outwards, [0, -1], atol=1e-15)
+
+
+@given(
+    st.integers(0, 6),
+    st.booleans(),
+    st.lists(st.tuples(st.floats(0.05, 1.0), st.floats(0.02, 0.05)), min_size=3, max_size=7),
+)
+def test_runs_are_tangents_whatever_the_first_wheel_and_the_sense(first, backwards, spokes):
+    angles = -np.linspace(0, 2 * np.pi, len(spokes), endpoint=False)
+    ring = [(np.cos(a) * 1.5, np.sin(a) * 1.5, radius) for a, (_, radius) in zip(angles, spokes, strict=True)]
+    chain = ring[first % len(ring) :] + ring[: first % len(ring)]
+    hull = Hull.from_wheels(chain[::-1] if backwards else chain)
+    assert len(hull.wheels) == len(ring)
+    for run in hull.runs:  # every wheel lies inside, and two of them touch
+        reach = hull.wheels[:, :2] @ run.outwards + hull.wheels[:, 2] - run.start @ run.outwards
+        assert reach.max() < 1e-12
+        assert (np.abs(reach) < 1e-12).sum() == 2
+
+
+def test_road_wheels_between_the_ends_carry_nothing_of_their_own():
+    road = [(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08), (0.1, 0.08, 0.08), (-0.1, 0.08, 0.08)]
+    np.testing.assert_array_equal(np.sort(Hull.from_wheels(road).wheels[:, 0]), [-0.25, 0.25])
+
+
+def test_the_length_of_the_belt_is_that_of_the_convex_hull():
+    hull = Hull.from_wheels(NOSE)
+    turns = np.linspace(0, 2 * np.pi, 20_001)
+    reach = np.max(
+        hull.wheels[:, :1] * np.cos(turns) + hull.wheels[:, 1:2] * np.sin(turns) + hull.wheels[:, 2:], axis=0
+    )
+    perimeter = np.trapezoid(reach, turns)  # Cauchy's formula
+    leaving = np.array([np.arctan2(run.outwards[1], run.outwards[0]) for run in hull.runs])
+    wrap = np.mod(np.roll(leaving, 1) - leaving, 2 * np.pi)
+    belt = sum(run.length for run in hull.runs) + wrap @ hull.wheels[:, 2]
+    assert belt == pytest.approx(perimeter, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("wheels", "message"),
+    [
+        ([(0.0, 0.1, 0.1)], r"hull = \[\(0.0, 0.1, 0.1\)\]: must be two wheels"),
+        ([(0.0, 0.1), (0.2, 0.1)], "must be wheels of three numbers each"),
+        ([(0.0, 0.1, 0.1), (np.nan, 0.1, 0.1)], "must be finite"),
+        ([(0.0, 0.1, 0.1), (0.3, 0.1, -0.1)], "must be finite, with radii of at least"),
+        ([(0.0, 0.1, 0.1), (0.01, 0.1, 0.05)], "without a wheel inside its neighbour"),
+        ([(0, 0, 0.05), (1, 1, 0.05), (1, 0, 0.05), (0, 1, 0.05)], "crosses nowhere"),
+        ([(0, 0, 0.05), (1, 0, 0.05), (0.5, 0.2, 0.05), (1, 1, 0.05), (0, 1, 0.05)], "convex chain"),
+    ],
+)
+def test_an_impossible_hull_is_refused(wheels, message):
+    with pytest.raises(InvalidValueError, match=message):
+        Hull.from_wheels(wheels)

@@ -1,0 +1,160 @@
+"""Turning, climbing and standing, against theory."""
+
+import mujoco
+import numpy as np
+import pytest
+from mujoco import batch
+from tracked import HALF_GAUGE, HALF_LENGTH, HULL, add_flipper, add_robot, plane, slab
+
+from sim.tracks import PRESETS, add_tracks, bind
+from trackslip.skid_theory import line_contact, steady_twist
+
+
+def driven(spec, speeds, time, preset="accurate", **options):
+    """Model, data and belts of the robot in `spec` after `time` at belt speeds."""
+    tracks = add_tracks(spec, "robot", half_gauge=HALF_GAUGE, hull=HULL, preset=preset, terrain="ground", **options)
+    model = spec.compile()
+    belts, data = bind(model, tracks), mujoco.MjData(model)
+    belts.set(model, speeds)
+    mujoco.mj_step(model, data, round(time / model.opt.timestep))
+    return model, data, belts
+
+
+def icr_half_width(speeds, yaw_rate):
+    return (speeds[1] - speeds[0]) / (2 * yaw_rate)
+
+
+@pytest.mark.parametrize("ground", [plane, slab])
+@pytest.mark.parametrize(
+    ("preset", "speeds", "com_x", "bound"),
+    [
+        ("accurate", (0.04, 0.06), 0.0, 0.01),
+        ("accurate", (-0.5, 0.5), 0.0, 0.03),
+        ("accurate", (0.04, 0.06), 0.3 * HALF_LENGTH, 0.025),
+        ("fast", (0.04, 0.06), 0.0, 0.015),
+        ("fast", (-0.5, 0.5), 0.0, 0.05),
+    ],
+)
+def test_turns_have_the_centres_of_rotation_of_theory(ground, preset, speeds, com_x, bound):
+    spec = ground()
+    add_robot(spec, com_x)
+    _, data, _ = driven(spec, speeds, 1.5, preset)
+    contact = line_contact(HALF_GAUGE, HALF_LENGTH, 0.7, 0.7, (com_x, 0.0, 0.12))
+    theory = steady_twist(speeds, contact)
+    measured, expected = icr_half_width(speeds, data.qvel[5]), icr_half_width(speeds, theory[2])
+    assert measured - HALF_GAUGE == pytest.approx(expected - HALF_GAUGE, rel=bound)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 1.0])
+def test_friction_across_counts_on_planes_whatever_the_heading(yaw):
+    spec = plane()
+    add_robot(spec).quat = [np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]
+    speeds, friction = (0.04, 0.06), (0.7, 0.9)
+    _, data, _ = driven(spec, speeds, 1.5, friction=friction)
+    theory = steady_twist(speeds, line_contact(HALF_GAUGE, HALF_LENGTH, *friction))
+    wide = icr_half_width(speeds, data.qvel[5]) - HALF_GAUGE
+    assert wide == pytest.approx(icr_half_width(speeds, theory[2]) - HALF_GAUGE, rel=0.01)
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+@pytest.mark.parametrize(("excess", "climbs"), [(-0.1, True), (0.1, False)])
+def test_the_steepest_slope_is_that_of_friction(preset, excess, climbs):
+    spec = plane()
+    add_robot(spec)
+    slope = np.arctan(0.5) + np.radians(excess)
+    spec.option.gravity = [-9.81 * np.sin(slope), 0, -9.81 * np.cos(slope)]
+    _, data, _ = driven(spec, (0.1, 0.1), 2.0, preset, friction=(0.5, 0.5))
+    assert bool(data.qvel[0] > 0) is climbs
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_a_parked_robot_creeps_down_a_slope_at_the_rate_of_its_soft_grip(preset):
+    spec = plane()
+    add_robot(spec).ipos = [0, 0, 0.001]  # low, so that no point is unloaded and slides
+    slope = np.radians(30.0)
+    spec.option.gravity = [-9.81 * np.sin(slope), 0, -9.81 * np.cos(slope)]
+    _, data, _ = driven(spec, (0.0, 0.0), 2.0, preset, friction=(0.8, 0.8))
+    recipe = PRESETS[preset]
+    # a wheel with half a point's load has the square root of a half of its grip
+    points = (2 * recipe.segments + 2 * np.sqrt(0.5)) / (2 * recipe.segments + 1)
+    theory = 9.81 * np.sin(slope) / (points * recipe.regularisation * 1e4 * recipe.grip)
+    assert -data.qvel[0] == pytest.approx(theory, rel=0.01)
+    assert theory < 0.5e-3
+
+
+def test_the_belt_of_a_moving_flipper_moves_relative_to_the_flipper():
+    """Every contact's sliding velocity is that of the body there, plus the belt's along the hull."""
+    spec = slab()
+    body = add_robot(spec)
+    flipper = add_flipper(spec, body, "flipper", 0.25, 0.28)
+    hulls = {"robot": HULL, "flipper": [(0, 0, 0.08), (0.25, 0, 0.05)]}
+    main = add_tracks(spec, body, half_gauge=0.2, hull=hulls["robot"], terrain="ground")
+    arm = add_tracks(spec, flipper, half_gauge=0.0, side="left", hull=hulls["flipper"], terrain="ground")
+    model = spec.compile()
+    belts, data = bind(model, main, arm), mujoco.MjData(model)
+    speeds = np.array([0.3, -0.2, 0.7])
+    belts.set(model, speeds)
+    generator, seen = np.random.default_rng(0), set()
+    for _ in range(200):
+        data.qpos[:3] = [0, 0, generator.uniform(-0.004, 0.0)]
+        data.qpos[3:7] = generator.normal([1, 0, 0, 0], 0.01)
+        data.qpos[7] = generator.uniform(-np.pi, np.pi)
+        data.qvel[:] = generator.normal(size=model.nv)
+        mujoco.mj_forward(model, data)
+        for contact in data.contact:
+            geom, sign = max((contact.geom[0], -1), (contact.geom[1], 1))  # the slab is the first geom
+            track = model.geom_bodyid[geom]
+            k = [model.body(name).id for name in (*main.bodies, *arm.bodies)].index(track)
+            centre, axis = data.geom_xpos[geom], data.xmat[track].reshape(3, 3)[:, 1]
+            if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_SPHERE:
+                surface = np.cross(axis, contact.pos - centre) * speeds[k] / model.geom_size[geom, 0]
+            else:
+                surface = data.geom_xmat[geom].reshape(3, 3)[:, 2] * speeds[k]
+            velocity = np.zeros(6)
+            mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, track, velocity, 0)
+            moving = velocity[3:] + np.cross(velocity[:3], contact.pos - data.xipos[track])
+            expected = sign * contact.frame.reshape(3, 3)[1:] @ (moving + surface)
+            row = contact.efc_address
+            np.testing.assert_allclose(data.efc_vel[row + 1 : row + 3], expected, atol=1e-12)
+            seen.add((k, int(model.geom_type[geom])))
+    assert len(seen) == 6  # capsules and spheres of all three tracks
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_belts_have_the_same_speed_all_around_the_hull(preset):
+    """Wheels turn with the belt: the surface of each has the belt's speed, clockwise."""
+    spec = plane()
+    add_robot(spec)
+    tracks = add_tracks(spec, "robot", half_gauge=0.2, hull=HULL, preset=preset, terrain="ground")
+    model = spec.compile()
+    belts, data = bind(model, tracks), mujoco.MjData(model)
+    belts.set(model, [0.4, -0.3])
+    np.testing.assert_allclose(belts.speeds(model), [0.4, -0.3])
+    mujoco.mj_forward(model, data)
+    for names, speed in zip(tracks.geoms, (0.4, -0.3), strict=True):
+        for name in names:
+            geom = model.geom(name).id
+            frame, velocity = data.geom_xmat[geom].reshape(3, 3), model.geom_surfacevel[geom]
+            if "wheel" in name:
+                np.testing.assert_allclose(frame @ velocity[3:] * model.geom_size[geom, 0], [0, speed, 0], atol=1e-15)
+            else:
+                below = data.geom_xpos[geom][2] < 0.08
+                np.testing.assert_allclose(frame @ velocity[:3], [-speed if below else speed, 0, 0], atol=1e-15)
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_a_row_of_a_batch_moves_as_it_does_alone(preset):
+    spec = slab()
+    add_robot(spec)
+    speeds = np.array([[0.1, -0.2], [0.3, 0.35], [0.0, 0.0]])
+    model, data, belts = driven(spec, speeds[1], 1.0, preset)
+    together = batch.Batch(model, 3, nthread=2)
+    live = belts.bind_batch(together)
+    live.set(speeds[:1], rows=[0])
+    live.set(speeds[1:], rows=slice(1, 3))
+    np.testing.assert_allclose(live.speeds(), speeds)
+    together.step(nstep=round(1.0 / model.opt.timestep))
+    np.testing.assert_array_equal(together.qpos[1], data.qpos)
+    alone, rows = belts.read(model, data), live.read()
+    for name in ("traction", "load", "sliding", "slip", "touching", "depth"):
+        np.testing.assert_array_equal(getattr(rows, name)[1], getattr(alone, name), err_msg=name)

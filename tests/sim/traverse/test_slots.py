@@ -1,0 +1,76 @@
+"""Courses in slots are the courses themselves, to the bit."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from sim.robot.tracked import load_tracked
+from sim.terrain import Beams, Course, Flat, Ramp, Rough, Stairs
+from sim.traverse.world import Command, Traverse
+from trackslip.errors import InvalidValueError
+
+SHORT = {"width": 2.0, "start_length": 1.0, "goal_length": 1.0}
+LISTED = [
+    Course((Rough(2.0, 0.08),), friction=0.6, **SHORT),
+    Course((Stairs(0.1, 0.3, 2), Flat(0.5), Ramp(-0.2, 1.0)), friction=0.8, **SHORT),
+    Course((Rough(2.0, 0.1, cell=0.2),), friction=0.7, seed=4, **SHORT),
+]
+OTHER = Course((Beams(0.1, 0.6, 2, yaw=0.3),), friction=0.9, **SHORT)
+GEOMS = ("type", "pos", "quat", "size", "rbound", "aabb", "friction", "condim", "contype", "conaffinity")
+GEOMS += ("solref", "solimp", "margin", "gap", "priority", "solmix")
+
+
+@pytest.fixture(scope="module")
+def world():
+    world = Traverse(load_tracked("box"), LISTED, 5, boxes=3, threads=1)
+    world.begin(np.arange(5), [*LISTED, OTHER, LISTED[0]])
+    return world
+
+
+@pytest.mark.parametrize("row", range(4))
+def test_what_the_engine_sees_is_the_compiled_course(world, row):
+    slots, own = world.batch.get_model(row), Traverse(load_tracked("box"), [world.course[row]], threads=1).tracked.model
+    used = [k for k in range(slots.ngeom) if slots.geom_bodyid[k] == 0 and slots.geom_pos[k, 2] > -100]
+    ground = [k for k in range(own.ngeom) if own.geom_bodyid[k] == 0 and own.geom_contype[k]]
+    assert len(used) == len(ground)
+    used, ground = (
+        [k for _, k in sorted((m.geom_type[k], k) for k in ids)] for m, ids in ((slots, used), (own, ground))
+    )
+    for name in GEOMS:
+        field = f"geom_{name}"
+        np.testing.assert_array_equal(getattr(slots, field)[used], getattr(own, field)[ground], err_msg=name)
+    for one, other in zip(used, ground, strict=True):
+        if own.geom_type[other] == mujoco.mjtGeom.mjGEOM_HFIELD:
+            fields = [(m, m.geom_dataid[k]) for m, k in ((slots, one), (own, other))]
+            np.testing.assert_array_equal(*(m.hfield_size[k] for m, k in fields))
+            heights = [m.hfield_data[m.hfield_adr[k] :][: m.hfield_nrow[k] * m.hfield_ncol[k]] for m, k in fields]
+            np.testing.assert_array_equal(*heights)
+    paired = own.pair_geom1[0] if own.geom_bodyid[own.pair_geom1[0]] == 0 else own.pair_geom2[0]
+    assert paired in ground
+    np.testing.assert_array_equal(np.unique(slots.pair_friction[:, :2]), [world.course[row].friction])
+
+
+def test_robots_drive_on_slots_as_on_the_course(world):
+    speed = np.full((5, 2), 0.5)
+    for _ in range(25):
+        world.step(Command(speed, np.zeros((5, 0))))
+    for row in (1, 2, 3):
+        alone = Traverse(load_tracked("box"), [world.course[row]], threads=1)
+        alone.batch.expand("opt.disableflags")[:] |= int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
+        for _ in range(25):
+            alone.step(Command(speed[:1], np.zeros((1, 0))))
+        np.testing.assert_array_equal(world.state.qpos[row], alone.state.qpos[0])
+    np.testing.assert_array_equal(world.state.qpos[4], world.state.qpos[0])
+    assert (world.state.position[:, 0] > -0.4).all()
+
+
+def test_courses_without_room_are_refused(world):
+    steps = Course((Stairs(0.1, 0.3, 6),), **SHORT)
+    with pytest.raises(InvalidValueError, match="course = '7 boxes': must be of at most 5"):
+        world.begin([0], [steps])
+    rough = Course((Rough(1.0, 0.05),), **SHORT)
+    with pytest.raises(InvalidValueError, match="1 height fields"):
+        world.begin([0], [rough])
+    alone = Traverse(load_tracked("box"), [OTHER], threads=1)
+    with pytest.raises(InvalidValueError, match="courses"):
+        alone.begin([0], [steps])

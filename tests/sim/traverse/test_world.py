@@ -1,0 +1,139 @@
+"""What robots on courses do: slip, work and flippers against closed forms; rows on their own."""
+
+import numpy as np
+import pytest
+
+from sim.robot.tracked import load_tracked
+from sim.terrain import Course, Flat, Ramp
+from sim.traverse.reflex import SAMPLES, FlipperGeometry, Reflex
+from sim.traverse.scripted import Scripted
+from sim.traverse.servo import Servos, ServoState
+from sim.traverse.world import Command, Traverse
+from trackslip.errors import InvalidValueError
+
+LEVEL = Course((Flat(4.0),), friction=0.7)
+
+
+@pytest.fixture(scope="module")
+def rescue():
+    """A rescue robot under way on level ground."""
+    world = Traverse(load_tracked("rescue"), [LEVEL], threads=1)
+    for _ in range(25):
+        world.step(Command(np.full((1, 2), 0.3), np.full((1, 4), 0.6)))
+    return world
+
+
+def test_straight_on_nothing_slips_and_the_load_is_the_weight(rescue):
+    contact = rescue.contact
+    weight = 9.81 * rescue.tracked.model.body_subtreemass[rescue.tracked.body]
+    assert contact.load.sum() == pytest.approx(weight, rel=2e-3)
+    np.testing.assert_array_equal(contact.touching[0], [True, True, False, False, False, False])
+    assert np.abs(contact.slip[0, :2]).max() < 2e-3
+    assert np.isnan(contact.slip[0, 2:]).all()
+    assert np.abs(contact.work).sum() < 0.2
+    assert rescue.state.velocity[0, 0] == pytest.approx(0.3, rel=2e-3)
+    np.testing.assert_allclose(rescue.state.flippers[0], 0.6, atol=0.03)
+
+
+def test_work_lifts_the_robot_up_a_ramp():
+    slope = 0.25
+    course = Course((Ramp(slope, 4.0),), friction=0.9, start_length=1.0)
+    world = Traverse(load_tracked("box"), [course], threads=1)
+    world.begin([0], start=[[0.6, 0.0, 0.0]])
+    mass = world.tracked.model.body_subtreemass[world.tracked.body]
+    speed, none = np.full((1, 2), 0.3), np.zeros((1, 0))
+    for _ in range(20):
+        world.step(Command(speed, none))
+    height, work = world.state.position[0, 2], 0.0
+    for _ in range(20):
+        world.step(Command(speed, none))
+        work += world.contact.work.sum()
+    # what is lost in sliding is the slip's share of the work
+    lifted = mass * 9.81 * (world.state.position[0, 2] - height)
+    assert work * (1 - world.contact.slip.mean()) == pytest.approx(lifted, rel=0.01)
+    sink = 0.0015  # of the preset: the most by which the load's shift to the rear may tilt the robot at either end
+    assert world.state.pitch[0] == pytest.approx(slope, abs=2 * sink / world.tracked.robot.contact_length)
+
+
+def test_the_servo_follows_its_lag_exactly():
+    servo = ServoState(Servos(lag=0.1, top_speed=0.5, flipper_speed=1.0), 2, 1)
+    servo.command(np.array([[0.4, -9.0], [0.0, 0.2]]), np.array([[0.5], [-0.02]]))
+    fine = ServoState(Servos(lag=0.1, top_speed=0.5, flipper_speed=1.0), 2, 1)
+    fine.command(np.array([[0.4, -9.0], [0.0, 0.2]]), np.array([[0.5], [-0.02]]))
+    mean = servo.advance(0.05)
+    np.testing.assert_allclose(mean, np.mean([fine.advance(1e-3) for _ in range(50)], axis=0), atol=1e-12)
+    np.testing.assert_allclose(servo.speed, np.array([[0.4, -0.5], [0.0, 0.2]]) * -np.expm1(-0.5), atol=1e-12)
+    np.testing.assert_allclose(servo.angle, [[0.05], [-0.02]])
+
+
+def geometry(length=0.25, radius=0.05):
+    """A front and a rear flipper."""
+    return FlipperGeometry(
+        np.array([[0.2, 0.0, 0.08], [-0.2, 0.0, 0.08]]),
+        np.full(2, length),
+        np.full(2, radius),
+        np.array([True, False]),
+        np.zeros(2),
+    )
+
+
+def test_front_flippers_touch_what_is_ahead_from_above():
+    shape, reflex = geometry(), Reflex(highest=1.5)
+    far = SAMPLES[0] * shape.length[0]
+    for height in (0.0, 0.1, 0.3):
+        ground = np.tile([height, 0.0, 0.0], (1, 2, 1))
+        angle = reflex.angles(ground, np.zeros(1), np.full((1, 2), 0.08), shape)[0, 0]
+        # distance of the point at `far` from the line through the hinge
+        away = -far * np.sin(angle) + (height - 0.08) * np.cos(angle)
+        assert away == pytest.approx(-0.05) if height else angle == 0
+    tilted = reflex.angles(np.tile([0.3, 0.0, 0.0], (1, 2, 1)), np.full(1, 0.2), np.full((1, 2), 0.08), shape)[0, 0]
+    assert tilted == pytest.approx(angle - 0.2)
+
+
+def test_rear_flippers_reach_for_lower_ground_and_never_give_way():
+    shape, reflex = geometry(), Reflex()
+    pitch = np.array([-0.4, 0.0, 0.4])
+    rear = reflex.angles(np.zeros((3, 2, 3)), pitch, np.full((3, 2), 0.08), shape)[:, 1]
+    assert rear[0] < -0.3
+    assert reflex.lowest <= rear.min()
+    assert rear[1] < 0
+    assert rear[2] == 0
+
+
+def test_the_geometry_of_the_rescue_robots_flippers(rescue):
+    shape = rescue.flippers
+    np.testing.assert_array_equal(shape.front, [True, True, False, False])
+    np.testing.assert_allclose(np.abs(shape.hinge[:, 0]), 0.22)
+    np.testing.assert_allclose(shape.length, 0.245)
+    np.testing.assert_allclose(shape.rest, 0.0, atol=1e-12)
+
+
+def test_the_scripted_controller_comes_back_to_the_middle():
+    world = Traverse(load_tracked("rescue"), [Course((Flat(3.0),))], 2, threads=1)
+    world.begin([0, 1], start=[[-1.0, 0.3, 0.3], [-1.0, -0.3, -0.3]])
+    for _ in range(80):
+        world.step(Scripted().command(world))
+    assert np.abs(world.state.position[:, 1]).max() < 0.05
+    np.testing.assert_allclose(world.state.position[0, :2], world.state.position[1, :2] * [1, -1], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"period": 0.03}, "period = 0.03: must be a multiple of sample, 0.02 s"),
+        ({"sample": 0.003}, "sample = 0.003: must be a multiple of the physics step"),
+        ({"size": 0}, "size = 0"),
+        ({"threads": -1}, "threads = -1"),
+        ({"courses": []}, "courses"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(options, message):
+    with pytest.raises(InvalidValueError, match=message):
+        Traverse(load_tracked("box"), **({"courses": [LEVEL]} | options))
+
+
+def test_starts_that_are_not_finite_are_refused():
+    world = Traverse(load_tracked("box"), [LEVEL], threads=1)
+    for start in ([[0.0, np.nan, 0.0]], [[0.0, 0.0]], np.zeros((2, 3))):
+        with pytest.raises(InvalidValueError, match="start"):
+            world.begin([0], start=start)
