@@ -65,7 +65,7 @@ class RunRecorder:
         self.pose = np.zeros((rows, n, 3))  # [m, m, rad]
         self.load = np.zeros((rows, n, 2))
         """Tractions per unit load that the robots need, along and to the left (T, N, 2) [-]."""
-        self._yields = np.array([ground.largest_shear > 0 for ground in fleet.ground])  # (N,) whether it may matter
+        self._yields = [ground.largest_shear > 0 for ground in fleet.ground]  # to load
         self._command = np.zeros((rows, n, 2))
         self._twist_command = np.full((rows, n, 2), np.nan)
         self._icr = np.full((rows, n, 2), np.nan)
@@ -85,7 +85,6 @@ class RunRecorder:
         self.omega[k] = (angle - self._angle) / self._period
         self._angle = angle
         self.load[k] = needed_traction(fleet)
-        self._yields |= self.load[k].any(axis=1)
         of_drive = drive.torque.copy(), drive.energy.copy(), drive.saturated_time.copy()
         contact = (pad_forces(fleet).astype(np.float32),) if self._in_detail else ()
         self._truth.append((fleet.pose(), fleet.twist(), fleet.traction(), *of_drive, fleet.lean(), *contact))

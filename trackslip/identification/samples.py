@@ -15,6 +15,7 @@ from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
 from trackslip.logs.refused import Refused, none_usable
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.constant_speed import SETTLE
+from trackslip.motion.load_pieces import load_pieces
 from trackslip.motion.methods import MOTION_METHODS, best_method
 from trackslip.motion.steady import MARGIN, STANDING, SteadyPart, require_steady_motion, steady_part, steady_parts
 
@@ -161,11 +162,14 @@ def usable_samples(
             continue
         before = len(found.usable)
         for part in parts:
-            try:
-                found.usable.append(_sample(part, geometry, method))
-                found.steady += part.window[1] - part.window[0] + max(settle, MARGIN) + MARGIN
-            except LogError as error:
-                found.refused.append(Refused(part.name, Refused.of(log.run, error).reason))
+            pieces = (part,) if longest else load_pieces(part)
+            lead, trail = max(settle, MARGIN) / len(pieces), MARGIN / len(pieces)
+            for piece in pieces:
+                try:
+                    found.usable.append(_sample(piece, geometry, method))
+                    found.steady += piece.window[1] - piece.window[0] + lead + trail
+                except LogError as error:
+                    found.refused.append(Refused(piece.name, Refused.of(log.run, error).reason))
         found.notes += parts[0].notes if len(found.usable) > before else ()
     return found.sampling(sum(_moving_time(log) for log in logs))
 

@@ -17,7 +17,7 @@ from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import Constant, NoSlip
 from trackslip.slip.exponential import Exponential, ExponentialSpeed
 from trackslip.slip.icr import ConstantIcr, IcrSides
-from trackslip.slip.icr_load import MAX_COMPLIANCE, MAX_TURN_COMPLIANCE, IcrLoad
+from trackslip.slip.icr_load import MAX_COMPLIANCE, IcrLoad
 from trackslip.slip.power import Hyperbola, Power
 from trackslip.slip.turn_loss import TurnLoss
 
@@ -100,7 +100,7 @@ _GROWTH = Parameter((0.0,), -20.0, 20.0, 0.1, "s/m")
 _OFFSET = Parameter((0.3, 0.0, 2.0), -0.99, 50.0, 0.3, "m")
 _RADIUS_ERROR = Parameter((0.0,), -0.5, 0.5, 0.01, "")
 _COMPLIANCE = Parameter((0.05,), 0.0, MAX_COMPLIANCE, 0.05, "")
-_TURN_COMPLIANCE = Parameter((1.0,), 0.0, MAX_TURN_COMPLIANCE, 0.1, "m")
+_TURN_COMPLIANCE = Parameter((1.0,), 0.0, 20.0, 0.3, "m")
 _TURN_LOSS = Parameter((0.0, 0.5), -1.0, 0.99, 0.1, "")
 
 _CONSTANT = {"slip_outer": _SLIP_OUTER, "slip_inner": _SLIP_INNER}

@@ -13,8 +13,6 @@ from trackslip.slip.icr import ConstantIcr
 
 MAX_COMPLIANCE = 1.2
 """Largest slip per traction over load [-]."""
-MAX_TURN_COMPLIANCE = 2.0
-"""Largest speed lost per yaw rate and traction over load [m]."""
 MAX_LOAD = 0.8
 """Largest magnitude of traction over load [-]; with the largest compliance, a track still moves."""
 
@@ -52,11 +50,8 @@ class IcrLoad(SlipLaw):
         outside = f"finite and > -half_gauge = {-self.half_gauge}"
         require_between(self, ("offset",), -self.half_gauge, np.inf, outside)
         require_between(self, ("radius_error",), -1, np.inf, "finite and > -1")
-        for name, most in (
-            ("compliance", MAX_COMPLIANCE),
-            ("turn_compliance", MAX_TURN_COMPLIANCE),
-            ("load", MAX_LOAD),
-        ):
+        require_between(self, ("turn_compliance",), -np.inf, np.inf, "finite")
+        for name, most in (("compliance", MAX_COMPLIANCE), ("load", MAX_LOAD)):
             limit = most * 1.01  # for differences at the limit
             require_between(self, (name,), -limit, limit, f"between {-most} and {most}")
 
