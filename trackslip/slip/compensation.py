@@ -18,6 +18,8 @@ from trackslip.slip.online import FilterTuning, IcrFilter
 
 MAX_CRAB_ANGLE = 0.3
 """Largest angle at which a robot is taken to move to the side of its heading [rad]."""
+_LOADED_TUNING = FilterTuning(centre_spread=0.2, centre_walk=0.01)
+"""The law does not tell the centre of turns, which shifts along the robot as it turns towards the slope."""
 
 
 class Compensation(Protocol):
@@ -122,10 +124,11 @@ class OnlineIcr:
 
 
 class LoadedOnlineIcr(OnlineIcr):
-    """Constant ICRs, learnt while driving, with the slip under load of a known law."""
+    """Constant ICRs and the centre of turns, learnt while driving, with the slip under load of a known law."""
 
     def __init__(self, geometry: RobotGeometry, prior: IcrLoad, tuning: FilterTuning | None = None) -> None:
-        super().__init__(geometry, ConstantIcr(prior.offset, prior.half_gauge, prior.radius_error), tuning)
+        unloaded = ConstantIcr(prior.offset, prior.half_gauge, prior.radius_error)
+        super().__init__(geometry, unloaded, tuning or _LOADED_TUNING)
         self._loaded = LoadedLaw(prior)
 
     def reset(self, start: Array) -> None:
