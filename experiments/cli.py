@@ -125,12 +125,14 @@ COMMAND_EXAMPLES = (
     ("to cross courses", "trackslip train --env traverse --out out/traverse"),
     ("a quick try", "trackslip train --steps 100000 --robots 16 --batch 512 --out out/try"),
     ("the shipped robot", "trackslip predict"),
+    ("uphill on ground that shears", "trackslip predict --shear 0.01 --slope 0.17"),
     ("a robot of another size", "trackslip predict --half-gauge 0.25 --contact-length 0.6 --friction-ratio 1.2"),
     ("to the paper's slips and radii", "trackslip calibrate"),
     ("to a log, with other parameters", "trackslip calibrate --target log.csv --free friction_ratio radius_error"),
     ("the shipped robot", "trackslip validate"),
     ("a calibrated robot", "trackslip validate --robot out/calibrate/robot.toml"),
     ("tracks on terrain", "trackslip validate --terrain"),
+    ("ground that shears", "trackslip validate --shear"),
     ("a thousand repeats", "trackslip coverage"),
     ("fewer", "trackslip coverage --repeats 100 --run-repeats 40 --grids 4"),
     ("laws from teleoperated drives", "trackslip coverage --drives"),
@@ -140,6 +142,7 @@ COMMAND_EXAMPLES = (
     ("a quick look", "trackslip bench --sizes 1 64 --thread-counts 1 --seconds 5 --repeats 3"),
     ("the learning environments", "trackslip bench --env"),
     ("tracks on terrain", "trackslip bench --terrain"),
+    ("ground that shears", "trackslip bench --shear"),
     ("a thousand runs, on one process and on two", "trackslip bench --grid"),
     ("list the runs", "trackslip export out/grid"),
     ("write all runs as CSV", "trackslip export out/grid --csv"),
@@ -194,7 +197,11 @@ def parse(arguments: Sequence[str]) -> Any:
     try:
         with contextlib.redirect_stderr(explanation), contextlib.redirect_stdout(shown):
             return tyro.extras.subcommand_cli_from_dict(
-                COMMANDS, prog="trackslip", args=arguments, description=_DESCRIPTION, config=(tyro.conf.DisallowNone,)
+                COMMANDS,
+                prog="trackslip",
+                args=arguments,
+                description=_DESCRIPTION,
+                config=(tyro.conf.DisallowNone, tyro.conf.HelptextFromCommentsOff),
             )
     except SystemExit as stop:
         if stop.code and (refused := _refused_value(stop)):

@@ -85,9 +85,11 @@ class Bodies:
     def _placed(self, rows: Rows) -> Array:
         """Where the robots `rows` (R,) are (4, R): position x, y [m], cosine and sine of the heading."""
         w, x, y, z = self._quaternion
-        cos, sin = (1 - 2 * (y * y + z * z))[rows], (2 * (w * z + x * y))[rows]
-        size = np.sqrt(cos * cos + sin * sin)
-        return np.stack([*self.batch.qpos[rows, :2].T, cos / size, sin / size])
+        place = np.empty((4, self.size))
+        place[:2] = self.batch.qpos[:, :2].T
+        place[2] = 1 - 2 * (y * y + z * z)  # but for the lean, whose square is too small to matter
+        place[3] = 2 * (w * z + x * y)
+        return place[:, rows]
 
     def _wrapped_heading(self) -> Array:
         w, x, y, z = self._quaternion

@@ -14,14 +14,17 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from experiments.commands import grid
+from experiments.measuring.drive_coverage import Check
 from experiments.options.bench import BenchConfig
 from experiments.options.grid import SweepConfig
 from experiments.report.terminal import print_table
 from experiments.speed.grid import measure_grid
+from experiments.speed.shear import measure_shear
 from experiments.speed.simulator import CASES, case_speeds, measure_simulator, thread_speedups
 from experiments.storage.manifest import make_manifest
 from experiments.storage.results import SUMMARY_FILE, results_folder, write_results
 from experiments.sweep.summary import Timing
+from experiments.validation.shear.cost import FEWEST, MOST
 from sim.robot.robot import Robot, load_robot
 
 
@@ -30,7 +33,8 @@ def run(config: BenchConfig) -> None:
     began = perf_counter()
     with results_folder(config.out) as folder:
         robot = load_robot()
-        measure = _environments if config.env else _grid if config.grid else _terrain if config.terrain else _simulator
+        chosen = {_environments: config.env, _grid: config.grid, _terrain: config.terrain, _shear: config.shear}
+        measure = next((one for one, wanted in chosen.items() if wanted), _simulator)
         summary, tables = measure(config, robot)
         memory = peak_memory()
         wall = perf_counter() - began
@@ -65,13 +69,15 @@ def _simulator(config: BenchConfig, robot: Robot) -> _Measured:
 
 def _environments(config: BenchConfig, robot: Robot) -> _Measured:
     from experiments.speed.environments import env_speeds, measure_env  # late: it needs gymnasium
+    from experiments.speed.traverse import measure_traverse
 
-    with _progress(1 + config.repeats) as step:
+    with _progress(2 * (1 + config.repeats)) as step:
         speeds = env_speeds(measure_env(config, step), robot.model.opt.timestep)
+        traverse = measure_traverse(config, step)
     title, header, rows = _speed_table("Speed of the learning environments", speeds)
     header = (*header[:-1], "ratio to SyncVectorEnv", header[-1])
     rows = [(*row[:-1], f"{one.ratio_to_single:.1f}", row[-1]) for row, one in zip(rows, speeds, strict=True)]
-    return {"rows": speeds}, [(title, header, rows)]
+    return {"rows": speeds, "traverse": traverse}, [(title, header, rows), _speed_table("Speed on courses", traverse)]
 
 
 def _terrain(config: BenchConfig, _: Robot) -> _Measured:
@@ -86,6 +92,22 @@ def _terrain(config: BenchConfig, _: Robot) -> _Measured:
         rows.append((one.preset, one.terrain, one.case, str(one.n), str(one.threads), *numbers))
     title = f"Speed on terrain of the robot {Path(config.terrain_robot).stem}"
     return {"rows": speeds}, [(title, header, rows)]
+
+
+def _shear(config: BenchConfig, robot: Robot) -> _Measured:
+    with _progress(len(config.shear_sizes) * len(config.thread_counts)) as step:
+        costs = measure_shear(config, robot, step)
+    header = ("robots", "threads", "Coulomb ground, steps/s", "ground that shears", "cost ratio")
+    rows: list[_Cells] = []
+    for one in costs:
+        speeds = f"{one.coulomb_steps_per_s:,.0f}", f"{one.shear_steps_per_s:,.0f}"
+        rows.append((str(one.n), str(one.threads), *speeds, f"{one.cost_ratio:.2f}"))
+    checks = [
+        Check(f"{one.n} robots, {one.threads} threads", "cost ratio", one.cost_ratio, MOST, "1")
+        for one in costs
+        if one.n >= FEWEST and one.threads == 1  # on more, those that wait for work may use time, too
+    ]
+    return {"rows": costs, "checks": [one.to_json() for one in checks]}, [("Cost of shear", header, rows)]
 
 
 def _speed_table(title: str, speeds: Sequence[Any]) -> _Table:

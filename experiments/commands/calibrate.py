@@ -34,7 +34,7 @@ def run(config: CalibrateConfig) -> None:
     began = time.perf_counter()
     with results_folder(config.out) as folder:
         robot, ground = load_robot_file(config.robot)
-        base = Candidate(robot, ground.across / ground.along)
+        base = Candidate(robot, ground.across / ground.along, ground.shear)
         target = read_target(config.target, base.geometry)
         twist = partial(simulated_twist, along=ground.along, threads=config.threads)
         further = starts(config.free, config.starts, generator(config.seed, "calibrate"))
@@ -52,7 +52,7 @@ def run(config: CalibrateConfig) -> None:
             "wall_s": wall,
             "timing": {"wall_s": wall},
         }
-        made = Ground(ground.along, ground.along * best.candidate.friction_ratio)
+        made = Ground(ground.along, ground.along * best.candidate.friction_ratio, shear=best.candidate.shear)
         comment = f"made by: {command_line('calibrate')}"
         (folder / ROBOT).write_text(robot_file_text(best.candidate.robot, made, comment), encoding="utf-8")
         write_results(folder, summary, make_manifest("calibrate", config, wall, seed=config.seed))
@@ -108,7 +108,12 @@ def fit_summary(fit: Fit) -> dict[str, Any]:
         name: {"value": value, "stderr": fit.stderr.get(name), "identifiable": name not in fit.tied}
         for name, value in values(fit, fit.candidate).items()
     }
-    return {"parameters": parameters, "slip_rms": fit.slip_rms, "radius_rms": fit.radius_rms}
+    return {
+        "parameters": parameters,
+        "correlation": fit.correlation,
+        "slip_rms": fit.slip_rms,
+        "radius_rms": fit.radius_rms,
+    }
 
 
 def _value(fit: Fit, name: str) -> str:
@@ -130,6 +135,9 @@ def _print(config: CalibrateConfig, best: Fit, centred: Fit | None, lowest: Fit,
     if best.radius_rms is not None:
         rows.append(("radius, rms", *(f"{fit.radius_rms:.2%}" for fit in columns.values())))
     print_table(f"Calibrated to {config.target}", ("parameter", *columns), rows)
+    for name, others in best.correlation.items():
+        if name == "shear" and others:
+            print("correlation of shear with", ", ".join(f"{other} {value:+.2f}" for other, value in others.items()))
     if best.tied:
         print(f"not identifiable separately: {', '.join(best.tied)}; the target leaves their values open")
     if len(best.ends) > 1:

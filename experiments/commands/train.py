@@ -10,10 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.learning.path_tracking import PathTrackingTraining
 from experiments.learning.training import Training
-from experiments.learning.traverse import TraverseTraining
-from experiments.options.train import PATH_TRACKING, TRAVERSE, TrainConfig
+from experiments.options.train import PATH_TRACKING, TrainConfig
 from experiments.recording import record_all
 from experiments.report.terminal import progress
 from experiments.storage.manifest import make_manifest
@@ -21,20 +19,19 @@ from experiments.storage.results import results_folder, write_results
 from trackslip.errors import InvalidValueError, LogError, TrackslipError
 from trackslip.logs.runlog import RunLog
 
-POLICY, CHECKPOINT = "policy.npz", "checkpoint.zip"
+POLICY, CHECKPOINT, CURVE = "policy.npz", "checkpoint.zip", "curve.png"
+_DPI = 160  # of the figure of the curve
 _MIN_RATE = 0.05  # final over initial learning rate
 _CHECKPOINT_EVERY = 20  # updates
-_TRAININGS: dict[str, Callable[[TrainConfig], Training]] = {
-    PATH_TRACKING: PathTrackingTraining,
-    TRAVERSE: TraverseTraining,
-}
 
 
 def run(config: TrainConfig) -> None:
-    """Train, store the policy, and print the reward before and after."""
+    """Train, store the policy, draw its curve, and print the reward before and after."""
+    from experiments.report.figures.learning import learning_curve  # late: it needs matplotlib
+
     began = time.perf_counter()
     with results_folder(config.out) as folder:
-        training = _TRAININGS[config.env](config)
+        training = _training(config)
         model = _model(config, training)
         before = model.num_timesteps
         try:
@@ -49,6 +46,7 @@ def run(config: TrainConfig) -> None:
         timing = {"wall_s": wall, "steps_per_s": (model.num_timesteps - before) / wall}
         summary = {"steps": model.num_timesteps, "curve": curve, **found, "timing": timing}
         write_results(folder, summary, make_manifest("train", config, wall, seed=config.seed))
+        learning_curve(curve, found.get("rates", ())).savefig(folder / CURVE, dpi=_DPI)
         if config.rrd:
             record_all(folder, [log for name in config.references for log in _driven(config, folder / POLICY, name)])
     of = " of 1" if config.env == PATH_TRACKING else ""
@@ -82,6 +80,17 @@ def _driven(config: TrainConfig, policy: Path, reference: str) -> list[RunLog]:
         logs = error.logs
     named = {"controller": f"ppo:{config.out}"}
     return [replace(log, run=f"policy {reference}", metadata=log.metadata | named) for log in logs[:1]]
+
+
+def _training(config: TrainConfig) -> Training:
+    """What is learnt, and where."""
+    if config.env == PATH_TRACKING:
+        from experiments.learning.path_tracking import PathTrackingTraining
+
+        return PathTrackingTraining(config)
+    from experiments.learning.traverse import TraverseTraining
+
+    return TraverseTraining(config)
 
 
 def _model(config: TrainConfig, training: Training) -> Any:

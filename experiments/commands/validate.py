@@ -73,7 +73,7 @@ def validate_shear(config: ValidateConfig) -> None:
     # late: the other validations need none of it
     from experiments.report import shear as report
     from experiments.report.drive_checks import CHECKS_HEADER, checks_table
-    from experiments.validation.shear.findings import STAGES, checks_of, measure, subjects
+    from experiments.validation.shear.findings import STAGES, checks_of, measure, subjects, summary_of
 
     began = time.perf_counter()
     parameters, ground = load_robot_file(config.robot)
@@ -87,7 +87,10 @@ def validate_shear(config: ValidateConfig) -> None:
         manifest = make_manifest("validate", config, wall, seed=config.seed, robots=robots, ground=ground)
         with busy("report"):
             report.render(findings, checks, manifest, command_line("validate")).write(folder, config.pdf)
-        summary = {"checks": [check.to_json() for check in checks], "findings": findings}
+        summary = {
+            "checks": [check.to_json() for check in checks],
+            "robots": {one.robot: summary_of(one) for one in findings},
+        }
         write_results(folder, plain(summary) | {"timing": {"wall_s": wall, "stages": {"shear": wall}}}, manifest)
     print_table(report.TITLE, CHECKS_HEADER, checks_table(checks))
     print(f"{sum(check.holds for check in checks)} of {len(checks)} checks hold")

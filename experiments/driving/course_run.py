@@ -19,6 +19,8 @@ from trackslip.kinematics import Array
 
 PERIOD = 0.02
 """Time between set points, and between rows of a run [s]."""
+SAMPLE = 0.004
+"""Time between looks at the contacts [s]."""
 STOPPED = "stopped"
 """Outcome of a run that its driver ended."""
 _SIDE_POINTS = 11  # along each track, that the slope of the ground is taken from

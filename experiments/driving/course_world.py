@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from experiments.driving.course_pilots import ConstantPilot, CoursePilot, PathPilot
-from experiments.driving.course_run import PERIOD, reflexes
+from experiments.driving.course_run import PERIOD, SAMPLE, reflexes
 from experiments.options.drive import DriveConfig
 from sim.robot.flipper_clearance import clear_angles
 from sim.robot.tracked import TrackedRobot, load_tracked
@@ -49,7 +49,7 @@ class CourseWorld:
             servos=servos,
             limits=limits,
             period=PERIOD,
-            sample=PERIOD,
+            sample=SAMPLE,
             threads=1,
         )
         made = cls(robot, course, world, config)

@@ -9,6 +9,7 @@ from trackslip.errors import InvalidValueError
 
 MAX_ROBOTS = 10_000
 MAX_REPEATS = 1000
+_SHEAR_SIZES = (32, 64, 256)
 
 
 @dataclass(frozen=True)
@@ -16,7 +17,7 @@ class BenchConfig:
     """Measure the speed of the simulation: bare physics, a fleet, a fleet with scanners, and the closed loop.
 
     With --env, measure the learning environments instead; with --grid, a grid of a thousand runs; with --terrain,
-    robots with tracks on level ground, on ten steps and on rough ground.
+    robots with tracks on level ground, on ten steps and on rough ground; with --shear, what ground that shears costs.
     """
 
     sizes: tuple[int, ...] = (1, 25, 256)
@@ -43,6 +44,8 @@ class BenchConfig:
     """Name of a tracked robot, or its .toml file; needs --terrain."""
     terrain_sizes: tuple[int, ...] = (1, 64)
     """Numbers of robots on terrain; needs --terrain."""
+    shear: bool = False
+    """Measure fleets on ground that shears and on Coulomb ground; by default of 32, 64 and 256 robots."""
     seed: int = 0
     """Seed of all random numbers."""
     out: Path = Path("out/bench")
@@ -56,10 +59,9 @@ class BenchConfig:
         checks.require_positive_up_to("seconds", self.seconds, MAX_DURATION, "s")
         checks.require_integer("repeats", self.repeats, 1, MAX_REPEATS)
         checks.require_integer("env_size", self.env_size, 1, MAX_ROBOTS)
-        if self.env and self.grid:
-            raise InvalidValueError("grid", self.grid, "left out with --env")
-        if self.terrain and (self.env or self.grid):
-            raise InvalidValueError("terrain", self.terrain, "left out with --env and --grid")
+        chosen = [name for name in ("env", "grid", "terrain", "shear") if getattr(self, name)]
+        if len(chosen) > 1:
+            raise InvalidValueError(chosen[-1], True, f"left out with --{chosen[0]}")
         if not 25 <= self.grid_runs <= MAX_ROBOTS or self.grid_runs % 25:
             raise InvalidValueError("grid_runs", self.grid_runs, f"a multiple of 25 from 25 to {MAX_ROBOTS}")
         checks.require_between("grid_duration", self.grid_duration, MIN_DURATION, MAX_DURATION, "s")
@@ -74,3 +76,8 @@ class BenchConfig:
             checks.refuse_unused(self, ("sizes",), "with --env, --grid and --terrain")
         if self.grid:
             checks.refuse_unused(self, ("seconds", "repeats"), "with --grid")
+
+    @property
+    def shear_sizes(self) -> tuple[int, ...]:
+        """Numbers of robots with --shear: those given, or else enough for the cost to be bounded."""
+        return _SHEAR_SIZES if self.sizes == BenchConfig.sizes else self.sizes

@@ -9,7 +9,7 @@ from experiments.options.help import default_is
 from experiments.options.world import Repeatable
 from trackslip.errors import InvalidValueError
 
-Parameter = Literal["half_gauge", "contact_length", "friction_ratio", "radius_error", "com_x", "com_y"]
+Parameter = Literal["half_gauge", "contact_length", "friction_ratio", "radius_error", "com_x", "com_y", "shear"]
 MAX_STARTS = 100
 
 
@@ -23,7 +23,7 @@ class CalibrateConfig(Repeatable):
     target: Annotated[str, default_is("published", "published|FILE")] = "published"
     """What to fit: Eq. 11 and the radii of Fig. 5 (published), a log or folder for identify, or a .csv table."""
     free: tuple[Parameter, ...] = ("friction_ratio", "radius_error", "com_y")
-    """Parameters to fit; friction_ratio is across / along."""
+    """Parameters to fit; friction_ratio is across / along, shear the modulus of ground that shears."""
     robot: Annotated[Path | None, default_is("the shipped robot", "FILE")] = None
     """Robot file with the initial values, and with the values of the parameters that are not fitted."""
     starts: int = 5

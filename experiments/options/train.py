@@ -41,8 +41,7 @@ class TrainConfig:
     difficulty: tuple[float, float] = (0.7, 1.0)
     """Range of the courses' difficulty, from 0 to 1; needs --env traverse [-]."""
     trials: int = 300
-    """Number of unseen courses of each of three difficulties that the trained policy is tried on; needs --env
-    traverse."""
+    """Number of unseen courses, of each of three difficulties, to try the policy on; needs --env traverse."""
     network: tuple[int, ...] = (64, 64)
     """Sizes of the hidden layers."""
     learning_rate: float = 6e-4

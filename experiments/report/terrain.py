@@ -79,7 +79,7 @@ def _bound(check: Check) -> str:
 
 
 def _shown(check: Check, value: float) -> str:
-    if check.what.startswith("half width"):
+    if check.what.startswith(("ICRs", "D alone")):
         return percent(value)
     if check.unit == "rad":
         return significant(float(np.degrees(value)), "deg")

@@ -51,8 +51,11 @@ def versions() -> dict[str, str | None]:
     found: dict[str, str | None] = {"python": platform.python_version(), **dict.fromkeys(_PACKAGES)}
     for package in _PACKAGES:
         with contextlib.suppress(importlib.metadata.PackageNotFoundError):
-            found[package] = importlib.metadata.version(package)
+            found[package] = _version(package)
     return found
+
+
+_version = functools.cache(importlib.metadata.version)  # which reads a file of many lines
 
 
 def command_line(command: str) -> str:
@@ -111,6 +114,7 @@ def _digest_of(packages: Any) -> str:
     return digest(files)
 
 
+@functools.cache
 def _git_state() -> dict[str, Any] | None:
     """Commit of trackslip's own checkout and whether it was changed; None when installed from a wheel."""
     root = Path(__file__).parents[2]

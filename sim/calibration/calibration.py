@@ -21,6 +21,9 @@ from trackslip.kinematics import Array, RobotGeometry
 from trackslip.skid_theory import line_contact, steady_twist
 
 _STEADY = 2.0  # time until the motion is steady [s]
+_PASSES, _LONGEST = 2.0, 12.0  # on ground that shears: contact lengths of the slowest belt; but no longer than [s]
+_MAX_SHEAR = 0.05  # [m]
+_FIRST_SHEAR = 0.005  # [m]
 _STEP = 0.005  # of finite differences, relative to the width of a parameter's bounds
 _TOLERANCE = 1e-4  # relative, of the parameters and the cost at the optimum
 _SILENT = 1e-2  # sensitivity below which a parameter has no effect, relative to the largest
@@ -31,11 +34,13 @@ _NUMERICAL_ERROR = 2e-5  # of simulated slips [-], a lower bound of the residual
 
 @dataclass(frozen=True)
 class Candidate:
-    """A robot and a ground, of which only the ratio of friction affects slip."""
+    """A robot and a ground, of which only the ratio of friction and the shear modulus affect slip on the level."""
 
     robot: RobotParameters
     friction_ratio: float
     """Friction across over friction along [-]."""
+    shear: float = 0.0
+    """Shear modulus, 0 for Coulomb friction [m]."""
 
     @property
     def geometry(self) -> RobotGeometry:
@@ -44,13 +49,13 @@ class Candidate:
 
     def with_values(self, values: Mapping[str, float]) -> Candidate:
         """A candidate with some parameters changed, by name."""
-        changed = {"friction_ratio": self.friction_ratio, **values}
-        ratio = changed.pop("friction_ratio")
-        return Candidate(replace(self.robot, **changed), ratio)
+        changed = {"friction_ratio": self.friction_ratio, "shear": self.shear, **values}
+        ratio, shear = changed.pop("friction_ratio"), changed.pop("shear")
+        return Candidate(replace(self.robot, **changed), ratio, shear)
 
     def value(self, name: str) -> float:
         """Value of a parameter, by name."""
-        return self.friction_ratio if name == "friction_ratio" else float(getattr(self.robot, name))
+        return float(getattr(self if name in ("friction_ratio", "shear") else self.robot, name))
 
 
 TwistOf = Callable[[Candidate, Target], Array]
@@ -64,6 +69,7 @@ def bounds(base: Candidate) -> dict[str, tuple[float, float]]:
         "half_gauge": (0.6 * gauge, 1.6 * gauge),
         "contact_length": (0.7 * length, 1.5 * length),
         "friction_ratio": (0.4, 2.5),
+        "shear": (0.0, _MAX_SHEAR),
         "radius_error": (-0.2, 0.2),
         "com_x": (-0.06 * length, 0.06 * length),
         "com_y": (-0.25 * gauge, 0.25 * gauge),
@@ -75,15 +81,24 @@ def simulated_twist(candidate: Candidate, target: Target, along: float = Ground(
     robot = _compiled(replace(candidate.robot, radius_error=0.0))
     omega = target.omega(candidate.geometry)
     drive = tireless(max(Drive.top_speed, 1.01 * float(np.abs(omega).max()) * candidate.robot.sprocket_radius))
-    ground = Ground(along, along * candidate.friction_ratio)
+    ground = Ground(along, along * candidate.friction_ratio, shear=candidate.shear)
     fleet = Fleet(robot, np.zeros((len(omega), 3)), ground, candidate.robot.radius_error, drive, threads)
     fleet.command(omega)
-    fleet.advance(_STEADY)
+    fleet.advance(_time_to_be_steady(candidate, omega, fleet.period))
     v, _, w = fleet.twist().T
     if target.of_plate:  # the robot leans to one side, and so does the plate
         offset, heading = fleet.plate[:, :2] - fleet.pose()[:, :2], fleet.pose()[:, 2]
         v = v - w * (np.cos(heading) * offset[:, 1] - np.sin(heading) * offset[:, 0])
     return np.stack([v, w], axis=-1)
+
+
+def _time_to_be_steady(candidate: Candidate, omega: Array, period: float) -> float:
+    """Time [s] until robots whose sprockets turn at `omega` (M, 2) [rad/s] move steadily, in whole servo periods."""
+    moving = np.abs(omega[omega != 0]) * candidate.robot.sprocket_radius
+    if candidate.shear == 0 or not moving.size:
+        return _STEADY
+    passed = _PASSES * candidate.robot.contact_length / float(moving.min())
+    return round(min(_STEADY + passed, _LONGEST) / period) * period
 
 
 @lru_cache(maxsize=16)
@@ -97,7 +112,7 @@ def theoretical_twist(candidate: Candidate, target: Target) -> Array:
     com = robot.com_x, robot.com_y, robot.com_height
     contact = line_contact(robot.half_gauge, robot.contact_length / 2, 1.0, ratio, com, points=20)
     surface = target.omega(candidate.geometry) * robot.sprocket_radius * (1 + robot.radius_error)
-    return steady_twist(surface, contact, 9.81)[:, [0, 2]]
+    return steady_twist(surface, contact, 9.81, candidate.shear)[:, [0, 2]]
 
 
 @dataclass(frozen=True)
@@ -110,6 +125,8 @@ class Fit:
     """Names of the fitted parameters."""
     stderr: dict[str, float]
     """Standard error of each identifiable parameter, from the residuals."""
+    correlation: dict[str, dict[str, float]]
+    """Correlation of the errors of each identifiable parameter with those of the others [-]."""
     tied: tuple[str, ...]
     """Parameters that the target doesn't determine individually."""
     slip_rms: float
@@ -151,6 +168,8 @@ def calibrate(
         require(name in limits, "free", name, f"one of {', '.join(limits)}")
         require(list(free).count(name) == 1, "free", name, "named once")
     require(0 < len(free) <= most, "free", list(free), f"one to {most} parameters for this target")
+    if "shear" in free and base.shear == 0:  # at its bound, a fit to ground that shears might not leave it
+        base = base.with_values({"shear": _FIRST_SHEAR})
     problem = _Problem(base, tuple(free), target, twist)
     first = problem.scaled(base)
     tied, held = undetermined(problem.jacobian(first))
@@ -248,13 +267,20 @@ class _Problem:
         degrees = self._target.independent - int((~held).sum())
         variance = max(cost / degrees, (_NUMERICAL_ERROR / SLIP_SCALE) ** 2)
         jacobian = self.jacobian(best)[:, ~held]
-        stderr = np.full(len(best), np.nan)
-        stderr[~held] = np.sqrt(np.diag(np.linalg.pinv(jacobian.T @ jacobian)) * variance)
+        stderr, correlation = np.full(len(best), np.nan), np.full((len(best), len(best)), np.nan)
+        covariance = np.linalg.pinv(jacobian.T @ jacobian) * variance
+        spread = np.sqrt(np.diag(covariance))
+        stderr[~held] = spread
+        correlation[np.ix_(~held, ~held)] = covariance / np.maximum(np.outer(spread, spread), np.finfo(float).tiny)
         stderr *= self._high - self._low
+        known = [k for k, unknown in enumerate(tied) if not unknown]
         return Fit(
             candidate=candidate,
             free=self._free,
             stderr={name: float(e) for name, e, t in zip(self._free, stderr, tied, strict=True) if not t},
+            correlation={
+                self._free[i]: {self._free[j]: float(correlation[i, j]) for j in known if j != i} for i in known
+            },
             tied=tuple(name for name, t in zip(self._free, tied, strict=True) if t),
             slip_rms=self._target.slip_rms(twist, candidate.geometry),
             radius_rms=self._target.radius_rms(twist),

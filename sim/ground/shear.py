@@ -30,6 +30,8 @@ _FLAT = 1e-6  # smallest variation over a cell that is accounted for, over the s
 _HELD = 1.02  # share of the friction at rest over the one needed, so that nothing slides
 _MOST_AT_REST = 0.999
 _ROUNDS = 10
+_NEAR = LARGEST / math.sqrt(2)  # no displacement is beyond LARGEST while both its parts are less
+_TINY = 1e-300
 _FRONT, _REAR = -1, 0
 _Rows = np.ndarray | slice
 
@@ -93,10 +95,9 @@ class Shear:
             place = place + part
         ahead = new + (new - old) * (_AHEAD / self._period)
         by_track = _by_track(modulus)
-        size, most = np.sqrt(new[:, 0] ** 2 + new[:, 1] ** 2), LARGEST * by_track
-        far = size > most
-        if far.any():
-            new *= np.where(far, most / np.where(far, size, 1.0), 1.0)[:, None]
+        if np.abs(new).max() > _NEAR * by_track.min():
+            size, most = np.sqrt(new[:, 0] ** 2 + new[:, 1] ** 2), LARGEST * by_track
+            new = new * np.where(size > most, most / np.maximum(size, _TINY), 1.0)[:, None]
         self._moved[:, :, rows] = new
         self.share[rows] = _share(np.sqrt(ahead[:, 0] ** 2 + ahead[:, 1] ** 2), by_track, belt)
 
@@ -142,19 +143,23 @@ def _interpolated(moved: Array, c: Array) -> Array:
     """Displacements (p, 2, R, 2) by `c` (R, 2) cells ahead of the points, along the robot."""
     padded = np.empty((len(moved) + 2, *moved.shape[1:]))
     padded[1:-1] = moved
-    for end, inwards, enters in ((_FRONT, -1, c > 0), (_REAR, 1, c < 0)):
+    forwards, backwards = c > 0, c < 0
+    for end, inwards, enters in ((_FRONT, -1, forwards), (_REAR, 1, backwards)):
         first, second, third = (moved[end + k * inwards] for k in range(3))
         # parabolas through the end of the contact, where j = 0, or on beyond the last point
         padded[end] = np.where(enters, second / 3 - 2 * first, 3 * (first - second) + third)
-    new = (1 - c * c) * moved
-    new += (c * (c + 1) / 2) * padded[2:]
-    new += (c * (c - 1) / 2) * padded[:-2]
+    square = c * c
+    new = (1 - square) * moved
+    new += ((square + c) / 2) * padded[2:]
+    new += ((square - c) / 2) * padded[:-2]
     slope = padded[1:] - padded[:-1]
     bend = slope[1:] - slope[:-1]
     # from parabola to cubic, with a second point upstream
-    third = (bend[1:] - bend[:-1]) * (c * (c * c - 1) / 6)
-    new[:-1] += np.where(c > 0, third, 0.0)
-    new[1:] += np.where(c < 0, third, 0.0)
+    third = (bend[1:] - bend[:-1]) * (c * (square - 1) / 6)
+    if forwards.any():
+        new[:-1] += np.where(forwards, third, 0.0)
+    if backwards.any():
+        new[1:] += np.where(backwards, third, 0.0)
     return new
 
 
@@ -165,14 +170,15 @@ def _by_track(values: Array) -> Array:
 
 def _share(distance: Array, modulus: Array, belt: Array) -> Array:
     """Shares (R, P) after displacements (p, R, 2) [m] over moduli (p, R, 2) [m], of belts with speeds (R, 2)."""
-    hard = modulus == 0
-    a = distance / np.where(hard, 1.0, modulus)
+    soft = modulus.min() > 0
+    a = distance / (modulus if soft else np.where(modulus > 0, modulus, 1.0))
     half = np.empty_like(a)  # of the change over a cell
     half[1:-1] = (a[2:] - a[:-2]) / 4
     half[_FRONT] = np.where(belt > 0, a[_FRONT], (a[-1] - a[-2]) / 2)
     half[_REAR] = np.where(belt < 0, a[_REAR], (a[1] - a[0]) / 2)
     half = np.maximum(np.minimum(np.abs(half), a), _FLAT)
     # in this form no exponential grows beyond 1, however firm the ground
-    share = 1 - (np.exp(half - a) - np.exp(-half - a)) / (2 * half)
-    share = np.where(hard, 1.0, np.maximum(share, LEAST_SHARE))
+    share = np.maximum(1 - (np.exp(half - a) - np.exp(-half - a)) / (2 * half), LEAST_SHARE)
+    if not soft:
+        share = np.where(modulus > 0, share, 1.0)
     return share.transpose(1, 2, 0).reshape(len(belt), -1)

@@ -109,12 +109,12 @@ def build_tracked(
 
 
 def _load(robot: TrackedRobot) -> Any:
-    """The robot's model, without the ground that it may lie on, and without states, which a free joint would change."""
+    """The robot's model, without the scene that it may lie in, and without states, which a free joint would change."""
     if not robot.model.is_file():
         raise TrackslipError(f"{robot.model}: no such file; `model` must name the robot's MJCF or URDF file")
     spec = mujoco.MjSpec.from_file(str(robot.model))
     spec.compiler.fusestatic = False  # a URDF's base link is to stay a body
-    for thing in (*spec.worldbody.geoms, *spec.keys):
+    for thing in (*spec.worldbody.geoms, *spec.worldbody.lights, *spec.keys):
         spec.delete(thing)
     return spec
 
@@ -142,11 +142,15 @@ def _light(spec: Any) -> None:
             width=256,
             height=1536,
         )
-    if not spec.lights:
-        sun = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
-        spec.worldbody.add_light(
-            name="sun", type=sun, pos=[6, -8, 12], dir=[-0.45, 0.6, -1], diffuse=[0.62, 0.6, 0.55], castshadow=True
-        )
+    headlight = spec.visual.headlight
+    headlight.ambient, headlight.diffuse, headlight.specular = [0.36, 0.37, 0.39], [0.3] * 3, [0.05] * 3
+    spec.worldbody.add_light(
+        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
+        pos=[6, -8, 12],
+        dir=[-0.45, 0.6, -1],
+        diffuse=[0.62, 0.6, 0.55],
+        castshadow=True,
+    )
 
 
 def _chassis(spec: Any, robot: TrackedRobot) -> Any:

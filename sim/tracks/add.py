@@ -56,8 +56,8 @@ def add_tracks(
         name: of the track; two are called NAME_left and NAME_right. By default the body's name.
         side: "both", "left" or "right".
         load: part of the robot's weight that these tracks carry when the robot stands on them [-].
-        segments: capsules along the longest run below; by default the preset's, and half as many for a single track,
-            such as a flipper's.
+        segments: capsules along the longest run below. By default as many as the preset has, which spread the load for
+            turns to be exact, and for a single track, such as a flipper's, one.
         terrain: geoms, or their names, to `connect` the tracks with at once; otherwise call `Tracks.connect`.
 
     Raises:
@@ -70,8 +70,8 @@ def add_tracks(
     require(0 < load <= 1, "load", load, "greater than 0, and at most 1")
     require_friction(friction)
     shape, recipe = Hull.from_wheels(hull), load_preset(preset)
-    count = segments or (recipe.segments if side == "both" else recipe.segments // 2)
-    require(2 <= count <= _MAX_SEGMENTS, "segments", segments, f"from 2 to {_MAX_SEGMENTS}")
+    count = segments if segments is not None else (recipe.segments if side == "both" else 1)
+    require(1 <= count <= _MAX_SEGMENTS, "segments", segments, f"from 1 to {_MAX_SEGMENTS}")
     prefix = name or carrier.name
     require(prefix, "name", name, "given: the body has no name")
     names = tuple("_".join(filter(None, (prefix, which))) for which, _ in _SIDES[side])

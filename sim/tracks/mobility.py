@@ -25,10 +25,11 @@ def mobility(model: mujoco.MjModel, tracks: TrackParts, mass: float) -> float:
 def _stiffest(model: mujoco.MjModel, data: mujoco.MjData, tracks: TrackParts, mass: float, run: int) -> float:
     shape = tracks.hull.runs[run]
     rows = []
+    places = 2 if tracks.segment >= shape.length else 5
     for body in (model.body(name).id for name in tracks.bodies):
         rotation, origin = data.xmat[body].reshape(3, 3), data.xpos[body]
         normal = rotation[:, [0, 2]] @ shape.outwards
-        for part in np.linspace(0.0, 1.0, 5):
+        for part in np.linspace(0.0, 1.0, places):
             point = origin + rotation[:, [0, 2]] @ (shape.start + part * (shape.end - shape.start))
             jacobian = np.zeros((3, model.nv))
             mujoco.mj_jac(model, data, jacobian, None, point, body)

@@ -14,7 +14,6 @@ from sim.tracks.presets import Preset
 WHEEL_WEIGHT = 0.5
 """Load of a wheel on a plane, relative to that of a capsule's end [-]."""
 _MAX_RUN_RADIUS = 0.03  # [m]
-_ABOVE = 0.4  # density of capsules along a run that only touches when the robot has overturned, relative to one below
 _ALONG = (0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
@@ -67,15 +66,18 @@ class Part:
 
 
 def track_parts(hull: Hull, segments: int, anisotropic: bool) -> list[Part]:
-    """Geoms of a track, in its frame: `segments` capsules along the longest run that faces the ground."""
+    """Geoms of a track, in its frame: `segments` capsules along the longest run that faces the ground.
+
+    Runs that face up, which only touch when the robot has overturned, are a single capsule each.
+    """
     longest = hull.longest_below
     parts = []
     for i, run in enumerate(hull.runs):
-        density = (1.0 if run.outwards[1] < 0 else _ABOVE) * segments / longest
+        count = max(1, round(segments * run.length / longest)) if run.outwards[1] < 0 else 1
         radius = min(run.radius, _MAX_RUN_RADIUS)
         middle = (run.start + run.end) / 2 - radius * run.outwards
         turn = np.arctan2(run.along[0], run.along[1])  # about y, from z to the belt's direction
-        for j, (start, end) in enumerate(_chain(run.length, max(2, round(density * run.length)))):
+        for j, (start, end) in enumerate(_chain(run.length, count)):
             x, z = middle + (start + end) / 2 * run.along
             shape = {
                 "type": mujoco.mjtGeom.mjGEOM_CAPSULE,
@@ -94,8 +96,11 @@ def _chain(length: float, count: int) -> NDArray[np.float64]:
 
     Together with wheels at the run's ends that carry half of a point each, the ends are spread like an even load: equal
     steps between them, and a chain as much shorter as gives all of them the mean distance from the middle, length / 4.
-    Each capsule reaches beyond the beginning of the next, so that there is no gap for an edge.
+    Each capsule reaches beyond the beginning of the next, so that there is no gap for an edge. A single capsule is as
+    long as the run.
     """
+    if count == 1:
+        return np.array([[-length / 2, length / 2]])
     ends = ((np.arange(2 * count) + 0.5) / (2 * count) - 0.5) * length * (1 - WHEEL_WEIGHT / count)
     first, last = ends[[0, *range(1, 2 * count - 1, 2)]], ends[[*range(2, 2 * count, 2), -1]]
     return np.stack([first, last], axis=1)

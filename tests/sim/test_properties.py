@@ -7,8 +7,10 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 
 from sim.drive.drive import Drive, tireless
+from sim.drive.pull import Pull
 from sim.fleet import Fleet
 from sim.ground.ground import Change, Ground, Patch
+from sim.ground.shear import LARGEST
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import load_robot
 from trackslip.kinematics import track_slip
@@ -144,3 +146,73 @@ def test_rows_of_a_batch_are_single_runs_to_the_bit(robot):
     for k in range(4):
         for one, two in zip(together, drive([k], 1, 0.05), strict=True):
             np.testing.assert_array_equal(one[k], two[0])
+
+
+SHEARS = st.floats(0.001, 0.03)
+
+
+@settings(max_examples=3, deadline=None)
+@given(
+    shear=SHEARS,
+    left=st.floats(-4.0, 4.0),
+    right=st.floats(-4.0, 4.0),
+    slope=st.floats(0.0, 0.2),
+    uphill=st.floats(-3, 3),
+)
+def test_mirrored_turns_on_mirrored_ground_that_shears_mirror(robot, shear, left, right, slope, uphill):
+    patch, other = ((0.0, 0.3), (0.05, 0.4), 0.5, 0.6, shear / 2), ((0.0, 0.3), (-0.4, -0.05), 0.5, 0.6, shear / 2)
+    grounds = [
+        Ground(0.7, 0.8, slope, side * uphill, (Patch(*part),), shear=shear) for side, part in ((1, patch), (-1, other))
+    ]
+    fleet = Fleet(robot, np.zeros((2, 3)), grounds, 0.0, FAST)
+    fleet.command([[left, right], [right, left]])
+    fleet.advance(1.5)
+    one, mirrored = fleet.twist()
+    np.testing.assert_allclose(mirrored, one * [1, -1, -1], atol=2e-4)
+
+
+@settings(max_examples=2, deadline=None)
+@given(shear=SHEARS, share=st.floats(0.0, 0.35))
+def test_slip_grows_with_the_pull(robot, shear, share):
+    slips = []
+    for pull in (share, share + 0.05):
+        towed = Pull(pull * 25.0 * 9.81)
+        fleet = Fleet(robot, np.zeros((1, 3)), Ground(shear=shear), 0.0, FAST, pull=towed)
+        fleet.command([6.0, 6.0])
+        fleet.advance(2.0)
+        before = fleet.pose()[0, 0]
+        fleet.advance(1.0)
+        slips.append(1 - (fleet.pose()[0, 0] - before) / 0.36)
+    assert slips[1] > slips[0]
+
+
+@settings(max_examples=3, deadline=None)
+@given(seed=st.integers(0, 1000), shear=st.one_of(st.just(0.0), SHEARS), other=SHEARS)
+def test_shares_and_displacements_stay_in_their_bounds(robot, seed, shear, other):
+    rng = np.random.default_rng(seed)
+    patch = Patch((-0.2, 0.3), (0.0, 1.0), 0.3, 0.4, other)
+    fleet = Fleet(robot, np.zeros((2, 3)), Ground(slope=0.1, patches=(patch,), shear=shear), 0.0, Drive(), shears=True)
+    for _ in range(6):
+        fleet.command(rng.uniform(-5.0, 5.0, (2, 2)))
+        fleet.advance(0.3)
+        assert np.all((fleet.shear.share > 0) & (fleet.shear.share <= 1))
+        moved = np.linalg.norm(fleet.shear.displacement, axis=-1)
+        assert moved.max() <= LARGEST * max(shear, other) * (1 + 1e-12)
+    assert np.isfinite(fleet.batch.state).all()
+
+
+@settings(max_examples=3, deadline=None)
+@given(seed=st.integers(0, 1000), shear=SHEARS)
+def test_a_fleet_on_ground_that_shears_goes_on_from_where_it_was(robot, seed, shear):
+    """Driven at once or in pieces, alone or in company, on one thread or two: the same bits."""
+    omega = np.random.default_rng(seed).uniform(-5.0, 5.0, (3, 2, 2))
+    whole = Fleet(robot, np.zeros((2, 3)), Ground(shear=shear, slope=0.05), threads=2)
+    alone = Fleet(robot, np.zeros((1, 3)), Ground(shear=shear, slope=0.05), threads=1)
+    for command in omega:
+        whole.command(command)
+        whole.advance(0.2)
+        for _ in range(20):
+            alone.command(command[1:])
+            alone.advance(0.01)
+    np.testing.assert_array_equal(whole.batch.state[1], alone.batch.state[0])
+    np.testing.assert_array_equal(whole.shear.displacement[1], alone.shear.displacement[0])

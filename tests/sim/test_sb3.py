@@ -11,7 +11,7 @@ with warnings.catch_warnings():
 
 from stable_baselines3.common.env_checker import check_env
 
-from sim.sb3 import PathTrackingVecEnv
+from sim.sb3 import PathTrackingVecEnv, TraverseVecEnv
 from sim.vector_env import PathTrackingVectorEnv
 from trackslip.errors import InvalidValueError
 
@@ -21,6 +21,15 @@ OPTIONS = {"reference": ("paper", "slalom"), "randomization": "typical", "off_pa
 @pytest.mark.parametrize("options", [{}, {"action": "twist"}, {"pose_source": "noisy"}, {"pose_source": "scanner"}])
 def test_the_single_environment_passes_its_checks(options):
     check_env(gym.make("sim:trackslip/PathTracking-v0", **options).unwrapped)
+
+
+def test_the_environment_of_courses_passes_its_checks():
+    check_env(gym.make("sim:trackslip/Traverse-v0", flippers="pairs").unwrapped)
+    env = TraverseVecEnv(2, threads=1, flippers="pairs")
+    assert env.reset().shape == (2, 63)
+    observation, reward, done, infos = env.step(np.zeros((2, 4)))
+    assert (observation.shape, reward.shape, done.shape) == ((2, 63), (2,), (2,))
+    assert [info["outcome"] for info in infos] == ["driving", "driving"]
 
 
 def test_it_is_the_vector_environment():

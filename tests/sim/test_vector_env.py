@@ -59,7 +59,7 @@ def assert_same(one, two):
 def test_a_row_is_the_single_environment_to_the_bit(options, mode, short):
     steps = 80 if "scanner" in options.values() else 120
     references = (*OPTIONS["reference"], short)
-    native, scalar = pair(5, mode, **(OPTIONS | {"reference": references, "off_path": 0.22} | options))
+    native, scalar = pair(3, mode, **(OPTIONS | {"reference": references, "off_path": 0.22} | options))
     assert native.observation_space == scalar.observation_space
     assert native.action_space == scalar.action_space
     assert native.metadata == scalar.metadata

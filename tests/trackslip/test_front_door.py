@@ -72,6 +72,7 @@ def test_reading_laws_imports_what_laws_need():
             f"trackslip.slip.{name}"
             for name in ("base", "constant", "exponential", "icr", "icr_load", "power", "turn_loss")
         ),
+        *("trackslip.slip.nested", "trackslip.slip.stored_laws"),
     }
     assert not any(name.startswith(("scipy", "pyarrow")) for name in found)
 

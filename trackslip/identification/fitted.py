@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy
 
 from trackslip.errors import LogError
 from trackslip.identification.fit import Fits, fit
@@ -22,7 +21,7 @@ _MIN_DRAWN = 4  # minimum number of runs for a bootstrap
 _VAGUE = 5.0  # standard error of an undetermined parameter, relative to its scale
 _REPLACEABLE = 1e6  # variance inflation of a parameter that others stand in for [-]
 _AT_LIMIT = 1e-3  # distance from a limit, relative to a range of at most 1
-_COARSE = 60  # number of scatters tried before the best one is refined
+_TRIED, _REFINED = 60, 6  # number of scatters tried at once, and how often the grid about the best is made finer
 
 
 @dataclass(frozen=True)
@@ -152,14 +151,12 @@ def _undetermined(name: str, fits: Fits, error: Array) -> tuple[str, ...]:
 
 def _likelihood(fits: Fits) -> float:
     """-2 log likelihood of the measured motions, without constants, at the most likely scatter."""
-    eigenvalues, deviation = fits.runs.eigenvalues, fits.runs.deviation(fits.law)
-
-    def minus(log_scatter: float) -> float:
-        variance = eigenvalues + np.exp(2 * log_scatter)
-        return float(np.sum(deviation[0] ** 2 / variance + np.log(variance)))
-
-    coarse = np.linspace(np.log(MIN_SCATTER), 1.0, _COARSE)
-    best = coarse[np.argmin([minus(value) for value in coarse])]
-    step = coarse[1] - coarse[0]
-    around = (best - step, best + step)
-    return float(scipy.optimize.minimize_scalar(minus, bounds=around, method="bounded", options={"xatol": 1e-6}).fun)
+    eigenvalues, squares = fits.runs.eigenvalues, fits.runs.deviation(fits.law)[0] ** 2
+    low, high, least = np.log(MIN_SCATTER), 1.0, np.inf
+    for _ in range(_REFINED):
+        tried = np.linspace(low, high, _TRIED)
+        variance = eigenvalues + np.exp(2 * tried)[:, None, None]
+        minus = np.sum(squares / variance + np.log(variance), axis=(1, 2))
+        best = int(minus.argmin())
+        low, high, least = tried[max(best - 1, 0)], tried[min(best + 1, _TRIED - 1)], minus[best]
+    return float(least)

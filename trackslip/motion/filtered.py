@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-import scipy
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array, advance
 from trackslip.logs.runlog import RunLog
+from trackslip.motion import butterworth
 from trackslip.motion.steady_twist import Motion, SteadyTwist, long_run_covariance, require_poses, within
 
-_CUTOFF = 0.5  # of the paper's Butterworth filter, relative to the Nyquist frequency
 _MIN_STEPS = 20  # minimum number of steps for a mean twist
 _LAGS = 0.5  # width of the lag window for the error of a mean twist, relative to the number of rows
 _MIN_FILTERED_ROWS = 16  # rows needed to filter without transients
@@ -27,7 +26,7 @@ def butterworth_motion(log: RunLog) -> Motion:
     LogError if there are too few valid poses, or the robot turns too far from row to row or within a gap.
     """
     even, pose = even_poses(log)
-    return difference(even, scipy.signal.sosfiltfilt(scipy.signal.butter(2, _CUTOFF, output="sos"), pose, axis=0))
+    return difference(even, butterworth.both_ways(pose))
 
 
 def paper_motion(log: RunLog) -> Motion:
@@ -37,9 +36,7 @@ def paper_motion(log: RunLog) -> Motion:
     does.
     """
     even, pose = even_poses(log)
-    low_pass = scipy.signal.butter(2, _CUTOFF, output="sos")
-    settled = scipy.signal.sosfilt_zi(low_pass)[..., None] * pose[0]
-    smooth, _ = scipy.signal.sosfilt(low_pass, pose, axis=0, zi=settled)
+    smooth = butterworth.forwards(pose)
     motion = difference(even, smooth)
     dx, dy, turn = np.diff(smooth, axis=0).T
     v = np.copysign(np.hypot(dx, dy), motion.twist[:, 0])

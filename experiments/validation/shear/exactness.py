@@ -1,8 +1,6 @@
-"""Bits and cost of ground that shears."""
+"""Bits of ground that shears."""
 
 from __future__ import annotations
-
-from time import perf_counter
 
 import numpy as np
 
@@ -10,15 +8,12 @@ from sim.drive.drive import Drive
 from sim.fleet import Fleet
 from sim.ground.ground import Ground
 from sim.robot.parameters import RobotParameters
-from sim.robot.robot import Robot, load_robot
+from sim.robot.robot import load_robot
 from trackslip.kinematics import Array
 
-ROBOTS = 32
-"""Number of robots whose cost is compared."""
 _MODULI = (0.002, 0.005, 0.010, 0.025)
 _DRIVEN, _HOLD = 3.0, 0.5  # random commands [s]
 _WEAK = 0.009  # torque limit over weight, which turning on the spot exceeds [m]
-_ROUNDS, _TURN = 15, 0.5  # of the comparison of cost: number, and simulated time of each [s]
 
 
 def differing(parameters: RobotParameters, ground: Ground, generator: np.random.Generator) -> dict[str, int]:
@@ -59,21 +54,3 @@ def _state(fleet: Fleet) -> Array:
     if fleet.shear is not None:
         parts += [fleet.shear.displacement.reshape(fleet.size, -1), fleet.shear.share]
     return np.concatenate(parts, axis=1)
-
-
-def cost_ratio(robot: Robot, size: int, threads: int, rounds: int = _ROUNDS) -> float:
-    """Time that a fleet takes on ground that shears, over that on Coulomb ground: the median of rounds, in turns."""
-    fleets = [Fleet(robot, np.zeros((size, 3)), Ground(shear=shear), threads=threads) for shear in (0.0, 0.01)]
-    for fleet in fleets:
-        fleet.command([2.0, 3.0])
-        fleet.advance(2.0)
-    ratios = []
-    for _ in range(rounds):
-        times = []
-        for fleet in fleets:
-            began = perf_counter()
-            for _ in range(round(_TURN / 0.05)):
-                fleet.advance(0.05)
-            times.append(perf_counter() - began)
-        ratios.append(times[1] / times[0])
-    return float(np.median(ratios))

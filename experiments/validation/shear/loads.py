@@ -20,7 +20,7 @@ from trackslip.skid_theory import Contact, Load, line_contact, steady_twist
 SLOPES = np.radians([5.0, 10.0, 15.0, 20.0])
 """Slopes that are climbed straight [rad]."""
 PULLS = (0.05, 0.10, 0.15, 0.20, 0.25)
-"""Drawbar pulls over the weight, as far as theory and simulation agree about turning on Coulomb ground [-]."""
+"""Drawbar pulls over the weight [-]."""
 HITCH = 0.1
 """Height of the hitch [m]."""
 SPEED = 0.12

@@ -15,7 +15,7 @@ class Bounds:
     """Largest errors, and smallest speeds, of a preset."""
 
     slow: float
-    """Of the ICRs' half width in slow turns, relative [-]."""
+    """Of the ICRs' half width b + D in slow turns, and of D alone, relative [-]."""
     pivot: float
     """The same in turns on the spot with +-0.5 m/s."""
     offset: float
@@ -57,11 +57,15 @@ def checks_of(found: Findings) -> list[Check]:
         checks.append(Check(f"{found.robot}, {found.preset}", what, value, bound, unit))
 
     for ground, turning in (("plane", found.on_plane), ("box", found.on_box)):
-        check(f"half width of the ICRs on a {ground}, slow", abs(turning.slow.worst), bounds.slow)
-        check(f"half width of the ICRs on a {ground}, pivot at 0.5 m/s", abs(turning.pivot.worst), bounds.pivot)
-        if np.isfinite(bounds.offset):
-            what = f"half width of the ICRs on a {ground}, centre of mass off"
-            check(what, abs(turning.offset.worst), bounds.offset)
+        cases = (
+            ("slow", turning.slow, bounds.slow),
+            ("pivot at 0.5 m/s", turning.pivot, bounds.pivot),
+            ("centre of mass off", turning.offset, bounds.offset),
+        )
+        for what, turns, bound in cases:
+            if np.isfinite(bound):
+                check(f"ICRs' half width b + D on a {ground}, {what}", abs(turns.worst), bound)
+                check(f"D alone on a {ground}, {what}", abs(turns.outside), bound)
     for ground, angles in (("plane", found.climb_on_plane), ("box", found.climb_on_box)):
         check(f"climbing limit on a {ground}", float(np.abs([a.error for a in angles]).max()), bounds.climb, "rad")
     check("creep on 30 degrees", float(found.creep.max()), bounds.creep, "m/s")

@@ -23,7 +23,8 @@ ROBOTS = 6
 """Robots on rough ground, and half of those on stairs."""
 DURATION = 60.0
 """Time on rough ground [s]."""
-_YAW = (-0.1, 0.0, 0.1)  # headings at which stairs are climbed [rad]
+_WIDTH = 1.2  # of the stairs [m]
+_YAW = (-0.05, 0.0, 0.05)  # headings at which stairs are climbed [rad]
 STAIRS_TIME = 30.0  # [s]
 _HOLD = 2.0  # time for which random belt speeds are held [s]
 _FIELD = 30.0  # size of the rough ground [m]
@@ -57,7 +58,7 @@ class Sinking:
 
 def stairs_course() -> Course:
     """Stairs of 0.15 m x 0.28 m."""
-    return Course((Stairs(rise=0.15, run=0.28, number=STEPS),), width=4.0, friction=FRICTION)
+    return Course((Stairs(rise=0.15, run=0.28, number=STEPS, width=_WIDTH),), width=4.0, friction=FRICTION)
 
 
 def rough_course(size: float) -> Course:

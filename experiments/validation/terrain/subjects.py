@@ -19,7 +19,7 @@ from trackslip.skid_theory import Contact, line_contact
 Wheels = tuple[tuple[float, float, float], ...]
 UP = (np.pi / 2, np.pi / 2)
 """Angles of the front and the rear flippers when they are out of the way [rad]."""
-STAIRS = (0.7, 0.0)
+STAIRS = (0.3, 0.0)
 """The same on stairs [rad]."""
 
 

@@ -33,11 +33,19 @@ class Turns:
     belts: Array  # (M, 2) left and right [m/s]
     half_width: Array  # (M,) half the distance of the ICRs [m]
     expected: Array  # (M,) by theory [m]
+    half_gauge: float
+    """Half the distance between the tracks [m]."""
 
     @property
     def error(self) -> Array:
         """Relative errors (M,) of the half width [-]."""
         return self.half_width / self.expected - 1
+
+    @property
+    def outside(self) -> float:
+        """The largest relative error of D, how far the ICRs are outside the tracks, with its sign [-]."""
+        error = (self.half_width - self.half_gauge) / (self.expected - self.half_gauge) - 1
+        return float(error[np.argmax(np.abs(error))])
 
     @property
     def worst(self) -> float:
@@ -80,4 +88,4 @@ def _turns(stand: Stand, belts: Array, threads: int) -> Turns:
         before = now
     spread = belts[:, 1] - belts[:, 0]
     expected = steady_twist(belts, stand.line_contact(FRICTION), _GRAVITY)[:, 2]
-    return Turns(belts, spread * WATCH / (2 * turned), spread / (2 * expected))
+    return Turns(belts, spread * WATCH / (2 * turned), spread / (2 * expected), stand.half_gauge)

@@ -5,6 +5,7 @@ import pytest
 
 from experiments.cli import main
 from sim.policy import Policy
+from sim.traverse.policy import OPTIONS, CrossingPolicy
 
 
 def small(**changed):
@@ -76,9 +77,27 @@ def test_an_interrupted_training_says_how_to_go_on_and_leaves_its_checkpoint(tra
     assert {file.name: file.read_bytes() for file in folder.iterdir()} == before
 
 
+def test_a_policy_learns_to_cross_courses_and_is_tried_on_others(trackslip):
+    pytest.importorskip("stable_baselines3")
+    sizes = ("--robots", "2", "--horizon", "8", "--batch", "16", "--epochs", "1", "--network", "8", "--steps", "16")
+    found = trackslip("train", "--env", "traverse", *sizes, "--trials", "1", "--difficulty", "0", "0")
+    assert [point["steps"] for point in found.summary["curve"]] == [16]
+    assert [(one["controller"], one["courses"]) for one in found.summary["rates"]] == [("scripted", 1), ("policy", 1)]
+    assert "95 % interval" in found.printed
+    assert (found.folder / "curve.png").is_file()
+    policy = CrossingPolicy.load(found.folder)
+    assert policy.options == {**OPTIONS, "robot": "rescue"}
+    assert policy.action(np.zeros((3, 63))).shape == (3, 4)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        (("--env", "maze"), "env = 'maze': must be one of path_tracking, traverse"),
+        (("--trials", "9"), "trials = 9: must be left out without --env traverse"),
+        (("--env", "traverse", "--references", "slalom"), "left out with --env traverse"),
+        (("--env", "traverse", "--difficulty", "0.5", "2"), "difficulty = (0.5, 2.0): must be two ascending"),
+        (("--env", "traverse", "--robot", "none"), "robot = 'none'"),
         (("--steps", "0"), "steps = 0: must be an integer >= 1"),
         (("--batch", "1000"), "batch = 1000: must be a factor of robots * horizon = 8192"),
         (("--authority", "0", "0.5"), "authority = 0.0: must be"),
@@ -88,6 +107,6 @@ def test_an_interrupted_training_says_how_to_go_on_and_leaves_its_checkpoint(tra
     ],
 )
 def test_options_that_make_no_sense_are_refused(refused, options, message):
-    if options[0] in ("--references", "--resume"):
+    if options[0] in ("--references", "--resume") or "--robot" in options:
         pytest.importorskip("stable_baselines3")
     assert message in refused("train", *options)

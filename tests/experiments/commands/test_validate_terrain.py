@@ -64,7 +64,7 @@ def test_turns_and_the_engine_hold_their_bounds_even_in_a_glance(quick):
     """The others need the whole time."""
     holds = {check["name"].partition(": ")[2]: check["holds"] for check in quick[1]["checks"]}
     for name in holds:
-        if name.startswith(("half width", "warnings", "numbers", "sliding")):
+        if name.startswith(("ICRs", "D alone", "warnings", "numbers", "sliding")):
             assert holds[name], name
 
 

@@ -110,14 +110,14 @@ def test_a_light_flipper_is_stable_at_the_long_step(tmp_path):
     assert abs(data.qvel[6]) < 1e-6  # of the hinge; nothing holds the robot itself
 
 
-def test_ground_and_states_of_the_model_stay_behind(tmp_path):
+def test_the_scene_and_states_of_the_model_stay_behind(tmp_path):
     model = URDF.replace(
         "</robot>",
         '<mujoco><compiler fusestatic="true"/></mujoco></robot>',
     )
     made = build_tracked(load_tracked(write_robot(tmp_path, model=model)))
     assert made.model.body(made.body).name == "base"
-    xml = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>
+    xml = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/><light pos="0 0 1"/>
     <body name="b"><freejoint/><geom type="box" size="0.2 0.1 0.05" pos="0 0 0.2"/></body></worldbody>
     <keyframe><key qpos="0 0 1 1 0 0 0"/></keyframe></mujoco>"""
     (tmp_path / "mine.urdf").write_text(xml)
@@ -125,7 +125,7 @@ def test_ground_and_states_of_the_model_stay_behind(tmp_path):
     text = ROBOT.split("[[flippers]]")[0].replace("mine.urdf", "scene.xml")
     made = build_tracked(load_tracked(write_robot(tmp_path, text)), load_course("flat"))
     assert "floor" not in [made.model.geom(i).name for i in range(made.model.ngeom)]
-    assert made.model.nkey == 0
+    assert made.model.nkey == made.model.nlight == 0
 
 
 def test_flippers_start_clear_of_the_ground(rescue):

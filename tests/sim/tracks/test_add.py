@@ -121,7 +121,7 @@ def refused(message, **changes):
         ({"friction": (0.7, 0.0)}, "friction = 0.0: must be a finite number > 0"),
         ({"friction": 0.7}, "friction = 0.7: must be two coefficients"),
         ({"load": 0.0}, "load = 0.0: must be greater than 0"),
-        ({"segments": 1}, "segments = 1: must be from 2 to 40"),
+        ({"segments": 0}, "segments = 0: must be from 1 to 40"),
         ({"hull": HULL[:1]}, "hull = .*: must be two wheels"),
         ({"terrain": ["stairs"]}, "terrain = 'stairs': must be a geom of the spec, such as ground"),
         ({"terrain": []}, r"terrain = \[\]: must be at least one geom"),

@@ -22,7 +22,7 @@ VARIANTS = [
     {},
     {"action": "correction", "flippers": "pairs", "period": 0.2},
     {"course": ("random", "step10", "rough"), "kinds": ("gap",)},
-    {"robot": "box", "course": "stairs"},
+    {"robot": "box", "course": Course((Flat(0.5), Step(0.05)))},
 ]
 
 
@@ -184,7 +184,7 @@ def test_a_stored_policy_is_the_same(tmp_path):
 
 
 def fuzz(robots, steps):
-    env = gym.make_vec(ID, num_envs=robots, threads=2, course=("random", "rough", "pallets"))
+    env = gym.make_vec(ID, num_envs=robots, threads=2, course=("random", "rough"))
     env.reset(seed=11)
     env.action_space.seed(11)
     for _ in range(steps):

@@ -1,0 +1,47 @@
+"""Shares of courses crossed, and how sure they are."""
+
+import numpy as np
+import pytest
+
+from experiments.measuring.crossing import POLICY, SCRIPTED, compare, crossing_gain
+from experiments.report.crossing import CROSSING_HEADER, crossing_row, gain_text
+from experiments.report.figures.learning import learning_curve
+from sim.network import Network
+from sim.traverse.policy import OPTIONS, CrossingPolicy
+
+
+def test_the_gain_is_that_of_the_pairs():
+    rng = np.random.default_rng(0)
+    scripted = np.arange(400) < 200
+    policy = scripted ^ (np.arange(400) >= 320)  # 80 more, none fewer
+    gain = crossing_gain(scripted, policy, rng)
+    assert (gain.gain, gain.only_policy, gain.only_scripted) == (0.2, 80, 0)
+    # of a share of 0.2 among 400: normal, to three decimals
+    half = 1.96 * np.sqrt(0.2 * 0.8 / 400)
+    assert (gain.low, gain.high) == pytest.approx((0.2 - half, 0.2 + half), abs=4e-3)
+    assert crossing_gain(scripted, scripted, rng).high == 0.0
+
+
+def test_intervals_of_the_gain_cover_the_truth():
+    rng = np.random.default_rng(1)
+    covered = 0
+    for _ in range(60):
+        scripted = rng.random(150) < 0.6
+        policy = np.where(rng.random(150) < 0.3, rng.random(150) < 0.9, scripted)  # true gain 0.3 (0.9 - 0.6)
+        gain = crossing_gain(scripted, policy, rng)
+        covered += gain.low <= 0.09 <= gain.high
+    assert 52 <= covered < 60  # of 60, 57 expected
+
+
+def test_a_policy_that_corrects_nothing_crosses_what_the_scripted_controller_does():
+    still = CrossingPolicy(Network((np.zeros((63, 4)),), (np.zeros(4),)), OPTIONS)
+    rates, gain = compare(still, (0.1, 0.1), 2, seed=0, threads=1)
+    assert [(one.controller, one.courses, one.crossed) for one in rates] == [(SCRIPTED, 2, 2), (POLICY, 2, 2)]
+    assert rates[0].time == rates[1].time
+    assert (rates[0].low, rates[0].high) == pytest.approx((0.342, 1.0), abs=1e-3)  # Wilson, two of two
+    assert gain.gain == gain.low == gain.high == 0.0
+    assert len(crossing_row(rates[0])) == len(CROSSING_HEADER)
+    assert "+0.0 points" in gain_text(gain)
+    curve = [{"steps": 10, "reward": 0.1}, {"steps": 20, "reward": 0.2, "crossed": 0.5}]
+    assert len(learning_curve(curve, rates).axes) == 3
+    assert len(learning_curve(curve).axes) == 1

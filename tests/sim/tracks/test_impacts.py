@@ -1,0 +1,56 @@
+"""Robots that fall don't bounce higher than they fell from: impacts gain no energy."""
+
+import mujoco
+import numpy as np
+import pytest
+from mujoco import batch
+
+from sim.terrain import Course, Rough
+from sim.tracks import add_tracks
+
+DROPS = np.array([0.02, 0.05, 0.1, 0.15, 0.2, 0.3])
+"""Heights from which robots fall [m]."""
+HULL = [(-0.25, 0.07, 0.07), (0.25, 0.07, 0.07)]
+SIZES = [(0.25, 0.2, 0.1), (0.2, 0.14, 0.05)]
+"""Half sizes of boxes [m]: the smaller its inertia, the more a robot rocks."""
+ROUGH = Course((Rough(length=6.0, amplitude=0.1, cell=0.1),), width=6.0)
+HIGHEST = 0.05
+"""Of that ground [m]."""
+
+
+def bounces(spec, terrain, preset, size, start):
+    """Tops (N,) of the first bounces of boxes put down at `start` (N, 3) [m]."""
+    body = spec.worldbody.add_body(name="box")
+    body.add_freejoint()
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=[0, 0, 0.12], mass=25, contype=0, conaffinity=0)
+    tracks = add_tracks(spec, "box", half_gauge=0.2, hull=HULL, preset=preset, terrain=terrain)
+    model = spec.compile()
+    robots = batch.Batch(model, len(start), nthread=1)
+    robots.qpos[:, :3] = start
+    tracks.bind(model).bind_batch(robots).set(np.zeros((len(start), 2)))
+    rises, top = np.zeros(len(start), bool), np.full(len(start), -np.inf)
+    for _ in range(round(0.7 / model.opt.timestep)):
+        robots.step()
+        rises |= robots.qvel[:, 2] > 0
+        top = np.where(rises, np.maximum(top, robots.qpos[:, 2]), top)
+    return top
+
+
+@pytest.mark.parametrize("preset", ["accurate", "fast"])
+@pytest.mark.parametrize("size", SIZES, ids=["large", "compact"])
+def test_on_a_plane(preset, size):
+    spec = mujoco.MjSpec()
+    ground = spec.worldbody.add_geom(name="ground", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5, 5, 1])
+    start = np.column_stack([np.zeros((len(DROPS), 2)), DROPS])
+    assert (bounces(spec, [ground], preset, size, start) < 0.6 * DROPS).all()
+
+
+@pytest.mark.parametrize("preset", ["accurate", "fast"])
+@pytest.mark.parametrize("size", SIZES, ids=["large", "compact"])
+def test_on_rough_ground(preset, size):
+    spec = mujoco.MjSpec()
+    rng = np.random.default_rng(0)
+    drops = np.tile(DROPS, 2)
+    start = np.column_stack([rng.uniform(1.5, 4.5, len(drops)), rng.uniform(-1.5, 1.5, len(drops)), HIGHEST + drops])
+    top = bounces(spec, ROUGH.add_to(spec), preset, size, start)
+    assert (top < start[:, 2]).all()
