@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 
 import numpy as np
@@ -32,5 +33,5 @@ def load_pieces(part: SteadyPart) -> tuple[SteadyPart, ...]:
     edges = np.linspace(begin, end, count + 1).tolist()
     return tuple(
         replace(part, name=f"{part.log.run} @ {first:.1f} s", window=(first, last))
-        for first, last in zip(edges[:-1], edges[1:], strict=True)
+        for first, last in itertools.pairwise(edges)
     )
