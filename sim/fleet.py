@@ -278,10 +278,10 @@ class Fleet(Bodies):
         self.batch.time[rows] = 0
         self._heading[rows] = start[:, 2]
         self._follow_heading()
-        self._footing.hold(rows, start[:, 2], self._towed(rows), self.pull.height)
+        self._footing.hold(rows, start[:, 2], self.towed(rows), self.pull.height)
 
-    def _towed(self, rows: np.ndarray) -> Array:
-        """Pull (R,) on the robots `rows` (R,) at the start of their runs, over their normal force [-]."""
+    def towed(self, rows: np.ndarray) -> Array:
+        """Pull (R,) that acts on the robots `rows` (R,), over their normal force [-]."""
         if self._drawbar is None:
             return np.zeros(len(rows))
         normal = self._weight * np.cos([self.ground[k].slope for k in rows])

@@ -10,6 +10,7 @@ import numpy as np
 
 from sim.fleet import Fleet
 from sim.instruments import pad_forces
+from sim.needed_traction import needed_traction
 from sim.scanner.feed import ScannerFeed
 from trackslip.errors import TrackslipError, require
 from trackslip.kinematics import Array
@@ -19,6 +20,7 @@ from trackslip.logs.runlog import RunLog, Truth
 from trackslip.logs.scanlog import ScanLog
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.icr import ConstantIcr
+from trackslip.slip.icr_load import IcrLoad
 
 FAILURE = "failure"
 """Key of a log's metadata: why the run stopped early."""
@@ -61,6 +63,9 @@ class RunRecorder:
         self.time = np.arange(rows) * period  # (T,) [s]
         self.omega = np.zeros((rows, n, 2))  # [rad/s]
         self.pose = np.zeros((rows, n, 3))  # [m, m, rad]
+        self.load = np.zeros((rows, n, 2))
+        """Tractions per unit load that the robots need, along and to the left (T, N, 2) [-]."""
+        self._yields = [ground.largest_shear > 0 for ground in fleet.ground]  # to load
         self._command = np.zeros((rows, n, 2))
         self._twist_command = np.full((rows, n, 2), np.nan)
         self._icr = np.full((rows, n, 2), np.nan)
@@ -79,6 +84,7 @@ class RunRecorder:
         drive, angle = fleet.drive, fleet.drive.encoder_angle()
         self.omega[k] = (angle - self._angle) / self._period
         self._angle = angle
+        self.load[k] = needed_traction(fleet)
         of_drive = drive.torque.copy(), drive.energy.copy(), drive.saturated_time.copy()
         contact = (pad_forces(fleet).astype(np.float32),) if self._in_detail else ()
         if self._in_detail and fleet.shear is not None:
@@ -127,7 +133,7 @@ class RunRecorder:
             what = f"returns the twist {tuple(twist[i].tolist())} at {self.time[k]:g} s: must be finite"
             raise RunFailedError(f"run {self.name(robots[int(i)])!r}: its controller {what}")
         self._twist_command[k, robots] = twist
-        if isinstance(law, ConstantIcr):
+        if isinstance(law, ConstantIcr | IcrLoad):
             self._icr[k, robots] = np.stack(np.broadcast_arrays(law.offset, law.radius_error), axis=-1)
 
     def logs(
@@ -167,6 +173,7 @@ class RunRecorder:
             icr=None if np.isnan(icr).any() else icr,
             covariance=self._covariance[rows, i],
             valid=self._valid[rows, i],
+            load=self.load[rows, i] if self._yields[i] else None,
             truth=truth,
             scans=scans,
             metadata=dict(description.metadata) | ({} if failure is None else {FAILURE: failure}),

@@ -22,7 +22,7 @@ from trackslip.localization.base import Locator, PoseEstimate
 from trackslip.localization.pose_tracker import Tracker
 from trackslip.localization.scan import Cluster, extract_plate
 from trackslip.logs.runlog import RunLog
-from trackslip.slip.compensation import Compensation, FixedLaw
+from trackslip.slip.compensation import Compensation, FixedLaw, SensesLoad
 from trackslip.trajectory.base import Reference
 
 Progress = Callable[[float], None]
@@ -243,7 +243,12 @@ def _steer(
     omega = record.omega[k, robots]
     if k > 0:
         pilot.compensation.observe(omega, period, record.estimated(k, robots))
+    if isinstance(pilot.compensation, SensesLoad):
+        pilot.compensation.sense(record.load[k, robots])
     law = pilot.compensation.law()
+    if isinstance(pilot.compensation, SensesLoad):
+        pose = pose.copy()
+        pose[:, 2] += pilot.compensation.crab_angle(law.twist(omega, geometry))
     if pilot.preview > 0:
         pose = advance(pose, law.twist(omega, geometry), pilot.preview)
     try:

@@ -60,6 +60,8 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.ros.writer import write_bag as write_bag
     from trackslip.slip.base import SlipLaw as SlipLaw
     from trackslip.slip.compensation import FixedLaw as FixedLaw
+    from trackslip.slip.compensation import LoadedLaw as LoadedLaw
+    from trackslip.slip.compensation import LoadedOnlineIcr as LoadedOnlineIcr
     from trackslip.slip.compensation import OnlineIcr as OnlineIcr
     from trackslip.slip.constant import Constant as Constant
     from trackslip.slip.constant import NoSlip as NoSlip
@@ -68,6 +70,7 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.slip.exponential import ExponentialSpeed as ExponentialSpeed
     from trackslip.slip.icr import ConstantIcr as ConstantIcr
     from trackslip.slip.icr import IcrSides as IcrSides
+    from trackslip.slip.icr_load import IcrLoad as IcrLoad
     from trackslip.slip.law_file import load_laws as load_laws
     from trackslip.slip.law_file import save_laws as save_laws
     from trackslip.slip.online import IcrFilter as IcrFilter
@@ -118,10 +121,11 @@ _NAMES = {
     "ros.choice": ("BagChoice",),
     "ros.writer": ("write_bag",),
     "slip.base": ("SlipLaw",),
-    "slip.compensation": ("FixedLaw", "OnlineIcr"),
+    "slip.compensation": ("FixedLaw", "LoadedLaw", "LoadedOnlineIcr", "OnlineIcr"),
     "slip.constant": ("Constant", "NoSlip"),
     "slip.exponential": ("PUBLISHED", "Exponential", "ExponentialSpeed"),
     "slip.icr": ("ConstantIcr", "IcrSides"),
+    "slip.icr_load": ("IcrLoad",),
     "slip.law_file": ("load_laws", "save_laws"),
     "slip.online": ("IcrFilter",),
     "slip.power": ("Hyperbola", "Power"),

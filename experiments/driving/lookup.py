@@ -4,6 +4,7 @@ import functools
 import importlib
 import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 from experiments.driving.paper_model import KNOWN_LAWS
@@ -18,19 +19,21 @@ from trackslip.kinematics import RobotGeometry
 from trackslip.localization.base import Locator
 from trackslip.localization.line import LineLocator
 from trackslip.localization.plate import PlateLocator
-from trackslip.slip.compensation import Compensation, FixedLaw, OnlineIcr
+from trackslip.slip.base import SlipLaw
+from trackslip.slip.compensation import Compensation, FixedLaw, LoadedLaw, LoadedOnlineIcr, OnlineIcr
 from trackslip.slip.icr import ConstantIcr
+from trackslip.slip.icr_load import IcrLoad
 from trackslip.slip.law_file import load_laws
 from trackslip.slip.stored_laws import SHIPPED
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.named import load_reference
 
-_ONLINE, _ONLINE_COLD = "online", "online_cold"
+_ONLINE, _ONLINE_LOAD, _ONLINE_COLD = "online", "online_load", "online_cold"
 _POLICY = "ppo:"
 _MARGIN = 0.98  # share of the top speed that the MPC plans with
 REACH = 1.27
 """(b + D) / b on hard ground: how far out slip compensation places the tracks [-]."""
-_PRIOR = "icr_radius"  # the law that `online` starts from
+_PRIORS = {_ONLINE: "icr_radius", _ONLINE_LOAD: "icr_load"}  # the laws that they start from
 
 
 @functools.lru_cache(maxsize=64)
@@ -49,12 +52,20 @@ def compensation(name: str, robot: RobotGeometry, laws: Path | None) -> Compensa
     if name == _ONLINE_COLD:
         return OnlineIcr(robot)
     stored = load_laws(laws or SHIPPED, robot)
-    if name == _ONLINE and isinstance(prior := stored.get(_PRIOR), ConstantIcr):
+    if name == _ONLINE and isinstance(prior := stored.get(_PRIORS[name]), ConstantIcr):
         return OnlineIcr(robot, prior)
+    if name == _ONLINE_LOAD and isinstance(prior := stored.get(_PRIORS[name]), IcrLoad):
+        return LoadedOnlineIcr(robot, prior)
     if name not in stored:
-        names = [*KNOWN_LAWS, *stored, *([_ONLINE] if _PRIOR in stored else []), _ONLINE_COLD]
+        names = [*KNOWN_LAWS, *stored, *_learning(stored), _ONLINE_COLD]
         raise InvalidValueError("compensation", name, f"one of {', '.join(names)}")
-    return FixedLaw(stored[name])
+    law = stored[name]
+    return LoadedLaw(law) if isinstance(law, IcrLoad) else FixedLaw(law)
+
+
+def _learning(stored: Mapping[str, SlipLaw]) -> list[str]:
+    """The compensations that can start from stored laws."""
+    return [name for name, prior in _PRIORS.items() if prior in stored]
 
 
 def controller(name: str, robot: RobotGeometry, top_speed: float) -> Controller:

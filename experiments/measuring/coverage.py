@@ -23,8 +23,8 @@ from trackslip.slip.families import FAMILIES
 
 RUN_LAW = "icr_radius"
 """The law that is fitted to runs scanned repeatedly."""
-DRAWN_LAWS = tuple(name for name in FAMILIES if FAMILIES[name].names)
-"""The laws that samples are drawn from."""
+DRAWN_LAWS = tuple(name for name, family in FAMILIES.items() if family.names and not family.loaded)
+"""The laws that samples are drawn from; on level ground, none is of slip under load."""
 _MOTION = "bundle"  # takes ranges, to which noise can be added again and again
 
 Shares = Mapping[str, float]

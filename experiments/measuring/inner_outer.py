@@ -8,6 +8,7 @@ import numpy as np
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import SIDES, Array, RobotGeometry
 from trackslip.slip.base import SlipLaw
+from trackslip.slip.icr_load import IcrLoad
 
 TRACKS = ("inner", "outer")
 """Order of the tracks on the last axis, here and in the figures."""
@@ -34,6 +35,7 @@ class InnerOuterSamples:
     slip: Array  # (n, 2) of the inner and outer track [-]
     errors: StandardErrors | None
     """None where the samples have none."""
+    load: Array | None = None  # (n, 2) tractions per unit load, if known [-]
 
     @classmethod
     def of(cls, samples: SlipSamples, geometry: RobotGeometry) -> Self:
@@ -41,7 +43,7 @@ class InnerOuterSamples:
         turning = samples.take((np.abs(samples.radius) < _STRAIGHT) & np.isfinite(samples.slip).all(axis=1))
         left = turning.curvature > 0
         slip = inner_outer(turning.slip, left)
-        return cls(turning.twist, np.abs(turning.radius), left, slip, _errors(turning, left, geometry))
+        return cls(turning.twist, np.abs(turning.radius), left, slip, _errors(turning, left, geometry), turning.load)
 
     def __len__(self) -> int:
         return len(self.radius)
@@ -53,7 +55,8 @@ class InnerOuterSamples:
 
     def residual(self, law: SlipLaw) -> Array:
         """Measured slip minus the law's at the measured motion, (n, 2) of the inner and outer track [-]."""
-        return self.slip - inner_outer(law.slip(self.twist), self.left)
+        loaded = law.under(self.load) if isinstance(law, IcrLoad) and self.load is not None else law
+        return self.slip - inner_outer(loaded.slip(self.twist), self.left)
 
     def curves(self, law: SlipLaw, radius: Array) -> list[Array]:
         """Slips (m, 2) of the inner and outer track at radii (m,) [m] > 0 and the median speed.

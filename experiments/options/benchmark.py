@@ -66,7 +66,7 @@ class BenchmarkConfig(Equipment):
     controllers: Annotated[tuple[str, ...] | None, default_is("the suite's", f"{CONTROLLERS} ...")] = None
     """Controllers; ppo:FOLDER is a policy trained by train, MODULE:CLASS a controller of your own."""
     compensations: Annotated[tuple[str, ...] | None, default_is("the suite's", f"{COMPENSATIONS} ...")] = None
-    """Slip compensations; LAW is one of --laws, online starts from icr_radius, online_cold from no slip."""
+    """Slip compensations: LAW of --laws; online starts from icr_radius, online_load icr_load, online_cold no slip."""
     references: Annotated[tuple[str, ...] | None, default_is("the suite's", f"{REFERENCES} ...")] = None
     """Paths; a .csv file lists way points in the columns x, y [m]."""
     grounds: Annotated[tuple[str, ...] | None, default_is("the suite's", _GROUNDS)] = None

@@ -11,5 +11,5 @@ WITHOUT_LAWS = ("none", "published", "online_cold")
 """Compensations that need no identified law."""
 CONTROLLERS = f"{{{','.join(CONTROLLER_NAMES)},ppo:FOLDER,MODULE:CLASS}}"
 REFERENCES = f"{{{','.join(REFERENCE_NAMES)},FILE.csv}}"
-COMPENSATIONS = "{none,published,LAW,online,online_cold}"
+COMPENSATIONS = "{none,published,LAW,online,online_load,online_cold}"
 """What `--help` prints for the value of an option."""

@@ -16,8 +16,10 @@ _LOOKS: dict[str, tuple[str, Any, str]] = {
     "icr": ("#3A93C9", (0, (2, 1)), "constant ICR"),
     "icr_radius": (BLUE, "-", "constant ICR with ε"),
     "turn_loss": ("#A63D6F", (0, (8, 2, 2, 2)), "constant ICR with turn loss"),
+    "icr_load": ("#2B7A78", (0, (10, 2, 2, 2, 2, 2)), "constant ICR with slip under load"),
     "icr_sides": ("#6A3D9A", (0, (2, 2.5)), "constant ICR, two-sided"),
     "online": ("#117733", (0, (5, 1)), "online"),
+    "online_load": ("#4B6A1E", (0, (5, 1, 2, 1)), "online, with slip under load"),
     "online_cold": ("#999933", (0, (5, 1, 1, 1)), "online, from nothing"),
 }
 COLOURS = {name: colour for name, (colour, _, _) in _LOOKS.items()}

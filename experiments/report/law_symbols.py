@@ -7,7 +7,7 @@ from trackslip.slip.families import FAMILIES
 
 _LETTERS = {
     "alpha": "α", "beta": "β", "gamma": "γ", "slip": "i", "size": "a", "pole": "p", "offset": "D", "radius_error": "ε",
-    "turn_loss": "g"
+    "turn_loss": "g", "compliance": "C", "turn_compliance": "S"
 }  # fmt: skip
 _TRACKS = ("", " outer", " inner", " left", " right")
 SYMBOLS = {
@@ -24,6 +24,7 @@ FORMULAS = {
     "icr": ("outer: D / (R + b + D)", "inner: −D / (R − b − D)"),
     "icr_radius": ("outer: 1 − (1 + ε)(R + b) / (R + b + D)", "inner: 1 − (1 + ε)(R − b) / (R − b − D)"),
     "turn_loss": ("w as above, v = s (1 − g sin²θ)", "s: the belts' mean speed, tan θ = (b + D) w / s"),
+    "icr_load": ("as icr_radius, with v + t √((C v)² + (S w)²) for v", "t: traction over load"),
     "icr_sides": ("as icr_radius, with D and ε", "of the left and the right track"),
 }
 """Law -> the lines of its formula."""

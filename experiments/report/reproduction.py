@@ -18,6 +18,7 @@ from experiments.report.figures import steady_runs as steady_figures
 from experiments.report.figures import tracking as tracking_figures
 from experiments.report.figures.drive_path import path_and_predictions
 from experiments.report.figures.localization import Sightings, error_against_viewing_angle, sightings
+from experiments.report.figures.slip_under_load import slip_under_load
 from experiments.report.formats import MISSING, number, pair
 from experiments.report.identification import Facts
 from experiments.report.page import Drawing, Page, render_page
@@ -94,13 +95,16 @@ def _figures(report: Report, seen: Sightings | None) -> Iterator[tuple[str, Figu
         yield "fig04_pose_and_velocity", steady_figures.pose_and_velocity(steady_figures.typical_run(report.grid_logs))
     if seen is not None:
         yield "localization_error", error_against_viewing_angle(seen)
-    if steady is not None and turns is not None:
+    if found is not None and steady is not None and turns is not None:
         comparison = steady.comparison
         if len(turns):
             slip = steady_figures.slip_against_speed_and_radius(turns, comparison.laws[comparison.best])
             yield "fig05_slip_over_speed_and_radius", slip
             yield "fig06_slip_laws", law_figures.fitted_laws(turns, comparison)
             yield "residuals_of_laws", law_figures.residuals(turns, comparison)
+        loaded = comparison.laws.get("icr_load")
+        if loaded is not None and (figure := slip_under_load(steady.samples, loaded, found.geometry)) is not None:
+            yield "slip_under_load", figure
         yield "comparison_of_laws", law_figures.criteria(comparison)
         if correlated := law_figures.correlated_laws(comparison):
             yield "correlations_of_parameters", law_figures.correlations(correlated)

@@ -68,7 +68,10 @@ def test_reading_laws_imports_what_laws_need():
     found = modules_after("import trackslip.slip.law_file")
     assert {name for name in found if name.startswith("trackslip.") and name.count(".") > 1} == {
         *("trackslip.logs.file_format", "trackslip.slip.law_file", "trackslip.slip.families"),
-        *(f"trackslip.slip.{name}" for name in ("base", "constant", "exponential", "icr", "power", "turn_loss")),
+        *(
+            f"trackslip.slip.{name}"
+            for name in ("base", "constant", "exponential", "icr", "icr_load", "power", "turn_loss")
+        ),
         *("trackslip.slip.nested", "trackslip.slip.stored_laws"),
     }
     assert not any(name.startswith(("scipy", "pyarrow")) for name in found)

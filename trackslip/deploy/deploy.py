@@ -12,7 +12,8 @@ from trackslip.deploy.expressible import best_expressible, instead_of
 from trackslip.deploy.json_text import json_text
 from trackslip.deploy.python_file import python_text
 from trackslip.deploy.ros2_control import ros2_control_text
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.slip.icr_load import IcrLoad
 from trackslip.slip.stored_laws import SHIPPED, StoredLaws, read_stored, stored_laws
 
 if TYPE_CHECKING:
@@ -25,6 +26,8 @@ TARGETS: dict[str, Callable[[StoredLaws, str], str]] = {
     "python": python_text,
 }
 """What laws can be deployed to: the text of a file, from laws and the name of one of them."""
+
+_WITHOUT_LOAD = ("c", "python")  # whose functions take speeds alone
 
 
 @dataclass(frozen=True)
@@ -64,6 +67,10 @@ def deployed(source: str | Path | Identification, to: str, law: str | None = Non
         raise InvalidValueError("to", to, f"one of {', '.join(TARGETS)}")
     stored, limited = _stored(source), to == "ros2_control"
     name = stored.law_named(best_expressible(stored) if law is None and limited else law)
+    chosen = stored.laws[name]
+    if isinstance(chosen, IcrLoad) and to in _WITHOUT_LOAD:
+        cost = f"the same without load, off by {abs(chosen.compliance):.1%} of the speed per traction over load of 1"
+        raise TrackslipError(f"law = {name!r}: {to} has no input for the load; nearest is icr_radius: {cost}")
     text = TARGETS[to](stored, name)
     return Deployed(name, text, instead_of(stored, name) if limited else "")
 

@@ -20,6 +20,7 @@ BASELINES = ("none", "exponential", "icr")
 _WITHOUT_RADIUS = ("none", "constant")  # laws that tell nothing of turns
 _INDISTINCT = 2.0  # difference of AICc within which the simpler law is preferred
 _CERTAIN = 3.0  # difference of ICRs that is no chance [standard errors]
+_MIN_LOADS = 1e-3  # range of the tractions per unit load from which their effect may show [-]
 _LARGE_RADIUS_ERROR = 0.1  # radius error above which a wrong gear or sprocket radius is more likely [-]
 
 
@@ -57,8 +58,10 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> Comparison:
     laws: dict[str, FittedLaw] = {}
     warnings: list[str] = []
     sides = np.sign(samples.omega[:, 1] - samples.omega[:, 0]) * np.sign(samples.omega.sum(axis=1))
-    for name in FAMILIES:
+    for name, family in FAMILIES.items():
         if name in TWO_SIDED and min((sides > 0).sum(), (sides < 0).sum()) < 2:
+            continue
+        if family.loaded and (samples.load is None or np.ptp(samples.load) < _MIN_LOADS):
             continue
         try:
             laws[name] = fit_law(name, samples, geometry, vague=name in BASELINES)

@@ -96,6 +96,7 @@ def fit(family: LawFamily, runs: WeightedRuns, start: Array | None = None, scatt
     By default, the best of the fits from the family's own starting values is kept, and tau (M,) is estimated,
     alternating with the values.
     """
+    family = family.under(runs.load)
     sets = max(len(runs.speeds), len(runs.weight))
     if scatter is not None:
         return _at(family, runs, np.broadcast_to(scatter, (sets,)), start)

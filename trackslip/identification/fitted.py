@@ -96,6 +96,7 @@ def fit_law(
         interval = profile_intervals(fits, heights(fits, tests, measured))[0]
     values = dict(zip(names, fits.values[0].tolist(), strict=True))
     law = model.build(values, geometry)
+    loaded = model.under(samples.load).build(values, geometry)
     deviations = np.sqrt(np.diag(fits.covariance[0]))
     with np.errstate(invalid="ignore"):
         correlation = fits.covariance[0] / np.outer(deviations, deviations)
@@ -113,7 +114,7 @@ def fit_law(
         bootstrap95=bootstrap,
         correlation=correlation,
         noise_stderr=dict(zip(names, noise.tolist(), strict=True)),
-        rms=rms(relative_errors(law.twist(samples.omega, geometry), samples, geometry)),
+        rms=rms(relative_errors(loaded.twist(samples.omega, geometry), samples, geometry)),
         scatter=float(fits.scatter[0]),
         likelihood=_likelihood(fits),
         lack_of_fit=tests[0] if tests else None,
@@ -124,6 +125,9 @@ def fit_law(
 def _undetermined(name: str, fits: Fits, error: Array) -> tuple[str, ...]:
     """Why the samples do not determine a parameter; empty if they determine all of them."""
     names, limits = fits.family.names, fits.family.limits(fits.runs.geometry.half_gauge)
+    load = fits.runs.load
+    if fits.family.loaded and (load is None or np.ptp(load) == 0):
+        return (f"law {name}: the {fits.runs.runs} samples don't determine compliance: it takes runs under loads",)
     with np.errstate(invalid="ignore"):
         replaceable = ~(np.diag(fits.hessian[0]) * np.diag(fits.covariance[0]) < _REPLACEABLE)
     for key, value, spread, replaced, least, most, scale in zip(

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from trackslip.identification.fit import fit
-from trackslip.identification.replicates import by_command
+from trackslip.identification.replicates import by_command, by_load
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.weighting import WeightedRuns
 from trackslip.kinematics import Array, RobotGeometry
@@ -25,6 +25,8 @@ _SETTLED = 1e-3  # change of weights at convergence
 _TUKEY = 4.685  # cutoff of the biweight [robust standard deviations]
 _LAWS = ("exponential", "hyperbola", "power", "icr_radius", "turn_loss", "icr_sides")
 
+_LOADED = ("icr_load",)  # for runs under known loads
+
 
 def split_outliers(
     samples: SlipSamples, geometry: RobotGeometry, laws: Sequence[str] = _LAWS
@@ -40,9 +42,10 @@ def split_outliers(
     if count < _MIN_SAMPLES:
         return samples, []
     runs = WeightedRuns.of(samples, geometry)
-    judged = [_robust_deviation(name, runs) for name in laws if count > len(FAMILIES[name].names)]
+    told = laws if samples.load is None else (*laws, *_LOADED)
+    judged = [_robust_deviation(name, runs) for name in told if count > len(FAMILIES[name].names)]
     least = min(spread for _, spread in judged)
-    labels = by_command(samples.omega, geometry)
+    labels = by_load(by_command(samples.omega, geometry), samples.load)
     good = [(_worst(deviation, labels), spread) for deviation, spread in judged if spread <= _AS_GOOD * least]
     noise = np.sqrt(runs.eigenvalues.max(axis=1))  # (n,) of measurement
     limits = [np.maximum(_FAR * np.hypot(spread, noise), _WORTH_MENTIONING) for _, spread in good]

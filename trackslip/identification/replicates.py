@@ -13,6 +13,7 @@ from trackslip.kinematics import Array, RobotGeometry, body_twist
 _TOLERANCE = 0.02  # maximum relative difference of the commands (curvatures or speeds) of repeated runs
 _MIN_ANGLE = 0.1  # angle of a command below which the tolerance no longer shrinks with it [rad]
 _MIN_SPEED = 0.05  # likewise of the speed, relative to the fastest run
+_MIN_LOAD = 0.05  # likewise of the traction per unit load [-]
 _WIDEST = 5.0  # width of a group of commands, in tolerances, above which they are no repeats but a range
 _FOLDS = 10  # maximum number of folds of a cross-validation
 SIGNIFICANT = 0.01  # significance level of lack of fit [-]
@@ -76,6 +77,14 @@ def by_equal_command(omega: Array, geometry: RobotGeometry) -> np.ndarray:
     return np.unique(pairs, axis=0, return_inverse=True)[1].reshape(-1)
 
 
+def by_load(labels: np.ndarray, load: Array | None) -> np.ndarray:
+    """The groups (n,) of runs, divided by the tractions per unit load (n, 2) where these are known."""
+    if load is None:
+        return labels
+    divided = np.column_stack([labels, *(group_labels(component, _MIN_LOAD) for component in load.T)])
+    return np.unique(divided, axis=0, return_inverse=True)[1].reshape(-1)
+
+
 def folds(labels: np.ndarray) -> np.ndarray:
     """Folds (n,) of a cross-validation: groups (n,) or, where there are many, about equal numbers of neighbours."""
     size = np.bincount(labels)
@@ -94,7 +103,8 @@ def lack_of_fit(fits: Fits, measured: bool) -> list[LackOfFit] | None:
     explain the residuals.
     """
     runs = fits.runs
-    groupings = by_command(runs.omega, runs.geometry), by_equal_command(runs.omega, runs.geometry)
+    same_radius, same_speeds = by_command(runs.omega, runs.geometry), by_equal_command(runs.omega, runs.geometry)
+    groupings = by_load(same_radius, runs.load), by_load(same_speeds, runs.load)
     tests = [test for labels in groupings if (test := _by_repeats(fits, labels)) is not None]
     if tests:
         return [max(of_set, key=lambda test: test.inflation) for of_set in zip(*tests, strict=True)]

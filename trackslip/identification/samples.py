@@ -15,10 +15,11 @@ from trackslip.kinematics import Array, RobotGeometry, curvature, track_slip
 from trackslip.logs.refused import Refused, none_usable
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.constant_speed import SETTLE
+from trackslip.motion.load_pieces import load_pieces
 from trackslip.motion.methods import MOTION_METHODS, best_method
 from trackslip.motion.steady import MARGIN, STANDING, SteadyPart, require_steady_motion, steady_part, steady_parts
 
-_OPTIONAL = ("covariance", "lateral", "lateral_stderr")  # fields of SlipSamples
+_OPTIONAL = ("covariance", "lateral", "lateral_stderr", "load")  # fields of SlipSamples
 
 
 @dataclass(frozen=True)
@@ -32,6 +33,7 @@ class SlipSamples:
     covariance: Array | None = None  # (n, 2, 2) of the errors of the twists, if known
     lateral: Array | None = None  # (n,) speed to the left in the frame of the measured heading, if measured [m/s]
     lateral_stderr: Array | None = None  # (n,) its standard errors [m/s]
+    load: Array | None = None  # (n, 2) mean tractions per unit load, along and to the left, if known [-]
 
     def __len__(self) -> int:
         return len(self.run)
@@ -57,10 +59,12 @@ class SlipSamples:
         covariance: Array | None = None,
         lateral: Array | None = None,
         lateral_stderr: Array | None = None,
+        load: Array | None = None,
     ) -> SlipSamples:
         """Samples from steady sprocket speeds and twists (n, 2); Eqs. 2-3.
 
-        With covariances (n, 2, 2) of the twists, lateral speeds (n,) and their standard errors (n,) if known.
+        With covariances (n, 2, 2) of the twists, lateral speeds (n,), their standard errors (n,) and tractions per
+        unit load (n, 2) if known.
 
         The slip of a track whose sprocket stands, or nearly so, is undefined: NaN. Raises LogError if both stand or the
         motion is implausible.
@@ -70,7 +74,7 @@ class SlipSamples:
         slip = np.where(standing, np.nan, track_slip(omega, twist, geometry))
         yaw_stderr = np.zeros(len(twist)) if covariance is None else np.sqrt(np.maximum(covariance[:, 1, 1], 0.0))
         require_plausible(omega, twist, slip, geometry, run, yaw_stderr)
-        return cls(omega, twist, slip, tuple(run), covariance, lateral, lateral_stderr)
+        return cls(omega, twist, slip, tuple(run), covariance, lateral, lateral_stderr, load)
 
     @classmethod
     def joined(cls, parts: Sequence[SlipSamples]) -> SlipSamples:
@@ -158,11 +162,14 @@ def usable_samples(
             continue
         before = len(found.usable)
         for part in parts:
-            try:
-                found.usable.append(_sample(part, geometry, method))
-                found.steady += part.window[1] - part.window[0] + max(settle, MARGIN) + MARGIN
-            except LogError as error:
-                found.refused.append(Refused(part.name, Refused.of(log.run, error).reason))
+            pieces = (part,) if longest else load_pieces(part)
+            lead, trail = max(settle, MARGIN) / len(pieces), MARGIN / len(pieces)
+            for piece in pieces:
+                try:
+                    found.usable.append(_sample(piece, geometry, method))
+                    found.steady += piece.window[1] - piece.window[0] + lead + trail
+                except LogError as error:
+                    found.refused.append(Refused(piece.name, Refused.of(log.run, error).reason))
         found.notes += parts[0].notes if len(found.usable) > before else ()
     return found.sampling(sum(_moving_time(log) for log in logs))
 
@@ -231,7 +238,14 @@ def _measured(part: SteadyPart, geometry: RobotGeometry, method: str | None) -> 
     lateral = None if steady.lateral is None else np.array([steady.lateral])
     lateral_stderr = None if steady.lateral_stderr is None else np.array([steady.lateral_stderr])
     return SlipSamples.of(
-        part.omega[None], steady.twist[None], geometry, [part.name], steady.covariance[None], lateral, lateral_stderr
+        part.omega[None],
+        steady.twist[None],
+        geometry,
+        [part.name],
+        steady.covariance[None],
+        lateral,
+        lateral_stderr,
+        None if part.load is None else part.load[None],
     )
 
 
@@ -243,7 +257,7 @@ def true_samples(
     `of_plate` takes the motion of the scanned plate, which leans outwards with the robot: it moves along a wider
     circle, faster by the yaw rate times the lean.
     """
-    omega, twist = [], []
+    omega, twist, load = [], [], []
     for log in logs:
         if log.truth is None or (of_plate and log.truth.lean is None):
             raise LogError(f"run {log.run!r}: has no truth")
@@ -255,4 +269,6 @@ def true_samples(
             true = np.column_stack([true[:, 0] - true[:, 1] * truth.lean[rows], true[:, 1]])
         omega.append(part.omega)
         twist.append(true.mean(axis=0))
-    return SlipSamples.of(np.array(omega), np.array(twist), geometry, [log.run for log in logs])
+        load.append(part.load)
+    known = None if any(one is None for one in load) else np.array(load, float)
+    return SlipSamples.of(np.array(omega), np.array(twist), geometry, [log.run for log in logs], load=known)

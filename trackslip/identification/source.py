@@ -25,6 +25,7 @@ from trackslip.ros.choice import AUTOMATIC, BagChoice
 from trackslip.ros.drive_log import read_bags
 
 _MATTERS = ("ground", "radius_error", "geometry", "model_sha256")  # to slip
+_LOADING = ("slope", "uphill")  # of the ground: may differ between runs that tell their loads
 
 
 @dataclass(frozen=True)
@@ -116,7 +117,7 @@ def source_of_runs(
     """
     if not runs:
         raise LogError(f"{name}: there are none")
-    _require_one_setting(runs, name)
+    loads = _require_one_setting(runs, name)
     geometry = _geometry(reading, runs[0].metadata.get("geometry"), name)
     known = {"geometry": asdict(geometry)}
     logs = [replace(log, omega=log.omega / reading.gear, metadata=log.metadata | known) for log in runs]
@@ -127,7 +128,7 @@ def source_of_runs(
         reading,
         tuple(logs),
         refused=left_out.refused,
-        notes=left_out.notes,
+        notes=(*left_out.notes, *loads),
         taken=left_out.taken,
     )
 
@@ -188,15 +189,20 @@ def _sampled(columns: Columns, gear: float, geometry: RobotGeometry) -> Sampling
     return usable_rows(values[:, :2] / gear, values[:, 2:], geometry, unread)
 
 
-def _require_one_setting(logs: Sequence[RunLog], source: str) -> None:
-    """Raise LogError for runs that cannot share one slip law, because ground or robot differ."""
+def _require_one_setting(logs: Sequence[RunLog], source: str) -> tuple[str, ...]:
+    """A note on runs under different loads; LogError for runs that cannot share a law: ground or robot differ."""
     for key in _MATTERS:
         first, *others = [log.metadata[key] for log in logs if key in log.metadata] or [None]
         if all(other == first for other in others):
             continue
-        if isinstance(first, Mapping):
-            key += f" ({', '.join(name for name in first if any(other.get(name) != first[name] for other in others))})"
-        raise LogError(f"{source}: its runs differ in {key}: choose with --where NAME=VALUE")
+        if not isinstance(first, Mapping):
+            raise LogError(f"{source}: its runs differ in {key}: choose with --where NAME=VALUE")
+        names = [name for name in first if any(other.get(name) != first[name] for other in others)]
+        differing = f"its runs differ in {key} ({', '.join(names)})"
+        if not set(names) <= set(_LOADING) or any(log.load is None for log in logs):
+            raise LogError(f"{source}: {differing}: choose with --where NAME=VALUE")
+        return (f"{differing}: only icr_load takes that into account",)
+    return ()
 
 
 def _geometry(reading: Reading, stored: Any, source: object) -> RobotGeometry:

@@ -119,7 +119,7 @@ def _as_good(errors: Mapping[str, Array]) -> list[str]:
 def _predicted(law: FittedLaw, runs: WeightedRuns, labels: np.ndarray) -> Array | None:
     """Twists (n, 2) of the runs, each predicted by a fit to the other groups; None if that cannot be."""
     groups = int(labels.max()) + 1
-    family = FAMILIES[law.name]
+    family = FAMILIES[law.name].under(runs.load)
     kept = (labels != np.arange(groups)[:, None]).astype(float)  # (groups, n)
     if groups < 2 or 2 * kept.sum(axis=1).min() <= len(family.names):
         return None

@@ -40,6 +40,7 @@ class WeightedRuns:
     turn: Array  # (n, 2, 2) Q^T / s
     eigenvalues: Array  # (n, 2) lambda
     weight: Array  # (M or 1, n) multiplicity of each run
+    load: Array | None = None  # (n, 2) tractions per unit load, if known [-]
 
     @classmethod
     def of(cls, samples: SlipSamples, geometry: RobotGeometry) -> WeightedRuns:
@@ -48,12 +49,14 @@ class WeightedRuns:
         speeds = track_speeds(samples.twist, geometry.half_gauge)[None]
         weight = np.ones((1, len(scale)))
         if samples.covariance is None:
-            return cls(geometry, samples.omega, speeds, np.eye(2) / scale, np.zeros((len(scale), 2)), weight)
+            return cls(
+                geometry, samples.omega, speeds, np.eye(2) / scale, np.zeros((len(scale), 2)), weight, samples.load
+            )
         to_tracks = _to_tracks(geometry)
         noise = to_tracks @ samples.covariance @ to_tracks.T
         eigenvalues, vectors = np.linalg.eigh(noise / scale**2)
         turn = vectors.swapaxes(1, 2) / scale
-        return cls(geometry, samples.omega, speeds, turn, np.maximum(eigenvalues, MIN_SCATTER**2), weight)
+        return cls(geometry, samples.omega, speeds, turn, np.maximum(eigenvalues, MIN_SCATTER**2), weight, samples.load)
 
     @property
     def runs(self) -> int:

@@ -11,7 +11,7 @@ from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.logs.scanlog import ScanLog
 
-_BY_ROW = ("time", "omega", "pose", "command", "twist_command", "icr", "covariance", "valid")
+_BY_ROW = ("time", "omega", "pose", "command", "twist_command", "icr", "covariance", "valid", "load")
 
 
 @dataclass(frozen=True)
@@ -43,6 +43,7 @@ class RunLog:
     icr: Array | None = None  # (T, 2) D [m] and epsilon [-] of the constant ICRs used for slip compensation
     covariance: Array | None = None  # (T, 3, 3) of the pose
     valid: np.ndarray | None = None  # (T,) bool: whether the pose was measured; None if every pose was
+    load: Array | None = None  # (T, 2) traction per unit load that the robot needs, along and to its left [-]
     truth: Truth | None = None
     scans: ScanLog | None = None  # T rows: the scans from which the poses were estimated
     metadata: dict[str, Any] = field(default_factory=dict)
@@ -90,7 +91,7 @@ class RunLog:
         return replace(self, **changed)
 
     def __repr__(self) -> str:
-        optional = ("command", "twist_command", "icr", "covariance", "valid", "truth", "scans")
+        optional = ("command", "twist_command", "icr", "covariance", "valid", "load", "truth", "scans")
         held = [name for name in optional if getattr(self, name) is not None]
         size = f"{len(self.time)} rows, {self.time[-1] - self.time[0]:.4g} s"
         return f"<RunLog {self.run!r}: {', '.join([size, *held])}>"

@@ -43,6 +43,8 @@ _ALL = (
     Column("y", "m", "estimated position in the field"),
     Column("phi", "rad", "estimated heading, counter-clockwise from x, unwrapped"),
     Column("valid", NO_UNIT, "whether the pose was measured in this scan"),
+    Column("load_along", PURE, "traction along the robot that slope and pull take, over the load on its tracks"),
+    Column("load_left", PURE, "the same to its left, as where uphill is to the left"),
     *_tracks("omega_cmd", "rad/s", "sprocket speed commanded from this row to the next"),
     Column("v_cmd", "m/s", "forward speed commanded by the controller"),
     Column("w_cmd", "rad/s", "yaw rate commanded by the controller"),

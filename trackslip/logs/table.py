@@ -28,6 +28,7 @@ BLOCKS: dict[str, tuple[str, ...]] = {  # columns of fields of a RunLog
     "command": ("omega_cmd_l", "omega_cmd_r"),
     "twist_command": ("v_cmd", "w_cmd"),
     "icr": ("icr_offset", "icr_radius_error"),
+    "load": ("load_along", "load_left"),
     "omega": ("omega_l", "omega_r"),
     "pose": ("x", "y", "phi"),
 }

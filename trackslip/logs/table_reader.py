@@ -20,7 +20,7 @@ from trackslip.logs.runlog import RunLog, Truth
 from trackslip.logs.scan_columns import SCANNED, from_list_column, scans_from_table
 from trackslip.logs.table import BLOCKS, CONTACT, COVARIANCE, REQUIRED, SHEAR, TRUTH, UPPER, stored_metadata
 
-_OPTIONAL = ("command", "twist_command", "icr")
+_OPTIONAL = ("command", "twist_command", "icr", "load")
 _ENCODER, _POSE = BLOCKS["omega"], BLOCKS["pose"]
 _MOST = 0.5  # share of damaged rows above which a run cannot be read
 

@@ -63,6 +63,15 @@ class SteadyPart:
         mean: Array = np.average(self.log.omega[rows], axis=0, weights=step if uneven else None)
         return mean
 
+    @property
+    def load(self) -> Array | None:
+        """Mean tractions per unit load in the window (2,) [-]; None if the run doesn't tell them."""
+        if self.log.load is None:
+            return None
+        known = self.log.load[self.rows]
+        known = known[np.isfinite(known).all(axis=1)]
+        return np.asarray(known.mean(axis=0)) if len(known) else None
+
 
 def steady_part(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -> SteadyPart:
     """The longest steady stretch of a run, under the name of the run; raises LogError like `steady_parts`."""

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Protocol
+from dataclasses import dataclass, field, replace
+from typing import Protocol, runtime_checkable
+
+import numpy as np
 
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
@@ -11,7 +13,13 @@ from trackslip.localization.base import PoseEstimate
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import NoSlip
 from trackslip.slip.icr import ConstantIcr
+from trackslip.slip.icr_load import MAX_LOAD, IcrLoad
 from trackslip.slip.online import FilterTuning, IcrFilter
+
+MAX_CRAB_ANGLE = 0.3
+"""Largest angle at which a robot is taken to move to the side of its heading [rad]."""
+_LOADED_TUNING = FilterTuning(centre_spread=0.2, centre_walk=0.01)
+"""The law does not tell the centre of turns, which shifts along the robot as it turns towards the slope."""
 
 
 class Compensation(Protocol):
@@ -44,6 +52,49 @@ class FixedLaw:
         return self.known
 
 
+@runtime_checkable
+class SensesLoad(Protocol):
+    """A compensation that also measures the traction per unit load that the robots need, as from their inclination."""
+
+    def sense(self, load: Array) -> None:
+        """Take tractions per unit load (N, 2), along the robots and to their left [-], before each call of `law`."""
+
+    def crab_angle(self, twist: Array) -> Array:
+        """Angles (N,) to the left of their headings at which the robots move at twists (N, 2) [rad]."""
+
+
+def crab_angle(forward: Array, leftward: Array) -> Array:
+    """Angles (N,) from the robots' axes to their directions of motion, at speeds (N,); at most MAX_CRAB_ANGLE [rad]."""
+    angle = np.arctan2(leftward * np.sign(forward), np.abs(forward))
+    return np.asarray(np.clip(angle, -MAX_CRAB_ANGLE, MAX_CRAB_ANGLE))
+
+
+class LoadedLaw:
+    """A fixed law of slip under load, at the load that is measured."""
+
+    def __init__(self, known: IcrLoad) -> None:
+        self._known = known
+
+    def reset(self, start: Array) -> None:
+        """Start a new run at poses (N, 3), without load."""
+        self._load: Array = np.zeros((len(start), 2))
+
+    def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
+        """Nothing to learn."""
+
+    def sense(self, load: Array) -> None:
+        """Take tractions per unit load (N, 2) [-]; beyond MAX_LOAD, the law takes MAX_LOAD."""
+        self._load = np.clip(load, -MAX_LOAD, MAX_LOAD)
+
+    def crab_angle(self, twist: Array) -> Array:
+        """Angles (N,) to the left of their headings at which the robots move at twists (N, 2) [rad]."""
+        return crab_angle(twist[:, 0], self.law().sideslip(twist))
+
+    def law(self) -> IcrLoad:
+        """The law at the load sensed last."""
+        return self._known.under(self._load)
+
+
 class OnlineIcr:
     """Constant ICRs, learnt while driving by an `IcrFilter`, from those of `prior` or without prior knowledge."""
 
@@ -61,7 +112,7 @@ class OnlineIcr:
         """Update the filters with the motion of the robots."""
         self._running.update(omega, duration, estimate)
 
-    def law(self) -> ConstantIcr:
+    def law(self) -> ConstantIcr | IcrLoad:
         """The current estimates, with parameters (N,)."""
         return self._running.law
 
@@ -70,3 +121,35 @@ class OnlineIcr:
         if self._filter is None:
             raise TrackslipError("compensation: call reset() before the first run")
         return self._filter
+
+
+class LoadedOnlineIcr(OnlineIcr):
+    """Constant ICRs and the centre of turns, learnt while driving, with the slip under load of a known law."""
+
+    def __init__(self, geometry: RobotGeometry, prior: IcrLoad, tuning: FilterTuning | None = None) -> None:
+        unloaded = ConstantIcr(prior.offset, prior.half_gauge, prior.radius_error)
+        super().__init__(geometry, unloaded, tuning or _LOADED_TUNING)
+        self._loaded = LoadedLaw(prior)
+
+    def reset(self, start: Array) -> None:
+        """Start a new run at poses (N, 3), without load."""
+        super().reset(start)
+        self._loaded.reset(start)
+
+    def sense(self, load: Array) -> None:
+        """Take tractions per unit load (N, 2) [-]."""
+        self._loaded.sense(load)
+
+    def crab_angle(self, twist: Array) -> Array:
+        """Angles (N,) to the left of their headings at which the robots move at twists (N, 2) [rad]."""
+        drift = -self._running.state[:, 5] * twist[:, 1]
+        return crab_angle(twist[:, 0], self._loaded.law().sideslip(twist) + drift)
+
+    def observe(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
+        """Update the filters with the motion of the robots, whose tracks slip under the load sensed before it."""
+        self._running.update(omega, duration, estimate, self.law().yielding(omega, self._geometry))
+
+    def law(self) -> IcrLoad:
+        """The current estimates, with parameters (N,), at the load sensed last."""
+        learnt = self._running.law
+        return replace(self._loaded.law(), offset=learnt.offset, radius_error=learnt.radius_error)

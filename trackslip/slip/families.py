@@ -6,7 +6,7 @@ To add a family, write a law in `trackslip.slip` and an entry here.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import Constant, NoSlip
 from trackslip.slip.exponential import Exponential, ExponentialSpeed
 from trackslip.slip.icr import ConstantIcr, IcrSides
+from trackslip.slip.icr_load import MAX_COMPLIANCE, IcrLoad
 from trackslip.slip.power import Hyperbola, Power
 from trackslip.slip.turn_loss import TurnLoss
 
@@ -47,6 +48,8 @@ class LawFamily:
     """Free parameters by name, in the order of their values in arrays."""
     build: Callable[[Mapping[str, Any], RobotGeometry], SlipLaw]
     """Builds a law from values of the parameters: numbers, or arrays of one shape."""
+    loaded: bool = False
+    """Whether slip depends on the traction per unit load, which runs then have to tell."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -63,6 +66,18 @@ class LawFamily:
         most = max((len(p.starts) for p in self.parameters.values()), default=1)
         rows = [[p.starts[k % len(p.starts)] for p in self.parameters.values()] for k in range(most)]
         return np.array(rows, float).reshape(most, -1) * self._units(half_gauge)
+
+    def under(self, load: Array | None) -> LawFamily:
+        """The family of the laws under tractions per unit load (...) [-]; the same for laws without load."""
+        if not self.loaded or load is None:
+            return self
+
+        def build(values: Mapping[str, Any], geometry: RobotGeometry) -> SlipLaw:
+            law = self.build(values, geometry)
+            assert isinstance(law, IcrLoad)
+            return law.under(load)
+
+        return replace(self, build=build)
 
     def law(self, values: Array, geometry: RobotGeometry) -> SlipLaw:
         """The law with parameters (..., p): many laws of shape (...) at once."""
@@ -84,6 +99,8 @@ _EXPONENT = Parameter((-1.0, -0.3, -3.0), -50.0, -1e-3, 1.0, "")
 _GROWTH = Parameter((0.0,), -20.0, 20.0, 0.1, "s/m")
 _OFFSET = Parameter((0.3, 0.0, 2.0), -0.99, 50.0, 0.3, "m")
 _RADIUS_ERROR = Parameter((0.0,), -0.5, 0.5, 0.01, "")
+_COMPLIANCE = Parameter((0.05,), 0.0, MAX_COMPLIANCE, 0.05, "")
+_TURN_COMPLIANCE = Parameter((1.0,), 0.0, 20.0, 0.3, "m")
 _TURN_LOSS = Parameter((0.0, 0.5), -1.0, 0.99, 0.1, "")
 
 _CONSTANT = {"slip_outer": _SLIP_OUTER, "slip_inner": _SLIP_INNER}
@@ -96,6 +113,7 @@ _HYPERBOLA = {
 }
 _RADIUS = {"offset": _OFFSET, "radius_error": _RADIUS_ERROR}
 _LOSS = _RADIUS | {"turn_loss": _TURN_LOSS}
+_LOAD = _RADIUS | {"compliance": _COMPLIANCE, "turn_compliance": _TURN_COMPLIANCE}
 _SIDES = {f"{name}_{side}": parameter for name, parameter in _RADIUS.items() for side in ("left", "right")}
 
 FAMILIES: dict[str, LawFamily] = {
@@ -110,6 +128,9 @@ FAMILIES: dict[str, LawFamily] = {
         "constant ICR, with an error of the effective sprocket radius", _RADIUS, _build(ConstantIcr, gauge=True)
     ),
     "turn_loss": LawFamily("constant ICR, with a loss of speed in turns", _LOSS, _build(TurnLoss, gauge=True)),
+    "icr_load": LawFamily(
+        "constant ICR, with slip in proportion to the traction", _LOAD, _build(IcrLoad, gauge=True), loaded=True
+    ),
     "icr_sides": LawFamily("constant ICR, left and right different", _SIDES, _build(IcrSides, gauge=True)),
 }
 """Families by name, simple ones first."""

@@ -128,16 +128,20 @@ class IcrFilter:
         """Standard errors of D (N,) [m]."""
         return self._geometry.half_gauge / self.state[:, 3] ** 2 * np.sqrt(self.covariance[:, 3, 3])
 
-    def update(self, omega: Array, duration: float, estimate: PoseEstimate) -> None:
-        """Take mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the poses measured afterwards."""
-        self._predict(omega, duration)
+    def update(self, omega: Array, duration: float, estimate: PoseEstimate, known: Array | None = None) -> None:
+        """Take mean sprocket speeds (N, 2) [rad/s] over `duration` [s] and the poses measured afterwards.
+
+        `known` velocities (N, 3), forwards, to the left and of yaw, are added to those of the constant ICRs.
+        """
+        self._predict(omega, duration, known)
         rows = np.flatnonzero(estimate.valid)
         if rows.size:
             self._correct(rows, estimate.pose[rows], estimate.covariance[rows])
 
-    def _predict(self, omega: Array, duration: float) -> None:
+    def _predict(self, omega: Array, duration: float, known: Array | None) -> None:
         tuning = self._tuning
         velocity, by_law = icr_motion(self.state[:, 3:], omega, self._geometry)  # (N, 3), (N, 3, 3)
+        velocity = velocity if known is None else velocity + known
         motion, by_law = velocity * duration, by_law * duration
         self.state[:, :3], by_pose, by_motion = drive_arc(self.state[:, :3], motion)
         jacobian = np.zeros_like(self.covariance)

@@ -8,8 +8,12 @@ import pytest
 from deployed import GEOMETRY, stored, twists
 
 from trackslip.deploy.c_header import c_text
+from trackslip.deploy.deploy import deploy_law
 from trackslip.deploy.python_file import python_text
+from trackslip.errors import TrackslipError
 from trackslip.slip.families import FAMILIES
+from trackslip.slip.icr_load import IcrLoad
+from trackslip.slip.law_file import save_laws
 
 LAWS = stored()
 OTHERS = stored(
@@ -25,7 +29,8 @@ OTHERS = stored(
     }
 )
 """Laws that no robot has: compared where `twist` finds one that has the sprocket speeds."""
-CASES = [(LAWS, name) for name in FAMILIES] + [(OTHERS, name) for name in OTHERS.laws if name != "none"]
+UNLOADED = [name for name, family in FAMILIES.items() if not family.loaded]
+CASES = [(LAWS, name) for name in UNLOADED] + [(OTHERS, name) for name in OTHERS.laws if name != "none"]
 IDS = [f"{name}{' odd' * (laws is OTHERS)}" for laws, name in CASES]
 STRICT = ("-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wshadow")
 PROGRAM = """\
@@ -118,9 +123,18 @@ def test_the_python_file_is_the_law(laws, name):
     compare(laws, name, each("sprocket_speeds"), each("body_twist"))
 
 
-@pytest.mark.parametrize("name", FAMILIES)
+@pytest.mark.parametrize("name", UNLOADED)
 def test_at_rest_both_are_zero(name):
     names = {}
     exec(compile(python_text(LAWS, name), name, "exec"), names)
     for pair in ((0, 0), (0.0, -0.0)):
         assert names["sprocket_speeds"](*pair) == names["body_twist"](*pair) == (0, 0)
+
+
+@pytest.mark.parametrize("to", ["c", "python", "ros2_control"])
+def test_slip_under_load_is_refused_where_the_load_can_not_be_told(to, tmp_path):
+    law = IcrLoad(0.04, GEOMETRY.half_gauge, 0.01, 0.08)
+    save_laws(tmp_path / "laws.json", {"icr_load": law}, GEOMETRY)
+    with pytest.raises(TrackslipError, match=r"icr_load.*nearest.*icr_radius"):
+        deploy_law(tmp_path / "laws.json", to, "icr_load")
+    assert '"compliance"' in deploy_law(tmp_path / "laws.json", "json", "icr_load")

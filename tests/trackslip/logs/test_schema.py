@@ -45,6 +45,7 @@ def full(scan_rectangle):
         icr=two,
         covariance=np.tile(np.eye(3), (ROWS, 1, 1)),
         valid=np.ones(ROWS, bool),
+        load=two,
         truth=Truth(pose, three, two, two, two, two, three[:, 0], np.ones((ROWS, 20, 3)), np.ones((ROWS, 20))),
         scans=scans,
         metadata={"seed": 1},

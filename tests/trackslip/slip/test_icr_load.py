@@ -1,0 +1,153 @@
+"""Slip in proportion to the traction."""
+
+import numpy as np
+import pytest
+
+from trackslip.errors import InvalidValueError
+from trackslip.identification.comparison import compare_laws
+from trackslip.identification.fitted import fit_law
+from trackslip.identification.samples import SlipSamples
+from trackslip.kinematics import Array, RobotGeometry, body_twist
+from trackslip.localization.base import PoseEstimate
+from trackslip.slip.compensation import MAX_CRAB_ANGLE, LoadedLaw, LoadedOnlineIcr
+from trackslip.slip.icr import ConstantIcr
+from trackslip.slip.icr_load import MAX_LOAD, IcrLoad
+from trackslip.slip.online import FilterTuning
+
+GEOMETRY = RobotGeometry(0.168, 0.06)
+LAW = IcrLoad(0.04, GEOMETRY.half_gauge, 0.01, 0.1, 0.2)
+LOADS = np.column_stack([np.tile([-0.2, 0.0, 0.2], 10), np.tile([0.1, -0.2], 15)])
+
+
+def test_a_robot_that_pulls_nothing_has_constant_icrs() -> None:
+    icr = ConstantIcr(0.04, GEOMETRY.half_gauge, 0.01)
+    omega = np.random.default_rng(0).normal(size=(50, 2))
+    np.testing.assert_allclose(LAW.twist(omega, GEOMETRY), icr.twist(omega, GEOMETRY), rtol=1e-13)
+    kappa = np.array([0.0, 0.4, -2.0, np.inf])
+    np.testing.assert_allclose(LAW(kappa), icr(kappa), rtol=1e-13, atol=1e-15)
+
+
+@pytest.mark.parametrize("compliance", [0.0, 0.1, 1.2])
+@pytest.mark.parametrize("load", [(0.3, 0.1), (-0.5, 0.0), (MAX_LOAD, 0.0), (-MAX_LOAD, 0.3)])
+def test_speeds_and_twists_are_inverse(compliance: float, load: tuple[float, float]) -> None:
+    law = IcrLoad(0.04, GEOMETRY.half_gauge, 0.01, compliance, 0.2, load)
+    omega = np.random.default_rng(1).normal(size=(200, 2))
+    twist = law.twist(omega, GEOMETRY)
+    np.testing.assert_allclose(law.sprocket_speeds(twist, GEOMETRY), omega, rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(body_twist(omega, law.slip(twist), GEOMETRY), twist, rtol=1e-8, atol=1e-12)
+
+
+def test_a_robot_slips_uphill_and_is_helped_downhill_whichever_way_it_drives() -> None:
+    belts = np.array([[1.0, 1.0], [-1.0, -1.0]])
+    uphill = LAW.under((0.2, 0.0)).twist(belts / GEOMETRY.sprocket_radius, GEOMETRY)[:, 0]
+    np.testing.assert_allclose(uphill, [1.01 * (1 - 0.02), -1.01 * (1 + 0.02)])
+
+
+def test_on_the_spot_a_robot_sinks_downhill() -> None:
+    turning = np.array([-1.0, 1.0])
+    law = LAW.under((0.2, 0.1))
+    v, w = law.twist(turning, GEOMETRY)
+    assert v == pytest.approx(-0.2 * 0.2 * w)
+    assert law.sideslip(np.array([v, w])) == pytest.approx(-0.1 * (0.1 * abs(v) + 0.2 * w))
+
+
+def test_mirrored_turns_on_mirrored_slopes_mirror() -> None:
+    omega = np.array([[2.0, 3.0], [-1.0, 2.0], [-2.0, -2.1]])
+    law, mirrored = LAW.under((0.2, 0.1)), LAW.under((0.2, -0.1))
+    twist, mirror = law.twist(omega, GEOMETRY), mirrored.twist(omega[:, ::-1], GEOMETRY)
+    np.testing.assert_allclose(mirror, twist * [1, -1], rtol=1e-12)
+    np.testing.assert_allclose(mirrored.sideslip(mirror), -law.sideslip(twist), rtol=1e-12)
+
+
+def test_what_load_adds_is_the_difference_to_the_law_without() -> None:
+    omega = np.array([[2.0, 3.0], [-1.0, 2.0]])
+    law = LAW.under((0.2, 0.1))
+    added = law.yielding(omega, GEOMETRY)
+    np.testing.assert_allclose(LAW.twist(omega, GEOMETRY) + added[:, [0, 2]], law.twist(omega, GEOMETRY), rtol=1e-12)
+    np.testing.assert_allclose(added[:, 1], law.sideslip(law.twist(omega, GEOMETRY)))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("compliance", 1.5),
+        ("turn_compliance", np.inf),
+        ("load", (1.0, 0.0)),
+        ("load", (np.nan, 0.0)),
+        ("offset", -0.2),
+    ],
+)
+def test_values_beyond_reason_are_refused(name: str, value: float) -> None:
+    values = {"offset": 0.04, "half_gauge": 0.168, name: value}
+    with pytest.raises(InvalidValueError, match=name):
+        IcrLoad(**values)  # type: ignore[arg-type]
+
+
+def test_the_heading_is_corrected_by_the_angle_at_which_the_robot_crabs() -> None:
+    known = LoadedLaw(LAW)
+    known.reset(np.zeros((4, 3)))
+    known.sense(np.array([[0.0, 0.2], [0.0, 0.2], [0.0, -0.2], [0.0, 5.0]]))
+    twist = np.array([[0.2, 0.0], [-0.2, 0.0], [0.2, 0.1], [0.01, 0.3]])
+    expected = [np.arctan(-0.02), np.arctan(0.02), np.arctan(0.2 * (0.1 + 0.2 * 0.5)), -MAX_CRAB_ANGLE]
+    np.testing.assert_allclose(known.crab_angle(twist), expected)
+    np.testing.assert_allclose(known.crab_angle(np.zeros((4, 2))), 0.0)
+
+
+def test_the_filter_learns_what_load_does_not_explain() -> None:
+    """Two robots drive a circle on a slope, exactly as the law says; the law is known, but its D and epsilon aren't."""
+    exact = FilterTuning(gain_walk=0.0, radius_error_walk=0.0, position_walk=0.0, heading_walk=0.0, centre_walk=0.0)
+    wrong = IcrLoad(0.05, GEOMETRY.half_gauge, 0.0, LAW.compliance, LAW.turn_compliance)
+    learning = LoadedOnlineIcr(GEOMETRY, wrong, exact)
+    pose, omega, period = np.zeros((2, 3)), np.array([[2.0, 2.9], [3.1, 2.4]]), 0.05
+    learning.reset(pose)
+    for _ in range(400):
+        load = 0.2 * np.column_stack([np.cos(pose[:, 2]), -np.sin(pose[:, 2])])
+        law = LAW.under(load)
+        learning.sense(load)
+        v, w = law.twist(omega, GEOMETRY).T
+        pose = _moved(pose, np.stack([v, law.sideslip(np.stack([v, w], axis=-1)), w], axis=-1) * period)
+        learning.observe(omega, period, PoseEstimate(pose, np.tile(1e-6 * np.eye(3), (2, 1, 1)), np.ones(2, bool)))
+    found = learning.law()
+    np.testing.assert_allclose(found.offset, LAW.offset, atol=2e-4)
+    np.testing.assert_allclose(found.radius_error, LAW.radius_error, atol=2e-4)
+
+
+def _moved(pose: Array, motion: Array) -> Array:
+    """Poses (N, 3) after a motion (N, 3) along an arc in the robot's frame, in small steps."""
+    for _ in range(20):
+        ahead, left, turn = motion.T / 20
+        cos, sin = np.cos(pose[:, 2] + turn / 2), np.sin(pose[:, 2] + turn / 2)
+        pose = pose + np.stack([cos * ahead - sin * left, sin * ahead + cos * left, turn], axis=-1)
+    return pose
+
+
+def _samples(load: np.ndarray | None, noise: float = 1e-4) -> SlipSamples:
+    """30 turns and straight runs under loads, with noise of the twists."""
+    rng = np.random.default_rng(4)
+    omega = rng.uniform(1.0, 4.0, (30, 2)) * np.array([1.0, rng.choice([-1.0, 1.0])])
+    omega[:10, 1] = omega[:10, 0]
+    true = (LAW if load is None else LAW.under(load)).twist(omega, GEOMETRY)
+    covariance = np.tile(noise**2 * np.eye(2), (30, 1, 1))
+    names = [f"run {k}" for k in range(30)]
+    return SlipSamples.of(omega, true + noise * rng.standard_normal((30, 2)), GEOMETRY, names, covariance, load=load)
+
+
+def test_the_law_is_found_from_runs_under_different_loads() -> None:
+    samples = _samples(LOADS)
+    fitted = fit_law("icr_load", samples, GEOMETRY, bootstraps=0)
+    for name, value in fitted.values.items():
+        assert abs(value - getattr(LAW, name)) < 4 * fitted.stderr[name]
+        low, high = fitted.interval95[name]
+        assert low < value < high
+    assert fitted.stderr["compliance"] < 0.01
+    assert not fitted.lacks_fit
+    found = compare_laws(samples, GEOMETRY)
+    assert found.best == "icr_load"
+    assert found.laws["icr_radius"].rms > 10 * found.laws["icr_load"].rms
+
+
+def test_without_loads_the_law_is_not_tried_and_says_what_it_takes() -> None:
+    assert "icr_load" not in compare_laws(_samples(None), GEOMETRY).laws
+    (note,) = fit_law("icr_load", _samples(np.zeros((30, 2))), GEOMETRY, vague=True).notes
+    assert "compliance" in note
+    assert "runs under loads" in note
