@@ -29,9 +29,11 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
             to it.
 
     Raises:
-        InvalidValueError: for a geom that is not in the spec or is already connected, a robot that can't move, and
-            friction that differs along and across on anything but a plane.
+        InvalidValueError: for a geom that is not in the spec or is already connected, tracks that are not in it,
+            a robot that can't move, and friction that differs along and across on anything but a plane.
     """
+    added = all(spec.body(body) for body in tracks.bodies)
+    require(added, "tracks", tracks.names, "in this spec; after attach with a prefix, connect Tracks.prefixed(prefix)")
     grounds = _grounds(spec, tracks, terrain)
     set_options(spec, tracks.preset)
     try:
