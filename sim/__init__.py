@@ -6,8 +6,8 @@
     fleet = sim.Fleet(sim.load_robot(), np.zeros((2, 3)))
     logs = sim.open_loop(fleet, np.array([[2.0, 3.0], [3.0, 4.0]]), duration=10.0)
 
-The names below are imported when first used. Importing this package registers the environment
-trackslip/PathTracking-v0: `gymnasium.make("sim:trackslip/PathTracking-v0")`.
+The names below are imported when first used. Importing this package registers the environments
+trackslip/PathTracking-v0 and trackslip/Traverse-v0: `gymnasium.make("sim:trackslip/PathTracking-v0")`.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from sim.drive.drive import Drive
+    from sim.drive.pull import Pull
     from sim.fleet import Fleet
     from sim.ground.ground import Ground
     from sim.ground.named import load_ground
@@ -30,20 +31,30 @@ if TYPE_CHECKING:
     from sim.scanner.feed import ScannerFeed
     from sim.scanner.named_obstacles import load_obstacles
     from sim.scanner.scanner import LaserScanner
+    from sim.traverse.outcome import Outcome
+    from sim.traverse.reflex import Reflex
+    from sim.traverse.scripted import Scripted
+    from sim.traverse.world import Command, Traverse
 
 __all__ = [
+    "Command",
     "Description",
     "Drive",
     "Fleet",
     "Flipper",
     "Ground",
     "LaserScanner",
+    "Outcome",
     "Pilot",
+    "Pull",
+    "Reflex",
     "RobotParameters",
     "RunFailedError",
     "ScannerFeed",
+    "Scripted",
     "TrackedModel",
     "TrackedRobot",
+    "Traverse",
     "build_tracked",
     "closed_loop",
     "load_ground",
@@ -54,18 +65,24 @@ __all__ = [
 ]
 
 _MODULE_OF = {
+    "Command": "traverse.world",
     "Description": "run_recorder",
     "Drive": "drive.drive",
     "Fleet": "fleet",
     "Flipper": "robot.tracked",
     "Ground": "ground.ground",
     "LaserScanner": "scanner.scanner",
+    "Outcome": "traverse.outcome",
     "Pilot": "runs",
+    "Pull": "drive.pull",
+    "Reflex": "traverse.reflex",
     "RobotParameters": "robot.parameters",
     "RunFailedError": "run_recorder",
     "ScannerFeed": "scanner.feed",
+    "Scripted": "traverse.scripted",
     "TrackedModel": "robot.tracked_model",
     "TrackedRobot": "robot.tracked",
+    "Traverse": "traverse.world",
     "build_tracked": "robot.tracked_model",
     "closed_loop": "runs",
     "load_ground": "ground.named",

@@ -81,6 +81,8 @@ class RunRecorder:
         self._angle = angle
         of_drive = drive.torque.copy(), drive.energy.copy(), drive.saturated_time.copy()
         contact = (pad_forces(fleet).astype(np.float32),) if self._in_detail else ()
+        if self._in_detail and fleet.shear is not None:
+            contact += (np.linalg.norm(fleet.shear.displacement, axis=-1).astype(np.float32),)
         self._truth.append((fleet.pose(), fleet.twist(), fleet.traction(), *of_drive, fleet.lean(), *contact))
 
     def command(self, k: int) -> None:

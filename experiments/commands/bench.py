@@ -19,11 +19,12 @@ from experiments.options.bench import BenchConfig
 from experiments.options.grid import SweepConfig
 from experiments.report.terminal import print_table
 from experiments.speed.grid import measure_grid
-from experiments.speed.shear import FEWEST, MOST, measure_shear
+from experiments.speed.shear import measure_shear
 from experiments.speed.simulator import CASES, case_speeds, measure_simulator, thread_speedups
 from experiments.storage.manifest import make_manifest
 from experiments.storage.results import SUMMARY_FILE, results_folder, write_results
 from experiments.sweep.summary import Timing
+from experiments.validation.shear.cost import FEWEST, MOST
 from sim.robot.robot import Robot, load_robot
 
 
@@ -104,7 +105,7 @@ def _shear(config: BenchConfig, robot: Robot) -> _Measured:
     checks = [
         Check(f"{one.n} robots, {one.threads} threads", "cost ratio", one.cost_ratio, MOST, "1")
         for one in costs
-        if one.n >= FEWEST and one.threads == 1  # on more threads, those that wait cost time but no work
+        if one.n >= FEWEST and one.threads == 1  # on more, those that wait for work may use time, too
     ]
     return {"rows": costs, "checks": [one.to_json() for one in checks]}, [("Cost of shear", header, rows)]
 

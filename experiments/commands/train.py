@@ -10,10 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.learning.path_tracking import PathTrackingTraining
 from experiments.learning.training import Training
-from experiments.learning.traverse import TraverseTraining
-from experiments.options.train import PATH_TRACKING, TRAVERSE, TrainConfig
+from experiments.options.train import PATH_TRACKING, TrainConfig
 from experiments.recording import record_all
 from experiments.report.terminal import progress
 from experiments.storage.manifest import make_manifest
@@ -25,10 +23,6 @@ POLICY, CHECKPOINT, CURVE = "policy.npz", "checkpoint.zip", "curve.png"
 _DPI = 160  # of the figure of the curve
 _MIN_RATE = 0.05  # final over initial learning rate
 _CHECKPOINT_EVERY = 20  # updates
-_TRAININGS: dict[str, Callable[[TrainConfig], Training]] = {
-    PATH_TRACKING: PathTrackingTraining,
-    TRAVERSE: TraverseTraining,
-}
 
 
 def run(config: TrainConfig) -> None:
@@ -37,7 +31,7 @@ def run(config: TrainConfig) -> None:
 
     began = time.perf_counter()
     with results_folder(config.out) as folder:
-        training = _TRAININGS[config.env](config)
+        training = _training(config)
         model = _model(config, training)
         before = model.num_timesteps
         try:
@@ -86,6 +80,17 @@ def _driven(config: TrainConfig, policy: Path, reference: str) -> list[RunLog]:
         logs = error.logs
     named = {"controller": f"ppo:{config.out}"}
     return [replace(log, run=f"policy {reference}", metadata=log.metadata | named) for log in logs[:1]]
+
+
+def _training(config: TrainConfig) -> Training:
+    """What is learnt, and where."""
+    if config.env == PATH_TRACKING:
+        from experiments.learning.path_tracking import PathTrackingTraining
+
+        return PathTrackingTraining(config)
+    from experiments.learning.traverse import TraverseTraining
+
+    return TraverseTraining(config)
 
 
 def _model(config: TrainConfig, training: Training) -> Any:

@@ -20,6 +20,8 @@ _ABOVE = 0.004  # height of lines above the ground, and above each other [m]
 _PHASES = 8  # places of a shoe between two neighbours, so that rows repeat and compress well
 _MARKED = 11  # one shoe in so many is painted, which shows the belt moving
 _NEWTON = 0.004  # length of a force arrow [m/N]
+_SHEARED = ((40, 60, 140), (60, 170, 130), (250, 230, 60))  # colours of ground, from firm to farthest given way
+_STRONGEST = 0.98  # quantile of the shear with the last of these colours
 _BESIDE = 0.06  # distance from a pad to its arrow, which the track would hide [m]
 
 
@@ -75,15 +77,41 @@ def send_simple_robot(
 
 def send_contacts(stream: rr.RecordingStream, entity: str, traces: Traces, model: mujoco.MjModel) -> None:
     """Send the contact forces on the pads, if the log has them, as arrows beside the pads."""
-    pads = np.array([model.geom_pos[i] for i in range(model.ngeom) if "_pad" in model.geom(i).name])
     force = None if traces.log.truth is None else traces.log.truth.contact
-    if force is None or force.shape[1] != len(pads):
+    pads = None if force is None else _beside_pads(model, force.shape[1])
+    if force is None or pads is None:
         return
-    pads = pads + np.sign(pads) * [0, _BESIDE, 0]
     arrows = f"{entity}/{ROBOT}/contact_forces"
     stream.log(arrows, rr.Arrows3D.from_fields(origins=pads, colors=[rgb(GREEN)], radii=[0.004]), static=True)
     vectors = rr.Arrows3D.columns(vectors=(_NEWTON * force).reshape(-1, 3))
     send(stream, arrows, traces.time, vectors.partition(np.full(len(force), len(pads))))
+
+
+def send_shear(stream: rr.RecordingStream, entity: str, traces: Traces, model: mujoco.MjModel) -> None:
+    """Send how far the ground has given way under each track, if the log has it, as a coloured line beside it."""
+    shear = None if traces.log.truth is None else traces.log.truth.shear
+    pads = None if shear is None else _beside_pads(model, shear.shape[1])
+    if shear is None or pads is None or not len(shear):
+        return
+    lines = np.concatenate([np.stack([track[:-1], track[1:]], axis=1) for track in np.split(pads, 2)])
+    middle = np.concatenate([(track[:, :-1] + track[:, 1:]) / 2 for track in np.split(shear, 2, axis=1)], axis=1)
+    share = middle / max(float(np.quantile(shear, _STRONGEST)), 1e-9)
+    colours = np.stack([np.interp(share, np.linspace(0, 1, 3), band) for band in np.transpose(_SHEARED)], axis=-1)
+    strips = f"{entity}/{ROBOT}/shear"
+    stream.log(strips, rr.LineStrips3D.from_fields(strips=list(lines), radii=[0.012]), static=True)
+    columns = rr.LineStrips3D.columns(colors=np.rint(colours).astype(np.uint8).reshape(-1, 3))
+    send(stream, strips, traces.time, columns.partition(np.full(len(shear), len(lines))))
+
+
+def _beside_pads(model: mujoco.MjModel, count: int) -> Array | None:
+    """Places (count, 3) beside the pads of a model, or beside their ends if there are twice as many [m]."""
+    pads = [i for i in range(model.ngeom) if "_pad" in model.geom(i).name]
+    places = model.geom_pos[pads]
+    if count == 2 * len(pads):  # pads that touch the ground at one point each
+        half = model.geom_size[pads, 1, None] * [1.0, 0.0, 0.0]
+        ends = np.stack([places - half, places + half], axis=1).reshape(-1, 3)
+        places = ends[np.lexsort([ends[:, 0], -ends[:, 1]])]
+    return places + np.sign(places) * [0, _BESIDE, 0] if count == len(places) else None
 
 
 def send_paths(stream: rr.RecordingStream, entity: str, traces: Traces, colour: str, estimate: bool) -> None:

@@ -38,6 +38,7 @@ def _send_run(stream: rr.RecordingStream, traces: Traces) -> tuple[list[str], li
     model = looks(parameters_of(traces.log))
     robot.send_robot(stream, RUN, traces, model)
     robot.send_contacts(stream, RUN, traces, model)
+    robot.send_shear(stream, RUN, traces, model)
     robot.send_paths(stream, RUN, traces, BLUE, estimate=True)
     robot.send_reference(stream, "reference", traces)
     sensing.send_estimate(stream, RUN, traces, model)

@@ -1,41 +1,14 @@
-"""What ground that shears costs: the time of a fleet on it, over that of a fleet on Coulomb ground, in turns."""
+"""What ground that shears costs a fleet, for every number of robots and threads."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from time import perf_counter
-
-import numpy as np
 
 from experiments.options.bench import BenchConfig
-from sim.fleet import Fleet
-from sim.ground.ground import Ground
+from experiments.validation.shear.cost import ShearCost, cost
 from sim.robot.robot import Robot
 
-FEWEST = 32
-"""Number of robots from which on the cost is bounded."""
-MOST = 1.5
-"""Largest ratio of the times [-]."""
-_MODULUS = 0.01  # [m]
-_STEADY = 2.0  # time after which the belts run steadily [s]
-_PERIOD = 0.05  # time between two scans [s]
 _TURNS = 4  # in a round
-
-
-@dataclass(frozen=True)
-class ShearCost:
-    """Speed of a number of robots on a number of threads."""
-
-    n: int
-    """Number of robots."""
-    threads: int
-    coulomb_steps_per_s: float
-    """Physics steps per second, all robots together, on Coulomb ground [1/s]."""
-    shear_steps_per_s: float
-    """The same on ground that shears [1/s]."""
-    cost_ratio: float
-    """Median of the ratios of the times of both, measured one right after the other [-]."""
 
 
 def measure_shear(config: BenchConfig, robot: Robot, step: Callable[[str], None]) -> list[ShearCost]:
@@ -46,23 +19,3 @@ def measure_shear(config: BenchConfig, robot: Robot, step: Callable[[str], None]
             found.append(cost(robot, size, threads, config.seconds, _TURNS * config.repeats))
             step(f"{size} robots" if size > 1 else "1 robot")
     return found
-
-
-def cost(robot: Robot, size: int, threads: int, seconds: float, turns: int) -> ShearCost:
-    """Let fleets drive in turns, `seconds` of all robots together in each, after one that warms up [s]."""
-    fleets = [Fleet(robot, np.zeros((size, 3)), Ground(shear=shear), threads=threads) for shear in (0.0, _MODULUS)]
-    for fleet in fleets:
-        fleet.command([2.0, 3.0])
-        fleet.advance(_STEADY)
-    periods = max(1, round(seconds / (size * _PERIOD)))
-    times = np.array([[_time(fleet, periods) for fleet in fleets] for _ in range(1 + turns)])[1:]
-    steps = size * periods * _PERIOD / robot.model.opt.timestep
-    coulomb, shear = np.median(steps / times, axis=0)
-    return ShearCost(size, threads, float(coulomb), float(shear), float(np.median(times[:, 1] / times[:, 0])))
-
-
-def _time(fleet: Fleet, periods: int) -> float:
-    began = perf_counter()
-    for _ in range(periods):
-        fleet.advance(_PERIOD)
-    return perf_counter() - began

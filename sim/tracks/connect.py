@@ -15,7 +15,7 @@ from trackslip.errors import InvalidValueError, TrackslipError, first_line, requ
 
 _MAX_FRICTION = 10.0
 _MAX_MOBILITY = 6.0  # contacts have the stiffness of their preset up to this: a robot's, not a flipper's [-]
-_MAX_FIELD_MOBILITY = 3.0  # the same on height fields, where points touch several times: more throws small robots up
+_MAX_FIELD_MOBILITY = 3.0  # the same of robots on height fields, where points touch several times [-]
 _FIELD_HARDNESS = (0.1, 0.5)  # on height fields of the finest and of the coarsest cells [-]
 
 
@@ -44,12 +44,15 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
     require(body.weldid[0] != 0, "body", tracks.names[0], "on a body that moves: give the robot a free joint")
     mass = float(model.body_subtreemass[model.body_rootid[body.id]]) * tracks.load
     gravity = float(np.linalg.norm(model.opt.gravity)) or 9.81
-    moves = mobility(model, tracks, mass)
+    rocking = 1 / mobility(model, tracks, mass)
+    on_limb = bool(model.body_weldid[body.id] != model.body_rootid[body.id])
     own = float(model.body_invweight0[body.id, 0])
     for ground in grounds:
         inverse_weight = own + float(model.body_invweight0[model.geom(ground.name).bodyid[0], 0])
         share = mass * inverse_weight / tracks.points
-        hardness = _hardness(model, model.geom(ground.name).id, tracks.segment, moves)
+        softened = _field_hardness(model, model.geom(ground.name).id, tracks.segment)
+        most = _MAX_MOBILITY if softened is None or on_limb else _MAX_FIELD_MOBILITY
+        hardness = min(1.0, most * rocking) * (softened or 1.0)
         contacts = {each: tracks.preset.contact(gravity, share, hardness, each) for each in set(tracks.weights)}
         for names in tracks.geoms:
             for name, weight, crosswise in zip(names, tracks.weights, tracks.crosswise, strict=True):
@@ -57,18 +60,17 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
                 _add_pair(spec, ground.name, name, friction, contacts[weight])
 
 
-def _hardness(model: mujoco.MjModel, geom: int, segment: float, moves: float) -> float:
-    """Hardness [-] of contacts with a geom, for tracks whose mobility is `moves`.
+def _field_hardness(model: mujoco.MjModel, geom: int, segment: float) -> float | None:
+    """Hardness [-] of contacts with a height field, whose vertices touch once for each triangle; None for other geoms.
 
-    It is less on a height field, whose vertices touch once for each triangle. The finer its cells, the more of them a
-    capsule of a `segment` of track [m] touches at once.
+    The finer its cells, the more of them a capsule of a `segment` of track [m] touches at once.
     """
     if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_HFIELD:
-        return min(1.0, _MAX_MOBILITY / moves)
+        return None
     field = model.geom_dataid[geom]
     cells = model.hfield_ncol[field] - 1, model.hfield_nrow[field] - 1
     finest = float((2 * model.hfield_size[field, :2] / cells).min())
-    return min(1.0, _MAX_FIELD_MOBILITY / moves) * float(np.clip(finest / segment, *_FIELD_HARDNESS))
+    return float(np.clip(finest / segment, *_FIELD_HARDNESS))
 
 
 def _add_pair(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any
 
 from sim.robot.tracked import TrackedRobot, load_tracked
-from sim.terrain import load_course
+from sim.terrain import Course, load_course
 from sim.traverse.courses import OBSTACLES, require_kinds
 from sim.traverse.outcome import Limits
 from sim.traverse.scripted import Scripted
@@ -56,8 +56,8 @@ class TraverseConfig:
 
     robot: str | TrackedRobot = "rescue"
     """Name of a tracked robot, its .toml file, or the robot."""
-    course: str | tuple[str, ...] = RANDOM
-    """Name of a course, "random", or a .toml file; if there are several, each episode draws one."""
+    course: str | Course | tuple[str | Course, ...] = RANDOM
+    """A course, the name of one, "random", or a .toml file; if there are several, each episode draws one."""
     difficulty: tuple[float, float] = (0.0, 1.0)
     """Range from which the difficulty of random courses is drawn, within 0 to 1 [-]."""
     obstacles: int = 2
@@ -85,7 +85,7 @@ class TraverseConfig:
     """Contact preset of the tracks."""
     reward: Reward = field(default_factory=Reward)
     """The reward of a step."""
-    limits: Limits = field(default_factory=lambda: Limits(time=30.0))
+    limits: Limits = field(default_factory=Limits)
     """Where episodes end."""
     servos: Servos = field(default_factory=Servos)
     """Servos of belts and flippers."""
@@ -93,9 +93,10 @@ class TraverseConfig:
     def __post_init__(self) -> None:
         for name, value, choices in (("action", self.action, _ACTIONS), ("flippers", self.flippers, _FLIPPERS)):
             require(value in choices, name, value, f"one of {', '.join(choices)}")
-        require(len(self.courses) > 0, "course", self.course, "a name, or a tuple of names")
+        valid = self.courses and all(isinstance(one, str | Course) for one in self.courses)
+        require(valid, "course", self.course, "a course, a name, or a tuple of those")
         for course in self.courses:
-            if course != RANDOM:
+            if isinstance(course, str) and course != RANDOM:
                 load_course(course)
         require_range(self.difficulty)
         require_kinds(self.kinds)
@@ -118,9 +119,9 @@ class TraverseConfig:
         return cls(**values)
 
     @property
-    def courses(self) -> tuple[str, ...]:
+    def courses(self) -> tuple[str | Course, ...]:
         """Courses from which episodes draw."""
-        return (self.course,) if isinstance(self.course, str) else tuple(self.course)
+        return (self.course,) if isinstance(self.course, str | Course) else tuple(self.course)
 
     def load_robot(self) -> TrackedRobot:
         """The robot."""

@@ -44,11 +44,13 @@ class Crossing:
         """Prepare `size` robots on `threads` worker threads (0: one per processor); `begin` starts their episodes."""
         self.config = config
         self.size = size
-        self._named = {name: load_course(name) for name in config.courses if name != RANDOM}
+        names = [one for one in config.courses if isinstance(one, str) and one != RANDOM]
+        self._named = {name: load_course(name) for name in names}
+        own = [one for one in config.courses if isinstance(one, Course)]
         drawn = [draw_course(np.random.default_rng(0), 0.0)] if RANDOM in config.courses else []
         self.world = Traverse(
             config.load_robot(),
-            [*self._named.values(), *drawn],
+            [*self._named.values(), *own, *drawn],
             size,
             boxes=MAX_BOXES if drawn else 0,
             preset=config.preset,
@@ -64,8 +66,9 @@ class Crossing:
         self.difficulty = config.difficulty
         """Range from which the difficulty of the next courses is drawn [-]."""
         front = self.world.flippers.front
-        self._member = np.arange(len(front)) if config.flippers == "each" else np.where(front, 0, 1)
-        self.actions = 2 + (int(self._member.max()) + 1 if len(front) else 0)
+        each = np.arange(len(front)) if config.flippers == "each" else np.where(front, 0, 1)
+        self._member = np.unique(each, return_inverse=True)[1]  # which action moves a flipper
+        self.actions = 2 + len(np.unique(each))
         """Number of actions of a robot."""
         self._action: Array = np.zeros((size, self.actions))
         self._difficulty: Array = np.full(size, np.nan)

@@ -9,6 +9,7 @@ import numpy as np
 from mujoco import batch, mjtWarning
 from numpy.typing import ArrayLike, NDArray
 
+from sim.robot.flipper_clearance import clear_angles
 from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked
 from sim.terrain import Course
@@ -95,6 +96,7 @@ class Traverse:
             self._slots.bind_batch(self.batch)
         self._fresh = self.batch.state[0].copy()
         self.flippers = FlipperGeometry.of(self.tracked)
+        self._clear = clear_angles(self.tracked, np.zeros(len(self.flippers.length)))
         self.state = States(self.tracked, self.batch.qpos, self.batch.qvel)
         self.servo = ServoState(self.servos, size, len(self.flippers.length))
         """Belt speeds, and what the flippers' motors are set to."""
@@ -119,7 +121,7 @@ class Traverse:
         rows: ArrayLike,
         courses: Sequence[Course] | None = None,
         start: ArrayLike | None = None,
-        flippers: ArrayLike = 0.0,
+        flippers: ArrayLike | None = None,
     ) -> None:
         """Begin runs of the robots `rows` (R,).
 
@@ -127,7 +129,7 @@ class Traverse:
             rows: which robots.
             courses: one each; by default they stay on theirs.
             start: poses (R, 3), x, y and heading; by default those of the courses [m, m, rad].
-            flippers: angles of the flippers (F,), tips up [rad].
+            flippers: angles of the flippers (F,), tips up; by default 0, or as far up as they clear level ground [rad].
 
         Raises:
             InvalidValueError: for a course that there are no slots for, and poses that aren't finite.
@@ -147,7 +149,8 @@ class Traverse:
         for row, own in enumerate(self.course):
             same.setdefault(id(own), []).append(row)
         self._groups = [np.array(group) for group in same.values()]
-        angles = np.broadcast_to(np.asarray(flippers, float), self.servo.angle.shape[1:])
+        asked = self._clear if flippers is None else np.asarray(flippers, float)
+        angles = np.broadcast_to(asked, self.servo.angle.shape[1:])
         self.servo.begin(where, np.clip(angles, *self.tracked.flipper_range.T))
         self._place(where, poses)
         self._stuck.begin(where)
@@ -155,7 +158,16 @@ class Traverse:
         self.outcome[where], self.time[where] = Outcome.DRIVING, 0.0
 
     def step(self, command: Command) -> None:
-        """Simulate one control period of the robots whose runs have not ended."""
+        """Simulate one control period of the robots whose runs have not ended.
+
+        Raises InvalidValueError for set points that aren't finite or have another shape.
+        """
+        for name, values, state in (
+            ("speed", command.speed, self.servo.speed),
+            ("flippers", command.flippers, self.servo.angle),
+        ):
+            valid = np.shape(values) == state.shape and np.isfinite(values).all()
+            require(valid, name, np.asarray(values).tolist(), f"finite, of shape {state.shape}")
         rows = np.flatnonzero(self.outcome == Outcome.DRIVING)
         if not rows.size:
             return

@@ -27,4 +27,6 @@ def test_importing_the_package_or_its_options_starts_no_simulator():
 def test_importing_the_package_registers_the_environments():
     code = "print(gymnasium.make('sim:trackslip/PathTracking-v0').reset(seed=0)[0].shape)"
     assert python(f"import gymnasium; {code}") == "(19,)\n"
+    code = "print(gymnasium.make('sim:trackslip/Traverse-v0').reset(seed=0)[0].shape)"
+    assert python(f"import gymnasium; {code}") == "(63,)\n"
     assert python("import sim, gymnasium; print(gymnasium.make_vec('trackslip/PathTracking-v0', 2).num_envs)") == "2\n"

@@ -151,7 +151,7 @@ def test_rows_of_a_batch_are_single_runs_to_the_bit(robot):
 SHEARS = st.floats(0.001, 0.03)
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(
     shear=SHEARS,
     left=st.floats(-4.0, 4.0),
@@ -171,7 +171,7 @@ def test_mirrored_turns_on_mirrored_ground_that_shears_mirror(robot, shear, left
     np.testing.assert_allclose(mirrored, one * [1, -1, -1], atol=2e-4)
 
 
-@settings(max_examples=4, deadline=None)
+@settings(max_examples=2, deadline=None)
 @given(shear=SHEARS, share=st.floats(0.0, 0.35))
 def test_slip_grows_with_the_pull(robot, shear, share):
     slips = []
@@ -186,7 +186,7 @@ def test_slip_grows_with_the_pull(robot, shear, share):
     assert slips[1] > slips[0]
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=3, deadline=None)
 @given(seed=st.integers(0, 1000), shear=st.one_of(st.just(0.0), SHEARS), other=SHEARS)
 def test_shares_and_displacements_stay_in_their_bounds(robot, seed, shear, other):
     rng = np.random.default_rng(seed)

@@ -54,7 +54,7 @@ def packing(schema: pa.Schema) -> dict[str, Any]:
 
 def write_csv(logs: Sequence[RunLog], path: Path) -> None:
     """Write runs to a CSV file, without metadata, ranges and contacts; other numbers are exact."""
-    plain = [replace(log, scans=None, truth=log.truth and replace(log.truth, contact=None)) for log in logs]
+    plain = [replace(log, scans=None, truth=log.truth and replace(log.truth, contact=None, shear=None)) for log in logs]
     pa.csv.write_csv(to_table(plain), path)
 
 

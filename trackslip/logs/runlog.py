@@ -26,6 +26,7 @@ class Truth:
     saturated: Array | None = None  # (T, 2) share of time since the previous row with the motor at its limit [-]
     lean: Array | None = None  # (T,) offset of the scanned plate to the left of the robot [m]
     contact: Array | None = None  # (T, P, 3) force of the ground on each pad: forwards, to the left, up [N]
+    shear: Array | None = None  # (T, P) how far the ground has given way under each pad, on ground that shears [m]
 
 
 @dataclass(frozen=True)

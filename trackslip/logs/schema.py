@@ -74,6 +74,7 @@ _ALL = (
     Column(
         "contact", "N", "with --rrd: list of the forces of the ground on each pad: along the robot, to its left and up"
     ),
+    Column("shear", "m", "with --rrd: list of how far ground that shears has given way under each pad"),
     Column("v", "m/s", "forward speed of a steady sample"),
     Column("w", "rad/s", "yaw rate of a steady sample"),
     *_tracks("slip", PURE, "slip i = 1 - V / (r omega) of a steady sample"),

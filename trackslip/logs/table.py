@@ -43,6 +43,7 @@ TRUTH: dict[str, tuple[str, ...]] = {  # columns of fields of its Truth
 COVARIANCE = ("var_x", "cov_xy", "cov_xphi", "var_y", "cov_yphi", "var_phi")
 UPPER = np.triu_indices(3)
 CONTACT = "contact"
+SHEAR = "shear"
 _METADATA_KEY = b"trackslip"  # of the description of runs and columns in the metadata of a file
 _CHECKSUM_KEY = b"trackslip_crc32"  # of its checksum: Parquet's own only cover the pages of the columns
 
@@ -128,6 +129,8 @@ def _run_table(log: RunLog) -> pa.Table:
         columns["valid"] = log.valid
     if log.truth is not None and log.truth.contact is not None:
         columns[CONTACT] = list_column(log.truth.contact)
+    if log.truth is not None and log.truth.shear is not None:
+        columns[SHEAR] = list_column(log.truth.shear)
     if log.scans is not None:
         columns |= scan_columns(log.scans)
     return pa.table(columns)

@@ -18,7 +18,7 @@ from trackslip.logs.heading_check import require_headings
 from trackslip.logs.refused import Refused, none_usable
 from trackslip.logs.runlog import RunLog, Truth
 from trackslip.logs.scan_columns import SCANNED, from_list_column, scans_from_table
-from trackslip.logs.table import BLOCKS, CONTACT, COVARIANCE, REQUIRED, TRUTH, UPPER, stored_metadata
+from trackslip.logs.table import BLOCKS, CONTACT, COVARIANCE, REQUIRED, SHEAR, TRUTH, UPPER, stored_metadata
 
 _OPTIONAL = ("command", "twist_command", "icr")
 _ENCODER, _POSE = BLOCKS["omega"], BLOCKS["pose"]
@@ -128,7 +128,11 @@ class _Reader:
             pose=pose,
             **_present(self._blocks, rows),
             valid=None if self._valid is None and valid.all() else valid,
-            truth=_truth(_present(self._truth, rows), from_list_column(self._table, CONTACT, rows)),
+            truth=_truth(
+                _present(self._truth, rows),
+                from_list_column(self._table, CONTACT, rows),
+                from_list_column(self._table, SHEAR, rows),
+            ),
             scans=scans_from_table(self._table, rows, metadata),
             metadata={key: value for key, value in metadata.items() if key != SCANNED},
         )
@@ -235,13 +239,13 @@ def _present(blocks: Mapping[str, Array | None], rows: np.ndarray) -> dict[str, 
     }
 
 
-def _truth(parts: dict[str, Any], contact: Array | None) -> Truth | None:
+def _truth(parts: dict[str, Any], contact: Array | None, shear: Array | None) -> Truth | None:
     if not {"pose", "twist"} <= set(parts):
         return None
     if "lean" in parts:
         parts["lean"] = parts["lean"][:, 0]
     pads = None if contact is None or contact.shape[1] % 3 else contact.reshape(len(contact), -1, 3)
-    return Truth(**parts, contact=pads)
+    return Truth(**parts, contact=pads, shear=shear)
 
 
 def _symmetric(upper: Array) -> Array:

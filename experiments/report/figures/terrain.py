@@ -41,7 +41,7 @@ def turns(found: TerrainValidation) -> Panels:
     axes.grid(visible=False, axis="x")
     axes.set(yscale="log")
     axes.yaxis.set_major_formatter("{x:g}")
-    axes.set_ylim(bottom=_SMALLEST, top=3e4)
+    axes.set_ylim(bottom=_SMALLEST, top=3e3)
     axes.legend(loc="upper center", ncols=2)
     return (figure,)
 

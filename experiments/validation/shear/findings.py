@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from experiments.measuring.drive_coverage import Check
-from experiments.speed.shear import FEWEST, MOST, cost
+from experiments.validation.shear.cost import FEWEST, MOST, cost
 from experiments.validation.shear.exactness import differing
 from experiments.validation.shear.loads import Slips, StopAndGo, creep, pulls, slopes, stop_and_go
 from experiments.validation.shear.turning import FIRM, MODULI, Turns, turn
@@ -44,7 +44,7 @@ class ShearFindings:
     differing: dict[str, int]
     """Numbers whose bits differ where none should."""
     cost: float
-    """Time of a fleet over that on Coulomb ground [-]."""
+    """Processor time of a fleet over that on Coulomb ground [-]."""
 
 
 def subjects(parameters: RobotParameters, given: bool) -> dict[str, RobotParameters]:
@@ -109,5 +109,5 @@ def checks_of(found: ShearFindings) -> list[Check]:
         check(case + "stop and go, error of the distance slipped", np.abs(way - expected).max(), float(bound), "m")
     for what, count in found.differing.items():
         check(f"numbers with other bits {what}", count, 0.0)
-    check(f"time of {FEWEST} robots, over that on Coulomb ground", found.cost, MOST)
+    check(f"processor time of {FEWEST} robots, over that on Coulomb ground", found.cost, MOST)
     return checks

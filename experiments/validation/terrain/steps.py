@@ -31,7 +31,7 @@ BOXES = (
     (Box(_SHORT, (0.06, 0.10)), 1.0),
     (Box(_RISING, (0.0, 0.15)), 0.9),
     (Box(_RISING, (0.0, 0.12)), 0.7),
-    (Box(_LONG, (0.04, 0.12)), 0.8),
+    (Box(_RISING, (0.03, 0.10)), 0.65),
 )
 """Boxes and their friction: tipping over the edge limits the first four, friction the last two."""
 

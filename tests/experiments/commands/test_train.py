@@ -79,9 +79,8 @@ def test_an_interrupted_training_says_how_to_go_on_and_leaves_its_checkpoint(tra
 
 def test_a_policy_learns_to_cross_courses_and_is_tried_on_others(trackslip):
     pytest.importorskip("stable_baselines3")
-    options = ("--env", "traverse", "--robots", "2", "--horizon", "8", "--batch", "16", "--epochs", "1", "--network", "8")
-    tried = ("--steps", "16", "--trials", "1", "--difficulty", "0", "0")
-    found = trackslip("train", *options, *tried)
+    sizes = ("--robots", "2", "--horizon", "8", "--batch", "16", "--epochs", "1", "--network", "8", "--steps", "16")
+    found = trackslip("train", "--env", "traverse", *sizes, "--trials", "1", "--difficulty", "0", "0")
     assert [point["steps"] for point in found.summary["curve"]] == [16]
     assert [(one["controller"], one["courses"]) for one in found.summary["rates"]] == [("scripted", 1), ("policy", 1)]
     assert "95 % interval" in found.printed

@@ -135,3 +135,22 @@ def test_no_weight_brings_a_calibrations_motors_to_their_limits():
     heavy = Candidate(RobotParameters(mass=400.0, sprocket_radius=0.03), 1.1)
     target = TurnTable.published()
     np.testing.assert_allclose(simulated_twist(heavy, target), theoretical_twist(heavy, target), rtol=0.01)
+
+
+def test_shear_is_found_in_turns_that_theory_drives_with_it():
+    target = measured(Candidate(RobotParameters(), 1.15, 0.008), theoretical_twist)
+    fit = calibrate(BASE, ("shear", "friction_ratio"), target, theoretical_twist, np.empty((0, 2)))
+    assert fit.candidate.shear == pytest.approx(0.008, rel=0.02)
+    assert fit.candidate.friction_ratio == pytest.approx(1.15, rel=0.01)
+    assert set(fit.stderr) == {"shear", "friction_ratio"}
+    assert fit.correlation["shear"]["friction_ratio"] == fit.correlation["friction_ratio"]["shear"]
+    assert abs(fit.correlation["shear"]["friction_ratio"]) < 1
+
+
+def test_shear_is_not_determined_by_straight_runs_on_the_level():
+    omega = np.array([[2.0, 2.0], [3.0, 3.0], [4.0, 4.0]])
+    twist = np.column_stack([0.06 * omega[:, 0], np.zeros(3)])
+    target = MeasuredTurns(SlipSamples.of(omega, twist, BASE.geometry, list("abc")), BASE.geometry)
+    fit = calibrate(BASE, ("radius_error", "shear"), target, theoretical_twist, np.empty((0, 2)))
+    assert "shear" in fit.tied
+    assert "shear" not in fit.stderr

@@ -22,7 +22,7 @@ VARIANTS = [
     {},
     {"action": "correction", "flippers": "pairs", "period": 0.2},
     {"course": ("random", "step10", "rough"), "kinds": ("gap",)},
-    {"robot": "box", "course": "stairs"},
+    {"robot": "box", "course": Course((Flat(0.5), Step(0.05)))},
 ]
 
 

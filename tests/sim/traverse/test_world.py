@@ -132,6 +132,18 @@ def test_what_makes_no_sense_is_refused(options, message):
         Traverse(load_tracked("box"), **({"courses": [LEVEL]} | options))
 
 
+def test_commands_that_make_no_sense_are_refused(rescue):
+    fine, flippers = np.zeros((1, 2)), np.zeros((1, 4))
+    for command, message in (
+        (Command(np.array([[0.1, np.nan]]), flippers), r"speed = \[\[0.1, nan\]\]: must be finite, of shape \(1, 2\)"),
+        (Command(np.zeros(2), flippers), "speed"),
+        (Command(fine, np.zeros((1, 3))), "flippers"),
+        (Command(fine, np.full((1, 4), np.inf)), "flippers"),
+    ):
+        with pytest.raises(InvalidValueError, match=message):
+            rescue.step(command)
+
+
 def test_starts_that_are_not_finite_are_refused():
     world = Traverse(load_tracked("box"), [LEVEL], threads=1)
     for start in ([[0.0, np.nan, 0.0]], [[0.0, 0.0]], np.zeros((2, 3))):

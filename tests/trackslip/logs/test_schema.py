@@ -45,7 +45,7 @@ def full(scan_rectangle):
         icr=two,
         covariance=np.tile(np.eye(3), (ROWS, 1, 1)),
         valid=np.ones(ROWS, bool),
-        truth=Truth(pose, three, two, two, power=two, saturated=two, lean=three[:, 0], contact=np.ones((ROWS, 20, 3))),
+        truth=Truth(pose, three, two, two, two, two, three[:, 0], np.ones((ROWS, 20, 3)), np.ones((ROWS, 20))),
         scans=scans,
         metadata={"seed": 1},
     )

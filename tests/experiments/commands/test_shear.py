@@ -1,0 +1,87 @@
+"""Commands on ground that shears: sweeps, closed loops, validation, speed, recordings."""
+
+import json
+
+import numpy as np
+import pytest
+from rrd import component
+
+from experiments.options.bench import BenchConfig
+from experiments.validation.shear.findings import subjects
+from sim.robot.parameters import RobotParameters
+from trackslip.logs.logfile import read_runs
+
+GRID = ("--radii", "1.0", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
+
+
+def rows(folder):
+    return {log.run: log for log in read_runs(folder / "runs.parquet")}
+
+
+@pytest.mark.slow
+def test_a_sweep_over_shear_has_the_bits_of_each_grid_alone(trackslip, tmp_path):
+    swept = trackslip("grid", *GRID, "--vary", "ground.shear=0,0.01", "--out", str(tmp_path / "both"))
+    hard = trackslip("grid", *GRID, "--out", str(tmp_path / "hard"))
+    soft = trackslip("grid", *GRID, "--ground.shear", "0.01", "--out", str(tmp_path / "soft"))
+    both = list(rows(swept.folder).values())
+    alone = [log for one in (hard, soft) for log in rows(one.folder).values()]
+    for one, other in zip(both, alone, strict=True):
+        np.testing.assert_array_equal(one.truth.pose, other.truth.pose)
+    assert both[0].metadata["ground"].get("shear", 0.0) == 0
+    assert both[1].metadata["ground"]["shear"] == 0.01
+    assert np.abs(both[0].truth.pose[-1] - both[1].truth.pose[-1]).max() > 1e-3
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--ground.shear", "-0.1"), "ground.shear = -0.1"),
+        (("--ground.shear", "0.3"), "ground.shear = 0.3: must be at most 0.2 m"),
+        (("--ground.shear", "nan"), "ground.shear = nan"),
+        (("--pull", "-1"), "force = -1.0"),
+        (("--ground", "clay", "--pull", "300"), "not to drag the robot backwards from rest"),
+        (("--pull", "160", "--pull.height", "0.6"), "tips over"),
+    ],
+)
+def test_impossible_grounds_and_pulls_get_one_line(refused, arguments, message):
+    assert message in refused("track", "--controller", "feedforward", *arguments)
+
+
+@pytest.mark.slow
+def test_recordings_show_how_far_the_ground_gives_way(trackslip):
+    result = trackslip("grid", *GRID, "--ground", "clay", "--rrd")
+    (log,) = rows(result.folder).values()
+    assert log.truth.shear.shape == (len(log.time), 20)
+    assert log.truth.contact.shape[1] == 20
+    (file,) = (result.folder / "recordings").iterdir()
+    _, colours = component(file, "/run/robot/shear", "colors")
+    assert colours.shape == (len(log.time), 18)
+    assert len(np.unique(colours)) > 10
+
+
+@pytest.mark.slow
+def test_bench_compares_the_same_fleets_on_both_grounds(trackslip):
+    sizes = ("--sizes", "2", "32", "--thread-counts", "1", "--seconds", "3", "--repeats", "1")
+    summary = trackslip("bench", "--shear", *sizes).summary
+    assert [row["n"] for row in summary["rows"]] == [2, 32]
+    for row in summary["rows"]:
+        assert row["cost_ratio"] > 1
+    (check,) = summary["checks"]
+    assert check["name"].startswith("32 robots")
+    assert check["bound"] == 1.5
+    assert BenchConfig(shear=True).shear_sizes == (32, 64, 256)
+
+
+@pytest.mark.slow
+def test_every_bound_holds(trackslip):
+    checks = trackslip("validate", "--shear").summary["checks"]
+    assert len(checks) == 66
+    for check in checks:
+        assert check.keys() == {"name", "value", "bound", "unit", "holds"}
+        assert check["holds"] or "processor time" in check["name"], json.dumps(check)
+
+
+def test_a_robot_that_is_given_is_measured_instead():
+    own = RobotParameters(half_gauge=0.2)
+    assert subjects(own, True) == {"robot": own}
+    assert list(subjects(own, False)) == ["shipped", "larger"]
