@@ -174,6 +174,7 @@ EXAMPLES = {
         {"sizes": "2", "thread-counts": "1", "seconds": "0.5", "repeats": "1", "seed": "3", "out": "a"},
         {"env": "", "env-size": "2", "thread-counts": "1", "seconds": "0.5", "repeats": "1"},
         {"grid": "", "grid-runs": "25", "grid-duration": "4", "thread-counts": "1"},
+        {"shear": "", "sizes": "2", "thread-counts": "1", "seconds": "0.1", "repeats": "1"},
         {
             "terrain": "",
             "terrain-robot": "box",
@@ -191,7 +192,7 @@ EXAMPLES = {
 NOT_RUN = {
     "drive": {"teleop", "video", "pictures"},  # need a display, PyAV, OpenGL
     "view": {"web"},  # opens a browser
-    "validate": {"terrain"},  # takes minutes; test_validate_terrain runs it
+    "validate": {"terrain", "shear"},  # take minutes; tests of their own run them
     "train": {field.name for field in dataclasses.fields(COMMANDS["train"])},  # needs PyTorch
 }
 SLOW = ("plan", "calibrate", "validate", "coverage", "sensitivity", "reproduce")
