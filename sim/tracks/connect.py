@@ -39,12 +39,13 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
     try:
         model = spec.copy().compile()
     except ValueError as error:
-        raise TrackslipError(f"spec: must compile before tracks are connected: {first_line(error)}") from error
+        message = first_line(error).removeprefix("Error: ")
+        raise TrackslipError(f"spec: must compile before tracks are connected: {message}") from error
     body = model.body(tracks.bodies[0])
     require(body.weldid[0] != 0, "body", tracks.names[0], "on a body that moves: give the robot a free joint")
     mass = float(model.body_subtreemass[model.body_rootid[body.id]]) * tracks.load
     gravity = float(np.linalg.norm(model.opt.gravity)) or 9.81
-    rocking = 1 / mobility(model, tracks, mass)
+    rocking = 1 / max(mobility(model, tracks, mass), 1.0)  # a robot that is held, as on a test rig, has less
     on_limb = bool(model.body_weldid[body.id] != model.body_rootid[body.id])
     own = float(model.body_invweight0[body.id, 0])
     for ground in grounds:

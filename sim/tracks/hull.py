@@ -54,7 +54,7 @@ class Hull:
 
     @property
     def longest_below(self) -> float:
-        """Length of the longest run that faces the ground, or of the longest if none does, as on a raised flipper [m]."""
+        """Length of the longest run that faces the ground, or of the longest of all where none does [m]."""
         return max((run.outwards[1] < 0, run.length) for run in self.runs)[1]
 
     @classmethod
