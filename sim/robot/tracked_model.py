@@ -89,7 +89,7 @@ def build_tracked(
             _light(spec)
         else:
             _strip(spec)
-        if not any(joint.type == _FREE for joint in chassis.joints):
+        if not chassis.joints:
             chassis.add_freejoint()
         flippers = [(flipper, *_motor_of(spec, flipper, chassis)) for flipper in robot.flippers]
         names = _plane(spec) if terrain is None else terrain.add_to(spec)
@@ -104,7 +104,8 @@ def build_tracked(
     except TrackslipError:
         raise
     except (ValueError, KeyError, AttributeError) as error:
-        raise TrackslipError(f"{robot.model}: {' '.join(str(error).split())}") from error
+        message = " ".join(str(error).split()).removeprefix("Error: ")
+        raise TrackslipError(f"{robot.model}: {message}") from error
     return _read(model, robot, tracks, chassis_name, motors)
 
 
@@ -116,6 +117,7 @@ def _load(robot: TrackedRobot) -> Any:
     spec.compiler.fusestatic = False  # a URDF's base link is to stay a body
     for thing in (*spec.worldbody.geoms, *spec.worldbody.lights, *spec.keys):
         spec.delete(thing)
+    spec.copy().compile()  # so that what is wrong with the file is said of the file
     return spec
 
 
@@ -161,6 +163,9 @@ def _chassis(spec: Any, robot: TrackedRobot) -> Any:
     body = spec.body(name)
     if body is None or name not in roots:
         raise TrackslipError(f"{robot.model}: body = {name!r}: must be one that lies in the world: {', '.join(roots)}")
+    if any(joint.type != _FREE for joint in body.joints):
+        joints = ", ".join(joint.name or "unnamed" for joint in body.joints)
+        raise TrackslipError(f"{robot.model}: joints of body {name!r} = {joints}: must be a free joint or none")
     return body
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from sim.terrain.limits import MAX_LENGTH, MAX_SAMPLES, MAX_SIDE, require_between, require_height, require_length
 from sim.terrain.pieces import Placed, Site, smooth_step
 from sim.terrain.solids import Grid
-from trackslip.errors import require, require_at_most
+from trackslip.errors import InvalidValueError, require, require_at_most
 from trackslip.kinematics import Array
 
 _MIN_CELL = 0.005  # [m]
@@ -95,7 +95,10 @@ class HeightField:
 
 def require_heights(heights: Array) -> None:
     """Raise InvalidValueError unless `heights` is a table of finite heights that MuJoCo can hold."""
-    shape = np.shape(heights)
+    try:
+        shape = np.shape(heights)
+    except ValueError:
+        raise InvalidValueError("heights", heights, "rows of equal lengths") from None
     require(len(shape) == 2 and min(shape) >= 2, "shape of heights", shape, "(rows, columns), at least (2, 2)")
     require_at_most("samples of heights", int(np.prod(shape)), MAX_SAMPLES)
     values = np.ravel(heights)

@@ -17,6 +17,7 @@ from trackslip.errors import InvalidValueError, require, require_finite, require
 SENSED = 1 << 0 | 1 << 1 | 1 << 3 | 1 << 5 | 1 << 6 | 1 << 7
 """Bits of what a contact sensor reports of each contact: found, force, dist, normal, tangent, linvel."""
 _MAX_SEGMENTS = 40
+_MAX_HALF_GAUGE = 10.0  # [m]
 _SLOTS = {
     "both": 64,
     "left": 32,
@@ -67,11 +68,13 @@ def add_tracks(
     carrier = _body(spec, body)
     require(side in _SIDES, "side", side, f"one of {', '.join(_SIDES)}")
     (require_positive if side == "both" else require_finite)("half_gauge", half_gauge)
+    require(abs(half_gauge) <= _MAX_HALF_GAUGE, "half_gauge", half_gauge, f"at most {_MAX_HALF_GAUGE:g} m")
     require(0 < load <= 1, "load", load, "greater than 0, and at most 1")
     require_friction(friction)
     shape, recipe = Hull.from_wheels(hull), load_preset(preset)
     count = segments if segments is not None else (recipe.segments if side == "both" else 1)
-    require(1 <= count <= _MAX_SEGMENTS, "segments", segments, f"from 1 to {_MAX_SEGMENTS}")
+    whole = 1 <= count <= _MAX_SEGMENTS and count % 1 == 0
+    require(whole, "segments", segments, f"a whole number from 1 to {_MAX_SEGMENTS}")
     prefix = name or carrier.name
     require(prefix, "name", name, "given: the body has no name")
     names = tuple("_".join(filter(None, (prefix, which))) for which, _ in _SIDES[side])

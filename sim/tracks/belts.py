@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.tracks.options import require_stable
+from sim.tracks.options import require_options, require_stable
 from sim.tracks.parts import TrackParts
 from sim.tracks.readings import SENSED_WIDTH, Floats, Reading, read_contacts
 from trackslip.errors import InvalidValueError, require
@@ -22,7 +22,6 @@ class _Map:
         require(tracks, "tracks", tracks, "at least one")
         for each in tracks:
             require_stable(model.opt.timestep, each.preset)
-        require(model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC, "cone", "pyramidal", "elliptic, as connect sets it")
         self.names = tuple(name for each in tracks for name in each.names)
         require(len(set(self.names)) == len(self.names), "tracks", self.names, "each bound once")
         try:
@@ -32,6 +31,7 @@ class _Map:
             sensors = [model.sensor(body).id for body in bodies]
         except KeyError:
             raise InvalidValueError("tracks", self.names, "in the model: compile the spec they were added to") from None
+        require_options(model.opt)
         counts = [len(names) for each in tracks for names in each.geoms]
         self.track = np.repeat(np.arange(len(self.names)), counts)
         self.direction = np.array([way for each in tracks for _ in each.names for way in each.directions])

@@ -29,15 +29,18 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
             to it.
 
     Raises:
-        InvalidValueError: for a geom that is not in the spec or is already connected, a robot that can't move, and
-            friction that differs along and across on anything but a plane.
+        InvalidValueError: for a geom that is not in the spec or is already connected, tracks that are not in it,
+            a robot that can't move, and friction that differs along and across on anything but a plane.
     """
+    added = all(spec.body(body) for body in tracks.bodies)
+    require(added, "tracks", tracks.names, "in this spec; after attach with a prefix, connect Tracks.prefixed(prefix)")
     grounds = _grounds(spec, tracks, terrain)
     set_options(spec, tracks.preset)
     try:
         model = spec.copy().compile()
     except ValueError as error:
-        raise TrackslipError(f"spec: must compile before tracks are connected: {first_line(error)}") from error
+        message = first_line(error).removeprefix("Error: ")
+        raise TrackslipError(f"spec: must compile before tracks are connected: {message}") from error
     body = model.body(tracks.bodies[0])
     require(body.weldid[0] != 0, "body", tracks.names[0], "on a body that moves: give the robot a free joint")
     mass = float(model.body_subtreemass[model.body_rootid[body.id]]) * tracks.load
@@ -50,8 +53,8 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
         share = mass * inverse_weight / tracks.points
         softened = _field_hardness(model, model.geom(ground.name).id, tracks.segment)
         most = _MAX_MOBILITY if softened is None or on_limb else _MAX_FIELD_MOBILITY
-        hardness = min(1.0, most / rocks) * (softened or 1.0)
-        lightness = lightest / inverse_weight
+        hardness = min(1.0, most / max(rocks, 1.0)) * (softened or 1.0)
+        lightness = max(lightest / inverse_weight, 1.0)  # a robot that is held, as on a test rig, has none
         contacts = {
             each: tracks.preset.contact(gravity, share, hardness, each, lightness) for each in set(tracks.weights)
         }

@@ -54,8 +54,8 @@ class Hull:
 
     @property
     def longest_below(self) -> float:
-        """Length of the longest run that faces the ground [m]."""
-        return max(run.length for run in self.runs if run.outwards[1] < 0)
+        """Length of the longest run that faces the ground, or of the longest of all where none does [m]."""
+        return max((run.outwards[1] < 0, run.length) for run in self.runs)[1]
 
     @classmethod
     def from_wheels(cls, wheels: Sequence[Sequence[float]]) -> Hull:
@@ -67,10 +67,7 @@ class Hull:
             InvalidValueError: for fewer than two wheels, numbers out of range, a wheel inside another, and a chain that
                 isn't convex or crosses itself.
         """
-        require(len(wheels) >= 2, "hull", list(wheels), "two wheels (x, z, radius) or more")
-        whole = all(np.shape(wheel) == (3,) for wheel in wheels)
-        require(whole, "hull", list(wheels), "wheels of three numbers each, (x, z, radius) [m]")
-        chain = np.array(wheels, float)
+        chain = _numbers(wheels)
         allowed = f"finite, with radii of at least {_MIN_RADIUS:g} m and nothing beyond {_MAX_SIZE:g} m"
         fits = np.isfinite(chain).all() and np.abs(chain).max() <= _MAX_SIZE and chain[:, 2].min() >= _MIN_RADIUS
         require(fits, "hull", chain.tolist(), allowed)
@@ -82,6 +79,18 @@ class Hull:
         allowed = "a convex chain of wheels in the order of the belt, which bends around each and crosses nowhere"
         require(False, "hull", chain.tolist(), allowed)
         raise AssertionError
+
+
+def _numbers(wheels: Sequence[Sequence[float]]) -> NDArray[np.float64]:
+    """The wheels (W, 3)."""
+    try:
+        listed = [[float(number) for number in wheel] for wheel in wheels]
+    except (TypeError, ValueError):
+        listed = [[]]
+    whole = all(len(wheel) == 3 for wheel in listed)
+    require(whole, "hull", wheels, "wheels of three numbers each, (x, z, radius) [m]")
+    require(len(listed) >= 2, "hull", listed, "two wheels (x, z, radius) or more")
+    return np.array(listed)
 
 
 def _require_apart(chain: NDArray[np.float64]) -> None:

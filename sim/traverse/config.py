@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+import numpy as np
+
 from sim.robot.tracked import TrackedRobot, load_tracked
 from sim.terrain import Course, load_course
 from sim.traverse.courses import OBSTACLES, require_kinds
@@ -104,8 +106,8 @@ class TraverseConfig:
         for name in ("speed_authority", "flipper_authority"):
             require_positive(name, getattr(self, name))
         allowed = f"a multiple of {SAMPLE} s, up to 1 s"
-        whole = abs(self.period / SAMPLE - round(self.period / SAMPLE)) < 1e-9
-        require(whole and 0 < self.period <= 1, "period", self.period, allowed)
+        require(0 < self.period <= 1, "period", self.period, allowed)
+        require(abs(self.period / SAMPLE - round(self.period / SAMPLE)) < 1e-9, "period", self.period, allowed)
         for name in ("start_offset", "start_heading"):
             require_non_negative(name, getattr(self, name))
 
@@ -130,5 +132,5 @@ class TraverseConfig:
 
 def require_range(difficulty: tuple[float, float]) -> None:
     """Raise InvalidValueError unless `difficulty` is a range within 0 to 1."""
-    valid = len(difficulty) == 2 and 0.0 <= difficulty[0] <= difficulty[1] <= 1.0
+    valid = np.shape(difficulty) == (2,) and 0.0 <= difficulty[0] <= difficulty[1] <= 1.0
     require(valid, "difficulty", difficulty, "two ascending numbers from 0 to 1")

@@ -244,6 +244,7 @@ def test_defaults_of_the_model_leave_the_course_as_it_is():
             "samples of rough ground = 2253001: must be at most 1e[+]06",
         ),
         (lambda: Course((Flat(),)).add_to(mujoco.MjSpec(), at=(np.inf, 0.0)), "at = inf: must be a finite number"),
+        (lambda: HeightField([[0, 1], [2]]), r"heights = \[\[0, 1\], \[2\]\]: must be rows of equal lengths"),
         (lambda: HeightField(np.zeros(4)), r"shape of heights = \(4,\): must be \(rows, columns\), at least \(2, 2\)"),
         (lambda: HeightField(np.full((3, 3), np.nan)), r"heights = \[nan\]: must be finite numbers"),
         (lambda: HeightField(np.full((3, 3), "a")), r"heights = \['a'\]: must be finite numbers"),

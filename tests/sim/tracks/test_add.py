@@ -121,7 +121,9 @@ def refused(message, **changes):
         ({"friction": (0.7, 0.0)}, "friction = 0.0: must be a finite number > 0"),
         ({"friction": 0.7}, "friction = 0.7: must be two coefficients"),
         ({"load": 0.0}, "load = 0.0: must be greater than 0"),
-        ({"segments": 0}, "segments = 0: must be from 1 to 40"),
+        ({"half_gauge": 20.0}, "half_gauge = 20.0: must be at most 10 m"),
+        ({"segments": 0}, "segments = 0: must be a whole number from 1 to 40"),
+        ({"segments": 2.5}, "segments = 2.5: must be a whole number from 1 to 40"),
         ({"hull": HULL[:1]}, "hull = .*: must be two wheels"),
         ({"terrain": ["stairs"]}, "terrain = 'stairs': must be a geom of the spec, such as ground"),
         ({"terrain": []}, r"terrain = \[\]: must be at least one geom"),
@@ -202,3 +204,51 @@ def test_a_model_without_the_tracks_is_refused():
     model.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     with pytest.raises(InvalidValueError, match="must be in the model"):
         bind(model, tracks)
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "message"),
+    [
+        ("cone", mujoco.mjtCone.mjCONE_PYRAMIDAL, "cone = 'pyramidal': must be elliptic"),
+        ("impratio", 1.0, "impratio = 1.0: must be at least 10000"),
+        ("enableflags", mujoco.mjtEnableBit.mjENBL_OVERRIDE, "flag override = 'enable': must be disable"),
+    ],
+)
+def test_options_that_spoil_the_recipe_are_refused(option, value, message):
+    spec = plane()
+    add_robot(spec)
+    tracks = add_tracks(spec, "robot", half_gauge=0.2, hull=HULL, terrain="ground")
+    model = spec.compile()
+    setattr(model.opt, option, value)
+    with pytest.raises(InvalidValueError, match=message):
+        tracks.bind(model)
+
+
+def test_a_spec_that_overrides_contacts_is_refused():
+    spec = plane()
+    add_robot(spec)
+    spec.option.enableflags |= mujoco.mjtEnableBit.mjENBL_OVERRIDE
+    with pytest.raises(InvalidValueError, match="flag override = 'enable': must be disable"):
+        add_tracks(spec, "robot", half_gauge=0.2, hull=HULL, terrain="ground")
+
+
+def test_tracks_of_an_attached_robot_are_connected_under_their_new_names():
+    robot, scene = mujoco.MjSpec(), plane()
+    add_robot(robot)
+    tracks = add_tracks(robot, "robot", half_gauge=0.2, hull=HULL)
+    scene.attach(robot, prefix="first/", frame=scene.worldbody.add_frame())
+    with pytest.raises(InvalidValueError, match=r"must be in this spec; .* Tracks.prefixed"):
+        tracks.connect(scene)
+
+
+def test_a_robot_that_is_held_in_height_drives_along_its_rail():
+    spec = plane()
+    body = spec.worldbody.add_body(name="robot", pos=[0, 0, -0.0003])
+    body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[1, 0, 0])
+    body.mass, body.inertia, body.explicitinertial = 25.0, [0.45, 0.6, 0.89], True
+    tracks = add_tracks(spec, "robot", half_gauge=0.2, hull=HULL, terrain="ground")
+    model = spec.compile()
+    belts, data = tracks.bind(model), mujoco.MjData(model)
+    belts.set(model, [0.3, 0.3])
+    mujoco.mj_step(model, data, 500)
+    assert data.qvel[0] == pytest.approx(0.3, abs=0.01)

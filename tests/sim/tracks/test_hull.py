@@ -55,7 +55,9 @@ def test_the_length_of_the_belt_is_that_of_the_convex_hull():
 @pytest.mark.parametrize(
     ("wheels", "message"),
     [
-        ([(0.0, 0.1, 0.1)], r"hull = \[\(0.0, 0.1, 0.1\)\]: must be two wheels"),
+        ([(0.0, 0.1, 0.1)], r"hull = \[\[0.0, 0.1, 0.1\]\]: must be two wheels"),
+        (None, "hull = None: must be wheels of three numbers each"),
+        ([("a", 0.1, 0.1), (0.2, 0.1, 0.1)], "must be wheels of three numbers each"),
         ([(0.0, 0.1), (0.2, 0.1)], "must be wheels of three numbers each"),
         ([(0.0, 0.1, 0.1), (np.nan, 0.1, 0.1)], "must be finite"),
         ([(0.0, 0.1, 0.1), (0.3, 0.1, -0.1)], "must be finite, with radii of at least"),
@@ -67,3 +69,9 @@ def test_the_length_of_the_belt_is_that_of_the_convex_hull():
 def test_an_impossible_hull_is_refused(wheels, message):
     with pytest.raises(InvalidValueError, match=message):
         Hull.from_wheels(wheels)
+
+
+@pytest.mark.parametrize("tip", [0.08, 0.05])
+def test_a_flipper_may_be_modelled_upright(tip):
+    hull = Hull.from_wheels([(0.0, 0.0, 0.08), (0.0, 0.25, tip)])
+    assert hull.longest_below == pytest.approx(np.sqrt(0.25**2 - (0.08 - tip) ** 2))

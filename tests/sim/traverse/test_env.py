@@ -114,6 +114,8 @@ def test_difficulty_and_courses_may_be_given():
         ({"action": "twist"}, "action = 'twist'"),
         ({"flippers": "none"}, "flippers = 'none'"),
         ({"period": 0.03}, "period = 0.03"),
+        ({"period": np.nan}, "period = nan"),
+        ({"difficulty": 0.5}, "difficulty = 0.5: must be two ascending numbers"),
         ({"robot": "wheeled"}, "robot = 'wheeled'"),
         ({"preset": "exact"}, "preset = 'exact'"),
         ({"friction": 0.5}, "friction"),
