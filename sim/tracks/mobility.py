@@ -11,8 +11,9 @@ from sim.tracks.parts import TrackParts
 def mobility(model: mujoco.MjModel, tracks: TrackParts, mass: float) -> tuple[float, float]:
     """Largest ratio [-] of the squared frequencies of a robot on its tracks to that of its heave.
 
-    The second number is the largest inverse mass of a point of the tracks along its normal [1/kg]. Each run stands on springs that together carry the robot's `mass` [kg]. A box on two tracks has about 2 in roll; a
-    light flipper on its hinge has more, and springs of that stiffness would throw it off.
+    The second number is the largest inverse mass of a point of the tracks along its normal [1/kg]. Each run stands on
+    springs that together carry the robot's `mass` [kg]. A box on two tracks has about 2 in roll; a light flipper on its
+    hinge has more, and springs of that stiffness would throw it off.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
