@@ -5,8 +5,12 @@ import numpy as np
 import pytest
 from mujoco import batch
 
-from sim.terrain import Course, Rough
-from sim.tracks import add_tracks
+from sim.robot.tracked import load_tracked
+from sim.terrain import Course, Rough, load_course
+from sim.tracks import PRESETS, add_tracks
+from sim.traverse.outcome import Outcome
+from sim.traverse.reflex import Reflex
+from sim.traverse.world import Command, Traverse
 
 DROPS = np.array([0.02, 0.05, 0.1, 0.15, 0.2, 0.3])
 """Heights from which robots fall [m]."""
@@ -54,3 +58,34 @@ def test_on_rough_ground(preset, size):
     start = np.column_stack([rng.uniform(1.5, 4.5, len(drops)), rng.uniform(-1.5, 1.5, len(drops)), HIGHEST + drops])
     top = bounces(spec, ROUGH.add_to(spec), preset, size, start)
     assert (top < start[:, 2]).all()
+
+
+@pytest.mark.parametrize("preset", ["accurate", "fast"])
+def test_contacts_of_light_limbs_push_no_further_than_stable(preset):
+    recipe = PRESETS[preset]
+    softest = np.inf
+    for lightness in (1.0, 5.0, 50.0, 5000.0):
+        contact = recipe.contact(9.81, 1.0, 1.0, lightness=lightness)
+        last = contact.solimp[1]
+        # a contact of impedance d gives a point of inverse mass A_point this share of its own acceleration
+        share = lightness * last / (lightness * last + 1 - last)
+        stiffness, damping = (-value / last for value in contact.solref)
+        assert share * stiffness * recipe.timestep**2 <= 0.5 + 1e-9
+        assert share * damping * recipe.timestep <= 1 + 1e-9
+        assert stiffness <= softest
+        softest = stiffness
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("preset", ["accurate", "fast"])
+def test_flippers_that_fall_on_beams_throw_no_robot(preset):
+    rng, count = np.random.default_rng(0), 24
+    world = Traverse(load_tracked("rescue"), [load_course("arena")], size=count, preset=preset)
+    start = np.column_stack([rng.uniform(-1.2, -0.8, count), rng.uniform(-0.02, 0.02, count), np.zeros(count)])
+    world.begin(np.arange(count), start=start)
+    free = world.tracked.free[1]
+    fastest = 0.0
+    while (world.outcome == Outcome.DRIVING).any() and world.time.max() < 14.0:
+        world.step(Command(np.full((count, 2), 0.3), world.reflex(Reflex())))
+        fastest = max(fastest, float(np.linalg.norm(world.state.qvel[:, free : free + 3], axis=1).max()))
+    assert fastest < 1.0
