@@ -14,7 +14,7 @@ from sim.tracks.presets import ContactParameters
 from trackslip.errors import InvalidValueError, TrackslipError, first_line, require, require_at_most, require_positive
 
 _MAX_FRICTION = 10.0
-_WHEEL_BRAKE = .48  # share of its speed that a robot which lands on its wheels loses by them in one physics step [-]
+_WHEEL_BRAKE = 0.4  # share of its speed that a robot which lands on its wheels loses by them in one physics step [-]
 _MAX_MOBILITY = 6.0  # contacts have the stiffness of their preset up to this: a robot's, not a flipper's [-]
 _MAX_FIELD_MOBILITY = 3.0  # the same of robots on height fields, where points touch several times [-]
 _FIELD_HARDNESS = (0.1, 0.5)  # on height fields of the finest and of the coarsest cells [-]
