@@ -144,6 +144,8 @@ COMMAND_EXAMPLES = (
     ("tracks on terrain", "trackslip bench --terrain"),
     ("ground that shears", "trackslip bench --shear"),
     ("a thousand runs, on one process and on two", "trackslip bench --grid"),
+    ("every stage beside its bound", "trackslip bench --pipeline"),
+    ("many robots and long runs", "trackslip bench --scale"),
     ("list the runs", "trackslip export out/grid"),
     ("write all runs as CSV", "trackslip export out/grid --csv"),
     ("write one run", 'trackslip export out/grid --csv --run "radius=0.5 speed=0.1" --out run.csv'),

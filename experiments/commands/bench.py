@@ -1,6 +1,7 @@
 """`trackslip bench`: measure how fast the simulator is, store and print it."""
 
 import contextlib
+import math
 import os
 import sys
 import tempfile
@@ -14,7 +15,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from experiments.commands import grid
-from experiments.measuring.drive_coverage import Check
+from experiments.measuring.check import Check
 from experiments.options.bench import BenchConfig
 from experiments.options.grid import SweepConfig
 from experiments.report.terminal import print_table
@@ -33,7 +34,13 @@ def run(config: BenchConfig) -> None:
     began = perf_counter()
     with results_folder(config.out) as folder:
         robot = load_robot()
-        chosen = {_environments: config.env, _grid: config.grid, _terrain: config.terrain, _shear: config.shear}
+        chosen = {
+            _environments: config.env,
+            _grid: config.grid,
+            _terrain: config.terrain,
+            _shear: config.shear,
+            _pipeline: config.pipeline or config.scale,
+        }
         measure = next((one for one, wanted in chosen.items() if wanted), _simulator)
         summary, tables = measure(config, robot)
         memory = peak_memory()
@@ -110,6 +117,26 @@ def _shear(config: BenchConfig, robot: Robot) -> _Measured:
     return {"rows": costs, "checks": [one.to_json() for one in checks]}, [("Cost of shear", header, rows)]
 
 
+def _pipeline(config: BenchConfig, _: Robot) -> _Measured:
+    from experiments.speed.pipeline.areas import AREAS, measure_of  # late: only this needs laws and reports
+
+    checks: list[Check] = []
+    areas = ("scale",) if config.scale else AREAS
+    with _progress(len(areas)) as step:
+        for area in areas:
+            checks += measure_of(area)(config.seed, config.repeats, lambda label: step(label, 0))
+            step(area, 1)
+    rows = [(f"{one.case}: {one.what}", *_value_and_bound(one)) for one in checks]
+    table = "Scale" if config.scale else "The pipeline beside its bounds", ("what", "value", "bound", "unit", ""), rows
+    return {"checks": [one.to_json() for one in checks]}, [table]
+
+
+def _value_and_bound(check: Check) -> _Cells:
+    low, high = check.ends
+    limits = [text for end, text in ((low, f"at least {low:g}"), (high, f"at most {high:g}")) if math.isfinite(end)]
+    return f"{check.value:.3g}", ", ".join(limits), check.unit, "holds" if check.holds else "does not hold"
+
+
 def _speed_table(title: str, speeds: Sequence[Any]) -> _Table:
     rows: list[_Cells] = []
     for one in speeds:
@@ -153,8 +180,8 @@ def peak_memory() -> float | None:
 
 
 @contextlib.contextmanager
-def _progress(rounds: int) -> Iterator[Callable[[str], None]]:
-    """A progress bar on standard error; call what it yields after each round.
+def _progress(rounds: int) -> Iterator[Callable[..., None]]:
+    """A progress bar on standard error; call what it yields with a label after each round, or after so many.
 
     Unlike the bars of other commands it draws only between measurements: a thread that redraws would be measured, too.
     """
@@ -163,7 +190,7 @@ def _progress(rounds: int) -> Iterator[Callable[[str], None]]:
     with Progress(*columns, console=console, disable=not console.is_terminal, auto_refresh=False) as bar:
         task = bar.add_task("warming up", total=rounds)
         try:
-            yield lambda stage: bar.update(task, advance=1, description=stage, refresh=True)
+            yield lambda stage, rounds=1: bar.update(task, advance=rounds, description=stage, refresh=True)
         except BaseException:
             bar.live.transient = True  # leave the terminal to the error message
             raise
