@@ -82,6 +82,19 @@ class Bodies:
         half, zero = start[:, 2] / 2, np.zeros(len(rows))
         qpos[rows, 3:7] = np.column_stack([np.cos(half), zero, zero, np.sin(half)])
 
+    def _put_back(self, rows: np.ndarray, start: Array) -> None:
+        """Undo the last micrometre that the robots `rows` (R,) moved from poses (R, 3) while they came to rest."""
+        qpos = self._place
+        qpos[rows, :2] = start[:, :2]
+        half_turn = (start[:, 2] - self._wrapped_heading()[rows]) / 2
+        cos, sin = np.cos(half_turn), np.sin(half_turn)
+        w, x, y, z = qpos[rows, 3:7].T
+        qpos[rows, 3:7] = np.column_stack([cos * w - sin * z, cos * x - sin * y, cos * y + sin * x, cos * z + sin * w])
+        self._velocity[rows] = 0
+        self.batch.time[rows] = 0
+        self._heading[rows] = start[:, 2]
+        self._follow_heading()
+
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
         return self.batch.state[rows].copy(), self._heading[rows].copy()
 

@@ -26,7 +26,7 @@ SETTLING = 1.0
 """Simulated before a fleet's first period, so that the robots come to rest on the ground [s]."""
 _RESETTLING = 0.4  # the same for robots that are placed at their sinkage
 _EVERYONE = slice(None)
-_SENSORS = ("sensordata",)
+_SENSORS, _IN_DETAIL = ("sensordata",), ("sensordata", "xmat")  # what the engine records
 
 
 class Fleet(Bodies):
@@ -104,6 +104,11 @@ class Fleet(Bodies):
     def ground(self) -> tuple[Ground, ...]:
         """Ground of each robot."""
         return self._footing.grounds
+
+    @property
+    def inclination(self) -> tuple[Array, Array]:
+        """Slope of each robot's ground, and the heading straight up it, (N,) each [rad]."""
+        return self._footing.slope, self._footing.uphill
 
     def restart(self, rows: ArrayLike, setting: Sequence[Setting]) -> None:
         """Start new runs with the robots `rows` (R,), one setting each; the other robots' runs continue.
@@ -224,10 +229,10 @@ class Fleet(Bodies):
         self._drive(rows, belts[0])
         for first in range(0, periods, self._unwrap_every):
             part = slice(first, min(first + self._unwrap_every, periods))
-            recorded = self.batch.rollout((part.stop - first) * self._substeps, record=(*_SENSORS, "xmat"), ids=ids)
-            sensed, axes = recorded["sensordata"], recorded["xmat"]
-            forces[:, part] = sensed[..., :6].reshape(robots, -1, self._substeps, 6).sum(axis=2)
-            forward[:, part] = axes[:, self._substeps - 1 :: self._substeps, self._chassis, 0:4:3]
+            recorded = self.batch.rollout((part.stop - first) * self._substeps, record=_IN_DETAIL, ids=ids)
+            sensed = recorded["sensordata"][..., :6]
+            forces[:, part] = sensed.reshape(robots, -1, self._substeps, 6).sum(axis=2)
+            forward[:, part] = recorded["xmat"][:, self._substeps - 1 :: self._substeps, self._chassis, 0:4:3]
             self._periods += part.stop - first
             self._follow_heading()
         return forces.swapaxes(0, 1), forward.swapaxes(0, 1)
@@ -276,22 +281,12 @@ class Fleet(Bodies):
 
     def _settle(self, rows: np.ndarray, start: Array, duration: float) -> None:
         """Let the robots `rows` (R,) come to rest for `duration` [s], and put them at the poses `start` (R, 3)."""
-        qpos = self._place
         self._footing.harden(rows)
         self._tow(rows)
         self.batch.step(ids=rows, nstep=round(duration / self.robot.model.opt.timestep))
         speed, lean = np.hypot(*self._velocity[rows, :2].T), np.abs(self.attitude()[rows, 1:]).max(axis=1)
         require_at_rest([self.ground[k] for k in rows], start[:, 2], speed, lean, self.pull)
-        # settling moves a robot by less than a micrometre: undo even that
-        qpos[rows, :2] = start[:, :2]
-        half_turn = (start[:, 2] - self._wrapped_heading()[rows]) / 2
-        cos, sin = np.cos(half_turn), np.sin(half_turn)
-        w, x, y, z = qpos[rows, 3:7].T
-        qpos[rows, 3:7] = np.column_stack([cos * w - sin * z, cos * x - sin * y, cos * y + sin * x, cos * z + sin * w])
-        self._velocity[rows] = 0
-        self.batch.time[rows] = 0
-        self._heading[rows] = start[:, 2]
-        self._follow_heading()
+        self._put_back(rows, start)
         self._footing.hold(rows, start[:, 2], self.towed(rows), self.pull.height)
 
     def towed(self, rows: np.ndarray) -> Array:
