@@ -92,7 +92,7 @@ def curvature(twist: ArrayLike) -> Array:
 def limit_sprocket_speeds(omega: ArrayLike, limit: float) -> Array:
     """Scale both sprocket speeds (..., 2) so that neither exceeds `limit` [rad/s] and the curvature is preserved."""
     omega = np.asarray(omega, float)
-    largest = np.abs(omega).max(axis=-1, keepdims=True)
+    largest = np.maximum.reduce(np.abs(omega), axis=-1, keepdims=True)
     return omega * (limit / np.maximum(largest, limit))
 
 

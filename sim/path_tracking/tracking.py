@@ -17,7 +17,7 @@ from sim.path_tracking.randomization import MAX_LATENCY
 from sim.path_tracking.reference_table import Index, ReferenceTable
 from sim.robot.robot import load_robot
 from trackslip.errors import InvalidValueError, require
-from trackslip.kinematics import Array, limit_sprocket_speeds, track_slip
+from trackslip.kinematics import Array, limit_sprocket_speeds, track_speeds
 from trackslip.metrics import LOST, body_errors
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import NoSlip
@@ -123,7 +123,9 @@ class PathTracking:
         self._angle = angle
         self._pose, desired = self.fleet.pose(), self.table.pose(self._reference, self._k)
         self._measured = self._source.pose(self._k, self._omega, self._pose.copy())
-        self._error, self._seen_error = body_errors(np.stack([self._pose, self._measured]), desired)
+        poses = np.empty((2, self.size, 3))
+        poses[0], poses[1] = self._pose, self._measured
+        self._error, self._seen_error = body_errors(poses, desired)
         distance = np.hypot(self._error[:, 0], self._error[:, 1])
         self._success &= distance <= LOST
         self.terminated = ~(distance <= self.config.off_path) | ~(self.fleet.upright() > _TIPPED)
@@ -141,7 +143,9 @@ class PathTracking:
         """Further quantities by name, as arrays (N, ...); the keys are always the same."""
         twist, omega = self.fleet.twist(), self.fleet.drive.omega
         stands = np.abs(omega) < _STANDING
-        slip = track_slip(np.where(stands, 1.0, omega), twist[:, ::2], self.fleet.robot.geometry)
+        geometry = self.fleet.robot.geometry
+        belts = geometry.sprocket_radius * np.where(stands, 1.0, omega)
+        slip = 1 - track_speeds(twist[:, ::2], geometry.half_gauge) / belts
         slip[stands] = 0.0
         return {
             "time": self._k * PERIOD,  # [s]
@@ -167,19 +171,18 @@ def reward_terms(
     They depend on position and heading errors (N,) [m, rad], the change of the actions (N, 2) [-], and whether episodes
     have terminated (N,).
     """
+    alive, scaled = np.empty(len(distance)), np.empty((2, len(distance)))
+    alive[:] = reward.weight_alive
+    scaled[0], scaled[1] = distance / reward.position_scale, heading / reward.heading_scale
+    square = scaled * scaled
+    position, turn = square / (1 + square)
     return {
-        "alive": np.full(len(distance), reward.weight_alive),
-        "position": -reward.weight_position * _saturating(distance / reward.position_scale),
-        "heading": -reward.weight_heading * _saturating(heading / reward.heading_scale),
+        "alive": alive,
+        "position": -reward.weight_position * position,
+        "heading": -reward.weight_heading * turn,
         "change": -reward.weight_change * (change[:, 0] ** 2 + change[:, 1] ** 2) / 8,
         "termination": -reward.weight_termination * terminated,
     }
-
-
-def _saturating(z: Array) -> Array:
-    """z^2 / (1 + z^2)."""
-    square = z * z
-    return square / (1 + square)
 
 
 def _action_map(config: EnvConfig, fleet: Fleet) -> Callable[[Array], Array]:
