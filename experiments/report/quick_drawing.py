@@ -1,7 +1,7 @@
 """Drawing figures without measuring their ticks and texts again and again: the same files, a third sooner.
 
-For one file, matplotlib finds the ticks of an axis about ten times, once for every box around them that it asks for, and
-measures each text for the layout and again for the file. Nothing that they depend on changes in between.
+For one file, matplotlib finds the ticks of an axis about ten times, once for every box around them that it asks for,
+and measures each text for the layout and again for the file. Nothing that they depend on changes in between.
 """
 
 import functools
