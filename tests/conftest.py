@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from functools import partial
 
 import numpy as np
@@ -15,6 +16,16 @@ from trackslip.localization.scan import Plate, Scan
 
 settings.register_profile("trackslip", deadline=None)  # a busy machine is no error
 settings.load_profile("trackslip")
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a shell's background, which the commands would inherit
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _what_tyro_learns_is_kept():
+    """Keep what tyro reads from options' classes and their source; between commands, it would read all of it again."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tyro._unsafe_cache.clear_cache", lambda: None, raising=False)
+        yield
 
 
 @pytest.fixture(scope="session")
