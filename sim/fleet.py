@@ -255,7 +255,8 @@ class Fleet(Bodies):
 
     def friction(self) -> Array:
         """Friction coefficients (N, 2) along and across the tracks, averaged over the pads [-]."""
-        return self._footing.friction.mean(axis=1)
+        friction = self._footing.friction
+        return np.asarray(np.add.reduce(friction, axis=1) / friction.shape[1])
 
     def _ran(self) -> Array:
         """Time (N,) since the start of each robot's run [s]."""

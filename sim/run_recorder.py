@@ -103,6 +103,12 @@ class RunRecorder:
         """Record estimated poses (N,) in row k."""
         self.pose[k], self._covariance[k], self._valid[k] = estimate.pose, estimate.covariance, estimate.valid
 
+    def estimates(self, rows: slice, estimate: PoseEstimate) -> None:
+        """Record estimated poses (N, T) in T rows."""
+        self.pose[rows] = estimate.pose.swapaxes(0, 1)
+        self._covariance[rows] = estimate.covariance.swapaxes(0, 1)
+        self._valid[rows] = estimate.valid.swapaxes(0, 1)
+
     def estimate_exactly(self, k: int) -> None:
         """Record the true poses as the estimated ones in row k."""
         n = self._fleet.size

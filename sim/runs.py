@@ -19,6 +19,7 @@ from trackslip.errors import require
 from trackslip.kinematics import Array, limit_sprocket_speeds
 from trackslip.localization.base import Locator, PoseEstimate
 from trackslip.localization.pose_tracker import Tracker
+from trackslip.localization.recorded import follow
 from trackslip.localization.scan import Cluster, extract_plate
 from trackslip.logs.runlog import RunLog
 from trackslip.trajectory.base import Reference
@@ -125,29 +126,13 @@ class _Scans:
         self._waiting.clear()
         self._located += ranges.shape[1]
         with self._watch.stage("localization"):
-            self._track(ranges, first)
-            scan, pose = feed.scan(_flat(ranges)), _flat(record.pose[first : self._located].swapaxes(0, 1))
+            rows = slice(first, self._located)
+            angle = record.omega[rows].swapaxes(0, 1) * feed.period
+            if first == 0:
+                angle[:, 0] = 0.0  # the tracker starts from the pose of the first scan
+            record.estimates(rows, follow(self._locator, feed.scan(ranges), self._tracker, angle))
+            scan, pose = feed.scan(_flat(ranges)), _flat(record.pose[rows].swapaxes(0, 1))
             self._clusters.append(extract_plate(scan, self._fleet.robot.plate, scan.from_world(pose)))
-
-    def _track(self, ranges: Array, first: int) -> None:
-        """Record the poses of the rows from `first` on, found in ranges (N, block, B).
-
-        All scans are localized at once. Where the tracker rejects a pose, something else was taken for the plate, and
-        the plate is searched for again, near the predicted pose.
-        """
-        robots, rows, _ = ranges.shape
-        record, feed = self._record, self._feed
-        single = self._locator.locate(feed.scan(_flat(ranges)))
-        parts = [part.reshape(robots, rows, *part.shape[1:]) for part in vars(single).values()]
-        for k, row in enumerate(range(first, first + rows)):
-            predicted = self._tracker.predict(record.omega[row], feed.period if row > 0 else 0.0)
-            estimate = PoseEstimate(*(part[:, k] for part in parts))
-            doubted = np.flatnonzero(~self._tracker.believes(estimate))
-            if doubted.size:
-                again = self._locator.locate(feed.scan(ranges[doubted, k]), predicted[doubted])
-                estimate.pose[doubted], estimate.covariance[doubted] = again.pose, again.covariance
-                estimate.valid[doubted] = again.valid
-            record.estimate(row, self._tracker.update(estimate))
 
 
 def closed_loop(
