@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
@@ -23,3 +23,8 @@ class Stopwatch:
             yield
         finally:
             self.stages[name] = self.stages.get(name, 0.0) + time.perf_counter() - began
+
+    def add(self, stages: Mapping[str, float]) -> None:
+        """Add times [s] that another stopwatch measured."""
+        for name, time_spent in stages.items():
+            self.stages[name] = self.stages.get(name, 0.0) + time_spent

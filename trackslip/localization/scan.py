@@ -22,7 +22,6 @@ MIN_RETURNS = 3
 """Minimum number of returns for a pose."""
 MIN_NOISE = 0.5e-3
 """Noise assumed for a perfect scanner, because the plate is never a perfect rectangle [m]."""
-_ALONG, _ACROSS = np.array([1.0, 1.0, -1.0, -1.0]), np.array([1.0, -1.0, 1.0, -1.0])  # of the plate's corners
 _ABOUT = 0.15  # distance of returns from the expected plate: more than the error of a tracker [m]
 _ON_PLATE = 0.03  # maximum distance of a return from its plate, or five standard deviations if that is more [m]
 _HOUSING = 0.05  # closer returns are from the LRF's own housing or whatever it stands in [m]
@@ -54,23 +53,6 @@ class Plate:
         along = np.abs(cos * x + sin * y) - self.length / 2
         across = np.abs(cos * y - sin * x) - self.thickness / 2
         return np.hypot(np.maximum(along, 0), np.maximum(across, 0)) + np.minimum(np.maximum(along, across), 0)
-
-    def silhouette(self, pose: Array, ahead: Array) -> tuple[Array, Array, Array]:
-        """The outermost corners, right and left, of plates at poses (M, 3), seen in the directions `ahead` (M, 2).
-
-        Returns their bearings from `ahead` (M, 2) [rad], which thus do not wrap, the derivatives (M, 2, 3) of these
-        with respect to (x, y, phi) times the squared distance, and the squared distance (M, 2) [m^2].
-        """
-        cos, sin = np.cos(pose[:, 2:]), np.sin(pose[:, 2:])
-        along, across = self.length / 2 * _ALONG, self.thickness / 2 * _ACROSS
-        d_x, d_y = along * cos - across * sin, along * sin + across * cos  # (M, 4)
-        x, y = pose[:, :1] + d_x, pose[:, 1:2] + d_y
-        bearing = np.arctan2(ahead[:, :1] * y - ahead[:, 1:] * x, ahead[:, :1] * x + ahead[:, 1:] * y)
-        outer = np.arange(len(pose))[:, None], np.array([bearing.argmin(axis=1), bearing.argmax(axis=1)]).T  # (M, 2)
-        x, y, d_x, d_y = x[outer], y[outer], d_x[outer], d_y[outer]
-        jacobian = np.empty((len(pose), 2, 3))
-        jacobian[..., 0], jacobian[..., 1], jacobian[..., 2] = -y, x, x * d_x + y * d_y
-        return bearing[outer], jacobian, x * x + y * y
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from trackslip.localization.likelihood import Beams, PlateLikelihood, inverses
+from trackslip.localization.beams import Beams
+from trackslip.localization.likelihood import PlateLikelihood, inverses
 from trackslip.localization.scan import Plate, extract_plate
 
 PLATE = Plate()
@@ -35,7 +36,7 @@ def test_hessian_is_the_information_of_the_gradient(scan_rectangle):
     fit = PlateLikelihood(PLATE, huber=100.0).evaluate(beams, pose, True)
     ranges_only = fit.gradient - fit.gradient.mean(axis=0)  # the edges are the same in every scan
     scatter = ranges_only.T @ ranges_only / len(pose)
-    no_edges = replace(beams, edge_weight=0 * beams.edge_weight)
+    no_edges = replace(beams, edges=replace(beams.edges, weight=0 * beams.edges.weight))
     information = PlateLikelihood(PLATE, huber=100.0).evaluate(no_edges, pose, True).hessian.mean(axis=0)
     scale = np.sqrt(np.diag(information))
     np.testing.assert_allclose(scatter / np.outer(scale, scale), information / np.outer(scale, scale), atol=0.1)
