@@ -19,7 +19,9 @@ import numpy as np
 from trackslip.kinematics import Array
 from trackslip.localization.beams import Beams
 from trackslip.localization.bound import viewing_angle
-from trackslip.localization.likelihood import Evaluation, PlateLikelihood, covariances
+from trackslip.localization.climb import Evaluation, covariances
+from trackslip.localization.fixed_heading import FixedHeading
+from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.line import fit_line
 from trackslip.localization.scan import Cluster, Scan
 from trackslip.localization.starts import chunks, place
@@ -108,7 +110,7 @@ def _given(likelihood: PlateLikelihood, beams: Beams, cluster: Cluster, heading:
     every = np.repeat(np.arange(len(heading)), heading.shape[1])
     middle = fit_line(cluster).middle[every]
     start = place(cluster.take(every), heading.ravel(), middle, likelihood.plate)
-    return likelihood.climb(beams.take(every), start, _ITERATIONS, turn=False)
+    return FixedHeading(likelihood).climb(beams.take(every), start, _ITERATIONS)
 
 
 def _peaks(likelihood: PlateLikelihood, beams: Beams, coarse: Evaluation) -> Array:
