@@ -73,7 +73,7 @@ def natural_frequency(twist: ArrayLike, stiffness: float) -> Array:
     return np.sqrt(w**2 + stiffness * v**2)
 
 
-def speed_to_keep_up(desired: Array, errors: Errors, gain: ArrayLike) -> Array:
+def speed_to_keep_up(desired: Array, errors: Errors, gain: Array) -> Array:
     """v_d plus k [1/s] times the error along the path [m/s] (...), or 0 if that is opposite to v_d.
 
     Takes the twist (2,) of the reference and the errors, (...) each. For laws that steer towards a point ahead. They

@@ -24,10 +24,10 @@ class Tracker:
 
     def __init__(self, start: Array, geometry: RobotGeometry) -> None:
         """`start` is the known pose of each robot, (N, 3) in the world."""
-        self._pose = np.array(start, float)
+        self._pose: Array = np.array(start, float)
         self.geometry = geometry
         self._blind = np.zeros((len(self._pose), 2))  # distance [m] and turn [rad] since the last valid pose
-        self._last = np.zeros((len(self._pose), 3, 3))  # covariance of the last valid pose
+        self._last: Array = np.zeros((len(self._pose), 3, 3))  # covariance of the last valid pose
 
     def restart(self, robots: np.ndarray, start: Array) -> None:
         """Restart some robots (R,) at known poses (R, 3)."""
