@@ -17,8 +17,8 @@ from __future__ import annotations
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.localization.bound import viewing_angle
 from trackslip.localization.beams import Beams
+from trackslip.localization.bound import viewing_angle
 from trackslip.localization.likelihood import Evaluation, PlateLikelihood, covariances
 from trackslip.localization.line import fit_line
 from trackslip.localization.scan import Cluster, Scan
