@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from mujoco import batch
 
 from sim.robot.robot import Robot
+from sim.warp.devices import CPU, make_batch
 from trackslip.kinematics import Array
 
 Rows = np.ndarray | slice
@@ -15,11 +15,11 @@ Rows = np.ndarray | slice
 class Bodies:
     """The bodies of N robots, each in its own world."""
 
-    def __init__(self, robot: Robot, size: int, threads: int) -> None:
-        """`size` robots of one model, on `threads` worker threads (0: one per processor)."""
+    def __init__(self, robot: Robot, size: int, threads: int, device: str = CPU) -> None:
+        """`size` robots of one model, on `threads` worker threads (0: one per processor), or on another device."""
         self.robot = robot
         self.size = size
-        self.batch = batch.Batch(robot.model, size, nthread=threads)
+        self.batch = make_batch(robot.model, size, threads, device)
         self._sensors = self.batch.bind("sensordata")[:, :6]  # (N, 6), live: force on the left and on the right track
         self._place = self.batch.qpos  # (N, 7), live: position and quaternion
         self._velocity = self.batch.qvel  # (N, 6), live: in the world, turning in the robot's frame

@@ -19,6 +19,7 @@ from sim.parking import require_at_rest, require_held
 from sim.robot.parameters import SINK
 from sim.robot.robot import Robot
 from sim.setting import Setting as Setting
+from sim.warp.devices import CPU
 from trackslip.errors import InvalidValueError, require
 from trackslip.kinematics import Array
 
@@ -42,15 +43,18 @@ class Fleet(Bodies):
         threads: int = 0,
         pull: Pull | None = None,
         shears: bool = False,
+        device: str = CPU,
     ) -> None:
         """Put N robots on the ground at poses `start` (N, 3) [m, m, rad], at rest.
 
         There is one `ground` for all, or one each, and one relative `radius_error` of the sprockets, or (N,) [-]. All
         sprockets have the same `drive`. The number of worker `threads` may be 0, for one per processor. All robots tow
         the same `pull`. Where a ground shears, or `shears` says that one may later, pads touch the ground at one point
-        each instead of two.
+        each instead of two. The physics runs on a `device`: "cpu", "gpu" (MuJoCo Warp) or "warp-cpu" (Warp without a
+        GPU, for tests).
 
         Raises:
+            TrackslipError: for a device that this computer doesn't have.
             InvalidValueError: for poses that aren't finite, a wrong number of grounds, a slope on which robots would
                 slide or tip over, a pull that drags them backwards, or a servo period that is not a multiple of the
                 physics step.
@@ -61,7 +65,7 @@ class Fleet(Bodies):
         require(threads >= 0, "threads", threads, "0 (one per processor) or more")
         grounds = one_each(ground or Ground(), len(start))
         shears = shears or any(one.largest_shear > 0 for one in grounds)
-        super().__init__(robot.with_single_contacts() if shears else robot, len(start), threads)
+        super().__init__(robot.with_single_contacts() if shears else robot, len(start), threads, device)
         robot = self.robot
         self._radius = robot.geometry.sprocket_radius * (1 + np.broadcast_to(radius_error, (self.size,)))[:, None]
         drive = drive or Drive()
@@ -234,7 +238,8 @@ class Fleet(Bodies):
             forces[:, part] = sensed.reshape(robots, -1, self._substeps, 6).sum(axis=2)
             forward[:, part] = recorded["xmat"][:, self._substeps - 1 :: self._substeps, self._chassis, 0:4:3]
             self._periods += part.stop - first
-            self._follow_heading()
+            if part.stop < periods:
+                self._follow_heading()
         return forces.swapaxes(0, 1), forward.swapaxes(0, 1)
 
     def _advance_within_limits(self, rows: np.ndarray, drive: DriveState) -> None:
