@@ -29,7 +29,7 @@ Progress = Callable[[float], None]
 
 PERIOD = LaserScanner().period
 """Time between the rows of a run without a scanner [s]."""
-_SCANS_AT_ONCE = 2000  # scans localized together, offline
+_SCANS_AT_ONCE = 41  # of each robot, localized together offline; as many whatever the fleet, for the same bits in any
 
 
 def open_loop(
@@ -96,14 +96,13 @@ class _Scans:
     ) -> None:
         self._fleet, self._record, self._feed, self._locator, self._watch = fleet, record, feed, locator, watch
         self._tracker = Tracker(fleet.pose(), fleet.robot.geometry)
-        self._block = max(1, _SCANS_AT_ONCE // fleet.size)
         self._waiting: list[Array] = []  # true ranges (N, B) each
         self._located = 0  # rows
         self._clusters: list[Cluster] = []
 
     def take(self) -> None:
         """Scan the robots where they are."""
-        if len(self._waiting) == self._block:
+        if len(self._waiting) == _SCANS_AT_ONCE:
             self._locate()
         with self._watch.stage("scans"):
             self._waiting.append(self._feed.true_ranges())
