@@ -53,9 +53,10 @@ NEEDED = {
 """What a command may import of HEAVY: by being run, or where only its name is given, by being got ready to run."""
 PROBE = """
 import contextlib, importlib, io, json, os, sys, typing
-import numpy, scipy.linalg, scipy.special, rich.progress, rich.table  # light, and most commands need them
+import filelock, numpy, scipy.linalg, scipy.special, rich.progress, rich.table  # light, and most commands need them
 import experiments.cli as cli
 heavy, tree = json.loads(sys.argv[1])
+most = {"matplotlib": "matplotlib.figure", "pyarrow": "pyarrow.parquet"}  # of what takes long to import
 def run(arguments):
     with contextlib.redirect_stdout(io.StringIO()):
         if arguments[1:]:
@@ -73,7 +74,7 @@ def walk(node):
     for arguments in node["run"]:
         forked(run, arguments)
     for name, more in node["import"].items():
-        forked(lambda node: (importlib.import_module(name), walk(node)), more)
+        forked(lambda node: (importlib.import_module(most.get(name, name)), walk(node)), more)
 walk(tree)
 """
 
