@@ -194,6 +194,7 @@ NOT_RUN = {
     "drive": {"teleop", "video", "pictures"},  # need a display, PyAV, OpenGL
     "view": {"web"},  # opens a browser
     "validate": {"terrain", "shear"},  # take minutes; tests of their own run them
+    "bench": {"pipeline", "scale"},  # the same
     "train": {field.name for field in dataclasses.fields(COMMANDS["train"])},  # needs PyTorch
 }
 SLOW = ("plan", "calibrate", "validate", "coverage", "sensitivity", "reproduce")
@@ -338,6 +339,8 @@ REFUSED = [
     (("bench", "--grid-runs", "50"), "grid_runs = 50: must be left out without --grid"),
     (("bench", "--env", "--sizes", "3"), "sizes = (3,): must be left out with --env"),
     (("bench", "--grid", "--seconds", "3"), "seconds = 3.0: must be left out with --grid"),
+    (("bench", "--pipeline", "--seconds", "3"), "seconds = 3.0: must be left out with --pipeline and --scale"),
+    (("bench", "--pipeline", "--scale"), "scale = True: must be left out with --pipeline"),
     (("bench", "--env", "--grid"), "grid = True: must be left out with --env"),
     (("export", "x", "--overwrite"), "overwrite = True: must be left out without --csv"),
     (("export", "x", "--out", "x.csv"), "must be left out without --csv"),
