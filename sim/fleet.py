@@ -238,7 +238,8 @@ class Fleet(Bodies):
             forces[:, part] = sensed.reshape(robots, -1, self._substeps, 6).sum(axis=2)
             forward[:, part] = recorded["xmat"][:, self._substeps - 1 :: self._substeps, self._chassis, 0:4:3]
             self._periods += part.stop - first
-            self._follow_heading()
+            if part.stop < periods:
+                self._follow_heading()
         return forces.swapaxes(0, 1), forward.swapaxes(0, 1)
 
     def _advance_within_limits(self, rows: np.ndarray, drive: DriveState) -> None:

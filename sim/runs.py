@@ -17,7 +17,7 @@ from sim.stopwatch import Stopwatch
 from trackslip.controllers.base import Controller
 from trackslip.errors import require
 from trackslip.kinematics import Array, limit_sprocket_speeds
-from trackslip.localization.base import Locator, PoseEstimate
+from trackslip.localization.base import Locator
 from trackslip.localization.pose_tracker import Tracker
 from trackslip.localization.recorded import follow
 from trackslip.localization.scan import Cluster, extract_plate

@@ -44,7 +44,7 @@ class Task(Protocol):
         """Observations (N, n), float32."""
 
     def info(self) -> dict[str, NDArray[Any]]:
-        """Further quantities by name, as arrays (N, ...); the keys are always the same."""
+        """Further quantities by name, as arrays (N, ...), which may be the task's own; the keys are always the same."""
 
 
 class Renderer(Protocol):

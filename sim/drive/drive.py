@@ -149,8 +149,11 @@ class DriveState:
         """Advance as forecast, with torques (P, N, 2) [N m] that are limited where `saturated` (P, N, 2)."""
         period = self.drive.period
         self.omega, self.torque, self._error = forecast.omega[-1], torque[-1], forecast.error
-        self.angle = _added(self.angle, forecast.mean * period)
-        self.energy = _added(self.energy, self.drive.motor.power(torque, forecast.mean) * period)
+        totals = np.empty((len(torque) + 1, 2, *self.angle.shape))  # added one by one: the same bits for any number
+        totals[0, 0], totals[0, 1] = self.angle, self.energy
+        np.multiply(forecast.mean, period, out=totals[1:, 0])
+        np.multiply(self.drive.motor.power(torque, forecast.mean), period, out=totals[1:, 1])
+        self.angle, self.energy = np.add.accumulate(totals, axis=0, out=totals)[-1].copy()
         if saturated is not None:
             self.saturated_time += saturated.sum(axis=0) * period
 
@@ -158,10 +161,3 @@ class DriveState:
         """Angles (N, 2) in whole encoder counts [rad]."""
         count = 2 * np.pi / self.drive.encoder_counts
         return np.floor(self.angle / count) * count
-
-
-def _added(total: Array, parts: Array) -> Array:
-    """A total (N, 2) plus parts (P, N, 2), added one by one: the same bits for any number of calls."""
-    sums = np.concatenate([total[None], parts])
-    last: Array = np.add.accumulate(sums, axis=0, out=sums)[-1]
-    return last

@@ -28,6 +28,7 @@ _TIPPED = np.cos(0.5)  # cosine of the lean beyond which a robot has tipped over
 _STANDING = 0.05  # sprocket speed below which the slip of a track is taken as 0 [rad/s]
 TERMS = ("alive", "position", "heading", "change", "termination")
 """Names of the terms of the reward."""
+_REWARDS = tuple((term, f"reward_{term}") for term in TERMS)  # and of the entries of info
 
 
 class PathTracking:
@@ -140,7 +141,7 @@ class PathTracking:
         return self.layout.observation(self._seen_error, twist, self._omega, self._action)
 
     def info(self) -> dict[str, Array]:
-        """Further quantities by name, as arrays (N, ...); the keys are always the same."""
+        """Further quantities by name, as arrays (N, ...), some of them the task's own; the keys are always the same."""
         twist, omega = self.fleet.twist(), self.fleet.drive.omega
         stands = np.abs(omega) < _STANDING
         geometry = self.fleet.robot.geometry
@@ -149,17 +150,17 @@ class PathTracking:
         slip[stands] = 0.0
         return {
             "time": self._k * PERIOD,  # [s]
-            "reference": self._reference.copy(),  # index in `table.names`
-            "true_pose": self._pose.copy(),  # (N, 3) [m, m, rad]
+            "reference": self._reference,  # index in `table.names`
+            "true_pose": self._pose,  # (N, 3) [m, m, rad]
             "true_twist": twist,  # (N, 3) forward, to the left [m/s], yaw rate [rad/s]
-            "true_error": self._error.copy(),  # (N, 3) in the robot's frame [m, m, rad]
+            "true_error": self._error,  # (N, 3) in the robot's frame [m, m, rad]
             "true_slip": slip,  # (N, 2); 0 where a sprocket is at rest [-]
-            "measured_pose": self._measured.copy(),  # (N, 3) [m, m, rad]
-            "measured_omega": self._omega.copy(),  # (N, 2) [rad/s]
-            "set_point": self.fleet.drive.set_point.copy(),  # (N, 2) [rad/s]
+            "measured_pose": self._measured,  # (N, 3) [m, m, rad]
+            "measured_omega": self._omega,  # (N, 2) [rad/s]
+            "set_point": self.fleet.drive.set_point,  # (N, 2) [rad/s]
             "friction": self.fleet.friction(),  # (N, 2) along and across, averaged over the pads [-]
-            "success": self._success.copy(),  # whether the robot has always been within metrics.LOST of the reference
-            **{f"reward_{name}": self._terms[name].copy() for name in TERMS},
+            "success": self._success,  # whether the robot has always been within metrics.LOST of the reference
+            **{name: self._terms[term] for term, name in _REWARDS},
         }
 
 
@@ -175,12 +176,13 @@ def reward_terms(
     alive[:] = reward.weight_alive
     scaled[0], scaled[1] = distance / reward.position_scale, heading / reward.heading_scale
     square = scaled * scaled
+    squares = change * change
     position, turn = square / (1 + square)
     return {
         "alive": alive,
         "position": -reward.weight_position * position,
         "heading": -reward.weight_heading * turn,
-        "change": -reward.weight_change * (change[:, 0] ** 2 + change[:, 1] ** 2) / 8,
+        "change": -reward.weight_change * (squares[:, 0] + squares[:, 1]) / 8,
         "termination": -reward.weight_termination * terminated,
     }
 

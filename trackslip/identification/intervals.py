@@ -63,14 +63,18 @@ def profile_intervals(fits: Fits, height: Array) -> Array:
     centre = fits.values[which, index]
     span = np.where(sign > 0, high[index] - centre, centre - low[index])  # to the limit
     way = np.minimum(goal * error[which, index], span)
-    values = fits.values[which]
+    values, bend = fits.values[which], fits.bend[which]
+    with np.errstate(invalid="ignore"):
+        beside = (fits.covariance[which, :, index]) / variance[which, index][:, None]  # change of the others
+    ahead = np.where(np.isfinite(beside), beside, 0.0)
     open_ = np.ones(len(which), bool)
     for _ in range(_STEPS):
         rows = np.flatnonzero(open_)
-        start = values[rows]
-        start[np.arange(len(rows)), index[rows]] = centre[rows] + sign[rows] * way[rows]
-        reached = minimise(fits.family, fits.runs, fits.scatter, start, which[rows], held[rows])
-        values[rows] = reached.values
+        gone = sign[rows] * way[rows]
+        start = np.clip(values[rows] + ahead[rows] * gone[:, None], low, high)
+        start[np.arange(len(rows)), index[rows]] = centre[rows] + gone
+        reached = minimise(fits.family, fits.runs, fits.scatter, start, which[rows], held[rows], bend[rows])
+        ahead[rows], bend[rows] = (reached.values - values[rows]) / gone[:, None], reached.bend
         rise = np.sqrt(np.maximum(reached.cost - fits.cost[which[rows]], 1e-300))
         ratio = goal[rows] / rise
         ended = (np.abs(ratio - 1) < _NEAR) | ((way[rows] >= span[rows]) & (ratio > 1))

@@ -28,7 +28,7 @@ from trackslip.kinematics import Array
 from trackslip.localization.beams import Beams, Edges
 from trackslip.localization.rows import Rows
 from trackslip.localization.scan import Plate
-from trackslip.localization.view import View
+from trackslip.localization.view import View, in_axes
 
 UNKNOWN = 1e6
 """Variance of what a scan does not determine."""
@@ -45,11 +45,7 @@ class PlateLikelihood:
     """Residual above which the loss of a range is linear [standard deviations]."""
 
     def evaluate(self, beams: Beams, pose: Array, turn: bool = True) -> Evaluation:
-        """Cost, gradient and Gauss-Newton Hessian at poses (M, 3); without `turn`, the heading is fixed.
-
-        A beam meets one face only, so the derivatives are summed in the axes of the plate, where a range depends on the
-        place along one of them, and turned into the LRF's frame afterwards.
-        """
+        """Cost, gradient and Gauss-Newton Hessian at poses (M, 3); without `turn`, the heading is fixed."""
         view = View.of(self.plate, pose)
         residual, on_long, slope, lever = self._ranges(beams, view)
         size = np.abs(residual)
@@ -60,7 +56,7 @@ class PlateLikelihood:
         turning = lever * slope
         weighted = weight * slope
         weighted_long = weighted * on_long
-        weighted -= weighted_long  # what is left is on the short face
+        weighted -= weighted_long  # a beam meets one face only: what is left is on the short one
         for k, one in enumerate((weighted, weighted_long, weight * turning)):
             np.multiply(one, residual, out=terms[1 + k])
             np.multiply(one, turning, out=terms[4 + k])
@@ -68,15 +64,13 @@ class PlateLikelihood:
         np.multiply(weighted_long, slope, out=terms[8])
         sums = beams.sums(terms)  # (9, M)
 
-        n = len(pose)
-        hessian, axes = np.zeros((n, 3, 3)), np.zeros((n, 3, 3))
-        hessian[:, 2] = sums[4:7].T
-        hessian[:, :2, 2] = sums[4:6].T
-        hessian[:, 0, 0], hessian[:, 1, 1] = sums[7], sums[8]
-        axes[:, :2, :2], axes[:, 2, 2] = view.axes, view.mirrored
         edge_residual, edge_jacobian = self._edges(beams.edges, view)
-        gradient = (sums[1:4].T[:, None] @ axes + edge_residual[:, None] @ edge_jacobian)[:, 0]
-        hessian = axes.swapaxes(1, 2) @ hessian @ axes + edge_jacobian.swapaxes(1, 2) @ edge_jacobian
+        gradient = sums[1:4].T + (edge_residual[:, None] @ edge_jacobian)[:, 0]
+        hessian = edge_jacobian.swapaxes(1, 2) @ edge_jacobian
+        hessian[:, 2] += sums[4:7].T
+        hessian[:, :2, 2] += sums[4:6].T
+        hessian[:, 0, 0] += sums[7]
+        hessian[:, 1, 1] += sums[8]
         if not turn:
             gradient[:, 2] = 0.0
             hessian[:, 2, :] = hessian[:, :, 2] = 0.0
@@ -95,15 +89,17 @@ class PlateLikelihood:
         Only beams that may leave the long face matter.
         """
         view = View.of(self.plate, pose)
-        back = view.axes[:, 0, 0] * np.cos(pose[:, 2]) + view.axes[:, 0, 1] * np.sin(pose[:, 2]) < 0
-        along = view.along[:, None] + np.where(back[:, None], -offset, offset)  # (M, K)
+        half_length = self.plate.length / 2
+        along = view.along[:, None] + offset  # (M, K)
         reach = math.hypot(self.plate.length, self.plate.thickness) / 2
         longest = np.abs(offset).max(axis=1)
         distance = np.hypot(view.along, view.across)
+        cos, sin = view.turn.real, view.turn.imag
+        ahead, aside = np.copysign(1.0, view.along), np.copysign(1.0, view.across)
         of_scans = np.empty((8, len(pose)))
-        of_scans[:4] = view.axes.reshape(-1, 4).T
-        of_scans[4] = view.along + longest - self.plate.length / 2
-        of_scans[5] = view.depths[1]
+        of_scans[0], of_scans[1], of_scans[2], of_scans[3] = ahead * cos, ahead * sin, -aside * sin, aside * cos
+        of_scans[4] = np.abs(view.along) + longest - half_length
+        of_scans[5] = np.maximum(np.abs(view.across) - self.plate.thickness / 2, 0.0)
         of_scans[6], of_scans[7] = distance + longest - reach, distance - longest + reach
         e_x, e_y, n_x, n_y, short, long, near, far = beams.spread(of_scans)
         u_e = beams.u_x * e_x + beams.u_y * e_y - _TINY
@@ -112,19 +108,17 @@ class PlateLikelihood:
 
         row = np.repeat(np.arange(len(pose)), beams.count)[matters]
         distance = np.hypot(along, view.across[:, None])[row]
-        depth = np.maximum(along - self.plate.length / 2, 0.0)[row]
+        depth = np.maximum(along * ahead[:, None] - half_length, 0.0)[row]
         entered = np.maximum(depth / u_e[matters, None], to_long[matters, None])
         predicted = np.minimum(np.maximum(entered, distance - reach), distance + reach)
         size = np.abs(predicted - beams.range[matters, None]) / beams.noise
         weighted_size = self.huber / np.maximum(size, self.huber) * size
         cost = np.zeros(offset.shape)
-        first = np.flatnonzero(np.diff(row, prepend=-1))
         if row.size:
+            first = np.flatnonzero(np.diff(row, prepend=-1))
             cost[row[first]] = np.add.reduceat(weighted_size * (size - weighted_size / 2), first, axis=0)
-
         every = np.repeat(np.arange(len(pose)), offset.shape[1])
-        slid = View(self.plate, along.ravel(), view.across[every], view.axes[every], view.mirrored[every])
-        residual = self._edges(beams.edges.take(every), slid)[0]
+        residual = self._edges(beams.edges.take(every), view.slid(offset))[0]
         return cost + (np.einsum("me,me->m", residual, residual) / 2).reshape(offset.shape)
 
     def climb(self, beams: Beams, pose: Array, iterations: int, turn: bool = True) -> Evaluation:
@@ -156,31 +150,35 @@ class PlateLikelihood:
                 here = trial
             else:
                 here.put(better, trial.take(better))
-        if fit is not here:
-            fit.put(climbing, here)
+        if here is fit or len(climbing) == len(pose):
+            return here
+        fit.put(climbing, here)
         return fit
 
     def _ranges(self, beams: Beams, view: View) -> tuple[Array, Array, Array, Array]:
         """Residuals (H,) of the ranges [standard deviations], and what their derivatives are made of.
 
-        That is whether they are on the long face (H,), their derivatives (H,) with respect to the place of that face
+        That is whether they are on the long face (H,), their derivatives (H,) with respect to the place of the face
         [standard deviations per m], and how far along it they are (H,) [m].
         """
-        short, long = view.depths
-        distance = np.hypot(view.along, view.across)
+        along, across = view.along, view.across
+        ahead, aside = np.copysign(1.0, along), np.copysign(1.0, across)
+        distance = np.hypot(along, across)
         reach = math.hypot(self.plate.length, self.plate.thickness) / 2
-        of_scans = np.empty((12, len(distance)))
-        of_scans[:4] = view.axes.reshape(-1, 4).T
-        of_scans[4], of_scans[5], of_scans[6], of_scans[7] = short, long, view.along, view.across
-        of_scans[8], of_scans[9] = distance - reach, distance + reach
         scale = 1 / beams.noise
+        of_scans = np.empty((12, len(distance)))
+        of_scans[0], of_scans[1], of_scans[2], of_scans[3] = view.turn.real, view.turn.imag, ahead, aside
+        # of the planes of the short and the long face towards the LRF; 0 if both point away
+        np.maximum(ahead * along - self.plate.length / 2, 0.0, out=of_scans[4])
+        np.maximum(aside * across - self.plate.thickness / 2, 0.0, out=of_scans[5])
+        of_scans[6], of_scans[7], of_scans[8], of_scans[9] = along, across, distance - reach, distance + reach
         of_scans[10:] = 0.0
-        np.divide(scale, of_scans[4:6], out=of_scans[10:], where=of_scans[4:6] > 0)
-        e_x, e_y, n_x, n_y, short, long, along, across, near, far, by_short, by_long = beams.spread(of_scans)
-        u_e = beams.u_x * e_x + beams.u_y * e_y - _TINY
-        u_n = beams.u_x * n_x + beams.u_y * n_y - _TINY
-        # a face of which a beam enters no half-plane is at a negative range
-        to_short, to_long = short / u_e, long / u_n
+        np.divide(of_scans[2:4] * scale, of_scans[4:6], out=of_scans[10:], where=of_scans[4:6] > 0)
+        cos, sin, ahead, aside, short, long, along, across, near, far, by_short, by_long = beams.spread(of_scans)
+        u_e = beams.u_x * cos + beams.u_y * sin
+        u_n = beams.u_y * cos - beams.u_x * sin
+        # the range of a face is negative where the beam does not enter the half-plane behind it
+        to_short, to_long = short / (u_e * ahead - _TINY), long / (u_n * aside - _TINY)
         on_long = to_long > to_short
         entered = np.maximum(to_short, to_long)
         predicted = np.minimum(np.maximum(entered, near), far)
@@ -202,22 +200,42 @@ class PlateLikelihood:
 
 @dataclass(frozen=True)
 class Evaluation(Rows):
-    """The likelihood at M poses."""
+    """The likelihood at M poses; derivatives with respect to the place along and across the plate and the heading."""
 
     pose: Array  # (M, 3) in the LRF's frame
     cost: Array  # (M,) negative log likelihood
     gradient: Array  # (M, 3)
     hessian: Array  # (M, 3, 3)
 
+    def in_lrf_frame(self) -> Evaluation:
+        """The same with derivatives with respect to x, y and phi."""
+        axes = in_axes(self.pose[:, 2])
+        back = axes.swapaxes(1, 2)
+        return Evaluation(self.pose, self.cost, (back @ self.gradient[..., None])[..., 0], back @ self.hessian @ axes)
+
 
 def _newton(here: Evaluation, damping: Array) -> tuple[Array, Array]:
-    """Damped steps (M, 3), and the decreases of the cost (M,) that they promise: inf where there is no step."""
-    inverse, regular = inverses(here.hessian * (1 + damping[:, None, None] * np.eye(3)))
+    """Damped steps (M, 3) in the LRF's frame, and the decreases of the cost (M,) that they promise.
+
+    Where there is no step, inf is promised.
+    """
+    damped = here.hessian.copy()
+    np.einsum("mii->mi", damped)[:] *= (1 + damping)[:, None]
+    inverse, regular = inverses(damped)
     step = -(inverse @ here.gradient[:, :, None])[:, :, 0]
     fall = np.einsum("mi,mi->m", step, here.gradient) / -2
     if not regular.all():
         step[~regular], fall[~regular] = 0.0, np.inf
+    moved = (step[:, 0] + 1j * step[:, 1]) * np.exp(1j * here.pose[:, 2])
+    step[:, 0], step[:, 1] = moved.real, moved.imag
     return step, fall
+
+
+_FIRST = np.array([4, 5, 3, 8, 2, 0])  # elements of a symmetric matrix whose products are the cofactors
+_SECOND = np.array([8, 6, 7, 0, 3, 4])
+_THIRD = np.array([5, 3, 4, 2, 0, 1])
+_FOURTH = np.array([7, 8, 6, 6, 5, 3])
+_SYMMETRIC = np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])
 
 
 def inverses(matrix: Array) -> tuple[Array, np.ndarray]:
@@ -225,20 +243,18 @@ def inverses(matrix: Array) -> tuple[Array, np.ndarray]:
 
     Written out because NumPy's inverse calls LAPACK for each matrix.
     """
-    xx, xy, xz = matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 0, 2]
-    yy, yz, zz = matrix[:, 1, 1], matrix[:, 1, 2], matrix[:, 2, 2]
-    c_xx, c_xy, c_xz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
-    determinant = xx * c_xx + xy * c_xy + xz * c_xz
-    regular = (determinant > 1e-12 * xx * yy * zz) & (xx > 0)
-    scale = 1 / np.where(regular, determinant, 1.0)
-    c_yy, c_yz, c_zz = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
-    inverse = np.empty((len(matrix), 9))
-    for k, cofactor in enumerate((c_xx, c_xy, c_xz, c_xy, c_yy, c_yz, c_xz, c_yz, c_zz)):
-        np.multiply(cofactor, scale, out=inverse[:, k])
-    return inverse.reshape(-1, 3, 3), regular
+    flat = matrix.reshape(-1, 9)
+    cofactor = flat[:, _FIRST] * flat[:, _SECOND] - flat[:, _THIRD] * flat[:, _FOURTH]  # xx, xy, xz, yy, yz, zz
+    determinant = np.einsum("mi,mi->m", flat[:, :3], cofactor[:, :3])
+    xx = flat[:, 0]
+    regular = (determinant > 1e-12 * xx * flat[:, 4] * flat[:, 8]) & (xx > 0)
+    cofactor /= np.where(regular, determinant, 1.0)[:, None]
+    return cofactor[:, _SYMMETRIC].reshape(-1, 3, 3), regular
 
 
 def covariances(hessian: Array) -> Array:
     """Inverses (M, 3, 3) of Hessians (M, 3, 3); UNKNOWN in every element of one that is not positive definite."""
     inverse, regular = inverses(hessian)
-    return np.where(regular[:, None, None], inverse, UNKNOWN)
+    if not regular.all():
+        inverse[~regular] = UNKNOWN
+    return inverse

@@ -21,6 +21,7 @@ from trackslip.localization.posterior import correct
 from trackslip.localization.rows import Rows
 from trackslip.localization.scan import FINER_GAPS, MAX_GAP, Cluster, Plate, Scan, candidates, extract_plate, returns_at
 from trackslip.localization.starts import MAX_STARTS, chunks, portions, starts
+from trackslip.localization.view import in_axes
 
 _STRAINED = 4.0  # standard deviations of the misfit above which the returns include something else
 _EXPLAINED = 7.0  # gain in log likelihood of a return from the plate over one from anything within a few metres
@@ -139,7 +140,8 @@ class PlateLocator:
         """The same for clusters with MIN_RETURNS or more returns, all at once."""
         beams = Beams.of(scan, cluster)
         fit = self._fit(beams, cluster, scan.beam_step, near)
-        covariance = covariances(fit.hessian)
+        axes = in_axes(fit.pose[:, 2])
+        covariance = axes.swapaxes(1, 2) @ covariances(fit.hessian) @ axes
         misfit = np.sqrt(2 * fit.cost / cluster.count)  # edges included
         strained = _strained(misfit, cluster.count)
         covariance *= np.where(strained, misfit**2, 1.0)[:, None, None]

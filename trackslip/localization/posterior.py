@@ -17,8 +17,8 @@ from __future__ import annotations
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.localization.bound import viewing_angle
 from trackslip.localization.beams import Beams
+from trackslip.localization.bound import viewing_angle
 from trackslip.localization.likelihood import Evaluation, PlateLikelihood, covariances
 from trackslip.localization.line import fit_line
 from trackslip.localization.scan import Cluster, Scan
@@ -65,7 +65,9 @@ def _over_heading(likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, sig
     fine = _given(likelihood, beams, cluster, _peaks(likelihood, beams, coarse))
     pose = np.concatenate([fit.pose.reshape(scans, -1, 3) for fit in (coarse, fine)], axis=1)
     cost = np.concatenate([fit.cost.reshape(scans, -1) for fit in (coarse, fine)], axis=1)
-    within = np.concatenate([covariances(fit.hessian).reshape(scans, -1, 3, 3) for fit in (coarse, fine)], axis=1)
+    within = np.concatenate(
+        [covariances(fit.in_lrf_frame().hessian).reshape(scans, -1, 3, 3) for fit in (coarse, fine)], axis=1
+    )
 
     weight, width = _quadrature(pose[..., 2], cost)
     mean = np.sum(weight[..., None] * pose, axis=1)

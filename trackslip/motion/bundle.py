@@ -54,7 +54,7 @@ def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
 
     def evaluate(parameters: Array) -> tuple[Evaluation, Array, Array]:
         pose, jacobian = poses_on_arc(parameters, time)
-        fit = likelihood.evaluate(beams, pose, turn=True)
+        fit = likelihood.evaluate(beams, pose).in_lrf_frame()
         scores = np.einsum("tki,tk->ti", jacobian, fit.gradient)
         hessian = np.einsum("tki,tkl,tlj->ij", jacobian, fit.hessian, jacobian)
         return fit, scores, hessian

@@ -73,8 +73,7 @@ class ConstantIcr(_Icr):
     """epsilon: relative error of the effective sprocket radius, real / nominal - 1 [-]."""
 
     def _tracks(self) -> tuple[Array, Array]:
-        reach = np.asarray(self.half_gauge + np.asarray(self.offset))[..., None]
-        return reach, np.asarray(1 + np.asarray(self.radius_error))[..., None]
+        return np.asarray(self.half_gauge + self.offset)[..., None], np.asarray(1 + self.radius_error)[..., None]
 
 
 @dataclass(frozen=True)
