@@ -24,6 +24,7 @@ from trackslip.slip.icr_load import IcrLoad
 
 FAILURE = "failure"
 """Key of a log's metadata: why the run stopped early."""
+_WITH_ICR = (ConstantIcr, IcrLoad)  # laws whose ICRs are recorded
 _TIPPED = 0.5  # roll or pitch from which a robot lies on its side [rad]
 
 
@@ -79,8 +80,10 @@ class RunRecorder:
     def measure(self, k: int) -> None:
         """Record encoders and truth in row k; raises RunFailedError when a robot tips over."""
         fleet = self._fleet
-        for i in np.flatnonzero(~(np.abs(fleet.attitude()[:, 1:]) < _TIPPED).all(axis=1)):
-            raise RunFailedError(f"run {self.name(int(i))!r}: the robot tips over after {self.time[k]:g} s")
+        upright = np.abs(fleet.attitude()[:, 1:]) < _TIPPED
+        if not upright.all():
+            fallen = int(np.flatnonzero(~upright.all(axis=1))[0])
+            raise RunFailedError(f"run {self.name(fallen)!r}: the robot tips over after {self.time[k]:g} s")
         drive, angle = fleet.drive, fleet.drive.encoder_angle()
         self.omega[k] = (angle - self._angle) / self._period
         self._angle = angle
@@ -100,6 +103,12 @@ class RunRecorder:
         """Record estimated poses (N,) in row k."""
         self.pose[k], self._covariance[k], self._valid[k] = estimate.pose, estimate.covariance, estimate.valid
 
+    def estimates(self, rows: slice, estimate: PoseEstimate) -> None:
+        """Record estimated poses (N, T) in T rows."""
+        self.pose[rows] = estimate.pose.swapaxes(0, 1)
+        self._covariance[rows] = estimate.covariance.swapaxes(0, 1)
+        self._valid[rows] = estimate.valid.swapaxes(0, 1)
+
     def estimate_exactly(self, k: int) -> None:
         """Record the true poses as the estimated ones in row k."""
         n = self._fleet.size
@@ -117,24 +126,25 @@ class RunRecorder:
         """Name of a robot's run."""
         return self._descriptions[robot].run
 
-    def estimated(self, k: int, robots: Sequence[int]) -> PoseEstimate:
+    def estimated(self, k: int, robots: np.ndarray) -> PoseEstimate:
         """The estimated poses (R,) of some robots in row k."""
         return PoseEstimate(self.pose[k, robots], self._covariance[k, robots], self._valid[k, robots])
 
-    def steered(self, k: int, robots: Sequence[int], twist: Array, law: SlipLaw) -> None:
-        """Record a controller's twists (R, 2) for R robots, and the law that turns them into sprocket speeds.
-
-        Raises RunFailedError for twists of the wrong shape, and twists that aren't finite.
-        """
+    def require_twists(self, k: int, robots: np.ndarray, twist: Array) -> None:
+        """Raise RunFailedError unless a controller's twists for R robots in row k are (R, 2) and finite."""
         if twist.shape != (len(robots), 2):
             what = f"twists have the shape {twist.shape}: must be {(len(robots), 2)}, one per pose"
             raise RunFailedError(f"run {self.name(robots[0])!r}: its controller's {what}")
-        for i in np.flatnonzero(~np.isfinite(twist).all(axis=1)):
+        if not np.isfinite(twist).all():
+            i = int(np.flatnonzero(~np.isfinite(twist).all(axis=1))[0])
             what = f"returns the twist {tuple(twist[i].tolist())} at {self.time[k]:g} s: must be finite"
-            raise RunFailedError(f"run {self.name(robots[int(i)])!r}: its controller {what}")
+            raise RunFailedError(f"run {self.name(robots[i])!r}: its controller {what}")
+
+    def steered(self, k: int, robots: np.ndarray, twist: Array, law: SlipLaw) -> None:
+        """Record controllers' twists (R, 2) for R robots, and the law that turns them into sprocket speeds."""
         self._twist_command[k, robots] = twist
-        if isinstance(law, ConstantIcr | IcrLoad):
-            self._icr[k, robots] = np.stack(np.broadcast_arrays(law.offset, law.radius_error), axis=-1)
+        if isinstance(law, _WITH_ICR):
+            self._icr[k, robots, 0], self._icr[k, robots, 1] = law.offset, law.radius_error
 
     def logs(
         self, feed: ScannerFeed | None = None, plates: Sequence[Cluster] | None = None, failure: str | None = None

@@ -37,8 +37,10 @@ class ErrorFeedback(ControlLaw, ABC):
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """Twists (..., 2) from measured poses (..., 3)."""
-        errors = np.moveaxis(body_errors(pose, reference.pose(time)), -1, 0)
-        return np.stack(self._command(reference.twist(time), errors), axis=-1)
+        errors = body_errors(pose, reference.pose(time))
+        twist = np.empty((*errors.shape[:-1], 2))
+        twist[..., 0], twist[..., 1] = self._command(reference.twist(time), np.moveaxis(errors, -1, 0))
+        return twist
 
     @abstractmethod
     def _command(self, desired: Array, errors: Array) -> tuple[Array, Array]:
@@ -62,7 +64,8 @@ def natural_frequency(twist: ArrayLike, stiffness: float) -> Array:
 
     Gains proportional to it make errors decay over a distance instead of over a time; they vanish at standstill.
     """
-    v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
+    twist = np.asarray(twist, float)
+    v, w = twist[..., 0], twist[..., 1]
     return np.sqrt(w**2 + stiffness * v**2)
 
 

@@ -32,6 +32,7 @@ import numpy as np
 
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Plate, Scan
+from trackslip.localization.view import View, in_axes
 
 MIN_ANGLE = np.radians(3.0)
 """The bound means little at smaller angles from edge-on [rad]."""
@@ -130,8 +131,8 @@ def range_jacobian(pose: Array, plate: Plate, bearings: Array) -> Array:
 def _edge_jacobian(pose: Array, plate: Plate, bearings: Array) -> Array:
     """Derivatives (S, 2, 3) of the edges' bearings over their standard deviation; zero outside the field of view."""
     sight = np.arctan2(pose[:, 1], pose[:, 0])
-    beside, jacobian, square = plate.silhouette(pose, np.stack([np.cos(sight), np.sin(sight)], axis=1))
+    beside, jacobian = View.of(plate, pose).silhouette(np.exp(1j * sight))
     field = bearings[-1] - bearings[0]
     off = np.angle(np.exp(1j * (sight[:, None] + beside - (bearings[0] + bearings[-1]) / 2)))
     weight = np.where(np.abs(off) < field / 2, np.sqrt(12) / (field / (len(bearings) - 1)), 0.0)
-    return jacobian * (weight / square)[..., None]
+    return jacobian @ in_axes(pose[:, 2]) * weight[..., None]

@@ -25,7 +25,7 @@ class Tracker:
     def __init__(self, start: Array, geometry: RobotGeometry) -> None:
         """`start` is the known pose of each robot, (N, 3) in the world."""
         self._pose = np.array(start, float)
-        self._geometry = geometry
+        self.geometry = geometry
         self._blind = np.zeros((len(self._pose), 2))  # distance [m] and turn [rad] since the last valid pose
         self._last = np.zeros((len(self._pose), 3, 3))  # covariance of the last valid pose
 
@@ -37,7 +37,7 @@ class Tracker:
 
     def predict(self, omega: Array, duration: float) -> Array:
         """Propagate the poses by sprocket speeds (N, 2) [rad/s] held for `duration` [s]; returns them (N, 3)."""
-        twist = body_twist(omega, 0.0, self._geometry)
+        twist = body_twist(omega, 0.0, self.geometry)
         self._pose = advance(self._pose, twist, duration)
         self._blind += np.abs(twist) * duration
         return self._pose.copy()

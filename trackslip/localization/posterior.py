@@ -17,8 +17,9 @@ from __future__ import annotations
 import numpy as np
 
 from trackslip.kinematics import Array
+from trackslip.localization.beams import Beams
 from trackslip.localization.bound import viewing_angle
-from trackslip.localization.likelihood import Beams, Evaluation, PlateLikelihood, covariances
+from trackslip.localization.likelihood import Evaluation, PlateLikelihood, covariances
 from trackslip.localization.line import fit_line
 from trackslip.localization.scan import Cluster, Scan
 from trackslip.localization.starts import chunks, place
@@ -38,17 +39,23 @@ _ALONG_PEAK = np.linspace(-4.0, 4.0, 12)  # along the plate [standard deviations
 
 
 def correct(
-    likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, pose: Array, covariance: Array, fits: np.ndarray
+    likelihood: PlateLikelihood,
+    scan: Scan,
+    cluster: Cluster,
+    beams: Beams,
+    pose: Array,
+    covariance: Array,
+    fits: np.ndarray,
 ) -> None:
     """Correct, in place, those poses (S, 3) and covariances (S, 3, 3) of clusters that `fits` (S,) selects."""
-    sight = np.arctan2(pose[:, 1], pose[:, 0])
     off = viewing_angle(pose)
-    edge_on = off < np.where(cluster.count > _FEW, _EDGE_ON, _EDGE_ON_BY_FEW)
-    for rows in chunks(cluster, len(_GRID), edge_on & fits):
-        pose[rows], covariance[rows] = _over_heading(likelihood, scan, cluster.take(rows), sight[rows])
-    for rows in chunks(cluster, 1, (off > _FROM_SIDE) & fits):
-        beams = Beams.of(scan, cluster.take(rows))
-        pose[rows], covariance[rows] = _along_plate(likelihood, beams, pose[rows], covariance[rows])
+    edge_on = fits & (off < np.where(cluster.count > _FEW, _EDGE_ON, _EDGE_ON_BY_FEW))
+    for rows in chunks(cluster, len(_GRID), edge_on) if edge_on.any() else ():
+        sight = np.arctan2(pose[rows, 1], pose[rows, 0])
+        pose[rows], covariance[rows] = _over_heading(likelihood, scan, cluster.take(rows), sight)
+    from_side = np.flatnonzero((off > _FROM_SIDE) & fits)
+    if from_side.size:
+        _along_plate(likelihood, beams, pose, covariance, from_side)
 
 
 def _over_heading(likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, sight: Array) -> tuple[Array, Array]:
@@ -58,7 +65,9 @@ def _over_heading(likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, sig
     fine = _given(likelihood, beams, cluster, _peaks(likelihood, beams, coarse))
     pose = np.concatenate([fit.pose.reshape(scans, -1, 3) for fit in (coarse, fine)], axis=1)
     cost = np.concatenate([fit.cost.reshape(scans, -1) for fit in (coarse, fine)], axis=1)
-    within = np.concatenate([covariances(fit.hessian).reshape(scans, -1, 3, 3) for fit in (coarse, fine)], axis=1)
+    within = np.concatenate(
+        [covariances(fit.in_lrf_frame().hessian).reshape(scans, -1, 3, 3) for fit in (coarse, fine)], axis=1
+    )
 
     weight, width = _quadrature(pose[..., 2], cost)
     mean = np.sum(weight[..., None] * pose, axis=1)
@@ -68,30 +77,30 @@ def _over_heading(likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, sig
     return mean, np.sum(np.where(weight[..., None, None] > 1e-9, weight[..., None, None] * total, 0.0), axis=1)
 
 
-def _along_plate(likelihood: PlateLikelihood, beams: Beams, pose: Array, covariance: Array) -> tuple[Array, Array]:
-    """Poses (M, 3) and covariances (M, 3, 3), corrected along the plate where the fit claims more than the edges."""
-    e = np.stack([np.cos(pose[:, 2]), np.sin(pose[:, 2]), np.zeros(len(pose))], axis=-1)
-    leaning = np.einsum("mij,mj->mi", covariance, e)
+def _along_plate(likelihood: PlateLikelihood, beams: Beams, pose: Array, covariance: Array, rows: np.ndarray) -> None:
+    """Correct poses (S, 3) and covariances (S, 3, 3) along the plate where the fit claims more than the edges.
+
+    This is done in place, for the scans `rows` (R,) only.
+    """
+    at, of = pose[rows], covariance[rows]
+    e = np.stack([np.cos(at[:, 2]), np.sin(at[:, 2]), np.zeros(len(at))], axis=-1)
+    leaning = np.einsum("mij,mj->mi", of, e)
     sigma = np.sqrt(np.maximum(np.sum(leaning * e, axis=1), 1e-12))
-    weight = np.min(beams.edge_weight, axis=1)
-    sight = np.arctan2(pose[:, 1], pose[:, 0])
-    edge = np.hypot(pose[:, 0], pose[:, 1]) / np.maximum(weight * np.abs(np.sin(pose[:, 2] - sight)), 1e-9)
+    weight = np.min(beams.edges.weight[rows], axis=1)
+    x, y = at[:, 0], at[:, 1]
+    across = np.abs(e[:, 0] * y - e[:, 1] * x)
+    edge = (x * x + y * y) / np.maximum(weight * across, 1e-9)
     doubted = np.flatnonzero((sigma < _CLAIMED * edge / np.sqrt(2)) & (weight > 0))
     if doubted.size == 0:
-        return pose, covariance
-
-    e, leaning, sigma, edge = e[doubted], leaning[doubted], sigma[doubted, None], edge[doubted, None]
-    offset = np.concatenate([edge * _ALONG_PLATEAU, sigma * _ALONG_PEAK], axis=1)  # (N, K)
-    slid = pose[doubted, None, :] + offset[..., None] * e[:, None, :]
-    every = beams.take(np.repeat(doubted, offset.shape[1]))
-    share, span = _quadrature(offset, likelihood.cost(every, slid.reshape(-1, 3)).reshape(offset.shape))
+        return
+    rows, at, e, leaning, sigma, edge = (part[doubted] for part in (rows, at, e, leaning, sigma, edge))
+    offset = np.concatenate([edge[:, None] * _ALONG_PLATEAU, sigma[:, None] * _ALONG_PEAK], axis=1)  # (N, K)
+    share, span = _quadrature(offset, likelihood.cost_along(beams.take(rows), at, offset))
     mean = np.sum(share * offset, axis=1)
     variance = np.sum(share * ((offset - mean[:, None]) ** 2 + span**2 / 12), axis=1)
-    pose, covariance = pose.copy(), covariance.copy()
-    pose[doubted] += mean[:, None] * e
-    given = leaning[:, :, None] * leaning[:, None, :] / (sigma**2)[..., None]
-    covariance[doubted] += variance[:, None, None] * e[:, :, None] * e[:, None, :] - given
-    return pose, covariance
+    pose[rows] = at + mean[:, None] * e
+    given = leaning[:, :, None] * leaning[:, None, :] / (sigma**2)[:, None, None]
+    covariance[rows] += variance[:, None, None] * e[:, :, None] * e[:, None, :] - given
 
 
 def _given(likelihood: PlateLikelihood, beams: Beams, cluster: Cluster, heading: Array) -> Evaluation:

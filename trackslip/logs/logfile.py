@@ -18,6 +18,7 @@ import pyarrow.csv
 import pyarrow.parquet
 
 from trackslip.errors import LogError, LogWarning, first_line
+from trackslip.logs.arrow import repeated
 from trackslip.logs.file_format import require_known_manifest
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.table import file_metadata, stored_text, to_table
@@ -166,6 +167,6 @@ class StoredRuns:
         """The rows of a run under a new name."""
         try:
             table = self._file.read_row_group(self._group[name]).replace_schema_metadata(None)
-            return table if new == name else table.set_column(0, "run", pa.array([new] * len(table)))
+            return table if new == name else table.set_column(0, "run", repeated(new, len(table)))
         except (pa.ArrowException, OSError) as error:
             raise LogError(f"{self._path}: run {name!r}: {first_line(error)}") from error

@@ -16,6 +16,7 @@ import pyarrow as pa
 
 from trackslip.errors import LogError, first_line
 from trackslip.kinematics import Array
+from trackslip.logs.arrow import arrow, repeated
 from trackslip.logs.columns import Columns
 from trackslip.logs.file_format import FORMAT, require_known_format
 from trackslip.logs.runlog import RunLog
@@ -116,7 +117,7 @@ def read_columns(table: pa.Table, names: Sequence[str], source: str) -> Array:
 
 
 def _run_table(log: RunLog) -> pa.Table:
-    columns: dict[str, Any] = {"run": pa.array([log.run] * len(log.time)), "t": log.time}
+    columns: dict[str, pa.Array] = {"run": repeated(log.run, len(log.time)), "t": arrow(log.time)}
     blocks = [(names, getattr(log, field)) for field, names in BLOCKS.items()]
     if log.covariance is not None:
         blocks.append((COVARIANCE, log.covariance[:, *UPPER]))
@@ -125,13 +126,13 @@ def _run_table(log: RunLog) -> pa.Table:
     for names, block in blocks:
         if block is not None:
             parts = block.reshape(len(block), -1).T
-            columns |= {name: np.ascontiguousarray(part) for name, part in zip(names, parts, strict=True)}
+            columns |= {name: arrow(part) for name, part in zip(names, parts, strict=True)}
     if log.valid is not None:
-        columns["valid"] = log.valid
+        columns["valid"] = arrow(log.valid)
     if log.truth is not None and log.truth.contact is not None:
         columns[CONTACT] = list_column(log.truth.contact)
     if log.truth is not None and log.truth.shear is not None:
         columns[SHEAR] = list_column(log.truth.shear)
     if log.scans is not None:
         columns |= scan_columns(log.scans)
-    return pa.table(columns)
+    return pa.Table.from_arrays([*columns.values()], names=[*columns])

@@ -3,7 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from trackslip.localization.likelihood import Beams, PlateLikelihood, inverses
+from trackslip.localization.beams import Beams
+from trackslip.localization.likelihood import PlateLikelihood, inverses
 from trackslip.localization.scan import Plate, extract_plate
 
 PLATE = Plate()
@@ -18,7 +19,7 @@ def test_gradient_by_finite_differences(turn, scan_rectangle):
     beams = Beams.of(scan, extract_plate(scan, PLATE))
     likelihood = PlateLikelihood(PLATE, huber=3.0)
     offset = poses + rng.normal(size=poses.shape) * [0.004, 0.004, 0.01]
-    fit = likelihood.evaluate(beams, offset, turn)
+    fit = likelihood.evaluate(beams, offset, turn).in_lrf_frame()
     h = 1e-7
     for k in range(3):
         up, down = (likelihood.evaluate(beams, offset + sign * h * np.eye(3)[k], turn).cost for sign in (1, -1))
@@ -32,11 +33,11 @@ def test_hessian_is_the_information_of_the_gradient(scan_rectangle):
     pose = np.tile([2.0, 0.3, 1.2], (4000, 1))
     scan = scan_rectangle(pose, rng)
     beams = Beams.of(scan, extract_plate(scan, PLATE))
-    fit = PlateLikelihood(PLATE, huber=100.0).evaluate(beams, pose, True)
+    fit = PlateLikelihood(PLATE, huber=100.0).evaluate(beams, pose, True).in_lrf_frame()
     ranges_only = fit.gradient - fit.gradient.mean(axis=0)  # the edges are the same in every scan
     scatter = ranges_only.T @ ranges_only / len(pose)
-    no_edges = replace(beams, edge_weight=0 * beams.edge_weight)
-    information = PlateLikelihood(PLATE, huber=100.0).evaluate(no_edges, pose, True).hessian.mean(axis=0)
+    no_edges = replace(beams, edges=replace(beams.edges, weight=0 * beams.edges.weight))
+    information = PlateLikelihood(PLATE, huber=100.0).evaluate(no_edges, pose, True).in_lrf_frame().hessian.mean(axis=0)
     scale = np.sqrt(np.diag(information))
     np.testing.assert_allclose(scatter / np.outer(scale, scale), information / np.outer(scale, scale), atol=0.1)
 
