@@ -13,7 +13,8 @@ from trackslip.localization.view import in_axes
 
 UNKNOWN = 1e6
 """Variance of what a scan does not determine."""
-_CONVERGED = 1e-5  # a climb ends when the predicted decrease of the cost is smaller
+_DAMPING = 1e-3  # at first
+_CONVERGED = 1e-4  # a climb ends with a step that promises less; it is exact to a fraction of its length
 
 
 @dataclass(frozen=True)
@@ -24,6 +25,10 @@ class Evaluation(Rows):
     cost: Array  # (M,) negative log likelihood
     gradient: Array  # (M, 3)
     hessian: Array  # (M, 3, 3)
+
+    def promise(self) -> Array:
+        """Decreases of the cost (M,) that the next step promises; inf where there is none."""
+        return _newton(self, np.full(len(self.cost), _DAMPING))[1]
 
     def in_lrf_frame(self) -> Evaluation:
         """The same with derivatives with respect to x, y and phi."""
@@ -50,7 +55,7 @@ def climb(surface: Surface, beams: Any, pose: Array, iterations: int) -> Evaluat
     """
     fit = here = surface.evaluate(beams, pose.copy())
     climbing = np.arange(len(pose))
-    damping = np.full(len(pose), 1e-3)
+    damping = np.full(len(pose), _DAMPING)
     for _ in range(iterations):
         step, fall = _newton(here, damping)
         there = fall < _CONVERGED
@@ -79,8 +84,8 @@ def climb(surface: Surface, beams: Any, pose: Array, iterations: int) -> Evaluat
 
 def _newton(here: Evaluation, damping: Array) -> tuple[Array, Array]:
     """Damped steps (M, 3), and the decreases of the cost (M,) that they promise: inf where there is no step."""
-    damped = here.hessian.copy()
-    np.einsum("mii->mi", damped)[:] *= (1 + damping)[:, None]
+    damped = here.hessian.reshape(-1, 9).copy()
+    damped[:, ::4] *= 1 + damping[:, None]
     inverse, regular = inverses(damped)
     step = -(inverse @ here.gradient[:, :, None])[:, :, 0]
     fall = np.einsum("mi,mi->m", step, here.gradient) / -2

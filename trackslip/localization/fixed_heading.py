@@ -59,7 +59,7 @@ class FixedHeading:
         return pose + step
 
     def evaluate(self, turned: TurnedBeams, pose: Array) -> Evaluation:
-        """Cost and derivatives at places along and across the plates, and headings (M, 3); the latter count as fixed."""
+        """Cost and derivatives at places along and across the plates, and headings (M, 3), which are fixed."""
         plate, beams = self.likelihood.plate, turned.beams
         half_length, half_thickness = plate.length / 2, plate.thickness / 2
         along, across = pose[:, 0], pose[:, 1]
