@@ -32,7 +32,7 @@ def follow(locator: Locator, scan: Scan, tracker: Tracker, angle: Array) -> Pose
         angle: how far the sprockets turned since the scan before each, (N, T, 2) [rad].
     """
     robots, rows, _ = scan.ranges.shape
-    single = PoseEstimate(np.empty((robots, rows, 3)), np.empty((robots, rows, 3, 3)), np.empty((robots, rows), bool))
+    single = PoseEstimate(np.empty((robots, rows, 3)), np.empty((robots, rows, 3, 3)), np.zeros((robots, rows), bool))
     keys = np.unique(np.append(np.arange(0, rows, _EVERY), rows - 1))
     alone = np.zeros((robots, rows), bool)
     alone[:, keys] = True
@@ -41,8 +41,8 @@ def follow(locator: Locator, scan: Scan, tracker: Tracker, angle: Array) -> Pose
         turned = np.add.reduceat(angle, np.append(0, keys[:-1] + 1), axis=1)
         known = _track(locator, scan, single, copy.deepcopy(tracker), keys, turned)
         between, expected = _between(known, keys, _reckoned(angle, tracker.geometry))
-        _locate(locator, scan, single, ~alone & between, expected)
-        _locate(locator, scan, single, ~alone & ~between)
+        _locate(locator, scan, single, between & ~alone, expected)
+        _locate(locator, scan, single, ~(between & single.valid) & ~alone)
     return _track(locator, scan, single, tracker, np.arange(rows), angle)
 
 
