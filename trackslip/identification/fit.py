@@ -119,6 +119,7 @@ def minimise(
     sets: np.ndarray,
     held: np.ndarray | None = None,
     bend: Array | None = None,
+    enough: Array | float = 0.0,
 ) -> Minimum:
     """Solve m problems from `start` (m, p), problem k being a fit to set `sets[k]` of the runs; see `least_squares`."""
     low, high, scale = family.limits(runs.geometry.half_gauge)
@@ -137,7 +138,7 @@ def minimise(
     if not family.names:
         cost = np.sum(residual(start, np.arange(len(start))) ** 2, axis=1)
         return Minimum(start, cost, *np.zeros((2, len(start), 0, 0)))
-    return least_squares(residual, start, low, high, scale, held, jacobian, bend)
+    return least_squares(residual, start, low, high, scale, held, jacobian, bend, enough)
 
 
 def _at(family: LawFamily, runs: WeightedRuns, scatter: Array, start: Array | None, bend: Array | None = None) -> Fits:
