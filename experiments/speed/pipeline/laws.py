@@ -52,7 +52,9 @@ def measure(seed: int, repeats: int, step: Callable[[str], None]) -> tuple[Check
         step("laws")
     checks = [
         Check("laws of 25 runs", "fits and bootstrap", float(np.median(runs)), RUNS, "s"),
-        Check("laws of 25 runs", "time over that of the physics", float(np.median(np.divide(runs, bare))), PHYSICS, "x"),
+        Check(
+            "laws of 25 runs", "time over that of the physics", float(np.median(np.divide(runs, bare))), PHYSICS, "x"
+        ),
     ]
     for count, most in ROWS.items():
         checks.append(Check(f"laws of {count} samples", "fits and bootstrap", float(np.median(rows[count])), most, "s"))
