@@ -15,12 +15,13 @@ from experiments.options.bench import BenchConfig
 from experiments.speed.simulator import timed
 from sim.fleet import Fleet
 from sim.robot.robot import Robot
+from sim.scanner.scanner import LaserScanner
 from sim.warp.devices import CPU, GPU, make_batch
 from trackslip.slip.law_file import load_laws
 
 _TWIST = 0.2, 0.2  # that the robots drive [m/s], [rad/s]
 _STEADY = 2.0  # time after which the sprockets turn at their set points [s]
-_TURN = 0.5  # simulated in a turn [s]
+_CALLS = 10  # of a fleet in a turn, one per scan period
 _MOST_ON_PROCESSOR = 1024  # robots; its speed doesn't depend on their number
 
 
@@ -33,9 +34,9 @@ class GpuSpeed:
     processor_steps_per_s: float
     """Physics steps per second of MuJoCo on all threads of the processor, all robots together [1/s]."""
     warp_steps_per_s: float
-    """The same of MuJoCo Warp alone, states copied there and back included [1/s]."""
+    """The same of MuJoCo Warp alone, in one call [1/s]."""
     fleet_steps_per_s: float
-    """The same of a fleet on MuJoCo Warp [1/s]."""
+    """The same of a fleet on MuJoCo Warp that stops for every scan [1/s]."""
     ratio_to_processor: float
     """Speed of the fleet over that of the processor [-]."""
     real_time_factor: float
@@ -47,7 +48,8 @@ def measure_gpu(
 ) -> list[GpuSpeed]:
     """Measure every number of robots on a `device` of MuJoCo Warp; `step` is called with a label after each round."""
     timestep = robot.model.opt.timestep
-    steps = round(_TURN / timestep)
+    period = LaserScanner().period
+    steps = _CALLS * round(period / timestep)
     omega = load_laws()["icr_radius"].sprocket_speeds(_TWIST, robot.geometry)
     speeds = []
     for size in sizes:
@@ -58,7 +60,8 @@ def measure_gpu(
         processor = _copy(fleet, min(size, _MOST_ON_PROCESSOR), CPU)
         rates = []
         for k in range(1 + config.repeats):  # the first warms up
-            seconds = [timed(one.step, None, steps) for one in (processor, alone)] + [timed(fleet.advance, _TURN)]
+            seconds = [timed(one.step, None, steps) for one in (processor, alone)]
+            seconds.append(sum(timed(fleet.advance, period) for _ in range(_CALLS)))
             if k > 0:
                 rates.append(np.array([processor.nsim, size, size]) * steps / seconds)
             step(f"{size} robots")

@@ -146,10 +146,20 @@ class StoredRuns:
             self._metadata = json.loads(stored_text(self._file.schema_arrow.metadata))["runs"]
         except (pa.ArrowException, OSError, ValueError, RecursionError, KeyError, TypeError) as error:
             raise LogError(f"{path}: {first_line(error)}") from error
-        if self._file.num_row_groups != len(self._metadata):
-            raise LogError(f"{path}: its runs have no row groups of their own")
-        self._group = {name: k for k, name in enumerate(self._metadata)}
+        self._groups = self._own_groups()
         self.schema = self._file.schema_arrow.remove_metadata()
+
+    def _own_groups(self) -> dict[str, list[int]]:
+        """The row groups of each run: one, or several if it was written in parts."""
+        if self._file.num_row_groups == len(self._metadata):
+            return {name: [k] for k, name in enumerate(self._metadata)}
+        groups: dict[str, list[int]] = {name: [] for name in self._metadata}
+        for k in range(self._file.num_row_groups):
+            names = self._file.metadata.row_group(k).column(0).statistics
+            if names is None or names.min != names.max or names.min not in groups:
+                raise LogError(f"{self._path}: its runs have no row groups of their own")
+            groups[names.min].append(k)
+        return groups
 
     def metadata(self, name: str) -> dict[str, Any]:
         """The metadata of a run."""
@@ -166,7 +176,7 @@ class StoredRuns:
     def table(self, name: str, new: str) -> pa.Table:
         """The rows of a run under a new name."""
         try:
-            table = self._file.read_row_group(self._group[name]).replace_schema_metadata(None)
+            table = self._file.read_row_groups(self._groups[name]).replace_schema_metadata(None)
             return table if new == name else table.set_column(0, "run", repeated(new, len(table)))
         except (pa.ArrowException, OSError) as error:
             raise LogError(f"{self._path}: run {name!r}: {first_line(error)}") from error

@@ -1,0 +1,68 @@
+"""Writing runs to a Parquet file while they last: part by part, so that memory doesn't grow with their length."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import pyarrow as pa
+import pyarrow.parquet
+
+from trackslip.errors import LogError
+from trackslip.logs.logfile import packing
+from trackslip.logs.runlog import RunLog
+from trackslip.logs.table import file_metadata, runs_metadata, to_rows
+
+
+class RunWriter:
+    """A Parquet file of runs that are written in parts; as a context manager.
+
+    The file appears when the block ends, and only if it ends without an error: until then there is a hidden draft
+    beside it. Each part of a run is a row group. The first call of `write` fixes runs, columns and metadata.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """The file `path`, which may exist."""
+        self._path = path
+        self._draft = path.with_name(f".{path.name}-{os.getpid()}")
+        self._writer: pa.parquet.ParquetWriter | None = None
+        self._runs: list[str] = []
+
+    def __enter__(self) -> Self:
+        return self
+
+    def write(self, logs: Sequence[RunLog]) -> None:
+        """Append parts of the runs, which follow those of the call before.
+
+        Raises LogError if they are not of the same runs, or have other columns than theirs.
+        """
+        table, names = to_rows(logs), [log.run for log in logs]
+        if self._writer is None:
+            schema = table.schema.with_metadata(file_metadata(table.schema, runs_metadata(logs)))
+            self._writer, self._runs = pa.parquet.ParquetWriter(self._draft, schema, **packing(schema)), names
+        if names != self._runs:
+            raise LogError(f"{self._path}: part of the runs {names}, where those before are of {self._runs}")
+        if table.schema != self._writer.schema:
+            raise LogError(f"{self._path}: columns {table.column_names}, before {self._writer.schema.names}")
+        first = 0
+        for log in logs:
+            rows = table.slice(first, len(log.time)).replace_schema_metadata(self._writer.schema.metadata)
+            self._writer.write_table(rows, row_group_size=len(log.time))
+            first += len(log.time)
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._writer is None:
+            return
+        try:
+            self._writer.close()
+            if kind is None:
+                os.replace(self._draft, self._path)
+        finally:
+            with contextlib.suppress(OSError):
+                self._draft.unlink(missing_ok=True)
