@@ -17,12 +17,14 @@ from trackslip.logs.logfile import packing
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.table import file_metadata, runs_metadata, to_rows
 
+_ROWS = 16_384  # of a row group, of which every one costs memory until the file is closed
+
 
 class RunWriter:
     """A Parquet file of runs that are written in parts; as a context manager.
 
     The file appears when the block ends, and only if it ends without an error: until then there is a hidden draft
-    beside it. Each part of a run is a row group. The first call of `write` fixes runs, columns and metadata.
+    beside it. The first call of `write` fixes runs, columns and metadata.
     """
 
     def __init__(self, path: Path) -> None:
@@ -48,11 +50,7 @@ class RunWriter:
             raise LogError(f"{self._path}: part of the runs {names}, where those before are of {self._runs}")
         if table.schema != self._writer.schema:
             raise LogError(f"{self._path}: columns {table.column_names}, before {self._writer.schema.names}")
-        first = 0
-        for log in logs:
-            rows = table.slice(first, len(log.time)).replace_schema_metadata(self._writer.schema.metadata)
-            self._writer.write_table(rows, row_group_size=len(log.time))
-            first += len(log.time)
+        self._writer.write_table(table.replace_schema_metadata(self._writer.schema.metadata), _ROWS)
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

@@ -51,9 +51,8 @@ def test_runs_in_parts_are_joined_with_others(tmp_path):
 def test_an_interrupted_file_leaves_nothing_behind(tmp_path):
     path = tmp_path / "runs.parquet"
     path.write_text("before")
-    with pytest.raises(RuntimeError), RunWriter(path) as file:
-        file.write([run("one")])
-        raise RuntimeError
+    with pytest.raises(LogError, match="part of the runs"):
+        write(path, [[run("one")], [run("other")]])
     assert path.read_text() == "before"
     assert list(tmp_path.iterdir()) == [path]
     with RunWriter(tmp_path / "empty.parquet"):
