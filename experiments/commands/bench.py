@@ -130,7 +130,12 @@ def _pipeline(config: BenchConfig, _: Robot) -> _Measured:
 
 
 def _scale(config: BenchConfig, _: Robot) -> _Measured:
-    from experiments.speed.pipeline.scale import CASES, checks_of, measure_cases  # late: only this needs processes
+    from experiments.speed.pipeline.scale import (
+        CASES,
+        checks_of,
+        measure_cases,
+        planning,
+    )  # late: only this needs processes
 
     with _progress(len(CASES)) as step:
         cases = measure_cases(CASES, config.seed, step)
@@ -139,7 +144,7 @@ def _scale(config: BenchConfig, _: Robot) -> _Measured:
     for one in cases:
         times = f"{one.seconds:.3g}", f"{1e3 * one.per_robot_second:.3g}"
         rows.append((str(one.robots), f"{one.duration:g}", *times, f"{one.memory:.0f}", f"{one.file_size:.3g}"))
-    checks = checks_of(cases)
+    checks = (*checks_of(cases), planning(config.repeats))
     tables = [("Runs written to Parquet while they last", header, rows), _check_table("Scale", checks)]
     return {"rows": cases, "checks": [one.to_json() for one in checks]}, tables
 
