@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import numpy as np
-from mujoco import batch
 
 from sim.robot.robot import Robot
+from sim.warp.devices import CPU, make_batch
 from trackslip.kinematics import Array
 
 Rows = np.ndarray | slice
 """Indices of robots, or a slice of them."""
+EVERYONE = slice(None)
+"""All robots."""
+SENSORS = ("sensordata",)
+"""What the engine records of a step."""
 
 
 class Bodies:
     """The bodies of N robots, each in its own world."""
 
-    def __init__(self, robot: Robot, size: int, threads: int) -> None:
-        """`size` robots of one model, on `threads` worker threads (0: one per processor)."""
+    def __init__(self, robot: Robot, size: int, threads: int, device: str = CPU) -> None:
+        """`size` robots of one model, on `threads` worker threads (0: one per processor), or on another device."""
         self.robot = robot
         self.size = size
-        self.batch = batch.Batch(robot.model, size, nthread=threads)
+        self.batch = make_batch(robot.model, size, threads, device)
         self._sensors = self.batch.bind("sensordata")[:, :6]  # (N, 6), live: force on the left and on the right track
         self._place = self.batch.qpos  # (N, 7), live: position and quaternion
         self._velocity = self.batch.qvel  # (N, 6), live: in the world, turning in the robot's frame
@@ -94,6 +98,17 @@ class Bodies:
         self.batch.time[rows] = 0
         self._heading[rows] = start[:, 2]
         self._follow_heading()
+
+    def _run_on(self, rows: Rows, periods: int, substeps: int) -> tuple[Array, Array]:
+        """Step the robots `rows` (R,) for P periods in which nothing changes.
+
+        Returns the sums of the forces on their tracks in each period (R, P, 6), and the directions in which the robots
+        point at its end (R, P, 2).
+        """
+        ids = None if rows is EVERYONE else rows
+        recorded = self.batch.rollout(periods * substeps, record=(*SENSORS, "xmat"), ids=ids)
+        forces = recorded["sensordata"][..., :6].reshape(-1, periods, substeps, 6).sum(axis=2)
+        return forces, recorded["xmat"][:, substeps - 1 :: substeps, self._chassis, 0:4:3]
 
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
         return self.batch.state[rows].copy(), self._heading[rows].copy()

@@ -29,7 +29,7 @@ Progress = Callable[[float], None]
 
 PERIOD = LaserScanner().period
 """Time between the rows of a run without a scanner [s]."""
-_SCANS_AT_ONCE = 2000  # scans localized together, offline
+_SCANS_AT_ONCE = 41  # of each robot, localized together offline; as many whatever the fleet, for the same bits in any
 _FEWEST_ROWS, _MOST_ROWS = 150, 600  # of a part of long runs
 _MEASUREMENTS = 250_000  # rows of all robots together in a part, if that many rows of each are neither few nor many
 
@@ -138,7 +138,6 @@ class _Scans:
     ) -> None:
         self._fleet, self._record, self._feed, self._locator, self._watch = fleet, record, feed, locator, watch
         self._tracker = Tracker(fleet.pose(), fleet.robot.geometry)
-        self._block = max(1, _SCANS_AT_ONCE // fleet.size)
         self._waiting: list[Array] = []  # true ranges (N, B) each
         self._located = 0  # rows of the record
         self._begun = False
@@ -158,7 +157,7 @@ class _Scans:
         """Scan the robots where they are."""
         with self._watch.stage("scans"):
             self._waiting.append(self._feed.true_ranges())
-        if len(self._waiting) == self._block:
+        if len(self._waiting) == _SCANS_AT_ONCE:
             self._locate()
 
     def logs(self, failure: str | None) -> list[RunLog]:

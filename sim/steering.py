@@ -69,7 +69,7 @@ class Steering:
             pilot.controller.reset()
             pilot.compensation.reset(start[pilot.robots])
         previews = sorted({pilot.preview for pilot in pilots})
-        self._reference = Tabulated(reference, np.concatenate([record.time + preview for preview in previews]))
+        self._reference = Tabulated(reference, *(record.time + preview for preview in previews))
         self._record, self._geometry = record, geometry
         self._wanted = np.zeros((len(start), 2))  # twists
         self._omega = np.zeros((len(start), 2))

@@ -18,6 +18,7 @@ from experiments.measuring.check import Check
 from experiments.options.bench import BenchConfig
 from experiments.options.grid import SweepConfig
 from experiments.report.terminal import print_table
+from experiments.speed.gpu import measure_gpu
 from experiments.speed.grid import measure_grid
 from experiments.speed.memory import peak_memory
 from experiments.speed.shear import measure_shear
@@ -27,6 +28,7 @@ from experiments.storage.results import SUMMARY_FILE, results_folder, write_resu
 from experiments.sweep.summary import Timing
 from experiments.validation.shear.cost import FEWEST, MOST
 from sim.robot.robot import Robot, load_robot
+from sim.warp.devices import GPU, require_available
 
 
 def run(config: BenchConfig) -> None:
@@ -39,6 +41,7 @@ def run(config: BenchConfig) -> None:
             _grid: config.grid,
             _terrain: config.terrain,
             _shear: config.shear,
+            _gpu: config.gpu,
             _pipeline: config.pipeline,
             _scale: config.scale,
         }
@@ -118,6 +121,19 @@ def _shear(config: BenchConfig, robot: Robot) -> _Measured:
     return {"rows": costs, "checks": [one.to_json() for one in checks]}, [("Cost of shear", header, rows)]
 
 
+def _gpu(config: BenchConfig, robot: Robot) -> _Measured:
+    require_available(GPU)
+    with _progress(len(config.gpu_sizes) * (1 + config.repeats)) as step:
+        speeds = measure_gpu(config.gpu_sizes, config, robot, step)
+    header = ("robots", "processor, steps/s", "MuJoCo Warp", "fleet", "fleet / processor", "real-time factor")
+    rows: list[_Cells] = []
+    for one in speeds:
+        rates = one.processor_steps_per_s, one.warp_steps_per_s, one.fleet_steps_per_s
+        ratios = f"{one.ratio_to_processor:.1f}", f"{one.real_time_factor:,.0f}"
+        rows.append((f"{one.n:,}", *(f"{rate:,.0f}" for rate in rates), *ratios))
+    return {"rows": speeds}, [("Speed on a GPU", header, rows)]
+
+
 def _pipeline(config: BenchConfig, _: Robot) -> _Measured:
     from experiments.speed.pipeline.areas import AREAS, measure_of  # late: only this needs laws and reports
 
@@ -144,7 +160,7 @@ def _scale(config: BenchConfig, _: Robot) -> _Measured:
     for one in cases:
         times = f"{one.seconds:.3g}", f"{1e3 * one.per_robot_second:.3g}"
         rows.append((str(one.robots), f"{one.duration:g}", *times, f"{one.memory:.0f}", f"{one.file_size:.3g}"))
-    checks = (*checks_of(cases), planning(config.repeats))
+    checks = (*scale.checks_of(cases), scale.planning(config.repeats))
     tables = [("Runs written to Parquet while they last", header, rows), _check_table("Scale", checks)]
     return {"rows": cases, "checks": [one.to_json() for one in checks]}, tables
 

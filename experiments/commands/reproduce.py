@@ -1,7 +1,6 @@
 """`trackslip reproduce`: the paper from its first run to its last figure."""
 
 import time
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -36,11 +35,10 @@ from experiments.storage.manifest import command_line
 from experiments.storage.plain_json import plain
 from experiments.storage.results import REPORT_FILE, write_results, write_runs
 from sim.run_recorder import RunFailedError
-from sim.stopwatch import Stopwatch
+from sim.stopwatch import Stopwatch, timed
 from trackslip.identification.identify import identify_samples
-from trackslip.identification.result import Identification, identification_to_json
-from trackslip.identification.samples import Sampling, usable_samples
-from trackslip.kinematics import RobotGeometry
+from trackslip.identification.result import identification_to_json
+from trackslip.identification.samples import usable_samples
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.exponential import PUBLISHED
 from trackslip.trajectory.segmented import paper_reference
@@ -49,8 +47,8 @@ from trackslip.trajectory.segmented import paper_reference
 def run(config: ReproduceConfig) -> None:
     """Drive the grid, identify the laws, verify them in closed loop, store, report and print.
 
-    Workers do all that is independent; a worker that is free draws figures. `timing` in the summary gives the work of
-    all workers by stage, but of the report only what it takes after the last result.
+    Workers do all that is independent; a worker that is free draws figures. The times by stage are those of all workers
+    together.
     """
     began = time.perf_counter()
     watch = Stopwatch()
@@ -64,7 +62,7 @@ def run(config: ReproduceConfig) -> None:
         grid_logs = driven.logs
         with busy("slips and laws"):
             sampling = usable_samples(grid_logs, geometry, method=config.motion, longest=True, measured=driven.measured)
-            identified = workers.begin(_identified, sampling, geometry)
+            identified = workers.begin(timed, "laws", identify_samples, sampling, geometry)
             report = Report(
                 title="Slip of a tracked robot: the paper and its simulation",
                 command=command_line("reproduce"),
@@ -90,20 +88,24 @@ def run(config: ReproduceConfig) -> None:
         tracking = tracking_results(tracking_logs, paper_reference())
         comparison = compare_with_paper(grid, laws, tracking)
         warnings = saturation_warnings(grid_logs)
-        with watch.stage("report"), busy("report"):
-            published = workers.begin(published_beside, [log.between(0, 2) for log in tracking_logs])
+        with busy("report"):
+            published = workers.begin(timed, "report", published_beside, [log.between(0, 2) for log in tracking_logs])
             write_runs(folder, logs)
+            beside, times = published()
+            watch.add(times)
             report = replace(
                 report,
                 manifest=world.manifest("reproduce", time.perf_counter() - began),
                 comparison=comparison,
                 tracking=tracking,
                 tracking_logs=tracking_logs,
-                published=published(),
+                published=beside,
                 warnings=warnings,
             )
             figures.begin(figures_of(report))
-            render(report, figures.drawn()).write(folder, config.pdf)
+            drawn = figures.drawn(watch)
+            with watch.stage("report"):
+                render(report, drawn).write(folder, config.pdf)
         wall, simulated = time.perf_counter() - began, simulated_seconds(logs)
         summary: dict[str, Any] = {
             **identification_to_json(found),
@@ -129,11 +131,3 @@ def run(config: ReproduceConfig) -> None:
         print(f"warning: {warning}")
     print(stages_text(watch.stages))
     print(f"{config.out / REPORT_FILE}: {wall:.1f} s for {simulated:.0f} s of simulated driving")
-
-
-def _identified(sampling: Sampling, geometry: RobotGeometry) -> tuple[Identification, Mapping[str, float]]:
-    """The laws, and how long they took; what a worker does."""
-    watch = Stopwatch()
-    with watch.stage("laws"):
-        found = identify_samples(sampling, geometry)
-    return found, watch.stages

@@ -8,9 +8,11 @@ from experiments.options.world import MAX_DURATION, MAX_THREADS, MIN_DURATION
 from trackslip.errors import InvalidValueError
 
 MAX_ROBOTS = 10_000
+MAX_GPU_ROBOTS = 1_000_000
 MAX_REPEATS = 1000
 _SHEAR_SIZES = (32, 64, 256)
-_CHOICES = ("env", "grid", "terrain", "shear", "pipeline", "scale")
+_GPU_SIZES = (1024, 4096, 16_384, 65_536)
+_CHOICES = ("env", "grid", "terrain", "shear", "gpu", "pipeline", "scale")
 
 
 @dataclass(frozen=True)
@@ -19,7 +21,8 @@ class BenchConfig:
 
     With --env, measure the learning environments instead; with --grid, a grid of a thousand runs; with --terrain,
     robots with tracks on level ground, on ten steps and on rough ground; with --shear, what ground that shears costs;
-    with --pipeline, each stage of the pipeline against its bound; with --scale, many robots and long runs.
+    with --gpu, fleets on an NVIDIA GPU; with --pipeline, each stage of the pipeline against its bound; with --scale,
+    many robots and long runs.
     """
 
     sizes: tuple[int, ...] = (1, 25, 256)
@@ -48,6 +51,8 @@ class BenchConfig:
     """Numbers of robots on terrain; needs --terrain."""
     shear: bool = False
     """Measure fleets on ground that shears and on Coulomb ground; by default of 32, 64 and 256 robots."""
+    gpu: bool = False
+    """Measure fleets on an NVIDIA GPU, with MuJoCo Warp; by default of 1,024 to 65,536 robots."""
     pipeline: bool = False
     """Measure each stage, from physics to report, and compare it with its bound; takes minutes."""
     scale: bool = False
@@ -58,7 +63,8 @@ class BenchConfig:
     """Folder for the results."""
 
     def __post_init__(self) -> None:
-        for name, most in (("sizes", MAX_ROBOTS), ("thread_counts", MAX_THREADS), ("terrain_sizes", MAX_ROBOTS)):
+        sizes = MAX_GPU_ROBOTS if self.gpu else MAX_ROBOTS
+        for name, most in (("sizes", sizes), ("thread_counts", MAX_THREADS), ("terrain_sizes", MAX_ROBOTS)):
             checks.require_distinct(name, getattr(self, name), "number")
             for value in getattr(self, name):
                 checks.require_integer(name, value, 1, most)
@@ -82,6 +88,8 @@ class BenchConfig:
             checks.refuse_unused(self, ("sizes",), "with --env, --grid and --terrain")
         if self.grid:
             checks.refuse_unused(self, ("seconds", "repeats"), "with --grid")
+        if self.gpu:
+            checks.refuse_unused(self, ("thread_counts", "seconds"), "with --gpu")
         if self.pipeline or self.scale:
             checks.refuse_unused(self, ("sizes", "thread_counts", "seconds"), "with --pipeline and --scale")
 
@@ -89,3 +97,8 @@ class BenchConfig:
     def shear_sizes(self) -> tuple[int, ...]:
         """Numbers of robots with --shear: those given, or else enough for the cost to be bounded."""
         return _SHEAR_SIZES if self.sizes == BenchConfig.sizes else self.sizes
+
+    @property
+    def gpu_sizes(self) -> tuple[int, ...]:
+        """Numbers of robots with --gpu: those given, or else enough to occupy a GPU."""
+        return _GPU_SIZES if self.sizes == BenchConfig.sizes else self.sizes

@@ -16,6 +16,7 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from experiments.report.formats import MISSING, percent, significant
+from experiments.report.quick_drawing import quick_drawing
 from experiments.storage.manifest import relative
 from experiments.storage.results import FIGURES_FOLDER, REPORT_FILE
 
@@ -52,7 +53,7 @@ class Drawing:
     def svg(self) -> str:
         """See Drawn."""
         buffer = io.StringIO()
-        with matplotlib.rc_context({"svg.hashsalt": self.name, "svg.fonttype": "path"}):
+        with quick_drawing(), matplotlib.rc_context({"svg.hashsalt": self.name, "svg.fonttype": "path"}):
             _lay_out(self.figure)
             self.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
         return buffer.getvalue()
@@ -61,7 +62,7 @@ class Drawing:
     def pdf(self) -> bytes:
         """See Drawn."""
         buffer = io.BytesIO()
-        with matplotlib.rc_context({"pdf.fonttype": 42}):
+        with quick_drawing(), matplotlib.rc_context({"pdf.fonttype": 42}):
             _lay_out(self.figure)
             self.figure.savefig(buffer, format="pdf", metadata={"CreationDate": None})
         return buffer.getvalue()

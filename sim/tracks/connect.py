@@ -9,11 +9,12 @@ import numpy as np
 
 from sim.tracks.mobility import mobility
 from sim.tracks.options import set_options
-from sim.tracks.parts import TrackParts
+from sim.tracks.parts import WHEEL_WEIGHT, TrackParts
 from sim.tracks.presets import ContactParameters
 from trackslip.errors import InvalidValueError, TrackslipError, first_line, require, require_at_most, require_positive
 
 _MAX_FRICTION = 10.0
+_WHEEL_BRAKE = 0.6  # least share of its speed that a wheel loses in one physics step, deep in an edge [-]
 _MAX_MOBILITY = 6.0  # contacts have the stiffness of their preset up to this: a robot's, not a flipper's [-]
 _MAX_FIELD_MOBILITY = 3.0  # the same of robots on height fields, where points touch several times [-]
 _FIELD_HARDNESS = (0.1, 0.5)  # on height fields of the finest and of the coarsest cells [-]
@@ -56,12 +57,23 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
         hardness = min(1.0, most / max(rocks, 1.0)) * (softened or 1.0)
         lightness = max(lightest / inverse_weight, 1.0)  # a robot that is held, as on a test rig, has none
         contacts = {
-            each: tracks.preset.contact(gravity, share, hardness, each, lightness) for each in set(tracks.weights)
+            each: tracks.preset.contact(gravity, share, hardness, each, lightness, _brake(each, softened))
+            for each in set(tracks.weights)
         }
         for names in tracks.geoms:
             for name, weight, crosswise in zip(names, tracks.weights, tracks.crosswise, strict=True):
                 friction = tracks.friction[::-1] if crosswise else tracks.friction
                 _add_pair(spec, ground.name, name, friction, contacts[weight])
+
+
+def _brake(weight: float, softened: float | None) -> float:
+    """Least share of its speed that a contact takes from a geom of that `weight` in one physics step [-].
+
+    A wheel of a robot that comes down over an edge meets the next edge alone, with as much mass behind it as many
+    points of a run share on a plane. Damping stops it and gives nothing back, unlike a stiffer spring. On a height
+    field a wheel touches several times.
+    """
+    return 0.0 if weight == 1 or softened is not None else _WHEEL_BRAKE * weight / WHEEL_WEIGHT
 
 
 def _field_hardness(model: mujoco.MjModel, geom: int, segment: float) -> float | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from mujoco import MjModel, batch
@@ -15,7 +15,7 @@ Ids = np.ndarray | Sequence[int] | None
 """Simulations, or None for all."""
 
 
-class WarpBatch(batch.Batch):
+class WarpBatch(batch.Batch):  # type: ignore[misc]  # MuJoCo has no type hints
     """A `mujoco.batch.Batch` that holds the states of N simulations, in double precision; MuJoCo Warp steps them.
 
     Rays are cast by MuJoCo. Fields of MjData that are bound follow `step` and `rollout` only.
@@ -59,12 +59,25 @@ class WarpBatch(batch.Batch):
         if nstep > 0:
             self.rollout(nstep, (), ids)
 
-    def rollout(self, nstep: int, record: Sequence[str] = ("qpos",), ids: Ids = None) -> dict[str, np.ndarray]:
-        """Advance each simulation by `nstep` physics steps; return fields of MjData after each, (n, nstep, ...)."""
+    def rollout(
+        self,
+        nstep: int,
+        record: Sequence[str] = ("sensordata",),
+        ids: Ids = None,
+        out: Mapping[str, np.ndarray] | None = None,
+    ) -> dict[str, np.ndarray]:
+        """Advance each simulation by `nstep` physics steps, recording fields of MjData after each.
+
+        Returns the n simulations' fields, (n, nstep, ...) each, in single precision or in the arrays `out`.
+        """
         rows = slice(None) if ids is None else np.asarray(ids)
         # the others are stepped, too, and forgotten
         state, records, last = self._worlds.step(self.state, self._fields, nstep, record, tuple(self._outputs))
         self.state[rows] = state[rows]
         for name, values in last.items():
             self._outputs[name][rows] = values[rows]
-        return {name: values.swapaxes(0, 1)[rows].astype(float) for name, values in records.items()}
+        recorded = {name: values.swapaxes(0, 1)[rows] for name, values in records.items()}
+        for name, into in (out or {}).items():
+            into[...] = recorded[name]
+            recorded[name] = into
+        return recorded

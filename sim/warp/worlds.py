@@ -15,52 +15,18 @@ import mujoco_warp as mjw
 import numpy as np
 import warp as wp
 
+from sim.warp.kernels import integrate_pose, round_state, widen_state
+from sim.warp.replayed import Replayed
 from trackslip.errors import TrackslipError, require
 from trackslip.kinematics import Array
 
 _INTEGRATORS = (mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
-_POSE = 7  # numbers in the pose of a free joint: position, quaternion
-_QPOS = 1  # where positions begin in a state, after the time
-_CONTACTS = 4  # most points of contact between a pair of geoms, e.g. of a box on the ground
-_ROWS = 6  # most constraints per contact
+_POINTS = {mujoco.mjtGeom.mjGEOM_SPHERE: 1, mujoco.mjtGeom.mjGEOM_CAPSULE: 2}
+"""Most points at which a geom touches a plane."""
+_MOST_POINTS = 8  # at which any other pair of geoms touches
+_UNPAIRED = 32  # points to make room for where geoms touch that are in no pair
 _SLOW = mjw.OverflowType.ITERATIONS | mjw.OverflowType.LS_ITERATIONS  # a solver that stops early lost no contact
 _SIGNATURE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
-
-
-@wp.kernel(enable_backward=False)
-def _round(state: wp.array2d[wp.float64], rounded: wp.array2d[wp.float32]):  # type: ignore[no-untyped-def]
-    world, k = wp.tid()
-    rounded[world, k] = wp.float32(state[world, k])
-
-
-@wp.kernel(enable_backward=False)
-def _integrate(  # type: ignore[no-untyped-def]
-    step: wp.float64, qvel: wp.array2d[wp.float32], state: wp.array2d[wp.float64], qpos: wp.array2d[wp.float32]
-):
-    """Let a physics step of the robot's free joint pass; the engine does the same in single precision."""
-    world = wp.tid()
-    state[world, 0] = state[world, 0] + step
-    for k in range(3):
-        place = state[world, _QPOS + k] + step * wp.float64(qvel[world, k])
-        state[world, _QPOS + k] = place
-        qpos[world, k] = wp.float32(place)
-    spin = wp.vec3d(wp.float64(qvel[world, 3]), wp.float64(qvel[world, 4]), wp.float64(qvel[world, 5]))  # in its frame
-    first = _QPOS + 3
-    rotation = wp.quatd(state[world, first + 1], state[world, first + 2], state[world, first + 3], state[world, first])
-    rate = wp.length(spin)
-    if rate > wp.float64(0.0):
-        rotation = wp.normalize(rotation * wp.quat_from_axis_angle(spin / rate, rate * step))
-    # Warp's quaternions end with the real part, MuJoCo's begin with it
-    for k in range(4):
-        state[world, first + k] = rotation[(k + 3) % 4]
-        qpos[world, 3 + k] = wp.float32(rotation[(k + 3) % 4])
-
-
-@wp.kernel(enable_backward=False)
-def _widen(rounded: wp.array2d[wp.float32], state: wp.array2d[wp.float64]):  # type: ignore[no-untyped-def]
-    world, k = wp.tid()
-    if k >= _QPOS + _POSE:
-        state[world, k] = wp.float64(rounded[world, k])
 
 
 class Worlds:
@@ -81,8 +47,7 @@ class Worlds:
         wp.config.log_level = max(wp.config.log_level, wp.LOG_WARNING)  # else it reports every kernel it compiles
         self._device = wp.get_device(device)
         self._size, self._timestep = size, float(model.opt.timestep)
-        contacts = max(_CONTACTS * model.npair, _CONTACTS)
-        rows = _ROWS * (contacts + model.neq) + 2 * model.nv + model.njnt + model.ntendon
+        contacts, rows = _room(model)
         with wp.ScopedDevice(self._device):
             try:
                 self._model = mjw.put_model(model)
@@ -92,11 +57,13 @@ class Worlds:
             self._model.opt.tolerance.fill_(model.opt.tolerance)
             self._model.opt.warn_overflow = 0  # `_require_room` does
             self._data = mjw.make_data(model, nworld=size, nconmax=contacts, njmax=rows)
+            if self._device.is_cuda:
+                self._model.opt.graph_conditional = wp.is_conditional_graph_supported()
             width = mujoco.mj_stateSize(model, _SIGNATURE)
             self._state = wp.zeros((size, width), dtype=wp.float64)
             self._rounded = wp.zeros((size, width), dtype=wp.float32)
         self._buffers: dict[str, np.ndarray] = {}
-        self._graphs: dict[tuple[int, tuple[str, ...]], tuple[dict[str, wp.array], wp.Graph | None]] = {}
+        self._stages = self._new_stages()
 
     def has(self, field: str) -> bool:
         """Whether a field of the model, or of its options ("opt.gravity"), can differ from world to world."""
@@ -127,11 +94,18 @@ class Worlds:
             for name, values in fields.items():
                 self._put(name, values)
             self._data.overflow.zero_()
-            records = self._advance(steps, tuple(record))
+            sources = {name: getattr(self._data, name) for name in record}
+            records = {name: wp.empty((steps, *of.shape), dtype=of.dtype) for name, of in sources.items()}
+            load, advance, fetch = self._stages
+            load()
+            for k in range(steps):
+                advance()
+                for name, values in records.items():
+                    wp.copy(values[k], sources[name])
+            fetch()
             self._require_room()
-            moved = self._state.numpy()
             return (
-                moved,
+                self._state.numpy(),
                 {name: _flat(records[name], 2) for name in record},
                 {name: _flat(getattr(self._data, name), 1) for name in last},
             )
@@ -143,41 +117,30 @@ class Worlds:
             shared = getattr(of, name)
             setattr(of, name, wp.zeros((self._size, *shared.shape[1:]), dtype=shared.dtype))
             self._buffers[field] = np.empty(values.shape, np.float32)
-            self._graphs.clear()  # they would read the field that all worlds shared
+            self._stages = self._new_stages()  # graphs would read the field that all worlds shared
         np.copyto(self._buffers[field], values, casting="same_kind")
         array = getattr(of, name)
         array.assign(self._buffers[field].reshape(*array.shape, *getattr(array.dtype, "_shape_", ())))
 
-    def _advance(self, steps: int, record: tuple[str, ...]) -> dict[str, wp.array]:
-        """Step all worlds and return what is recorded, (steps, N, ...) each, which the next call overwrites."""
-        key = steps, record
-        if key not in self._graphs:
-            sources = {name: getattr(self._data, name) for name in record}
-            records = {name: wp.empty((steps, *of.shape), dtype=of.dtype) for name, of in sources.items()}
-            self._launch(steps, records)  # compiles what a graph needs compiled
-            self._graphs[key] = records, None
-        elif self._device.is_cuda:
-            records, graph = self._graphs[key]
-            if graph is None:
-                with wp.ScopedCapture() as capture:
-                    self._launch(steps, records)
-                self._graphs[key] = records, (graph := capture.graph)
-            wp.capture_launch(graph)
-        else:
-            self._launch(steps, self._graphs[key][0])
-        return self._graphs[key][0]
+    def _new_stages(self) -> tuple[Replayed, ...]:
+        return Replayed(self._load), Replayed(self._advance), Replayed(self._fetch)
 
-    def _launch(self, steps: int, records: Mapping[str, wp.array]) -> None:
-        model, data, state = self._model, self._data, self._state
-        wp.launch(_round, dim=state.shape, inputs=[state], outputs=[self._rounded])
-        mjw.set_state(model, data, self._rounded, _SIGNATURE)
-        for k in range(steps):
-            mjw.step(model, data)
-            wp.launch(_integrate, dim=self._size, inputs=[self._timestep, data.qvel], outputs=[state, data.qpos])
-            for name, values in records.items():
-                wp.copy(values[k], getattr(data, name))
-        mjw.get_state(model, data, self._rounded, _SIGNATURE)
-        wp.launch(_widen, dim=state.shape, inputs=[self._rounded], outputs=[state])
+    def _load(self) -> None:
+        """Hand the state to MuJoCo Warp."""
+        wp.launch(round_state, dim=self._state.shape, inputs=[self._state], outputs=[self._rounded])
+        mjw.set_state(self._model, self._data, self._rounded, _SIGNATURE)
+
+    def _advance(self) -> None:
+        """Let a physics step pass."""
+        data = self._data
+        mjw.step(self._model, data)
+        outputs = [self._state, data.qpos]
+        wp.launch(integrate_pose, dim=self._size, inputs=[self._timestep, data.qvel], outputs=outputs)
+
+    def _fetch(self) -> None:
+        """Take the state back."""
+        mjw.get_state(self._model, self._data, self._rounded, _SIGNATURE)
+        wp.launch(widen_state, dim=self._state.shape, inputs=[self._rounded], outputs=[self._state])
 
     def _require_room(self) -> None:
         overflow = self._data.overflow.numpy() & ~int(_SLOW)
@@ -185,6 +148,19 @@ class Worlds:
             which = np.flatnonzero(overflow)
             what = mjw.OverflowType(int(overflow[which[0]])).name
             raise TrackslipError(f"MuJoCo Warp has no room for all contacts of robot {which[0]} ({what})")
+
+
+def _room(model: mujoco.MjModel) -> tuple[int, int]:
+    """Number of contacts and of constraints to make room for."""
+    on_plane = model.geom_type[model.pair_geom1] == mujoco.mjtGeom.mjGEOM_PLANE
+    kinds = (mujoco.mjtGeom(kind) for kind in model.geom_type[model.pair_geom2])
+    points = np.where(on_plane, [_POINTS.get(kind, _MOST_POINTS) for kind in kinds], _MOST_POINTS)
+    pyramids = model.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL
+    per_point = np.maximum(2 * (model.pair_dim - 1), 1) if pyramids else model.pair_dim
+    unpaired = _UNPAIRED if (model.geom_contype | model.geom_conaffinity).any() else 0
+    most = 10 if pyramids else 6  # of a contact with friction of all kinds
+    others = 6 * model.neq + model.nv + model.njnt + 2 * model.ntendon  # equalities, dry friction, limits
+    return int(points.sum()) + unpaired, int(np.dot(points, per_point)) + most * unpaired + others
 
 
 def _flat(array: wp.array, axes: int) -> np.ndarray:

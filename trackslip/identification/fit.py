@@ -28,7 +28,8 @@ class Fits:
     values: Array  # (M, p)
     scatter: Array  # (M,) tau, scatter of slip beyond the measurement errors [-]
     cost: Array  # (M,) chi-square
-    hessian: Array  # (M, p, p) of half of it
+    hessian: Array  # (M, p, p) of half of it, from the slopes of the twists
+    bend: Array  # (M, p, p) what the curvature of the twists adds to it, roughly
 
     @property
     def law(self) -> SlipLaw:
@@ -104,7 +105,7 @@ def fit(family: LawFamily, runs: WeightedRuns, start: Array | None = None, scatt
     for _ in range(_ROUNDS):
         scatter = runs.scatter(runs.deviation(found.law), found.freedom)
         change = np.abs(scatter - found.scatter) / np.maximum(np.maximum(scatter, found.scatter), 1e-12)
-        found = _at(family, runs, scatter, found.values)
+        found = _at(family, runs, scatter, found.values, found.bend)
         if change.max(initial=0.0) < _SETTLED:
             break
     return found
@@ -117,32 +118,30 @@ def minimise(
     start: Array,
     sets: np.ndarray,
     held: np.ndarray | None = None,
+    bend: Array | None = None,
+    enough: Array | float = 0.0,
 ) -> Minimum:
-    """Solve m problems from `start` (m, p), problem k being a fit to set `sets[k]` of the runs."""
+    """Solve m problems from `start` (m, p), problem k being a fit to set `sets[k]` of the runs; see `least_squares`."""
     low, high, scale = family.limits(runs.geometry.half_gauge)
-    # The Jacobian is wanted at the last values or, where those were rejected, at the ones before.
-    values_at, twist_at = np.full((2, *start.shape), np.nan), np.empty((2, len(start), *runs.omega.shape))
+    last = np.empty((len(start), *runs.omega.shape))  # twists
 
     def residual(values: Array, rows: np.ndarray) -> Array:
         chosen = sets[rows]
-        twist = family.law(values[:, None, :], runs.geometry).twist(runs.omega, runs.geometry)
-        values_at[1, rows], twist_at[1, rows] = values, twist
-        return runs.whiten(runs.missed(twist_at[1, rows], chosen), scatter[chosen], chosen)
+        last[rows] = family.law(values[:, None, :], runs.geometry).twist(runs.omega, runs.geometry)
+        return runs.whiten(runs.missed(last[rows], chosen), scatter[chosen], chosen)
 
     def jacobian(values: Array, rows: np.ndarray) -> Array:
         chosen = sets[rows]
-        last = rows[(values_at[1, rows] == values).all(axis=1)]
-        values_at[0, last], twist_at[0, last] = values_at[1, last], twist_at[1, last]
-        slopes = -runs.of_twists @ twist_slopes(family, values, runs.omega, runs.geometry, twist_at[0, rows])
+        slopes = -runs.of_twists @ twist_slopes(family, values, runs.omega, runs.geometry, last[rows])
         return (slopes * runs.roots(scatter[chosen], chosen)[..., None]).reshape(len(rows), -1, values.shape[1])
 
     if not family.names:
         cost = np.sum(residual(start, np.arange(len(start))) ** 2, axis=1)
-        return Minimum(start, cost, np.zeros((len(start), 0, 0)))
-    return least_squares(residual, start, low, high, scale, held, jacobian)
+        return Minimum(start, cost, *np.zeros((2, len(start), 0, 0)))
+    return least_squares(residual, start, low, high, scale, held, jacobian, bend, enough)
 
 
-def _at(family: LawFamily, runs: WeightedRuns, scatter: Array, start: Array | None) -> Fits:
+def _at(family: LawFamily, runs: WeightedRuns, scatter: Array, start: Array | None, bend: Array | None = None) -> Fits:
     """The fits at scatters (M,), from `start` or from the best that the starting values of the family reach."""
     sets = np.arange(len(scatter))
     if start is None:
@@ -150,6 +149,12 @@ def _at(family: LawFamily, runs: WeightedRuns, scatter: Array, start: Array | No
         k = len(starts)
         reached = minimise(family, runs, scatter, np.tile(starts, (len(sets), 1)), np.repeat(sets, k))
         best = reached.cost.reshape(-1, k).argmin(axis=1) + k * sets
-        return Fits(family, runs, reached.values[best], scatter, reached.cost[best], reached.hessian[best])
-    found = minimise(family, runs, scatter, start, sets)
-    return Fits(family, runs, found.values, scatter, found.cost, found.hessian)
+        return Fits(
+            family,
+            runs,
+            reached.values[best],
+            scatter,
+            *(each[best] for each in (reached.cost, reached.hessian, reached.bend)),
+        )
+    found = minimise(family, runs, scatter, start, sets, bend=bend)
+    return Fits(family, runs, found.values, scatter, found.cost, found.hessian, found.bend)

@@ -58,11 +58,16 @@ class Beams:
 
     def take(self, rows: np.ndarray) -> Beams:
         """Those of the scans `rows` (R,), in that order, possibly repeated."""
-        count = self.count[rows]
+        count, kept = self.count[rows], self.places(rows)
         first = np.cumsum(count) - count
-        kept = np.repeat(self.first[rows] - first, count) + np.arange(count.sum())
         u_x, u_y, distance = self.u_x[kept], self.u_y[kept], self.range[kept]
         return Beams(u_x, u_y, distance, count, first, self.edges.take(rows), self.noise)
+
+    def places(self, rows: np.ndarray) -> np.ndarray:
+        """Places of the returns of the scans `rows` (R,)."""
+        count = self.count[rows]
+        end = np.cumsum(count)
+        return np.repeat(self.first[rows] - end + count, count) + np.arange(count.sum())
 
     def thinned(self, most: int) -> Beams:
         """Only every n-th return of each scan, so that at most about `most` are left; the edges are kept."""

@@ -26,13 +26,10 @@ import numpy as np
 
 from trackslip.kinematics import Array
 from trackslip.localization.beams import Beams, Edges
-from trackslip.localization.rows import Rows
+from trackslip.localization.climb import Evaluation, climb
 from trackslip.localization.scan import Plate
-from trackslip.localization.view import View, in_axes
+from trackslip.localization.view import View
 
-UNKNOWN = 1e6
-"""Variance of what a scan does not determine."""
-_CONVERGED = 1e-5  # a climb ends when the predicted or actual decrease of the cost is smaller
 _TINY = 1e-300  # keeps a beam that is parallel to a face from dividing by zero
 
 
@@ -44,15 +41,12 @@ class PlateLikelihood:
     huber: float
     """Residual above which the loss of a range is linear [standard deviations]."""
 
-    def evaluate(self, beams: Beams, pose: Array, turn: bool = True) -> Evaluation:
-        """Cost, gradient and Gauss-Newton Hessian at poses (M, 3); without `turn`, the heading is fixed."""
+    def evaluate(self, beams: Beams, pose: Array) -> Evaluation:
+        """Cost, gradient and Gauss-Newton Hessian at poses (M, 3)."""
         view = View.of(self.plate, pose)
         residual, on_long, slope, lever = self._ranges(beams, view)
-        size = np.abs(residual)
-        weight = self.huber / np.maximum(size, self.huber)
         terms = np.empty((9, len(residual)))
-        weighted_size = weight * size
-        np.multiply(weighted_size, size - weighted_size / 2, out=terms[0])
+        weight, terms[0] = self.loss(residual)
         turning = lever * slope
         weighted = weight * slope
         weighted_long = weighted * on_long
@@ -64,17 +58,13 @@ class PlateLikelihood:
         np.multiply(weighted_long, slope, out=terms[8])
         sums = beams.sums(terms)  # (9, M)
 
-        edge_residual, edge_jacobian = self._edges(beams.edges, view)
+        edge_residual, edge_jacobian = self.edges(beams.edges, view)
         gradient = sums[1:4].T + (edge_residual[:, None] @ edge_jacobian)[:, 0]
         hessian = edge_jacobian.swapaxes(1, 2) @ edge_jacobian
         hessian[:, 2] += sums[4:7].T
         hessian[:, :2, 2] += sums[4:6].T
         hessian[:, 0, 0] += sums[7]
         hessian[:, 1, 1] += sums[8]
-        if not turn:
-            gradient[:, 2] = 0.0
-            hessian[:, 2, :] = hessian[:, :, 2] = 0.0
-            hessian[:, 2, 2] = 1.0
         cost = sums[0] + np.einsum("me,me->m", edge_residual, edge_residual) / 2
         return Evaluation(pose, cost, gradient, hessian)
 
@@ -111,49 +101,32 @@ class PlateLikelihood:
         depth = np.maximum(along * ahead[:, None] - half_length, 0.0)[row]
         entered = np.maximum(depth / u_e[matters, None], to_long[matters, None])
         predicted = np.minimum(np.maximum(entered, distance - reach), distance + reach)
-        size = np.abs(predicted - beams.range[matters, None]) / beams.noise
-        weighted_size = self.huber / np.maximum(size, self.huber) * size
+        loss = self.loss((predicted - beams.range[matters, None]) / beams.noise)[1]
         cost = np.zeros(offset.shape)
         if row.size:
             first = np.flatnonzero(np.diff(row, prepend=-1))
-            cost[row[first]] = np.add.reduceat(weighted_size * (size - weighted_size / 2), first, axis=0)
+            cost[row[first]] = np.add.reduceat(loss, first, axis=0)
         every = np.repeat(np.arange(len(pose)), offset.shape[1])
-        residual = self._edges(beams.edges.take(every), view.slid(offset))[0]
+        residual = self.edges(beams.edges.take(every), view.slid(offset))[0]
         return cost + (np.einsum("me,me->m", residual, residual) / 2).reshape(offset.shape)
 
-    def climb(self, beams: Beams, pose: Array, iterations: int, turn: bool = True) -> Evaluation:
-        """Levenberg-Marquardt from poses (M, 3) in the LRF's frame; without `turn` the heading is fixed.
+    def moved(self, pose: Array, step: Array) -> Array:
+        """Poses (M, 3) after steps (M, 3) along and across their plates."""
+        moved = pose + step
+        turned = (step[:, 0] + 1j * step[:, 1]) * np.exp(1j * pose[:, 2])
+        moved[:, 0], moved[:, 1] = pose[:, 0] + turned.real, pose[:, 1] + turned.imag
+        return moved
 
-        A row whose next step promises next to nothing takes that step, and no longer changes, so that rows are bitwise
-        independent of each other.
-        """
-        fit = here = self.evaluate(beams, pose.copy(), turn)
-        climbing = np.arange(len(pose))
-        damping = np.full(len(pose), 1e-3)
-        for _ in range(iterations):
-            step, fall = _newton(here, damping)
-            there = fall < _CONVERGED
-            if there.any():
-                here.pose[there] += step[there]
-                here.cost[there] -= fall[there]
-                if there.all():
-                    break
-                if fit is not here:
-                    fit.put(climbing[there], here.take(there))
-                on = np.flatnonzero(~there)
-                climbing, beams, here = climbing[on], beams.take(on), here.take(on)
-                damping, step = damping[on], step[on]
-            trial = self.evaluate(beams, here.pose + step, turn)
-            better = trial.cost < here.cost
-            damping = np.where(better, damping / 10, damping * 10)
-            if better.all():
-                here = trial
-            else:
-                here.put(better, trial.take(better))
-        if here is fit or len(climbing) == len(pose):
-            return here
-        fit.put(climbing, here)
-        return fit
+    def climb(self, beams: Beams, pose: Array, iterations: int) -> Evaluation:
+        """The maxima of the likelihood near poses (M, 3) in the LRF's frame."""
+        return climb(self, beams, pose, iterations)
+
+    def loss(self, residual: Array) -> tuple[Array, Array]:
+        """Weights (...) of ranges with residuals (...) [standard deviations] under the Huber loss, and their costs."""
+        size = np.abs(residual)
+        weight = self.huber / np.maximum(size, self.huber)
+        weighted = weight * size
+        return weight, weighted * (size - weighted / 2)
 
     def _ranges(self, beams: Beams, view: View) -> tuple[Array, Array, Array, Array]:
         """Residuals (H,) of the ranges [standard deviations], and what their derivatives are made of.
@@ -189,72 +162,10 @@ class PlateLikelihood:
         lever = np.where(on_long, predicted * u_e - along, across - predicted * u_n)
         return residual, on_long, slope, lever
 
-    def _edges(self, edges: Edges, view: View) -> tuple[Array, Array]:
+    def edges(self, edges: Edges, view: View) -> tuple[Array, Array]:
         """Residuals (M, 2) of the two edges of the silhouette, and their Jacobian (M, 2, 3)."""
         bearing, jacobian = view.silhouette(edges.ahead)
         off = bearing - edges.bearing
         residual = off - np.minimum(np.maximum(off, -edges.slack), edges.slack)
         weight = np.where((edges.slack == 0) | (residual != 0), edges.weight, 0.0)
         return residual * weight, jacobian * weight[..., None]
-
-
-@dataclass(frozen=True)
-class Evaluation(Rows):
-    """The likelihood at M poses; derivatives with respect to the place along and across the plate and the heading."""
-
-    pose: Array  # (M, 3) in the LRF's frame
-    cost: Array  # (M,) negative log likelihood
-    gradient: Array  # (M, 3)
-    hessian: Array  # (M, 3, 3)
-
-    def in_lrf_frame(self) -> Evaluation:
-        """The same with derivatives with respect to x, y and phi."""
-        axes = in_axes(self.pose[:, 2])
-        back = axes.swapaxes(1, 2)
-        return Evaluation(self.pose, self.cost, (back @ self.gradient[..., None])[..., 0], back @ self.hessian @ axes)
-
-
-def _newton(here: Evaluation, damping: Array) -> tuple[Array, Array]:
-    """Damped steps (M, 3) in the LRF's frame, and the decreases of the cost (M,) that they promise.
-
-    Where there is no step, inf is promised.
-    """
-    damped = here.hessian.copy()
-    np.einsum("mii->mi", damped)[:] *= (1 + damping)[:, None]
-    inverse, regular = inverses(damped)
-    step = -(inverse @ here.gradient[:, :, None])[:, :, 0]
-    fall = np.einsum("mi,mi->m", step, here.gradient) / -2
-    if not regular.all():
-        step[~regular], fall[~regular] = 0.0, np.inf
-    moved = (step[:, 0] + 1j * step[:, 1]) * np.exp(1j * here.pose[:, 2])
-    step[:, 0], step[:, 1] = moved.real, moved.imag
-    return step, fall
-
-
-_FIRST = np.array([4, 5, 3, 8, 2, 0])  # elements of a symmetric matrix whose products are the cofactors
-_SECOND = np.array([8, 6, 7, 0, 3, 4])
-_THIRD = np.array([5, 3, 4, 2, 0, 1])
-_FOURTH = np.array([7, 8, 6, 6, 5, 3])
-_SYMMETRIC = np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])
-
-
-def inverses(matrix: Array) -> tuple[Array, np.ndarray]:
-    """Inverses of symmetric matrices (M, 3, 3) by cofactors, and a mask (M,) of the positive definite ones.
-
-    Written out because NumPy's inverse calls LAPACK for each matrix.
-    """
-    flat = matrix.reshape(-1, 9)
-    cofactor = flat[:, _FIRST] * flat[:, _SECOND] - flat[:, _THIRD] * flat[:, _FOURTH]  # xx, xy, xz, yy, yz, zz
-    determinant = np.einsum("mi,mi->m", flat[:, :3], cofactor[:, :3])
-    xx = flat[:, 0]
-    regular = (determinant > 1e-12 * xx * flat[:, 4] * flat[:, 8]) & (xx > 0)
-    cofactor /= np.where(regular, determinant, 1.0)[:, None]
-    return cofactor[:, _SYMMETRIC].reshape(-1, 3, 3), regular
-
-
-def covariances(hessian: Array) -> Array:
-    """Inverses (M, 3, 3) of Hessians (M, 3, 3); UNKNOWN in every element of one that is not positive definite."""
-    inverse, regular = inverses(hessian)
-    if not regular.all():
-        inverse[~regular] = UNKNOWN
-    return inverse

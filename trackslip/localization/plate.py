@@ -15,7 +15,8 @@ import numpy as np
 from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate
 from trackslip.localization.beams import Beams
-from trackslip.localization.likelihood import UNKNOWN, Evaluation, PlateLikelihood, covariances
+from trackslip.localization.climb import UNKNOWN, Evaluation, covariances
+from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.pieces import best_of_each
 from trackslip.localization.posterior import correct
 from trackslip.localization.rows import Rows

@@ -19,7 +19,9 @@ import numpy as np
 from trackslip.kinematics import Array
 from trackslip.localization.beams import Beams
 from trackslip.localization.bound import viewing_angle
-from trackslip.localization.likelihood import Evaluation, PlateLikelihood, covariances
+from trackslip.localization.climb import Evaluation, covariances
+from trackslip.localization.fixed_heading import FixedHeading
+from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.line import fit_line
 from trackslip.localization.scan import Cluster, Scan
 from trackslip.localization.starts import chunks, place
@@ -32,7 +34,9 @@ _FROM_SIDE = np.radians(45.0)  # from the line of sight; at larger angles few be
 _STEP = _GRID[1] - _GRID[0]
 _PEAKS = 3  # resolved by a finer grid, at most
 _ABOUT_PEAK = np.linspace(-4.0, 4.0, 13)  # headings about a peak [its standard deviations]
-_ITERATIONS = 3
+_ITERATIONS = 6
+_HOPELESS = 40.0  # excess of the cost above which a heading has no probability
+_TRUSTED = 3.0  # the cost of a rough fit falls by less than so many times the promise of the next step
 _CLAIMED = 0.9  # a fit is doubted below this fraction of the standard deviation that the edges allow
 _ALONG_PLATEAU = np.linspace(-3.0, 3.0, 21)  # along the plate [standard deviations that an edge allows]
 _ALONG_PEAK = np.linspace(-4.0, 4.0, 12)  # along the plate [standard deviations of the fit]
@@ -104,11 +108,16 @@ def _along_plate(likelihood: PlateLikelihood, beams: Beams, pose: Array, covaria
 
 
 def _given(likelihood: PlateLikelihood, beams: Beams, cluster: Cluster, heading: Array) -> Evaluation:
-    """Fits (S * K,) of the position at headings (S, K)."""
+    """Fits (S * K,) of the position at headings (S, K); rough ones where the heading has no probability."""
     every = np.repeat(np.arange(len(heading)), heading.shape[1])
     middle = fit_line(cluster).middle[every]
     start = place(cluster.take(every), heading.ravel(), middle, likelihood.plate)
-    return likelihood.climb(beams.take(every), start, _ITERATIONS, turn=False)
+    fixed, repeated = FixedHeading(likelihood), beams.take(every)
+    fit = fixed.climb(repeated, start, 1)
+    least = (fit.cost - _TRUSTED * fit.promise()).reshape(heading.shape)
+    likely = np.flatnonzero(least < fit.cost.reshape(heading.shape).min(axis=1, keepdims=True) + _HOPELESS)
+    fit.put(likely, fixed.climb(repeated.take(likely), fit.pose[likely], _ITERATIONS))
+    return fit
 
 
 def _peaks(likelihood: PlateLikelihood, beams: Beams, coarse: Evaluation) -> Array:
@@ -119,7 +128,7 @@ def _peaks(likelihood: PlateLikelihood, beams: Beams, coarse: Evaluation) -> Arr
     lowest = np.argsort(np.where(dip, cost, np.inf), axis=1, kind="stable")[:, :_PEAKS]
     scan = np.repeat(np.arange(len(cost)), _PEAKS)
     start = coarse.pose.reshape(len(cost), -1, 3)[scan, lowest.ravel()]
-    fit = likelihood.climb(beams.take(scan), start, 2 * _ITERATIONS)
+    fit = likelihood.climb(beams.take(scan), start, _ITERATIONS)
     sigma = np.sqrt(np.minimum(covariances(fit.hessian)[:, 2, 2], _STEP**2))
     return (fit.pose[:, 2, None] + sigma[:, None] * _ABOUT_PEAK).reshape(len(cost), -1)
 
@@ -129,12 +138,12 @@ def _quadrature(points: Array, cost: Array) -> tuple[Array, Array]:
 
     `cost` (S, K) are the negative log likelihoods.
     """
-    order = np.argsort(points, axis=1, kind="stable")
-    ordered = np.take_along_axis(points, order, axis=1)
+    rows, order = np.arange(len(points))[:, None], np.argsort(points, axis=1, kind="stable")
+    ordered = points[rows, order]
     share = np.empty_like(ordered)
     share[:, 1:-1] = (ordered[:, 2:] - ordered[:, :-2]) / 2
     share[:, 0], share[:, -1] = (ordered[:, 1] - ordered[:, 0]) / 2, (ordered[:, -1] - ordered[:, -2]) / 2
     width = np.empty_like(share)
-    np.put_along_axis(width, order, share, axis=1)
+    width[rows, order] = share
     weight = np.exp(cost.min(axis=1, keepdims=True) - cost) * width
     return weight / weight.sum(axis=1, keepdims=True), width
