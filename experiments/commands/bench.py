@@ -146,15 +146,10 @@ def _pipeline(config: BenchConfig, _: Robot) -> _Measured:
 
 
 def _scale(config: BenchConfig, _: Robot) -> _Measured:
-    from experiments.speed.pipeline.scale import (
-        CASES,
-        checks_of,
-        measure_cases,
-        planning,
-    )  # late: only this needs processes
+    from experiments.speed.pipeline import scale  # late: only this needs processes
 
-    with _progress(len(CASES)) as step:
-        cases = measure_cases(CASES, config.seed, step)
+    with _progress(len(scale.CASES)) as step:
+        cases = scale.measure_cases(scale.CASES, config.seed, step)
     header = ("robots", "duration [s]", "wall [s]", "per robot and second [ms]", "peak memory [MB]", "file [MB]")
     rows: list[_Cells] = []
     for one in cases:
