@@ -12,7 +12,7 @@ from typing import Self
 import pyarrow as pa
 import pyarrow.parquet
 
-from trackslip.errors import LogError
+from trackslip.errors import LogError, OutputError, first_line
 from trackslip.logs.logfile import packing
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.table import file_metadata, runs_metadata, to_rows
@@ -40,12 +40,17 @@ class RunWriter:
     def write(self, logs: Sequence[RunLog]) -> None:
         """Append parts of the runs, which follow those of the call before.
 
-        Raises LogError if they are not of the same runs, or have other columns than theirs.
+        Raises LogError if they are not of the same runs, or have other columns than theirs; OutputError for a place
+        that can't be written to.
         """
         table, names = to_rows(logs), [log.run for log in logs]
         if self._writer is None:
             schema = table.schema.with_metadata(file_metadata(table.schema, runs_metadata(logs)))
-            self._writer, self._runs = pa.parquet.ParquetWriter(self._draft, schema, **packing(schema)), names
+            try:
+                self._writer = pa.parquet.ParquetWriter(self._draft, schema, **packing(schema))
+            except OSError as error:
+                raise OutputError(f"{self._path}: can't be written ({first_line(error)})") from error
+            self._runs = names
         if names != self._runs:
             raise LogError(f"{self._path}: part of the runs {names}, where those before are of {self._runs}")
         if table.schema != self._writer.schema:
