@@ -3,7 +3,6 @@
 import contextlib
 import math
 import os
-import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -21,6 +20,7 @@ from experiments.options.grid import SweepConfig
 from experiments.report.terminal import print_table
 from experiments.speed.gpu import distance, measure_gpu
 from experiments.speed.grid import measure_grid
+from experiments.speed.memory import peak_memory
 from experiments.speed.shear import measure_shear
 from experiments.speed.simulator import CASES, case_speeds, measure_simulator, thread_speedups
 from experiments.storage.manifest import make_manifest
@@ -42,7 +42,8 @@ def run(config: BenchConfig) -> None:
             _terrain: config.terrain,
             _shear: config.shear,
             _gpu: config.gpu,
-            _pipeline: config.pipeline or config.scale,
+            _pipeline: config.pipeline,
+            _scale: config.scale,
         }
         measure = next((one for one, wanted in chosen.items() if wanted), _simulator)
         summary, tables = measure(config, robot)
@@ -142,14 +143,31 @@ def _pipeline(config: BenchConfig, _: Robot) -> _Measured:
     from experiments.speed.pipeline.areas import AREAS, measure_of  # late: only this needs laws and reports
 
     checks: list[Check] = []
-    areas = ("scale",) if config.scale else AREAS
-    with _progress(len(areas)) as step:
-        for area in areas:
+    with _progress(len(AREAS)) as step:
+        for area in AREAS:
             checks += measure_of(area)(config.seed, config.repeats, lambda label: step(label, 0))
             step(area, 1)
-    rows = [(f"{one.case}: {one.what}", *_value_and_bound(one)) for one in checks]
-    table = "Scale" if config.scale else "The pipeline beside its bounds", ("what", "value", "bound", "unit", ""), rows
-    return {"checks": [one.to_json() for one in checks]}, [table]
+    return {"checks": [one.to_json() for one in checks]}, [_check_table("The pipeline beside its bounds", checks)]
+
+
+def _scale(config: BenchConfig, _: Robot) -> _Measured:
+    from experiments.speed.pipeline import scale  # late: only this needs processes
+
+    with _progress(len(scale.CASES)) as step:
+        cases = scale.measure_cases(scale.CASES, config.seed, step)
+    header = ("robots", "duration [s]", "wall [s]", "per robot and second [ms]", "peak memory [MB]", "file [MB]")
+    rows: list[_Cells] = []
+    for one in cases:
+        times = f"{one.seconds:.3g}", f"{1e3 * one.per_robot_second:.3g}"
+        rows.append((str(one.robots), f"{one.duration:g}", *times, f"{one.memory:.0f}", f"{one.file_size:.3g}"))
+    checks = (*scale.checks_of(cases), scale.planning(config.repeats))
+    tables = [("Runs written to Parquet while they last", header, rows), _check_table("Scale", checks)]
+    return {"rows": cases, "checks": [one.to_json() for one in checks]}, tables
+
+
+def _check_table(title: str, checks: Sequence[Check]) -> _Table:
+    rows: list[_Cells] = [(f"{one.case}: {one.what}", *_value_and_bound(one)) for one in checks]
+    return title, ("what", "value", "bound", "unit", ""), rows
 
 
 def _value_and_bound(check: Check) -> _Cells:
@@ -188,16 +206,6 @@ def _drive_grid(sweep: SweepConfig) -> Timing:
     """Drive a grid into a temporary folder."""
     with tempfile.TemporaryDirectory() as folder:
         return grid.drive_and_store(replace(sweep, out=Path(folder) / "grid")).timing
-
-
-def peak_memory() -> float | None:
-    """The most memory that this process has used so far [MB]; None where the system doesn't tell."""
-    if sys.platform == "win32":
-        return None
-    import resource
-
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak * (1 if sys.platform == "darwin" else 1024) / 1e6  # Linux counts in KiB
 
 
 @contextlib.contextmanager
