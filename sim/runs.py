@@ -11,8 +11,7 @@ from sim.fleet import Fleet
 from sim.run_recorder import Description, RunFailedError, RunRecorder
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
-from sim.steering import Pilot as Pilot
-from sim.steering import Steering
+from sim.steering import Pilot, Steering
 from sim.stopwatch import Stopwatch
 from trackslip.controllers.base import Controller
 from trackslip.errors import require
