@@ -148,6 +148,12 @@ def _at(family: LawFamily, runs: WeightedRuns, scatter: Array, start: Array | No
         k = len(starts)
         reached = minimise(family, runs, scatter, np.tile(starts, (len(sets), 1)), np.repeat(sets, k))
         best = reached.cost.reshape(-1, k).argmin(axis=1) + k * sets
-        return Fits(family, runs, reached.values[best], scatter, *(each[best] for each in (reached.cost, reached.hessian, reached.bend)))
+        return Fits(
+            family,
+            runs,
+            reached.values[best],
+            scatter,
+            *(each[best] for each in (reached.cost, reached.hessian, reached.bend)),
+        )
     found = minimise(family, runs, scatter, start, sets, bend=bend)
     return Fits(family, runs, found.values, scatter, found.cost, found.hessian, found.bend)

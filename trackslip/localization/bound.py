@@ -90,9 +90,7 @@ def ratio_to_bound(error: Array, bound: Array) -> Array:
     return np.sqrt(np.mean(error**2, axis=0) / np.mean(np.einsum("sii->si", bound), axis=0))
 
 
-def scan_ratio_to_bound(
-    pose: Array, true_pose: Array, plate: Plate, scan: Scan, seen: Cluster | None = None
-) -> Array:
+def scan_ratio_to_bound(pose: Array, true_pose: Array, plate: Plate, scan: Scan, seen: Cluster | None = None) -> Array:
     """Ratios (3,) to the bound of x, y and heading in the world, over scans seen MIN_ANGLE or more from edge-on.
 
     Args:

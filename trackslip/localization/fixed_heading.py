@@ -11,6 +11,7 @@ from trackslip.kinematics import Array
 from trackslip.localization.beams import Beams
 from trackslip.localization.climb import Evaluation, climb
 from trackslip.localization.likelihood import PlateLikelihood
+from trackslip.localization.starts import centre_of_side
 from trackslip.localization.view import View
 
 
@@ -20,6 +21,8 @@ class TurnedBeams:
 
     beams: Beams
     turn: np.ndarray  # (M,) complex directions of the long axes
+    u_e: Array  # (H,) directions of the beams along and across the plates
+    u_n: Array  # (H,)
     per_along: Array  # (H,) range per distance along and across the plate, 0 for beams across and along it [-]
     per_across: Array  # (H,)
 
@@ -30,12 +33,13 @@ class TurnedBeams:
         cos, sin = beams.spread(np.stack([turn.real, turn.imag]))
         u_e, u_n = beams.u_x * cos + beams.u_y * sin, beams.u_y * cos - beams.u_x * sin
         per_along, per_across = (np.divide(1.0, u, out=np.zeros(len(u)), where=u != 0) for u in (u_e, u_n))
-        return cls(beams, turn, per_along, per_across)
+        return cls(beams, turn, u_e, u_n, per_along, per_across)
 
     def take(self, rows: np.ndarray) -> TurnedBeams:
         """Those of the scans `rows` (R,)."""
         kept = self.beams.places(rows)
-        return TurnedBeams(self.beams.take(rows), self.turn[rows], self.per_along[kept], self.per_across[kept])
+        of_returns = (part[kept] for part in (self.u_e, self.u_n, self.per_along, self.per_across))
+        return TurnedBeams(self.beams.take(rows), self.turn[rows], *of_returns)
 
 
 @dataclass(frozen=True)
@@ -44,15 +48,21 @@ class FixedHeading:
 
     likelihood: PlateLikelihood
 
-    def climb(self, beams: Beams, pose: Array, iterations: int) -> Evaluation:
-        """The maxima near poses (M, 3) in the LRF's frame, their headings kept."""
-        heading = pose[:, 2]
-        turned = TurnedBeams.of(beams, heading)
-        place = (pose[:, 0] + 1j * pose[:, 1]) * turned.turn.conj()
-        fit = climb(self, turned, np.column_stack([place.real, place.imag, heading]), iterations)
-        place = (fit.pose[:, 0] + 1j * fit.pose[:, 1]) * turned.turn
-        fit.pose[:, 0], fit.pose[:, 1] = place.real, place.imag
-        return fit
+    def climb(self, turned: TurnedBeams, pose: Array, iterations: int) -> Evaluation:
+        """The maxima near places along and across the plates, and headings (M, 3), which are kept."""
+        return climb(self, turned, pose, iterations)
+
+    def touching(self, turned: TurnedBeams, middle: Array) -> Array:
+        """Places along and across plates whose near faces touch the returns around `middle` (M, 2), and headings."""
+        plate, beams, pose = self.likelihood.plate, turned.beams, np.empty((len(middle), 3))
+        centre = (middle[:, 0] + 1j * middle[:, 1]) * turned.turn.conj()
+        sides = (turned.u_e, plate.length, centre.real), (turned.u_n, plate.thickness, centre.imag)
+        for k, (direction, size, towards) in enumerate(sides):
+            coordinate = beams.range * direction
+            low, high = (reduce.reduceat(coordinate, beams.first) for reduce in (np.minimum, np.maximum))
+            pose[:, k] = centre_of_side(low, high, size, towards > 0)
+        pose[:, 2] = np.angle(turned.turn)
+        return pose
 
     def moved(self, pose: Array, step: Array) -> Array:
         """Places along and across the plates, and headings (M, 3), after steps (M, 3)."""
