@@ -19,7 +19,7 @@ from trackslip.errors import require
 from trackslip.kinematics import Array, limit_sprocket_speeds
 from trackslip.localization.base import Locator
 from trackslip.localization.pose_tracker import Tracker
-from trackslip.localization.recorded import follow
+from trackslip.localization.recorded import EVERY, Follower
 from trackslip.localization.scan import Cluster, extract_plate
 from trackslip.logs.runlog import RunLog
 from trackslip.trajectory.base import Reference
@@ -29,7 +29,7 @@ Progress = Callable[[float], None]
 
 PERIOD = LaserScanner().period
 """Time between the rows of a run without a scanner [s]."""
-_SCANS_AT_ONCE = 2000  # scans localized together, offline
+_SCANS_AT_ONCE = 5000  # scans localized together, offline
 
 
 def open_loop(
@@ -94,8 +94,8 @@ class _Scans:
     def __init__(
         self, fleet: Fleet, record: RunRecorder, feed: ScannerFeed, locator: Locator, watch: Stopwatch
     ) -> None:
-        self._fleet, self._record, self._feed, self._locator, self._watch = fleet, record, feed, locator, watch
-        self._tracker = Tracker(fleet.pose(), fleet.robot.geometry)
+        self._fleet, self._record, self._feed, self._watch = fleet, record, feed, watch
+        self._follower = Follower(locator, Tracker(fleet.pose(), fleet.robot.geometry))
         self._block = max(1, _SCANS_AT_ONCE // fleet.size)
         self._waiting: list[Array] = []  # true ranges (N, B) each
         self._located = 0  # rows
@@ -103,7 +103,7 @@ class _Scans:
 
     def take(self) -> None:
         """Scan the robots where they are."""
-        if len(self._waiting) == self._block:
+        if len(self._waiting) >= self._block and (self._located + len(self._waiting) - 1) % EVERY == 0:
             self._locate()
         with self._watch.stage("scans"):
             self._waiting.append(self._feed.true_ranges())
@@ -130,7 +130,7 @@ class _Scans:
             angle = record.omega[rows].swapaxes(0, 1) * feed.period
             if first == 0:
                 angle[:, 0] = 0.0  # the tracker starts from the pose of the first scan
-            record.estimates(rows, follow(self._locator, feed.scan(ranges), self._tracker, angle))
+            record.estimates(rows, self._follower.follow(feed.scan(ranges), angle))
             scan, pose = feed.scan(_flat(ranges)), _flat(record.pose[rows].swapaxes(0, 1))
             self._clusters.append(extract_plate(scan, self._fleet.robot.plate, scan.from_world(pose)))
 

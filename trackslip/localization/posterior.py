@@ -118,8 +118,11 @@ def _given(likelihood: PlateLikelihood, beams: Beams, middle: Array, heading: Ar
     least = (fit.cost - _TRUSTED * fit.promise()).reshape(heading.shape)
     likely = np.flatnonzero(least < fit.cost.reshape(heading.shape).min(axis=1, keepdims=True) + _HOPELESS)
     fit.put(likely, fixed.climb(turned.take(likely), fit.pose[likely], _ITERATIONS))
-    place = (fit.pose[:, 0] + 1j * fit.pose[:, 1]) * turned.turn
-    fit.pose[:] = np.column_stack([place.real, place.imag, heading.ravel()])
+    along, across = fit.pose[:, 0].copy(), fit.pose[:, 1].copy()
+    fit.pose[:, 0], fit.pose[:, 1] = (
+        turned.cos * along - turned.sin * across,
+        turned.sin * along + turned.cos * across,
+    )
     return fit
 
 

@@ -15,7 +15,7 @@ MAX_STARTS = 6
 _BESIDE = np.radians(2.0)  # angle between the line of sight and the two starts beside it
 _FROM_SIDE = np.sin(np.radians(30.0))  # of the angle between line and sight
 _WHOLE = 0.8  # fraction of a side above which both of its visible ends locate it
-_CHUNK = 60_000  # returns times starts processed at a time, which bounds the memory
+_CHUNK = 120_000  # returns times starts processed at a time, which bounds the memory
 
 
 def starts(cluster: Cluster, plate: Plate, beam_step: float, near: Array | None) -> Array:

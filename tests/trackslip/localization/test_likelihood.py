@@ -43,7 +43,7 @@ def test_at_a_fixed_heading_the_likelihood_is_the_same(scan_rectangle):
     np.testing.assert_allclose(fixed.hessian[:, :2, :2], free.hessian[:, :2, :2], rtol=1e-9, atol=1e-6)
     found = FixedHeading(whole).climb(turned, given, 20)
     np.testing.assert_array_equal(found.pose[:, 2], pose[:, 2])
-    place = (found.pose[:, 0] + 1j * found.pose[:, 1]) * turned.turn
+    place = (found.pose[:, 0] + 1j * found.pose[:, 1]) * np.exp(1j * pose[:, 2])
     there = whole.evaluate(beams, np.column_stack([place.real, place.imag, pose[:, 2]]))
     np.testing.assert_allclose(there.cost, found.cost, atol=1e-4)
     slope, curvature = there.gradient[:, :2], there.hessian[:, :2, :2]
