@@ -3,7 +3,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from trackslip.errors import LogError
+from trackslip.errors import LogError, OutputError
 from trackslip.logs.logfile import StoredRuns, join_parquet, read_runs, read_table, write_parquet
 from trackslip.logs.run_writer import RunWriter
 from trackslip.logs.runlog import RunLog, Truth
@@ -51,9 +51,8 @@ def test_runs_in_parts_are_joined_with_others(tmp_path):
 def test_an_interrupted_file_leaves_nothing_behind(tmp_path):
     path = tmp_path / "runs.parquet"
     path.write_text("before")
-    with pytest.raises(RuntimeError), RunWriter(path) as file:
-        file.write([run("one")])
-        raise RuntimeError
+    with pytest.raises(LogError, match="part of the runs"):
+        write(path, [[run("one")], [run("other")]])
     assert path.read_text() == "before"
     assert list(tmp_path.iterdir()) == [path]
     with RunWriter(tmp_path / "empty.parquet"):
@@ -72,3 +71,11 @@ def test_a_part_of_something_else_is_refused(tmp_path, second, message):
     with pytest.raises(LogError, match=message):
         write(tmp_path / "runs.parquet", [[run("one")], second])
     assert not list(tmp_path.iterdir())
+
+
+def test_a_folder_that_is_not_there_is_one_clear_line(tmp_path):
+    path = tmp_path / "nowhere" / "runs.parquet"
+    with pytest.raises(OutputError, match="can't be written") as caught:
+        write(path, [[run("one")]])
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
