@@ -1,7 +1,7 @@
 """How time and memory grow with the number of robots and the length of runs, and how long it takes to plan many runs.
 
 The runs are written to Parquet while they last. Each case has a process of its own, whose peak memory is read at its
-end. The time doesn't include what happens once however long the runs are: starting, and setting the robots down.
+end. The time doesn't include what happens once however long the runs are: until the robots drive at their speeds.
 """
 
 import multiprocessing
