@@ -29,7 +29,7 @@ _RESETTLING = 0.4  # the same for robots that are placed at their sinkage
 
 
 class Fleet(Bodies):
-    """N robots on their grounds. The same arguments give the same bits at any number of threads."""
+    """N robots on their grounds. The same arguments give the same bits at any number of threads, but not on a GPU."""
 
     def __init__(
         self,

@@ -29,7 +29,7 @@ Progress = Callable[[float], None]
 
 PERIOD = LaserScanner().period
 """Time between the rows of a run without a scanner [s]."""
-_SCANS_AT_ONCE = 41  # of each robot, localized together offline; as many whatever the fleet, for the same bits in any
+_SCANS_AT_ONCE = 80  # of each robot, localized together offline; as many whatever the fleet, for the same bits in any
 _FEWEST_ROWS, _MOST_ROWS = 150, 600  # of a part of long runs
 _MEASUREMENTS = 250_000  # rows of all robots together in a part, if that many rows of each are neither few nor many
 

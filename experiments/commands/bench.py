@@ -18,7 +18,7 @@ from experiments.measuring.check import Check
 from experiments.options.bench import BenchConfig
 from experiments.options.grid import SweepConfig
 from experiments.report.terminal import print_table
-from experiments.speed.gpu import measure_gpu
+from experiments.speed.gpu import distance, measure_gpu
 from experiments.speed.grid import measure_grid
 from experiments.speed.memory import peak_memory
 from experiments.speed.shear import measure_shear
@@ -124,6 +124,7 @@ def _shear(config: BenchConfig, robot: Robot) -> _Measured:
 def _gpu(config: BenchConfig, robot: Robot) -> _Measured:
     require_available(GPU)
     with _progress(len(config.gpu_sizes) * (1 + config.repeats)) as step:
+        check = distance(robot)
         speeds = measure_gpu(config.gpu_sizes, config, robot, step)
     header = ("robots", "processor, steps/s", "MuJoCo Warp", "fleet", "fleet / processor", "real-time factor")
     rows: list[_Cells] = []
@@ -131,7 +132,11 @@ def _gpu(config: BenchConfig, robot: Robot) -> _Measured:
         rates = one.processor_steps_per_s, one.warp_steps_per_s, one.fleet_steps_per_s
         ratios = f"{one.ratio_to_processor:.1f}", f"{one.real_time_factor:,.0f}"
         rows.append((f"{one.n:,}", *(f"{rate:,.0f}" for rate in rates), *ratios))
-    return {"rows": speeds}, [("Speed on a GPU", header, rows)]
+    apart = f"{check.case}: {check.what}", *_value_and_bound(check)
+    return {"rows": speeds, "checks": [check.to_json()]}, [
+        ("Speed on a GPU", header, rows),
+        ("Beside the processor", ("what", "value", "bound", "unit", ""), [apart]),
+    ]
 
 
 def _pipeline(config: BenchConfig, _: Robot) -> _Measured:

@@ -32,20 +32,18 @@ def follow(locator: Locator, scan: Scan, tracker: Tracker, angle: Array) -> Pose
         angle: how far the sprockets turned since the scan before each, (N, T, 2) [rad].
     """
     robots, rows, _ = scan.ranges.shape
-    single = PoseEstimate(np.empty((robots, rows, 3)), np.empty((robots, rows, 3, 3)), np.empty((robots, rows), bool))
+    single = PoseEstimate(np.empty((robots, rows, 3)), np.empty((robots, rows, 3, 3)), np.zeros((robots, rows), bool))
     keys = np.unique(np.append(np.arange(0, rows, _EVERY), rows - 1))
     alone = np.zeros((robots, rows), bool)
     alone[:, keys] = True
     _locate(locator, scan, single, alone)
-    near = np.zeros((robots, rows), bool)
     if not alone.all():
         turned = np.add.reduceat(angle, np.append(0, keys[:-1] + 1), axis=1)
-        known = _track(locator, scan, single, near[:, keys], copy.deepcopy(tracker), keys, turned)
+        known = _track(locator, scan, single, copy.deepcopy(tracker), keys, turned)
         between, expected = _between(known, keys, _reckoned(angle, tracker.geometry))
-        near = ~alone & between
-        _locate(locator, scan, single, near, expected)
-        _locate(locator, scan, single, ~alone & ~between)
-    return _track(locator, scan, single, near, tracker, np.arange(rows), angle)
+        _locate(locator, scan, single, between & ~alone, expected)
+        _locate(locator, scan, single, ~(between & single.valid) & ~alone)
+    return _track(locator, scan, single, tracker, np.arange(rows), angle)
 
 
 def _locate(
@@ -58,24 +56,17 @@ def _locate(
 
 
 def _track(
-    locator: Locator,
-    scan: Scan,
-    single: PoseEstimate,
-    near: np.ndarray,
-    tracker: Tracker,
-    rows: np.ndarray,
-    angle: Array,
+    locator: Locator, scan: Scan, single: PoseEstimate, tracker: Tracker, rows: np.ndarray, angle: Array
 ) -> PoseEstimate:
     """Tracked poses (N, R) in the scans `rows` (R,), between which the sprockets turn by `angle` (N, R, 2) [rad].
 
-    Those that the tracker rejects are located again in place, in `single` (N, T), unless nothing was found `near`
-    (N, R) where they were expected.
+    Those that the tracker rejects are located again in place, in `single` (N, T).
     """
     tracked = []
     for k, row in enumerate(rows):
         expected = tracker.predict(angle[:, k], 1.0)
         here = PoseEstimate(single.pose[:, row], single.covariance[:, row], single.valid[:, row])  # views
-        doubted = np.flatnonzero(~tracker.believes(here) & (here.valid | ~near[:, k]))
+        doubted = np.flatnonzero(~tracker.believes(here))
         if doubted.size:
             _put(here, doubted, locator.locate(replace(scan, ranges=scan.ranges[doubted, row]), expected[doubted]))
         tracked.append(tracker.update(here))

@@ -14,18 +14,12 @@ from trackslip.trajectory.base import Reference
 class Tabulated:
     """A reference whose poses and twists at certain times are computed in advance, all at once."""
 
-    def __init__(self, reference: Reference, *times: ArrayLike) -> None:
-        """Tabulate `reference` at several series of `times`, (T,) each [s]; at any other time it is asked.
-
-        What is tabulated for one series doesn't depend on the others, not even in its rounding.
-        """
+    def __init__(self, reference: Reference, times: ArrayLike) -> None:
+        """Tabulate `reference` at `times` (T,) [s]; at any other time it is asked."""
+        times = np.asarray(times, float)
         self._reference = reference
-        self._poses: dict[float, Array] = {}
-        self._twists: dict[float, Array] = {}
-        for series in times:
-            at = np.asarray(series, float)
-            self._poses |= zip(at.tolist(), reference.pose(at), strict=True)
-            self._twists |= zip(at.tolist(), reference.twist(at), strict=True)
+        self._poses = dict(zip(times.tolist(), reference.pose(times), strict=True))
+        self._twists = dict(zip(times.tolist(), reference.twist(times), strict=True))
 
     def __getattr__(self, name: str) -> Any:
         """Whatever else the reference offers."""

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from experiments.options.bench import BenchConfig
-from experiments.speed.gpu import measure_gpu
+from experiments.speed.gpu import distance, measure_gpu
 from sim.drive.pull import Pull
 from sim.fleet import Fleet
 from sim.ground.ground import Ground
@@ -14,9 +14,7 @@ from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 from sim.setting import Setting
-from trackslip import paper
 from trackslip.errors import InvalidValueError, TrackslipError
-from trackslip.kinematics import sprocket_speeds
 
 pytest.importorskip("mujoco_warp", reason="MuJoCo Warp isn't installed")
 pytestmark = pytest.mark.slow
@@ -26,15 +24,9 @@ FORCE = 0.25  # a thousandth of the robot's weight [N]
 
 
 def test_the_paper_s_grid_ends_within_a_millimetre(robot):
-    twist = np.array([(v, v / r) for v in paper.SPEEDS for r in paper.COMMANDED_RADII])
-    fleets = [Fleet(robot, np.zeros((len(twist), 3)), device=device) for device in BOTH]
-    for fleet in fleets:
-        fleet.command(sprocket_speeds(twist, 0.0, robot.geometry))
-        for _ in range(30):
-            fleet.advance(1.0)
-    on_cpu, on_warp = (fleet.pose() for fleet in fleets)
-    assert np.hypot(*(on_warp - on_cpu)[:, :2].T).max() < 1e-3
-    assert np.abs((on_warp - on_cpu)[:, 2]).max() < 1e-3
+    check = distance(robot, "warp-cpu")
+    assert check.bound == 1e-3
+    assert check.holds, check
 
 
 WORLDS = {

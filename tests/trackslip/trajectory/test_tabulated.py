@@ -7,14 +7,10 @@ from trackslip.trajectory.tabulated import Tabulated
 PERIOD = 0.05
 
 
-def scans(reference):
-    return np.arange(np.ceil(reference.duration / PERIOD) + 1) * PERIOD
-
-
 @pytest.mark.parametrize("name", ["paper", "figure_eight", "slalom", "stop_and_go"])
 def test_the_table_is_the_reference(name):
     reference = load_reference(name)
-    times = scans(reference)
+    times = np.arange(np.ceil(reference.duration / PERIOD) + 1) * PERIOD
     tabulated = Tabulated(reference, times)
     assert tabulated.duration == reference.duration
     for time in [*times[::37].tolist(), float(times[-1])]:  # up to the rounding of sums in vector registers
@@ -23,15 +19,6 @@ def test_the_table_is_the_reference(name):
     for time in (-1.0, 0.0123, float(times[1]) + 1e-9, times[:5]):
         np.testing.assert_array_equal(tabulated.pose(time), reference.pose(time))
         np.testing.assert_array_equal(tabulated.twist(time), reference.twist(time))
-
-
-def test_a_series_has_the_same_bits_beside_others():
-    reference = load_reference("figure_eight")
-    times = scans(reference)
-    alone, beside = Tabulated(reference, times), Tabulated(reference, times + 0.011, times, times + 0.02)
-    for time in times.tolist():
-        np.testing.assert_array_equal(alone.pose(time), beside.pose(time))
-        np.testing.assert_array_equal(alone.twist(time), beside.twist(time))
 
 
 class Fading:
