@@ -10,6 +10,10 @@ from trackslip.kinematics import Array
 
 Rows = np.ndarray | slice
 """Indices of robots, or a slice of them."""
+EVERYONE = slice(None)
+"""All robots."""
+SENSORS = ("sensordata",)
+"""What the engine records of a step."""
 
 
 class Bodies:
@@ -94,6 +98,17 @@ class Bodies:
         self.batch.time[rows] = 0
         self._heading[rows] = start[:, 2]
         self._follow_heading()
+
+    def _run_on(self, rows: Rows, periods: int, substeps: int) -> tuple[Array, Array]:
+        """Step the robots `rows` (R,) for P periods in which nothing changes.
+
+        Returns the sums of the forces on their tracks in each period (R, P, 6), and the directions in which the robots
+        point at its end (R, P, 2).
+        """
+        ids = None if rows is EVERYONE else rows
+        recorded = self.batch.rollout(periods * substeps, record=(*SENSORS, "xmat"), ids=ids)
+        forces = recorded["sensordata"][..., :6].reshape(-1, periods, substeps, 6).sum(axis=2)
+        return forces, recorded["xmat"][:, substeps - 1 :: substeps, self._chassis, 0:4:3]
 
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
         return self.batch.state[rows].copy(), self._heading[rows].copy()

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.bodies import Bodies, Rows, along_robot
+from sim.bodies import EVERYONE, SENSORS, Bodies, Rows, along_robot
 from sim.drawbar import Drawbar
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive, DriveState
 from sim.drive.pull import Pull
@@ -26,12 +26,10 @@ from trackslip.kinematics import Array
 SETTLING = 1.0
 """Simulated before a fleet's first period, so that the robots come to rest on the ground [s]."""
 _RESETTLING = 0.4  # the same for robots that are placed at their sinkage
-_EVERYONE = slice(None)
-_SENSORS, _IN_DETAIL = ("sensordata",), ("sensordata", "xmat")  # what the engine records
 
 
 class Fleet(Bodies):
-    """N robots on their grounds. The same arguments give the same bits at any number of threads."""
+    """N robots on their grounds. The same arguments give the same bits at any number of threads, but not on a GPU."""
 
     def __init__(
         self,
@@ -84,9 +82,11 @@ class Fleet(Bodies):
         cell = 4 * robot.contact_half_length / len(robot.pad_side)
         self.shear = Shear(robot.pad_position, cell, self.size, drive.period, fastest) if shears else None
         """Shear of the ground under the robots; None for a fleet on Coulomb ground."""
-        self._footing = Footing(self.batch, robot, grounds, self.shear)
+        self.footing = Footing(self.batch, robot, grounds, self.shear)
+        """What the robots stand on."""
+        self._weight = robot.mass * float(np.linalg.norm(robot.model.opt.gravity))  # of a robot [N]
         self.pull = pull or Pull()
-        """What the robots tow."""
+        """What they tow."""
         self._drawbar = Drawbar(self.pull, robot, self.batch) if self.pull.force > 0 else None
         self._centre: Array | None = None  # (N, 3), live, once a centre of mass is moved
         self._periods = 0  # since the start
@@ -107,12 +107,7 @@ class Fleet(Bodies):
     @property
     def ground(self) -> tuple[Ground, ...]:
         """Ground of each robot."""
-        return self._footing.grounds
-
-    @property
-    def inclination(self) -> tuple[Array, Array]:
-        """Slope of each robot's ground, and the heading straight up it, (N,) each [rad]."""
-        return self._footing.slope, self._footing.uphill
+        return self.footing.grounds
 
     def restart(self, rows: ArrayLike, setting: Sequence[Setting]) -> None:
         """Start new runs with the robots `rows` (R,), one setting each; the other robots' runs continue.
@@ -131,7 +126,7 @@ class Fleet(Bodies):
         self._balance(rows, np.array([s.weight for s in setting]))
         self._place_at(rows, start, -SINK)
         self._heading[rows] = start[:, 2]
-        self._footing.put([s.ground for s in setting], rows)
+        self.footing.put([s.ground for s in setting], rows)
         self._lay_ground(rows)
         self._require_parking(rows, start)
         self._settle(rows, start, _RESETTLING)
@@ -155,7 +150,7 @@ class Fleet(Bodies):
 
     def set_ground(self, ground: Ground | Sequence[Ground]) -> None:
         """Put the robots on another ground, one for all or one each; it takes effect at once, even during a run."""
-        self._footing.put(one_each(ground, self.size))
+        self.footing.put(one_each(ground, self.size))
         self._lay_ground(np.arange(self.size))
 
     def command(self, omega: ArrayLike) -> None:
@@ -170,9 +165,8 @@ class Fleet(Bodies):
             raise InvalidValueError("duration", duration, f"a multiple of the servo period, {self.period} s")
         if periods == 0:
             return
-        before = self._snapshot(_EVERYONE)
-        forecast = self.drive.forecast(periods)
-        torque = self.drive.torque_for(forecast, self._run(_EVERYONE, forecast.mean))
+        before, forecast = self._snapshot(EVERYONE), self.drive.forecast(periods)
+        torque = self.drive.torque_for(forecast, self._run(EVERYONE, forecast.mean))
         too_weak = self.drive.too_weak(forecast, torque)
         if not too_weak.any():
             self.drive.accept(forecast, torque)
@@ -190,7 +184,7 @@ class Fleet(Bodies):
         """Mean tractions (P, R, 2) [N] of `rows` (R,) that drive for P periods at mean speeds (P, R, 2) [rad/s]."""
         # the lower side of a belt moves backwards when the robot drives forwards
         belts = (-self._radius[rows] * mean).take(self.robot.pad_side, axis=-1) * self.robot.pad_sign
-        varies = self._footing.varies
+        varies = self.footing.varies
         if self.shear or self._drawbar or varies or not (mean == mean[0]).all():
             forces, forward = self._run_by_period(rows, mean, belts, varies)
         else:
@@ -205,7 +199,6 @@ class Fleet(Bodies):
         Returns the sums of the forces on their tracks in each period (P, R, 6), and the directions in which the robots
         point at its end (P, R, 2).
         """
-        ids = None if rows is _EVERYONE else rows
         sensed = np.empty((*mean.shape[:2], self._substeps, self.robot.model.nsensordata))
         forward = np.empty((*mean.shape[:2], 2))
         before = None if self.shear is None else self._placed(rows)
@@ -214,12 +207,14 @@ class Fleet(Bodies):
                 self._lay_friction(rows)
             self._tow(rows)
             self._drive(rows, belts[k])
-            self.batch.rollout(self._substeps, record=_SENSORS, ids=ids, out={"sensordata": into})
+            self.batch.rollout(
+                self._substeps, record=SENSORS, ids=None if rows is EVERYONE else rows, out={"sensordata": into}
+            )
             forward[k] = self._forward[rows]
             self._periods += 1
             if before is not None:
                 after = self._placed(rows)
-                self._footing.moved(rows, before, after, self._radius[rows] * mean[k])
+                self.footing.moved(rows, before, after, self._radius[rows] * mean[k])
                 before = after
             if (k + 1) % self._unwrap_every == 0:
                 self._follow_heading()
@@ -227,16 +222,12 @@ class Fleet(Bodies):
 
     def _run_steadily(self, rows: Rows, belts: Array) -> tuple[Array, Array]:
         """The same with belts that keep their speeds on uniform ground: the engine is faster without interruptions."""
-        ids = None if rows is _EVERYONE else rows
         periods, robots, _ = belts.shape
         forces, forward = np.empty((robots, periods, 6)), np.empty((robots, periods, 2))
         self._drive(rows, belts[0])
         for first in range(0, periods, self._unwrap_every):
             part = slice(first, min(first + self._unwrap_every, periods))
-            recorded = self.batch.rollout((part.stop - first) * self._substeps, record=_IN_DETAIL, ids=ids)
-            sensed = recorded["sensordata"][..., :6]
-            forces[:, part] = sensed.reshape(robots, -1, self._substeps, 6).sum(axis=2)
-            forward[:, part] = recorded["xmat"][:, self._substeps - 1 :: self._substeps, self._chassis, 0:4:3]
+            forces[:, part], forward[:, part] = self._run_on(rows, part.stop - first, self._substeps)
             self._periods += part.stop - first
             if part.stop < periods:
                 self._follow_heading()
@@ -256,7 +247,7 @@ class Fleet(Bodies):
 
     def friction(self) -> Array:
         """Friction coefficients (N, 2) along and across the tracks, averaged over the pads [-]."""
-        friction = self._footing.friction
+        friction = self.footing.friction
         return np.asarray(np.add.reduce(friction, axis=1) / friction.shape[1])
 
     def _ran(self) -> Array:
@@ -265,12 +256,12 @@ class Fleet(Bodies):
 
     def _lay_friction(self, rows: Rows) -> None:
         """Set the friction of every pad of the robots `rows` (R,) for its present place and time."""
-        self._footing.lay(rows, self._ran(), self._place[:, :2], self._wrapped_heading())
+        self.footing.lay(rows, self._ran(), self._place[:, :2], self._wrapped_heading())
 
     def _lay_ground(self, rows: np.ndarray) -> None:
         """Tilt the gravity of the robots `rows` (R,) as their grounds slope, and set the friction of their pads."""
         self._lay_friction(rows)
-        self._footing.tilt(rows)
+        self.footing.tilt(rows)
 
     def _tow(self, rows: Rows) -> None:
         """Let the robots `rows` (R,) feel what they tow, as they will be directed in the middle of the next period."""
@@ -279,37 +270,31 @@ class Fleet(Bodies):
             self._drawbar.apply(rows, heading, self._drawbar.acts(self._ran()[rows]))
 
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
-        return (*super()._snapshot(rows), *self._footing.snapshot(rows))
+        return (*super()._snapshot(rows), *self.footing.snapshot(rows))
 
     def _restore(self, rows: np.ndarray, snapshot: tuple[Array, ...]) -> None:
         super()._restore(rows, snapshot[:2])
-        self._footing.restore(rows, snapshot[2:])
+        self.footing.restore(rows, snapshot[2:])
 
     def _settle(self, rows: np.ndarray, start: Array, duration: float) -> None:
         """Let the robots `rows` (R,) come to rest for `duration` [s], and put them at the poses `start` (R, 3)."""
-        self._footing.harden(rows)
+        self.footing.harden(rows)
         self._tow(rows)
         self.batch.step(ids=rows, nstep=round(duration / self.robot.model.opt.timestep))
         speed, lean = np.hypot(*self._velocity[rows, :2].T), np.abs(self.attitude()[rows, 1:]).max(axis=1)
         require_at_rest([self.ground[k] for k in rows], start[:, 2], speed, lean, self.pull)
         self._put_back(rows, start)
-        self._footing.hold(rows, start[:, 2], self.towed(rows), self.pull.height)
+        self.footing.hold(rows, start[:, 2], self.towed(rows), self.pull.height)
 
     def towed(self, rows: np.ndarray) -> Array:
         """Pull (R,) that acts on the robots `rows` (R,), over their normal force [-]."""
         if self._drawbar is None:
             return np.zeros(len(rows))
-        normal = self._weight * np.cos([self.ground[k].slope for k in rows])
+        normal = self._weight * np.cos(self.footing.slope[rows])
         return np.where(self._drawbar.acts(self._ran()[rows]), self.pull.force, 0.0) / normal
-
-    @property
-    def _weight(self) -> float:
-        return self.robot.mass * float(np.linalg.norm(self.robot.model.opt.gravity))
 
     def _require_parking(self, rows: np.ndarray, start: Array) -> None:
         """Raise InvalidValueError if one of the robots `rows` (R,) can't be held at its pose `start` (R, 3)."""
-        _, most = self.drive.torque_range(np.zeros(2))
-        friction = self.friction()
-        for k, heading in zip(rows, start[:, 2], strict=True):
-            held = float(most.sum() / self._radius[k, 0])
-            require_held(self.ground[k], friction[k], float(heading), self.pull, self._weight, held)
+        held = self.drive.torque_range(np.zeros(2))[1].sum() / self._radius[rows, 0]
+        grounds = [self.ground[k] for k in rows]
+        require_held(grounds, self.friction()[rows], start[:, 2], self.pull, self._weight, held)

@@ -10,8 +10,8 @@ from trackslip.kinematics import Array
 
 def needed_traction(fleet: Fleet) -> Array:
     """Tractions (N, 2) along the robots and to their left, over their normal force, at a constant velocity [-]."""
-    slope, uphill = fleet.inclination
-    direction, steepness = uphill - fleet.pose()[:, 2], np.tan(slope)
+    direction = fleet.footing.uphill - fleet.pose()[:, 2]
+    steepness = np.tan(fleet.footing.slope)
     needed = np.empty((fleet.size, 2))
     needed[:, 0] = steepness * np.cos(direction) + fleet.towed(np.arange(fleet.size))
     needed[:, 1] = steepness * np.sin(direction)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -11,8 +11,7 @@ from sim.fleet import Fleet
 from sim.run_recorder import Description, RunFailedError, RunRecorder
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
-from sim.steering import Pilot as Pilot
-from sim.steering import Steering
+from sim.steering import Pilot, Steering
 from sim.stopwatch import Stopwatch
 from trackslip.controllers.base import Controller
 from trackslip.errors import require
@@ -29,7 +28,13 @@ Progress = Callable[[float], None]
 
 PERIOD = LaserScanner().period
 """Time between the rows of a run without a scanner [s]."""
+<<<<<<< HEAD
 _SCANS_AT_ONCE = 5000  # scans localized together, offline
+=======
+_SCANS_AT_ONCE = 80  # of each robot, localized together offline; as many whatever the fleet, for the same bits in any
+_FEWEST_ROWS, _MOST_ROWS = 150, 600  # of a part of long runs
+_MEASUREMENTS = 250_000  # rows of all robots together in a part, if that many rows of each are neither few nor many
+>>>>>>> main
 
 
 def open_loop(
@@ -43,6 +48,8 @@ def open_loop(
     watch: Stopwatch | None = None,
 ) -> list[RunLog]:
     """Drive every robot at constant sprocket speeds.
+
+    The logs of long runs of many robots need much memory: `open_loop_parts` gives them piece by piece.
 
     Args:
         fleet: N robots.
@@ -58,21 +65,46 @@ def open_loop(
         RunFailedError: when a robot tips over; its `logs` contain what was recorded until then.
         InvalidValueError: for arguments out of range.
     """
+    everything = _rows(duration, PERIOD if feed is None else feed.period)
+    return next(open_loop_parts(fleet, omega, duration, feed, locator, descriptions, progress, watch, everything))
+
+
+def open_loop_parts(
+    fleet: Fleet,
+    omega: Array,
+    duration: float,
+    feed: ScannerFeed | None = None,
+    locator: Locator | None = None,
+    descriptions: Sequence[Description] | None = None,
+    progress: Progress = lambda seconds: None,
+    watch: Stopwatch | None = None,
+    rows_at_once: int | None = None,
+) -> Iterator[list[RunLog]]:
+    """Drive as `open_loop` does, and give the same runs in parts: logs of the rows after those of the part before.
+
+    A part is forgotten once the next one is asked for, so that memory doesn't grow with the duration. Arguments and
+    errors are those of `open_loop`; the logs of a RunFailedError contain what was recorded since the part before.
+
+    Args:
+        fleet, omega, duration, feed, locator, descriptions, progress, watch: see `open_loop`.
+        rows_at_once: about as many rows are in a part; by default as many as suit the number of robots.
+    """
     watch = watch or Stopwatch()
     period = PERIOD if feed is None else feed.period
     omega = limit_sprocket_speeds(np.broadcast_to(np.asarray(omega, float), (fleet.size, 2)), fleet.drive.limit)
-    rows = int(duration / period + 1e-9) + 1
-    require(rows >= 2, "duration", duration, f"at least the time between two scans, {period:g} s")
-    record = RunRecorder(fleet, rows, period, descriptions)
+    rows = _rows(duration, period)
+    least = max(2, rows_at_once or min(max(_FEWEST_ROWS, _MEASUREMENTS // fleet.size), _MOST_ROWS))
+    record = RunRecorder(fleet, min(rows, least + _SCANS_AT_ONCE), period, descriptions)
     scans = None if feed is None or locator is None else _Scans(fleet, record, feed, locator, watch)
 
     def logs(failure: str | None = None) -> list[RunLog]:
         return record.logs(failure=failure) if scans is None else scans.logs(failure)
 
     try:
-        for k in range(rows):
+        for left in reversed(range(rows)):
+            k = record.complete
             with watch.stage("physics"):
-                if k > 0:
+                if left < rows - 1:
                     fleet.advance(period)
                     progress(period)
                 record.measure(k)
@@ -82,10 +114,23 @@ def open_loop(
                 scans.take()
             fleet.command(omega)
             record.command(k)
+            # a log has two rows or more
+            if record.complete >= least and left >= 2 and (scans is None or scans.located):
+                yield logs()
+                record.go_on()
+                if scans is not None:
+                    scans.go_on()
     except RunFailedError as error:
         error.logs = logs(str(error))
         raise
-    return logs()
+    yield logs()
+
+
+def _rows(duration: float, period: float) -> int:
+    """Rows of a run of some duration [s]; raises InvalidValueError for less than two."""
+    rows = int(duration / period + 1e-9) + 1
+    require(rows >= 2, "duration", duration, f"at least the time between two scans, {period:g} s")
+    return rows
 
 
 class _Scans:
@@ -94,19 +139,40 @@ class _Scans:
     def __init__(
         self, fleet: Fleet, record: RunRecorder, feed: ScannerFeed, locator: Locator, watch: Stopwatch
     ) -> None:
+<<<<<<< HEAD
         self._fleet, self._record, self._feed, self._watch = fleet, record, feed, watch
         self._follower = Follower(locator, Tracker(fleet.pose(), fleet.robot.geometry))
         self._block = max(1, _SCANS_AT_ONCE // fleet.size)
+=======
+        self._fleet, self._record, self._feed, self._locator, self._watch = fleet, record, feed, locator, watch
+        self._tracker = Tracker(fleet.pose(), fleet.robot.geometry)
+>>>>>>> main
         self._waiting: list[Array] = []  # true ranges (N, B) each
-        self._located = 0  # rows
+        self._located = 0  # rows of the record
+        self._begun = False
         self._clusters: list[Cluster] = []
+
+    @property
+    def located(self) -> bool:
+        """Whether no scan waits to be localized."""
+        return not self._waiting
+
+    def go_on(self) -> None:
+        """Forget the scans, as the record does its rows."""
+        self._located = 0
+        self._clusters.clear()
 
     def take(self) -> None:
         """Scan the robots where they are."""
+<<<<<<< HEAD
         if len(self._waiting) >= self._block and (self._located + len(self._waiting) - 1) % EVERY == 0:
             self._locate()
+=======
+>>>>>>> main
         with self._watch.stage("scans"):
             self._waiting.append(self._feed.true_ranges())
+        if len(self._waiting) == _SCANS_AT_ONCE:
+            self._locate()
 
     def logs(self, failure: str | None) -> list[RunLog]:
         """See `RunRecorder.logs`."""
@@ -128,9 +194,14 @@ class _Scans:
         with self._watch.stage("localization"):
             rows = slice(first, self._located)
             angle = record.omega[rows].swapaxes(0, 1) * feed.period
-            if first == 0:
+            if not self._begun:
                 angle[:, 0] = 0.0  # the tracker starts from the pose of the first scan
+<<<<<<< HEAD
             record.estimates(rows, self._follower.follow(feed.scan(ranges), angle))
+=======
+                self._begun = True
+            record.estimates(rows, follow(self._locator, feed.scan(ranges), self._tracker, angle))
+>>>>>>> main
             scan, pose = feed.scan(_flat(ranges)), _flat(record.pose[rows].swapaxes(0, 1))
             self._clusters.append(extract_plate(scan, self._fleet.robot.plate, scan.from_world(pose)))
 

@@ -40,6 +40,7 @@ class _Steerer:
     controller: Controller
     robots: np.ndarray  # (R,)
     preview: float  # [s]
+    reference: Tabulated  # at the times of the rows, and so far ahead
     senses: SensesSprockets | None
 
 
@@ -68,8 +69,7 @@ class Steering:
         for pilot in pilots:
             pilot.controller.reset()
             pilot.compensation.reset(start[pilot.robots])
-        previews = sorted({pilot.preview for pilot in pilots})
-        self._reference = Tabulated(reference, np.concatenate([record.time + preview for preview in previews]))
+        tables = {ahead: Tabulated(reference, record.time + ahead) for ahead in {pilot.preview for pilot in pilots}}
         self._record, self._geometry = record, geometry
         self._wanted = np.zeros((len(start), 2))  # twists
         self._omega = np.zeros((len(start), 2))
@@ -78,6 +78,7 @@ class Steering:
                 one.controller,
                 robots,
                 one.preview,
+                tables[one.preview],
                 one.controller if isinstance(one.controller, SensesSprockets) else None,
             )
             for one, robots in _merged(pilots, _same_steering)
@@ -132,7 +133,7 @@ class Steering:
         try:
             if one.senses is not None:
                 one.senses.sense(omega[robots])
-            wanted = one.controller.twist(float(record.time[k]) + one.preview, pose, self._reference)
+            wanted = one.controller.twist(float(record.time[k]) + one.preview, pose, one.reference)
             twist = np.asarray(wanted, dtype=float)
         except TrackslipError as error:
             raise RunFailedError(str(error)) from error

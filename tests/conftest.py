@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import signal
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +20,12 @@ settings.register_profile("trackslip", deadline=None)  # a busy machine is no er
 settings.load_profile("trackslip")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a shell's background, which the commands would inherit
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_finish():
+    """Leave the modules of all tests out of garbage collection, which would go through them again and again."""
+    gc.freeze()
+    gc.set_threshold(10_000)
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -84,8 +92,11 @@ def few_resamples(monkeypatch):
 def undrawn(monkeypatch):
     """Leave figures empty: drawing takes most of a report's time, and has tests of its own."""
 
-    def save(figure, file, format, **_):
-        file.write(b"%PDF" if format == "pdf" else "<svg></svg>")
+    def save(figure, file, format="svg", **_):
+        if isinstance(file, Path):
+            file.touch()
+        else:
+            file.write(b"%PDF" if format == "pdf" else "<svg></svg>")
 
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", save)
     monkeypatch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda engine, figure: None)

@@ -23,6 +23,9 @@ class InvalidValueError(TrackslipError, ValueError):
         super().__init__(f"{field} = {shown!r}: must be {allowed}")
         self.field, self.value, self.allowed = field, value, allowed
 
+    def __reduce__(self) -> tuple[type[InvalidValueError], tuple[str, object, str]]:
+        return type(self), (self.field, self.value, self.allowed)  # so that other processes can raise it
+
 
 class LogError(TrackslipError, ValueError):
     """A log that cannot be read or used; the message names the file, row and column where it can."""

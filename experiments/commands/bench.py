@@ -3,7 +3,6 @@
 import contextlib
 import math
 import os
-import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -19,8 +18,9 @@ from experiments.measuring.check import Check
 from experiments.options.bench import BenchConfig
 from experiments.options.grid import SweepConfig
 from experiments.report.terminal import print_table
-from experiments.speed.gpu import measure_gpu
+from experiments.speed.gpu import distance, measure_gpu
 from experiments.speed.grid import measure_grid
+from experiments.speed.memory import peak_memory
 from experiments.speed.shear import measure_shear
 from experiments.speed.simulator import CASES, case_speeds, measure_simulator, thread_speedups
 from experiments.storage.manifest import make_manifest
@@ -42,7 +42,8 @@ def run(config: BenchConfig) -> None:
             _terrain: config.terrain,
             _shear: config.shear,
             _gpu: config.gpu,
-            _pipeline: config.pipeline or config.scale,
+            _pipeline: config.pipeline,
+            _scale: config.scale,
         }
         measure = next((one for one, wanted in chosen.items() if wanted), _simulator)
         summary, tables = measure(config, robot)
@@ -123,6 +124,7 @@ def _shear(config: BenchConfig, robot: Robot) -> _Measured:
 def _gpu(config: BenchConfig, robot: Robot) -> _Measured:
     require_available(GPU)
     with _progress(len(config.gpu_sizes) * (1 + config.repeats)) as step:
+        check = distance(robot)
         speeds = measure_gpu(config.gpu_sizes, config, robot, step)
     header = ("robots", "processor, steps/s", "MuJoCo Warp", "fleet", "fleet / processor", "real-time factor")
     rows: list[_Cells] = []
@@ -130,21 +132,42 @@ def _gpu(config: BenchConfig, robot: Robot) -> _Measured:
         rates = one.processor_steps_per_s, one.warp_steps_per_s, one.fleet_steps_per_s
         ratios = f"{one.ratio_to_processor:.1f}", f"{one.real_time_factor:,.0f}"
         rows.append((f"{one.n:,}", *(f"{rate:,.0f}" for rate in rates), *ratios))
-    return {"rows": speeds}, [("Speed on a GPU", header, rows)]
+    apart = f"{check.case}: {check.what}", *_value_and_bound(check)
+    return {"rows": speeds, "checks": [check.to_json()]}, [
+        ("Speed on a GPU", header, rows),
+        ("Beside the processor", ("what", "value", "bound", "unit", ""), [apart]),
+    ]
 
 
 def _pipeline(config: BenchConfig, _: Robot) -> _Measured:
     from experiments.speed.pipeline.areas import AREAS, measure_of  # late: only this needs laws and reports
 
     checks: list[Check] = []
-    areas = ("scale",) if config.scale else AREAS
-    with _progress(len(areas)) as step:
-        for area in areas:
+    with _progress(len(AREAS)) as step:
+        for area in AREAS:
             checks += measure_of(area)(config.seed, config.repeats, lambda label: step(label, 0))
             step(area, 1)
-    rows = [(f"{one.case}: {one.what}", *_value_and_bound(one)) for one in checks]
-    table = "Scale" if config.scale else "The pipeline beside its bounds", ("what", "value", "bound", "unit", ""), rows
-    return {"checks": [one.to_json() for one in checks]}, [table]
+    return {"checks": [one.to_json() for one in checks]}, [_check_table("The pipeline beside its bounds", checks)]
+
+
+def _scale(config: BenchConfig, _: Robot) -> _Measured:
+    from experiments.speed.pipeline import scale  # late: only this needs processes
+
+    with _progress(len(scale.CASES)) as step:
+        cases = scale.measure_cases(scale.CASES, config.seed, step)
+    header = ("robots", "duration [s]", "wall [s]", "per robot and second [ms]", "peak memory [MB]", "file [MB]")
+    rows: list[_Cells] = []
+    for one in cases:
+        times = f"{one.seconds:.3g}", f"{1e3 * one.per_robot_second:.3g}"
+        rows.append((str(one.robots), f"{one.duration:g}", *times, f"{one.memory:.0f}", f"{one.file_size:.3g}"))
+    checks = (*scale.checks_of(cases), scale.planning(config.repeats))
+    tables = [("Runs written to Parquet while they last", header, rows), _check_table("Scale", checks)]
+    return {"rows": cases, "checks": [one.to_json() for one in checks]}, tables
+
+
+def _check_table(title: str, checks: Sequence[Check]) -> _Table:
+    rows: list[_Cells] = [(f"{one.case}: {one.what}", *_value_and_bound(one)) for one in checks]
+    return title, ("what", "value", "bound", "unit", ""), rows
 
 
 def _value_and_bound(check: Check) -> _Cells:
@@ -183,16 +206,6 @@ def _drive_grid(sweep: SweepConfig) -> Timing:
     """Drive a grid into a temporary folder."""
     with tempfile.TemporaryDirectory() as folder:
         return grid.drive_and_store(replace(sweep, out=Path(folder) / "grid")).timing
-
-
-def peak_memory() -> float | None:
-    """The most memory that this process has used so far [MB]; None where the system doesn't tell."""
-    if sys.platform == "win32":
-        return None
-    import resource
-
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak * (1 if sys.platform == "darwin" else 1024) / 1e6  # Linux counts in KiB
 
 
 @contextlib.contextmanager

@@ -21,7 +21,8 @@ class BenchConfig:
 
     With --env, measure the learning environments instead; with --grid, a grid of a thousand runs; with --terrain,
     robots with tracks on level ground, on ten steps and on rough ground; with --shear, what ground that shears costs;
-    with --gpu, fleets on an NVIDIA GPU; with --pipeline, each stage of the pipeline against its bound; with --scale, many robots and long runs.
+    with --gpu, fleets on an NVIDIA GPU; with --pipeline, each stage of the pipeline against its bound; with --scale,
+    many robots and long runs.
     """
 
     sizes: tuple[int, ...] = (1, 25, 256)

@@ -9,11 +9,12 @@ import numpy as np
 
 from sim.tracks.mobility import mobility
 from sim.tracks.options import set_options
-from sim.tracks.parts import TrackParts
+from sim.tracks.parts import WHEEL_WEIGHT, TrackParts
 from sim.tracks.presets import ContactParameters
 from trackslip.errors import InvalidValueError, TrackslipError, first_line, require, require_at_most, require_positive
 
 _MAX_FRICTION = 10.0
+_WHEEL_BRAKE = 0.4  # share of its speed that a robot which lands on its wheels loses by them in one physics step [-]
 _MAX_MOBILITY = 6.0  # contacts have the stiffness of their preset up to this: a robot's, not a flipper's [-]
 _MAX_FIELD_MOBILITY = 3.0  # the same of robots on height fields, where points touch several times [-]
 _FIELD_HARDNESS = (0.1, 0.5)  # on height fields of the finest and of the coarsest cells [-]
@@ -55,13 +56,27 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
         most = _MAX_MOBILITY if softened is None or on_limb else _MAX_FIELD_MOBILITY
         hardness = min(1.0, most / max(rocks, 1.0)) * (softened or 1.0)
         lightness = max(lightest / inverse_weight, 1.0)  # a robot that is held, as on a test rig, has none
+        alone = softened is None  # on height fields a wheel touches several times
+        brake = _brake(tracks, mass * inverse_weight * lightness if alone else 0.0)
         contacts = {
-            each: tracks.preset.contact(gravity, share, hardness, each, lightness) for each in set(tracks.weights)
+            weight: tracks.preset.contact(gravity, share, hardness, weight, lightness, brake[weight])
+            for weight in brake
         }
         for names in tracks.geoms:
             for name, weight, crosswise in zip(names, tracks.weights, tracks.crosswise, strict=True):
                 friction = tracks.friction[::-1] if crosswise else tracks.friction
                 _add_pair(spec, ground.name, name, friction, contacts[weight])
+
+
+def _brake(tracks: TrackParts, heaviness: float) -> dict[float, float]:
+    """Least share of its speed that a contact takes from a geom of each weight in one physics step [-].
+
+    A wheel of a robot that comes down over an edge meets the next edge alone, with as much mass behind it as many
+    points of a run share on a plane. Damping stops it and gives nothing back, unlike a stiffer spring. All wheels that
+    stand on a plane together take `_WHEEL_BRAKE` from the robot, whose mass is `heaviness` times that of a point.
+    """
+    wheel = min(_WHEEL_BRAKE * heaviness / (2 * len(tracks.names)), 1.0)
+    return {weight: 0.0 if weight == 1 else wheel * weight / WHEEL_WEIGHT for weight in set(tracks.weights)}
 
 
 def _field_hardness(model: mujoco.MjModel, geom: int, segment: float) -> float | None:

@@ -46,7 +46,13 @@ class Preset:
     """Rate at which sliding decays where the ground holds [1/s]."""
 
     def contact(
-        self, gravity: float, share: float, hardness: float, weight: float = 1.0, lightness: float = 1.0
+        self,
+        gravity: float,
+        share: float,
+        hardness: float,
+        weight: float = 1.0,
+        lightness: float = 1.0,
+        brake: float = 0.0,
     ) -> ContactParameters:
         """Parameters of a contact.
 
@@ -56,6 +62,7 @@ class Preset:
             hardness: stiffness and damping relative to those of the preset [-].
             weight: load of this point on a plane, relative to the others [-].
             lightness: largest inverse mass of a point over that of the bodies, A [-].
+            brake: least share of its speed that the contact takes from a lone point in one physics step [-].
         """
         softness = self.regularisation * share
         standing = softness / (1 + softness)
@@ -69,14 +76,12 @@ class Preset:
         stiffness = gravity * last**2 / (e * standing * self.sink)
         damping = 2 * self.damping_ratio * frequency * last * (1 + e) / e
         response = lightness / (lightness * last + 1 - last)  # of a point's acceleration to the contact's, over `last`
-        hardness = min(
-            hardness,
-            _MAX_PUSH / (response * stiffness * self.timestep**2),
-            _MAX_BRAKE / (response * damping * self.timestep),
-        )
+        stop = 1 / (response * self.timestep)  # damping that takes all of a point's speed in one step
+        stiffness = min(hardness * stiffness, _MAX_PUSH * stop / self.timestep)
+        damping = min(max(hardness * damping, brake * stop), _MAX_BRAKE * stop)
         midpoint = 0.5 if self.power == 1 else 0.999  # the whole rise is a power of depth
         return ContactParameters(
-            solref=(-hardness * stiffness, -hardness * damping),
+            solref=(-stiffness, -damping),
             solimp=(first * softer, last, self.width, midpoint, self.power),
             solreffriction=(-1.0, -self.grip * last),
         )
@@ -93,7 +98,7 @@ class ContactParameters:
 
 PRESETS = {
     "accurate": Preset(0.002, 0.002, 8, 0.00034, 0.4, 2.7, 0.003, 3.0),
-    "fast": Preset(0.004, 0.004, 4, 0.00125, 0.35, 2.5, 0.005, 4.0),
+    "fast": Preset(0.004, 0.004, 4, 0.00125, 0.35, 2.5, 0.004, 4.0),
 }
 """Presets by name."""
 

@@ -68,7 +68,7 @@ class WarpBatch(batch.Batch):  # type: ignore[misc]  # MuJoCo has no type hints
     ) -> dict[str, np.ndarray]:
         """Advance each simulation by `nstep` physics steps, recording fields of MjData after each.
 
-        Returns the n simulations' fields, (n, nstep, ...) each, in the arrays `out` where they are given.
+        Returns the n simulations' fields, (n, nstep, ...) each, in single precision or in the arrays `out`.
         """
         rows = slice(None) if ids is None else np.asarray(ids)
         # the others are stepped, too, and forgotten
@@ -80,4 +80,4 @@ class WarpBatch(batch.Batch):  # type: ignore[misc]  # MuJoCo has no type hints
         for name, into in (out or {}).items():
             into[...] = recorded[name]
             recorded[name] = into
-        return {name: np.asarray(values, float) for name, values in recorded.items()}
+        return recorded

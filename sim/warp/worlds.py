@@ -37,7 +37,7 @@ class Worlds:
 
         Raises:
             InvalidValueError: for a model whose pose isn't that of a free joint, or an integrator of higher order.
-            TrackslipError: for a model with parts that MuJoCo Warp doesn't have.
+            TrackslipError: for a model with parts that MuJoCo Warp doesn't have, and without memory for the worlds.
         """
         free = model.njnt > 0 and model.jnt_type[0] == mujoco.mjtJoint.mjJNT_FREE
         require(free, "model", "its first joint", "a free joint, to run on MuJoCo Warp")
@@ -48,22 +48,27 @@ class Worlds:
         self._device = wp.get_device(device)
         self._size, self._timestep = size, float(model.opt.timestep)
         contacts, rows = _room(model)
-        with wp.ScopedDevice(self._device):
-            try:
-                self._model = mjw.put_model(model)
-            except NotImplementedError as error:
-                raise TrackslipError(f"MuJoCo Warp can't step this model: {error}") from error
-            # it would accept residuals that tilt a robot at rest by 0.02 mrad
-            self._model.opt.tolerance.fill_(model.opt.tolerance)
-            self._model.opt.warn_overflow = 0  # `_require_room` does
-            self._data = mjw.make_data(model, nworld=size, nconmax=contacts, njmax=rows)
-            if self._device.is_cuda:
-                self._model.opt.graph_conditional = wp.is_conditional_graph_supported()
-            width = mujoco.mj_stateSize(model, _SIGNATURE)
-            self._state = wp.zeros((size, width), dtype=wp.float64)
-            self._rounded = wp.zeros((size, width), dtype=wp.float32)
+        try:
+            with wp.ScopedDevice(self._device):
+                self._make(model, contacts, rows)
+        except NotImplementedError as error:
+            raise TrackslipError(f"MuJoCo Warp can't step this model: {error}") from error
+        except RuntimeError as error:
+            raise TrackslipError(f"no room for {size} robots on the device: {error}") from error
         self._buffers: dict[str, np.ndarray] = {}
         self._stages = self._new_stages()
+
+    def _make(self, model: mujoco.MjModel, contacts: int, rows: int) -> None:
+        self._model = mjw.put_model(model)
+        # it would accept residuals that tilt a robot at rest by 0.02 mrad
+        self._model.opt.tolerance.fill_(model.opt.tolerance)
+        self._model.opt.warn_overflow = 0  # `_require_room` does
+        if self._device.is_cuda:
+            self._model.opt.graph_conditional = wp.is_conditional_graph_supported()
+        self._data = mjw.make_data(model, nworld=self._size, nconmax=contacts, njmax=rows)
+        width = mujoco.mj_stateSize(model, _SIGNATURE)
+        self._state = wp.zeros((self._size, width), dtype=wp.float64)
+        self._rounded = wp.zeros((self._size, width), dtype=wp.float32)
 
     def has(self, field: str) -> bool:
         """Whether a field of the model, or of its options ("opt.gravity"), can differ from world to world."""

@@ -13,9 +13,10 @@ from sim.path_tracking.randomization import Randomization
 from sim.path_tracking.tracking import TERMS
 from sim.robot.parameters import RobotParameters
 from sim.run_recorder import Description
-from sim.runs import Pilot, closed_loop
+from sim.runs import closed_loop
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
+from sim.steering import Pilot
 from sim.task_options import from_options
 from trackslip.controllers.linear import LinearTimeVarying
 from trackslip.errors import InvalidValueError

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from trackslip.identification.sensitivity import twist_slopes
-from trackslip.identification.solver import Minimum, least_squares
+from trackslip.identification.solver import CONVERGED, ITERATIONS, Minimum, least_squares
 from trackslip.identification.weighting import WeightedRuns
 from trackslip.kinematics import Array
 from trackslip.slip.base import SlipLaw
@@ -17,6 +17,7 @@ from trackslip.slip.families import LawFamily
 _FIRST_SCATTER = 0.003  # initial guess of the scatter of slip [-]
 _ROUNDS = 8  # maximum number of alternating fits and scatter estimates
 _SETTLED = 1e-4  # relative change of the scatter at convergence
+_ROUGHLY = 1e-6  # tolerance of fits with the initial guess
 
 
 @dataclass(frozen=True)
@@ -91,21 +92,28 @@ class Fits:
         return robust
 
 
-def fit(family: LawFamily, runs: WeightedRuns, start: Array | None = None, scatter: Array | None = None) -> Fits:
+def fit(
+    family: LawFamily,
+    runs: WeightedRuns,
+    start: Array | None = None,
+    scatter: Array | None = None,
+    bend: Array | None = None,
+    tolerance: float = CONVERGED,
+) -> Fits:
     """Minimise the squared residuals of the runs, in units of their standard deviations (see `weighting`).
 
     By default, the best of the fits from the family's own starting values is kept, and tau (M,) is estimated,
-    alternating with the values.
+    alternating with the values. For `bend` (M, p, p) and `tolerance` see `least_squares`.
     """
     family = family.under(runs.load)
     sets = max(len(runs.speeds), len(runs.weight))
     if scatter is not None:
-        return _at(family, runs, np.broadcast_to(scatter, (sets,)), start)
-    found = _at(family, runs, np.full(sets, _FIRST_SCATTER), start)
+        return _at(family, runs, np.broadcast_to(scatter, (sets,)), start, bend, tolerance)
+    found = _at(family, runs, np.full(sets, _FIRST_SCATTER), start, bend, _ROUGHLY)
     for _ in range(_ROUNDS):
         scatter = runs.scatter(runs.deviation(found.law), found.freedom)
         change = np.abs(scatter - found.scatter) / np.maximum(np.maximum(scatter, found.scatter), 1e-12)
-        found = _at(family, runs, scatter, found.values, found.bend)
+        found = _at(family, runs, scatter, found.values, found.bend, tolerance)
         if change.max(initial=0.0) < _SETTLED:
             break
     return found
@@ -119,6 +127,8 @@ def minimise(
     sets: np.ndarray,
     held: np.ndarray | None = None,
     bend: Array | None = None,
+    tolerance: Array | float = CONVERGED,
+    iterations: int = ITERATIONS,
 ) -> Minimum:
     """Solve m problems from `start` (m, p), problem k being a fit to set `sets[k]` of the runs; see `least_squares`."""
     low, high, scale = family.limits(runs.geometry.half_gauge)
@@ -137,17 +147,26 @@ def minimise(
     if not family.names:
         cost = np.sum(residual(start, np.arange(len(start))) ** 2, axis=1)
         return Minimum(start, cost, *np.zeros((2, len(start), 0, 0)))
-    return least_squares(residual, start, low, high, scale, held, jacobian, bend)
+    return least_squares(residual, start, low, high, scale, held, jacobian, bend, tolerance, iterations)
 
 
-def _at(family: LawFamily, runs: WeightedRuns, scatter: Array, start: Array | None, bend: Array | None = None) -> Fits:
+def _at(
+    family: LawFamily,
+    runs: WeightedRuns,
+    scatter: Array,
+    start: Array | None,
+    bend: Array | None,
+    tolerance: float,
+) -> Fits:
     """The fits at scatters (M,), from `start` or from the best that the starting values of the family reach."""
     sets = np.arange(len(scatter))
     if start is None:
         starts = family.starts(runs.geometry.half_gauge)  # (K, p)
         k = len(starts)
-        reached = minimise(family, runs, scatter, np.tile(starts, (len(sets), 1)), np.repeat(sets, k))
+        each = np.tile(starts, (len(sets), 1))
+        reached = minimise(family, runs, scatter, each, np.repeat(sets, k), tolerance=tolerance)
         best = reached.cost.reshape(-1, k).argmin(axis=1) + k * sets
+<<<<<<< HEAD
         return Fits(
             family,
             runs,
@@ -156,4 +175,9 @@ def _at(family: LawFamily, runs: WeightedRuns, scatter: Array, start: Array | No
             *(each[best] for each in (reached.cost, reached.hessian, reached.bend)),
         )
     found = minimise(family, runs, scatter, start, sets, bend=bend)
+=======
+        found = Minimum(*(each[best] for each in (reached.values, reached.cost, reached.hessian, reached.bend)))
+    else:
+        found = minimise(family, runs, scatter, start, sets, bend=bend, tolerance=tolerance)
+>>>>>>> main
     return Fits(family, runs, found.values, scatter, found.cost, found.hessian, found.bend)

@@ -18,12 +18,14 @@ Residual = Callable[[Array, np.ndarray], Array]
 Jacobian = Callable[[Array, np.ndarray], Array]
 """From the same to the derivatives (m, K, p) of the residuals."""
 
-_ITERATIONS = 40
-_CONVERGED = 1e-9  # relative decrease of the cost at convergence
+ITERATIONS = 40
+"""Largest number of steps."""
+CONVERGED = 1e-9
+"""Relative decrease of the cost at convergence."""
 _DIFFERENCE = 1e-6  # step of differences, relative to the scales of the parameters
 _MIN_STEP = 1e-10  # relative to the scales of the parameters
 _MAX_DAMPING = 1e12
-_REFUSED, _NOISE = 3, 1e-6  # steps refused in a row, and relative changes of the cost, that are noise of the residuals
+_REFUSED, _NOISE = 5, 1e-6  # steps refused in a row, and relative changes of the cost, that are noise of the residuals
 _NEAR = 1e-2  # relative decrease of the cost below which the residuals' curvature counts: a minimum is near
 _LEAST_CURVED = 1e-6  # smallest eigenvalue of a Hessian with the residuals' curvature, relative to one without
 
@@ -47,12 +49,15 @@ def least_squares(
     held: np.ndarray | None = None,
     jacobian: Jacobian | None = None,
     bend: Array | None = None,
+    tolerance: Array | float = CONVERGED,
+    iterations: int = ITERATIONS,
 ) -> Minimum:
     """Minimise the sums of squares of M problems, from starting values (M, p) within the limits `low`, `high` (p,).
 
     `scale` (p,) are the sizes of significant changes; parameters where `held` (M, p) is true are kept fixed.
     Without a `jacobian`, derivatives are taken by differences. A `bend` (M, p, p) known from a similar problem, as of
-    Minimum, saves steps.
+    Minimum, saves steps. `tolerance` (M,) is the relative decrease of the cost at
+    convergence.
     """
     problems, parameters = start.shape
     held = np.zeros((problems, parameters), bool) if held is None else held
@@ -66,13 +71,14 @@ def least_squares(
     cost = np.sum(current**2, axis=1)
     slopes = np.zeros((*current.shape, parameters))
     hessian = np.tile(np.eye(parameters), (problems, 1, 1))
+    tolerance = np.broadcast_to(tolerance, problems)
     bent = np.full(problems, bend is not None)  # whether the bend foretells costs better than the slopes alone
     bend = np.zeros(hessian.shape) if bend is None else bend.copy()
     refused = np.zeros(problems, int)  # steps in a row
     gradient, before, moved = np.zeros((3, problems, parameters))
     damping = np.full(problems, 1e-3)
     fresh = rows
-    for _ in range(_ITERATIONS):
+    for _ in range(iterations):
         if fresh.size:
             if jacobian is None:
                 there = _differences(finite, values[fresh], current[fresh], fresh, high, scale)
@@ -102,7 +108,7 @@ def least_squares(
         gained = cost[rows] - tried_cost
         better = gained >= 0
         expected = -(2 * np.einsum("mi,mi->m", slope, step) + _square(curved, step))
-        small = np.abs(np.where(better, gained, expected)) <= _CONVERGED * cost[rows]
+        small = np.abs(np.where(better, gained, expected)) <= tolerance[rows] * cost[rows]
         refused[rows] = np.where(better, 0, refused[rows] + 1)
         small |= (refused[rows] >= _REFUSED) & (np.maximum(expected, -gained) <= _NOISE * cost[rows])
         done = small | (np.abs(step / scale).max(axis=1) < _MIN_STEP) | (damping[rows] > _MAX_DAMPING)
@@ -126,7 +132,7 @@ def _square(matrix: Array, step: Array) -> Array:
 
 
 def _curved(normal: Array, bend: Array, free: np.ndarray) -> Array:
-    """The Hessians (m, p, p) of half the costs for the free parameters (m, p), without a bend that makes them hollow."""
+    """The Hessians (m, p, p) of half the costs for the free parameters (m, p), convex in any case."""
     both = free[:, :, None] & free[:, None, :]
     normal, whole = normal * both, (normal + bend) * both
     root = np.sqrt(np.where(free, np.maximum(np.einsum("mii->mi", normal), 1e-300), 1.0))

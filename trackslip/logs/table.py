@@ -55,14 +55,23 @@ def to_table(logs: Sequence[RunLog]) -> pa.Table:
 
     Columns that a run lacks are null in its rows.
     """
+    table = to_rows(logs)
+    return table.replace_schema_metadata(file_metadata(table.schema, runs_metadata(logs)))
+
+
+def to_rows(logs: Sequence[RunLog]) -> pa.Table:
+    """The same without the file's metadata."""
     names = [log.run for log in logs]
     if len(set(names)) < len(names):
         name = max(names, key=names.count)
         raise LogError(f"run {name!r}: there are {names.count(name)} of it")
     table = pa.concat_tables([_run_table(log) for log in logs], promote_options="default")
-    fields = with_units(table.schema.remove_metadata())
-    runs = {log.run: log.metadata | ({SCANNED: log.scans.metadata()} if log.scans else {}) for log in logs}
-    return table.cast(pa.schema(fields, metadata=file_metadata(fields, runs)))
+    return table.cast(pa.schema(with_units(table.schema.remove_metadata())))
+
+
+def runs_metadata(logs: Sequence[RunLog]) -> dict[str, Any]:
+    """Metadata of runs by name, with their scanners."""
+    return {log.run: log.metadata | ({SCANNED: log.scans.metadata()} if log.scans else {}) for log in logs}
 
 
 def file_metadata(fields: Sequence[pa.Field], runs: Mapping[str, Any]) -> dict[bytes, str]:

@@ -105,11 +105,15 @@ class _Shadow:
         """Note the time since the last call, and let the bare engine do what the fleet did then."""
         whole = None if self._returned is None else perf_counter() - self._returned
         self._surface[:] = self._fleet.belts
-        began = perf_counter()
-        self._bare.step(nstep=self._steps)
-        bare = perf_counter() - began
+        bare = self._step()
         if whole is not None:
             self._times.whole.append(whole)
             self._times.bare.append(bare)
         self._bare.state[:] = self._fleet.batch.state
         self._returned = perf_counter()
+
+    def _step(self) -> float:
+        """Time that the bare engine takes for a period [s]."""
+        began = perf_counter()
+        self._bare.step(nstep=self._steps)
+        return perf_counter() - began

@@ -194,7 +194,7 @@ NOT_RUN = {
     "drive": {"teleop", "video", "pictures"},  # need a display, PyAV, OpenGL
     "view": {"web"},  # opens a browser
     "validate": {"terrain", "shear"},  # take minutes; tests of their own run them
-    "bench": {"pipeline", "scale"},  # the same
+    "bench": {"gpu", "pipeline", "scale"},  # needs a GPU; the same
     "train": {field.name for field in dataclasses.fields(COMMANDS["train"])},  # needs PyTorch
 }
 SLOW = ("plan", "calibrate", "validate", "coverage", "sensitivity", "reproduce")
