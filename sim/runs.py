@@ -18,7 +18,7 @@ from trackslip.errors import require
 from trackslip.kinematics import Array, limit_sprocket_speeds
 from trackslip.localization.base import Locator
 from trackslip.localization.pose_tracker import Tracker
-from trackslip.localization.recorded import EVERY, Follower
+from trackslip.localization.recorded import Follower
 from trackslip.localization.scan import Cluster, extract_plate
 from trackslip.logs.runlog import RunLog
 from trackslip.trajectory.base import Reference
@@ -28,13 +28,9 @@ Progress = Callable[[float], None]
 
 PERIOD = LaserScanner().period
 """Time between the rows of a run without a scanner [s]."""
-<<<<<<< HEAD
-_SCANS_AT_ONCE = 5000  # scans localized together, offline
-=======
 _SCANS_AT_ONCE = 80  # of each robot, localized together offline; as many whatever the fleet, for the same bits in any
 _FEWEST_ROWS, _MOST_ROWS = 150, 600  # of a part of long runs
 _MEASUREMENTS = 250_000  # rows of all robots together in a part, if that many rows of each are neither few nor many
->>>>>>> main
 
 
 def open_loop(
@@ -139,14 +135,8 @@ class _Scans:
     def __init__(
         self, fleet: Fleet, record: RunRecorder, feed: ScannerFeed, locator: Locator, watch: Stopwatch
     ) -> None:
-<<<<<<< HEAD
         self._fleet, self._record, self._feed, self._watch = fleet, record, feed, watch
         self._follower = Follower(locator, Tracker(fleet.pose(), fleet.robot.geometry))
-        self._block = max(1, _SCANS_AT_ONCE // fleet.size)
-=======
-        self._fleet, self._record, self._feed, self._locator, self._watch = fleet, record, feed, locator, watch
-        self._tracker = Tracker(fleet.pose(), fleet.robot.geometry)
->>>>>>> main
         self._waiting: list[Array] = []  # true ranges (N, B) each
         self._located = 0  # rows of the record
         self._begun = False
@@ -164,11 +154,6 @@ class _Scans:
 
     def take(self) -> None:
         """Scan the robots where they are."""
-<<<<<<< HEAD
-        if len(self._waiting) >= self._block and (self._located + len(self._waiting) - 1) % EVERY == 0:
-            self._locate()
-=======
->>>>>>> main
         with self._watch.stage("scans"):
             self._waiting.append(self._feed.true_ranges())
         if len(self._waiting) == _SCANS_AT_ONCE:
@@ -196,12 +181,8 @@ class _Scans:
             angle = record.omega[rows].swapaxes(0, 1) * feed.period
             if not self._begun:
                 angle[:, 0] = 0.0  # the tracker starts from the pose of the first scan
-<<<<<<< HEAD
-            record.estimates(rows, self._follower.follow(feed.scan(ranges), angle))
-=======
                 self._begun = True
-            record.estimates(rows, follow(self._locator, feed.scan(ranges), self._tracker, angle))
->>>>>>> main
+            record.estimates(rows, self._follower.follow(feed.scan(ranges), angle))
             scan, pose = feed.scan(_flat(ranges)), _flat(record.pose[rows].swapaxes(0, 1))
             self._clusters.append(extract_plate(scan, self._fleet.robot.plate, scan.from_world(pose)))
 

@@ -166,18 +166,7 @@ def _at(
         each = np.tile(starts, (len(sets), 1))
         reached = minimise(family, runs, scatter, each, np.repeat(sets, k), tolerance=tolerance)
         best = reached.cost.reshape(-1, k).argmin(axis=1) + k * sets
-<<<<<<< HEAD
-        return Fits(
-            family,
-            runs,
-            reached.values[best],
-            scatter,
-            *(each[best] for each in (reached.cost, reached.hessian, reached.bend)),
-        )
-    found = minimise(family, runs, scatter, start, sets, bend=bend)
-=======
         found = Minimum(*(each[best] for each in (reached.values, reached.cost, reached.hessian, reached.bend)))
     else:
         found = minimise(family, runs, scatter, start, sets, bend=bend, tolerance=tolerance)
->>>>>>> main
     return Fits(family, runs, found.values, scatter, found.cost, found.hessian, found.bend)
