@@ -35,7 +35,7 @@ class TurnedBeams:
         cos, sin = beams.spread(of_scans)
         u_e, u_n = beams.u_x * cos + beams.u_y * sin, beams.u_y * cos - beams.u_x * sin
         per_along, per_across = (np.divide(1.0, u, out=np.zeros(len(u)), where=u != 0) for u in (u_e, u_n))
-        return cls(beams, heading, *of_scans, u_e, u_n, per_along, per_across)
+        return cls(beams, heading, of_scans[0], of_scans[1], u_e, u_n, per_along, per_across)
 
     def take(self, rows: np.ndarray) -> TurnedBeams:
         """Those of the scans `rows` (R,)."""
@@ -101,7 +101,9 @@ class FixedHeading:
             np.multiply(one, residual, out=terms[1 + k])
             np.multiply(one, slope, out=terms[3 + k])
         sums = beams.sums(terms)  # (5, M)
-        edge_residual, edge_jacobian = self.likelihood.edges(beams.edges, View(plate, along, across, turned.cos, turned.sin))
+        edge_residual, edge_jacobian = self.likelihood.edges(
+            beams.edges, View(plate, along, across, turned.cos, turned.sin)
+        )
         edge_jacobian[:, :, 2] = 0.0
         gradient = (edge_residual[:, None] @ edge_jacobian)[:, 0]
         gradient[:, :2] += sums[1:3].T

@@ -103,9 +103,7 @@ def _put(estimate: PoseEstimate, where: np.ndarray, part: PoseEstimate) -> None:
     estimate.pose[where], estimate.covariance[where], estimate.valid[where] = part.pose, part.covariance, part.valid
 
 
-def _between(
-    known: PoseEstimate, keys: np.ndarray, angle: Array, geometry: RobotGeometry
-) -> tuple[np.ndarray, Array]:
+def _between(known: PoseEstimate, keys: np.ndarray, angle: Array, geometry: RobotGeometry) -> tuple[np.ndarray, Array]:
     """Whether the poses `known` (N, K) before and after each row are valid (N, T), and where they lead (N, T, 3).
 
     Sprockets that turn by `angle` (N, T, 2) without slip lead from each of the two, and the closer one counts for more.
