@@ -59,7 +59,8 @@ class PlateLikelihood:
         sums = beams.sums(terms)  # (9, M)
 
         edge_residual, edge_jacobian = self.edges(beams.edges, view)
-        gradient = sums[1:4].T + (edge_residual[:, None] @ edge_jacobian)[:, 0]
+        gradient = (edge_residual[:, None] @ edge_jacobian)[:, 0]
+        gradient += sums[1:4].T
         hessian = edge_jacobian.swapaxes(1, 2) @ edge_jacobian
         hessian[:, 2] += sums[4:7].T
         hessian[:, :2, 2] += sums[4:6].T
