@@ -85,10 +85,12 @@ def checks_of(found: Findings) -> list[Check]:
     if np.isfinite(bounds.tips_backwards):
         check("tips over backwards", abs(found.tips_backwards.error), bounds.tips_backwards, "rad")
     check("robots that don't climb the stairs", found.stairs.robots - found.stairs.arrived, 0.0)
-    for name, sinking in (("stairs", found.stairs), ("rough ground", found.rough)):
+    check("robots that don't get down the stairs", found.descent.robots - found.descent.arrived, 0.0)
+    places = (("stairs", found.stairs), ("stairs down", found.descent), ("rough ground", found.rough))
+    for name, sinking in places:
         check(f"penetration on {name}, 99th percentile", sinking.typical, bounds.typical_depth, "m")
         check(f"penetration on {name}, largest", sinking.largest, bounds.largest_depth, "m")
-    check("warnings on stairs and rough ground", found.stairs.warnings + found.rough.warnings, 0.0)
+    check("warnings on stairs and rough ground", sum(sinking.warnings for _, sinking in places), 0.0)
     check("fastest robot on rough ground", found.rough.fastest, bounds.fastest, "m/s")
     speeds = (found.speed.flat, found.speed.stairs, found.speed.rough)
     for name, value, bound in zip(("level ground", "ten steps", "rough ground"), speeds, bounds.realtime, strict=True):
