@@ -27,10 +27,11 @@ if TYPE_CHECKING:
     from sim.robot.tracked import Flipper, TrackedRobot, load_tracked
     from sim.robot.tracked_model import TrackedModel, build_tracked
     from sim.run_recorder import Description, RunFailedError
-    from sim.runs import Pilot, closed_loop, open_loop
+    from sim.runs import closed_loop, open_loop, open_loop_parts
     from sim.scanner.feed import ScannerFeed
     from sim.scanner.named_obstacles import load_obstacles
     from sim.scanner.scanner import LaserScanner
+    from sim.steering import Pilot
     from sim.traverse.outcome import Outcome
     from sim.traverse.reflex import Reflex
     from sim.traverse.scripted import Scripted
@@ -62,6 +63,7 @@ __all__ = [
     "load_robot",
     "load_tracked",
     "open_loop",
+    "open_loop_parts",
 ]
 
 _MODULE_OF = {
@@ -73,7 +75,7 @@ _MODULE_OF = {
     "Ground": "ground.ground",
     "LaserScanner": "scanner.scanner",
     "Outcome": "traverse.outcome",
-    "Pilot": "runs",
+    "Pilot": "steering",
     "Pull": "drive.pull",
     "Reflex": "traverse.reflex",
     "RobotParameters": "robot.parameters",
@@ -90,6 +92,7 @@ _MODULE_OF = {
     "load_robot": "robot.robot",
     "load_tracked": "robot.tracked",
     "open_loop": "runs",
+    "open_loop_parts": "runs",
 }
 
 if not TYPE_CHECKING:

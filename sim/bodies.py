@@ -3,25 +3,31 @@
 from __future__ import annotations
 
 import numpy as np
-from mujoco import batch
 
 from sim.robot.robot import Robot
+from sim.warp.devices import CPU, make_batch
 from trackslip.kinematics import Array
 
 Rows = np.ndarray | slice
 """Indices of robots, or a slice of them."""
+EVERYONE = slice(None)
+"""All robots."""
+SENSORS = ("sensordata",)
+"""What the engine records of a step."""
 
 
 class Bodies:
     """The bodies of N robots, each in its own world."""
 
-    def __init__(self, robot: Robot, size: int, threads: int) -> None:
-        """`size` robots of one model, on `threads` worker threads (0: one per processor)."""
+    def __init__(self, robot: Robot, size: int, threads: int, device: str = CPU) -> None:
+        """`size` robots of one model, on `threads` worker threads (0: one per processor), or on another device."""
         self.robot = robot
         self.size = size
-        self.batch = batch.Batch(robot.model, size, nthread=threads)
+        self.batch = make_batch(robot.model, size, threads, device)
         self._sensors = self.batch.bind("sensordata")[:, :6]  # (N, 6), live: force on the left and on the right track
-        self._quaternion = tuple(self.batch.qpos[:, 3:7].T)  # four live views (N,)
+        self._place = self.batch.qpos  # (N, 7), live: position and quaternion
+        self._velocity = self.batch.qvel  # (N, 6), live: in the world, turning in the robot's frame
+        self._quaternion = tuple(self._place[:, 3:7].T)  # four live views (N,)
         self._chassis = robot.model.body("chassis").id
         self._forward = self.batch.bind("xmat")[:, self._chassis, 0:4:3]  # (N, 2), live: x axes of the chassis
         self.plate = self.batch.bind("geom_xpos")[:, robot.model.geom("plate").id]
@@ -31,15 +37,17 @@ class Bodies:
 
     def pose(self) -> Array:
         """True poses (N, 3) of the chassis [m, m, rad]; phi unwrapped."""
-        qpos = self.batch.qpos
-        return np.column_stack([qpos[:, 0], qpos[:, 1], self._heading])
+        pose = np.empty((self.size, 3))
+        pose[:, :2], pose[:, 2] = self._place[:, :2], self._heading
+        return pose
 
     def twist(self) -> Array:
         """True twists (N, 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]."""
-        velocity = self.batch.qvel
         cos, sin = np.cos(self._heading), np.sin(self._heading)
-        x, y = velocity[:, 0], velocity[:, 1]
-        return np.column_stack([cos * x + sin * y, -sin * x + cos * y, velocity[:, 5]])
+        x, y = self._velocity[:, 0], self._velocity[:, 1]
+        twist = np.empty((self.size, 3))
+        twist[:, 0], twist[:, 1], twist[:, 2] = cos * x + sin * y, -sin * x + cos * y, self._velocity[:, 5]
+        return twist
 
     def traction(self) -> Array:
         """Longitudinal forces of the ground on the (left, right) tracks in the last physics step, (N, 2) [N]."""
@@ -52,9 +60,11 @@ class Bodies:
     def attitude(self) -> Array:
         """Sinkage (positive downwards) [m], roll and pitch [rad] of the chassis, (N, 3)."""
         w, x, y, z = self._quaternion
-        roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-        pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1, 1))
-        return np.column_stack([-self.batch.qpos[:, 2], roll, pitch])
+        attitude = np.empty((self.size, 3))
+        attitude[:, 0] = -self._place[:, 2]
+        attitude[:, 1] = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+        attitude[:, 2] = np.arcsin(np.minimum(np.maximum(2 * (w * y - z * x), -1), 1))
+        return attitude
 
     def upright(self) -> Array:
         """Cosines (N,) of the angles between the chassis' vertical axes and the plane's normal."""
@@ -64,17 +74,41 @@ class Bodies:
     def lean(self) -> Array:
         """Lateral offset (N,) of the plates from the chassis, at the height of the scan, positive to the left [m]."""
         w, x, y, z = self._quaternion
-        up = np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])  # of the chassis
-        along = (self.robot.lrf_height - self.batch.qpos[:, 2]) / up[2]
-        return along * (np.cos(self._heading) * up[1] - np.sin(self._heading) * up[0])
+        forward, left, up = 2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)  # of the chassis
+        along = (self.robot.lrf_height - self._place[:, 2]) / up
+        return along * (np.cos(self._heading) * left - np.sin(self._heading) * forward)
 
     def _place_at(self, rows: np.ndarray, start: Array, height: float = 0.0) -> None:
         """Reset the robots `rows` (R,) and put them upright at poses (R, 3)."""
         self.batch.state[rows] = self._fresh
-        qpos = self.batch.qpos
+        qpos = self._place
         qpos[rows, :3] = np.column_stack([start[:, :2], np.full(len(rows), height)])
         half, zero = start[:, 2] / 2, np.zeros(len(rows))
         qpos[rows, 3:7] = np.column_stack([np.cos(half), zero, zero, np.sin(half)])
+
+    def _put_back(self, rows: np.ndarray, start: Array) -> None:
+        """Undo the last micrometre that the robots `rows` (R,) moved from poses (R, 3) while they came to rest."""
+        qpos = self._place
+        qpos[rows, :2] = start[:, :2]
+        half_turn = (start[:, 2] - self._wrapped_heading()[rows]) / 2
+        cos, sin = np.cos(half_turn), np.sin(half_turn)
+        w, x, y, z = qpos[rows, 3:7].T
+        qpos[rows, 3:7] = np.column_stack([cos * w - sin * z, cos * x - sin * y, cos * y + sin * x, cos * z + sin * w])
+        self._velocity[rows] = 0
+        self.batch.time[rows] = 0
+        self._heading[rows] = start[:, 2]
+        self._follow_heading()
+
+    def _run_on(self, rows: Rows, periods: int, substeps: int) -> tuple[Array, Array]:
+        """Step the robots `rows` (R,) for P periods in which nothing changes.
+
+        Returns the sums of the forces on their tracks in each period (R, P, 6), and the directions in which the robots
+        point at its end (R, P, 2).
+        """
+        ids = None if rows is EVERYONE else rows
+        recorded = self.batch.rollout(periods * substeps, record=(*SENSORS, "xmat"), ids=ids)
+        forces = recorded["sensordata"][..., :6].reshape(-1, periods, substeps, 6).sum(axis=2)
+        return forces, recorded["xmat"][:, substeps - 1 :: substeps, self._chassis, 0:4:3]
 
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
         return self.batch.state[rows].copy(), self._heading[rows].copy()
@@ -86,7 +120,7 @@ class Bodies:
         """Where the robots `rows` (R,) are (4, R): position x, y [m], cosine and sine of the heading."""
         w, x, y, z = self._quaternion
         place = np.empty((4, self.size))
-        place[:2] = self.batch.qpos[:, :2].T
+        place[:2] = self._place[:, :2].T
         place[2] = 1 - 2 * (y * y + z * z)  # but for the lean, whose square is too small to matter
         place[3] = 2 * (w * z + x * y)
         return place[:, rows]
@@ -98,7 +132,7 @@ class Bodies:
     def _follow_heading(self) -> None:
         """Unwrap the headings. Between two calls no robot may turn by more than about a radian."""
         wrapped = self._wrapped_heading()  # plus whole turns, so that the bits don't depend on how often this is called
-        self._heading = wrapped + 2 * np.pi * np.round((self._heading - wrapped) / (2 * np.pi))
+        self._heading = wrapped + 2 * np.pi * np.rint((self._heading - wrapped) / (2 * np.pi))
 
 
 def along_robot(forces: Array, forward: Array) -> Array:

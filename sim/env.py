@@ -8,6 +8,7 @@ from sim.path_tracking.config import PERIOD, EnvConfig
 from sim.path_tracking.renderer import Renderer
 from sim.path_tracking.tracking import PathTracking
 from sim.task_env import TaskEnv, metadata, require_render_mode
+from sim.task_options import from_options
 
 
 class PathTrackingEnv(TaskEnv):
@@ -27,5 +28,5 @@ class PathTrackingEnv(TaskEnv):
         Raises InvalidValueError for options that are unknown or out of range.
         """
         require_render_mode(render_mode)
-        self.tracking = PathTracking(EnvConfig.of(options), 1, threads=1)
+        self.tracking = PathTracking(from_options(EnvConfig, options), 1, threads=1)
         super().__init__(self.tracking, render_mode, lambda: Renderer(self.tracking))

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.bodies import Bodies, Rows, along_robot
+from sim.bodies import EVERYONE, SENSORS, Bodies, Rows, along_robot
 from sim.drawbar import Drawbar
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive, DriveState
 from sim.drive.pull import Pull
@@ -19,17 +19,17 @@ from sim.parking import require_at_rest, require_held
 from sim.robot.parameters import SINK
 from sim.robot.robot import Robot
 from sim.setting import Setting as Setting
-from trackslip.errors import require
+from sim.warp.devices import CPU
+from trackslip.errors import InvalidValueError, require
 from trackslip.kinematics import Array
 
 SETTLING = 1.0
 """Simulated before a fleet's first period, so that the robots come to rest on the ground [s]."""
 _RESETTLING = 0.4  # the same for robots that are placed at their sinkage
-_EVERYONE = slice(None)
 
 
 class Fleet(Bodies):
-    """N robots on their grounds. The same arguments give the same bits at any number of threads."""
+    """N robots on their grounds. The same arguments give the same bits at any number of threads, but not on a GPU."""
 
     def __init__(
         self,
@@ -41,15 +41,18 @@ class Fleet(Bodies):
         threads: int = 0,
         pull: Pull | None = None,
         shears: bool = False,
+        device: str = CPU,
     ) -> None:
         """Put N robots on the ground at poses `start` (N, 3) [m, m, rad], at rest.
 
         There is one `ground` for all, or one each, and one relative `radius_error` of the sprockets, or (N,) [-]. All
         sprockets have the same `drive`. The number of worker `threads` may be 0, for one per processor. All robots tow
         the same `pull`. Where a ground shears, or `shears` says that one may later, pads touch the ground at one point
-        each instead of two.
+        each instead of two. The physics runs on a `device`: "cpu", "gpu" (MuJoCo Warp) or "warp-cpu" (Warp without a
+        GPU, for tests).
 
         Raises:
+            TrackslipError: for a device that this computer doesn't have.
             InvalidValueError: for poses that aren't finite, a wrong number of grounds, a slope on which robots would
                 slide or tip over, a pull that drags them backwards, or a servo period that is not a multiple of the
                 physics step.
@@ -60,7 +63,7 @@ class Fleet(Bodies):
         require(threads >= 0, "threads", threads, "0 (one per processor) or more")
         grounds = one_each(ground or Ground(), len(start))
         shears = shears or any(one.largest_shear > 0 for one in grounds)
-        super().__init__(robot.with_single_contacts() if shears else robot, len(start), threads)
+        super().__init__(robot.with_single_contacts() if shears else robot, len(start), threads, device)
         robot = self.robot
         self._radius = robot.geometry.sprocket_radius * (1 + np.broadcast_to(radius_error, (self.size,)))[:, None]
         drive = drive or Drive()
@@ -79,9 +82,11 @@ class Fleet(Bodies):
         cell = 4 * robot.contact_half_length / len(robot.pad_side)
         self.shear = Shear(robot.pad_position, cell, self.size, drive.period, fastest) if shears else None
         """Shear of the ground under the robots; None for a fleet on Coulomb ground."""
-        self._footing = Footing(self.batch, robot, grounds, self.shear)
+        self.footing = Footing(self.batch, robot, grounds, self.shear)
+        """What the robots stand on."""
+        self._weight = robot.mass * float(np.linalg.norm(robot.model.opt.gravity))  # of a robot [N]
         self.pull = pull or Pull()
-        """What the robots tow."""
+        """What they tow."""
         self._drawbar = Drawbar(self.pull, robot, self.batch) if self.pull.force > 0 else None
         self._centre: Array | None = None  # (N, 3), live, once a centre of mass is moved
         self._periods = 0  # since the start
@@ -102,7 +107,7 @@ class Fleet(Bodies):
     @property
     def ground(self) -> tuple[Ground, ...]:
         """Ground of each robot."""
-        return self._footing.grounds
+        return self.footing.grounds
 
     def restart(self, rows: ArrayLike, setting: Sequence[Setting]) -> None:
         """Start new runs with the robots `rows` (R,), one setting each; the other robots' runs continue.
@@ -121,7 +126,7 @@ class Fleet(Bodies):
         self._balance(rows, np.array([s.weight for s in setting]))
         self._place_at(rows, start, -SINK)
         self._heading[rows] = start[:, 2]
-        self._footing.put([s.ground for s in setting], rows)
+        self.footing.put([s.ground for s in setting], rows)
         self._lay_ground(rows)
         self._require_parking(rows, start)
         self._settle(rows, start, _RESETTLING)
@@ -145,28 +150,30 @@ class Fleet(Bodies):
 
     def set_ground(self, ground: Ground | Sequence[Ground]) -> None:
         """Put the robots on another ground, one for all or one each; it takes effect at once, even during a run."""
-        self._footing.put(one_each(ground, self.size))
+        self.footing.put(one_each(ground, self.size))
         self._lay_ground(np.arange(self.size))
 
     def command(self, omega: ArrayLike) -> None:
         """Set the set points of the sprockets, (N, 2) or (2,) [rad/s]; they hold until the next call."""
-        self.drive.command(np.broadcast_to(np.asarray(omega, float), (self.size, 2)))
+        omega = np.asarray(omega, float)
+        self.drive.command(omega if omega.shape == (self.size, 2) else np.broadcast_to(omega, (self.size, 2)))
 
     def advance(self, duration: float) -> None:
         """Simulate `duration` [s]; raises InvalidValueError unless it is a multiple of the servo period."""
         periods = round(duration / self.period)
-        whole = abs(periods * self.period - duration) <= 1e-9
-        require(whole, "duration", duration, f"a multiple of the servo period, {self.period} s")
+        if abs(periods * self.period - duration) > 1e-9:
+            raise InvalidValueError("duration", duration, f"a multiple of the servo period, {self.period} s")
         if periods == 0:
             return
-        before = self._snapshot(_EVERYONE)
-        forecast = self.drive.forecast(periods)
-        torque = self.drive.torque_for(forecast, self._run(_EVERYONE, forecast.mean))
-        weak = np.flatnonzero(self.drive.too_weak(forecast, torque).any(axis=(0, 2)))
+        before, forecast = self._snapshot(EVERYONE), self.drive.forecast(periods)
+        torque = self.drive.torque_for(forecast, self._run(EVERYONE, forecast.mean))
+        too_weak = self.drive.too_weak(forecast, torque)
+        if not too_weak.any():
+            self.drive.accept(forecast, torque)
+            return
+        weak = np.flatnonzero(too_weak.any(axis=(0, 2)))
         limited = self.drive.of(weak)
         self.drive.accept(forecast, torque)
-        if not weak.size:
-            return
         self._restore(weak, tuple(part[weak] for part in before))
         self._periods -= periods
         for _ in range(periods):
@@ -176,47 +183,55 @@ class Fleet(Bodies):
     def _run(self, rows: Rows, mean: Array) -> Array:
         """Mean tractions (P, R, 2) [N] of `rows` (R,) that drive for P periods at mean speeds (P, R, 2) [rad/s]."""
         # the lower side of a belt moves backwards when the robot drives forwards
-        belts = (-self._radius[rows] * mean)[..., self.robot.pad_side] * self.robot.pad_sign
-        forces = np.empty((*mean.shape[:2], self._sensors.shape[1]))
-        forward = np.empty((*mean.shape[:2], 2))
-        steady = not (self.shear or self._drawbar or self._footing.varies) and bool((mean == mean[0]).all())
-        before = None if self.shear is None else self._placed(rows)
-        at_once = self._unwrap_every if steady else 1  # the engine is faster without interruptions
-        for first in range(0, len(mean), at_once):
-            end = min(first + at_once, len(mean))
-            if self._footing.varies:
-                self._lay_friction(rows)
-            self._tow(rows)
-            self._drive(rows, belts[first])
-            self._step(rows, forces[first:end], forward[first:end])
-            self._periods += end - first
-            if before is not None:
-                after = self._placed(rows)
-                self._footing.moved(rows, before, after, self._radius[rows] * mean[first])
-                before = after
-            if end % self._unwrap_every == 0:
-                self._follow_heading()
+        belts = (-self._radius[rows] * mean).take(self.robot.pad_side, axis=-1) * self.robot.pad_sign
+        varies = self.footing.varies
+        if self.shear or self._drawbar or varies or not (mean == mean[0]).all():
+            forces, forward = self._run_by_period(rows, mean, belts, varies)
+        else:
+            forces, forward = self._run_steadily(rows, belts)
         self._follow_heading()
         # grip builds up within a period, so that only the mean force gives the impulse
         return along_robot(forces / self._substeps, forward)
 
-    def _step(self, rows: Rows, forces: Array, forward: Array) -> None:
-        """Step the robots `rows` (R,) for P periods.
+    def _run_by_period(self, rows: Rows, mean: Array, belts: Array, varies: bool) -> tuple[Array, Array]:
+        """Drive the robots `rows` (R,) for P periods with belts at speeds (P, R, pads), on ground that `varies` or not.
 
-        Writes the sums of the forces on their tracks in each period to `forces` (P, R, 6), and the directions in which
-        the robots point at its end to `forward` (P, R, 2).
+        Returns the sums of the forces on their tracks in each period (P, R, 6), and the directions in which the robots
+        point at its end (P, R, 2).
         """
-        periods = len(forces)
-        record = ("sensordata", "xmat") if periods > 1 else ("sensordata",)
-        ids = None if rows is _EVERYONE else rows
-        recorded = self.batch.rollout(periods * self._substeps, record=record, ids=ids)
-        each = recorded["sensordata"].reshape(-1, periods, self._substeps, recorded["sensordata"].shape[-1])
-        forces[:] = each.sum(axis=2)[..., : forces.shape[-1]].swapaxes(0, 1)
-        if periods > 1:
-            axes = recorded["xmat"][:, self._substeps - 1 :: self._substeps, self._chassis, 0:4:3]
-            forward[:] = axes.swapaxes(0, 1)
-        else:
-            forward[0] = self._forward[rows]
+        sensed = np.empty((*mean.shape[:2], self._substeps, self.robot.model.nsensordata))
+        forward = np.empty((*mean.shape[:2], 2))
+        before = None if self.shear is None else self._placed(rows)
+        for k, into in enumerate(sensed):
+            if varies:
+                self._lay_friction(rows)
+            self._tow(rows)
+            self._drive(rows, belts[k])
+            self.batch.rollout(
+                self._substeps, record=SENSORS, ids=None if rows is EVERYONE else rows, out={"sensordata": into}
+            )
+            forward[k] = self._forward[rows]
+            self._periods += 1
+            if before is not None:
+                after = self._placed(rows)
+                self.footing.moved(rows, before, after, self._radius[rows] * mean[k])
+                before = after
+            if (k + 1) % self._unwrap_every == 0:
+                self._follow_heading()
+        return sensed[..., :6].sum(axis=2), forward
+
+    def _run_steadily(self, rows: Rows, belts: Array) -> tuple[Array, Array]:
+        """The same with belts that keep their speeds on uniform ground: the engine is faster without interruptions."""
+        periods, robots, _ = belts.shape
+        forces, forward = np.empty((robots, periods, 6)), np.empty((robots, periods, 2))
+        self._drive(rows, belts[0])
+        for first in range(0, periods, self._unwrap_every):
+            part = slice(first, min(first + self._unwrap_every, periods))
+            forces[:, part], forward[:, part] = self._run_on(rows, part.stop - first, self._substeps)
+            self._periods += part.stop - first
+            if part.stop < periods:
+                self._follow_heading()
+        return forces.swapaxes(0, 1), forward.swapaxes(0, 1)
 
     def _advance_within_limits(self, rows: np.ndarray, drive: DriveState) -> None:
         """Simulate one period of the robots `rows` (R,), whose motors may be too weak to follow the servos.
@@ -232,7 +247,8 @@ class Fleet(Bodies):
 
     def friction(self) -> Array:
         """Friction coefficients (N, 2) along and across the tracks, averaged over the pads [-]."""
-        return self._footing.friction.mean(axis=1)
+        friction = self.footing.friction
+        return np.asarray(np.add.reduce(friction, axis=1) / friction.shape[1])
 
     def _ran(self) -> Array:
         """Time (N,) since the start of each robot's run [s]."""
@@ -240,61 +256,45 @@ class Fleet(Bodies):
 
     def _lay_friction(self, rows: Rows) -> None:
         """Set the friction of every pad of the robots `rows` (R,) for its present place and time."""
-        self._footing.lay(rows, self._ran(), self.batch.qpos[:, :2], self._wrapped_heading())
+        self.footing.lay(rows, self._ran(), self._place[:, :2], self._wrapped_heading())
 
     def _lay_ground(self, rows: np.ndarray) -> None:
         """Tilt the gravity of the robots `rows` (R,) as their grounds slope, and set the friction of their pads."""
         self._lay_friction(rows)
-        self._footing.tilt(rows)
+        self.footing.tilt(rows)
 
     def _tow(self, rows: Rows) -> None:
         """Let the robots `rows` (R,) feel what they tow, as they will be directed in the middle of the next period."""
         if self._drawbar is not None:
-            heading = self._wrapped_heading()[rows] + self.batch.qvel[rows, 5] * self.period / 2
+            heading = self._wrapped_heading()[rows] + self._velocity[rows, 5] * self.period / 2
             self._drawbar.apply(rows, heading, self._drawbar.acts(self._ran()[rows]))
 
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
-        return (*super()._snapshot(rows), *self._footing.snapshot(rows))
+        return (*super()._snapshot(rows), *self.footing.snapshot(rows))
 
     def _restore(self, rows: np.ndarray, snapshot: tuple[Array, ...]) -> None:
         super()._restore(rows, snapshot[:2])
-        self._footing.restore(rows, snapshot[2:])
+        self.footing.restore(rows, snapshot[2:])
 
     def _settle(self, rows: np.ndarray, start: Array, duration: float) -> None:
         """Let the robots `rows` (R,) come to rest for `duration` [s], and put them at the poses `start` (R, 3)."""
-        qpos = self.batch.qpos
-        self._footing.harden(rows)
+        self.footing.harden(rows)
         self._tow(rows)
         self.batch.step(ids=rows, nstep=round(duration / self.robot.model.opt.timestep))
-        speed, lean = np.hypot(*self.batch.qvel[rows, :2].T), np.abs(self.attitude()[rows, 1:]).max(axis=1)
+        speed, lean = np.hypot(*self._velocity[rows, :2].T), np.abs(self.attitude()[rows, 1:]).max(axis=1)
         require_at_rest([self.ground[k] for k in rows], start[:, 2], speed, lean, self.pull)
-        # settling moves a robot by less than a micrometre: undo even that
-        qpos[rows, :2] = start[:, :2]
-        half_turn = (start[:, 2] - self._wrapped_heading()[rows]) / 2
-        cos, sin = np.cos(half_turn), np.sin(half_turn)
-        w, x, y, z = qpos[rows, 3:7].T
-        qpos[rows, 3:7] = np.column_stack([cos * w - sin * z, cos * x - sin * y, cos * y + sin * x, cos * z + sin * w])
-        self.batch.qvel[rows] = 0
-        self.batch.time[rows] = 0
-        self._heading[rows] = start[:, 2]
-        self._follow_heading()
-        self._footing.hold(rows, start[:, 2], self.towed(rows), self.pull.height)
+        self._put_back(rows, start)
+        self.footing.hold(rows, start[:, 2], self.towed(rows), self.pull.height)
 
     def towed(self, rows: np.ndarray) -> Array:
         """Pull (R,) that acts on the robots `rows` (R,), over their normal force [-]."""
         if self._drawbar is None:
             return np.zeros(len(rows))
-        normal = self._weight * np.cos([self.ground[k].slope for k in rows])
+        normal = self._weight * np.cos(self.footing.slope[rows])
         return np.where(self._drawbar.acts(self._ran()[rows]), self.pull.force, 0.0) / normal
-
-    @property
-    def _weight(self) -> float:
-        return self.robot.mass * float(np.linalg.norm(self.robot.model.opt.gravity))
 
     def _require_parking(self, rows: np.ndarray, start: Array) -> None:
         """Raise InvalidValueError if one of the robots `rows` (R,) can't be held at its pose `start` (R, 3)."""
-        _, most = self.drive.torque_range(np.zeros(2))
-        friction = self.friction()
-        for k, heading in zip(rows, start[:, 2], strict=True):
-            held = float(most.sum() / self._radius[k, 0])
-            require_held(self.ground[k], friction[k], float(heading), self.pull, self._weight, held)
+        held = self.drive.torque_range(np.zeros(2))[1].sum() / self._radius[rows, 0]
+        grounds = [self.ground[k] for k in rows]
+        require_held(grounds, self.friction()[rows], start[:, 2], self.pull, self._weight, held)

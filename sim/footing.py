@@ -62,6 +62,10 @@ class Footing:
             changed = dict(zip(rows.tolist(), grounds, strict=True))
             self.grounds = tuple(changed.get(k, ground) for k, ground in enumerate(self.grounds))
             self._ground.replace(rows, grounds)
+        self.slope = np.array([ground.slope for ground in self.grounds])
+        """Slopes (N,) of the grounds [rad]."""
+        self.uphill = np.array([ground.uphill for ground in self.grounds])
+        """Headings (N,) of robots that drive straight up them [rad]."""
 
     def tilt(self, rows: np.ndarray) -> None:
         """Tilt the gravity of the robots `rows` (R,) as their grounds slope."""

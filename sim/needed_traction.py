@@ -10,8 +10,9 @@ from trackslip.kinematics import Array
 
 def needed_traction(fleet: Fleet) -> Array:
     """Tractions (N, 2) along the robots and to their left, over their normal force, at a constant velocity [-]."""
-    slope = np.array([ground.slope for ground in fleet.ground])
-    uphill = np.array([ground.uphill for ground in fleet.ground])
-    direction = uphill - fleet.pose()[:, 2]
-    along = np.tan(slope) * np.cos(direction) + fleet.towed(np.arange(fleet.size))
-    return np.column_stack([along, np.tan(slope) * np.sin(direction)])
+    direction = fleet.footing.uphill - fleet.pose()[:, 2]
+    steepness = np.tan(fleet.footing.slope)
+    needed = np.empty((fleet.size, 2))
+    needed[:, 0] = steepness * np.cos(direction) + fleet.towed(np.arange(fleet.size))
+    needed[:, 1] = steepness * np.sin(direction)
+    return needed

@@ -16,12 +16,19 @@ _AT_REST = 0.005  # a robot slower than this is at rest; creep is a hundred time
 _UPRIGHT = 0.1  # a robot with less roll and pitch than this stands on its tracks [rad]
 
 
-def require_held(ground: Ground, friction: Array, heading: float, pull: Pull, weight: float, motors: float) -> None:
-    """Raise InvalidValueError if a robot with this heading [rad] would slide down or be dragged backwards from rest.
+def require_held(
+    grounds: Sequence[Ground], friction: Array, heading: Array, pull: Pull, weight: float, motors: Array
+) -> None:
+    """Raise InvalidValueError if one of R robots would slide down or be dragged backwards from rest.
 
-    `friction` (2,) is that along and across the tracks where it stands. The robot has a `weight` [N], and its `motors`
-    hold both tracks together against a force [N].
+    They are on `grounds` (R,), with `friction` (R, 2) along and across the tracks where they stand, and with headings
+    (R,) [rad]. Each has a `weight` [N], and its `motors` (R,) hold both tracks together against a force [N].
     """
+    for ground, each, phi, force in zip(grounds, friction, heading.tolist(), motors.tolist(), strict=True):
+        _require_held(ground, each, phi, pull, weight, force)
+
+
+def _require_held(ground: Ground, friction: Array, heading: float, pull: Pull, weight: float, motors: float) -> None:
     ground.require_parking(friction, heading)
     if pull.force == 0:
         return

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from sim.network import Network, load_network, refusing
 from sim.path_tracking.config import PERIOD, EnvConfig
 from sim.path_tracking.observation import Layout
+from sim.task_options import from_options
 from trackslip.kinematics import Array
 from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
@@ -71,7 +72,7 @@ class PolicyController:
 
     def __init__(self, policy: Policy, top_speed: float) -> None:
         """`top_speed`: of the sprockets [rad/s]."""
-        config = EnvConfig.of(policy.options)
+        config = from_options(EnvConfig, policy.options)
         self._policy, self._layout = policy, Layout(config, top_speed)
         self._scale = np.array(config.twist_scale)
         self.reset()

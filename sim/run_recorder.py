@@ -24,6 +24,8 @@ from trackslip.slip.icr_load import IcrLoad
 
 FAILURE = "failure"
 """Key of a log's metadata: why the run stopped early."""
+_WITH_ICR = (ConstantIcr, IcrLoad)  # laws whose ICRs are recorded
+_ENERGY, _SATURATED = 4, 5  # places in what is recorded of the truth
 _TIPPED = 0.5  # roll or pitch from which a robot lies on its side [rad]
 
 
@@ -58,29 +60,43 @@ class RunRecorder:
         require(len(descriptions) == n, "descriptions", f"{len(descriptions)} descriptions", f"{n}, one per robot")
         self._fleet, self._period, self._descriptions = fleet, period, descriptions
         self._angle = fleet.drive.encoder_angle()
+        self._yields = [ground.largest_shear > 0 for ground in fleet.ground]  # to load
+        self._in_detail = fleet.robot.contact_sensors
+        self._before: tuple[Array, ...] | None = None  # the truth in the row before the first, as in _truth
+        self._begin(0, rows)
+
+    def _begin(self, first: int, rows: int) -> None:
+        """Make room for rows of which the first is the run's row `first`."""
+        n = self._fleet.size
+        self._first = first
         self.complete = 0
         """Number of rows that have been recorded in full."""
-        self.time = np.arange(rows) * period  # (T,) [s]
+        self.time = np.arange(first, first + rows) * self._period  # (T,) [s]
         self.omega = np.zeros((rows, n, 2))  # [rad/s]
         self.pose = np.zeros((rows, n, 3))  # [m, m, rad]
         self.load = np.zeros((rows, n, 2))
         """Tractions per unit load that the robots need, along and to the left (T, N, 2) [-]."""
-        self._yields = [ground.largest_shear > 0 for ground in fleet.ground]  # to load
         self._command = np.zeros((rows, n, 2))
         self._twist_command = np.full((rows, n, 2), np.nan)
         self._icr = np.full((rows, n, 2), np.nan)
         self._covariance = np.zeros((rows, n, 3, 3))
         self._valid = np.zeros((rows, n), bool)
-        self._in_detail = fleet.robot.contact_sensors
         # of each row, (N, ...) each: the fields of Truth, with totals instead of their rates
         self._truth: list[tuple[Array, ...]] = []
         self._ranges: list[np.ndarray] = []  # (N, rows, B) each
 
+    def go_on(self) -> None:
+        """Forget the rows, all of which are complete: row 0 is now the one after them."""
+        self._before = self._truth[-1]
+        self._begin(self._first + self.complete, len(self.time))
+
     def measure(self, k: int) -> None:
         """Record encoders and truth in row k; raises RunFailedError when a robot tips over."""
         fleet = self._fleet
-        for i in np.flatnonzero(~(np.abs(fleet.attitude()[:, 1:]) < _TIPPED).all(axis=1)):
-            raise RunFailedError(f"run {self.name(int(i))!r}: the robot tips over after {self.time[k]:g} s")
+        upright = np.abs(fleet.attitude()[:, 1:]) < _TIPPED
+        if not upright.all():
+            fallen = int(np.flatnonzero(~upright.all(axis=1))[0])
+            raise RunFailedError(f"run {self.name(fallen)!r}: the robot tips over after {self.time[k]:g} s")
         drive, angle = fleet.drive, fleet.drive.encoder_angle()
         self.omega[k] = (angle - self._angle) / self._period
         self._angle = angle
@@ -100,6 +116,12 @@ class RunRecorder:
         """Record estimated poses (N,) in row k."""
         self.pose[k], self._covariance[k], self._valid[k] = estimate.pose, estimate.covariance, estimate.valid
 
+    def estimates(self, rows: slice, estimate: PoseEstimate) -> None:
+        """Record estimated poses (N, T) in T rows."""
+        self.pose[rows] = estimate.pose.swapaxes(0, 1)
+        self._covariance[rows] = estimate.covariance.swapaxes(0, 1)
+        self._valid[rows] = estimate.valid.swapaxes(0, 1)
+
     def estimate_exactly(self, k: int) -> None:
         """Record the true poses as the estimated ones in row k."""
         n = self._fleet.size
@@ -117,24 +139,25 @@ class RunRecorder:
         """Name of a robot's run."""
         return self._descriptions[robot].run
 
-    def estimated(self, k: int, robots: Sequence[int]) -> PoseEstimate:
+    def estimated(self, k: int, robots: np.ndarray) -> PoseEstimate:
         """The estimated poses (R,) of some robots in row k."""
         return PoseEstimate(self.pose[k, robots], self._covariance[k, robots], self._valid[k, robots])
 
-    def steered(self, k: int, robots: Sequence[int], twist: Array, law: SlipLaw) -> None:
-        """Record a controller's twists (R, 2) for R robots, and the law that turns them into sprocket speeds.
-
-        Raises RunFailedError for twists of the wrong shape, and twists that aren't finite.
-        """
+    def require_twists(self, k: int, robots: np.ndarray, twist: Array) -> None:
+        """Raise RunFailedError unless a controller's twists for R robots in row k are (R, 2) and finite."""
         if twist.shape != (len(robots), 2):
             what = f"twists have the shape {twist.shape}: must be {(len(robots), 2)}, one per pose"
             raise RunFailedError(f"run {self.name(robots[0])!r}: its controller's {what}")
-        for i in np.flatnonzero(~np.isfinite(twist).all(axis=1)):
+        if not np.isfinite(twist).all():
+            i = int(np.flatnonzero(~np.isfinite(twist).all(axis=1))[0])
             what = f"returns the twist {tuple(twist[i].tolist())} at {self.time[k]:g} s: must be finite"
-            raise RunFailedError(f"run {self.name(robots[int(i)])!r}: its controller {what}")
+            raise RunFailedError(f"run {self.name(robots[i])!r}: its controller {what}")
+
+    def steered(self, k: int, robots: np.ndarray, twist: Array, law: SlipLaw) -> None:
+        """Record controllers' twists (R, 2) for R robots, and the law that turns them into sprocket speeds."""
         self._twist_command[k, robots] = twist
-        if isinstance(law, ConstantIcr | IcrLoad):
-            self._icr[k, robots] = np.stack(np.broadcast_arrays(law.offset, law.radius_error), axis=-1)
+        if isinstance(law, _WITH_ICR):
+            self._icr[k, robots, 0], self._icr[k, robots, 1] = law.offset, law.radius_error
 
     def logs(
         self, feed: ScannerFeed | None = None, plates: Sequence[Cluster] | None = None, failure: str | None = None
@@ -149,7 +172,9 @@ class RunRecorder:
         pose, twist, traction, torque, energy, saturated_time, lean, *contact = (
             np.stack(column) for column in zip(*self._truth[: self.complete], strict=True)
         )
-        truths = (pose, twist, traction, torque, self._rate(energy), self._rate(saturated_time), lean, *contact)
+        before = self._before or self._truth[0]
+        rates = (self._rate(total, before[k]) for k, total in ((_ENERGY, energy), (_SATURATED, saturated_time)))
+        truths = (pose, twist, traction, torque, *rates, lean, *contact)
         empty = None if feed is None else feed.scan(np.empty((0, len(feed.bearings))))
         logs = []
         for i in range(self._fleet.size):
@@ -179,6 +204,6 @@ class RunRecorder:
             metadata=dict(description.metadata) | ({} if failure is None else {FAILURE: failure}),
         )
 
-    def _rate(self, total: Array) -> Array:
-        """Mean rates (T, N, 2) since the row before, of accumulated quantities (T, N, 2)."""
-        return np.diff(total, axis=0, prepend=total[:1]) / self._period
+    def _rate(self, total: Array, before: Array) -> Array:
+        """Mean rates (T, N, 2) since the row before, of accumulated quantities (T, N, 2) and (N, 2) before them."""
+        return np.diff(total, axis=0, prepend=before[None]) / self._period

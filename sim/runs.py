@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import math
-import traceback
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from pathlib import Path
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
@@ -14,15 +11,16 @@ from sim.fleet import Fleet
 from sim.run_recorder import Description, RunFailedError, RunRecorder
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
+from sim.steering import Pilot, Steering
 from sim.stopwatch import Stopwatch
-from trackslip.controllers.base import Controller, SensesSprockets
-from trackslip.errors import TrackslipError, require
-from trackslip.kinematics import Array, RobotGeometry, advance, limit_sprocket_speeds
-from trackslip.localization.base import Locator, PoseEstimate
+from trackslip.controllers.base import Controller
+from trackslip.errors import require
+from trackslip.kinematics import Array, limit_sprocket_speeds
+from trackslip.localization.base import Locator
 from trackslip.localization.pose_tracker import Tracker
+from trackslip.localization.recorded import follow
 from trackslip.localization.scan import Cluster, extract_plate
 from trackslip.logs.runlog import RunLog
-from trackslip.slip.compensation import Compensation, FixedLaw, SensesLoad
 from trackslip.trajectory.base import Reference
 
 Progress = Callable[[float], None]
@@ -30,18 +28,9 @@ Progress = Callable[[float], None]
 
 PERIOD = LaserScanner().period
 """Time between the rows of a run without a scanner [s]."""
-_SCANS_AT_ONCE = 2000  # scans localized together, offline
-
-
-@dataclass(frozen=True)
-class Pilot:
-    """The controller of some robots of a fleet, and what converts its twists into sprocket speeds."""
-
-    controller: Controller
-    robots: Sequence[int]
-    compensation: Compensation = field(default_factory=FixedLaw)
-    preview: float = 0.0
-    """How far ahead the controller looks: set it to the delay between command and motion [s]."""
+_SCANS_AT_ONCE = 80  # of each robot, localized together offline; as many whatever the fleet, for the same bits in any
+_FEWEST_ROWS, _MOST_ROWS = 150, 600  # of a part of long runs
+_MEASUREMENTS = 250_000  # rows of all robots together in a part, if that many rows of each are neither few nor many
 
 
 def open_loop(
@@ -55,6 +44,8 @@ def open_loop(
     watch: Stopwatch | None = None,
 ) -> list[RunLog]:
     """Drive every robot at constant sprocket speeds.
+
+    The logs of long runs of many robots need much memory: `open_loop_parts` gives them piece by piece.
 
     Args:
         fleet: N robots.
@@ -70,21 +61,46 @@ def open_loop(
         RunFailedError: when a robot tips over; its `logs` contain what was recorded until then.
         InvalidValueError: for arguments out of range.
     """
+    everything = _rows(duration, PERIOD if feed is None else feed.period)
+    return next(open_loop_parts(fleet, omega, duration, feed, locator, descriptions, progress, watch, everything))
+
+
+def open_loop_parts(
+    fleet: Fleet,
+    omega: Array,
+    duration: float,
+    feed: ScannerFeed | None = None,
+    locator: Locator | None = None,
+    descriptions: Sequence[Description] | None = None,
+    progress: Progress = lambda seconds: None,
+    watch: Stopwatch | None = None,
+    rows_at_once: int | None = None,
+) -> Iterator[list[RunLog]]:
+    """Drive as `open_loop` does, and give the same runs in parts: logs of the rows after those of the part before.
+
+    A part is forgotten once the next one is asked for, so that memory doesn't grow with the duration. Arguments and
+    errors are those of `open_loop`; the logs of a RunFailedError contain what was recorded since the part before.
+
+    Args:
+        fleet, omega, duration, feed, locator, descriptions, progress, watch: see `open_loop`.
+        rows_at_once: about as many rows are in a part; by default as many as suit the number of robots.
+    """
     watch = watch or Stopwatch()
     period = PERIOD if feed is None else feed.period
     omega = limit_sprocket_speeds(np.broadcast_to(np.asarray(omega, float), (fleet.size, 2)), fleet.drive.limit)
-    rows = int(duration / period + 1e-9) + 1
-    require(rows >= 2, "duration", duration, f"at least the time between two scans, {period:g} s")
-    record = RunRecorder(fleet, rows, period, descriptions)
+    rows = _rows(duration, period)
+    least = max(2, rows_at_once or min(max(_FEWEST_ROWS, _MEASUREMENTS // fleet.size), _MOST_ROWS))
+    record = RunRecorder(fleet, min(rows, least + _SCANS_AT_ONCE), period, descriptions)
     scans = None if feed is None or locator is None else _Scans(fleet, record, feed, locator, watch)
 
     def logs(failure: str | None = None) -> list[RunLog]:
         return record.logs(failure=failure) if scans is None else scans.logs(failure)
 
     try:
-        for k in range(rows):
+        for left in reversed(range(rows)):
+            k = record.complete
             with watch.stage("physics"):
-                if k > 0:
+                if left < rows - 1:
                     fleet.advance(period)
                     progress(period)
                 record.measure(k)
@@ -94,10 +110,23 @@ def open_loop(
                 scans.take()
             fleet.command(omega)
             record.command(k)
+            # a log has two rows or more
+            if record.complete >= least and left >= 2 and (scans is None or scans.located):
+                yield logs()
+                record.go_on()
+                if scans is not None:
+                    scans.go_on()
     except RunFailedError as error:
         error.logs = logs(str(error))
         raise
-    return logs()
+    yield logs()
+
+
+def _rows(duration: float, period: float) -> int:
+    """Rows of a run of some duration [s]; raises InvalidValueError for less than two."""
+    rows = int(duration / period + 1e-9) + 1
+    require(rows >= 2, "duration", duration, f"at least the time between two scans, {period:g} s")
+    return rows
 
 
 class _Scans:
@@ -108,17 +137,27 @@ class _Scans:
     ) -> None:
         self._fleet, self._record, self._feed, self._locator, self._watch = fleet, record, feed, locator, watch
         self._tracker = Tracker(fleet.pose(), fleet.robot.geometry)
-        self._block = max(1, _SCANS_AT_ONCE // fleet.size)
         self._waiting: list[Array] = []  # true ranges (N, B) each
-        self._located = 0  # rows
+        self._located = 0  # rows of the record
+        self._begun = False
         self._clusters: list[Cluster] = []
+
+    @property
+    def located(self) -> bool:
+        """Whether no scan waits to be localized."""
+        return not self._waiting
+
+    def go_on(self) -> None:
+        """Forget the scans, as the record does its rows."""
+        self._located = 0
+        self._clusters.clear()
 
     def take(self) -> None:
         """Scan the robots where they are."""
-        if len(self._waiting) == self._block:
-            self._locate()
         with self._watch.stage("scans"):
             self._waiting.append(self._feed.true_ranges())
+        if len(self._waiting) == _SCANS_AT_ONCE:
+            self._locate()
 
     def logs(self, failure: str | None) -> list[RunLog]:
         """See `RunRecorder.logs`."""
@@ -138,29 +177,14 @@ class _Scans:
         self._waiting.clear()
         self._located += ranges.shape[1]
         with self._watch.stage("localization"):
-            self._track(ranges, first)
-            scan, pose = feed.scan(_flat(ranges)), _flat(record.pose[first : self._located].swapaxes(0, 1))
+            rows = slice(first, self._located)
+            angle = record.omega[rows].swapaxes(0, 1) * feed.period
+            if not self._begun:
+                angle[:, 0] = 0.0  # the tracker starts from the pose of the first scan
+                self._begun = True
+            record.estimates(rows, follow(self._locator, feed.scan(ranges), self._tracker, angle))
+            scan, pose = feed.scan(_flat(ranges)), _flat(record.pose[rows].swapaxes(0, 1))
             self._clusters.append(extract_plate(scan, self._fleet.robot.plate, scan.from_world(pose)))
-
-    def _track(self, ranges: Array, first: int) -> None:
-        """Record the poses of the rows from `first` on, found in ranges (N, block, B).
-
-        All scans are localized at once. Where the tracker rejects a pose, something else was taken for the plate, and
-        the plate is searched for again, near the predicted pose.
-        """
-        robots, rows, _ = ranges.shape
-        record, feed = self._record, self._feed
-        single = self._locator.locate(feed.scan(_flat(ranges)))
-        parts = [part.reshape(robots, rows, *part.shape[1:]) for part in vars(single).values()]
-        for k, row in enumerate(range(first, first + rows)):
-            predicted = self._tracker.predict(record.omega[row], feed.period if row > 0 else 0.0)
-            estimate = PoseEstimate(*(part[:, k] for part in parts))
-            doubted = np.flatnonzero(~self._tracker.believes(estimate))
-            if doubted.size:
-                again = self._locator.locate(feed.scan(ranges[doubted, k]), predicted[doubted])
-                estimate.pose[doubted], estimate.covariance[doubted] = again.pose, again.covariance
-                estimate.valid[doubted] = again.valid
-            record.estimate(row, self._tracker.update(estimate))
 
 
 def closed_loop(
@@ -190,14 +214,11 @@ def closed_loop(
         pilots = [Pilot(pilots, range(fleet.size))]
     valid = sorted(i for pilot in pilots for i in pilot.robots) == list(range(fleet.size))
     require(valid, "pilots", [list(pilot.robots) for pilot in pilots], f"each robot 0..{fleet.size - 1} once")
-    geometry = fleet.robot.geometry
     period = PERIOD if feed is None else feed.period
     rows = math.ceil(reference.duration / period - 1e-9) + 1  # the last at the reference's end or just after
     record = RunRecorder(fleet, rows, period, descriptions)
-    tracker = Tracker(fleet.pose(), geometry)
-    for pilot in pilots:
-        pilot.controller.reset()
-        pilot.compensation.reset(fleet.pose()[pilot.robots])
+    tracker = Tracker(fleet.pose(), fleet.robot.geometry)
+    steering = Steering(pilots, fleet.pose(), record, reference, fleet.robot.geometry)
 
     def logs(failure: str | None = None) -> list[RunLog]:
         if feed is None or locator is None or not feed.kept or not record.complete:
@@ -209,7 +230,6 @@ def closed_loop(
             plates.append(extract_plate(scan, fleet.robot.plate, pose))
         return record.logs(feed, plates, failure)
 
-    omega = np.zeros((fleet.size, 2))
     try:
         for k in range(rows):
             if k > 0:
@@ -224,47 +244,12 @@ def closed_loop(
                 if feed.kept:
                     record.scanned(scan.ranges)
                 record.estimate(k, tracker.update(locator.locate(feed.scan(scan.ranges[:, 0]), predicted)))
-            for pilot in pilots:
-                omega[pilot.robots] = _steer(pilot, record, k, reference, geometry, period)
-            fleet.command(limit_sprocket_speeds(omega, fleet.drive.limit))
+            fleet.command(limit_sprocket_speeds(steering.omega(k, period), fleet.drive.limit))
             record.command(k)
     except RunFailedError as error:
         error.logs = logs(str(error))
         raise
     return logs()
-
-
-def _steer(
-    pilot: Pilot, record: RunRecorder, k: int, reference: Reference, geometry: RobotGeometry, period: float
-) -> Array:
-    """Sprocket speeds (R, 2) [rad/s] that a pilot commands to its R robots in row k."""
-    robots = pilot.robots
-    pose: Array = record.pose[k, robots]
-    omega = record.omega[k, robots]
-    if k > 0:
-        pilot.compensation.observe(omega, period, record.estimated(k, robots))
-    if isinstance(pilot.compensation, SensesLoad):
-        pilot.compensation.sense(record.load[k, robots])
-    law = pilot.compensation.law()
-    if isinstance(pilot.compensation, SensesLoad):
-        pose = pose.copy()
-        pose[:, 2] += pilot.compensation.crab_angle(law.twist(omega, geometry))
-    if pilot.preview > 0:
-        pose = advance(pose, law.twist(omega, geometry), pilot.preview)
-    try:
-        if isinstance(pilot.controller, SensesSprockets):
-            pilot.controller.sense(omega)
-        wanted = pilot.controller.twist(float(record.time[k]) + pilot.preview, pose.copy(), reference)
-        twist = np.asarray(wanted, dtype=float)
-    except TrackslipError as error:
-        raise RunFailedError(str(error)) from error
-    except Exception as error:  # whatever a user's controller does
-        frames = traceback.extract_tb(error.__traceback__)[1:]  # without the call itself
-        where = f", {Path(frames[0].filename).name} line {frames[0].lineno}" if frames else ""
-        what = f"its controller fails at {record.time[k]:g} s ({type(error).__name__}: {error}){where}"
-        raise RunFailedError(f"run {record.name(robots[0])!r}: {what}") from error
-    record.steered(k, robots, twist, law)
-    return law.sprocket_speeds(twist, geometry)
 
 
 def _flat(array: np.ndarray) -> np.ndarray:

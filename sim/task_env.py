@@ -44,7 +44,7 @@ class Task(Protocol):
         """Observations (N, n), float32."""
 
     def info(self) -> dict[str, NDArray[Any]]:
-        """Further quantities by name, as arrays (N, ...); the keys are always the same."""
+        """Further quantities by name, as arrays (N, ...), which may be the task's own; the keys are always the same."""
 
 
 class Renderer(Protocol):
@@ -134,4 +134,4 @@ def spaces(task: Task) -> tuple[Any, Any]:
 
 def row_of(info: dict[str, Any]) -> dict[str, Any]:
     """Entries of `info` for robot 0: numbers, texts and arrays."""
-    return {name: values[0].copy() if values.ndim > 1 else values[:1].tolist()[0] for name, values in info.items()}
+    return {name: values[0].copy() if values.ndim > 1 else values.tolist()[0] for name, values in info.items()}

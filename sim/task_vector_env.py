@@ -145,7 +145,9 @@ class TaskVectorEnv(VectorEnv[Observations, Observations, np.ndarray]):
     def _infos(self, whose: NDArray[np.bool_]) -> dict[str, Any]:
         """Infos with masks `whose` (N,); zero, or None, for the other robots."""
         infos: dict[str, Any] = {}
+        others = ~whose
         for name, values in self.task.info().items():
-            values[~whose] = None if values.dtype == object else 0
-            infos[name], infos[f"_{name}"] = values, whose.copy()
+            own = values.copy()
+            own[others] = None if values.dtype == object else 0
+            infos[name], infos[f"_{name}"] = own, whose.copy()
         return infos

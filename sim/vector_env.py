@@ -10,6 +10,7 @@ from sim.path_tracking.config import PERIOD, EnvConfig
 from sim.path_tracking.renderer import Renderer
 from sim.path_tracking.tracking import PathTracking
 from sim.task_env import metadata
+from sim.task_options import from_options
 from sim.task_vector_env import TaskVectorEnv
 
 
@@ -34,7 +35,7 @@ class PathTrackingVectorEnv(TaskVectorEnv):
         """
 
         def task() -> PathTracking:
-            return PathTracking(EnvConfig.of(options), num_envs, threads)
+            return PathTracking(from_options(EnvConfig, options), num_envs, threads)
 
         super().__init__(task, num_envs, render_mode, Renderer, autoreset_mode)
         self.tracking = self.task

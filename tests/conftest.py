@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import gc
+import signal
 from functools import partial
 from pathlib import Path
 
@@ -16,6 +18,22 @@ from trackslip.localization.scan import Plate, Scan
 
 settings.register_profile("trackslip", deadline=None)  # a busy machine is no error
 settings.load_profile("trackslip")
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a shell's background, which the commands would inherit
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+def pytest_collection_finish():
+    """Leave the modules of all tests out of garbage collection, which would go through them again and again."""
+    gc.freeze()
+    gc.set_threshold(10_000)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _what_tyro_learns_is_kept():
+    """Keep what tyro reads from options' classes and their source; between commands, it would read all of it again."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tyro._unsafe_cache.clear_cache", lambda: None, raising=False)
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -74,11 +92,11 @@ def few_resamples(monkeypatch):
 def undrawn(monkeypatch):
     """Leave figures empty: drawing takes most of a report's time, and has tests of its own."""
 
-    def save(figure, file, **_):
+    def save(figure, file, format="svg", **_):
         if isinstance(file, Path):
             file.touch()
         else:
-            file.write("<svg></svg>")
+            file.write(b"%PDF" if format == "pdf" else "<svg></svg>")
 
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", save)
     monkeypatch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda engine, figure: None)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 
 class TrackslipError(Exception):
     """Base class of all errors that trackslip raises deliberately."""
@@ -20,6 +22,9 @@ class InvalidValueError(TrackslipError, ValueError):
         shown = float(value) if isinstance(value, float) else value  # the repr of NumPy's numbers includes their type
         super().__init__(f"{field} = {shown!r}: must be {allowed}")
         self.field, self.value, self.allowed = field, value, allowed
+
+    def __reduce__(self) -> tuple[type[InvalidValueError], tuple[str, object, str]]:
+        return type(self), (self.field, self.value, self.allowed)  # so that other processes can raise it
 
 
 class LogError(TrackslipError, ValueError):
@@ -50,26 +55,34 @@ def require(allowed: object, field: str, value: object, what: str) -> None:
 
 def require_positive(field: str, value: float) -> None:
     """Raise InvalidValueError unless `value` is finite and greater than zero."""
-    if not 0.0 < value < float("inf"):
+    if not _true(lambda: 0.0 < value < float("inf")):
         raise InvalidValueError(field, value, "a finite number > 0")
 
 
 def require_non_negative(field: str, value: float) -> None:
     """Raise InvalidValueError unless `value` is finite and at least zero."""
-    if not 0.0 <= value < float("inf"):
+    if not _true(lambda: 0.0 <= value < float("inf")):
         raise InvalidValueError(field, value, "a finite number >= 0")
 
 
 def require_at_most(field: str, value: float, limit: float, unit: str = "") -> None:
     """Raise InvalidValueError for a value above `limit`."""
-    if value > limit:
+    if not _true(lambda: value <= limit):
         raise InvalidValueError(field, value, f"at most {limit:g} {unit}".strip())
 
 
 def require_finite(field: str, value: float) -> None:
     """Raise InvalidValueError unless `value` is finite."""
-    if not -float("inf") < value < float("inf"):
+    if not _true(lambda: -float("inf") < value < float("inf")):
         raise InvalidValueError(field, value, "a finite number")
+
+
+def _true(comparison: Callable[[], object]) -> bool:
+    """Whether a comparison holds; that of a text or of several numbers with a number does not."""
+    try:
+        return bool(comparison())
+    except (TypeError, ValueError):
+        return False
 
 
 def first_line(error: Exception) -> str:

@@ -20,6 +20,7 @@ Array = NDArray[np.floating[Any]]
 SIDES = np.array([-1.0, 1.0])  # (2,) track speeds are v + SIDES * b * w: the left track is slower when w > 0
 
 
+_EPSILON = float(np.finfo(float).eps)
 _SMALL_TURN = 0.5  # turn below which series replace quotients [rad]
 _TERMS = np.arange(7)  # of these series: the rest is less than their rounding
 _SIGNS = (-1.0) ** _TERMS
@@ -75,16 +76,18 @@ def track_slip(omega: ArrayLike, twist: ArrayLike, geometry: RobotGeometry) -> A
     """
     commanded = geometry.sprocket_radius * np.asarray(omega, float)
     real = track_speeds(twist, geometry.half_gauge)
-    commanded, real = np.broadcast_arrays(commanded, real)
+    driven = commanded != 0
     with np.errstate(over="ignore"):
-        ratio = np.divide(real, commanded, out=np.full(real.shape, np.nan), where=commanded != 0)
-    return 1 - ratio
+        ratio = real / np.where(driven, commanded, 1.0)
+    return np.where(driven, 1 - ratio, np.nan)
 
 
 def curvature(twist: ArrayLike) -> Array:
     """Path curvature kappa = w / v [1/m], (...): signed infinity when turning in place, 0 at rest."""
     twist = np.asarray(twist, float)
     v, w = twist[..., 0], twist[..., 1]
+    if v.all():
+        return np.asarray(w / v)
     safe = np.where(v == 0, 1.0, v)
     return np.where(v == 0, np.where(w == 0, 0.0, np.copysign(np.inf, w)), w / safe)
 
@@ -92,18 +95,28 @@ def curvature(twist: ArrayLike) -> Array:
 def limit_sprocket_speeds(omega: ArrayLike, limit: float) -> Array:
     """Scale both sprocket speeds (..., 2) so that neither exceeds `limit` [rad/s] and the curvature is preserved."""
     omega = np.asarray(omega, float)
-    largest = np.abs(omega).max(axis=-1, keepdims=True)
+    largest = np.maximum.reduce(np.abs(omega), axis=-1, keepdims=True)
     return omega * (limit / np.maximum(largest, limit))
 
 
 def advance(pose: ArrayLike, twist: ArrayLike, duration: float | Array) -> Array:
     """Poses (..., 3) after driving a constant twist (..., 2) for `duration` [s]: exact arcs (Eqs. 6-7)."""
-    x, y, phi = np.moveaxis(np.asarray(pose, float), -1, 0)
-    v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
-    turn = w * duration
-    chord = v * duration * np.sinc(turn / (2 * np.pi))
-    heading = phi + turn / 2
-    return np.stack([x + chord * np.cos(heading), y + chord * np.sin(heading), phi + turn], axis=-1)
+    pose, twist = np.asarray(pose, float), np.asarray(twist, float)
+    turn = twist[..., 1] * duration
+    chord = twist[..., 0] * duration * _sinc(turn / (2 * np.pi))
+    heading = pose[..., 2] + turn / 2
+    moved = np.empty((*heading.shape, 3))
+    moved[..., 0] = pose[..., 0] + chord * np.cos(heading)
+    moved[..., 1] = pose[..., 1] + chord * np.sin(heading)
+    moved[..., 2] = pose[..., 2] + turn
+    return moved
+
+
+def _sinc(x: Array) -> Array:
+    """np.sinc of finite numbers (...), to the last bit and in less time."""
+    angle = np.pi * x
+    angle = np.where(angle == 0, _EPSILON, angle)
+    return np.asarray(np.sin(angle) / angle)
 
 
 def arc_quotients(turn: ArrayLike) -> tuple[Array, Array, Array, Array]:

@@ -20,10 +20,14 @@ _TURNING = 1e-6  # yaw rate above which a reference turns [rad/s]
 
 def body_errors(pose: ArrayLike, desired: ArrayLike) -> Array:
     """Errors (e_x, e_y, e_phi) (..., 3) of poses (..., 3) in the body frame [m, m, rad], e_phi wrapped; Eq. 18."""
-    pose, desired = np.asarray(pose, float), np.asarray(desired, float)
-    dx, dy, dphi = np.moveaxis(desired - pose, -1, 0)
-    cos, sin = np.cos(pose[..., 2]), np.sin(pose[..., 2])
-    return np.stack([cos * dx + sin * dy, -sin * dx + cos * dy, wrap_angle(dphi)], axis=-1)
+    pose = np.asarray(pose, float)
+    away = np.asarray(desired, float) - pose
+    cos, sin, dx, dy = np.cos(pose[..., 2]), np.sin(pose[..., 2]), away[..., 0], away[..., 1]
+    errors = np.empty(away.shape)
+    errors[..., 0] = cos * dx + sin * dy
+    errors[..., 1] = -sin * dx + cos * dy
+    errors[..., 2] = wrap_angle(away[..., 2])
+    return errors
 
 
 @dataclass(frozen=True)

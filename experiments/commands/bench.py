@@ -1,8 +1,8 @@
 """`trackslip bench`: measure how fast the simulator is, store and print it."""
 
 import contextlib
+import math
 import os
-import sys
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -14,11 +14,13 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from experiments.commands import grid
-from experiments.measuring.drive_coverage import Check
+from experiments.measuring.check import Check
 from experiments.options.bench import BenchConfig
 from experiments.options.grid import SweepConfig
 from experiments.report.terminal import print_table
+from experiments.speed.gpu import distance, measure_gpu
 from experiments.speed.grid import measure_grid
+from experiments.speed.memory import peak_memory
 from experiments.speed.shear import measure_shear
 from experiments.speed.simulator import CASES, case_speeds, measure_simulator, thread_speedups
 from experiments.storage.manifest import make_manifest
@@ -26,6 +28,7 @@ from experiments.storage.results import SUMMARY_FILE, results_folder, write_resu
 from experiments.sweep.summary import Timing
 from experiments.validation.shear.cost import FEWEST, MOST
 from sim.robot.robot import Robot, load_robot
+from sim.warp.devices import GPU, require_available
 
 
 def run(config: BenchConfig) -> None:
@@ -33,7 +36,15 @@ def run(config: BenchConfig) -> None:
     began = perf_counter()
     with results_folder(config.out) as folder:
         robot = load_robot()
-        chosen = {_environments: config.env, _grid: config.grid, _terrain: config.terrain, _shear: config.shear}
+        chosen = {
+            _environments: config.env,
+            _grid: config.grid,
+            _terrain: config.terrain,
+            _shear: config.shear,
+            _gpu: config.gpu,
+            _pipeline: config.pipeline,
+            _scale: config.scale,
+        }
         measure = next((one for one, wanted in chosen.items() if wanted), _simulator)
         summary, tables = measure(config, robot)
         memory = peak_memory()
@@ -110,6 +121,61 @@ def _shear(config: BenchConfig, robot: Robot) -> _Measured:
     return {"rows": costs, "checks": [one.to_json() for one in checks]}, [("Cost of shear", header, rows)]
 
 
+def _gpu(config: BenchConfig, robot: Robot) -> _Measured:
+    require_available(GPU)
+    with _progress(len(config.gpu_sizes) * (1 + config.repeats)) as step:
+        check = distance(robot)
+        speeds = measure_gpu(config.gpu_sizes, config, robot, step)
+    header = ("robots", "processor, steps/s", "MuJoCo Warp", "fleet", "fleet / processor", "real-time factor")
+    rows: list[_Cells] = []
+    for one in speeds:
+        rates = one.processor_steps_per_s, one.warp_steps_per_s, one.fleet_steps_per_s
+        ratios = f"{one.ratio_to_processor:.1f}", f"{one.real_time_factor:,.0f}"
+        rows.append((f"{one.n:,}", *(f"{rate:,.0f}" for rate in rates), *ratios))
+    apart = f"{check.case}: {check.what}", *_value_and_bound(check)
+    return {"rows": speeds, "checks": [check.to_json()]}, [
+        ("Speed on a GPU", header, rows),
+        ("Beside the processor", ("what", "value", "bound", "unit", ""), [apart]),
+    ]
+
+
+def _pipeline(config: BenchConfig, _: Robot) -> _Measured:
+    from experiments.speed.pipeline.areas import AREAS, measure_of  # late: only this needs laws and reports
+
+    checks: list[Check] = []
+    with _progress(len(AREAS)) as step:
+        for area in AREAS:
+            checks += measure_of(area)(config.seed, config.repeats, lambda label: step(label, 0))
+            step(area, 1)
+    return {"checks": [one.to_json() for one in checks]}, [_check_table("The pipeline beside its bounds", checks)]
+
+
+def _scale(config: BenchConfig, _: Robot) -> _Measured:
+    from experiments.speed.pipeline import scale  # late: only this needs processes
+
+    with _progress(len(scale.CASES)) as step:
+        cases = scale.measure_cases(scale.CASES, config.seed, step)
+    header = ("robots", "duration [s]", "wall [s]", "per robot and second [ms]", "peak memory [MB]", "file [MB]")
+    rows: list[_Cells] = []
+    for one in cases:
+        times = f"{one.seconds:.3g}", f"{1e3 * one.per_robot_second:.3g}"
+        rows.append((str(one.robots), f"{one.duration:g}", *times, f"{one.memory:.0f}", f"{one.file_size:.3g}"))
+    checks = (*scale.checks_of(cases), scale.planning(config.repeats))
+    tables = [("Runs written to Parquet while they last", header, rows), _check_table("Scale", checks)]
+    return {"rows": cases, "checks": [one.to_json() for one in checks]}, tables
+
+
+def _check_table(title: str, checks: Sequence[Check]) -> _Table:
+    rows: list[_Cells] = [(f"{one.case}: {one.what}", *_value_and_bound(one)) for one in checks]
+    return title, ("what", "value", "bound", "unit", ""), rows
+
+
+def _value_and_bound(check: Check) -> _Cells:
+    low, high = check.ends
+    limits = [text for end, text in ((low, f"at least {low:g}"), (high, f"at most {high:g}")) if math.isfinite(end)]
+    return f"{check.value:.3g}", ", ".join(limits), check.unit, "holds" if check.holds else "does not hold"
+
+
 def _speed_table(title: str, speeds: Sequence[Any]) -> _Table:
     rows: list[_Cells] = []
     for one in speeds:
@@ -142,19 +208,9 @@ def _drive_grid(sweep: SweepConfig) -> Timing:
         return grid.drive_and_store(replace(sweep, out=Path(folder) / "grid")).timing
 
 
-def peak_memory() -> float | None:
-    """The most memory that this process has used so far [MB]; None where the system doesn't tell."""
-    if sys.platform == "win32":
-        return None
-    import resource
-
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return peak * (1 if sys.platform == "darwin" else 1024) / 1e6  # Linux counts in KiB
-
-
 @contextlib.contextmanager
-def _progress(rounds: int) -> Iterator[Callable[[str], None]]:
-    """A progress bar on standard error; call what it yields after each round.
+def _progress(rounds: int) -> Iterator[Callable[..., None]]:
+    """A progress bar on standard error; call what it yields with a label after each round, or after so many.
 
     Unlike the bars of other commands it draws only between measurements: a thread that redraws would be measured, too.
     """
@@ -163,7 +219,7 @@ def _progress(rounds: int) -> Iterator[Callable[[str], None]]:
     with Progress(*columns, console=console, disable=not console.is_terminal, auto_refresh=False) as bar:
         task = bar.add_task("warming up", total=rounds)
         try:
-            yield lambda stage: bar.update(task, advance=1, description=stage, refresh=True)
+            yield lambda stage, rounds=1: bar.update(task, advance=rounds, description=stage, refresh=True)
         except BaseException:
             bar.live.transient = True  # leave the terminal to the error message
             raise

@@ -1,86 +1,111 @@
 """`trackslip reproduce`: the paper from its first run to its last figure."""
 
 import time
-from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
-from experiments.driving.closed_loop import ClosedLoopRun, drive_closed_loops, start_pose
-from experiments.driving.grid_runs import cells_of, drive_grid
-from experiments.driving.paper_model import KNOWN_LAWS
+from experiments.driving.grid_runs import cells_of
 from experiments.driving.world import World
 from experiments.measuring.grid import grid_summary, saturation_warnings, simulated_seconds
 from experiments.measuring.paper_comparison import compare_with_paper
 from experiments.measuring.tracking import tracking_results
 from experiments.options.reproduce import ReproduceConfig
 from experiments.options.world import IDENTIFIED
+from experiments.parallel.executors import copied_workers
 from experiments.recording import record_all
 from experiments.recording.failed_runs import results_or_failed_runs
+from experiments.report.figures.localization import sightings
 from experiments.report.formats import for_terminal, stages_text
-from experiments.report.reproduction import COMPARISON_HEADER, Report, comparison_table, render
-from experiments.report.terminal import busy, print_table, progress
+from experiments.report.reproduction import (
+    COMPARISON_HEADER,
+    ERRORS_DEFINED,
+    PLANNED_TRAJECTORY,
+    Report,
+    comparison_table,
+    figures_of,
+    published_beside,
+    render,
+)
+from experiments.report.terminal import busy, print_table
 from experiments.report.tracking import TRACKING_HEADER, tracking_table
+from experiments.reproducing.figures import Figures
+from experiments.reproducing.grid import drive_grid
+from experiments.reproducing.loops import Loops
 from experiments.storage.manifest import command_line
 from experiments.storage.plain_json import plain
-from experiments.storage.results import REPORT_FILE, write_results
+from experiments.storage.results import REPORT_FILE, write_results, write_runs
 from sim.run_recorder import RunFailedError
-from sim.stopwatch import Stopwatch
+from sim.stopwatch import Stopwatch, timed
 from trackslip.identification.identify import identify_samples
 from trackslip.identification.result import identification_to_json
 from trackslip.identification.samples import usable_samples
 from trackslip.logs.runlog import RunLog
-from trackslip.slip.base import SlipLaw
-from trackslip.slip.compensation import FixedLaw
 from trackslip.slip.exponential import PUBLISHED
 from trackslip.trajectory.segmented import paper_reference
 
 
 def run(config: ReproduceConfig) -> None:
-    """Drive the grid, identify the laws, verify them in closed loop, store, report and print."""
+    """Drive the grid, identify the laws, verify them in closed loop, store, report and print.
+
+    Workers do all that is independent; a worker that is free draws figures. The times by stage are those of all workers
+    together.
+    """
     began = time.perf_counter()
     watch = Stopwatch()
     world = World.of(config)
-    with results_or_failed_runs(config.out, "reproduce", world) as folder:
+    with copied_workers(config.threads) as workers, results_or_failed_runs(config.out, "reproduce", world) as folder:
         geometry = world.robot.geometry
-        cells = cells_of(config)
-        with progress(f"{len(cells)} runs, scans and poses", config.duration) as report:
-            grid_logs = drive_grid(config, world, report, watch)
-        with progress("slips and laws", 3, "stages") as report:
-            with watch.stage("slips"):
-                sampling = usable_samples(grid_logs, geometry, method=config.motion, longest=True)
-                report(1)
-            with watch.stage("laws"):
-                found = identify_samples(sampling, geometry)
-                report(1)
-            with watch.stage("errors of all methods"):
-                names = [cell.name for cell in cells]
-                grid = grid_summary(config, names, grid_logs, sampling.samples, geometry, watch)
-                report(1)
+        names = [cell.name for cell in cells_of(config)]
+        figures = Figures(workers, config.pdf)
+        with busy(f"{len(names)} runs, scans and poses"):
+            driven = drive_grid(config, workers, watch)
+        grid_logs = driven.logs
+        with busy("slips and laws"):
+            sampling = usable_samples(grid_logs, geometry, method=config.motion, longest=True, measured=driven.measured)
+            identified = workers.begin(timed, "laws", identify_samples, sampling, geometry)
+            report = Report(
+                title="Slip of a tracked robot: the paper and its simulation",
+                command=command_line("reproduce"),
+                manifest={},
+                grid_logs=grid_logs,
+                seen=sightings(grid_logs),
+            )
+            figures.begin([*figures_of(report), PLANNED_TRAJECTORY, ERRORS_DEFINED])
+            grid = grid_summary(config, names, grid_logs, sampling.samples, geometry, watch, driven.measured)
+            found, times = identified()
+            watch.add(times)
         laws = {name: fitted.law for name, fitted in found.comparison.laws.items()}
-        with watch.stage("closed loops"):
+        with busy("closed loops"):
+            loops = Loops(config, {name: laws[name] for name in IDENTIFIED if name in laws}, workers)
+            report = replace(report, radius=grid.radius, identification=found)
+            figures.begin(figures_of(report))
             try:
-                tracking_logs = drive_paths(config, world, {name: laws[name] for name in IDENTIFIED if name in laws})
+                tracking_logs = loops.logs(watch)
             except RunFailedError as failure:
                 failure.logs = [*grid_logs, *failure.logs]
                 raise
+        logs = [*grid_logs, *tracking_logs]
         tracking = tracking_results(tracking_logs, paper_reference())
         comparison = compare_with_paper(grid, laws, tracking)
         warnings = saturation_warnings(grid_logs)
-        with watch.stage("report"), busy("report"):
-            manifest = world.manifest("reproduce", time.perf_counter() - began)
-            page = Report(
-                title="Slip of a tracked robot: the paper and its simulation",
-                command=command_line("reproduce"),
-                manifest=manifest,
+        with busy("report"):
+            published = workers.begin(timed, "report", published_beside, [log.between(0, 2) for log in tracking_logs])
+            write_runs(folder, logs)
+            beside, times = published()
+            watch.add(times)
+            report = replace(
+                report,
+                manifest=world.manifest("reproduce", time.perf_counter() - began),
                 comparison=comparison,
-                radius=grid.radius,
-                grid_logs=grid_logs,
-                identification=found,
                 tracking=tracking,
                 tracking_logs=tracking_logs,
+                published=beside,
                 warnings=warnings,
             )
-            render(page).write(folder, config.pdf)
-        logs = [*grid_logs, *tracking_logs]
+            figures.begin(figures_of(report))
+            drawn = figures.drawn(watch)
+            with watch.stage("report"):
+                render(report, drawn).write(folder, config.pdf)
         wall, simulated = time.perf_counter() - began, simulated_seconds(logs)
         summary: dict[str, Any] = {
             **identification_to_json(found),
@@ -93,7 +118,7 @@ def run(config: ReproduceConfig) -> None:
             "tracking": [result.to_json() for result in tracking],
             "timing": {"wall_s": wall, "simulated_s": simulated, "stages": watch.stages},
         }
-        write_results(folder, plain(summary), manifest, logs)
+        write_results(folder, plain(summary), report.manifest)
         if config.rrd:
             compared: dict[str, list[RunLog]] = {}
             for log in tracking_logs:
@@ -106,20 +131,3 @@ def run(config: ReproduceConfig) -> None:
         print(f"warning: {warning}")
     print(stages_text(watch.stages))
     print(f"{config.out / REPORT_FILE}: {wall:.1f} s for {simulated:.0f} s of simulated driving")
-
-
-def drive_paths(config: ReproduceConfig, world: World, identified: Mapping[str, SlipLaw]) -> list[RunLog]:
-    """Drive both controllers with every compensation along the paper's path, as one fleet (Sec. IV)."""
-    path = paper_reference()
-    laws = {**KNOWN_LAWS, **identified}
-    starts = {name: start_pose(name, "paper", path) for name in ("feedforward", "linear")}
-    metadata = {"reference": "paper"}
-    runs = [
-        ClosedLoopRun(f"{name} {law}", f"track {name} {law}", config.seed, name, law, start, metadata=metadata)
-        for name, start in starts.items()
-        for law in laws
-    ]
-    with progress(f"{len(runs)} closed loops", path.duration) as report:
-        return drive_closed_loops(
-            runs, world, path, config.localization, lambda law: FixedLaw(laws[law]), progress=report
-        )

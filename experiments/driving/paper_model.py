@@ -33,33 +33,44 @@ def published_poses(log: RunLog) -> Array:
     return advance(begin, twist, log.time - log.time[0])
 
 
-def published_runs(controller: str, start: Array, geometry: RobotGeometry) -> dict[str, RunLog]:
-    """Compensation -> run along the paper's path, with the slip of Eq. 11, from the pose `start` (3,) [m, m, rad]."""
-    runs = _driven(controller, start, tuple(KNOWN_LAWS.values()), geometry, paper_reference())
-    return dict(zip(KNOWN_LAWS, runs, strict=True))
+def published_runs(starts: Mapping[str, Array], geometry: RobotGeometry) -> dict[str, dict[str, RunLog]]:
+    """Controller -> compensation -> run along the paper's path, with the slip of Eq. 11.
+
+    `starts` are the poses (3,) [m, m, rad] where the runs of each controller begin.
+    """
+    runs = _driven(starts, tuple(KNOWN_LAWS.values()), geometry, paper_reference())
+    return {name: dict(zip(KNOWN_LAWS, of_laws, strict=True)) for name, of_laws in runs.items()}
 
 
 def published_run(controller: str, start: Array, law: SlipLaw, geometry: RobotGeometry, reference: Reference) -> RunLog:
     """One run compensated with `law`; the robot slips as in Eq. 11 at the curvature that it actually drives."""
-    return _driven(controller, start, [law], geometry, reference)[0]
+    return _driven({controller: start}, [law], geometry, reference)[controller][0]
 
 
 def _driven(
-    controller: str, start: Array, laws: Sequence[SlipLaw], geometry: RobotGeometry, reference: Reference
-) -> list[RunLog]:
-    """A run for each law, all from the same start."""
-    driver, limit = CONTROLLERS[controller](), TOP_SPEED / geometry.sprocket_radius
-    driver.reset()
+    starts: Mapping[str, Array], laws: Sequence[SlipLaw], geometry: RobotGeometry, reference: Reference
+) -> dict[str, list[RunLog]]:
+    """A run for each controller and law; the runs of a controller have one start."""
+    drivers, limit = [CONTROLLERS[name]() for name in starts], TOP_SPEED / geometry.sprocket_radius
+    for driver in drivers:
+        driver.reset()
     time = np.arange(0, reference.duration + PERIOD / 2, PERIOD)
-    pose, commanded, omega = (np.empty((len(time) + 1, len(laws), size)) for size in (3, 2, 2))
-    pose[0] = start
+    shape = len(time) + 1, len(drivers), len(laws)
+    pose, commanded, omega = (np.empty((*shape, size)) for size in (3, 2, 2))
+    pose[0] = np.array([*starts.values()])[:, None]
     for k, now in enumerate(time.tolist()):
-        commanded[k] = driver.twist(now, pose[k], reference)
-        wanted = [law.sprocket_speeds(twist, geometry) for law, twist in zip(laws, commanded[k], strict=True)]
-        omega[k] = limit_sprocket_speeds(wanted, limit)
+        for c, driver in enumerate(drivers):
+            commanded[k, c] = driver.twist(now, pose[k, c], reference)
+        for j, law in enumerate(laws):
+            omega[k, :, j] = law.sprocket_speeds(commanded[k, :, j], geometry)
+        omega[k] = limit_sprocket_speeds(omega[k], limit)
         pose[k + 1] = advance(pose[k], PUBLISHED.twist(omega[k], geometry), PERIOD)
-    name = f"{controller}, by the paper's equations"
-    return [RunLog(name, time, omega[:-1, k], pose[:-1, k], twist_command=commanded[:-1, k]) for k in range(len(laws))]
+
+    def log(name: str, c: int, j: int) -> RunLog:
+        twist = commanded[:-1, c, j]
+        return RunLog(f"{name}, by the paper's equations", time, omega[:-1, c, j], pose[:-1, c, j], twist_command=twist)
+
+    return {name: [log(name, c, j) for j in range(len(laws))] for c, name in enumerate(starts)}
 
 
 def geometry_of(metadata: Mapping[str, object]) -> RobotGeometry | None:

@@ -1,7 +1,6 @@
 """How often 95 % intervals cover the truth: with samples drawn from every law, and with grids scanned repeatedly."""
 
 import itertools
-import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
@@ -9,7 +8,8 @@ from typing import Self
 import numpy as np
 
 from experiments.options.coverage import CoverageConfig
-from experiments.parallel.workers import deaf_children, processes
+from experiments.parallel.executors import processors, workers
+from experiments.parallel.workers import deaf_children
 from sim.seeds import generator
 from trackslip.identification.comparison import Comparison
 from trackslip.identification.coverage import coverage, noise_coverage
@@ -112,9 +112,9 @@ def scanned_again(
     jobs = [(log, geometry, config.scanner.noise, config.seed, repeats) for log in logs]
     omega = np.array([steady_part(log, geometry).omega for log in logs])
     twists, covariances = [], []
-    with processes(config.threads or os.cpu_count() or 1) as pool:
+    with workers("processes", config.threads or processors()) as pool:
         with deaf_children():
-            results = pool.map(_bundled, jobs)
+            results = pool.executor.map(_bundled, jobs)
         for twist, covariance in results:
             twists.append(twist)
             covariances.append(covariance)

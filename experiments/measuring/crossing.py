@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from sim.seeds import generator
+from sim.task_options import from_options
 from sim.traverse.config import TraverseConfig
 from sim.traverse.outcome import Outcome
 from sim.traverse.policy import CrossingPolicy
@@ -70,7 +71,7 @@ def compare(
 
     The courses have two obstacles of all kinds, and are drawn with seeds that no training with `seed` uses.
     """
-    config = TraverseConfig.of(policy.options)
+    config = from_options(TraverseConfig, policy.options)
     task = Crossing(config, courses, threads)
     rates, crossed = [], []
     low, high = difficulty

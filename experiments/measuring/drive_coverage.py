@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import scipy
 
+from experiments.measuring.check import Check
 from experiments.measuring.drive_bound import drive_bound
 from experiments.measuring.drive_cases import CASES, DURATION, ENCODER_RATE, EXTRAS, LAW, TRUE_LAW, Case
 from sim.seeds import generator
@@ -145,30 +145,6 @@ def _bound(
     truth = np.array([*TRUE_LAW.values()])
     found = drive_bound(steps, truth, np.sqrt(np.maximum(between, _LEAST_WAY))[:, None] * white, noise)
     return dict(zip(TRUE_LAW, found.tolist(), strict=True))
-
-
-@dataclass(frozen=True)
-class Check:
-    """A number that has to lie within a bound."""
-
-    case: str
-    what: str
-    value: float
-    bound: float | tuple[float, float]
-    """The largest value allowed, or the smallest and the largest."""
-    unit: str
-    """SI; 1 for a pure number."""
-
-    @property
-    def holds(self) -> bool:
-        """Whether the value lies within the bound; NaN does not."""
-        low, high = self.bound if isinstance(self.bound, tuple) else (-np.inf, self.bound)
-        return bool(low <= self.value <= high)
-
-    def to_json(self) -> dict[str, Any]:
-        """An entry of `checks` in a summary.json."""
-        name = f"{self.case}: {self.what}"
-        return {"name": name, "value": self.value, "bound": self.bound, "unit": self.unit, "holds": self.holds}
 
 
 def checks_of(case: Case, repeats: Sequence[Repeat]) -> list[Check]:

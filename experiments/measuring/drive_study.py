@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from experiments.measuring.check import Check
 from experiments.measuring.drive_cases import CASES, DURATION, ENCODER_RATE, LAW, SIMULATED, TRUE_LAW
 from experiments.measuring.drive_coverage import (
     NOISE_FREE,
-    Check,
     Estimates,
     Repeat,
     Task,

@@ -4,6 +4,7 @@ import contextlib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Generic, Self, TypeVar
 
 import numpy as np
@@ -12,7 +13,7 @@ from experiments.options.grid import GridConfig
 from experiments.storage.plain_json import plain
 from sim.stopwatch import Stopwatch
 from trackslip.errors import LogError
-from trackslip.identification.samples import SlipSamples, samples_by_method, true_samples
+from trackslip.identification.samples import MeasuredRuns, SlipSamples, samples_by_method, true_samples
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.localization.bound import scan_ratio_to_bound
 from trackslip.logs.runlog import RunLog
@@ -156,10 +157,11 @@ def grid_summary(
     samples: SlipSamples,
     geometry: RobotGeometry,
     watch: Stopwatch,
+    measured: MeasuredRuns = MappingProxyType({}),
 ) -> GridSummary:
     """Evaluate a grid: `names` of all its runs, radius by radius; `logs` of those that were driven; and `samples`.
 
-    `watch` knows how long localization took.
+    `watch` knows how long localization took; runs may be `measured` by every method already.
     """
     sampled_logs = [log for log in logs if log.run in samples.run]
     truth = true_samples(sampled_logs, geometry)
@@ -188,17 +190,20 @@ def grid_summary(
             scans_per_s=sum(len(log.time) for log in logs) / seconds if seconds else None,
         ),
         slip_error=OuterInner.of(samples.slip - truth.slip, ErrorStatistics.of),
-        slip_error_by_method=errors_by_method(sampled_logs, geometry),
+        slip_error_by_method=errors_by_method(sampled_logs, geometry, measured),
     )
 
 
-def errors_by_method(logs: Sequence[RunLog], geometry: RobotGeometry) -> dict[str, OuterInner[ErrorStatistics] | None]:
+def errors_by_method(
+    logs: Sequence[RunLog], geometry: RobotGeometry, measured: MeasuredRuns = MappingProxyType({})
+) -> dict[str, OuterInner[ErrorStatistics] | None]:
     """Errors of slip with every motion method, over the runs that it suits; None where it suits none."""
     errors: dict[str, list[Array]] = {name: [] for name in MOTION_METHODS}
     for log in logs:
         with contextlib.suppress(LogError):
             true = true_samples([log], geometry).slip
-            for name, sample in samples_by_method(log, geometry).items():
+            known = measured.get(log.run)
+            for name, sample in (samples_by_method(log, geometry) if known is None else known).items():
                 errors[name].append(sample.slip - true)
     return {
         name: OuterInner.of(np.concatenate(parts), ErrorStatistics.of) if parts else None

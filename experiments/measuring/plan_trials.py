@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from experiments.driving.plan import Driven, SimulatedDrives, driven_by_law, paper_by_law
+from experiments.measuring.check import Check
 from experiments.measuring.drive_cases import TRUE_LAW
-from experiments.measuring.drive_coverage import Check
 from experiments.measuring.prediction_ahead import ahead
 from experiments.parallel.executors import Workers
 from sim.drive.drive import Drive

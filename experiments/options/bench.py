@@ -8,8 +8,11 @@ from experiments.options.world import MAX_DURATION, MAX_THREADS, MIN_DURATION
 from trackslip.errors import InvalidValueError
 
 MAX_ROBOTS = 10_000
+MAX_GPU_ROBOTS = 1_000_000
 MAX_REPEATS = 1000
 _SHEAR_SIZES = (32, 64, 256)
+_GPU_SIZES = (1024, 4096, 16_384, 65_536)
+_CHOICES = ("env", "grid", "terrain", "shear", "gpu", "pipeline", "scale")
 
 
 @dataclass(frozen=True)
@@ -17,7 +20,9 @@ class BenchConfig:
     """Measure the speed of the simulation: bare physics, a fleet, a fleet with scanners, and the closed loop.
 
     With --env, measure the learning environments instead; with --grid, a grid of a thousand runs; with --terrain,
-    robots with tracks on level ground, on ten steps and on rough ground; with --shear, what ground that shears costs.
+    robots with tracks on level ground, on ten steps and on rough ground; with --shear, what ground that shears costs;
+    with --gpu, fleets on an NVIDIA GPU; with --pipeline, each stage of the pipeline against its bound; with --scale,
+    many robots and long runs.
     """
 
     sizes: tuple[int, ...] = (1, 25, 256)
@@ -46,20 +51,27 @@ class BenchConfig:
     """Numbers of robots on terrain; needs --terrain."""
     shear: bool = False
     """Measure fleets on ground that shears and on Coulomb ground; by default of 32, 64 and 256 robots."""
+    gpu: bool = False
+    """Measure fleets on an NVIDIA GPU, with MuJoCo Warp; by default of 1,024 to 65,536 robots."""
+    pipeline: bool = False
+    """Measure each stage, from physics to report, and compare it with its bound; takes minutes."""
+    scale: bool = False
+    """Measure how time and memory grow with the number of robots and the length of runs; takes minutes."""
     seed: int = 0
     """Seed of all random numbers."""
     out: Path = Path("out/bench")
     """Folder for the results."""
 
     def __post_init__(self) -> None:
-        for name, most in (("sizes", MAX_ROBOTS), ("thread_counts", MAX_THREADS), ("terrain_sizes", MAX_ROBOTS)):
+        sizes = MAX_GPU_ROBOTS if self.gpu else MAX_ROBOTS
+        for name, most in (("sizes", sizes), ("thread_counts", MAX_THREADS), ("terrain_sizes", MAX_ROBOTS)):
             checks.require_distinct(name, getattr(self, name), "number")
             for value in getattr(self, name):
                 checks.require_integer(name, value, 1, most)
         checks.require_positive_up_to("seconds", self.seconds, MAX_DURATION, "s")
         checks.require_integer("repeats", self.repeats, 1, MAX_REPEATS)
         checks.require_integer("env_size", self.env_size, 1, MAX_ROBOTS)
-        chosen = [name for name in ("env", "grid", "terrain", "shear") if getattr(self, name)]
+        chosen = [name for name in _CHOICES if getattr(self, name)]
         if len(chosen) > 1:
             raise InvalidValueError(chosen[-1], True, f"left out with --{chosen[0]}")
         if not 25 <= self.grid_runs <= MAX_ROBOTS or self.grid_runs % 25:
@@ -76,8 +88,17 @@ class BenchConfig:
             checks.refuse_unused(self, ("sizes",), "with --env, --grid and --terrain")
         if self.grid:
             checks.refuse_unused(self, ("seconds", "repeats"), "with --grid")
+        if self.gpu:
+            checks.refuse_unused(self, ("thread_counts", "seconds"), "with --gpu")
+        if self.pipeline or self.scale:
+            checks.refuse_unused(self, ("sizes", "thread_counts", "seconds"), "with --pipeline and --scale")
 
     @property
     def shear_sizes(self) -> tuple[int, ...]:
         """Numbers of robots with --shear: those given, or else enough for the cost to be bounded."""
         return _SHEAR_SIZES if self.sizes == BenchConfig.sizes else self.sizes
+
+    @property
+    def gpu_sizes(self) -> tuple[int, ...]:
+        """Numbers of robots with --gpu: those given, or else enough to occupy a GPU."""
+        return _GPU_SIZES if self.sizes == BenchConfig.sizes else self.sizes

@@ -122,16 +122,21 @@ class WanderConfig(Repeatable):
     encoder_rate: float = 50.0
     """Readings of the encoders per second [Hz]."""
     source: SourceOptions = field(default_factory=SourceOptions)
+    """The source of the poses, and properties that differ from the named one's."""
     motion: Literal["mujoco", "law"] = "mujoco"
     """What moves the robot: the simulated ground, or a slip law exactly."""
     law: LawOptions = field(default_factory=LawOptions)
+    """Motion by a law of constant ICRs instead of MuJoCo's; needs --motion law."""
     robot: Annotated[Path | None, default_is("the shipped robot", "FILE")] = None
     """Robot file as written by calibrate: the robot's parameters and its ground."""
     radius_error: Annotated[float | None, default_is("the robot's", "FLOAT")] = None
     """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     drive: Drive = field(default_factory=Drive)
+    """Servo and motor of a sprocket. Only the top speed is the paper's; everything else is assumed."""
     ground: GroundOptions = field(default_factory=GroundOptions)
+    """The ground, and properties that differ from the named one's."""
     pull: PullOptions = field(default_factory=PullOptions, metadata={"stored_unless": PullOptions()})
+    """What the robot tows."""
     rrd: bool = False
     """Also write recordings for the rerun viewer to OUT/recordings."""
     bag: bool = False

@@ -108,10 +108,13 @@ class Equipment:
     radius_error: Annotated[float | None, default_is("the robot's", "FLOAT")] = None
     """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     drive: Drive = field(default_factory=Drive)
+    """Servo and motor of a sprocket. Only the top speed is the paper's; everything else is assumed."""
     scanner: LaserScanner = field(default_factory=LaserScanner)
+    """A line scanner modelled on the SICK LMS 200; the paper doesn't name its scanner."""
     obstacles: Annotated[str | None, default_is("nothing", "NAME|FILE")] = None
     """Objects that the scanner sees besides the plate: posts, room, walker, occluded, or a .toml file."""
     pull: PullOptions = field(default_factory=PullOptions, metadata={"stored_unless": PullOptions()})
+    """What the robot tows."""
     rrd: bool = False
     """Also write recordings for the rerun viewer to OUT/recordings."""
 
@@ -129,6 +132,7 @@ class Simulation(Repeatable, Equipment):
     """The simulated world, the same for every command that drives."""
 
     ground: GroundOptions = field(default_factory=GroundOptions)
+    """The ground, and properties that differ from the named one's."""
 
     def __post_init__(self) -> None:
         Repeatable.__post_init__(self)

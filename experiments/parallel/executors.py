@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any, TypeVar
 
-from experiments.parallel.workers import deaf_children, processes
+from experiments.parallel.workers import copies, deaf_children, processes
 from trackslip.errors import TrackslipError, first_line
 
 _AHEAD = 2  # submitted tasks per worker, so that no worker waits for its next one
@@ -43,22 +43,44 @@ class Workers:
         ahead = 1 if self.inline else _AHEAD * self.count
         left = iter(tasks)
         pending = self._submitted(do, islice(left, ahead))
-        try:
+        with _named_failures():
             while pending:
                 done, pending = futures.wait(pending, return_when=futures.FIRST_COMPLETED)
                 for future in done:
                     yield future.result()
                     pending |= self._submitted(do, islice(left, 1))
-        except (futures.BrokenExecutor, futures.CancelledError) as error:
-            raise WorkersFailedError("a worker died") from error
-        except Exception as error:
-            if not type(error).__module__.startswith("distributed"):
-                raise
-            raise WorkersFailedError(f"the cluster fails ({type(error).__name__})") from error
+
+    def begin(self, do: Callable[..., Result], *arguments: Any) -> Callable[[], Result]:
+        """Let a worker do a task; call what is returned for its result, which raises WorkersFailedError, too."""
+        with self._starting():
+            future = self.executor.submit(do, *arguments)
+
+        def result() -> Result:
+            with _named_failures():
+                return future.result()
+
+        return result
 
     def _submitted(self, do: Callable[[Task], Result], tasks: Iterable[Task]) -> set[Future[Result]]:
-        with deaf_children() if isinstance(self.executor, futures.ProcessPoolExecutor) else contextlib.nullcontext():
+        with self._starting():
             return {self.executor.submit(do, task) for task in tasks}
+
+    def _starting(self) -> contextlib.AbstractContextManager[None]:
+        """What tasks are submitted in, as that is when processes start."""
+        return deaf_children() if isinstance(self.executor, futures.ProcessPoolExecutor) else contextlib.nullcontext()
+
+
+@contextlib.contextmanager
+def _named_failures() -> Iterator[None]:
+    """Turn the failures of workers, not those of their tasks, into WorkersFailedErrors."""
+    try:
+        yield
+    except (futures.BrokenExecutor, futures.CancelledError) as error:
+        raise WorkersFailedError("a worker died") from error
+    except Exception as error:
+        if not type(error).__module__.startswith("distributed"):
+            raise
+        raise WorkersFailedError(f"the cluster fails ({type(error).__name__})") from error
 
 
 class InlineExecutor(Executor):
@@ -90,6 +112,17 @@ def workers(name: str, jobs: int) -> Iterator[Workers]:
     else:
         with _mpi() if name == "mpi" else _dask(name) as found:
             yield found
+
+
+@contextlib.contextmanager
+def copied_workers(threads: int) -> Iterator[Workers]:
+    """As many copies of this process as the option `threads` asks for, 0 for one per processor; see `copies`."""
+    count = threads or processors()
+    if count == 1:
+        yield Workers(InlineExecutor(), 1)
+    else:
+        with copies(count) as pool:
+            yield Workers(pool, count)
 
 
 def processors() -> int:

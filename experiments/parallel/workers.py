@@ -1,10 +1,13 @@
 """Worker processes that exit with their parent and ignore Ctrl-C, which the parent handles."""
 
 import contextlib
+import gc
 import multiprocessing
 import os
 import signal
+import sys
 import threading
+import warnings
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 
@@ -16,7 +19,31 @@ def processes(count: int) -> Iterator[ProcessPoolExecutor]:
     Tasks must be submitted within `deaf_children`, as that is when the processes start.
     """
     # fresh interpreters: forked ones would inherit the state of the engine's threads
-    with ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), initializer=_begin) as pool:
+    with _terminated(ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), initializer=_begin)) as pool:
+        yield pool
+
+
+@contextlib.contextmanager
+def copies(count: int) -> Iterator[ProcessPoolExecutor]:
+    """The same, of copies of this process, which have loaded what it has; of fresh ones where copying is not safe.
+
+    Copies have no threads but the one that made them, so there must be no engine with threads yet.
+    """
+    if sys.platform != "linux":
+        with processes(count) as pool:
+            yield pool
+        return
+    with _terminated(ProcessPoolExecutor(count, multiprocessing.get_context("fork"), initializer=_begin)) as pool:
+        with deaf_children(), warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # threads of linear algebra, which survive copying
+            pool.submit(os.getpid).result()  # all start with the first task
+        yield pool
+
+
+@contextlib.contextmanager
+def _terminated(pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
+    """Terminate a pool's processes if the block raises an exception."""
+    with pool:
         try:
             yield pool
         except BaseException:
@@ -40,6 +67,7 @@ def deaf_children() -> Iterator[None]:
 
 
 def _begin() -> None:
+    gc.freeze()  # what a copy shares is not its own to clean up
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

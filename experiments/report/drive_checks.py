@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from itertools import groupby
 
+from experiments.measuring.check import Check
 from experiments.measuring.drive_cases import EPSILON, D
-from experiments.measuring.drive_coverage import Check
 from experiments.measuring.drive_study import SimulatedDrives
 from experiments.report.formats import for_terminal, number
 

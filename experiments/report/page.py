@@ -4,7 +4,7 @@ import functools
 import io
 import re
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,25 +16,21 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from experiments.report.formats import MISSING, percent, significant
+from experiments.report.quick_drawing import quick_drawing
 from experiments.storage.manifest import relative
 from experiments.storage.results import FIGURES_FOLDER, REPORT_FILE
 
 
 @dataclass(frozen=True)
-class Drawing:
-    """A figure and its descriptive name of letters, digits and underscores."""
+class Drawn:
+    """A figure as the text of files, which can be sent from one process to another."""
 
     name: str
-    figure: Figure
-
-    @functools.cached_property
-    def svg(self) -> str:
-        """The text of an SVG file, reproducible, with letters as outlines so that it needs no font."""
-        buffer = io.StringIO()
-        with matplotlib.rc_context({"svg.hashsalt": self.name, "svg.fonttype": "path"}):
-            _lay_out(self.figure)
-            self.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-        return buffer.getvalue()
+    """Descriptive, of letters, digits and underscores."""
+    svg: str
+    """The text of an SVG file, reproducible, with letters as outlines so that it needs no font."""
+    pdf: bytes = b""
+    """A PDF file, if one was wanted."""
 
     @property
     def inline(self) -> Markup:
@@ -44,6 +40,46 @@ class Drawing:
         text = re.sub(r'((?:\bid|xlink:href)="#?|url\(#)(?=[^"#)])', rf"\g<1>{self.name}-", text)
         text = re.sub(r"\n\s*", "\n", text)
         return Markup(text.replace("<svg ", '<svg aria-hidden="true" ', 1))
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A figure and its name, drawn when its files are needed: all of them after one layout."""
+
+    name: str
+    figure: Figure
+
+    @functools.cached_property
+    def svg(self) -> str:
+        """See Drawn."""
+        buffer = io.StringIO()
+        with quick_drawing(), matplotlib.rc_context({"svg.hashsalt": self.name, "svg.fonttype": "path"}):
+            _lay_out(self.figure)
+            self.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
+        return buffer.getvalue()
+
+    @property
+    def pdf(self) -> bytes:
+        """See Drawn."""
+        buffer = io.BytesIO()
+        with quick_drawing(), matplotlib.rc_context({"pdf.fonttype": 42}):
+            _lay_out(self.figure)
+            self.figure.savefig(buffer, format="pdf", metadata={"CreationDate": None})
+        return buffer.getvalue()
+
+    @property
+    def inline(self) -> Markup:
+        """See Drawn."""
+        return Drawn(self.name, self.svg).inline
+
+
+def draw(name: str, make: Callable[[], Figure | None], pdf: bool) -> Drawn | None:
+    """Make and draw a figure, wherever this is called; None if there is none to be made."""
+    figure = make()
+    if figure is None:
+        return None
+    drawing = Drawing(name, figure)
+    return Drawn(name, drawing.svg, drawing.pdf if pdf else b"")
 
 
 def _lay_out(figure: Figure) -> None:
@@ -59,7 +95,7 @@ class Page:
     """A self-contained HTML page and its figures, which are also written as files."""
 
     html: str
-    drawings: Sequence[Drawing]
+    drawings: Sequence[Drawing | Drawn]
 
     def write(self, folder: Path, pdf: bool = False) -> None:
         """Write the page and each figure as figures/NAME.svg, with `pdf` also as NAME.pdf."""
@@ -69,12 +105,17 @@ class Page:
             file = folder / FIGURES_FOLDER / drawing.name
             file.with_suffix(".svg").write_text(drawing.svg, encoding="utf-8")
             if pdf:
-                with matplotlib.rc_context({"pdf.fonttype": 42}):
-                    drawing.figure.savefig(file.with_suffix(".pdf"), metadata={"CreationDate": None})
+                file.with_suffix(".pdf").write_bytes(drawing.pdf)
 
 
 def render_page(
-    template: str, drawings: Sequence[Drawing], *, title: str, command: str, manifest: Mapping[str, Any], **context: Any
+    template: str,
+    drawings: Sequence[Drawing | Drawn],
+    *,
+    title: str,
+    command: str,
+    manifest: Mapping[str, Any],
+    **context: Any,
 ) -> Page:
     """Fill in a template that extends base.html.j2; the manifest, which must fit into JSON, is listed at its end."""
     inline = {drawing.name: drawing.inline for drawing in drawings}

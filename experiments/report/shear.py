@@ -5,7 +5,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from experiments.measuring.drive_coverage import Check
+from experiments.measuring.check import Check
 from experiments.report.drive_checks import CHECKS_HEADER, checks_table
 from experiments.report.figures import shear as figures
 from experiments.report.page import Drawing, Page, file_name, render_page

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 
-from experiments.measuring.drive_coverage import Check
+from experiments.measuring.check import Check
 from experiments.report.figures import terrain as figures
 from experiments.report.formats import MISSING, number, percent, significant
 from experiments.report.page import Drawing, Page, file_name, render_page

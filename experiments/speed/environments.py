@@ -12,6 +12,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from numpy.typing import NDArray
 
 from experiments.options.bench import BenchConfig
 from experiments.speed.simulator import BARE, CaseSpeed, Rates, bare_batch, case_speeds, timed
@@ -20,8 +21,8 @@ from sim.vector_env import PathTrackingVectorEnv
 from trackslip.kinematics import Array
 
 VECTOR, _, SINGLE = ENV_CASES = ("vector env", BARE, "SyncVectorEnv")
-_ID = "sim:trackslip/PathTracking-v0"
-_OPTIONS: dict[str, Any] = {
+ENV = "sim:trackslip/PathTracking-v0"
+OPTIONS: dict[str, Any] = {
     "reference": ("circle", "figure_eight", "slalom", "spiral"),
     "action": "twist",
     "compensation": "icr_radius",
@@ -45,8 +46,8 @@ class EnvRig:
     def __init__(self, size: int, threads: int, seed: int) -> None:
         """`size` robots on `threads` worker threads."""
         self.size = size
-        self._native = PathTrackingVectorEnv(size, threads=threads, **_OPTIONS)
-        self._singles = gymnasium.make_vec(_ID, num_envs=size, vectorization_mode="sync", **_OPTIONS)
+        self._native = PathTrackingVectorEnv(size, threads=threads, **OPTIONS)
+        self._singles = gymnasium.make_vec(ENV, num_envs=size, vectorization_mode="sync", **OPTIONS)
         self._seen = {VECTOR: self._native.reset(seed=seed)[0], SINGLE: self._singles.reset(seed=seed)[0]}
         fleet = self._native.tracking.fleet
         self._fleet = fleet
@@ -71,9 +72,7 @@ class EnvRig:
         """Let the robots of an environment follow their references."""
         env = self._native if case == VECTOR else self._singles
         for _ in range(periods):
-            seen = self._seen[case]
-            twist = seen[:, 3:5] + np.stack([_BACK[0] * seen[:, 0], seen[:, 1:3] @ _BACK[1:]], axis=1)
-            self._seen[case] = env.step(np.clip(twist, -1, 1).astype(np.float32))[0]
+            self._seen[case] = env.step(followed(self._seen[case]))[0]
 
     def _record(self, periods: int) -> float:
         """Drive in the vector environment and record the belt speeds; the time that driving took [s]."""
@@ -90,6 +89,12 @@ class EnvRig:
         for belts in self._belts:
             self._surface[:] = belts
             self._bare.step(nstep=self.steps_per_period)
+
+
+def followed(seen: Array) -> NDArray[np.float32]:
+    """Actions (N, 2) by which robots that observe `seen` (N, n) follow their references."""
+    twist = seen[:, 3:5] + np.stack([_BACK[0] * seen[:, 0], seen[:, 1:3] @ _BACK[1:]], axis=1)
+    return np.clip(twist, -1, 1).astype(np.float32)
 
 
 def measure_env(config: BenchConfig, step: Callable[[str], None]) -> Rates:

@@ -26,10 +26,11 @@ from experiments.options.track import TrackConfig
 from sim.fleet import Fleet
 from sim.robot.robot import Robot
 from sim.run_recorder import Description
-from sim.runs import Pilot, closed_loop
+from sim.runs import closed_loop
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
+from sim.steering import Pilot
 from trackslip.controllers.linear import LinearTimeVarying
 from trackslip.kinematics import Array
 from trackslip.slip.compensation import FixedLaw

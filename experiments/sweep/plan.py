@@ -24,6 +24,7 @@ _MIN_FLEET, _MAX_FLEET = 64, 128
 """Robots in a fleet: smaller fleets are slow; larger ones hardly gain, and lose more when a worker is stopped."""
 _EACH = 4
 """Minimum number of fleets per worker, so that all end at about the same time, unless fleets would be too small."""
+_AT_ONCE = 16_000.0  # longest time that a fleet drives, all robots together, for its logs to fit into memory [s]
 _DRIVEN = ("radius", "speed")
 _OF_A_RUN = (*_DRIVEN, "seed")  # axes on which the runs of a setting differ
 _QUICK = 10_000  # runs that are planned in about a second
@@ -150,7 +151,8 @@ def fleets(runs: Sequence[Run], workers: int) -> list[tuple[Run, ...]]:
         alike.setdefault(run.setting.fleet, []).append(run)
     found = []
     for same in alike.values():
-        count = -(-len(same) // size)
+        most = max(1, int(_AT_ONCE / same[0].setting.config.duration))  # which is the same for all
+        count = -(-len(same) // min(size, most))
         ends = [round(len(same) * k / count) for k in range(count + 1)]
         found += [tuple(same[a:b]) for a, b in itertools.pairwise(ends)]
     return found

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,8 +54,7 @@ _STATE = ("set_point", "omega", "_error", "angle", "torque", "energy", "saturate
 _PARAMETERS = ("radius", "_decay", "_mean_decay")
 
 
-@dataclass(frozen=True)
-class Forecast:
+class Forecast(NamedTuple):
     """Motion of the sprockets in the next P servo periods, if the motors are strong enough."""
 
     omega: Array  # (P + 1, N, 2) present speeds, and those at the end of each period [rad/s]
@@ -117,9 +117,9 @@ class DriveState:
     def command(self, omega: Array) -> None:
         """Set the set points (N, 2) [rad/s], clipped to the top speed."""
         require(np.isfinite(omega).all(), "omega", omega, "finite")
-        before = self.set_point.copy()
-        np.clip(omega, -self.limit, self.limit, out=self.set_point)
-        self._error += before - self.set_point
+        limited = np.minimum(np.maximum(omega, -self.limit), self.limit)
+        self._error += self.set_point - limited
+        self.set_point[:] = limited
 
     def forecast(self, periods: int) -> Forecast:
         """Forecast the speeds in the next `periods`, if the motors are strong enough."""
@@ -131,13 +131,14 @@ class DriveState:
     def torque_for(self, forecast: Forecast, traction: Array) -> Array:
         """Motor torques (P, N, 2) at the sprockets that a forecast requires, for tractions (P, N, 2) [N] [N m]."""
         motor, omega = self.drive.motor, forecast.omega
-        accelerating = np.diff(omega, axis=0) * (motor.inertia / self.drive.period)
+        accelerating = (omega[1:] - omega[:-1]) * (motor.inertia / self.drive.period)
         return accelerating + self.radius * traction + motor.loss(omega[1:])
 
     def torque_range(self, omega: Array) -> tuple[Array, Array]:
         """Smallest and largest torque (...) [N m] at speeds (...) [rad/s]; above its no-load speed a motor brakes."""
-        least, most = np.clip(self.drive.motor.torque_range(omega), -self.drive.torque_limit, self.drive.torque_limit)
-        return least, most
+        limit = self.drive.torque_limit
+        least, most = self.drive.motor.torque_range(omega)
+        return np.minimum(np.maximum(least, -limit), limit), np.minimum(np.maximum(most, -limit), limit)
 
     def too_weak(self, forecast: Forecast, torque: Array) -> np.ndarray:
         """(P, N, 2) whether the torques (P, N, 2) [N m] of a forecast exceed those that the motors can exert."""
@@ -148,8 +149,11 @@ class DriveState:
         """Advance as forecast, with torques (P, N, 2) [N m] that are limited where `saturated` (P, N, 2)."""
         period = self.drive.period
         self.omega, self.torque, self._error = forecast.omega[-1], torque[-1], forecast.error
-        self.angle = _added(self.angle, forecast.mean * period)
-        self.energy = _added(self.energy, self.drive.motor.power(torque, forecast.mean) * period)
+        totals = np.empty((len(torque) + 1, 2, *self.angle.shape))  # added one by one: the same bits for any number
+        totals[0, 0], totals[0, 1] = self.angle, self.energy
+        np.multiply(forecast.mean, period, out=totals[1:, 0])
+        np.multiply(self.drive.motor.power(torque, forecast.mean), period, out=totals[1:, 1])
+        self.angle, self.energy = np.add.accumulate(totals, axis=0, out=totals)[-1].copy()
         if saturated is not None:
             self.saturated_time += saturated.sum(axis=0) * period
 
@@ -157,8 +161,3 @@ class DriveState:
         """Angles (N, 2) in whole encoder counts [rad]."""
         count = 2 * np.pi / self.drive.encoder_counts
         return np.floor(self.angle / count) * count
-
-
-def _added(total: Array, parts: Array) -> Array:
-    """A total (N, 2) plus parts (P, N, 2), added one by one: the same bits for any number of calls."""
-    return np.cumsum(np.concatenate([total[None], parts]), axis=0)[-1]

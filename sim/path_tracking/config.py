@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, fields
-from typing import Any
 
 from sim.drive.drive import Drive
 from sim.ground.named import load_ground
@@ -125,15 +124,6 @@ class EnvConfig:
         self.drawn.require_standing(self.robot)
         distance = self.drawn.start_distance
         require(distance[1] < self.off_path, "start_distance", distance, f"less than off_path = {self.off_path} m")
-
-    @classmethod
-    def of(cls, options: dict[str, Any]) -> EnvConfig:
-        """Create the configuration from keyword arguments; raises InvalidValueError for unknown names."""
-        known = [f.name for f in fields(cls)]
-        for name in options:
-            require(name in known, "option", name, f"one of {', '.join(known)}")
-        values: dict[str, Any] = {n: tuple(value) if isinstance(value, list) else value for n, value in options.items()}
-        return cls(**values)
 
     @property
     def references(self) -> tuple[str, ...]:

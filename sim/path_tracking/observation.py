@@ -42,8 +42,9 @@ class Layout:
             ]
         )
         self.bound = np.array([_BOUND, _BOUND, 1.0, *[_BOUND] * (2 * previews + 4), 1.0, 1.0], np.float32)
+        self._least = -self.bound
 
     def observation(self, error: Array, twist: Array, omega: Array, action: Array) -> Array:
         """Observations (N, n) of errors (N, 3), twists (N, K + 1, 2), sprocket speeds (N, 2) and actions (N, 2)."""
         whole = np.concatenate([error, twist.reshape(len(error), -1), omega, action], axis=1) / self.scale
-        return np.clip(whole.astype(np.float32), -self.bound, self.bound)
+        return np.minimum(np.maximum(whole.astype(np.float32), self._least), self.bound)

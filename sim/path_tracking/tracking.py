@@ -17,7 +17,7 @@ from sim.path_tracking.randomization import MAX_LATENCY
 from sim.path_tracking.reference_table import Index, ReferenceTable
 from sim.robot.robot import load_robot
 from trackslip.errors import InvalidValueError, require
-from trackslip.kinematics import Array, limit_sprocket_speeds, track_slip
+from trackslip.kinematics import Array, limit_sprocket_speeds, track_speeds
 from trackslip.metrics import LOST, body_errors
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import NoSlip
@@ -28,6 +28,7 @@ _TIPPED = np.cos(0.5)  # cosine of the lean beyond which a robot has tipped over
 _STANDING = 0.05  # sprocket speed below which the slip of a track is taken as 0 [rad/s]
 TERMS = ("alive", "position", "heading", "change", "termination")
 """Names of the terms of the reward."""
+_REWARDS = tuple((term, f"reward_{term}") for term in TERMS)  # and of the entries of info
 
 
 class PathTracking:
@@ -53,6 +54,7 @@ class PathTracking:
         self._k: Index = np.zeros(size, int)  # control periods since the start of the episode
         self._latency: Index = np.zeros(size, int)
         self._line = np.zeros((size, MAX_LATENCY + 1, 2))  # set points, the newest first [rad/s]
+        self._rows = np.arange(size)
         self._action: Array = np.zeros((size, 2))
         self._angle: Array = np.zeros((size, 2))  # of the encoders, in the last control period [rad]
         self._omega: Array = np.zeros((size, 2))
@@ -106,15 +108,15 @@ class PathTracking:
         Raises InvalidValueError for actions that aren't finite or have another shape.
         """
         action = np.asarray(actions, float)
-        require(
-            action.shape == (self.size, 2), "action", f"an array of shape {action.shape}", f"of shape {(self.size, 2)}"
-        )
-        for row in np.flatnonzero(~np.isfinite(action).all(axis=1)):
+        if action.shape != (self.size, 2):
+            raise InvalidValueError("action", f"an array of shape {action.shape}", f"of shape {(self.size, 2)}")
+        if not np.isfinite(action).all():
+            row = int(np.flatnonzero(~np.isfinite(action).all(axis=1))[0])
             raise InvalidValueError("action", action[row].tolist(), f"finite (robot {row})")
-        action = np.clip(action, -1.0, 1.0)
+        action = np.minimum(np.maximum(action, -1.0), 1.0)
         self._line[:, 1:] = self._line[:, :-1].copy()
         self._line[:, 0] = self._to_omega(action)
-        self.fleet.command(self._line[np.arange(self.size), self._latency])
+        self.fleet.command(self._line[self._rows, self._latency])
         self.fleet.advance(PERIOD)
         self._k += 1
         angle = self.fleet.drive.encoder_angle()
@@ -122,15 +124,16 @@ class PathTracking:
         self._angle = angle
         self._pose, desired = self.fleet.pose(), self.table.pose(self._reference, self._k)
         self._measured = self._source.pose(self._k, self._omega, self._pose.copy())
-        self._error = body_errors(self._pose, desired)
-        self._seen_error = body_errors(self._measured, desired)
-        distance = np.hypot(*self._error[:, :2].T)
+        poses = np.empty((2, self.size, 3))
+        poses[0], poses[1] = self._pose, self._measured
+        self._error, self._seen_error = body_errors(poses, desired)
+        distance = np.hypot(self._error[:, 0], self._error[:, 1])
         self._success &= distance <= LOST
         self.terminated = ~(distance <= self.config.off_path) | ~(self.fleet.upright() > _TIPPED)
         self.truncated = (self._k >= self.last) & ~self.terminated
         change, self._action = action - self._action, action
         self._terms = reward_terms(self.config.reward, distance, self._error[:, 2], change, self.terminated)
-        self.reward = sum((self._terms[name] for name in TERMS), np.zeros(self.size))
+        self.reward = sum(self._terms.values(), np.zeros(self.size))
 
     def observation(self) -> Array:
         """Observations (N, n), see `path_tracking.observation`."""
@@ -138,23 +141,26 @@ class PathTracking:
         return self.layout.observation(self._seen_error, twist, self._omega, self._action)
 
     def info(self) -> dict[str, Array]:
-        """Further quantities by name, as arrays (N, ...); the keys are always the same."""
+        """Further quantities by name, as arrays (N, ...), some of them the task's own; the keys are always the same."""
         twist, omega = self.fleet.twist(), self.fleet.drive.omega
-        driven = np.where(np.abs(omega) < _STANDING, 0.0, omega)
-        slip = track_slip(driven, twist[:, ::2], self.fleet.robot.geometry)
+        stands = np.abs(omega) < _STANDING
+        geometry = self.fleet.robot.geometry
+        belts = geometry.sprocket_radius * np.where(stands, 1.0, omega)
+        slip = 1 - track_speeds(twist[:, ::2], geometry.half_gauge) / belts
+        slip[stands] = 0.0
         return {
             "time": self._k * PERIOD,  # [s]
-            "reference": self._reference.copy(),  # index in `table.names`
-            "true_pose": self._pose.copy(),  # (N, 3) [m, m, rad]
+            "reference": self._reference,  # index in `table.names`
+            "true_pose": self._pose,  # (N, 3) [m, m, rad]
             "true_twist": twist,  # (N, 3) forward, to the left [m/s], yaw rate [rad/s]
-            "true_error": self._error.copy(),  # (N, 3) in the robot's frame [m, m, rad]
-            "true_slip": np.where(driven == 0, 0.0, slip),  # (N, 2); 0 where a sprocket is at rest [-]
-            "measured_pose": self._measured.copy(),  # (N, 3) [m, m, rad]
-            "measured_omega": self._omega.copy(),  # (N, 2) [rad/s]
-            "set_point": self.fleet.drive.set_point.copy(),  # (N, 2) [rad/s]
+            "true_error": self._error,  # (N, 3) in the robot's frame [m, m, rad]
+            "true_slip": slip,  # (N, 2); 0 where a sprocket is at rest [-]
+            "measured_pose": self._measured,  # (N, 3) [m, m, rad]
+            "measured_omega": self._omega,  # (N, 2) [rad/s]
+            "set_point": self.fleet.drive.set_point,  # (N, 2) [rad/s]
             "friction": self.fleet.friction(),  # (N, 2) along and across, averaged over the pads [-]
-            "success": self._success.copy(),  # whether the robot has always been within metrics.LOST of the reference
-            **{f"reward_{name}": self._terms[name].copy() for name in TERMS},
+            "success": self._success,  # whether the robot has always been within metrics.LOST of the reference
+            **{name: self._terms[term] for term, name in _REWARDS},
         }
 
 
@@ -166,19 +172,19 @@ def reward_terms(
     They depend on position and heading errors (N,) [m, rad], the change of the actions (N, 2) [-], and whether episodes
     have terminated (N,).
     """
+    alive, scaled = np.empty(len(distance)), np.empty((2, len(distance)))
+    alive[:] = reward.weight_alive
+    scaled[0], scaled[1] = distance / reward.position_scale, heading / reward.heading_scale
+    square = scaled * scaled
+    squares = change * change
+    position, turn = square / (1 + square)
     return {
-        "alive": np.full(len(distance), reward.weight_alive),
-        "position": -reward.weight_position * _saturating(distance / reward.position_scale),
-        "heading": -reward.weight_heading * _saturating(heading / reward.heading_scale),
-        "change": -reward.weight_change * (change[:, 0] ** 2 + change[:, 1] ** 2) / 8,
+        "alive": alive,
+        "position": -reward.weight_position * position,
+        "heading": -reward.weight_heading * turn,
+        "change": -reward.weight_change * (squares[:, 0] + squares[:, 1]) / 8,
         "termination": -reward.weight_termination * terminated,
     }
-
-
-def _saturating(z: Array) -> Array:
-    """z^2 / (1 + z^2)."""
-    square = z * z
-    return square / (1 + square)
 
 
 def _action_map(config: EnvConfig, fleet: Fleet) -> Callable[[Array], Array]:

@@ -11,6 +11,7 @@ import numpy as np
 
 import models
 from sim.robot.parameters import RobotParameters
+from sim.robot.savings import save_sensing, skip_idle_stages
 from sim.robot.single_contacts import split_pads
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
@@ -35,6 +36,7 @@ class Robot:
     """A compiled model and the numbers in it."""
 
     model: mujoco.MjModel
+    """With idle stages of the engine disabled: before adding springs, dampers or a fluid, clear `opt.disableflags`."""
     geometry: RobotGeometry
     """Half gauge and nominal sprocket radius."""
     contact_half_length: float
@@ -109,11 +111,13 @@ def load_robot(
         for geom in list(spec.geoms):
             if geom.group == VISUAL_GROUP:
                 spec.delete(geom)
-        model = spec.compile()
+        spec.compile()
         digest = hashlib.sha256(spec.to_xml().encode()).hexdigest()
+        save_sensing(spec)
         if contact_sensors:
             _add_contact_sensors(spec, 1 if single_contacts else CONTACT_POINTS)
-            model = spec.compile()
+        model = spec.compile()
+        skip_idle_stages(model)
         robot = _read(model, sprocket_radius, digest, single_contacts)
         return replace(robot, path=path, parameters=parameters, contact_sensors=contact_sensors)
     except (ValueError, KeyError, AttributeError) as error:
@@ -123,13 +127,14 @@ def load_robot(
 def _add_contact_sensors(spec: mujoco.MjSpec, points: int) -> None:
     """Add a sensor of the contact with the ground to every pad."""
     geom_type = mujoco.mjtObj.mjOBJ_GEOM
+    grounds = {pair.geomname2: pair.geomname1 for pair in spec.pairs}
     for geom in spec.geoms:
         if "_pad" in geom.name:
             spec.add_sensor(
                 name=f"{geom.name}_contact",
                 type=mujoco.mjtSensor.mjSENS_CONTACT,
                 objtype=geom_type,
-                objname="ground",
+                objname=grounds[geom.name],
                 reftype=geom_type,
                 refname=geom.name,
                 intprm=[1 << _FORCE | 1 << _POSITION | 1 << _VELOCITY, 0, points],

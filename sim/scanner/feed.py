@@ -60,7 +60,7 @@ class ScannerFeed:
         """Directions (B,) of the beams in the LRF's frame [rad]."""
         direction = self._heading + self.bearings[:, None] + footprint(scanner.divergence)
         self._rays = np.stack([np.cos(direction), np.sin(direction), np.zeros_like(direction)], axis=-1)  # (B, K, 3)
-        self._lag = scanner.lag
+        self._lag, self._range_std = scanner.lag, scanner.range_std
         obstacles = obstacles or Obstacles()
         obstacles.require_clear(self._origin[:2])
         self._walking = Obstacles(walkers=obstacles.walkers)
@@ -126,9 +126,11 @@ class ScannerFeed:
         scanner, scans = self._scanner, true_ranges.shape[1:]
         ranges = np.empty_like(true_ranges)
         for of_robot, noise in zip(ranges, self._noise, strict=True):  # each robot has its own random numbers
-            np.multiply(noise.standard_normal(scans), scanner.noise, out=of_robot)
+            noise.standard_normal(out=of_robot)
+        ranges *= scanner.noise
         ranges += true_ranges
-        ranges += scanner.range_bias
+        if scanner.range_bias != 0:
+            ranges += scanner.range_bias
         if scanner.quantisation > 0:
             ranges = np.round(ranges / scanner.quantisation) * scanner.quantisation
         if scanner.dropout > 0:
@@ -139,4 +141,4 @@ class ScannerFeed:
     def scan(self, ranges: Array) -> Scan:
         """Ranges (..., B) [m] as a Scan of this LRF."""
         scanner, mount = self._scanner, self._fleet.robot.lrf_mount
-        return Scan(self.bearings, ranges, scanner.range_std, mount, scanner.max_range, scanner.dropout)
+        return Scan(self.bearings, ranges, self._range_std, mount, scanner.max_range, scanner.dropout)

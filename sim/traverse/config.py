@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from typing import Any
 
 import numpy as np
 
@@ -110,15 +109,6 @@ class TraverseConfig:
         require(abs(self.period / SAMPLE - round(self.period / SAMPLE)) < 1e-9, "period", self.period, allowed)
         for name in ("start_offset", "start_heading"):
             require_non_negative(name, getattr(self, name))
-
-    @classmethod
-    def of(cls, options: dict[str, Any]) -> TraverseConfig:
-        """Create the configuration from keyword arguments; raises InvalidValueError for unknown names."""
-        known = [f.name for f in fields(cls)]
-        for name in options:
-            require(name in known, "option", name, f"one of {', '.join(known)}")
-        values: dict[str, Any] = {n: tuple(value) if isinstance(value, list) else value for n, value in options.items()}
-        return cls(**values)
 
     @property
     def courses(self) -> tuple[str | Course, ...]:

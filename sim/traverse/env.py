@@ -7,6 +7,7 @@ from typing import Any
 from gymnasium.vector import AutoresetMode
 
 from sim.task_env import TaskEnv, metadata, require_render_mode
+from sim.task_options import from_options
 from sim.task_vector_env import TaskVectorEnv
 from sim.traverse.config import PERIOD, TraverseConfig
 from sim.traverse.renderer import Renderer
@@ -31,7 +32,7 @@ class TraverseEnv(TaskEnv):
         Raises InvalidValueError for options that are unknown or out of range.
         """
         require_render_mode(render_mode)
-        task = Crossing(TraverseConfig.of(options), 1, threads=1)
+        task = Crossing(from_options(TraverseConfig, options), 1, threads=1)
         super().__init__(task, render_mode, lambda: Renderer(task))
 
     def set_difficulty(self, low: float, high: float) -> None:
@@ -60,7 +61,7 @@ class TraverseVectorEnv(TaskVectorEnv):
         """
 
         def task() -> Crossing:
-            return Crossing(TraverseConfig.of(options), num_envs, threads)
+            return Crossing(from_options(TraverseConfig, options), num_envs, threads)
 
         super().__init__(task, num_envs, render_mode, Renderer, autoreset_mode)
 

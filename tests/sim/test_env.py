@@ -13,9 +13,11 @@ from sim.path_tracking.randomization import Randomization
 from sim.path_tracking.tracking import TERMS
 from sim.robot.parameters import RobotParameters
 from sim.run_recorder import Description
-from sim.runs import Pilot, closed_loop
+from sim.runs import closed_loop
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
+from sim.steering import Pilot
+from sim.task_options import from_options
 from trackslip.controllers.linear import LinearTimeVarying
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import wrap_angle
@@ -226,7 +228,7 @@ def test_ranges_and_weights_are_checked(make, message):
 
 
 def test_another_robot_and_pictures_of_it():
-    config = EnvConfig.of({"robot": RobotParameters(half_gauge=0.2), "reference": ["paper", "circle"]})
+    config = from_options(EnvConfig, {"robot": RobotParameters(half_gauge=0.2), "reference": ["paper", "circle"]})
     assert config.references == ("paper", "circle")
     env = PathTrackingEnv(robot=RobotParameters(half_gauge=0.2))
     assert env.tracking.fleet.robot.geometry.half_gauge == 0.2

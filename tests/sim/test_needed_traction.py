@@ -7,7 +7,8 @@ from sim.drive.pull import Pull
 from sim.fleet import Fleet
 from sim.ground.ground import Ground
 from sim.needed_traction import needed_traction
-from sim.runs import Pilot, closed_loop, open_loop
+from sim.runs import closed_loop, open_loop
+from sim.steering import Pilot
 from trackslip.controllers.linear import LinearTimeVarying
 from trackslip.slip.compensation import FixedLaw, LoadedLaw
 from trackslip.slip.icr import ConstantIcr

@@ -4,10 +4,11 @@ import pytest
 from sim.fleet import Fleet
 from sim.robot.robot import load_robot
 from sim.run_recorder import Description, RunFailedError
-from sim.runs import Pilot, closed_loop, open_loop
+from sim.runs import closed_loop, open_loop
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
+from sim.steering import Pilot
 from trackslip.controllers.feedforward import Feedforward
 from trackslip.controllers.linear import LinearTimeVarying
 from trackslip.errors import InvalidValueError

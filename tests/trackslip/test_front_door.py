@@ -77,6 +77,7 @@ def test_reading_laws_imports_what_laws_need():
     assert not any(name.startswith(("scipy", "pyarrow")) for name in found)
 
 
+@pytest.mark.usefixtures("few_resamples")
 def test_runs_in_memory_in_a_folder_and_in_a_file_give_the_same_laws(runs, found, tmp_path):
     from trackslip.logs.logfile import RUNS, write_csv, write_parquet
 
@@ -93,6 +94,7 @@ def test_intervals_cover_the_law_that_was_driven(found):
     assert set(found.intervals) == set(found.laws)
 
 
+@pytest.mark.usefixtures("few_resamples")
 def test_geometry_comes_from_the_log_or_is_asked_for(runs, found):
     stated = {"geometry": {"half_gauge": GEOMETRY.half_gauge, "sprocket_radius": GEOMETRY.sprocket_radius}}
     told = [steady_run(radius, metadata=stated) for radius in (0.6, 1.0, 2.0, 3.0)]

@@ -16,6 +16,8 @@ from trackslip.metrics import body_errors
 from trackslip.trajectory.base import Reference
 
 T = TypeVar("T")
+Errors = tuple[Array, Array, Array]
+"""Errors (e_x, e_y, e_phi), (...) each [m, m, rad]."""
 
 
 @dataclass(frozen=True)
@@ -37,12 +39,16 @@ class ErrorFeedback(ControlLaw, ABC):
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """Twists (..., 2) from measured poses (..., 3)."""
-        errors = np.moveaxis(body_errors(pose, reference.pose(time)), -1, 0)
-        return np.stack(self._command(reference.twist(time), errors), axis=-1)
+        errors = body_errors(pose, reference.pose(time))
+        twist = np.empty((*errors.shape[:-1], 2))
+        twist[..., 0], twist[..., 1] = self._command(
+            reference.twist(time), (errors[..., 0], errors[..., 1], errors[..., 2])
+        )
+        return twist
 
     @abstractmethod
-    def _command(self, desired: Array, errors: Array) -> tuple[Array, Array]:
-        """v and w, each (...), from the twist (2,) of the reference and the errors (e_x, e_y, e_phi), (3, ...)."""
+    def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
+        """v and w, each (...), from the twist (2,) of the reference and the errors (e_x, e_y, e_phi), (...) each."""
 
 
 class OncePerReference(Generic[T]):
@@ -62,15 +68,16 @@ def natural_frequency(twist: ArrayLike, stiffness: float) -> Array:
 
     Gains proportional to it make errors decay over a distance instead of over a time; they vanish at standstill.
     """
-    v, w = np.moveaxis(np.asarray(twist, float), -1, 0)
+    twist = np.asarray(twist, float)
+    v, w = twist[..., 0], twist[..., 1]
     return np.sqrt(w**2 + stiffness * v**2)
 
 
-def speed_to_keep_up(desired: Array, errors: Array, gain: ArrayLike) -> Array:
+def speed_to_keep_up(desired: Array, errors: Errors, gain: Array) -> Array:
     """v_d plus k [1/s] times the error along the path [m/s] (...), or 0 if that is opposite to v_d.
 
-    Takes the twist (2,) of the reference and the errors (3, ...). For laws that steer towards a point ahead. They are
-    unstable when driven away from that point, so the robot waits for a reference behind it; and they have to keep
+    Takes the twist (2,) of the reference and the errors, (...) each. For laws that steer towards a point ahead. They
+    are unstable when driven away from that point, so the robot waits for a reference behind it; and they have to keep
     driving to turn around, so the speed must not depend on the heading of the robot. To first order this equals
     v_d cos(e_phi) + k e_x.
     """

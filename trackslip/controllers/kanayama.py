@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.controllers.control_law import ErrorFeedback
+from trackslip.controllers.control_law import ErrorFeedback, Errors
 from trackslip.kinematics import Array
 
 
@@ -28,7 +28,7 @@ class Kanayama(ErrorFeedback):
     heading: float = 6.0
     """K_phi [1/m]; 2 sqrt(K_y) is critically damped on a straight line."""
 
-    def _command(self, desired: Array, errors: Array) -> tuple[Array, Array]:
+    def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
         (v_d, w_d), (e_x, e_y, e_phi) = desired, errors
         w = w_d + v_d * self.across * e_y + np.abs(v_d) * self.heading * np.sin(e_phi)
         return v_d * np.cos(e_phi) + self.along * e_x, w

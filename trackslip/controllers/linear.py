@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.controllers.control_law import ErrorFeedback, natural_frequency
+from trackslip.controllers.control_law import ErrorFeedback, Errors, natural_frequency
 from trackslip.kinematics import Array
 
 
@@ -27,10 +27,12 @@ class LinearTimeVarying(ErrorFeedback):
     def gains(self, twist: ArrayLike) -> Array:
         """(k1, k2, k3) (..., 3) at reference twists (..., 2); Eqs. 29-30."""
         k1 = 2 * self.damping * natural_frequency(twist, self.stiffness)
-        k2 = self.stiffness * np.abs(np.asarray(twist, float)[..., 0])
-        return np.stack([k1, k2, k1], axis=-1)
+        gains = np.empty((*k1.shape, 3))
+        gains[..., 0] = gains[..., 2] = k1
+        gains[..., 1] = self.stiffness * np.abs(np.asarray(twist, float)[..., 0])
+        return gains
 
-    def _command(self, desired: Array, errors: Array) -> tuple[Array, Array]:
+    def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
         """Eq. 31."""
         (v_d, w_d), (e_x, e_y, e_phi) = desired, errors
         k1, k2, k3 = self.gains(desired)

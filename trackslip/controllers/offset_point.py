@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.controllers.control_law import ErrorFeedback
+from trackslip.controllers.control_law import ErrorFeedback, Errors
 from trackslip.kinematics import Array
 
 
@@ -29,7 +29,7 @@ class OffsetPoint(ErrorFeedback):
     gain: float = 1.0
     """k [1/s]."""
 
-    def _command(self, desired: Array, errors: Array) -> tuple[Array, Array]:
+    def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
         (v_d, w_d), (e_x, e_y, e_phi) = desired, errors
         ahead = -self.distance if v_d < 0 else self.distance
         cos, sin = np.cos(e_phi), np.sin(e_phi)

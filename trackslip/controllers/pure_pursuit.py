@@ -40,8 +40,10 @@ class PurePursuit(ControlLaw):
         """Twists (..., 2) from measured poses (..., 3)."""
         desired = reference.twist(time)
         gain = 2 * self.damping * natural_frequency(desired, self.stiffness)
-        v = speed_to_keep_up(desired, np.moveaxis(body_errors(pose, reference.pose(time)), -1, 0), gain)
-        x, y, _ = np.moveaxis(body_errors(pose, self._path(PathAhead, reference).point(time, self.look_ahead)), -1, 0)
+        here, goal = reference.pose(time), self._path(PathAhead, reference).point(time, self.look_ahead)
+        e_x, e_y, e_phi = np.moveaxis(body_errors(pose, here), -1, 0)
+        v = speed_to_keep_up(desired, (e_x, e_y, e_phi), gain)
+        x, y, _ = np.moveaxis(body_errors(pose, goal), -1, 0)
         # A robot far ahead of the reference that has nearly reached the goal must not spin.
         distance_squared = np.maximum(x**2 + y**2, (self.look_ahead / 2) ** 2)
         return np.stack([v, v * 2 * y / distance_squared], axis=-1)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.controllers.control_law import ErrorFeedback, natural_frequency
+from trackslip.controllers.control_law import ErrorFeedback, Errors, natural_frequency
 from trackslip.kinematics import Array
 
 
@@ -34,7 +34,7 @@ class Samson(ErrorFeedback):
         k1 = 2 * self.damping * natural_frequency(twist, self.stiffness)
         return np.stack([k1, np.full_like(k1, self.stiffness), k1], axis=-1)
 
-    def _command(self, desired: Array, errors: Array) -> tuple[Array, Array]:
+    def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
         (v_d, w_d), (e_x, e_y, e_phi) = desired, errors
         k1, k2, k3 = self.gains(desired)
         return v_d * np.cos(e_phi) + k1 * e_x, w_d + k2 * v_d * np.sinc(e_phi / np.pi) * e_y + k3 * e_phi

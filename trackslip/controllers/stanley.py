@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trackslip.controllers.control_law import ErrorFeedback, natural_frequency, speed_to_keep_up
+from trackslip.controllers.control_law import ErrorFeedback, Errors, natural_frequency, speed_to_keep_up
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array, wrap_angle
 
@@ -43,7 +43,7 @@ class Stanley(ErrorFeedback):
         if self.steering_limit >= np.pi / 2:
             raise InvalidValueError("steering_limit", self.steering_limit, "less than pi/2 rad")
 
-    def _command(self, desired: Array, errors: Array) -> tuple[Array, Array]:
+    def _command(self, desired: Array, errors: Errors) -> tuple[Array, Array]:
         (v_d, w_d), (e_x, e_y, e_phi) = desired, errors
         direction = -1.0 if v_d < 0 else 1.0
         gain = 2 * self.damping * natural_frequency(desired, self.stiffness)

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from trackslip.identification.sensitivity import twist_slopes
-from trackslip.identification.solver import Minimum, least_squares
+from trackslip.identification.solver import CONVERGED, ITERATIONS, Minimum, least_squares
 from trackslip.identification.weighting import WeightedRuns
 from trackslip.kinematics import Array
 from trackslip.slip.base import SlipLaw
@@ -17,6 +17,7 @@ from trackslip.slip.families import LawFamily
 _FIRST_SCATTER = 0.003  # initial guess of the scatter of slip [-]
 _ROUNDS = 8  # maximum number of alternating fits and scatter estimates
 _SETTLED = 1e-4  # relative change of the scatter at convergence
+_ROUGHLY = 1e-6  # tolerance of fits with the initial guess
 
 
 @dataclass(frozen=True)
@@ -28,7 +29,8 @@ class Fits:
     values: Array  # (M, p)
     scatter: Array  # (M,) tau, scatter of slip beyond the measurement errors [-]
     cost: Array  # (M,) chi-square
-    hessian: Array  # (M, p, p) of half of it
+    hessian: Array  # (M, p, p) of half of it, from the slopes of the twists
+    bend: Array  # (M, p, p) what the curvature of the twists adds to it, roughly
 
     @property
     def law(self) -> SlipLaw:
@@ -90,21 +92,28 @@ class Fits:
         return robust
 
 
-def fit(family: LawFamily, runs: WeightedRuns, start: Array | None = None, scatter: Array | None = None) -> Fits:
+def fit(
+    family: LawFamily,
+    runs: WeightedRuns,
+    start: Array | None = None,
+    scatter: Array | None = None,
+    bend: Array | None = None,
+    tolerance: float = CONVERGED,
+) -> Fits:
     """Minimise the squared residuals of the runs, in units of their standard deviations (see `weighting`).
 
     By default, the best of the fits from the family's own starting values is kept, and tau (M,) is estimated,
-    alternating with the values.
+    alternating with the values. For `bend` (M, p, p) and `tolerance` see `least_squares`.
     """
     family = family.under(runs.load)
     sets = max(len(runs.speeds), len(runs.weight))
     if scatter is not None:
-        return _at(family, runs, np.broadcast_to(scatter, (sets,)), start)
-    found = _at(family, runs, np.full(sets, _FIRST_SCATTER), start)
+        return _at(family, runs, np.broadcast_to(scatter, (sets,)), start, bend, tolerance)
+    found = _at(family, runs, np.full(sets, _FIRST_SCATTER), start, bend, _ROUGHLY)
     for _ in range(_ROUNDS):
         scatter = runs.scatter(runs.deviation(found.law), found.freedom)
         change = np.abs(scatter - found.scatter) / np.maximum(np.maximum(scatter, found.scatter), 1e-12)
-        found = _at(family, runs, scatter, found.values)
+        found = _at(family, runs, scatter, found.values, found.bend, tolerance)
         if change.max(initial=0.0) < _SETTLED:
             break
     return found
@@ -117,39 +126,47 @@ def minimise(
     start: Array,
     sets: np.ndarray,
     held: np.ndarray | None = None,
+    bend: Array | None = None,
+    tolerance: Array | float = CONVERGED,
+    iterations: int = ITERATIONS,
 ) -> Minimum:
-    """Solve m problems from `start` (m, p), problem k being a fit to set `sets[k]` of the runs."""
+    """Solve m problems from `start` (m, p), problem k being a fit to set `sets[k]` of the runs; see `least_squares`."""
     low, high, scale = family.limits(runs.geometry.half_gauge)
-    # The Jacobian is wanted at the last values or, where those were rejected, at the ones before.
-    values_at, twist_at = np.full((2, *start.shape), np.nan), np.empty((2, len(start), *runs.omega.shape))
+    last = np.empty((len(start), *runs.omega.shape))  # twists
 
     def residual(values: Array, rows: np.ndarray) -> Array:
         chosen = sets[rows]
-        twist = family.law(values[:, None, :], runs.geometry).twist(runs.omega, runs.geometry)
-        values_at[1, rows], twist_at[1, rows] = values, twist
-        return runs.whiten(runs.missed(twist_at[1, rows], chosen), scatter[chosen], chosen)
+        last[rows] = family.law(values[:, None, :], runs.geometry).twist(runs.omega, runs.geometry)
+        return runs.whiten(runs.missed(last[rows], chosen), scatter[chosen], chosen)
 
     def jacobian(values: Array, rows: np.ndarray) -> Array:
         chosen = sets[rows]
-        last = rows[(values_at[1, rows] == values).all(axis=1)]
-        values_at[0, last], twist_at[0, last] = values_at[1, last], twist_at[1, last]
-        slopes = -runs.of_twists @ twist_slopes(family, values, runs.omega, runs.geometry, twist_at[0, rows])
+        slopes = -runs.of_twists @ twist_slopes(family, values, runs.omega, runs.geometry, last[rows])
         return (slopes * runs.roots(scatter[chosen], chosen)[..., None]).reshape(len(rows), -1, values.shape[1])
 
     if not family.names:
         cost = np.sum(residual(start, np.arange(len(start))) ** 2, axis=1)
-        return Minimum(start, cost, np.zeros((len(start), 0, 0)))
-    return least_squares(residual, start, low, high, scale, held, jacobian)
+        return Minimum(start, cost, *np.zeros((2, len(start), 0, 0)))
+    return least_squares(residual, start, low, high, scale, held, jacobian, bend, tolerance, iterations)
 
 
-def _at(family: LawFamily, runs: WeightedRuns, scatter: Array, start: Array | None) -> Fits:
+def _at(
+    family: LawFamily,
+    runs: WeightedRuns,
+    scatter: Array,
+    start: Array | None,
+    bend: Array | None,
+    tolerance: float,
+) -> Fits:
     """The fits at scatters (M,), from `start` or from the best that the starting values of the family reach."""
     sets = np.arange(len(scatter))
     if start is None:
         starts = family.starts(runs.geometry.half_gauge)  # (K, p)
         k = len(starts)
-        reached = minimise(family, runs, scatter, np.tile(starts, (len(sets), 1)), np.repeat(sets, k))
+        each = np.tile(starts, (len(sets), 1))
+        reached = minimise(family, runs, scatter, each, np.repeat(sets, k), tolerance=tolerance)
         best = reached.cost.reshape(-1, k).argmin(axis=1) + k * sets
-        return Fits(family, runs, reached.values[best], scatter, reached.cost[best], reached.hessian[best])
-    found = minimise(family, runs, scatter, start, sets)
-    return Fits(family, runs, found.values, scatter, found.cost, found.hessian)
+        found = Minimum(*(each[best] for each in (reached.values, reached.cost, reached.hessian, reached.bend)))
+    else:
+        found = minimise(family, runs, scatter, start, sets, bend=bend, tolerance=tolerance)
+    return Fits(family, runs, found.values, scatter, found.cost, found.hessian, found.bend)

@@ -8,8 +8,9 @@ import numpy as np
 
 from trackslip.errors import LogError
 from trackslip.identification.fit import Fits, fit
+from trackslip.identification.hopeless import undetermined, unfollowed
 from trackslip.identification.intervals import bootstrap_intervals, heights, profile_intervals, standard_errors
-from trackslip.identification.replicates import SIGNIFICANT, LackOfFit, by_command, by_speed, lack_of_fit
+from trackslip.identification.replicates import SIGNIFICANT, LackOfFit, lack_of_fit
 from trackslip.identification.samples import SlipSamples
 from trackslip.identification.weighting import MIN_SCATTER, WeightedRuns, relative_errors
 from trackslip.kinematics import Array, RobotGeometry
@@ -18,9 +19,6 @@ from trackslip.slip.base import SlipLaw
 from trackslip.slip.families import family
 
 _MIN_DRAWN = 4  # minimum number of runs for a bootstrap
-_VAGUE = 5.0  # standard error of an undetermined parameter, relative to its scale
-_REPLACEABLE = 1e6  # variance inflation of a parameter that others stand in for [-]
-_AT_LIMIT = 1e-3  # distance from a limit, relative to a range of at most 1
 _TRIED, _REFINED = 60, 6  # number of scatters tried at once, and how often the grid about the best is made finer
 
 
@@ -88,7 +86,7 @@ def fit_law(
     measured = samples.covariance is not None
     tests = lack_of_fit(fits, measured)
     error = standard_errors(fits, tests, measured)[0]
-    notes = _undetermined(name, fits, error)
+    notes = undetermined(name, fits, error) or unfollowed(name, fits)
     if notes and not vague:
         raise LogError(notes[0])
     interval = fits.family.limits(geometry.half_gauge)[:2].T
@@ -120,33 +118,6 @@ def fit_law(
         lack_of_fit=tests[0] if tests else None,
         notes=notes,
     )
-
-
-def _undetermined(name: str, fits: Fits, error: Array) -> tuple[str, ...]:
-    """Why the samples do not determine a parameter; empty if they determine all of them."""
-    names, limits = fits.family.names, fits.family.limits(fits.runs.geometry.half_gauge)
-    load = fits.runs.load
-    if fits.family.loaded and (load is None or np.ptp(load) == 0):
-        return (f"law {name}: the {fits.runs.runs} samples don't determine compliance: it takes runs under loads",)
-    with np.errstate(invalid="ignore"):
-        replaceable = ~(np.diag(fits.hessian[0]) * np.diag(fits.covariance[0]) < _REPLACEABLE)
-    for key, value, spread, replaced, least, most, scale in zip(
-        names, fits.values[0], error, replaceable, *limits, strict=True
-    ):
-        at_limit = min(value - least, most - value) < _AT_LIMIT * min(most - least, 1.0)
-        if not at_limit and not replaced and spread < max(_VAGUE * scale, abs(value) / 2):
-            continue
-        why = f"no value below {most:.4g}" if most - value < value - least else f"no value above {least:.4g}"
-        why = f"{why} fits, so they don't follow this law" if at_limit else f"its standard error is {spread:.2g}"
-        if replaced:
-            why = "other parameters make up for any value of it"
-        if by_command(fits.runs.omega, fits.runs.geometry).max() == 0:
-            why = "it takes runs of different radii"
-        elif key.startswith("gamma") and by_speed(fits.runs.omega).max() == 0:
-            why = "it takes runs of different speeds"
-        stopped = f"the {fits.runs.runs} samples don't determine {key} (the fit stopped at {value:.3g})"
-        return (f"law {name}: {stopped}: {why}",)
-    return ()
 
 
 def _likelihood(fits: Fits) -> float:

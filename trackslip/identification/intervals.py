@@ -9,11 +9,14 @@ import scipy
 
 from trackslip.identification.fit import Fits, minimise
 from trackslip.identification.replicates import LackOfFit
+from trackslip.identification.solver import CONVERGED
 from trackslip.kinematics import Array
 
 CONFIDENCE = 0.95  # of all intervals [-]
 _STEPS = 12  # maximum number of steps towards the end of an interval
 _NEAR = 1e-3  # relative error of the height at convergence
+_ENOUGH = 1e-5  # change of chi-square that does not matter, relative to the height
+_ITERATIONS = 15  # of each fit with a value held: more are needed only where chi-square is rough
 _STRETCH = (0.25, 4.0)  # limits of the ratio of successive steps
 
 
@@ -63,14 +66,31 @@ def profile_intervals(fits: Fits, height: Array) -> Array:
     centre = fits.values[which, index]
     span = np.where(sign > 0, high[index] - centre, centre - low[index])  # to the limit
     way = np.minimum(goal * error[which, index], span)
-    values = fits.values[which]
+    values, bend = fits.values[which], fits.bend[which]
+    with np.errstate(invalid="ignore"):
+        beside = (fits.covariance[which, :, index]) / variance[which, index][:, None]  # change of the others
+    ahead = np.where(np.isfinite(beside), beside, 0.0)
+    tolerance = np.clip(_ENOUGH * goal**2 / np.maximum(fits.cost[which], 1e-300), CONVERGED, _ENOUGH)
     open_ = np.ones(len(which), bool)
     for _ in range(_STEPS):
         rows = np.flatnonzero(open_)
-        start = values[rows]
-        start[np.arange(len(rows)), index[rows]] = centre[rows] + sign[rows] * way[rows]
-        reached = minimise(fits.family, fits.runs, fits.scatter, start, which[rows], held[rows])
-        values[rows] = reached.values
+        gone = sign[rows] * way[rows]
+        start = np.clip(values[rows] + ahead[rows] * gone[:, None], low, high)
+        start[np.arange(len(rows)), index[rows]] = centre[rows] + gone
+        reached = minimise(
+            fits.family,
+            fits.runs,
+            fits.scatter,
+            start,
+            which[rows],
+            held[rows],
+            bend[rows],
+            tolerance[rows],
+            _ITERATIONS,
+        )
+        moved = gone != 0
+        ahead[rows[moved]] = ((reached.values - values[rows])[moved]) / gone[moved, None]
+        bend[rows] = reached.bend
         rise = np.sqrt(np.maximum(reached.cost - fits.cost[which[rows]], 1e-300))
         ratio = goal[rows] / rise
         ended = (np.abs(ratio - 1) < _NEAR) | ((way[rows] >= span[rows]) & (ratio > 1))

@@ -22,6 +22,7 @@ _WORTH_MENTIONING = 0.005  # minimum deviation of an outlier [-]
 _REPEATED = 3  # minimum number of runs of one radius for a median
 _ROUNDS = 15
 _SETTLED = 1e-3  # change of weights at convergence
+_ROUGHLY = 1e-6  # tolerance of the fits
 _TUKEY = 4.685  # cutoff of the biweight [robust standard deviations]
 _LAWS = ("exponential", "hyperbola", "power", "icr_radius", "turn_loss", "icr_sides")
 
@@ -72,7 +73,7 @@ def _robust_deviation(name: str, runs: WeightedRuns) -> tuple[Array, float]:
     """Deviations (n, 2) of slip from a robust fit, and their robust standard deviation."""
     family = FAMILIES[name]
     scatter = np.full(1, _WORTH_MENTIONING)
-    found = fit(family, runs, scatter=scatter)
+    found = fit(family, runs, scatter=scatter, tolerance=_ROUGHLY)
     weight = np.zeros(runs.runs)
     for _ in range(_ROUNDS):
         deviation = runs.deviation(found.law)[0]
@@ -81,7 +82,7 @@ def _robust_deviation(name: str, runs: WeightedRuns) -> tuple[Array, float]:
         before, weight = weight, np.where(reach < 1, (1 - reach**2) ** 2, 1e-9)
         if np.abs(weight - before).max() < _SETTLED:
             break
-        found = fit(family, runs.weighted(weight[None]), found.values, scatter)
+        found = fit(family, runs.weighted(weight[None]), found.values, scatter, found.bend, _ROUGHLY)
     return runs.deviation(found.law)[0], spread
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -99,6 +99,10 @@ class SlipSamples:
         return SlipSamples(self.omega[rows], self.twist[rows], self.slip[rows], run, **optional)
 
 
+MeasuredRuns = Mapping[str, Mapping[str, SlipSamples]]
+"""Run -> method -> sample of its longest steady stretch, from `samples_by_method`."""
+
+
 @dataclass(frozen=True)
 class Sampling:
     """The samples of a set of runs, and why some runs or stretches gave none."""
@@ -125,14 +129,16 @@ def slip_samples(
     return SlipSamples.joined([_sample(steady_part(log, geometry, settle), geometry, method) for log in logs])
 
 
-def samples_by_method(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -> dict[str, SlipSamples]:
-    """The sample of a run, as `slip_samples` finds it, by each of MOTION_METHODS that the run allows.
+def samples_by_method(
+    log: RunLog, geometry: RobotGeometry, settle: float = SETTLE, methods: Iterable[str] = tuple(MOTION_METHODS)
+) -> dict[str, SlipSamples]:
+    """The sample of a run, as `slip_samples` finds it, by each of the methods that the run allows.
 
     Raises LogError if the run has no steady stretch, or moves unsteadily in it.
     """
     part, found = steady_part(log, geometry, settle), {}
     require_steady_motion(part)
-    for name in MOTION_METHODS:
+    for name in methods:
         with contextlib.suppress(LogError):
             found[name] = _measured(part, geometry, name)
     return found
@@ -145,11 +151,13 @@ def usable_samples(
     method: str | None = None,
     refused: Sequence[Refused] = (),
     longest: bool = False,
+    measured: MeasuredRuns = MappingProxyType({}),
 ) -> Sampling:
     """The samples of all steady stretches of all runs, and why others give none; LogError if none is usable.
 
     A run with several stretches gives as many samples, named by when they begin; with `longest`, only the longest
-    stretch of each run counts, as in `slip_samples`. `refused` are runs that were left out before.
+    stretch of each run counts, as in `slip_samples`, and runs may be `measured` already. `refused` are runs that were
+    left out before.
     """
     _require_known(settle, method)
     found = _Found(list(refused))
@@ -166,7 +174,8 @@ def usable_samples(
             lead, trail = max(settle, MARGIN) / len(pieces), MARGIN / len(pieces)
             for piece in pieces:
                 try:
-                    found.usable.append(_sample(piece, geometry, method))
+                    known = measured.get(log.run, {}).get(method or best_method(log)) if longest else None
+                    found.usable.append(_sample(piece, geometry, method) if known is None else known)
                     found.steady += piece.window[1] - piece.window[0] + lead + trail
                 except LogError as error:
                     found.refused.append(Refused(piece.name, Refused.of(log.run, error).reason))

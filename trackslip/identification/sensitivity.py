@@ -7,6 +7,7 @@ import numpy as np
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.families import LawFamily
+from trackslip.slip.slopes import parameter_slopes
 
 _DIFFERENCE = 1e-6  # step of differences, relative to the scales of the parameters and to the twist
 
@@ -26,7 +27,7 @@ def twist_slopes(
     inside = np.clip(values, low + step, high - step)
     law = family.law(inside[:, None, :], geometry)
     if type(law).twist is not SlipLaw.twist:
-        slopes = _by_differences(family, inside, step, omega, geometry)
+        slopes = parameter_slopes(law, dict(zip(family.names, step.tolist(), strict=True)), omega, geometry)
     else:
         twist = law.twist(omega, geometry) if twist is None else twist
         slopes = _by_sprocket_speeds(family, inside, step, twist, geometry)
@@ -43,12 +44,6 @@ def twist_slopes(
 def _beside(values: Array, step: Array) -> Array:
     """Values (2, p, m, p), one parameter a step above and below those (m, p) of m laws."""
     return values + np.diag(step)[:, None, :] * np.array([1.0, -1.0])[:, None, None, None]
-
-
-def _by_differences(family: LawFamily, values: Array, step: Array, omega: Array, geometry: RobotGeometry) -> Array:
-    beside = _beside(values, step)[..., None, :]
-    ahead, behind = family.law(beside, geometry).twist(omega, geometry)  # (p, m, n, 2) each
-    return np.moveaxis((ahead - behind) / (2 * step[:, None, None, None]), 0, -1)
 
 
 def _by_sprocket_speeds(family: LawFamily, values: Array, step: Array, twist: Array, geometry: RobotGeometry) -> Array:

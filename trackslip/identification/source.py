@@ -20,9 +20,7 @@ from trackslip.logs.runlog import RunLog
 from trackslip.logs.table import REQUIRED, SAMPLE_COLUMNS
 from trackslip.logs.table_reader import ReadRuns, runs_from_table
 from trackslip.motion.constant_speed import SETTLE
-from trackslip.ros.any_log import holds_bags, refuse_choice
 from trackslip.ros.choice import AUTOMATIC, BagChoice
-from trackslip.ros.drive_log import read_bags
 
 _MATTERS = ("ground", "radius_error", "geometry", "model_sha256")  # to slip
 _LOADING = ("slope", "uphill")  # of the ground: may differ between runs that tell their loads
@@ -92,6 +90,8 @@ def read_source(
     Given the folder, `chosen` returns the names of the runs to use; None for all of them. Raises LogError if nothing in
     the log can be read or it holds no runs to choose from, InvalidValueError if the geometry is unknown.
     """
+    from trackslip.ros.any_log import holds_bags, refuse_choice  # late: runs in memory need no bags
+
     if holds_bags(path):
         return _of_bags(path, reading, chosen)
     refuse_choice(path, reading.bag)
@@ -167,6 +167,8 @@ def _read(file: Path, reading: Reading, chosen: Callable[[Path], Collection[str]
 
 def _of_bags(path: Path, reading: Reading, chosen: Callable[[Path], Collection[str]] | None) -> Source:
     """The drives in bags."""
+    from trackslip.ros.drive_log import read_bags  # late, too
+
     if chosen is not None:
         raise LogError(f"{path}: holds bags, not runs of a sweep: --where must be left out")
     try:

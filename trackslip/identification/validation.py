@@ -20,6 +20,7 @@ _MIN_RADII = 3  # minimum number of folds of radii to judge laws by
 _MIN_RUNS = 6  # minimum number of runs to judge laws by
 _PARTS = 10  # number of folds of runs
 _CHANCE = 1.0  # difference of squared errors that may be chance [standard errors]
+_ROUGHLY = 1e-8  # tolerance of the fits: errors of predictions depend on them but weakly
 _NEGLIGIBLE = 1e-3  # relative error of the track speeds that no ground and no encoder repeats, and no law need predict
 
 
@@ -124,5 +125,5 @@ def _predicted(law: FittedLaw, runs: WeightedRuns, labels: np.ndarray) -> Array 
     if groups < 2 or 2 * kept.sum(axis=1).min() <= len(family.names):
         return None
     start = np.tile([law.values[name] for name in family.names], (groups, 1))
-    fits = fit(family, runs.weighted(kept), start.reshape(groups, -1), np.full(groups, law.scatter))
+    fits = fit(family, runs.weighted(kept), start.reshape(groups, -1), np.full(groups, law.scatter), tolerance=_ROUGHLY)
     return family.law(fits.values[labels], runs.geometry).twist(runs.omega, runs.geometry)  # a law for each run

@@ -19,6 +19,10 @@ missed: a measurement of its bearing b with an error that is uniform over the be
 with db = (-y dx + x dy + (x d_x + y d_y) dphi) / (x^2 + y^2) for a corner at (x, y) that lies (d_x, d_y) from c.
 Each of the two edges adds its 12 / delta^2 to the information, unless it lies outside the field of view.
 
+If a beam that hits returns nothing with probability p, only the returns count; which ones they are says nothing about
+the pose. Beyond the last of them, the number of lost beams is geometrically distributed with mean p / (1 - p), which
+shifts the corner, and variance p / (1 - p)^2, which is added to the 1 / 12 of each edge.
+
 This is not a true Cramer-Rao bound. A uniform error has no Fisher information in the usual sense because its support
 moves with the pose. Many such edges, treated as intervals, contain more information than their squares, although for
 two edges at a known distance the middle of the intersection is the mean of the middles and has the same mean square
@@ -31,14 +35,17 @@ from __future__ import annotations
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.localization.scan import Plate, Scan
+from trackslip.localization.scan import Cluster, Plate, Scan
+from trackslip.localization.view import View, in_axes
 
 MIN_ANGLE = np.radians(3.0)
 """The bound means little at smaller angles from edge-on [rad]."""
 _AT_ONCE = 1000  # poses, which bounds the memory
 
 
-def pose_bound(pose: Array, plate: Plate, bearings: Array, noise: float) -> Array:
+def pose_bound(
+    pose: Array, plate: Plate, bearings: Array, noise: float, dropout: float = 0.0, seen: Cluster | None = None
+) -> Array:
     """Covariances (S, 3, 3) of (x, y, phi) that no unbiased estimator from one scan beats; NaN if undetermined.
 
     Args:
@@ -46,12 +53,20 @@ def pose_bound(pose: Array, plate: Plate, bearings: Array, noise: float) -> Arra
         plate: the plate in the scan.
         bearings: of the beams (B,), equally spaced, ascending [rad].
         noise: standard deviation of a range [m].
+        dropout: probability that a beam that hits returns nothing [-].
+        seen: the returns (S,), which tell more than their expected share where few beams matter; by default all beams
+            return something, or 1 - dropout of each.
     """
     information = np.zeros((len(pose), 3, 3))
     for start in range(0, len(pose), _AT_ONCE):
         some = pose[start : start + _AT_ONCE]
-        jacobian = range_jacobian(some, plate, towards(some, plate, bearings)) / noise
-        edges = _edge_jacobian(some, plate, bearings)
+        if seen is None:
+            jacobian = np.sqrt(1 - dropout) * range_jacobian(some, plate, towards(some, plate, bearings))
+        else:
+            part = slice(start, start + _AT_ONCE)
+            jacobian = seen.hit[part, :, None] * range_jacobian(some, plate, seen.bearing[part])
+        jacobian /= noise
+        edges = _edge_jacobian(some, plate, bearings) / np.sqrt(1 + 12 * dropout / (1 - dropout) ** 2)
         information[start : start + _AT_ONCE] = jacobian.swapaxes(1, 2) @ jacobian + edges.swapaxes(1, 2) @ edges
     covariance = np.full_like(information, np.nan)
     held = np.linalg.matrix_rank(information, hermitian=True) == 3
@@ -75,20 +90,25 @@ def ratio_to_bound(error: Array, bound: Array) -> Array:
     return np.sqrt(np.mean(error**2, axis=0) / np.mean(np.einsum("sii->si", bound), axis=0))
 
 
-def scan_ratio_to_bound(pose: Array, true_pose: Array, plate: Plate, scan: Scan) -> Array:
+def scan_ratio_to_bound(
+    pose: Array, true_pose: Array, plate: Plate, scan: Scan, seen: Cluster | None = None
+) -> Array:
     """Ratios (3,) to the bound of x, y and heading in the world, over scans seen MIN_ANGLE or more from edge-on.
 
     Args:
         pose: estimated poses (S, 3) in the world, for example those that are valid.
         true_pose: the true ones (S, 3).
         plate: the plate in the scan.
-        scan: its bearings, noise and mount are used, not its ranges.
+        scan: its bearings, noise, dropout and mount are used, not its ranges.
+        seen: the returns (S,); see `pose_bound`.
     """
     local = scan.from_world(true_pose)
     rows = viewing_angle(local) > MIN_ANGLE
     error = (pose - true_pose)[rows]
     error[:, 2] = (error[:, 2] + np.pi / 2) % np.pi - np.pi / 2
-    bound = scan.covariance_to_world(pose_bound(local[rows], plate, scan.bearings, scan.noise))
+    returns = None if seen is None else seen.take(np.flatnonzero(rows))
+    bound = pose_bound(local[rows], plate, scan.bearings, scan.noise, scan.dropout, returns)
+    bound = scan.covariance_to_world(bound)
     held = np.isfinite(bound).all(axis=(1, 2))
     return ratio_to_bound(error[held], bound[held])
 
@@ -130,8 +150,8 @@ def range_jacobian(pose: Array, plate: Plate, bearings: Array) -> Array:
 def _edge_jacobian(pose: Array, plate: Plate, bearings: Array) -> Array:
     """Derivatives (S, 2, 3) of the edges' bearings over their standard deviation; zero outside the field of view."""
     sight = np.arctan2(pose[:, 1], pose[:, 0])
-    beside, jacobian, square = plate.silhouette(pose, np.stack([np.cos(sight), np.sin(sight)], axis=1))
+    beside, jacobian = View.of(plate, pose).silhouette(np.exp(1j * sight))
     field = bearings[-1] - bearings[0]
     off = np.angle(np.exp(1j * (sight[:, None] + beside - (bearings[0] + bearings[-1]) / 2)))
     weight = np.where(np.abs(off) < field / 2, np.sqrt(12) / (field / (len(bearings) - 1)), 0.0)
-    return jacobian * (weight / square)[..., None]
+    return jacobian @ in_axes(pose[:, 2]) * weight[..., None]

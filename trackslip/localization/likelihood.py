@@ -20,18 +20,17 @@ leaves nothing to hit costs as much as if it had been measured at the near or fa
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.localization.rows import Rows
-from trackslip.localization.scan import MIN_NOISE, Cluster, Plate, Scan
+from trackslip.localization.beams import Beams, Edges
+from trackslip.localization.climb import Evaluation, climb
+from trackslip.localization.scan import Plate
+from trackslip.localization.view import View
 
-UNKNOWN = 1e6
-"""Variance of what a scan does not determine."""
-_CONVERGED = 1e-5  # a climb ends when the predicted or actual decrease of the cost is smaller
-_MARGIN = 0.1  # the scanner's reach may cut off returns this close to it [m]
+_TINY = 1e-300  # keeps a beam that is parallel to a face from dividing by zero
 
 
 @dataclass(frozen=True)
@@ -42,191 +41,131 @@ class PlateLikelihood:
     huber: float
     """Residual above which the loss of a range is linear [standard deviations]."""
 
-    def evaluate(self, beams: Beams, pose: Array, turn: bool = True) -> Evaluation:
-        """Cost, gradient and Gauss-Newton Hessian at poses (M, 3); without `turn`, the heading is fixed."""
-        residual, jacobian = self._ranges(beams, pose)
-        edge_residual, edge_jacobian = self._edges(beams, pose)
-        weight, cost = self._loss(residual, edge_residual)
-        weighted = jacobian * weight[:, None, :]
-        gradient = (weighted @ residual[..., None])[..., 0] + np.einsum("mei,me->mi", edge_jacobian, edge_residual)
-        hessian = weighted @ jacobian.swapaxes(1, 2) + edge_jacobian.swapaxes(1, 2) @ edge_jacobian
-        misfit = np.sqrt(_squares(residual) / np.maximum(beams.hit.sum(axis=1), 1))
-        if not turn:
-            gradient[:, 2] = 0.0
-            hessian[:, 2, :] = hessian[:, :, 2] = 0.0
-            hessian[:, 2, 2] = 1.0
-        return Evaluation(pose, cost, gradient, hessian, misfit)
+    def evaluate(self, beams: Beams, pose: Array) -> Evaluation:
+        """Cost, gradient and Gauss-Newton Hessian at poses (M, 3)."""
+        view = View.of(self.plate, pose)
+        residual, on_long, slope, lever = self._ranges(beams, view)
+        terms = np.empty((9, len(residual)))
+        weight, terms[0] = self.loss(residual)
+        turning = lever * slope
+        weighted = weight * slope
+        weighted_long = weighted * on_long
+        weighted -= weighted_long  # a beam meets one face only: what is left is on the short one
+        for k, one in enumerate((weighted, weighted_long, weight * turning)):
+            np.multiply(one, residual, out=terms[1 + k])
+            np.multiply(one, turning, out=terms[4 + k])
+        np.multiply(weighted, slope, out=terms[7])
+        np.multiply(weighted_long, slope, out=terms[8])
+        sums = beams.sums(terms)  # (9, M)
 
-    def cost(self, beams: Beams, pose: Array) -> Array:
-        """Only the cost (M,) at poses (M, 3)."""
-        return self._loss(self._ranges(beams, pose, derive=False)[0], self._edges(beams, pose)[0])[1]
+        edge_residual, edge_jacobian = self.edges(beams.edges, view)
+        gradient = sums[1:4].T + (edge_residual[:, None] @ edge_jacobian)[:, 0]
+        hessian = edge_jacobian.swapaxes(1, 2) @ edge_jacobian
+        hessian[:, 2] += sums[4:7].T
+        hessian[:, :2, 2] += sums[4:6].T
+        hessian[:, 0, 0] += sums[7]
+        hessian[:, 1, 1] += sums[8]
+        cost = sums[0] + np.einsum("me,me->m", edge_residual, edge_residual) / 2
+        return Evaluation(pose, cost, gradient, hessian)
 
-    def climb(self, beams: Beams, pose: Array, iterations: int, turn: bool = True) -> Evaluation:
-        """Levenberg-Marquardt from poses (M, 3) in the LRF's frame; without `turn` the heading is fixed.
+    def misfit(self, beams: Beams, pose: Array) -> Array:
+        """Root mean square residuals (M,) of the ranges at poses (M, 3) [standard deviations]."""
+        residual = self._ranges(beams, View.of(self.plate, pose))[0]
+        return np.sqrt(beams.sums(residual * residual) / beams.count)
 
-        A row that has converged no longer changes, so that rows are bitwise independent of each other.
+    def cost_along(self, beams: Beams, pose: Array, offset: Array) -> Array:
+        """Costs (M, K) at poses (M, 3) slid along the plate by `offset` (M, K) [m], less a constant for each scan.
+
+        Only beams that may leave the long face matter.
         """
-        fit = self.evaluate(beams, pose.copy(), turn)
-        damping = np.full(len(pose), 1e-3)
-        climbing = np.arange(len(pose))
-        for _ in range(iterations):
-            here = fit if climbing.size == len(pose) else fit.take(climbing)
-            damped = here.hessian + damping[:, None, None] * here.hessian * np.eye(3)
-            inverse, regular = inverses(damped)
-            step = -np.einsum("mij,mj->mi", inverse, here.gradient)
-            on = ~regular | (np.einsum("mi,mi->m", step, here.gradient) < -2 * _CONVERGED)
-            if not on.all():
-                climbing, beams, damping = climbing[on], beams.take(on), damping[on]
-                here, step, regular = here.take(on), step[on], regular[on]
-            if not climbing.size:
-                break
-            trial = self.evaluate(beams, here.pose + np.where(regular[:, None], step, 0.0), turn)
-            fall = here.cost - trial.cost
-            better = fall > 0
-            fit.put(climbing[better], trial.take(better))
-            on = ~better | (fall > _CONVERGED)
-            if not on.any():
-                break
-            damping = np.where(better, damping / 10, damping * 10)[on]
-            if not on.all():
-                climbing, beams = climbing[on], beams.take(on)
-        return fit
+        view = View.of(self.plate, pose)
+        half_length = self.plate.length / 2
+        along = view.along[:, None] + offset  # (M, K)
+        reach = math.hypot(self.plate.length, self.plate.thickness) / 2
+        longest = np.abs(offset).max(axis=1)
+        distance = np.hypot(view.along, view.across)
+        cos, sin = view.turn.real, view.turn.imag
+        ahead, aside = np.copysign(1.0, view.along), np.copysign(1.0, view.across)
+        of_scans = np.empty((8, len(pose)))
+        of_scans[0], of_scans[1], of_scans[2], of_scans[3] = ahead * cos, ahead * sin, -aside * sin, aside * cos
+        of_scans[4] = np.abs(view.along) + longest - half_length
+        of_scans[5] = np.maximum(np.abs(view.across) - self.plate.thickness / 2, 0.0)
+        of_scans[6], of_scans[7] = distance + longest - reach, distance - longest + reach
+        e_x, e_y, n_x, n_y, short, long, near, far = beams.spread(of_scans)
+        u_e = beams.u_x * e_x + beams.u_y * e_y - _TINY
+        to_long = long / (beams.u_x * n_x + beams.u_y * n_y - _TINY)
+        matters = np.flatnonzero((short > to_long * u_e) & (u_e > 0) | (to_long < near) | (to_long > far))
 
-    def _loss(self, residual: Array, edge_residual: Array) -> tuple[Array, Array]:
-        """Weights (M, W) of the ranges under a Huber loss, and costs (M,) of all residuals."""
+        row = np.repeat(np.arange(len(pose)), beams.count)[matters]
+        distance = np.hypot(along, view.across[:, None])[row]
+        depth = np.maximum(along * ahead[:, None] - half_length, 0.0)[row]
+        entered = np.maximum(depth / u_e[matters, None], to_long[matters, None])
+        predicted = np.minimum(np.maximum(entered, distance - reach), distance + reach)
+        loss = self.loss((predicted - beams.range[matters, None]) / beams.noise)[1]
+        cost = np.zeros(offset.shape)
+        if row.size:
+            first = np.flatnonzero(np.diff(row, prepend=-1))
+            cost[row[first]] = np.add.reduceat(loss, first, axis=0)
+        every = np.repeat(np.arange(len(pose)), offset.shape[1])
+        residual = self.edges(beams.edges.take(every), view.slid(offset))[0]
+        return cost + (np.einsum("me,me->m", residual, residual) / 2).reshape(offset.shape)
+
+    def moved(self, pose: Array, step: Array) -> Array:
+        """Poses (M, 3) after steps (M, 3) along and across their plates."""
+        moved = pose + step
+        turned = (step[:, 0] + 1j * step[:, 1]) * np.exp(1j * pose[:, 2])
+        moved[:, 0], moved[:, 1] = pose[:, 0] + turned.real, pose[:, 1] + turned.imag
+        return moved
+
+    def climb(self, beams: Beams, pose: Array, iterations: int) -> Evaluation:
+        """The maxima of the likelihood near poses (M, 3) in the LRF's frame."""
+        return climb(self, beams, pose, iterations)
+
+    def loss(self, residual: Array) -> tuple[Array, Array]:
+        """Weights (...) of ranges with residuals (...) [standard deviations] under the Huber loss, and their costs."""
         size = np.abs(residual)
         weight = self.huber / np.maximum(size, self.huber)
-        return weight, np.einsum("mw,mw->m", weight * size, size - weight * size / 2) + _squares(edge_residual) / 2
+        weighted = weight * size
+        return weight, weighted * (size - weighted / 2)
 
-    def _ranges(self, beams: Beams, pose: Array, derive: bool = True) -> tuple[Array, Array]:
-        """Residuals (M, W) of the ranges [standard deviations], and their Jacobian (M, 3, W), empty unless `derive`."""
-        x, y, phi = pose[:, :1], pose[:, 1:2], pose[:, 2:]
-        cos, sin = np.cos(phi), np.sin(phi)  # (M, 1)
-        along, across = cos * x + sin * y, cos * y - sin * x
-        u_e = cos * beams.u_x + sin * beams.u_y  # (M, W)
-        u_n = cos * beams.u_y - sin * beams.u_x
+    def _ranges(self, beams: Beams, view: View) -> tuple[Array, Array, Array, Array]:
+        """Residuals (H,) of the ranges [standard deviations], and what their derivatives are made of.
 
-        # ranges to the long and the short face that point towards the LRF; -inf if not entered
-        half_length, half_thickness = self.plate.length / 2, self.plate.thickness / 2
-        long_face = np.where(np.abs(across) > half_thickness, across - np.sign(across) * half_thickness, 0.0)
-        short_face = np.where(np.abs(along) > half_length, along - np.sign(along) * half_length, 0.0)
-        to_long, to_short = _range_to(long_face, u_n), _range_to(short_face, u_e)
+        That is whether they are on the long face (H,), their derivatives (H,) with respect to the place of the face
+        [standard deviations per m], and how far along it they are (H,) [m].
+        """
+        along, across = view.along, view.across
+        ahead, aside = np.copysign(1.0, along), np.copysign(1.0, across)
+        distance = np.hypot(along, across)
+        reach = math.hypot(self.plate.length, self.plate.thickness) / 2
+        scale = 1 / beams.noise
+        of_scans = np.empty((12, len(distance)))
+        of_scans[0], of_scans[1], of_scans[2], of_scans[3] = view.turn.real, view.turn.imag, ahead, aside
+        # of the planes of the short and the long face towards the LRF; 0 if both point away
+        np.maximum(ahead * along - self.plate.length / 2, 0.0, out=of_scans[4])
+        np.maximum(aside * across - self.plate.thickness / 2, 0.0, out=of_scans[5])
+        of_scans[6], of_scans[7], of_scans[8], of_scans[9] = along, across, distance - reach, distance + reach
+        of_scans[10:] = 0.0
+        np.divide(of_scans[2:4] * scale, of_scans[4:6], out=of_scans[10:], where=of_scans[4:6] > 0)
+        cos, sin, ahead, aside, short, long, along, across, near, far, by_short, by_long = beams.spread(of_scans)
+        u_e = beams.u_x * cos + beams.u_y * sin
+        u_n = beams.u_y * cos - beams.u_x * sin
+        # the range of a face is negative where the beam does not enter the half-plane behind it
+        to_short, to_long = short / (u_e * ahead - _TINY), long / (u_n * aside - _TINY)
         on_long = to_long > to_short
-        entered = np.maximum(to_long, to_short)
-        distance, reach = np.hypot(x, y), math.hypot(half_length, half_thickness)
-        predicted = np.minimum(np.maximum(entered, distance - reach), distance + reach)
-        residual = np.where(beams.hit, (predicted - beams.range) / beams.noise, 0.0)
-        if not derive:
-            return residual, np.empty(0)
+        entered = np.maximum(to_short, to_long)
+        predicted = np.minimum(np.maximum(entered, near), far)
+        residual = (predicted - beams.range) * scale
+        slope = np.where(on_long, by_long, by_short)  # 1 / (m.u) is the range over the distance of the plane
+        slope *= predicted
+        slope *= predicted == entered
+        lever = np.where(on_long, predicted * u_e - along, across - predicted * u_n)
+        return residual, on_long, slope, lever
 
-        # dr/dcentre = m / (m.u); dr/dphi = how far along the face the beam hits, over m.u
-        m_u = np.where(on_long, u_n, u_e)
-        slope = np.where((predicted == entered) & beams.hit, 1.0 / (np.where(m_u == 0, 1.0, m_u) * beams.noise), 0.0)
-        from_middle = np.where(on_long, u_e, -u_n)
-        from_middle *= predicted
-        from_middle += np.where(on_long, -along, across)
-        in_long = np.where(on_long, slope, 0.0)
-        in_short = slope - in_long
-        jacobian = np.empty((len(pose), 3, slope.shape[1]))
-        jacobian[:, 0] = cos * in_short - sin * in_long
-        jacobian[:, 1] = cos * in_long + sin * in_short
-        jacobian[:, 2] = from_middle * slope
-        return residual, jacobian
-
-    def _edges(self, beams: Beams, pose: Array) -> tuple[Array, Array]:
+    def edges(self, edges: Edges, view: View) -> tuple[Array, Array]:
         """Residuals (M, 2) of the two edges of the silhouette, and their Jacobian (M, 2, 3)."""
-        bearing, jacobian, square = self.plate.silhouette(pose, beams.ahead)
-        off = bearing - beams.edges
-        residual = off - np.minimum(np.maximum(off, -beams.slack), beams.slack)
-        weight = np.where((beams.slack == 0) | (residual != 0), beams.edge_weight, 0.0)
-        return residual * weight, jacobian * (weight / np.maximum(square, 1e-12))[..., None]
-
-
-@dataclass(frozen=True)
-class Beams(Rows):
-    """The beams of M scans that measure the plate."""
-
-    u_x: Array  # (M, W) directions of the beams
-    u_y: Array  # (M, W)
-    range: Array  # (M, W) [m]
-    hit: np.ndarray  # (M, W) bool
-    ahead: Array  # (M, 2) direction of the middle, half-way between the outermost returns
-    edges: Array  # (M, 2) bearings of the silhouette's edges, from the middle [rad]
-    edge_weight: Array  # (M, 2) reciprocal of their standard deviation, 0 if not an edge of the plate [1/rad]
-    slack: Array  # (M, 2) deviation of a hidden edge that costs nothing [rad]
-    noise: float  # of a range [m]
-
-    @classmethod
-    def of(cls, scan: Scan, cluster: Cluster) -> Beams:
-        """The beams of each cluster of a scan."""
-        step = scan.beam_step
-        low = np.min(cluster.bearing, axis=1, where=cluster.hit, initial=np.inf)
-        high = np.max(cluster.bearing, axis=1, where=cluster.hit, initial=-np.inf)
-        middle = (low + high) / 2
-        missed = cluster.lost / np.maximum(cluster.lost + cluster.count, 1)  # of the beams inside the cluster
-        lost = np.maximum(missed, scan.dropout)
-        beyond = lost / (1 - lost)  # expected number of beams missed beyond it
-        slack = np.where(np.isfinite(cluster.hidden), cluster.hidden, 0.0) / 2
-        reach = (high - low)[:, None] / 2 + (0.5 + beyond)[:, None] * step + slack
-        spread = step * np.sqrt(1 / 12 + beyond / (1 - lost))
-        farthest = np.max(cluster.range, axis=1, where=cluster.hit, initial=0.0)
-        within = farthest < scan.max_range - _MARGIN
-        tolerance = step / 4
-        inside = np.stack([low > scan.bearings[0] + tolerance, high < scan.bearings[-1] - tolerance], axis=1)
-        weight = np.where(inside & within[:, None] & np.isfinite(cluster.hidden), 1 / spread[:, None], 0.0)
-        noise = max(scan.noise, MIN_NOISE)
-        u_x, u_y = np.cos(cluster.bearing), np.sin(cluster.bearing)
-        edges = reach * np.array([-1.0, 1.0])
-        ahead = np.stack([np.cos(middle), np.sin(middle)], axis=1)
-        return cls(u_x, u_y, cluster.range, cluster.hit, ahead, edges, weight, slack, noise)
-
-    def thinned(self, most: int) -> Beams:
-        """Only every n-th beam, so that at most about `most` are left; the edges are kept."""
-        every = max(1, self.u_x.shape[1] // most)
-        return replace(self, **{name: getattr(self, name)[:, ::every] for name in ("u_x", "u_y", "range", "hit")})
-
-
-@dataclass(frozen=True)
-class Evaluation(Rows):
-    """The likelihood at M poses."""
-
-    pose: Array  # (M, 3) in the LRF's frame
-    cost: Array  # (M,) negative log likelihood
-    gradient: Array  # (M, 3)
-    hessian: Array  # (M, 3, 3)
-    misfit: Array  # (M,) rms residual of the ranges [standard deviations]
-
-
-def _range_to(face: Array, m_u: Array) -> Array:
-    """Range (M, W) at which beams enter the half-plane behind a face m.p = h (M, 1); -inf where they do not."""
-    entering = (face * m_u) > 0
-    return np.where(entering, face / np.where(entering, m_u, 1.0), -np.inf)
-
-
-def _squares(array: Array) -> Array:
-    """Sums (M,) of the squares in rows (M, K)."""
-    return np.einsum("mk,mk->m", array, array)
-
-
-def inverses(matrix: Array) -> tuple[Array, np.ndarray]:
-    """Inverses of symmetric matrices (M, 3, 3) by cofactors, and a mask (M,) of the positive definite ones.
-
-    Written out because NumPy's inverse calls LAPACK for each matrix.
-    """
-    xx, xy, xz = matrix[:, 0, 0], matrix[:, 0, 1], matrix[:, 0, 2]
-    yy, yz, zz = matrix[:, 1, 1], matrix[:, 1, 2], matrix[:, 2, 2]
-    c_xx, c_xy, c_xz = yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy
-    determinant = xx * c_xx + xy * c_xy + xz * c_xz
-    regular = (determinant > 1e-12 * xx * yy * zz) & (xx > 0)
-    scale = 1 / np.where(regular, determinant, 1.0)
-    c_yy, c_yz, c_zz = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
-    inverse = np.empty((len(matrix), 9))
-    for k, cofactor in enumerate((c_xx, c_xy, c_xz, c_xy, c_yy, c_yz, c_xz, c_yz, c_zz)):
-        np.multiply(cofactor, scale, out=inverse[:, k])
-    return inverse.reshape(-1, 3, 3), regular
-
-
-def covariances(hessian: Array) -> Array:
-    """Inverses (M, 3, 3) of Hessians (M, 3, 3); UNKNOWN in every element of one that is not positive definite."""
-    inverse, regular = inverses(hessian)
-    return np.where(regular[:, None, None], inverse, UNKNOWN)
+        bearing, jacobian = view.silhouette(edges.ahead)
+        off = bearing - edges.bearing
+        residual = off - np.minimum(np.maximum(off, -edges.slack), edges.slack)
+        weight = np.where((edges.slack == 0) | (residual != 0), edges.weight, 0.0)
+        return residual * weight, jacobian * weight[..., None]

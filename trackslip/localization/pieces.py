@@ -20,14 +20,20 @@ class Returns:
 
     def split(self, gap: float) -> Pieces:
         """Pieces, separated where neighbours lie more than `gap` [m] apart."""
+        apart = (self.x[1:] - self.x[:-1]) ** 2 + (self.y[1:] - self.y[:-1]) ** 2 > gap**2
+        apart |= self.row[1:] != self.row[:-1]
         starts = np.ones(len(self.row), bool)
-        starts[1:] = (np.diff(self.row) != 0) | (np.hypot(np.diff(self.x), np.diff(self.y)) > gap)
+        starts[1:] = apart
         first = np.flatnonzero(starts)
         label = np.cumsum(starts) - 1
-        count = np.bincount(label)
+        count = np.append(first[1:], len(starts)) - first
         spans = [np.maximum.reduceat(c, first) - np.minimum.reduceat(c, first) for c in (self.x, self.y)]
-        centre = np.stack([np.add.reduceat(c, first) / count for c in (self.x, self.y)], axis=-1)
-        return Pieces(self.row[first], label, count, np.maximum(*spans), centre)
+        return Pieces(self.row[first], label, count[: len(first)], np.maximum(*spans))
+
+    def centres(self, pieces: Pieces) -> Array:
+        """Mean points (P, 2) of pieces [m]."""
+        sums = [np.bincount(pieces.label, c, len(pieces.count)) for c in (self.x, self.y)]
+        return np.stack(sums, axis=-1) / pieces.count[:, None]
 
 
 @dataclass(frozen=True)
@@ -38,7 +44,6 @@ class Pieces:
     label: np.ndarray  # (H,) the piece of each return
     count: np.ndarray  # (P,) of returns
     extent: Array  # (P,) the longer side of the box around it [m]
-    centre: Array  # (P, 2) [m]
 
 
 def best_of_each(row: np.ndarray, score: Array) -> np.ndarray:

@@ -14,18 +14,22 @@ import numpy as np
 
 from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate
-from trackslip.localization.likelihood import UNKNOWN, Beams, Evaluation, PlateLikelihood, covariances
+from trackslip.localization.beams import Beams
+from trackslip.localization.climb import UNKNOWN, Evaluation, covariances
+from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.pieces import best_of_each
 from trackslip.localization.posterior import correct
 from trackslip.localization.rows import Rows
 from trackslip.localization.scan import FINER_GAPS, MAX_GAP, Cluster, Plate, Scan, candidates, extract_plate, returns_at
-from trackslip.localization.starts import MAX_STARTS, chunks, starts
+from trackslip.localization.starts import MAX_STARTS, chunks, portions, starts
+from trackslip.localization.view import in_axes
 
 _STRAINED = 4.0  # standard deviations of the misfit above which the returns include something else
 _EXPLAINED = 7.0  # gain in log likelihood of a return from the plate over one from anything within a few metres
 _MIN_PLATE_RETURNS = 8  # fewer returns may look like a plate by chance
 _ROUNDS = 2  # of selecting the returns by the pose
 _SCREENED = 24  # beams of a cluster used to screen the starts
+_ALIKE = 1e-3  # difference in cost of starts that led to the same pose: the first is taken, not one by rounding
 _MIN_DROPOUT = 0.02  # probability that a beam passes a plate in its way
 
 
@@ -127,34 +131,38 @@ class PlateLocator:
     def _solve(self, scan: Scan, cluster: Cluster, near: Array | None) -> Solution:
         """The pose that explains each cluster best."""
         found = Solution.none(len(cluster.count))
-        for rows in chunks(cluster, MAX_STARTS):
-            beams = Beams.of(scan, part := cluster.take(rows))
-            fit = self._fit(beams, part, scan.beam_step, None if near is None else near[rows])
-            covariance = covariances(fit.hessian)
-            misfit = np.sqrt(2 * fit.cost / part.count)  # edges included
-            strained = _strained(misfit, part.count)
-            cut = (part.hidden > 0).any(axis=1)
-            covariance *= np.where(strained, misfit**2, 1.0)[:, None, None]
-            score = _EXPLAINED * part.count - fit.cost
-            score += np.log(max(scan.dropout, _MIN_DROPOUT)) * part.lost
-            found.put(rows, Solution(fit.pose, covariance, misfit, score, strained | cut))
-        fits = found.misfit < self.max_misfit
-        correct(self._likelihood, scan, cluster, found.pose, found.covariance, fits)
-        found.covariance[(cluster.hidden > 0).any(axis=1) & (cluster.count < _MIN_PLATE_RETURNS)] = UNKNOWN
+        for rows in chunks(cluster, MAX_STARTS) if near is None else portions(cluster):
+            every = len(rows) == len(cluster.count)
+            part = cluster if every else cluster.take(rows)
+            found.put(rows, self._solved(scan, part, near if near is None or every else near[rows]))
         return found
+
+    def _solved(self, scan: Scan, cluster: Cluster, near: Array | None) -> Solution:
+        """The same for clusters with MIN_RETURNS or more returns, all at once."""
+        beams = Beams.of(scan, cluster)
+        fit = self._fit(beams, cluster, scan.beam_step, near)
+        axes = in_axes(fit.pose[:, 2])
+        covariance = axes.swapaxes(1, 2) @ covariances(fit.hessian) @ axes
+        misfit = np.sqrt(2 * fit.cost / cluster.count)  # edges included
+        strained = _strained(misfit, cluster.count)
+        covariance *= np.where(strained, misfit**2, 1.0)[:, None, None]
+        score = _EXPLAINED * cluster.count - fit.cost
+        score += np.log(max(scan.dropout, _MIN_DROPOUT)) * cluster.lost
+        correct(self._likelihood, scan, cluster, beams, fit.pose, covariance, misfit < self.max_misfit)
+        cut = (cluster.hidden > 0).any(axis=1)
+        covariance[cut & (cluster.count < _MIN_PLATE_RETURNS)] = UNKNOWN
+        return Solution(fit.pose, covariance, misfit, score, strained | cut)
 
     def _fit(self, beams: Beams, cluster: Cluster, beam_step: float, near: Array | None) -> Evaluation:
         """The best fit to each cluster; only from the expected pose if that explains the returns."""
         if near is None:
             return self._screened(beams, starts(cluster, self.plate, beam_step, None))
         fit = self._likelihood.climb(beams, near, self.iterations)
-        explained = ~_strained(np.sqrt(2 * fit.cost / cluster.count), cluster.count) & (
-            cluster.count >= _MIN_PLATE_RETURNS
-        )
-        rest = np.flatnonzero(~explained)
-        if rest.size:
-            first = starts(cluster.take(rest), self.plate, beam_step, near[rest])
-            fit.put(rest, self._screened(beams.take(rest), first))
+        unexplained = _strained(np.sqrt(2 * fit.cost / cluster.count), cluster.count)
+        unexplained |= cluster.count < _MIN_PLATE_RETURNS
+        for rows in chunks(cluster, MAX_STARTS, unexplained) if unexplained.any() else ():
+            first = starts(cluster.take(rows), self.plate, beam_step, near[rows])
+            fit.put(rows, self._screened(beams.take(rows), first))
         return fit
 
     def _screened(self, beams: Beams, first: Array) -> Evaluation:
@@ -162,7 +170,8 @@ class PlateLocator:
         scans, k, _ = first.shape
         thinned = beams.thinned(_SCREENED).take(np.repeat(np.arange(scans), k))
         screened = self._likelihood.climb(thinned, first.reshape(-1, 3), self.screening)
-        best = np.argmin(screened.cost.reshape(scans, k), axis=1) + k * np.arange(scans)
+        cost = screened.cost.reshape(scans, k)
+        best = np.argmax(cost < cost.min(axis=1, keepdims=True) + _ALIKE, axis=1) + k * np.arange(scans)
         return self._likelihood.climb(beams, screened.pose[best], self.iterations)
 
 

@@ -24,10 +24,10 @@ class Tracker:
 
     def __init__(self, start: Array, geometry: RobotGeometry) -> None:
         """`start` is the known pose of each robot, (N, 3) in the world."""
-        self._pose = np.array(start, float)
-        self._geometry = geometry
+        self._pose: Array = np.array(start, float)
+        self.geometry = geometry
         self._blind = np.zeros((len(self._pose), 2))  # distance [m] and turn [rad] since the last valid pose
-        self._last = np.zeros((len(self._pose), 3, 3))  # covariance of the last valid pose
+        self._last: Array = np.zeros((len(self._pose), 3, 3))  # covariance of the last valid pose
 
     def restart(self, robots: np.ndarray, start: Array) -> None:
         """Restart some robots (R,) at known poses (R, 3)."""
@@ -37,33 +37,42 @@ class Tracker:
 
     def predict(self, omega: Array, duration: float) -> Array:
         """Propagate the poses by sprocket speeds (N, 2) [rad/s] held for `duration` [s]; returns them (N, 3)."""
-        twist = body_twist(omega, 0.0, self._geometry)
+        twist = body_twist(omega, 0.0, self.geometry)
         self._pose = advance(self._pose, twist, duration)
         self._blind += np.abs(twist) * duration
         return self._pose.copy()
 
     def believes(self, estimate: PoseEstimate) -> np.ndarray:
         """Mask (N,) of the estimates, one per robot, that are valid and close enough to the prediction."""
-        away = self._unwrapped(estimate.pose) - self._pose
+        return self._close(estimate, self._unwrapped(estimate.pose))
+
+    def update(self, estimate: PoseEstimate) -> PoseEstimate:
+        """Continue the tracks with one estimate per robot; a rejected one is replaced by the prediction, not valid."""
+        pose = self._unwrapped(estimate.pose)
+        valid = self._close(estimate, pose)
+        if valid.all():
+            self._pose, self._last = pose, estimate.covariance.copy()
+            self._blind[:] = 0.0
+            return PoseEstimate(pose.copy(), estimate.covariance.copy(), valid)
+        self._pose[valid] = pose[valid]
+        self._blind[valid] = 0.0
+        self._last[valid] = estimate.covariance[valid]
+        return PoseEstimate(self._pose.copy(), self._covariance(), valid)
+
+    def _close(self, estimate: PoseEstimate, pose: Array) -> np.ndarray:
+        """Mask (N,) of the estimates that are valid and whose unwrapped poses (N, 3) are close to the predictions."""
+        away = pose - self._pose
         growth = GROWTH * self._blind
         far = np.hypot(away[:, 0], away[:, 1]) > GATE_POSITION + growth[:, 0]
         turned = np.abs(away[:, 2]) > GATE_HEADING + growth[:, 1]
         lost = growth[:, 1] > BLIND_TURN
         return estimate.valid & ~far & ~turned & ~lost
 
-    def update(self, estimate: PoseEstimate) -> PoseEstimate:
-        """Continue the tracks with one estimate per robot; a rejected one is replaced by the prediction, not valid."""
-        valid = self.believes(estimate)
-        pose = self._unwrapped(estimate.pose)
-        self._pose[valid] = pose[valid]
-        self._blind[valid] = 0.0
-        self._last[valid] = estimate.covariance[valid]
-        return PoseEstimate(self._pose.copy(), self._covariance(), valid)
-
     def _unwrapped(self, pose: Array) -> Array:
         """Poses (N, 3) with headings shifted by half turns to be nearest to the predictions."""
-        half_turns = np.round((pose[:, 2] - self._pose[:, 2]) / np.pi)
-        return np.column_stack([pose[:, :2], pose[:, 2] - half_turns * np.pi])
+        unwrapped = pose.copy()
+        unwrapped[:, 2] -= np.rint((pose[:, 2] - self._pose[:, 2]) / np.pi) * np.pi
+        return unwrapped
 
     def _covariance(self) -> Array:
         """Covariance (N, 3, 3) of the last valid pose, plus that of the distance driven since.

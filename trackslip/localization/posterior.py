@@ -17,8 +17,11 @@ from __future__ import annotations
 import numpy as np
 
 from trackslip.kinematics import Array
+from trackslip.localization.beams import Beams
 from trackslip.localization.bound import viewing_angle
-from trackslip.localization.likelihood import Beams, Evaluation, PlateLikelihood, covariances
+from trackslip.localization.climb import Evaluation, covariances
+from trackslip.localization.fixed_heading import FixedHeading
+from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.line import fit_line
 from trackslip.localization.scan import Cluster, Scan
 from trackslip.localization.starts import chunks, place
@@ -31,24 +34,32 @@ _FROM_SIDE = np.radians(45.0)  # from the line of sight; at larger angles few be
 _STEP = _GRID[1] - _GRID[0]
 _PEAKS = 3  # resolved by a finer grid, at most
 _ABOUT_PEAK = np.linspace(-4.0, 4.0, 13)  # headings about a peak [its standard deviations]
-_ITERATIONS = 3
+_ITERATIONS = 6
+_HOPELESS = 40.0  # excess of the cost above which a heading has no probability
+_TRUSTED = 3.0  # the cost of a rough fit falls by less than so many times the promise of the next step
 _CLAIMED = 0.9  # a fit is doubted below this fraction of the standard deviation that the edges allow
 _ALONG_PLATEAU = np.linspace(-3.0, 3.0, 21)  # along the plate [standard deviations that an edge allows]
 _ALONG_PEAK = np.linspace(-4.0, 4.0, 12)  # along the plate [standard deviations of the fit]
 
 
 def correct(
-    likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, pose: Array, covariance: Array, fits: np.ndarray
+    likelihood: PlateLikelihood,
+    scan: Scan,
+    cluster: Cluster,
+    beams: Beams,
+    pose: Array,
+    covariance: Array,
+    fits: np.ndarray,
 ) -> None:
     """Correct, in place, those poses (S, 3) and covariances (S, 3, 3) of clusters that `fits` (S,) selects."""
-    sight = np.arctan2(pose[:, 1], pose[:, 0])
     off = viewing_angle(pose)
-    edge_on = off < np.where(cluster.count > _FEW, _EDGE_ON, _EDGE_ON_BY_FEW)
-    for rows in chunks(cluster, len(_GRID), edge_on & fits):
-        pose[rows], covariance[rows] = _over_heading(likelihood, scan, cluster.take(rows), sight[rows])
-    for rows in chunks(cluster, 1, (off > _FROM_SIDE) & fits):
-        beams = Beams.of(scan, cluster.take(rows))
-        pose[rows], covariance[rows] = _along_plate(likelihood, beams, pose[rows], covariance[rows])
+    edge_on = fits & (off < np.where(cluster.count > _FEW, _EDGE_ON, _EDGE_ON_BY_FEW))
+    for rows in chunks(cluster, len(_GRID), edge_on) if edge_on.any() else ():
+        sight = np.arctan2(pose[rows, 1], pose[rows, 0])
+        pose[rows], covariance[rows] = _over_heading(likelihood, scan, cluster.take(rows), sight)
+    from_side = np.flatnonzero((off > _FROM_SIDE) & fits)
+    if from_side.size:
+        _along_plate(likelihood, beams, pose, covariance, from_side)
 
 
 def _over_heading(likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, sight: Array) -> tuple[Array, Array]:
@@ -58,7 +69,9 @@ def _over_heading(likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, sig
     fine = _given(likelihood, beams, cluster, _peaks(likelihood, beams, coarse))
     pose = np.concatenate([fit.pose.reshape(scans, -1, 3) for fit in (coarse, fine)], axis=1)
     cost = np.concatenate([fit.cost.reshape(scans, -1) for fit in (coarse, fine)], axis=1)
-    within = np.concatenate([covariances(fit.hessian).reshape(scans, -1, 3, 3) for fit in (coarse, fine)], axis=1)
+    within = np.concatenate(
+        [covariances(fit.in_lrf_frame().hessian).reshape(scans, -1, 3, 3) for fit in (coarse, fine)], axis=1
+    )
 
     weight, width = _quadrature(pose[..., 2], cost)
     mean = np.sum(weight[..., None] * pose, axis=1)
@@ -68,38 +81,43 @@ def _over_heading(likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, sig
     return mean, np.sum(np.where(weight[..., None, None] > 1e-9, weight[..., None, None] * total, 0.0), axis=1)
 
 
-def _along_plate(likelihood: PlateLikelihood, beams: Beams, pose: Array, covariance: Array) -> tuple[Array, Array]:
-    """Poses (M, 3) and covariances (M, 3, 3), corrected along the plate where the fit claims more than the edges."""
-    e = np.stack([np.cos(pose[:, 2]), np.sin(pose[:, 2]), np.zeros(len(pose))], axis=-1)
-    leaning = np.einsum("mij,mj->mi", covariance, e)
+def _along_plate(likelihood: PlateLikelihood, beams: Beams, pose: Array, covariance: Array, rows: np.ndarray) -> None:
+    """Correct poses (S, 3) and covariances (S, 3, 3) along the plate where the fit claims more than the edges.
+
+    This is done in place, for the scans `rows` (R,) only.
+    """
+    at, of = pose[rows], covariance[rows]
+    e = np.stack([np.cos(at[:, 2]), np.sin(at[:, 2]), np.zeros(len(at))], axis=-1)
+    leaning = np.einsum("mij,mj->mi", of, e)
     sigma = np.sqrt(np.maximum(np.sum(leaning * e, axis=1), 1e-12))
-    weight = np.min(beams.edge_weight, axis=1)
-    sight = np.arctan2(pose[:, 1], pose[:, 0])
-    edge = np.hypot(pose[:, 0], pose[:, 1]) / np.maximum(weight * np.abs(np.sin(pose[:, 2] - sight)), 1e-9)
+    weight = np.min(beams.edges.weight[rows], axis=1)
+    x, y = at[:, 0], at[:, 1]
+    across = np.abs(e[:, 0] * y - e[:, 1] * x)
+    edge = (x * x + y * y) / np.maximum(weight * across, 1e-9)
     doubted = np.flatnonzero((sigma < _CLAIMED * edge / np.sqrt(2)) & (weight > 0))
     if doubted.size == 0:
-        return pose, covariance
-
-    e, leaning, sigma, edge = e[doubted], leaning[doubted], sigma[doubted, None], edge[doubted, None]
-    offset = np.concatenate([edge * _ALONG_PLATEAU, sigma * _ALONG_PEAK], axis=1)  # (N, K)
-    slid = pose[doubted, None, :] + offset[..., None] * e[:, None, :]
-    every = beams.take(np.repeat(doubted, offset.shape[1]))
-    share, span = _quadrature(offset, likelihood.cost(every, slid.reshape(-1, 3)).reshape(offset.shape))
+        return
+    rows, at, e, leaning, sigma, edge = (part[doubted] for part in (rows, at, e, leaning, sigma, edge))
+    offset = np.concatenate([edge[:, None] * _ALONG_PLATEAU, sigma[:, None] * _ALONG_PEAK], axis=1)  # (N, K)
+    share, span = _quadrature(offset, likelihood.cost_along(beams.take(rows), at, offset))
     mean = np.sum(share * offset, axis=1)
     variance = np.sum(share * ((offset - mean[:, None]) ** 2 + span**2 / 12), axis=1)
-    pose, covariance = pose.copy(), covariance.copy()
-    pose[doubted] += mean[:, None] * e
-    given = leaning[:, :, None] * leaning[:, None, :] / (sigma**2)[..., None]
-    covariance[doubted] += variance[:, None, None] * e[:, :, None] * e[:, None, :] - given
-    return pose, covariance
+    pose[rows] = at + mean[:, None] * e
+    given = leaning[:, :, None] * leaning[:, None, :] / (sigma**2)[:, None, None]
+    covariance[rows] += variance[:, None, None] * e[:, :, None] * e[:, None, :] - given
 
 
 def _given(likelihood: PlateLikelihood, beams: Beams, cluster: Cluster, heading: Array) -> Evaluation:
-    """Fits (S * K,) of the position at headings (S, K)."""
+    """Fits (S * K,) of the position at headings (S, K); rough ones where the heading has no probability."""
     every = np.repeat(np.arange(len(heading)), heading.shape[1])
     middle = fit_line(cluster).middle[every]
     start = place(cluster.take(every), heading.ravel(), middle, likelihood.plate)
-    return likelihood.climb(beams.take(every), start, _ITERATIONS, turn=False)
+    fixed, repeated = FixedHeading(likelihood), beams.take(every)
+    fit = fixed.climb(repeated, start, 1)
+    least = (fit.cost - _TRUSTED * fit.promise()).reshape(heading.shape)
+    likely = np.flatnonzero(least < fit.cost.reshape(heading.shape).min(axis=1, keepdims=True) + _HOPELESS)
+    fit.put(likely, fixed.climb(repeated.take(likely), fit.pose[likely], _ITERATIONS))
+    return fit
 
 
 def _peaks(likelihood: PlateLikelihood, beams: Beams, coarse: Evaluation) -> Array:
@@ -110,7 +128,7 @@ def _peaks(likelihood: PlateLikelihood, beams: Beams, coarse: Evaluation) -> Arr
     lowest = np.argsort(np.where(dip, cost, np.inf), axis=1, kind="stable")[:, :_PEAKS]
     scan = np.repeat(np.arange(len(cost)), _PEAKS)
     start = coarse.pose.reshape(len(cost), -1, 3)[scan, lowest.ravel()]
-    fit = likelihood.climb(beams.take(scan), start, 2 * _ITERATIONS)
+    fit = likelihood.climb(beams.take(scan), start, _ITERATIONS)
     sigma = np.sqrt(np.minimum(covariances(fit.hessian)[:, 2, 2], _STEP**2))
     return (fit.pose[:, 2, None] + sigma[:, None] * _ABOUT_PEAK).reshape(len(cost), -1)
 
@@ -120,12 +138,12 @@ def _quadrature(points: Array, cost: Array) -> tuple[Array, Array]:
 
     `cost` (S, K) are the negative log likelihoods.
     """
-    order = np.argsort(points, axis=1, kind="stable")
-    ordered = np.take_along_axis(points, order, axis=1)
+    rows, order = np.arange(len(points))[:, None], np.argsort(points, axis=1, kind="stable")
+    ordered = points[rows, order]
     share = np.empty_like(ordered)
     share[:, 1:-1] = (ordered[:, 2:] - ordered[:, :-2]) / 2
     share[:, 0], share[:, -1] = (ordered[:, 1] - ordered[:, 0]) / 2, (ordered[:, -1] - ordered[:, -2]) / 2
     width = np.empty_like(share)
-    np.put_along_axis(width, order, share, axis=1)
+    width[rows, order] = share
     weight = np.exp(cost.min(axis=1, keepdims=True) - cost) * width
     return weight / weight.sum(axis=1, keepdims=True), width

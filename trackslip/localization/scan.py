@@ -22,7 +22,6 @@ MIN_RETURNS = 3
 """Minimum number of returns for a pose."""
 MIN_NOISE = 0.5e-3
 """Noise assumed for a perfect scanner, because the plate is never a perfect rectangle [m]."""
-_ALONG, _ACROSS = np.array([1.0, 1.0, -1.0, -1.0]), np.array([1.0, -1.0, 1.0, -1.0])  # of the plate's corners
 _ABOUT = 0.15  # distance of returns from the expected plate: more than the error of a tracker [m]
 _ON_PLATE = 0.03  # maximum distance of a return from its plate, or five standard deviations if that is more [m]
 _HOUSING = 0.05  # closer returns are from the LRF's own housing or whatever it stands in [m]
@@ -55,23 +54,6 @@ class Plate:
         across = np.abs(cos * y - sin * x) - self.thickness / 2
         return np.hypot(np.maximum(along, 0), np.maximum(across, 0)) + np.minimum(np.maximum(along, across), 0)
 
-    def silhouette(self, pose: Array, ahead: Array) -> tuple[Array, Array, Array]:
-        """The outermost corners, right and left, of plates at poses (M, 3), seen in the directions `ahead` (M, 2).
-
-        Returns their bearings from `ahead` (M, 2) [rad], which thus do not wrap, the derivatives (M, 2, 3) of these
-        with respect to (x, y, phi) times the squared distance, and the squared distance (M, 2) [m^2].
-        """
-        cos, sin = np.cos(pose[:, 2:]), np.sin(pose[:, 2:])
-        along, across = self.length / 2 * _ALONG, self.thickness / 2 * _ACROSS
-        d_x, d_y = along * cos - across * sin, along * sin + across * cos  # (M, 4)
-        x, y = pose[:, :1] + d_x, pose[:, 1:2] + d_y
-        bearing = np.arctan2(ahead[:, :1] * y - ahead[:, 1:] * x, ahead[:, :1] * x + ahead[:, 1:] * y)
-        outer = np.arange(len(pose))[:, None], np.array([bearing.argmin(axis=1), bearing.argmax(axis=1)]).T  # (M, 2)
-        x, y, d_x, d_y = x[outer], y[outer], d_x[outer], d_y[outer]
-        jacobian = np.empty((len(pose), 2, 3))
-        jacobian[..., 0], jacobian[..., 1], jacobian[..., 2] = -y, x, x * d_x + y * d_y
-        return bearing[outer], jacobian, x * x + y * y
-
 
 @dataclass(frozen=True)
 class Scan:
@@ -101,15 +83,20 @@ class Scan:
         """Convert poses (..., 3) from the LRF's frame to the world frame."""
         x, y, phi = self.mount
         cos, sin = np.cos(phi), np.sin(phi)
-        local_x, local_y, heading = np.moveaxis(pose, -1, 0)
-        return np.stack([x + cos * local_x - sin * local_y, y + sin * local_x + cos * local_y, heading + phi], axis=-1)
+        world = np.empty(pose.shape)
+        world[..., 0] = x + cos * pose[..., 0] - sin * pose[..., 1]
+        world[..., 1] = y + sin * pose[..., 0] + cos * pose[..., 1]
+        world[..., 2] = pose[..., 2] + phi
+        return world
 
     def from_world(self, pose: Array) -> Array:
         """Convert poses (..., 3) from the world frame to the LRF's frame."""
         x, y, phi = self.mount
         cos, sin = np.cos(phi), np.sin(phi)
         dx, dy = pose[..., 0] - x, pose[..., 1] - y
-        return np.stack([cos * dx + sin * dy, -sin * dx + cos * dy, pose[..., 2] - phi], axis=-1)
+        local = np.empty(pose.shape)
+        local[..., 0], local[..., 1], local[..., 2] = cos * dx + sin * dy, -sin * dx + cos * dy, pose[..., 2] - phi
+        return local
 
     def covariance_to_world(self, covariance: Array) -> Array:
         """Convert covariances (..., 3, 3) of (x, y, phi) from the LRF's frame to the world frame."""
@@ -175,7 +162,7 @@ def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluste
     if not expected.all():
         pieces = returns.split(MAX_GAP)
         fits = pieces.extent < plate.length + plate.thickness + 6 * scan.noise
-        score = pieces.count if near is None else -np.hypot(*(pieces.centre - near[pieces.row, :2]).T)
+        score = pieces.count if near is None else -np.hypot(*(returns.centres(pieces) - near[pieces.row, :2]).T)
         best = (fits & best_of_each(pieces.row, np.where(fits, score, -np.inf)))[pieces.label]
         mine = np.where(expected[returns.row], mine, best)
     return gather(scan, np.arange(len(scan.ranges)), returns.row[mine], returns.beam[mine])
@@ -196,7 +183,8 @@ def candidates(scan: Scan, plate: Plate, gap: float) -> tuple[Cluster, np.ndarra
     place = np.full(len(pieces.row), -1)
     place[order[largest]] = np.arange(np.sum(largest))
     member = place[pieces.label]
-    mine = member >= 0
+    mine = np.flatnonzero(member >= 0)
+    mine = mine[np.argsort(member[mine], kind="stable")]
     return gather(scan, row[largest], member[mine], returns.beam[mine]), row[largest]
 
 
@@ -209,25 +197,29 @@ def returns_at(scan: Scan, plate: Plate, pose: Array) -> Cluster:
 
 
 def gather(scan: Scan, rows: np.ndarray, cluster: np.ndarray, beam: np.ndarray) -> Cluster:
-    """Clusters of the scans `rows` (C,) from returns, given by their cluster (H,) and beam (H,)."""
+    """Clusters of the scans `rows` (C,) from returns, given by their cluster (H,), ascending, and beam (H,)."""
     clusters, beams = len(rows), scan.ranges.shape[1]
     count = np.bincount(cluster, minlength=clusters)
-    low, high = np.full(clusters, beams), np.full(clusters, -1)
-    np.minimum.at(low, cluster, beam)
-    np.maximum.at(high, cluster, beam)
-    low, high = np.where(count > 0, low, 0), np.where(count > 0, high, -1)
-    widest = max(1, -(-int((high - low + 1).max(initial=0)) // _PADDING)) * _PADDING
+    end = np.cumsum(count)
+    low, high = np.zeros(clusters, int), np.full(clusters, -1)
+    filled = slice(None) if count.all() else count > 0
+    low[filled], high[filled] = beam[(end - count)[filled]], beam[end[filled] - 1]
+    width = high - low + 1
+    widest = max(1, -(-int(width.max(initial=0)) // _PADDING)) * _PADDING
     column = np.minimum(low[:, None] + np.arange(widest), beams - 1)
     hit = np.zeros((clusters, widest), bool)
     hit[cluster, beam - low[cluster]] = True
     ranges = scan.ranges[rows[:, None], column]
-    bearing, distance = scan.bearings[column], np.where(hit, ranges, 1.0)
-    inside = low[:, None] + np.arange(widest) < high[:, None]
-    in_front = ranges < np.max(distance, axis=1, where=hit, initial=0.0)[:, None]
-    lost = np.sum(inside & ~hit & ~in_front, axis=1)
-    hidden = np.stack([_hidden(scan, rows, low, -1), _hidden(scan, rows, high, 1)], axis=1)
+    distance = np.where(hit, ranges, 1.0)
+    lost = np.zeros(clusters, int)
+    gaps = np.flatnonzero(width > count)
+    if gaps.size:
+        inside = np.arange(widest) < width[gaps, None] - 1
+        in_front = ranges[gaps] < np.max(distance[gaps], axis=1, where=hit[gaps], initial=0.0)[:, None]
+        lost[gaps] = np.sum(inside & ~hit[gaps] & ~in_front, axis=1)
+    hidden = _hidden(scan, rows, low, high)
     hidden[count == 0] = 0.0
-    return Cluster(bearing, distance, hit, count, lost, hidden)
+    return Cluster(scan.bearings[column], distance, hit, count, lost, hidden)
 
 
 def returns_of(scan: Scan) -> Returns:
@@ -242,30 +234,34 @@ def returns_of(scan: Scan) -> Returns:
     return Returns(row, beam, distance * np.cos(bearing), distance * np.sin(bearing))
 
 
-def _hidden(scan: Scan, rows: np.ndarray, edge: np.ndarray, way: int) -> Array:
-    """Angle (C,) hidden by something closer, beyond the beams `edge` (C,) of the scans `rows`, in the direction `way`.
+def _hidden(scan: Scan, rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> Array:
+    """Angles (C, 2) hidden by something closer, below the beams `low` (C,) of the scans `rows` and above `high` (C,).
 
     It is inf if the hidden part ends at the edge of the field of view or at a return that may be from the plate again,
     and also if nothing hides the plate but two returns follow that may be from it. (A single one may be a mixture of
     plate and background.)
     """
     last = scan.ranges.shape[1] - 1
+    way = np.repeat([-1, 1], len(rows))
+    rows, edge = np.concatenate([rows, rows]), np.concatenate([low, high])
     own = scan.ranges[rows, edge]
-    beam, second = edge + way, np.clip(edge + 2 * way, 0, last)
-    farther = scan.ranges[rows, np.clip(beam, 0, last)] - own
-    beside = (farther > -_IN_FRONT) & (farther < FINER_GAPS[0])
-    goes_on = beside & (scan.ranges[rows, second] < own + MAX_GAP) & (second == edge + 2 * way)
-    angle = np.where(goes_on, np.inf, 0.0)
-    active = np.flatnonzero(~goes_on)
+    beam, second = edge + way, edge + 2 * way
+    on = (beam >= 0) & (beam <= last)
+    farther = np.where(on, scan.ranges[rows, np.minimum(np.maximum(beam, 0), last)] - own, np.inf)
+    goes_on = (farther > -_IN_FRONT) & (farther < FINER_GAPS[0]) & (second >= 0) & (second <= last)
+    angle = np.zeros(len(rows))
+    some = np.flatnonzero(goes_on)
+    angle[some[scan.ranges[rows[some], second[some]] < own[some] + MAX_GAP]] = np.inf
+    active = np.flatnonzero((farther < -_IN_FRONT) & (angle == 0))
     while active.size:
+        angle[active] += scan.beam_step
+        beam[active] += way[active]
         on = (beam[active] >= 0) & (beam[active] <= last)
         next_range = np.where(on, scan.ranges[rows[active], np.clip(beam[active], 0, last)], 0.0)
         nearer = on & (next_range < own[active] - _IN_FRONT)
-        angle[active[~nearer & (next_range < own[active] + MAX_GAP) & (angle[active] > 0)]] = np.inf
+        angle[active[~nearer & (next_range < own[active] + MAX_GAP)]] = np.inf
         active = active[nearer]
-        angle[active] += scan.beam_step
-        beam[active] += way
-    return angle
+    return angle.reshape(2, -1).T.copy()
 
 
 def _about(returns: Returns, plate: Plate, near: Array) -> np.ndarray:

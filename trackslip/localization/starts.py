@@ -15,7 +15,7 @@ MAX_STARTS = 6
 _BESIDE = np.radians(2.0)  # angle between the line of sight and the two starts beside it
 _FROM_SIDE = np.sin(np.radians(30.0))  # of the angle between line and sight
 _WHOLE = 0.8  # fraction of a side above which both of its visible ends locate it
-_CHUNK = 60_000  # elements (starts x beams) processed at a time, so that they stay in the cache
+_CHUNK = 60_000  # returns times starts processed at a time, which bounds the memory
 
 
 def starts(cluster: Cluster, plate: Plate, beam_step: float, near: Array | None) -> Array:
@@ -70,3 +70,12 @@ def chunks(cluster: Cluster, starts_each: int, among: np.ndarray | None = None) 
         rows = np.flatnonzero(wanted & (padded == width))
         most = max(1, _CHUNK // (starts_each * width))
         yield from np.split(rows, range(most, len(rows), most))
+
+
+def portions(cluster: Cluster) -> list[np.ndarray]:
+    """Rows of clusters with MIN_RETURNS or more returns, in portions that stay in the cache."""
+    rows = np.flatnonzero(cluster.count >= MIN_RETURNS)
+    total = np.cumsum(cluster.count[rows])
+    if not rows.size or total[-1] <= _CHUNK:
+        return [rows] if rows.size else []
+    return np.split(rows, np.searchsorted(total, np.arange(_CHUNK, total[-1], _CHUNK)))

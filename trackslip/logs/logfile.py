@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import warnings
+from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -14,10 +15,12 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet
 
 from trackslip.errors import LogError, LogWarning, first_line
+from trackslip.logs.arrow import repeated
 from trackslip.logs.file_format import require_known_manifest
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.table import file_metadata, stored_text, to_table
@@ -145,10 +148,23 @@ class StoredRuns:
             self._metadata = json.loads(stored_text(self._file.schema_arrow.metadata))["runs"]
         except (pa.ArrowException, OSError, ValueError, RecursionError, KeyError, TypeError) as error:
             raise LogError(f"{path}: {first_line(error)}") from error
-        if self._file.num_row_groups != len(self._metadata):
-            raise LogError(f"{path}: its runs have no row groups of their own")
-        self._group = {name: k for k, name in enumerate(self._metadata)}
+        self._groups = self._groups_of_runs()
         self.schema = self._file.schema_arrow.remove_metadata()
+
+    def _groups_of_runs(self) -> dict[str, list[int]]:
+        """The row groups with rows of each run: one of its own, or several, shared with others, for runs in parts."""
+        groups: dict[str, list[int]] = {name: [] for name in self._metadata}
+        names = sorted(groups)
+        for k in range(self._file.num_row_groups):
+            between = self._file.metadata.row_group(k).column(0).statistics
+            if between is None or not between.has_min_max:
+                raise LogError(f"{self._path}: it doesn't say where its runs are")
+            for name in names[bisect_left(names, between.min) : bisect_right(names, between.max)]:
+                groups[name].append(k)
+        missing = next((name for name, own in groups.items() if not own), None)
+        if missing is not None:
+            raise LogError(f"{self._path}: run {missing!r} has no rows")
+        return groups
 
     def metadata(self, name: str) -> dict[str, Any]:
         """The metadata of a run."""
@@ -165,7 +181,9 @@ class StoredRuns:
     def table(self, name: str, new: str) -> pa.Table:
         """The rows of a run under a new name."""
         try:
-            table = self._file.read_row_group(self._group[name]).replace_schema_metadata(None)
-            return table if new == name else table.set_column(0, "run", pa.array([new] * len(table)))
+            table = self._file.read_row_groups(self._groups[name]).replace_schema_metadata(None)
+            if pc.count_distinct(table.column(0)).as_py() > 1:
+                table = table.filter(pc.equal(table.column(0), name))
+            return table if new == name else table.set_column(0, "run", repeated(new, len(table)))
         except (pa.ArrowException, OSError) as error:
             raise LogError(f"{self._path}: run {name!r}: {first_line(error)}") from error

@@ -11,6 +11,7 @@ import pyarrow as pa
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Cluster, Plate, Scan
+from trackslip.logs.arrow import arrow, lists
 from trackslip.logs.scanlog import ScanLog
 
 SCANNED = "scanned"
@@ -23,19 +24,14 @@ _NUMBERS = ("first_beam", "lost", "hidden_first", "hidden_last")
 def scan_columns(scans: ScanLog) -> dict[str, Any]:
     """The columns, with T rows each."""
     numbers = (scans.first_beam(), scans.cluster.lost, *scans.cluster.hidden.T)
-    columns = dict(zip(_NUMBERS, numbers, strict=True)) | {_RANGES: _lists(*scans.ranges())}
+    ranges, count = scans.ranges()
+    columns = dict(zip(_NUMBERS, map(arrow, numbers), strict=True)) | {_RANGES: lists(ranges.astype(np.float32), count)}
     return columns if scans.full is None else columns | {_FULL: list_column(scans.full)}
 
 
 def list_column(rows: Array) -> pa.Array:
     """Convert numbers (T, ...) to a column of T lists."""
-    return _lists(rows.ravel(), np.full(len(rows), rows[0].size))
-
-
-def _lists(values: Array, count: np.ndarray) -> pa.Array:
-    """Convert numbers to lists of `count` (T,) numbers each."""
-    ends = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)
-    return pa.ListArray.from_arrays(pa.array(ends), pa.array(values.astype(np.float32)))
+    return lists(rows.ravel().astype(np.float32), np.full(len(rows), rows[0].size))
 
 
 def from_list_column(table: pa.Table, name: str, rows: np.ndarray) -> Array | None:

@@ -16,6 +16,7 @@ import pyarrow as pa
 
 from trackslip.errors import LogError, first_line
 from trackslip.kinematics import Array
+from trackslip.logs.arrow import arrow, repeated
 from trackslip.logs.columns import Columns
 from trackslip.logs.file_format import FORMAT, require_known_format
 from trackslip.logs.runlog import RunLog
@@ -54,14 +55,23 @@ def to_table(logs: Sequence[RunLog]) -> pa.Table:
 
     Columns that a run lacks are null in its rows.
     """
+    table = to_rows(logs)
+    return table.replace_schema_metadata(file_metadata(table.schema, runs_metadata(logs)))
+
+
+def to_rows(logs: Sequence[RunLog]) -> pa.Table:
+    """The same without the file's metadata."""
     names = [log.run for log in logs]
     if len(set(names)) < len(names):
         name = max(names, key=names.count)
         raise LogError(f"run {name!r}: there are {names.count(name)} of it")
     table = pa.concat_tables([_run_table(log) for log in logs], promote_options="default")
-    fields = with_units(table.schema.remove_metadata())
-    runs = {log.run: log.metadata | ({SCANNED: log.scans.metadata()} if log.scans else {}) for log in logs}
-    return table.cast(pa.schema(fields, metadata=file_metadata(fields, runs)))
+    return table.cast(pa.schema(with_units(table.schema.remove_metadata())))
+
+
+def runs_metadata(logs: Sequence[RunLog]) -> dict[str, Any]:
+    """Metadata of runs by name, with their scanners."""
+    return {log.run: log.metadata | ({SCANNED: log.scans.metadata()} if log.scans else {}) for log in logs}
 
 
 def file_metadata(fields: Sequence[pa.Field], runs: Mapping[str, Any]) -> dict[bytes, str]:
@@ -116,7 +126,7 @@ def read_columns(table: pa.Table, names: Sequence[str], source: str) -> Array:
 
 
 def _run_table(log: RunLog) -> pa.Table:
-    columns: dict[str, Any] = {"run": pa.array([log.run] * len(log.time)), "t": log.time}
+    columns: dict[str, pa.Array] = {"run": repeated(log.run, len(log.time)), "t": arrow(log.time)}
     blocks = [(names, getattr(log, field)) for field, names in BLOCKS.items()]
     if log.covariance is not None:
         blocks.append((COVARIANCE, log.covariance[:, *UPPER]))
@@ -125,13 +135,13 @@ def _run_table(log: RunLog) -> pa.Table:
     for names, block in blocks:
         if block is not None:
             parts = block.reshape(len(block), -1).T
-            columns |= {name: np.ascontiguousarray(part) for name, part in zip(names, parts, strict=True)}
+            columns |= {name: arrow(part) for name, part in zip(names, parts, strict=True)}
     if log.valid is not None:
-        columns["valid"] = log.valid
+        columns["valid"] = arrow(log.valid)
     if log.truth is not None and log.truth.contact is not None:
         columns[CONTACT] = list_column(log.truth.contact)
     if log.truth is not None and log.truth.shear is not None:
         columns[SHEAR] = list_column(log.truth.shear)
     if log.scans is not None:
         columns |= scan_columns(log.scans)
-    return pa.table(columns)
+    return pa.Table.from_arrays([*columns.values()], names=[*columns])

@@ -12,7 +12,9 @@ import numpy as np
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
-from trackslip.localization.likelihood import Beams, Evaluation, PlateLikelihood
+from trackslip.localization.beams import Beams
+from trackslip.localization.climb import Evaluation
+from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.arc import MIN_ARC_POSES, fit_arc, poses_on_arc
 from trackslip.motion.steady_twist import SteadyTwist, long_run_covariance, require_poses, within
@@ -44,15 +46,16 @@ def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     time = log.time[seen] - centre
     beams = Beams.of(scans.scan, scans.cluster.take(seen))
     likelihood = PlateLikelihood(scans.plate, _HUBER)
-    fit = likelihood.evaluate(beams, poses_on_arc(parameters, time)[0], turn=True)
-    kept = np.flatnonzero((fit.misfit < _MISFIT) & (fit.cost < _COSTLY * (beams.hit.sum(axis=1) + 2)))
+    pose = poses_on_arc(parameters, time)[0]
+    cost = likelihood.evaluate(beams, pose).cost
+    kept = np.flatnonzero((likelihood.misfit(beams, pose) < _MISFIT) & (cost < _COSTLY * (beams.count + 2)))
     if kept.size < MIN_ARC_POSES:
         raise LogError(f"run {log.run!r}: its ranges don't fit its poses")
     time, beams = time[kept], beams.take(kept)
 
     def evaluate(parameters: Array) -> tuple[Evaluation, Array, Array]:
         pose, jacobian = poses_on_arc(parameters, time)
-        fit = likelihood.evaluate(beams, pose, turn=True)
+        fit = likelihood.evaluate(beams, pose).in_lrf_frame()
         scores = np.einsum("tki,tk->ti", jacobian, fit.gradient)
         hessian = np.einsum("tki,tkl,tlj->ij", jacobian, fit.hessian, jacobian)
         return fit, scores, hessian

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from trackslip.errors import InvalidValueError, require_non_negative
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.slip.base import SlipLaw
+from trackslip.slip.slopes import parameter_slopes
 
 _SLIP = ("slip_forward", "slip_sideways", "slip_turn")  # entries of DriveFit.noise
 _NORMAL_95 = 1.959963984540054  # half width of a 95 % interval [standard deviations]
@@ -104,14 +105,12 @@ class LawErrors:
         Raises:
             InvalidValueError: if the law has no parameter of one of the names.
         """
-        slopes = np.zeros((*omega.shape, len(self.names)))
-        for k, (name, error) in enumerate(zip(self.names, np.sqrt(np.diag(self.covariance)), strict=True)):
-            value = getattr(law, name, None)
-            if value is None:
-                raise InvalidValueError("names", name, f"parameters of {law}")
-            if error > 0:
-                step = _DIFFERENCE * error
-                beside = [replace(law, **{name: value + sign * step}) for sign in (1, -1)]  # type: ignore[type-var]
-                above, below = (one.twist(omega, geometry) for one in beside)
-                slopes[..., k] = (above - below) / (2 * step)
+        unknown = [name for name in self.names if getattr(law, name, None) is None]
+        if unknown:
+            raise InvalidValueError("names", unknown[0], f"parameters of {law}")
+        errors = dict(zip(self.names, np.sqrt(np.diag(self.covariance)).tolist(), strict=True))
+        steps = {name: _DIFFERENCE * error for name, error in errors.items() if error > 0}
+        slopes = np.zeros((*omega.shape, len(errors)))
+        if steps:
+            slopes[..., [name in steps for name in errors]] = parameter_slopes(law, steps, omega, geometry)
         return slopes

@@ -9,7 +9,8 @@ import numpy as np
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate
-from trackslip.localization.likelihood import Beams, PlateLikelihood
+from trackslip.localization.beams import Beams
+from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.plate import PlateLocator
 from trackslip.localization.scan import Cluster, Plate, Scan, extract_plate
 from trackslip.rangefinder.background import Background, background_of
@@ -212,7 +213,7 @@ def _scatter(scanner: Scan, series: ScanSeries, plate: Plate, estimate: PoseEsti
     if not full.size:
         return scanner.noise
     beams = Beams.of(scan, cluster.take(full))
-    misfit = PlateLikelihood(plate, _NO_OUTLIER).evaluate(beams, estimate.pose[rows][full]).misfit
+    misfit = PlateLikelihood(plate, _NO_OUTLIER).misfit(beams, estimate.pose[rows][full])
     count = cluster.count[full]
     return float(np.median(misfit * np.sqrt(count / (count - 2)))) * beams.noise
 

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.localization.likelihood import Beams, PlateLikelihood
+from trackslip.localization.beams import Beams
+from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.scan import Plate, Scan, extract_plate
 
 _LENGTHS = (0.7, 0.8, 0.85, 0.9, 0.93, 0.96, 0.98, 1.02, 1.04, 1.07, 1.1, 1.15, 1.2, 1.3)  # of the one stated

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
+from dataclasses import fields, is_dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -14,6 +15,7 @@ from trackslip.kinematics import Array, RobotGeometry, body_twist, curvature, sp
 
 _EDGE = 1e-9  # beyond a jump that is rounding [half its height]
 _CONVERGED = 1e-12  # relative error of the sprocket speeds
+_FEW = 64  # motions that are not worth sorting out when they are found
 _SLOPES = (0.2, 5.0)  # of the commanded direction over the real one, to which a step is limited
 
 
@@ -44,14 +46,14 @@ class SlipLaw(ABC):
         """
         omega = np.asarray(omega, float)
         in_place, turning = self.turns_in_place(omega, geometry)
-        commanded = _plane(body_twist(omega, 0.0, geometry), geometry)
-        real = commanded
+        commanded = np.broadcast_to(_plane(body_twist(omega, 0.0, geometry), geometry), in_place.shape)
+        whole = np.empty(in_place.shape, complex)
+        law, rows, real, found = self, np.arange(whole.size).reshape(whole.shape), commanded, in_place
         wrong = turned = np.zeros_like(commanded, dtype=float)
-        found = in_place
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             for k in range(self.twist_iterations):
                 twist = np.stack([real.real, real.imag / geometry.half_gauge], axis=-1)
-                demanded = _plane(body_twist(self.sprocket_speeds(twist, geometry), 0.0, geometry), geometry)
+                demanded = _plane(body_twist(law.sprocket_speeds(twist, geometry), 0.0, geometry), geometry)
                 ratio = commanded / demanded
                 ratio = np.where(np.isfinite(ratio) & (ratio != 0), ratio, 1.0)
                 missed = np.angle(ratio)
@@ -62,8 +64,24 @@ class SlipLaw(ABC):
                 found = found | (np.abs(ratio - 1) < _CONVERGED)  # kept, as another step might cross a jump
                 if found.all():
                     break
-        real = np.where(in_place, 1j * turning, real)
-        return np.stack([real.real, real.imag / geometry.half_gauge], axis=-1)
+                if rows.size > _FEW and 2 * np.count_nonzero(found) > rows.size:
+                    whole.flat[rows] = real
+                    sought = ~found
+                    commanded, rows, real, wrong, turned = (
+                        values[sought] for values in (commanded, rows, real, wrong, turned)
+                    )
+                    law, found = law._of(sought), np.zeros(len(rows), bool)
+        whole.flat[rows] = real
+        whole = np.where(in_place, 1j * turning, whole)
+        return np.stack([whole.real, whole.imag / geometry.half_gauge], axis=-1)
+
+    def _of(self, chosen: np.ndarray) -> SlipLaw:
+        """The law with the parameters of the chosen motions (...): those of many laws, broadcast, become (count,)."""
+        if not is_dataclass(self):
+            return self
+        values = {field.name: getattr(self, field.name) for field in fields(self) if field.type in ("float", float)}
+        many = {name: value for name, value in values.items() if np.ndim(value)}
+        return replace(self, **{name: np.broadcast_to(value, chosen.shape)[chosen] for name, value in many.items()})
 
     def turns_in_place(self, omega: Array, geometry: RobotGeometry) -> tuple[np.ndarray, Array]:
         """Whether sprocket speeds (..., 2) lie in the jump between turns in place, (...), and b w (...) [m/s] there.

@@ -47,6 +47,8 @@ class ExponentialSpeed(Exponential):
     gamma_inner: float
     """Growth of the inner track's slip with speed [s/m]."""
 
+    twist_iterations = 40  # convergence is slow where slip grows fast with speed
+
     def __post_init__(self) -> None:
         super().__post_init__()
         require_between(self, ("gamma_outer", "gamma_inner"), -np.inf, np.inf, "finite")

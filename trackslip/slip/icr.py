@@ -30,7 +30,7 @@ class _Icr(SlipLaw):
             require_between(self, (f"radius_error{suffix}",), -1, np.inf, "finite and > -1")
 
     def _tracks(self) -> tuple[Array, Array]:
-        """b + D and 1 + epsilon (..., 2) of the left and right track."""
+        """b + D and 1 + epsilon (..., 2) of the left and right track, or (..., 1) where both have the same."""
         raise NotImplementedError
 
     def __call__(self, kappa: ArrayLike) -> Array:
@@ -53,8 +53,8 @@ class _Icr(SlipLaw):
         """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce; regular at every radius."""
         reach, scale = self._tracks()
         surface = geometry.sprocket_radius * scale * np.asarray(omega, float)
-        w = (surface[..., 1] - surface[..., 0]) / (reach[..., 0] + reach[..., 1])
-        return np.stack([surface[..., 1] - reach[..., 1] * w, w], axis=-1)
+        w = (surface[..., 1] - surface[..., 0]) / (reach[..., 0] + reach[..., -1])
+        return np.stack([surface[..., 1] - reach[..., -1] * w, w], axis=-1)
 
 
 @dataclass(frozen=True)
@@ -73,9 +73,7 @@ class ConstantIcr(_Icr):
     """epsilon: relative error of the effective sprocket radius, real / nominal - 1 [-]."""
 
     def _tracks(self) -> tuple[Array, Array]:
-        reach = np.asarray(self.half_gauge + np.asarray(self.offset))[..., None]
-        scale = np.asarray(1 + np.asarray(self.radius_error))[..., None]
-        return np.broadcast_to(reach, (*reach.shape[:-1], 2)), np.broadcast_to(scale, (*scale.shape[:-1], 2))
+        return np.asarray(self.half_gauge + self.offset)[..., None], np.asarray(1 + self.radius_error)[..., None]
 
 
 @dataclass(frozen=True)

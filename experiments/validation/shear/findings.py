@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.measuring.drive_coverage import Check
+from experiments.measuring.check import Check
 from experiments.validation.shear.cost import FEWEST, MOST, cost
 from experiments.validation.shear.exactness import differing
 from experiments.validation.shear.loads import Slips, StopAndGo, creep, pulls, slopes, stop_and_go

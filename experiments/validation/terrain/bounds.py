@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from experiments.measuring.drive_coverage import Check
+from experiments.measuring.check import Check
 from experiments.validation.terrain.findings import Findings
 
 

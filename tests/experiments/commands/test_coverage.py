@@ -8,7 +8,7 @@ SMALL = ("--radii", "0.6", "1.2", "2.4", "--speeds", "0.1", "0.2", "--duration",
 
 
 def test_every_parameter_of_every_law_has_its_share(trackslip):
-    result = trackslip("coverage", *SMALL, "--run-repeats", "6", "--grids", "2")
+    result = trackslip("coverage", *SMALL, "--run-repeats", "6", "--grids", "2", "--threads", "1")
     assert result.summary["repeats"] == 40
     for key in ("laws", "laws_errors_unknown"):
         laws = result.summary[key]

@@ -49,7 +49,7 @@ def test_where_nothing_can_be_seen_the_row_says_so(trackslip, monkeypatch, tmp_p
     path = tmp_path / "blind.toml"
     path.write_text("[[posts]]\nx = -1.5\ny = -1.1\nradius = 0.38\n")
     monkeypatch.setattr(sensitivity, "DISTURBANCES", (DISTURBANCES[0], Disturbance("blind", obstacles=str(path))))
-    found = trackslip("sensitivity", *SMALL)
+    found = trackslip("sensitivity", *SMALL[:-1], "5")
     nominal, blind = found.summary["rows"]
     assert nominal["runs"] == {"used": 2, "all": 2}
     assert blind["slip_error"] is None

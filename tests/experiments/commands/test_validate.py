@@ -20,7 +20,7 @@ SMALLER = {
         "CENTRES_OF_MASS": ((0.0, 0.0), (-0.05, 0.1)),
         "SPEEDS": (0.05, 0.25),
     },
-    convergence: {"ROBOTS": 4, "DURATION": 6.0, "STEPS": (0.001, 0.005, 0.01), "REFERENCE_STEP": 0.0005},
+    convergence: {"ROBOTS": 4, "DURATION": 6.0, "STEPS": (0.002, 0.005, 0.01), "REFERENCE_STEP": 0.001},
     energy: {"DURATION": 3.0},
 }
 """Constants with which the command takes seconds."""
@@ -98,7 +98,7 @@ def test_numbers(quick):
     found = summary_of(quick[0])
     assert_within_bounds(found)
     assert found["turns"] == 2 * 3 * 10
-    assert [entry["dt"] for entry in found["timestep"]] == [0.001, 0.005, 0.01]
+    assert [entry["dt"] for entry in found["timestep"]] == [0.002, 0.005, 0.01]
     for key in ("icr_error", "naive_icr_error"):
         assert set(found[key]) == {"worst", "median"}
     stages = {"turning", "turning, default contact", "standing", "convergence", "energy"}

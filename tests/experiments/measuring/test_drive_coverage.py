@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from experiments.measuring import drive_coverage, drive_study
+from experiments.measuring.check import Check
 from experiments.measuring.drive_cases import CASES, SIMULATED, TRUE_LAW, Case
-from experiments.measuring.drive_coverage import Check, Estimate, Repeat, Task, checks_of, repeat
+from experiments.measuring.drive_coverage import Estimate, Repeat, Task, checks_of, repeat
 from experiments.parallel.executors import InlineExecutor, Workers
 from trackslip.errors import LogError
 from trackslip.kinematics import RobotGeometry

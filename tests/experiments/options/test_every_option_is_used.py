@@ -8,6 +8,7 @@ was given on the command line.
 import dataclasses
 import json
 import shlex
+import shutil
 import sys
 import typing
 
@@ -193,6 +194,7 @@ NOT_RUN = {
     "drive": {"teleop", "video", "pictures"},  # need a display, PyAV, OpenGL
     "view": {"web"},  # opens a browser
     "validate": {"terrain", "shear"},  # take minutes; tests of their own run them
+    "bench": {"gpu", "pipeline", "scale"},  # needs a GPU; the same
     "train": {field.name for field in dataclasses.fields(COMMANDS["train"])},  # needs PyTorch
 }
 SLOW = ("plan", "calibrate", "validate", "coverage", "sensitivity", "reproduce")
@@ -238,25 +240,37 @@ def reads(monkeypatch):
     return found
 
 
-@pytest.fixture
-def workplace(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "robot.toml").write_text(ROBOT)
-    (tmp_path / "sweep.toml").write_text(SWEEP)
-    (tmp_path / "table.csv").write_text(TABLE)
-    (tmp_path / "known").mkdir()
-    (tmp_path / "known" / "summary.json").write_text(KNOWN)
-    (tmp_path / "way.csv").write_text("x,y\n0.5,0\n0.8,0.1\n1.1,0.1\n")
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A folder with what the command lines name."""
+    folder = tmp_path_factory.mktemp("files")
+    (folder / "robot.toml").write_text(ROBOT)
+    (folder / "sweep.toml").write_text(SWEEP)
+    (folder / "table.csv").write_text(TABLE)
+    (folder / "known").mkdir()
+    (folder / "known" / "summary.json").write_text(KNOWN)
+    (folder / "way.csv").write_text("x,y\n0.5,0\n0.8,0.1\n1.1,0.1\n")
     twists = [(0.2, 0.1 * k) for k in (1, -1, 2, -2, 3, 4)]
     rows = "".join(f"{2 * (v - 0.25 * w) / 0.07},{2 * (v + 0.25 * w) / 0.07},{v},{w}\n" for v, w in twists)
-    (tmp_path / "a.csv").write_text("to be overwritten")
-    (tmp_path / "log.csv").write_text("omega_l,omega_r,v,w\n" + rows)
+    (folder / "a.csv").write_text("to be overwritten")
+    (folder / "log.csv").write_text("omega_l,omega_r,v,w\n" + rows)
     log = wandered(duration=6.0)
-    write_parquet([log], tmp_path / "drive.parquet")
+    write_parquet([log], folder / "drive.parquet")
     joints = joints_of(dataclasses.replace(log, omega=-log.omega[:, ::-1]), names=("x1", "x2"), topic="/motors")
-    write_bag(tmp_path / "run", "foxglove", in_order(joints, poses_of(log)))
+    write_bag(folder / "run", "foxglove", in_order(joints, poses_of(log)))
     driven = drive(teleoperated(np.random.default_rng(1), 10.0, 8.0), beams=121)
-    write_session(tmp_path / "scanned", "foxglove", driven, other_poses(driven))
+    write_session(folder / "scanned", "foxglove", driven, other_poses(driven))
+    main(["predict", "--half-gauge", "0.17", "--out", str(folder / "predicted")])
+    main(["grid", "--radii", "1", "1.5", "2", "--speeds", "0.1", "0.2", "--duration", "6", "--seeds", "0", "1",
+          "--executor", "inline", "--out", str(folder / "sweep")])  # fmt: skip
+    return folder
+
+
+@pytest.fixture
+def workplace(files, tmp_path, monkeypatch):
+    """A folder of one's own with these files, to run commands in."""
+    shutil.copytree(files, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
 
 
 def command_line(name, given):
@@ -271,10 +285,6 @@ def command_line(name, given):
     "name", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in EXAMPLES]
 )
 def test_every_option_is_used(name, workplace, reads):
-    main(["predict", "--half-gauge", "0.17", "--out", "predicted"])
-    if any(given.get("") == "sweep" for given in EXAMPLES[name]):
-        main(["grid", "--radii", "1", "1.5", "2", "--speeds", "0.1", "0.2", "--duration", "6", "--seeds", "0", "1",
-              "--executor", "inline", "--out", "sweep"])  # fmt: skip
     used = set()
     for given in EXAMPLES[name]:
         line = command_line(name, given)
@@ -329,6 +339,8 @@ REFUSED = [
     (("bench", "--grid-runs", "50"), "grid_runs = 50: must be left out without --grid"),
     (("bench", "--env", "--sizes", "3"), "sizes = (3,): must be left out with --env"),
     (("bench", "--grid", "--seconds", "3"), "seconds = 3.0: must be left out with --grid"),
+    (("bench", "--pipeline", "--seconds", "3"), "seconds = 3.0: must be left out with --pipeline and --scale"),
+    (("bench", "--pipeline", "--scale"), "scale = True: must be left out with --pipeline"),
     (("bench", "--env", "--grid"), "grid = True: must be left out with --env"),
     (("export", "x", "--overwrite"), "overwrite = True: must be left out without --csv"),
     (("export", "x", "--out", "x.csv"), "must be left out without --csv"),

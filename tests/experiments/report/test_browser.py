@@ -26,8 +26,8 @@ def tracked():
     geometry = {"half_gauge": GEOMETRY.half_gauge, "sprocket_radius": GEOMETRY.sprocket_radius}
     return [
         replace(log, metadata={"controller": controller, "compensation": compensation, "geometry": geometry})
-        for controller, pose in start.items()
-        for compensation, log in published_runs(controller, pose, GEOMETRY).items()
+        for controller in start
+        for compensation, log in published_runs(start, GEOMETRY)[controller].items()
     ]
 
 

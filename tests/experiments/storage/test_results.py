@@ -42,10 +42,18 @@ def contents(folder):
     return {file.name: file.read_bytes() for file in folder.iterdir()}
 
 
+@pytest.fixture(scope="module")
+def tracked(tmp_path_factory):
+    """A folder with results that no test changes."""
+    folder = tmp_path_factory.mktemp("tracked") / "track"
+    main([*TRACK, "--out", str(folder)])
+    return folder
+
+
 @pytest.fixture
-def old(trackslip):
+def old(tracked, tmp_path):
     """A folder with results."""
-    return trackslip(*TRACK).folder
+    return Path(shutil.copytree(tracked, tmp_path / "track"))
 
 
 @pytest.fixture

@@ -97,6 +97,15 @@ def test_fleets_are_large_and_yet_every_worker_has_some(workers, count, largest)
     assert max(map(len, parts)) == largest
 
 
+@pytest.mark.parametrize(("duration", "largest"), [(120, 25), (1800, 8), (3600, 4)])
+def test_fleets_of_long_runs_are_small_enough_for_their_memory(duration, largest):
+    runs = planned("--duration", str(duration))
+    parts = fleets(runs, 1)
+    assert [run for part in parts for run in part] == runs
+    assert max(map(len, parts)) <= largest
+    assert len(parts) == -(-len(runs) // largest)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

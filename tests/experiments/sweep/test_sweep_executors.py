@@ -15,12 +15,16 @@ from experiments.commands.grid import PARTS
 SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
 
 
-def killed_and_resumed(arguments, out, kills, rng, environment=None):
-    """Run a command in a process of its own, kill it at random moments, then let it end."""
+def killed_and_resumed(arguments, out, kills, rng):
+    """Run a command in a process of its own, kill it: first when a part is there, then at random; and let it end."""
     command = [sys.executable, "-m", "experiments", *arguments, "--out", str(out)]
-    for _ in range(kills):
+    for kill in range(kills):
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        time.sleep(rng.uniform(0.5, 6.0))
+        if kill:
+            time.sleep(rng.uniform(0.5, 6.0))
+        while not kill and not list((out / PARTS).glob("*.json")):
+            assert process.poll() is None
+            time.sleep(0.01)
         os.kill(process.pid, signal.SIGKILL)
         process.wait()
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)

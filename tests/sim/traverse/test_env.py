@@ -10,6 +10,7 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode
 
 from sim.network import Network
+from sim.task_options import from_options
 from sim.terrain import Course, Flat, Rough, Step
 from sim.traverse.config import Reward, TraverseConfig
 from sim.traverse.outcome import Limits, Outcome
@@ -165,7 +166,7 @@ def test_the_reward_is_the_sum_of_its_terms():
 
 def test_corrections_of_zero_are_the_scripted_controller():
     still = CrossingPolicy(Network((np.zeros((63, 4)),), (np.zeros(4),)), {"action": "correction", "flippers": "pairs"})
-    task = Crossing(TraverseConfig.of(still.options), 1, threads=1)
+    task = Crossing(from_options(TraverseConfig, still.options), 1, threads=1)
     task.begin([0], [task.draw(np.random.default_rng(0), {"difficulty": 0.5})])
     for _ in range(5):
         wanted = task.config.scripted.command(task.world)

@@ -46,6 +46,33 @@ def test_a_problem_does_not_depend_on_its_neighbours():
         np.testing.assert_allclose(solved(y[k : k + 1]).values[0], together.values[k], rtol=1e-12)
 
 
+def test_large_residuals_take_few_steps():
+    """Gauss and Newton alone would cross the minimum again and again, each time but a third nearer."""
+    x = np.linspace(-1, 1, 30)
+    y = 3.0 * np.cos(5 * x)  # far from any exponential
+    calls = 0
+
+    def residual(values, rows):
+        nonlocal calls
+        calls += 1
+        return values[:, :1] * np.exp(values[:, 1:] * x) - y
+
+    def jacobian(values, rows):
+        grown = np.exp(values[:, 1:] * x)
+        return np.stack([grown, values[:, :1] * grown * x], axis=-1)
+
+    start, bounds = np.array([[-1.0, 1.0]]), (np.full(2, -5.0), np.full(2, 5.0))
+    found = least_squares(residual, start, *bounds, np.ones(2), jacobian=jacobian)
+    theirs = scipy_least_squares(lambda v: v[0] * np.exp(v[1] * x) - y, start[0], bounds=bounds, xtol=1e-14, ftol=1e-14)
+    assert found.cost[0] == pytest.approx(2 * theirs.cost, rel=1e-9)
+    np.testing.assert_allclose(found.values[0], theirs.x, atol=1e-4)
+    assert calls < 16
+    curvature = found.hessian[0] + found.bend[0]
+    known = least_squares(residual, found.values + 0.01, *bounds, np.ones(2), jacobian=jacobian, bend=found.bend)
+    np.testing.assert_allclose(known.values, found.values, atol=1e-4)
+    assert np.linalg.eigvalsh(curvature)[0] > 0
+
+
 @pytest.mark.parametrize("name", [name for name, family in FAMILIES.items() if family.names])
 def test_slopes_of_twists_are_those_of_finite_differences(name):
     family, step = FAMILIES[name], 1e-5

@@ -1,29 +1,49 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
-from trackslip.localization.likelihood import Beams, PlateLikelihood, inverses
+from trackslip.localization.beams import Beams
+from trackslip.localization.climb import inverses
+from trackslip.localization.fixed_heading import FixedHeading, TurnedBeams
+from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.scan import Plate, extract_plate
 
 PLATE = Plate()
 
 
-@pytest.mark.parametrize("turn", [True, False])
-def test_gradient_by_finite_differences(turn, scan_rectangle):
+def off_the_plate(scan_rectangle):
+    """Poses (5, 3) that are slightly wrong, and the beams of the scans."""
     rng = np.random.default_rng(0)
     heading = np.radians([20.0, 55.0, 90.0, 130.0, 170.0])
     poses = np.column_stack([rng.uniform(1.5, 3.0, 5), rng.uniform(-1.0, 1.0, 5), heading])
     scan = scan_rectangle(poses, rng)
     beams = Beams.of(scan, extract_plate(scan, PLATE))
+    return poses + rng.normal(size=poses.shape) * [0.004, 0.004, 0.01], beams
+
+
+def test_gradient_by_finite_differences(scan_rectangle):
+    pose, beams = off_the_plate(scan_rectangle)
     likelihood = PlateLikelihood(PLATE, huber=3.0)
-    offset = poses + rng.normal(size=poses.shape) * [0.004, 0.004, 0.01]
-    fit = likelihood.evaluate(beams, offset, turn)
+    gradient = likelihood.evaluate(beams, pose).in_lrf_frame().gradient
     h = 1e-7
     for k in range(3):
-        up, down = (likelihood.evaluate(beams, offset + sign * h * np.eye(3)[k], turn).cost for sign in (1, -1))
-        expected = (up - down) / (2 * h) if turn or k < 2 else np.zeros(5)
-        np.testing.assert_allclose(fit.gradient[:, k], expected, rtol=1e-4, atol=1e-2)
+        up, down = (likelihood.evaluate(beams, pose + sign * h * np.eye(3)[k]).cost for sign in (1, -1))
+        np.testing.assert_allclose(gradient[:, k], (up - down) / (2 * h), rtol=1e-4, atol=1e-2)
+
+
+def test_at_a_fixed_heading_the_likelihood_is_the_same(scan_rectangle):
+    pose, beams = off_the_plate(scan_rectangle)
+    whole = PlateLikelihood(PLATE, huber=3.0)
+    place = (pose[:, 0] + 1j * pose[:, 1]) * np.exp(-1j * pose[:, 2])
+    given = np.column_stack([place.real, place.imag, pose[:, 2]])
+    fixed, free = FixedHeading(whole).evaluate(TurnedBeams.of(beams, pose[:, 2]), given), whole.evaluate(beams, pose)
+    np.testing.assert_allclose(fixed.cost, free.cost, rtol=1e-9)
+    np.testing.assert_allclose(fixed.gradient[:, :2], free.gradient[:, :2], rtol=1e-9, atol=1e-6)
+    np.testing.assert_allclose(fixed.hessian[:, :2, :2], free.hessian[:, :2, :2], rtol=1e-9, atol=1e-6)
+    found = FixedHeading(whole).climb(beams, pose, 20)
+    np.testing.assert_array_equal(found.pose[:, 2], pose[:, 2])
+    np.testing.assert_allclose(whole.evaluate(beams, found.pose).gradient[:, :2], 0.0, atol=1.0)
+    np.testing.assert_allclose(whole.evaluate(beams, found.pose).cost, found.cost, atol=1e-6)
 
 
 def test_hessian_is_the_information_of_the_gradient(scan_rectangle):
@@ -32,11 +52,11 @@ def test_hessian_is_the_information_of_the_gradient(scan_rectangle):
     pose = np.tile([2.0, 0.3, 1.2], (4000, 1))
     scan = scan_rectangle(pose, rng)
     beams = Beams.of(scan, extract_plate(scan, PLATE))
-    fit = PlateLikelihood(PLATE, huber=100.0).evaluate(beams, pose, True)
+    fit = PlateLikelihood(PLATE, huber=100.0).evaluate(beams, pose).in_lrf_frame()
     ranges_only = fit.gradient - fit.gradient.mean(axis=0)  # the edges are the same in every scan
     scatter = ranges_only.T @ ranges_only / len(pose)
-    no_edges = replace(beams, edge_weight=0 * beams.edge_weight)
-    information = PlateLikelihood(PLATE, huber=100.0).evaluate(no_edges, pose, True).hessian.mean(axis=0)
+    no_edges = replace(beams, edges=replace(beams.edges, weight=0 * beams.edges.weight))
+    information = PlateLikelihood(PLATE, huber=100.0).evaluate(no_edges, pose).in_lrf_frame().hessian.mean(axis=0)
     scale = np.sqrt(np.diag(information))
     np.testing.assert_allclose(scatter / np.outer(scale, scale), information / np.outer(scale, scale), atol=0.1)
 

@@ -188,3 +188,17 @@ def test_slips_between_those_of_left_and_right_turns_in_place_turn_in_place(law,
     slip = share * law(np.inf) + (1 - share) * law(-np.inf)
     omega = track_speeds(twist, GEOMETRY.half_gauge) / (GEOMETRY.sprocket_radius * (1 - slip))
     np.testing.assert_allclose(law.twist(omega, GEOMETRY), twist, rtol=1e-12, atol=0)
+
+
+@pytest.mark.parametrize("kind", [Exponential, Power])
+def test_many_laws_at_once_give_the_twists_of_each(kind):
+    """Motions that are found early are set aside: neither they nor the rest may change by that."""
+    rng = np.random.default_rng(0)
+    parameters = [rng.uniform(*ends, 12) for ends in ((0, 0.3), (-2, -0.1), (-0.5, 0), (-2, -0.1))]
+    more = (GEOMETRY.half_gauge,) if kind is Power else ()
+    omega = rng.uniform(-5, 5, (40, 2))
+    omega[:5, 1] = -omega[:5, 0]
+    together = kind(*(values[:, None] for values in parameters), *more).twist(omega, GEOMETRY)
+    for k, one in enumerate(zip(*parameters, strict=True)):
+        alone = [kind(*one, *more).twist(each, GEOMETRY) for each in omega]
+        np.testing.assert_allclose(together[k], alone, rtol=1e-11, atol=1e-14)

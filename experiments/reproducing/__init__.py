@@ -1,0 +1,1 @@
+"""The paper's runs, shared out among the copies of a process."""

@@ -1,0 +1,1 @@
+"""What the stages of the pipeline cost beside the bare engine, one module per area."""

@@ -1,0 +1,92 @@
+"""How time and memory grow with the number of robots and the length of runs, and how long it takes to plan many runs.
+
+The runs are written to Parquet while they last. Each case has a process of its own, whose peak memory is read at its
+end. The time doesn't include what happens once however long the runs are: starting, and setting the robots down.
+"""
+
+import multiprocessing
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+
+import numpy as np
+
+from experiments.measuring.check import Check
+from experiments.options.grid import SweepConfig
+from experiments.speed.scale_case import ScaleCase, drive_case
+from experiments.speed.simulator import timed
+from experiments.sweep.plan import plan
+
+CASES = (
+    *((1, 30.0), (1, 300.0), (1, 1800.0)),
+    *((16, 30.0), (16, 300.0), (16, 1800.0)),
+    *((256, 30.0), (256, 120.0)),
+    (4096, 30.0),
+)
+"""Numbers of robots and durations of runs [s] of `bench --scale`."""
+_QUICK_CASES = ((1, 30.0), (1, 1800.0), (16, 30.0), (16, 300.0), (256, 30.0), (4096, 4.0))  # of `bench --pipeline`
+_FULL = 256  # robots from which the time per robot no longer depends on their number
+_MOST_DEVIATION = 10.0  # [%]
+_MOST_MEMORY = 20.0  # by which a longer run may exceed a shorter one [MB]
+_RUNS, _PER_RATIO = 10_000, 25
+_MOST_PLANNING = 1.0  # [s]
+
+
+def measure(seed: int, repeats: int, step: Callable[[str], None]) -> tuple[Check, ...]:
+    """The checks of a few cases, in about a minute; `step` is called with a label after each.
+
+    Short cases are repeated within their process, so that `repeats` counts for planning only.
+    """
+    checks = checks_of(measure_cases(_QUICK_CASES, seed, step))
+    step("planning")
+    return (*checks, planning(repeats))
+
+
+def measure_cases(cases: Sequence[tuple[int, float]], seed: int, step: Callable[[str], None]) -> list[ScaleCase]:
+    """Robots and durations [s], each in a new process on all processors; `step` is called with a label after each."""
+    found = []
+    for robots, duration in cases:
+        with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+            found.append(pool.submit(drive_case, robots, duration, seed).result())
+        step(f"{robots} robots, {duration:g} s")
+    return found
+
+
+def checks_of(cases: Sequence[ScaleCase]) -> tuple[Check, ...]:
+    """What the cases say, beside their bounds.
+
+    A period of a fleet costs something however few robots there are, so that times are compared between durations,
+    and between numbers of robots from 256 on. Over all cases they are compared with a + b N per simulated second.
+    """
+    checks = []
+    for robots in dict.fromkeys(one.robots for one in cases):
+        shortest, *_, longest = sorted((one for one in cases if one.robots == robots), key=lambda one: one.duration) * 2
+        if longest.duration > shortest.duration:
+            case = f"{robots} robots" if robots > 1 else "1 robot"
+            span = f"{longest.duration:g} s over {shortest.duration:g} s"
+            change = longest.per_robot_second / shortest.per_robot_second - 1
+            checks.append(Check(case, f"time per second, {span}", 100 * change, _within(_MOST_DEVIATION), "%"))
+            checks.append(Check(case, f"memory, {span}", longest.memory - shortest.memory, _MOST_MEMORY, "MB"))
+    full = [one.per_robot_second for one in cases if one.robots >= _FULL]
+    spread = 100 * (max(full) / min(full) - 1)
+    checks.append(Check(f"{_FULL} robots and more", "spread of the time per robot", spread, _MOST_DEVIATION, "%"))
+    checks.append(Check("all cases", "deviation from a + b N", 100 * _deviation(cases), _MOST_DEVIATION, "%"))
+    return tuple(checks)
+
+
+def planning(repeats: int) -> Check:
+    """The time that planning many runs takes, the least of `repeats`."""
+    sweep = SweepConfig(friction_ratio=tuple(np.linspace(0.8, 1.4, _RUNS // _PER_RATIO).tolist()))
+    seconds = min(timed(plan, sweep) for _ in range(repeats))
+    return Check(f"{_RUNS:,} runs", "planning", seconds, _MOST_PLANNING, "s")
+
+
+def _within(most: float) -> tuple[float, float]:
+    return -most, most
+
+
+def _deviation(cases: Sequence[ScaleCase]) -> float:
+    """Largest relative deviation of the times per simulated second from a line over the number of robots [-]."""
+    time = np.array([one.seconds / one.duration for one in cases])
+    line = np.column_stack([np.ones(len(cases)), [one.robots for one in cases]]) / time[:, None]
+    fitted = line @ np.linalg.lstsq(line, np.ones(len(cases)))[0]
+    return float(np.abs(fitted - 1).max())

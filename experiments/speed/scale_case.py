@@ -1,0 +1,67 @@
+"""A fleet whose runs are written to a Parquet file while they last: how long that takes, and how much memory."""
+
+import math
+import statistics
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from experiments.options.grid import RunsConfig
+from experiments.speed.memory import peak_memory
+from sim.fleet import Fleet
+from sim.robot.robot import load_robot
+from sim.runs import open_loop_parts
+from sim.seeds import generator
+from trackslip.kinematics import Array, sprocket_speeds
+from trackslip.logs.run_writer import RunWriter
+
+_ENOUGH = 600.0  # robot-seconds that are timed; shorter runs are driven several times [s]
+
+
+@dataclass(frozen=True)
+class ScaleCase:
+    """What runs of some robots cost, setting them down not included."""
+
+    robots: int
+    duration: float
+    """Of each run [s]."""
+    seconds: float
+    """Wall time of driving and writing the runs [s]."""
+    memory: float
+    """Peak memory of a process that does nothing else [MB]; NaN where the system doesn't tell."""
+    file_size: float
+    """Of the Parquet file [MB]."""
+
+    @property
+    def per_robot_second(self) -> float:
+        """Wall time per robot and simulated second [s]."""
+        return self.seconds / (self.robots * self.duration)
+
+
+def drive_case(robots: int, duration: float, seed: int) -> ScaleCase:
+    """Drive robots for `duration` [s] at constant speeds, on as many threads as there are processors."""
+    fleet = Fleet(load_robot(), np.zeros((robots, 3)))
+    omega = _speeds(fleet, seed)
+    taken = []
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "runs.parquet"
+        for _ in range(max(1, math.ceil(_ENOUGH / (robots * duration)))):
+            began = perf_counter()
+            with RunWriter(file) as writer:
+                for logs in open_loop_parts(fleet, omega, duration):
+                    writer.write(logs)
+            taken.append(perf_counter() - began)
+        size = file.stat().st_size / 1e6
+    memory = peak_memory()
+    return ScaleCase(robots, duration, statistics.median(taken), math.nan if memory is None else memory, size)
+
+
+def _speeds(fleet: Fleet, seed: int) -> Array:
+    """Sprocket speeds (N, 2) of left turns with random radii and speeds in the range of the paper's [rad/s]."""
+    paper, random = RunsConfig(), generator(seed, "scale")
+    radius = random.uniform(min(paper.radii), max(paper.radii), fleet.size)
+    speed = random.uniform(min(paper.speeds), max(paper.speeds), fleet.size)
+    return sprocket_speeds(np.column_stack([speed, speed / radius]), 0.0, fleet.robot.geometry)

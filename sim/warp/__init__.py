@@ -1,0 +1,1 @@
+"""Fleets whose physics MuJoCo Warp steps, on a GPU."""

@@ -1,0 +1,108 @@
+"""The paper's runs, shared out: the same bits by any number of workers, and what is left when some fail."""
+
+import io
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.options.reproduce import ReproduceConfig
+from experiments.parallel.executors import copied_workers
+from experiments.reproducing import loops
+from experiments.reproducing.grid import drive_grid
+from experiments.reproducing.share import Share, whole
+from sim.run_recorder import FAILURE, RunFailedError
+from sim.stopwatch import Stopwatch
+from trackslip.logs.logfile import write_parquet
+from trackslip.logs.runlog import RunLog
+from trackslip.slip.icr import ConstantIcr
+from trackslip.trajectory.segmented import circle
+
+CONFIG = ReproduceConfig(radii=(0.5, 1.0, 1.5), speeds=(0.2,), duration=4.0)
+
+
+def stored(logs):
+    file = io.BytesIO()
+    write_parquet(logs, file)
+    return file.getvalue()
+
+
+def grid_and_loops(threads):
+    """Bytes of a small grid and of closed loops, and samples of the grid by every method."""
+    watch = Stopwatch()
+    with copied_workers(threads) as workers:
+        grid = drive_grid(CONFIG, workers, watch)
+        driven = loops.Loops(CONFIG, {"icr": ConstantIcr(0.04, half_gauge=0.168)}, workers).logs(watch)
+    assert min(watch.stages.values()) > 0
+    samples = {run: {name: one.slip.tolist() for name, one in known.items()} for run, known in grid.measured.items()}
+    assert [log.run for log in driven] == [f"{name} {law}" for name in loops.CONTROLLERS for law in LAWS]
+    return stored(grid.logs), stored(driven), samples
+
+
+LAWS = ("none", "published", "icr")
+
+
+def test_any_number_of_workers_gives_the_same_bits(monkeypatch):
+    monkeypatch.setattr(loops, "paper_reference", lambda: circle(1.0, 0.2, 0.5))
+    alone = grid_and_loops(1)
+    assert len(alone[2]) == 3
+    assert grid_and_loops(2) == alone
+    assert grid_and_loops(5) == alone  # more than runs of the grid
+
+
+def log(name, rows):
+    time = np.arange(rows) / 10
+    return RunLog(name, time, np.zeros((rows, 2)), np.zeros((rows, 3)), metadata={"of": name})
+
+
+def test_shares_are_put_back_in_order():
+    shares = [Share([log("a", 9), log("c", 9)], {}), Share([log("b", 9)], {})]
+    assert [one.run for one in whole(shares, [[0, 2], [1]])] == ["a", "b", "c"]
+
+
+def test_all_runs_end_with_the_earliest_failure():
+    late, early = RunFailedError("run 'b': tips over"), RunFailedError("run 'c': tips over")
+    shares = [Share([log("a", 20)], {}), Share([log("b", 15)], {}, late), Share([log("c", 7)], {}, early)]
+    with pytest.raises(RunFailedError, match="run 'c'") as caught:
+        whole(shares, [[0], [1], [2]])
+    assert [len(one.time) for one in caught.value.logs] == [7, 7, 7]
+    assert {one.metadata[FAILURE] for one in caught.value.logs} == {"run 'c': tips over"}
+
+
+def test_a_failure_at_once_leaves_no_runs():
+    shares = [Share([log("a", 20)], {}), Share([], {}, RunFailedError("run 'b': tips over"))]
+    with pytest.raises(RunFailedError) as caught:
+        whole(shares, [[0], [1]])
+    assert caught.value.logs == []
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("few_resamples")
+def test_the_whole_command_gives_the_same_bits(trackslip, tmp_path):
+    small = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8")
+    found = []
+    for threads in ("1", "2", "3"):
+        result = trackslip("reproduce", *small, "--threads", threads, "--out", str(tmp_path / threads))
+        files = {path.name: path.read_bytes() for path in (result.folder / "figures").iterdir()}
+        result.summary["localization"].pop("scans_per_s")
+        numbers = json.dumps({key: value for key, value in result.summary.items() if key != "timing"})
+        found.append((files, numbers, (result.folder / "runs.parquet").read_bytes()))
+    assert found[0] == found[1] == found[2]
+
+
+def test_a_run_that_fails_in_a_worker_is_reported_with_its_logs(monkeypatch):
+    monkeypatch.setattr(loops, "paper_reference", lambda: circle(1.0, 0.2, 0.5))
+    monkeypatch.setattr(loops, "drive_closed_loops", fail)
+    with copied_workers(2) as workers, pytest.raises(RunFailedError, match="enough") as caught:
+        loops.Loops(replace(CONFIG, threads=1), {}, workers).logs(Stopwatch())
+    names = [f"{name} {law}" for name in loops.CONTROLLERS for law in ("none", "published")]
+    assert [(one.run, len(one.time)) for one in caught.value.logs] == [(name, 5) for name in names]
+
+
+def fail(runs, *_):
+    error = RunFailedError("enough")
+    if runs[0].controller == "feedforward":
+        error.logs = [log(run.name, 5) for run in runs]
+        raise error
+    return [log(run.name, 8) for run in runs]

@@ -1,0 +1,87 @@
+"""The returns from the plate in many scans, one scan after the other, and the edges of the plate's silhouette."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from trackslip.kinematics import Array
+from trackslip.localization.rows import Rows
+from trackslip.localization.scan import MIN_NOISE, Cluster, Scan
+
+_MARGIN = 0.1  # the scanner's reach may cut off returns this close to it [m]
+
+
+@dataclass(frozen=True)
+class Edges(Rows):
+    """The edges of the plate's silhouette, right and left, in M scans."""
+
+    ahead: np.ndarray  # (M,) complex direction of the middle, half-way between the outermost returns
+    bearing: Array  # (M, 2) from the middle [rad]
+    weight: Array  # (M, 2) reciprocal of their standard deviation, 0 if not an edge of the plate [1/rad]
+    slack: Array  # (M, 2) deviation of a hidden edge that costs nothing [rad]
+
+
+@dataclass(frozen=True)
+class Beams:
+    """What M scans tell about the plate: H returns, at least one of each scan, and two edges each."""
+
+    u_x: Array  # (H,) directions of the beams that returned
+    u_y: Array  # (H,)
+    range: Array  # (H,) [m]
+    count: np.ndarray  # (M,) number of returns of each scan
+    first: np.ndarray  # (M,) place of its first one
+    edges: Edges  # (M,)
+    noise: float  # of a range [m]
+
+    @classmethod
+    def of(cls, scan: Scan, cluster: Cluster) -> Beams:
+        """The beams of each cluster of a scan; each has a return."""
+        step, count = scan.beam_step, cluster.count
+        bearing, distance = cluster.bearing[cluster.hit], cluster.range[cluster.hit]
+        first = np.cumsum(count) - count
+        low, high = bearing[first], bearing[first + count - 1]
+        middle = (low + high) / 2
+        lost = np.maximum(cluster.lost / (cluster.lost + count), scan.dropout)  # of the beams inside the cluster
+        beyond = lost / (1 - lost)  # expected number of beams missed beyond it
+        slack = np.where(np.isfinite(cluster.hidden), cluster.hidden, 0.0) / 2
+        reach = (high - low)[:, None] / 2 + (0.5 + beyond)[:, None] * step + slack
+        spread = step * np.sqrt(1 / 12 + beyond / (1 - lost))
+        within = np.maximum.reduceat(distance, first) < scan.max_range - _MARGIN
+        tolerance = step / 4
+        inside = np.stack([low > scan.bearings[0] + tolerance, high < scan.bearings[-1] - tolerance], axis=1)
+        weight = np.where(inside & within[:, None] & np.isfinite(cluster.hidden), 1 / spread[:, None], 0.0)
+        edges = Edges(np.exp(1j * middle), reach * np.array([-1.0, 1.0]), weight, slack)
+        u_x, u_y, noise = np.cos(bearing), np.sin(bearing), max(scan.noise, MIN_NOISE)
+        return cls(u_x, u_y, distance, count, first, edges, noise)
+
+    def take(self, rows: np.ndarray) -> Beams:
+        """Those of the scans `rows` (R,), in that order, possibly repeated."""
+        count, kept = self.count[rows], self.places(rows)
+        first = np.cumsum(count) - count
+        u_x, u_y, distance = self.u_x[kept], self.u_y[kept], self.range[kept]
+        return Beams(u_x, u_y, distance, count, first, self.edges.take(rows), self.noise)
+
+    def places(self, rows: np.ndarray) -> np.ndarray:
+        """Places of the returns of the scans `rows` (R,)."""
+        count = self.count[rows]
+        end = np.cumsum(count)
+        return np.repeat(self.first[rows] - end + count, count) + np.arange(count.sum())
+
+    def thinned(self, most: int) -> Beams:
+        """Only every n-th return of each scan, so that at most about `most` are left; the edges are kept."""
+        every = np.maximum(1, self.count // most)
+        place = np.arange(len(self.range)) - np.repeat(self.first, self.count)
+        kept = place % np.repeat(every, self.count) == 0
+        count = -(-self.count // every)
+        few = {name: getattr(self, name)[kept] for name in ("u_x", "u_y", "range")}
+        return replace(self, count=count, first=np.cumsum(count) - count, **few)
+
+    def spread(self, of_scans: Array) -> Array:
+        """What belongs to the scans, (..., M), for each of their returns (..., H)."""
+        return np.repeat(of_scans, self.count, axis=-1)
+
+    def sums(self, of_returns: Array) -> Array:
+        """Sums (..., M) over the returns (..., H) of each scan."""
+        return np.add.reduceat(of_returns, self.first, axis=-1)

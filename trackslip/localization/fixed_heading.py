@@ -1,0 +1,99 @@
+"""The likelihood of the plate's position at given headings: at a heading, ranges depend on it almost linearly."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from trackslip.kinematics import Array
+from trackslip.localization.beams import Beams
+from trackslip.localization.climb import Evaluation, climb
+from trackslip.localization.likelihood import PlateLikelihood
+from trackslip.localization.view import View
+
+
+@dataclass(frozen=True)
+class TurnedBeams:
+    """The returns of M scans in the axes of plates with given headings."""
+
+    beams: Beams
+    turn: np.ndarray  # (M,) complex directions of the long axes
+    per_along: Array  # (H,) range per distance along and across the plate, 0 for beams across and along it [-]
+    per_across: Array  # (H,)
+
+    @classmethod
+    def of(cls, beams: Beams, heading: Array) -> TurnedBeams:
+        """In the axes of plates with `heading` (M,) [rad]."""
+        turn = np.exp(1j * heading)
+        cos, sin = beams.spread(np.stack([turn.real, turn.imag]))
+        u_e, u_n = beams.u_x * cos + beams.u_y * sin, beams.u_y * cos - beams.u_x * sin
+        per_along, per_across = (np.divide(1.0, u, out=np.zeros(len(u)), where=u != 0) for u in (u_e, u_n))
+        return cls(beams, turn, per_along, per_across)
+
+    def take(self, rows: np.ndarray) -> TurnedBeams:
+        """Those of the scans `rows` (R,)."""
+        kept = self.beams.places(rows)
+        return TurnedBeams(self.beams.take(rows), self.turn[rows], self.per_along[kept], self.per_across[kept])
+
+
+@dataclass(frozen=True)
+class FixedHeading:
+    """Negative log likelihood of positions along and across plates with given headings."""
+
+    likelihood: PlateLikelihood
+
+    def climb(self, beams: Beams, pose: Array, iterations: int) -> Evaluation:
+        """The maxima near poses (M, 3) in the LRF's frame, their headings kept."""
+        heading = pose[:, 2]
+        turned = TurnedBeams.of(beams, heading)
+        place = (pose[:, 0] + 1j * pose[:, 1]) * turned.turn.conj()
+        fit = climb(self, turned, np.column_stack([place.real, place.imag, heading]), iterations)
+        place = (fit.pose[:, 0] + 1j * fit.pose[:, 1]) * turned.turn
+        fit.pose[:, 0], fit.pose[:, 1] = place.real, place.imag
+        return fit
+
+    def moved(self, pose: Array, step: Array) -> Array:
+        """Places along and across the plates, and headings (M, 3), after steps (M, 3)."""
+        return pose + step
+
+    def evaluate(self, turned: TurnedBeams, pose: Array) -> Evaluation:
+        """Cost and derivatives at places along and across the plates, and headings (M, 3), which are fixed."""
+        plate, beams = self.likelihood.plate, turned.beams
+        half_length, half_thickness = plate.length / 2, plate.thickness / 2
+        along, across = pose[:, 0], pose[:, 1]
+        distance, reach = np.hypot(along, across), math.hypot(plate.length, plate.thickness) / 2
+        of_scans = np.empty((4, len(pose)))
+        # of the planes of the faces towards the LRF, signed; 0 if both point away
+        of_scans[0] = along - np.minimum(np.maximum(along, -half_length), half_length)
+        of_scans[1] = across - np.minimum(np.maximum(across, -half_thickness), half_thickness)
+        of_scans[2], of_scans[3] = distance - reach, distance + reach
+        short, long, near, far = beams.spread(of_scans)
+        to_short, to_long = short * turned.per_along, long * turned.per_across
+        on_long = to_long > to_short
+        entered = np.maximum(to_short, to_long)
+        predicted = np.minimum(np.maximum(entered, near), far)
+        scale = 1 / beams.noise
+        residual = (predicted - beams.range) * scale
+        slope = np.where(on_long, turned.per_across, turned.per_along)
+        slope *= (predicted == entered) * scale
+        terms = np.empty((5, len(residual)))
+        weight, terms[0] = self.likelihood.loss(residual)
+        weighted = weight * slope
+        weighted_long = weighted * on_long
+        weighted -= weighted_long  # a beam meets one face only: what is left is on the short one
+        for k, one in enumerate((weighted, weighted_long)):
+            np.multiply(one, residual, out=terms[1 + k])
+            np.multiply(one, slope, out=terms[3 + k])
+        sums = beams.sums(terms)  # (5, M)
+        edge_residual, edge_jacobian = self.likelihood.edges(beams.edges, View(plate, along, across, turned.turn))
+        edge_jacobian[:, :, 2] = 0.0
+        gradient = (edge_residual[:, None] @ edge_jacobian)[:, 0]
+        gradient[:, :2] += sums[1:3].T
+        hessian = edge_jacobian.swapaxes(1, 2) @ edge_jacobian
+        hessian[:, 0, 0] += sums[3]
+        hessian[:, 1, 1] += sums[4]
+        hessian[:, 2, 2] = 1.0
+        cost = sums[0] + np.einsum("me,me->m", edge_residual, edge_residual) / 2
+        return Evaluation(pose, cost, gradient, hessian)
