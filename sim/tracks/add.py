@@ -111,6 +111,7 @@ def add_tracks(
         tuple(tuple(f"{track}_{part.name}" for part in parts) for track in bodies),
         tuple(part.weight for part in parts),
         tuple(part.crosswise for part in parts),
+        tuple(part.cored for part in parts),
         tuple(part.direction for part in parts),
         shape.longest_below / count,
         len(names) * 2 * (count + WHEEL_WEIGHT),

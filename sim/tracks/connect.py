@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 import mujoco
 import numpy as np
 
+from sim.tracks.cores import connect_cores
 from sim.tracks.mobility import mobility
 from sim.tracks.options import set_options
 from sim.tracks.parts import WHEEL_WEIGHT, TrackParts
@@ -66,6 +67,8 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
             for name, weight, crosswise in zip(names, tracks.weights, tracks.crosswise, strict=True):
                 friction = tracks.friction[::-1] if crosswise else tracks.friction
                 _add_pair(spec, ground.name, name, friction, contacts[weight])
+        if alone and not on_limb:
+            connect_cores(spec, ground.name, tracks)
 
 
 def _brake(tracks: TrackParts, heaviness: float) -> dict[float, float]:
