@@ -120,17 +120,22 @@ def _grounds(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] 
         listed = [terrain] if isinstance(terrain, str | mujoco.MjsGeom) else terrain
         grounds = [_geom(spec, each) for each in listed]
     require(grounds, "terrain", [], "at least one geom that collides, of a body that doesn't move")
-    paired, number = {pair.name for pair in spec.pairs}, 0
+    paired, unnamed = {pair.name for pair in spec.pairs}, []
     for geom in grounds:
+        plane = geom.type == mujoco.mjtGeom.mjGEOM_PLANE
+        allowed = f"equal along and across, except on planes; {geom.name or 'the terrain'} is no plane"
+        require(plane or tracks.friction[0] == tracks.friction[1], "friction", tracks.friction, allowed)
+        pair = f"{geom.name}/{tracks.geoms[0][0]}"
+        again = pair in paired if geom.name else geom in unnamed
+        require(not again, "terrain", geom.name, f"connected with {tracks.names[0]} only once")
+        paired.add(pair)
+        if not geom.name:
+            unnamed.append(geom)
+    number = 0
+    for geom in unnamed:
         while not geom.name:
             number += 1
             geom.name = "" if spec.geom(f"terrain{number}") else f"terrain{number}"
-        plane = geom.type == mujoco.mjtGeom.mjGEOM_PLANE
-        allowed = f"equal along and across, except on planes; {geom.name} is no plane"
-        require(plane or tracks.friction[0] == tracks.friction[1], "friction", tracks.friction, allowed)
-        pair = f"{geom.name}/{tracks.geoms[0][0]}"
-        require(pair not in paired, "terrain", geom.name, f"connected with {tracks.names[0]} only once")
-        paired.add(pair)
     return grounds
 
 
