@@ -1,5 +1,6 @@
 """Where `trackslip` starts: an interrupt prints one line, even while modules are being imported."""
 
+import gc
 import io
 import os
 import signal
@@ -13,6 +14,7 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # not every terminal knows every character
+    gc.disable()  # cli restores it, too: what is imported is no garbage
     from experiments.cli import main as run
 
     run()

@@ -1,6 +1,7 @@
 """The `trackslip` command line: options in, results out; a refused value prints a one-line error and exits with 2."""
 
 import contextlib
+import gc
 import importlib
 import io
 import os
@@ -169,6 +170,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         options = parse(arguments)
         runner = importlib.import_module(f"experiments.commands.{arguments[0]}")
+        if not gc.isenabled():
+            gc.freeze()
+            gc.enable()
         with contextlib.suppress(ValueError):  # only the main thread can set handlers
             signal.signal(signal.SIGTERM, signal.default_int_handler)
             if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:

@@ -18,7 +18,7 @@ from trackslip.errors import require
 from trackslip.kinematics import Array, limit_sprocket_speeds
 from trackslip.localization.base import Locator
 from trackslip.localization.pose_tracker import Tracker
-from trackslip.localization.recorded import follow
+from trackslip.localization.recorded import EVERY, Follower
 from trackslip.localization.scan import Cluster, extract_plate
 from trackslip.logs.runlog import RunLog
 from trackslip.trajectory.base import Reference
@@ -28,7 +28,7 @@ Progress = Callable[[float], None]
 
 PERIOD = LaserScanner().period
 """Time between the rows of a run without a scanner [s]."""
-_SCANS_AT_ONCE = 80  # of each robot, localized together offline; as many whatever the fleet, for the same bits in any
+_SCANS_AT_ONCE, _MOST_AT_ONCE = 5000, 400  # scans localized together offline: of all robots, and of each
 _FEWEST_ROWS, _MOST_ROWS = 150, 600  # of a part of long runs
 _MEASUREMENTS = 250_000  # rows of all robots together in a part, if that many rows of each are neither few nor many
 
@@ -90,7 +90,7 @@ def open_loop_parts(
     omega = limit_sprocket_speeds(np.broadcast_to(np.asarray(omega, float), (fleet.size, 2)), fleet.drive.limit)
     rows = _rows(duration, period)
     least = max(2, rows_at_once or min(max(_FEWEST_ROWS, _MEASUREMENTS // fleet.size), _MOST_ROWS))
-    record = RunRecorder(fleet, min(rows, least + _SCANS_AT_ONCE), period, descriptions)
+    record = RunRecorder(fleet, min(rows, least + _MOST_AT_ONCE + EVERY), period, descriptions)
     scans = None if feed is None or locator is None else _Scans(fleet, record, feed, locator, watch)
 
     def logs(failure: str | None = None) -> list[RunLog]:
@@ -135,10 +135,12 @@ class _Scans:
     def __init__(
         self, fleet: Fleet, record: RunRecorder, feed: ScannerFeed, locator: Locator, watch: Stopwatch
     ) -> None:
-        self._fleet, self._record, self._feed, self._locator, self._watch = fleet, record, feed, locator, watch
-        self._tracker = Tracker(fleet.pose(), fleet.robot.geometry)
+        self._fleet, self._record, self._feed, self._watch = fleet, record, feed, watch
+        self._follower = Follower(locator, Tracker(fleet.pose(), fleet.robot.geometry))
+        self._block = min(max(1, _SCANS_AT_ONCE // fleet.size), _MOST_AT_ONCE)
         self._waiting: list[Array] = []  # true ranges (N, B) each
         self._located = 0  # rows of the record
+        self._taken = 0  # scans of each robot
         self._begun = False
         self._clusters: list[Cluster] = []
 
@@ -156,8 +158,9 @@ class _Scans:
         """Scan the robots where they are."""
         with self._watch.stage("scans"):
             self._waiting.append(self._feed.true_ranges())
-        if len(self._waiting) == _SCANS_AT_ONCE:
+        if len(self._waiting) >= self._block and self._taken % EVERY == 0:
             self._locate()
+        self._taken += 1
 
     def logs(self, failure: str | None) -> list[RunLog]:
         """See `RunRecorder.logs`."""
@@ -182,7 +185,7 @@ class _Scans:
             if not self._begun:
                 angle[:, 0] = 0.0  # the tracker starts from the pose of the first scan
                 self._begun = True
-            record.estimates(rows, follow(self._locator, feed.scan(ranges), self._tracker, angle))
+            record.estimates(rows, self._follower.follow(feed.scan(ranges), angle))
             scan, pose = feed.scan(_flat(ranges)), _flat(record.pose[rows].swapaxes(0, 1))
             self._clusters.append(extract_plate(scan, self._fleet.robot.plate, scan.from_world(pose)))
 

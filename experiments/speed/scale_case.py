@@ -13,17 +13,18 @@ from experiments.options.grid import RunsConfig
 from experiments.speed.memory import peak_memory
 from sim.fleet import Fleet
 from sim.robot.robot import load_robot
-from sim.runs import open_loop_parts
+from sim.runs import PERIOD, open_loop_parts
 from sim.seeds import generator
 from trackslip.kinematics import Array, sprocket_speeds
 from trackslip.logs.run_writer import RunWriter
 
+_PERIODS = 40  # after which all robots drive steadily
 _ENOUGH = 600.0  # robot-seconds that are timed; shorter runs are driven several times [s]
 
 
 @dataclass(frozen=True)
 class ScaleCase:
-    """What runs of some robots cost, setting them down not included."""
+    """What runs of some robots cost, once these have been set down and drive."""
 
     robots: int
     duration: float
@@ -45,6 +46,9 @@ def drive_case(robots: int, duration: float, seed: int) -> ScaleCase:
     """Drive robots for `duration` [s] at constant speeds, on as many threads as there are processors."""
     fleet = Fleet(load_robot(), np.zeros((robots, 3)))
     omega = _speeds(fleet, seed)
+    for _ in range(_PERIODS):
+        fleet.command(omega)
+        fleet.advance(PERIOD)
     taken = []
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "runs.parquet"

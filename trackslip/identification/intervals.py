@@ -16,7 +16,7 @@ CONFIDENCE = 0.95  # of all intervals [-]
 _STEPS = 12  # maximum number of steps towards the end of an interval
 _NEAR = 1e-3  # relative error of the height at convergence
 _ENOUGH = 1e-5  # change of chi-square that does not matter, relative to the height
-_ITERATIONS = 15  # of each fit with a value held: more are needed only where chi-square is rough
+_ITERATIONS = 10  # of each fit with a value held: more are needed only where chi-square is rough
 _STRETCH = (0.25, 4.0)  # limits of the ratio of successive steps
 
 

@@ -17,7 +17,7 @@ _MARGIN = 0.1  # the scanner's reach may cut off returns this close to it [m]
 class Edges(Rows):
     """The edges of the plate's silhouette, right and left, in M scans."""
 
-    ahead: np.ndarray  # (M,) complex direction of the middle, half-way between the outermost returns
+    ahead: Array  # (M, 2) direction of the middle, half-way between the outermost returns
     bearing: Array  # (M, 2) from the middle [rad]
     weight: Array  # (M, 2) reciprocal of their standard deviation, 0 if not an edge of the plate [1/rad]
     slack: Array  # (M, 2) deviation of a hidden edge that costs nothing [rad]
@@ -52,7 +52,7 @@ class Beams:
         tolerance = step / 4
         inside = np.stack([low > scan.bearings[0] + tolerance, high < scan.bearings[-1] - tolerance], axis=1)
         weight = np.where(inside & within[:, None] & np.isfinite(cluster.hidden), 1 / spread[:, None], 0.0)
-        edges = Edges(np.exp(1j * middle), reach * np.array([-1.0, 1.0]), weight, slack)
+        edges = Edges(np.stack([np.cos(middle), np.sin(middle)], axis=1), reach * np.array([-1.0, 1.0]), weight, slack)
         u_x, u_y, noise = np.cos(bearing), np.sin(bearing), max(scan.noise, MIN_NOISE)
         return cls(u_x, u_y, distance, count, first, edges, noise)
 

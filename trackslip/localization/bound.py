@@ -90,9 +90,7 @@ def ratio_to_bound(error: Array, bound: Array) -> Array:
     return np.sqrt(np.mean(error**2, axis=0) / np.mean(np.einsum("sii->si", bound), axis=0))
 
 
-def scan_ratio_to_bound(
-    pose: Array, true_pose: Array, plate: Plate, scan: Scan, seen: Cluster | None = None
-) -> Array:
+def scan_ratio_to_bound(pose: Array, true_pose: Array, plate: Plate, scan: Scan, seen: Cluster | None = None) -> Array:
     """Ratios (3,) to the bound of x, y and heading in the world, over scans seen MIN_ANGLE or more from edge-on.
 
     Args:
@@ -150,7 +148,7 @@ def range_jacobian(pose: Array, plate: Plate, bearings: Array) -> Array:
 def _edge_jacobian(pose: Array, plate: Plate, bearings: Array) -> Array:
     """Derivatives (S, 2, 3) of the edges' bearings over their standard deviation; zero outside the field of view."""
     sight = np.arctan2(pose[:, 1], pose[:, 0])
-    beside, jacobian = View.of(plate, pose).silhouette(np.exp(1j * sight))
+    beside, jacobian = View.of(plate, pose).silhouette(np.stack([np.cos(sight), np.sin(sight)], axis=1))
     field = bearings[-1] - bearings[0]
     off = np.angle(np.exp(1j * (sight[:, None] + beside - (bearings[0] + bearings[-1]) / 2)))
     weight = np.where(np.abs(off) < field / 2, np.sqrt(12) / (field / (len(bearings) - 1)), 0.0)

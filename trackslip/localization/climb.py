@@ -104,15 +104,17 @@ _SYMMETRIC = np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])
 def inverses(matrix: Array) -> tuple[Array, np.ndarray]:
     """Inverses of symmetric matrices (M, 3, 3) by cofactors, and a mask (M,) of the positive definite ones.
 
-    Written out because NumPy's inverse calls LAPACK for each matrix.
+    Written out because NumPy's inverse calls LAPACK for each matrix. Elements are taken so that a matrix is contiguous
+    whatever M is: the order in which NumPy adds depends on it.
     """
     flat = matrix.reshape(-1, 9)
-    cofactor = flat[:, _FIRST] * flat[:, _SECOND] - flat[:, _THIRD] * flat[:, _FOURTH]  # xx, xy, xz, yy, yz, zz
+    first, second, third, fourth = (flat.take(k, axis=1) for k in (_FIRST, _SECOND, _THIRD, _FOURTH))
+    cofactor = first * second - third * fourth  # xx, xy, xz, yy, yz, zz
     determinant = np.einsum("mi,mi->m", flat[:, :3], cofactor[:, :3])
     xx = flat[:, 0]
     regular = (determinant > 1e-12 * xx * flat[:, 4] * flat[:, 8]) & (xx > 0)
     cofactor /= np.where(regular, determinant, 1.0)[:, None]
-    return cofactor[:, _SYMMETRIC].reshape(-1, 3, 3), regular
+    return cofactor.take(_SYMMETRIC, axis=1).reshape(-1, 3, 3), regular
 
 
 def covariances(hessian: Array) -> Array:

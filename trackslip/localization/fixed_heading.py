@@ -11,6 +11,7 @@ from trackslip.kinematics import Array
 from trackslip.localization.beams import Beams
 from trackslip.localization.climb import Evaluation, climb
 from trackslip.localization.likelihood import PlateLikelihood
+from trackslip.localization.starts import centre_of_side
 from trackslip.localization.view import View
 
 
@@ -19,23 +20,29 @@ class TurnedBeams:
     """The returns of M scans in the axes of plates with given headings."""
 
     beams: Beams
-    turn: np.ndarray  # (M,) complex directions of the long axes
+    heading: Array  # (M,) [rad]
+    cos: Array  # (M,) of the heading
+    sin: Array  # (M,)
+    u_e: Array  # (H,) directions of the beams along and across the plates
+    u_n: Array  # (H,)
     per_along: Array  # (H,) range per distance along and across the plate, 0 for beams across and along it [-]
     per_across: Array  # (H,)
 
     @classmethod
     def of(cls, beams: Beams, heading: Array) -> TurnedBeams:
         """In the axes of plates with `heading` (M,) [rad]."""
-        turn = np.exp(1j * heading)
-        cos, sin = beams.spread(np.stack([turn.real, turn.imag]))
+        of_scans = np.stack([np.cos(heading), np.sin(heading)])
+        cos, sin = beams.spread(of_scans)
         u_e, u_n = beams.u_x * cos + beams.u_y * sin, beams.u_y * cos - beams.u_x * sin
         per_along, per_across = (np.divide(1.0, u, out=np.zeros(len(u)), where=u != 0) for u in (u_e, u_n))
-        return cls(beams, turn, per_along, per_across)
+        return cls(beams, heading, of_scans[0], of_scans[1], u_e, u_n, per_along, per_across)
 
     def take(self, rows: np.ndarray) -> TurnedBeams:
         """Those of the scans `rows` (R,)."""
         kept = self.beams.places(rows)
-        return TurnedBeams(self.beams.take(rows), self.turn[rows], self.per_along[kept], self.per_across[kept])
+        of_returns = (part[kept] for part in (self.u_e, self.u_n, self.per_along, self.per_across))
+        of_scans = (part[rows] for part in (self.heading, self.cos, self.sin))
+        return TurnedBeams(self.beams.take(rows), *of_scans, *of_returns)
 
 
 @dataclass(frozen=True)
@@ -44,15 +51,22 @@ class FixedHeading:
 
     likelihood: PlateLikelihood
 
-    def climb(self, beams: Beams, pose: Array, iterations: int) -> Evaluation:
-        """The maxima near poses (M, 3) in the LRF's frame, their headings kept."""
-        heading = pose[:, 2]
-        turned = TurnedBeams.of(beams, heading)
-        place = (pose[:, 0] + 1j * pose[:, 1]) * turned.turn.conj()
-        fit = climb(self, turned, np.column_stack([place.real, place.imag, heading]), iterations)
-        place = (fit.pose[:, 0] + 1j * fit.pose[:, 1]) * turned.turn
-        fit.pose[:, 0], fit.pose[:, 1] = place.real, place.imag
-        return fit
+    def climb(self, turned: TurnedBeams, pose: Array, iterations: int) -> Evaluation:
+        """The maxima near places along and across the plates, and headings (M, 3), which are kept."""
+        return climb(self, turned, pose, iterations)
+
+    def touching(self, turned: TurnedBeams, middle: Array) -> Array:
+        """Places along and across plates whose near faces touch the returns around `middle` (M, 2), and headings."""
+        plate, beams, pose = self.likelihood.plate, turned.beams, np.empty((len(middle), 3))
+        along = turned.cos * middle[:, 0] + turned.sin * middle[:, 1]
+        across = turned.cos * middle[:, 1] - turned.sin * middle[:, 0]
+        sides = (turned.u_e, plate.length, along), (turned.u_n, plate.thickness, across)
+        for k, (direction, size, towards) in enumerate(sides):
+            coordinate = beams.range * direction
+            low, high = (reduce.reduceat(coordinate, beams.first) for reduce in (np.minimum, np.maximum))
+            pose[:, k] = centre_of_side(low, high, size, towards > 0)
+        pose[:, 2] = turned.heading
+        return pose
 
     def moved(self, pose: Array, step: Array) -> Array:
         """Places along and across the plates, and headings (M, 3), after steps (M, 3)."""
@@ -87,7 +101,9 @@ class FixedHeading:
             np.multiply(one, residual, out=terms[1 + k])
             np.multiply(one, slope, out=terms[3 + k])
         sums = beams.sums(terms)  # (5, M)
-        edge_residual, edge_jacobian = self.likelihood.edges(beams.edges, View(plate, along, across, turned.turn))
+        edge_residual, edge_jacobian = self.likelihood.edges(
+            beams.edges, View(plate, along, across, turned.cos, turned.sin)
+        )
         edge_jacobian[:, :, 2] = 0.0
         gradient = (edge_residual[:, None] @ edge_jacobian)[:, 0]
         gradient[:, :2] += sums[1:3].T

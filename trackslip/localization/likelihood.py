@@ -59,7 +59,8 @@ class PlateLikelihood:
         sums = beams.sums(terms)  # (9, M)
 
         edge_residual, edge_jacobian = self.edges(beams.edges, view)
-        gradient = sums[1:4].T + (edge_residual[:, None] @ edge_jacobian)[:, 0]
+        gradient = (edge_residual[:, None] @ edge_jacobian)[:, 0]
+        gradient += sums[1:4].T
         hessian = edge_jacobian.swapaxes(1, 2) @ edge_jacobian
         hessian[:, 2] += sums[4:7].T
         hessian[:, :2, 2] += sums[4:6].T
@@ -84,7 +85,7 @@ class PlateLikelihood:
         reach = math.hypot(self.plate.length, self.plate.thickness) / 2
         longest = np.abs(offset).max(axis=1)
         distance = np.hypot(view.along, view.across)
-        cos, sin = view.turn.real, view.turn.imag
+        cos, sin = view.cos, view.sin
         ahead, aside = np.copysign(1.0, view.along), np.copysign(1.0, view.across)
         of_scans = np.empty((8, len(pose)))
         of_scans[0], of_scans[1], of_scans[2], of_scans[3] = ahead * cos, ahead * sin, -aside * sin, aside * cos
@@ -113,8 +114,9 @@ class PlateLikelihood:
     def moved(self, pose: Array, step: Array) -> Array:
         """Poses (M, 3) after steps (M, 3) along and across their plates."""
         moved = pose + step
-        turned = (step[:, 0] + 1j * step[:, 1]) * np.exp(1j * pose[:, 2])
-        moved[:, 0], moved[:, 1] = pose[:, 0] + turned.real, pose[:, 1] + turned.imag
+        cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+        moved[:, 0] = pose[:, 0] + cos * step[:, 0] - sin * step[:, 1]
+        moved[:, 1] = pose[:, 1] + sin * step[:, 0] + cos * step[:, 1]
         return moved
 
     def climb(self, beams: Beams, pose: Array, iterations: int) -> Evaluation:
@@ -140,7 +142,7 @@ class PlateLikelihood:
         reach = math.hypot(self.plate.length, self.plate.thickness) / 2
         scale = 1 / beams.noise
         of_scans = np.empty((12, len(distance)))
-        of_scans[0], of_scans[1], of_scans[2], of_scans[3] = view.turn.real, view.turn.imag, ahead, aside
+        of_scans[0], of_scans[1], of_scans[2], of_scans[3] = view.cos, view.sin, ahead, aside
         # of the planes of the short and the long face towards the LRF; 0 if both point away
         np.maximum(ahead * along - self.plate.length / 2, 0.0, out=of_scans[4])
         np.maximum(aside * across - self.plate.thickness / 2, 0.0, out=of_scans[5])

@@ -20,11 +20,11 @@ from trackslip.kinematics import Array
 from trackslip.localization.beams import Beams
 from trackslip.localization.bound import viewing_angle
 from trackslip.localization.climb import Evaluation, covariances
-from trackslip.localization.fixed_heading import FixedHeading
+from trackslip.localization.fixed_heading import FixedHeading, TurnedBeams
 from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.line import fit_line
 from trackslip.localization.scan import Cluster, Scan
-from trackslip.localization.starts import chunks, place
+from trackslip.localization.starts import chunks
 
 _EDGE_ON = np.radians(3.0)  # from the line of sight; at smaller angles the posterior is integrated over the heading
 _FEW = 5  # with at most this many returns, _EDGE_ON_BY_FEW applies instead
@@ -64,9 +64,9 @@ def correct(
 
 def _over_heading(likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, sight: Array) -> tuple[Array, Array]:
     """Posterior means (S, 3) and covariances (S, 3, 3) for plates seen nearly edge-on at bearings `sight` (S,)."""
-    beams, scans = Beams.of(scan, cluster), len(sight)
-    coarse = _given(likelihood, beams, cluster, sight[:, None] + _GRID)
-    fine = _given(likelihood, beams, cluster, _peaks(likelihood, beams, coarse))
+    beams, middle, scans = Beams.of(scan, cluster), fit_line(cluster).middle, len(sight)
+    coarse = _given(likelihood, beams, middle, sight[:, None] + _GRID)
+    fine = _given(likelihood, beams, middle, _peaks(likelihood, beams, coarse))
     pose = np.concatenate([fit.pose.reshape(scans, -1, 3) for fit in (coarse, fine)], axis=1)
     cost = np.concatenate([fit.cost.reshape(scans, -1) for fit in (coarse, fine)], axis=1)
     within = np.concatenate(
@@ -107,16 +107,22 @@ def _along_plate(likelihood: PlateLikelihood, beams: Beams, pose: Array, covaria
     covariance[rows] += variance[:, None, None] * e[:, :, None] * e[:, None, :] - given
 
 
-def _given(likelihood: PlateLikelihood, beams: Beams, cluster: Cluster, heading: Array) -> Evaluation:
-    """Fits (S * K,) of the position at headings (S, K); rough ones where the heading has no probability."""
+def _given(likelihood: PlateLikelihood, beams: Beams, middle: Array, heading: Array) -> Evaluation:
+    """Fits (S * K,) of the position at headings (S, K); rough ones where the heading has no probability.
+
+    `middle` (S, 2) are points on the plates.
+    """
     every = np.repeat(np.arange(len(heading)), heading.shape[1])
-    middle = fit_line(cluster).middle[every]
-    start = place(cluster.take(every), heading.ravel(), middle, likelihood.plate)
-    fixed, repeated = FixedHeading(likelihood), beams.take(every)
-    fit = fixed.climb(repeated, start, 1)
+    fixed, turned = FixedHeading(likelihood), TurnedBeams.of(beams.take(every), heading.ravel())
+    fit = fixed.climb(turned, fixed.touching(turned, middle[every]), 1)
     least = (fit.cost - _TRUSTED * fit.promise()).reshape(heading.shape)
     likely = np.flatnonzero(least < fit.cost.reshape(heading.shape).min(axis=1, keepdims=True) + _HOPELESS)
-    fit.put(likely, fixed.climb(repeated.take(likely), fit.pose[likely], _ITERATIONS))
+    fit.put(likely, fixed.climb(turned.take(likely), fit.pose[likely], _ITERATIONS))
+    along, across = fit.pose[:, 0].copy(), fit.pose[:, 1].copy()
+    fit.pose[:, 0], fit.pose[:, 1] = (
+        turned.cos * along - turned.sin * across,
+        turned.sin * along + turned.cos * across,
+    )
     return fit
 
 

@@ -7,6 +7,7 @@ so well that one start is enough.
 from __future__ import annotations
 
 import copy
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,34 +17,49 @@ from trackslip.localization.base import Locator, PoseEstimate
 from trackslip.localization.pose_tracker import Tracker
 from trackslip.localization.scan import Scan
 
-_EVERY = 8  # one scan of so many is located on its own
+EVERY = 8
+"""One scan of so many is located on its own."""
 
 
-def follow(locator: Locator, scan: Scan, tracker: Tracker, angle: Array) -> PoseEstimate:
-    """Poses (N, T) of N robots in scans with ranges (N, T, B).
+class Follower:
+    """Follows N robots through recorded scans, which come in blocks.
 
-    Where the tracker rejects a pose, something else was taken for the plate, and the plate is searched for again, near
-    the predicted pose.
-
-    Args:
-        locator: finds the plate.
-        scan: T successive scans of each robot.
-        tracker: of the N robots at the scan before the first; led on to the last one.
-        angle: how far the sprockets turned since the scan before each, (N, T, 2) [rad].
+    What is found does not depend on the blocks if all but the last one end with a scan whose number, counted from 0, is
+    a multiple of EVERY.
     """
-    robots, rows, _ = scan.ranges.shape
-    single = PoseEstimate(np.empty((robots, rows, 3)), np.empty((robots, rows, 3, 3)), np.zeros((robots, rows), bool))
-    keys = np.unique(np.append(np.arange(0, rows, _EVERY), rows - 1))
-    alone = np.zeros((robots, rows), bool)
-    alone[:, keys] = True
-    _locate(locator, scan, single, alone)
-    if not alone.all():
+
+    def __init__(self, locator: Locator, tracker: Tracker) -> None:
+        """`tracker` is that of the N robots, at their first scan."""
+        self._locator, self._tracker = locator, tracker
+        self._of_keys = copy.deepcopy(tracker)
+        self._rows = 0  # scans so far
+        self._last: PoseEstimate | None = None  # (N, 1) at the last of them
+
+    def follow(self, scan: Scan, angle: Array) -> PoseEstimate:
+        """Poses (N, T) in the next scans, with ranges (N, T, B), of each robot.
+
+        Where the tracker rejects a pose, something else was taken for the plate, and the plate is searched for again,
+        near the predicted pose. `angle` is how far the sprockets turned since the scan before each, (N, T, 2) [rad].
+        """
+        locator = self._locator
+        robots, rows, _ = scan.ranges.shape
+        covariance, valid = np.empty((robots, rows, 3, 3)), np.zeros((robots, rows), bool)
+        single = PoseEstimate(np.empty((robots, rows, 3)), covariance, valid)
+        keys = np.flatnonzero((np.arange(self._rows, self._rows + rows) % EVERY == 0) | (np.arange(rows) == rows - 1))
+        alone = np.zeros((robots, rows), bool)
+        alone[:, keys] = True
+        _locate(locator, scan, single, alone)
         turned = np.add.reduceat(angle, np.append(0, keys[:-1] + 1), axis=1)
-        known = _track(locator, scan, single, copy.deepcopy(tracker), keys, turned)
-        between, expected = _between(known, keys, _reckoned(angle, tracker.geometry))
-        _locate(locator, scan, single, between & ~alone, expected)
-        _locate(locator, scan, single, ~(between & single.valid) & ~alone)
-    return _track(locator, scan, single, tracker, np.arange(rows), angle)
+        known = _track(locator, scan, single, self._of_keys, keys, turned)
+        last = _at(known, [-1])
+        if self._last is not None:
+            known, keys = _joined(self._last, known), np.append(-1, keys)
+        if not alone.all():
+            between, expected = _between(known, keys, angle, self._tracker.geometry)
+            _locate(locator, scan, single, between & ~alone, expected)
+            _locate(locator, scan, single, ~(between & single.valid) & ~alone)
+        self._rows, self._last = self._rows + rows, last
+        return _track(locator, scan, single, self._tracker, np.arange(rows), angle)
 
 
 def _locate(
@@ -74,34 +90,39 @@ def _track(
     return PoseEstimate(*(np.stack(part, axis=1) for part in parts))
 
 
+def _at(estimate: PoseEstimate, rows: Sequence[int]) -> PoseEstimate:
+    return PoseEstimate(estimate.pose[:, rows], estimate.covariance[:, rows], estimate.valid[:, rows])
+
+
+def _joined(first: PoseEstimate, second: PoseEstimate) -> PoseEstimate:
+    parts = zip(vars(first).values(), vars(second).values(), strict=True)
+    return PoseEstimate(*(np.concatenate(part, axis=1) for part in parts))
+
+
 def _put(estimate: PoseEstimate, where: np.ndarray, part: PoseEstimate) -> None:
     estimate.pose[where], estimate.covariance[where], estimate.valid[where] = part.pose, part.covariance, part.valid
 
 
-def _reckoned(angle: Array, geometry: RobotGeometry) -> Array:
-    """Poses (N, T, 3) to which sprockets that turn by `angle` (N, T, 2) lead without slip, from any start."""
-    twist = body_twist(angle, 0.0, geometry)
-    pose = np.zeros((*twist.shape[:2], 3))
-    pose[..., 2] = np.cumsum(twist[..., 1], axis=1)
-    before = pose.copy()
-    before[..., 2] -= twist[..., 1]
-    pose[..., :2] = np.cumsum(advance(before, twist, 1.0)[..., :2], axis=1)
-    return pose
-
-
-def _between(known: PoseEstimate, keys: np.ndarray, reckoned: Array) -> tuple[np.ndarray, Array]:
+def _between(known: PoseEstimate, keys: np.ndarray, angle: Array, geometry: RobotGeometry) -> tuple[np.ndarray, Array]:
     """Whether the poses `known` (N, K) before and after each row are valid (N, T), and where they lead (N, T, 3).
 
-    Each of the two leads along the path `reckoned` (N, T, 3), and the closer one counts for more.
+    Sprockets that turn by `angle` (N, T, 2) without slip lead from each of the two, and the closer one counts for more.
+    The first of the rows `keys` (K,) may be -1, the one before them.
     """
-    rows = np.arange(reckoned.shape[1])
+    rows = np.arange(angle.shape[1])
     after = np.maximum(np.searchsorted(keys, rows), 1)
     before = after - 1
-    share = ((rows - keys[before]) / (keys[after] - keys[before]))[:, None]
-    expected = np.zeros(reckoned.shape)
-    for side, weight in ((before, 1 - share), (after, share)):
-        start, pose = reckoned[:, keys[side]], known.pose[:, side]
-        step = reckoned - start
+    since = rows - keys[before]
+    share = (since / (keys[after] - keys[before]))[:, None]
+    twist = body_twist(angle, 0.0, geometry)
+    path = np.zeros((*angle.shape[:2], 3))  # from the pose before
+    for k in range(1, int(since.max()) + 1):  # sums over all rows would depend on where the block begins
+        here = np.flatnonzero(since == k)
+        start = path[:, here - 1] if k > 1 else np.zeros(3)
+        path[:, here] = advance(np.broadcast_to(start, (len(angle), len(here), 3)), twist[:, here], 1.0)
+    expected = np.zeros(path.shape)
+    for side, start, weight in ((before, np.zeros(3), 1 - share), (after, path[:, keys[after]], share)):
+        pose, step = known.pose[:, side], path - start
         cos, sin = (f(pose[..., 2] - start[..., 2]) for f in (np.cos, np.sin))
         turned = np.stack([cos * step[..., 0] - sin * step[..., 1], sin * step[..., 0] + cos * step[..., 1]], axis=-1)
         expected += weight * (pose + np.concatenate([turned, step[..., 2:]], axis=-1))

@@ -15,7 +15,7 @@ MAX_STARTS = 6
 _BESIDE = np.radians(2.0)  # angle between the line of sight and the two starts beside it
 _FROM_SIDE = np.sin(np.radians(30.0))  # of the angle between line and sight
 _WHOLE = 0.8  # fraction of a side above which both of its visible ends locate it
-_CHUNK = 60_000  # returns times starts processed at a time, which bounds the memory
+_CHUNK = 120_000  # returns times starts processed at a time, which bounds the memory
 
 
 def starts(cluster: Cluster, plate: Plate, beam_step: float, near: Array | None) -> Array:
@@ -53,10 +53,17 @@ def place(cluster: Cluster, heading: Array, middle: Array, plate: Plate) -> Arra
         low = np.min(coordinate, axis=1, where=cluster.hit, initial=np.inf)
         high = np.max(coordinate, axis=1, where=cluster.hit, initial=-np.inf)
         away = np.sum(axis * middle, axis=1) > 0  # the LRF is on the low side
-        anchored = np.where(away, low + size / 2, high - size / 2)
-        middle_of_plate = np.where(high - low > _WHOLE * size, (low + high) / 2, anchored)
-        centre += middle_of_plate[:, None] * axis
+        centre += centre_of_side(low, high, size, away)[:, None] * axis
     return np.concatenate([centre, heading[:, None]], axis=-1)
+
+
+def centre_of_side(low: Array, high: Array, size: float, away: np.ndarray) -> Array:
+    """Coordinates (S,) of the centre along a side of length `size`, of which the part from `low` to `high` is seen.
+
+    Unless almost all of it is seen, its near end is: the lower one where the plate lies in the positive direction.
+    """
+    near = np.where(away, low + size / 2, high - size / 2)
+    return np.where(high - low > _WHOLE * size, (low + high) / 2, near)
 
 
 def chunks(cluster: Cluster, starts_each: int, among: np.ndarray | None = None) -> Iterator[np.ndarray]:

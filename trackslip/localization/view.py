@@ -21,22 +21,24 @@ class View(Rows):
     plate: Plate
     along: Array  # (M,) coordinates of the centre [m]
     across: Array  # (M,)
-    turn: np.ndarray  # (M,) complex unit vectors along the long axes, in the LRF's frame
+    cos: Array  # (M,) of the heading
+    sin: Array  # (M,)
 
     @classmethod
     def of(cls, plate: Plate, pose: Array) -> View:
         """Of plates at poses (M, 3) in the LRF's frame."""
-        turn = np.exp(1j * pose[:, 2])
-        centre = (pose[:, 0] + 1j * pose[:, 1]) * turn.conj()
-        return cls(plate, centre.real, centre.imag, turn)
+        x, y = pose[:, 0], pose[:, 1]
+        cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
+        return cls(plate, cos * x + sin * y, cos * y - sin * x, cos, sin)
 
     def slid(self, offset: Array) -> View:
         """Of plates slid along themselves by `offset` (M, K) [m]: (M * K,)."""
         every = np.repeat(np.arange(len(self.along)), offset.shape[1])
-        return View(self.plate, (self.along[:, None] + offset).ravel(), self.across[every], self.turn[every])
+        along = (self.along[:, None] + offset).ravel()
+        return View(self.plate, along, self.across[every], self.cos[every], self.sin[every])
 
-    def silhouette(self, ahead: np.ndarray) -> tuple[Array, Array]:
-        """The outermost corners, right and left, seen in the directions `ahead` (M,), complex.
+    def silhouette(self, ahead: Array) -> tuple[Array, Array]:
+        """The outermost corners, right and left, seen in the directions `ahead` (M, 2).
 
         Returns their bearings from `ahead` (M, 2) [rad], which thus do not wrap, and the derivatives (M, 2, 3) of these
         with respect to the place along and across the plate's axes and the heading.
@@ -44,13 +46,15 @@ class View(Rows):
         half_length, half_thickness = self.plate.length / 2, self.plate.thickness / 2
         beyond = (self.along > -half_length).astype(int) + (self.along > half_length)
         beside = (self.across > -half_thickness).astype(int) + (self.across > half_thickness)
-        offset = _outermost(self.plate)[beyond, beside]  # (M, 2)
-        corner = offset + (self.along + (1j * self.across + _TINY))[:, None]
-        seen = corner * (self.turn * ahead.conj())[:, None]
-        inverse = 1 / corner
-        jacobian = np.empty((*corner.shape, 3))
-        jacobian[:, :, 0], jacobian[:, :, 1], jacobian[:, :, 2] = inverse.imag, inverse.real, (offset * inverse).real
-        return np.arctan2(seen.imag, seen.real), jacobian
+        offset = _outermost(self.plate)[beyond, beside]  # (M, 2, 2)
+        x, y = offset[:, :, 0] + self.along[:, None], offset[:, :, 1] + (self.across + _TINY)[:, None]
+        cos = (self.cos * ahead[:, 0] + self.sin * ahead[:, 1])[:, None]
+        sin = (self.sin * ahead[:, 0] - self.cos * ahead[:, 1])[:, None]
+        square = x * x + y * y
+        jacobian = np.empty((*x.shape, 3))
+        jacobian[:, :, 0], jacobian[:, :, 1] = -y / square, x / square
+        jacobian[:, :, 2] = (offset[:, :, 0] * x + offset[:, :, 1] * y) / square
+        return np.arctan2(x * sin + y * cos, x * cos - y * sin), jacobian
 
 
 def in_axes(heading: Array) -> Array:
@@ -64,18 +68,18 @@ def in_axes(heading: Array) -> Array:
 
 
 @functools.lru_cache(maxsize=64)
-def _outermost(plate: Plate) -> np.ndarray:
-    """The outermost corners (3, 3, 2), right and left, complex, less the centre [m].
+def _outermost(plate: Plate) -> Array:
+    """The outermost corners (3, 3, 2, 2), right and left, less the centre [m].
 
     The first two axes tell whether the centre is behind, within or ahead of the LRF along and across the plate: by more
     than half its length or thickness, or not. A plate with the LRF inside has none, whatever the table says.
     """
-    corners = np.array([1 + 1j, 1 - 1j, -1 + 1j, -1 - 1j])
-    corners = corners.real * plate.length / 2 + 1j * corners.imag * plate.thickness / 2
-    table = np.empty((3, 3, 2), complex)
+    corners = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)]) * (plate.length / 2, plate.thickness / 2)
+    table = np.empty((3, 3, 2, 2))
     for i in range(3):
         for k in range(3):
-            centre = (i - 1) * plate.length + 1j * (k - 1) * plate.thickness
-            bearing = np.angle((corners + centre) / (centre or 1))
+            x, y = (i - 1) * plate.length, (k - 1) * plate.thickness
+            c_x, c_y = x + corners[:, 0], y + corners[:, 1]
+            bearing = np.arctan2(x * c_y - y * c_x, x * c_x + y * c_y)
             table[i, k] = corners[bearing.argmin()], corners[bearing.argmax()]
     return table

@@ -37,9 +37,11 @@ def displacement(twist: Array, belt: Array, contact: Contact) -> Array:
     time = (entry - contact.x) / np.where(standing, 1.0, belt)
     # after half a turn an element comes back to where it touched down, but not to ground that was never sheared
     time = np.minimum(time, np.pi / np.maximum(np.abs(w), _SLOWEST))
-    turn = w * time
-    cos, sin = np.cos(turn), np.sin(turn)
-    ahead, aside = time * np.sinc(turn / np.pi), time * turn / 2 * np.sinc(turn / (2 * np.pi)) ** 2
+    half = w * time / 2
+    sine, cosine = np.sin(half), np.cos(half)
+    sin, cos = 2 * sine * cosine, 1 - 2 * sine**2
+    chord = time * np.divide(sine, half, out=np.ones_like(half), where=half != 0)
+    ahead, aside = chord * cosine, chord * sine
     along = contact.x - (entry * cos + contact.y * sin) + v * ahead + u * aside
     across = contact.y - (contact.y * cos - entry * sin) - v * aside + u * ahead
     moved = np.stack([along, across], axis=-1)
@@ -89,10 +91,7 @@ def balance(speeds: Array, contact: Contact, load: Array, required: Array, shear
         going = np.flatnonzero(np.linalg.norm(error, axis=1) > _TOLERANCE)
         if not going.size:
             return twist
-        columns = [
-            (missing(twist[going] + h, going) - missing(twist[going] - h, going)) / (2 * _STEP)
-            for h in _STEP * np.diag(unit)
-        ]
+        columns = [(missing(twist[going] + h, going) - error[going]) / _STEP for h in _STEP * np.diag(unit)]
         step = -np.linalg.solve(np.stack(columns, axis=-1), error[going][..., None])[..., 0] * unit
         length, before = np.ones(len(going)), np.linalg.norm(error[going], axis=1)
         for _ in range(_HALVINGS):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -50,6 +50,7 @@ class SlipLaw(ABC):
         whole = np.empty(in_place.shape, complex)
         law, rows, real, found = self, np.arange(whole.size).reshape(whole.shape), commanded, in_place
         wrong = turned = np.zeros_like(commanded, dtype=float)
+        few = _FEW if self._many() is not None else rows.size
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             for k in range(self.twist_iterations):
                 twist = np.stack([real.real, real.imag / geometry.half_gauge], axis=-1)
@@ -64,7 +65,7 @@ class SlipLaw(ABC):
                 found = found | (np.abs(ratio - 1) < _CONVERGED)  # kept, as another step might cross a jump
                 if found.all():
                     break
-                if rows.size > _FEW and 2 * np.count_nonzero(found) > rows.size:
+                if rows.size > few and 2 * np.count_nonzero(found) > rows.size:
                     whole.flat[rows] = real
                     sought = ~found
                     commanded, rows, real, wrong, turned = (
@@ -75,13 +76,18 @@ class SlipLaw(ABC):
         whole = np.where(in_place, 1j * turning, whole)
         return np.stack([whole.real, whole.imag / geometry.half_gauge], axis=-1)
 
+    def _many(self) -> dict[str, Array] | None:
+        """The parameters that are arrays, of many laws at once; None if others may be, too, inside of anything else."""
+        known = getattr(self, "__dataclass_fields__", {})
+        values = {name: getattr(self, name) for name in known or vars(self)}
+        many = {name: value for name, value in values.items() if isinstance(value, np.ndarray) and value.ndim}
+        plain = all(isinstance(value, int | float | np.generic) for name, value in values.items() if name not in many)
+        return many if plain and all(name in known and known[name].type in ("float", float) for name in many) else None
+
     def _of(self, chosen: np.ndarray) -> SlipLaw:
-        """The law with the parameters of the chosen motions (...): those of many laws, broadcast, become (count,)."""
-        if not is_dataclass(self):
-            return self
-        values = {field.name: getattr(self, field.name) for field in fields(self) if field.type in ("float", float)}
-        many = {name: value for name, value in values.items() if np.ndim(value)}
-        return replace(self, **{name: np.broadcast_to(value, chosen.shape)[chosen] for name, value in many.items()})
+        """The law of the chosen motions (...): parameters of many laws are broadcast to them, and become (count,)."""
+        many = {name: np.broadcast_to(value, chosen.shape)[chosen] for name, value in (self._many() or {}).items()}
+        return replace(self, **many) if many else self  # type: ignore[type-var]
 
     def turns_in_place(self, omega: Array, geometry: RobotGeometry) -> tuple[np.ndarray, Array]:
         """Whether sprocket speeds (..., 2) lie in the jump between turns in place, (...), and b w (...) [m/s] there.

@@ -47,7 +47,7 @@ class ExponentialSpeed(Exponential):
     gamma_inner: float
     """Growth of the inner track's slip with speed [s/m]."""
 
-    twist_iterations = 40  # convergence is slow where slip grows fast with speed
+    twist_iterations = 24  # convergence is slow where slip grows fast with speed
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -2,14 +2,13 @@
 
 import importlib
 from collections.abc import Callable
-from importlib.util import find_spec
 
 from experiments.measuring.check import Check
 
 Measure = Callable[[int, int, Callable[[str], None]], tuple[Check, ...]]
 """What each module calls `measure`: from seed, number of rounds, and what to call with a label after each round."""
 
-ORDER = (
+AREAS = (
     "physics",
     "environments",
     "closed_loop",
@@ -20,7 +19,6 @@ ORDER = (
     "scale",
 )
 """Modules of this package, in the order in which they measure."""
-AREAS = tuple(name for name in ORDER if find_spec(f"{__package__}.{name}"))
 
 
 def measure_of(area: str) -> Measure:

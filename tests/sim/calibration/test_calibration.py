@@ -143,8 +143,9 @@ def test_shear_is_found_in_turns_that_theory_drives_with_it():
     assert fit.candidate.shear == pytest.approx(0.008, rel=0.02)
     assert fit.candidate.friction_ratio == pytest.approx(1.15, rel=0.01)
     assert set(fit.stderr) == {"shear", "friction_ratio"}
-    assert fit.correlation["shear"]["friction_ratio"] == fit.correlation["friction_ratio"]["shear"]
-    assert abs(fit.correlation["shear"]["friction_ratio"]) < 1
+    both = fit.correlation["shear"]["friction_ratio"]
+    assert fit.correlation["friction_ratio"]["shear"] == pytest.approx(both, rel=1e-12)
+    assert abs(both) < 1
 
 
 def test_shear_is_not_determined_by_straight_runs_on_the_level():

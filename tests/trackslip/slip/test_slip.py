@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry, body_twist, track_speeds
+from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import Constant, NoSlip
 from trackslip.slip.exponential import PUBLISHED, Exponential, ExponentialSpeed
 from trackslip.slip.icr import ConstantIcr, IcrSides
@@ -188,6 +189,22 @@ def test_slips_between_those_of_left_and_right_turns_in_place_turn_in_place(law,
     slip = share * law(np.inf) + (1 - share) * law(-np.inf)
     omega = track_speeds(twist, GEOMETRY.half_gauge) / (GEOMETRY.sprocket_radius * (1 - slip))
     np.testing.assert_allclose(law.twist(omega, GEOMETRY), twist, rtol=1e-12, atol=0)
+
+
+class Shared(SlipLaw):
+    """Many laws inside of another, which knows nothing of their parameters."""
+
+    def __init__(self, inner):
+        self.inner = inner
+
+    def __call__(self, kappa):
+        return self.inner(kappa)
+
+
+def test_laws_within_a_law():
+    omega = np.random.default_rng(0).uniform(1, 5, (40, 2))
+    inner = Exponential(*(np.full((3, 1), value) for value in (0.07, -0.68, -0.15, -0.63)))
+    np.testing.assert_allclose(Shared(inner).twist(omega, GEOMETRY), inner.twist(omega, GEOMETRY), rtol=1e-12)
 
 
 @pytest.mark.parametrize("kind", [Exponential, Power])
