@@ -82,7 +82,7 @@ def add_tracks(
     require_friction(friction)
     shape, recipe = Hull.from_wheels(hull), load_preset(preset)
     count = segments if segments is not None else (recipe.segments if side == "both" else 1)
-    whole = isinstance(count, Integral) and 1 <= count <= _MAX_SEGMENTS
+    whole = _is_whole(count) and 1 <= count <= _MAX_SEGMENTS
     require(whole, "segments", segments, f"a whole number from 1 to {_MAX_SEGMENTS}")
     prefix = name or carrier.name
     require(prefix, "name", name, "given: the body has no name")
@@ -134,6 +134,10 @@ def add_tracks(
                 spec.delete(spec.body(track))
             raise
     return tracks
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, Integral) and not isinstance(value, bool)
 
 
 def _body(spec: mujoco.MjSpec, body: str | mujoco.MjsBody) -> mujoco.MjsBody:
