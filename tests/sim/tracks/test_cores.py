@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from tracked import HULL, add_flipper, add_robot, plane, slab
 
+from sim.instruments import default_contact
 from sim.tracks import PRESETS, add_tracks, bind
 
 WEIGHT = 25 * 9.81
@@ -93,3 +94,16 @@ def test_cores_follow_a_robot_that_is_attached_and_connected_twice():
     model = scene.compile()
     assert (model.pair_dim == 1).sum() == 2 * 2 * sum(tracks.cored)
     assert bind(model, tracks).names == tracks.names
+
+
+def test_the_contact_that_is_compared_with_has_no_cores():
+    spec = slab()
+    add_robot(spec)
+    add_tracks(spec, "robot", half_gauge=0.2, hull=HULL, terrain="ground")
+    model = spec.compile()
+    default_contact(model)
+    data = mujoco.MjData(model)
+    data.qpos[2] = -0.006
+    mujoco.mj_forward(model, data)
+    assert data.ncon
+    assert not touching_cores(data)
