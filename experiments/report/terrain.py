@@ -100,15 +100,17 @@ def default_table(found: TerrainValidation) -> list[tuple[str, ...]]:
 
 
 def _compared(recipe: Findings, naive: ByDefault) -> list[tuple[str, ...]]:
+    depths = []
+    for name, one, other in (("stairs", recipe.stairs, naive.stairs), ("stairs down", recipe.descent, naive.descent)):
+        depths += [
+            (f"penetration on {name}, p99", *(significant(1e3 * s.typical, "mm") for s in (one, other))),
+            (f"penetration on {name}, largest", *(significant(1e3 * s.largest, "mm") for s in (one, other))),
+        ]
     both = [
         ("half width of the ICRs, slow", *(percent(t.slow.worst) for t in (recipe.on_plane, naive.turning))),
         ("half width, pivot at 0.5 m/s", *(percent(t.pivot.worst) for t in (recipe.on_plane, naive.turning))),
         ("half width, centre of mass off", *(percent(t.offset.worst) for t in (recipe.on_plane, naive.turning))),
-        ("penetration on stairs, p99", *(significant(1e3 * s.typical, "mm") for s in (recipe.stairs, naive.stairs))),
-        (
-            "penetration on stairs, largest",
-            *(significant(1e3 * s.largest, "mm") for s in (recipe.stairs, naive.stairs)),
-        ),
+        *depths,
         ("robots that climb the stairs", *(f"{s.arrived} of {s.robots}" for s in (recipe.stairs, naive.stairs))),
     ]
     return [(f"{recipe.robot}: {what}", *cells) for what, *cells in both]

@@ -11,10 +11,10 @@ import mujoco
 import numpy as np
 
 from sim.seeds import generator
-from sim.terrain.limits import MAX_COURSE, is_whole, require_between, require_length
+from sim.terrain.limits import MAX_COURSE, is_whole, require_length
 from sim.terrain.pieces import Flat, Piece, Placed, Site
 from sim.terrain.solids import ROUNDING, Base, Level, Solid, look
-from trackslip.errors import require, require_at_most, require_finite
+from trackslip.errors import require, require_at_most, require_finite, require_positive
 from trackslip.kinematics import Array
 
 _MAX_SOLIDS = 2000
@@ -52,7 +52,8 @@ class Course:
             require(hasattr(piece, "place"), "pieces", piece, "pieces of terrain")
         for name in ("width", "start_length", "goal_length"):
             require_length(name, getattr(self, name))
-        require_between("friction", self.friction, 0.0, 10.0)
+        require_positive("friction", self.friction)
+        require_at_most("friction", self.friction, 10.0)
         require(is_whole(self.seed) and self.seed >= 0, "seed", self.seed, "a whole number >= 0")
         require_at_most("length of the course", self._placed[-1].x + self.start_length, MAX_COURSE, "m")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from numbers import Integral
 
 import mujoco
 
@@ -12,7 +13,14 @@ from sim.tracks.options import require_stable
 from sim.tracks.parts import WHEEL_WEIGHT, track_parts
 from sim.tracks.presets import Preset, load_preset
 from sim.tracks.tracks import Tracks
-from trackslip.errors import InvalidValueError, require, require_finite, require_positive
+from trackslip.errors import (
+    InvalidValueError,
+    TrackslipError,
+    require,
+    require_at_most,
+    require_finite,
+    require_positive,
+)
 
 SENSED = 1 << 0 | 1 << 1 | 1 << 3 | 1 << 5 | 1 << 6 | 1 << 7
 """Bits of what a contact sensor reports of each contact: found, force, dist, normal, tangent, linvel."""
@@ -66,14 +74,15 @@ def add_tracks(
             at which the preset isn't stable.
     """
     carrier = _body(spec, body)
-    require(side in _SIDES, "side", side, f"one of {', '.join(_SIDES)}")
+    require(side in tuple(_SIDES), "side", side, f"one of {', '.join(_SIDES)}")
     (require_positive if side == "both" else require_finite)("half_gauge", half_gauge)
     require(abs(half_gauge) <= _MAX_HALF_GAUGE, "half_gauge", half_gauge, f"at most {_MAX_HALF_GAUGE:g} m")
-    require(0 < load <= 1, "load", load, "greater than 0, and at most 1")
+    require_positive("load", load)
+    require_at_most("load", load, 1.0)
     require_friction(friction)
     shape, recipe = Hull.from_wheels(hull), load_preset(preset)
     count = segments if segments is not None else (recipe.segments if side == "both" else 1)
-    whole = 1 <= count <= _MAX_SEGMENTS and count % 1 == 0
+    whole = _is_whole(count) and 1 <= count <= _MAX_SEGMENTS
     require(whole, "segments", segments, f"a whole number from 1 to {_MAX_SEGMENTS}")
     prefix = name or carrier.name
     require(prefix, "name", name, "given: the body has no name")
@@ -111,13 +120,24 @@ def add_tracks(
         tuple(tuple(f"{track}_{part.name}" for part in parts) for track in bodies),
         tuple(part.weight for part in parts),
         tuple(part.crosswise for part in parts),
+        tuple(part.cored for part in parts),
         tuple(part.direction for part in parts),
         shape.longest_below / count,
         len(names) * 2 * (count + WHEEL_WEIGHT),
     )
     if terrain is not None:
-        tracks.connect(spec, terrain)
+        try:
+            tracks.connect(spec, terrain)
+        except TrackslipError:
+            for track in bodies:
+                spec.delete(spec.sensor(track))
+                spec.delete(spec.body(track))
+            raise
     return tracks
+
+
+def _is_whole(value: object) -> bool:
+    return isinstance(value, Integral) and not isinstance(value, bool)
 
 
 def _body(spec: mujoco.MjSpec, body: str | mujoco.MjsBody) -> mujoco.MjsBody:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 import mujoco
 import numpy as np
 
+from sim.tracks.cores import connect_cores
 from sim.tracks.mobility import mobility
 from sim.tracks.options import set_options
 from sim.tracks.parts import WHEEL_WEIGHT, TrackParts
@@ -66,6 +67,8 @@ def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] |
             for name, weight, crosswise in zip(names, tracks.weights, tracks.crosswise, strict=True):
                 friction = tracks.friction[::-1] if crosswise else tracks.friction
                 _add_pair(spec, ground.name, name, friction, contacts[weight])
+        if alone and not on_limb:
+            connect_cores(spec, ground.name, tracks)
 
 
 def _brake(tracks: TrackParts, heaviness: float) -> dict[float, float]:
@@ -117,17 +120,22 @@ def _grounds(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] 
         listed = [terrain] if isinstance(terrain, str | mujoco.MjsGeom) else terrain
         grounds = [_geom(spec, each) for each in listed]
     require(grounds, "terrain", [], "at least one geom that collides, of a body that doesn't move")
-    paired, number = {pair.name for pair in spec.pairs}, 0
+    paired, unnamed = {pair.name for pair in spec.pairs}, []
     for geom in grounds:
+        plane = geom.type == mujoco.mjtGeom.mjGEOM_PLANE
+        allowed = f"equal along and across, except on planes; {geom.name or 'the terrain'} is no plane"
+        require(plane or tracks.friction[0] == tracks.friction[1], "friction", tracks.friction, allowed)
+        pair = f"{geom.name}/{tracks.geoms[0][0]}"
+        again = pair in paired if geom.name else geom in unnamed
+        require(not again, "terrain", geom.name, f"connected with {tracks.names[0]} only once")
+        paired.add(pair)
+        if not geom.name:
+            unnamed.append(geom)
+    number = 0
+    for geom in unnamed:
         while not geom.name:
             number += 1
             geom.name = "" if spec.geom(f"terrain{number}") else f"terrain{number}"
-        plane = geom.type == mujoco.mjtGeom.mjGEOM_PLANE
-        allowed = f"equal along and across, except on planes; {geom.name} is no plane"
-        require(plane or tracks.friction[0] == tracks.friction[1], "friction", tracks.friction, allowed)
-        pair = f"{geom.name}/{tracks.geoms[0][0]}"
-        require(pair not in paired, "terrain", geom.name, f"connected with {tracks.names[0]} only once")
-        paired.add(pair)
     return grounds
 
 

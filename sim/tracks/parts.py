@@ -41,6 +41,8 @@ class TrackParts:
     """Stiffness of each geom of a track, relative to that of a capsule's end [-]."""
     crosswise: tuple[bool, ...]
     """Whether each geom of a track is a capsule across it."""
+    cored: tuple[bool, ...]
+    """Whether each geom of a track may land alone, so that it has a core; see `sim.tracks.cores`."""
     directions: tuple[tuple[float, ...], ...]
     """Surface velocity (6,) of each geom of a track in its own frame, at a belt speed of 1 m/s."""
     segment: float
@@ -61,6 +63,8 @@ class Part:
     """Stiffness relative to that of a capsule's end [-]."""
     crosswise: bool
     """Whether it is a capsule across the track."""
+    cored: bool
+    """Whether it may land alone, so that it has a core."""
     direction: tuple[float, ...]
     """Surface velocity (6,) in its own frame, at a belt speed of 1 m/s."""
 
@@ -73,7 +77,8 @@ def track_parts(hull: Hull, segments: int, anisotropic: bool) -> list[Part]:
     longest = hull.longest_below
     parts = []
     for i, run in enumerate(hull.runs):
-        count = max(1, round(segments * run.length / longest)) if run.outwards[1] < 0 else 1
+        below = bool(run.outwards[1] < 0)
+        count = max(1, round(segments * run.length / longest)) if below else 1
         radius = min(run.radius, _MAX_RUN_RADIUS)
         middle = (run.start + run.end) / 2 - radius * run.outwards
         turn = np.arctan2(run.along[0], run.along[1])  # about y, from z to the belt's direction
@@ -85,7 +90,7 @@ def track_parts(hull: Hull, segments: int, anisotropic: bool) -> list[Part]:
                 "size": [radius, (end - start) / 2, 0.0],
                 "quat": [np.cos(turn / 2), 0.0, np.sin(turn / 2), 0.0],
             }
-            parts.append(Part(f"run{i}_{j}", shape, 1.0, False, _ALONG))
+            parts.append(Part(f"run{i}_{j}", shape, 1.0, False, below, _ALONG))
     for i, (x, z, radius) in enumerate(hull.wheels.tolist()):
         parts.append(_wheel(i, x, z, radius, anisotropic))
     return parts
@@ -109,7 +114,7 @@ def _chain(length: float, count: int) -> NDArray[np.float64]:
 def _wheel(index: int, x: float, z: float, radius: float, anisotropic: bool) -> Part:
     if not anisotropic:
         sphere = {"type": mujoco.mjtGeom.mjGEOM_SPHERE, "pos": [x, 0.0, z], "size": [radius, 0.0, 0.0]}
-        return Part(f"wheel{index}", sphere, WHEEL_WEIGHT, False, (0.0, 0.0, 0.0, 0.0, 1 / radius, 0.0))
+        return Part(f"wheel{index}", sphere, WHEEL_WEIGHT, False, True, (0.0, 0.0, 0.0, 0.0, 1 / radius, 0.0))
     # on a plane only a capsule's contact frame turns with the robot; it touches at both ends
     across = {
         "type": mujoco.mjtGeom.mjGEOM_CAPSULE,
@@ -117,4 +122,4 @@ def _wheel(index: int, x: float, z: float, radius: float, anisotropic: bool) -> 
         "size": [radius, radius / 100, 0.0],
         "quat": [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0],
     }
-    return Part(f"wheel{index}", across, WHEEL_WEIGHT / 2, True, (0.0, 0.0, 0.0, 0.0, 0.0, -1 / radius))
+    return Part(f"wheel{index}", across, WHEEL_WEIGHT / 2, True, True, (0.0, 0.0, 0.0, 0.0, 0.0, -1 / radius))

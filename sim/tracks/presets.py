@@ -44,6 +44,8 @@ class Preset:
     """Inverse softness of all points of the standing robot together, in robot masses [-]."""
     grip: float = 100.0
     """Rate at which sliding decays where the ground holds [1/s]."""
+    core: float = 0.003
+    """Depth at which the belt's hard core touches; more than a robot that stands sinks in [m]."""
 
     def contact(
         self,
@@ -97,8 +99,8 @@ class ContactParameters:
 
 
 PRESETS = {
-    "accurate": Preset(0.002, 0.002, 8, 0.00034, 0.4, 2.7, 0.003, 3.0),
-    "fast": Preset(0.004, 0.004, 4, 0.00125, 0.35, 2.5, 0.004, 4.0),
+    "accurate": Preset(0.002, 0.002, 8, 0.00034, 0.4, 2.7, 0.003, 3.0, core=0.0023),
+    "fast": Preset(0.004, 0.004, 4, 0.00125, 0.35, 2.2, 0.004, 4.0, core=0.004),
 }
 """Presets by name."""
 

@@ -96,7 +96,11 @@ def _depths(found: TerrainValidation, preset: str) -> Any:
     colours = iter((BLUE, ORANGE, GREEN, "#CC79A7"))
     for one in found.of_preset(preset):
         colour = next(colours)
-        for name, sinking, dash in (("stairs", one.stairs, "-"), ("rough ground", one.rough, "--")):
+        for name, sinking, dash in (
+            ("stairs", one.stairs, "-"),
+            ("stairs down", one.descent, ":"),
+            ("rough ground", one.rough, "--"),
+        ):
             axes.plot(*_deeper(sinking.depth), color=colour, ls=dash, lw=1.3, label=f"{one.robot}, {name}")
     for naive, dash in zip(found.by_default, ("-", ":", "-.", "--"), strict=False):
         axes.plot(*_deeper(naive.stairs.depth), color=RED, ls=dash, lw=1.0, label=f"{naive.robot}, stairs, default")

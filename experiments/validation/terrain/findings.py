@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from experiments.validation.terrain.engine import Speed, belt_error, differing_numbers, speed
-from experiments.validation.terrain.obstacles import Sinking, rough, stairs
+from experiments.validation.terrain.obstacles import RISE, Sinking, rough, stairs
 from experiments.validation.terrain.slopes import Angle, climbing_limits, creep, tipping
 from experiments.validation.terrain.steps import BOXES, Step, step
 from experiments.validation.terrain.subjects import Box, Subject
@@ -34,6 +34,8 @@ class Findings:
     tips_sideways: Angle
     tips_backwards: Angle
     stairs: Sinking
+    descent: Sinking
+    """Down the same stairs."""
     rough: Sinking
     speed: Speed
     differing: int
@@ -49,6 +51,7 @@ class ByDefault:
     robot: str
     turning: Turning
     stairs: Sinking
+    descent: Sinking
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,7 @@ def measure(subject: Subject, preset: str, seed: int, threads: int, done: Callab
     done(1.0)
     steps = tuple(step(robot, preset, friction, threads) for robot, friction in _step_cases(subject))
     done(1.0)
-    on_stairs = stairs(subject, preset, threads)
+    on_stairs, descent = (stairs(subject, preset, threads, rise=rise) for rise in (RISE, -RISE))
     done(1.0)
     on_rough = rough(subject, preset, rng, threads)
     done(1.0)
@@ -95,6 +98,7 @@ def measure(subject: Subject, preset: str, seed: int, threads: int, done: Callab
         tips_sideways=tips_sideways,
         tips_backwards=tips_backwards,
         stairs=on_stairs,
+        descent=descent,
         rough=on_rough,
         speed=speed(subject, preset),
         differing=differing_numbers(subject, preset, rng),
@@ -114,7 +118,8 @@ def _step_cases(subject: Subject) -> Iterator[tuple[Subject, float]]:
 def by_default(subject: Subject, threads: int) -> ByDefault:
     """The turns and the stairs with MuJoCo's default contact."""
     turns = turning(subject, "accurate", False, threads, by_default=True)
-    return ByDefault(subject.name, turns, stairs(subject, "accurate", threads, by_default=True))
+    up, down = (stairs(subject, "accurate", threads, by_default=True, rise=rise) for rise in (RISE, -RISE))
+    return ByDefault(subject.name, turns, up, down)
 
 
 def summary_of(found: TerrainValidation) -> dict[str, Any]:

@@ -23,8 +23,10 @@ ROBOTS = 6
 """Robots on rough ground, and half of those on stairs."""
 DURATION = 60.0
 """Time on rough ground [s]."""
+RISE = 0.15
+"""Rise of the steps [m]."""
 _WIDTH = 1.2  # of the stairs [m]
-_YAW = (-0.05, 0.0, 0.05)  # headings at which stairs are climbed [rad]
+_YAW = (-0.05, 0.0, 0.05)  # headings at which robots begin on stairs [rad]
 STAIRS_TIME = 30.0  # [s]
 _HOLD = 2.0  # time for which random belt speeds are held [s]
 _FIELD = 30.0  # size of the rough ground [m]
@@ -56,9 +58,9 @@ class Sinking:
         return float(self.depth.max())
 
 
-def stairs_course() -> Course:
-    """Stairs of 0.15 m x 0.28 m."""
-    return Course((Stairs(rise=0.15, run=0.28, number=STEPS, width=_WIDTH),), width=4.0, friction=FRICTION)
+def stairs_course(rise: float = RISE) -> Course:
+    """Stairs with treads of 0.28 m, up or down."""
+    return Course((Stairs(rise=rise, run=0.28, number=STEPS, width=_WIDTH),), width=4.0, friction=FRICTION)
 
 
 def rough_course(size: float) -> Course:
@@ -71,9 +73,9 @@ def climber(subject: Subject) -> Subject:
     return CLIMBER if isinstance(subject, Box) else subject
 
 
-def stairs(subject: Subject, preset: str, threads: int, by_default: bool = False) -> Sinking:
-    """Climb stairs, straight on and obliquely, with the recipe or with MuJoCo's default contact."""
-    course = stairs_course()
+def stairs(subject: Subject, preset: str, threads: int, by_default: bool = False, rise: float = RISE) -> Sinking:
+    """Cross stairs up or down, straight on and obliquely, with the recipe or with MuJoCo's default contact."""
+    course = stairs_course(rise)
     stand = climber(subject).stand(course, preset, flippers=STAIRS)
     if by_default:
         default_contact(stand.model)

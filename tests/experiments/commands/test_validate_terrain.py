@@ -24,7 +24,16 @@ SMALLER = {
 """Constants with which the command takes seconds."""
 PARTS = (
     *("slow", "pivot", "centre of mass off", "climbing", "creep", "highest step", "sideways", "backwards"),
-    *("stairs, 99th", "rough ground, largest", "warnings", "fastest", "ten steps", "batch", "belts"),
+    *(
+        "stairs, 99th",
+        "stairs down, largest",
+        "rough ground, largest",
+        "warnings",
+        "fastest",
+        "ten steps",
+        "batch",
+        "belts",
+    ),
 )
 """Of the names of the checks."""
 

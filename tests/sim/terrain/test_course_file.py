@@ -77,7 +77,7 @@ def test_files_of_a_piece_are_beside_the_course(tmp_path):
         ('[[pieces]]\nkind = "picture"\nfile = 3', "pieces[0]: file = 3: must be a text"),
         ('[[pieces]]\nkind = "picture"\nfile = "none.png"', "none.png: "),
         ("frictoin = 1\n" + RAMP, "frictoin is unknown; known are pieces, width, friction, seed"),
-        ("friction = -1\n" + RAMP, "friction = -1.0: must be from 0 to 10"),
+        ("friction = -1\n" + RAMP, "friction = -1.0: must be a finite number > 0"),
         ("seed = -1\n" + RAMP, "seed = -1: must be a whole number >= 0"),
         ("seed = 1.5\n" + RAMP, "seed = 1.5: must be a whole number"),
         ("width = 0\n" + RAMP, "width = 0.0: must be from 0.001 to 200 m"),

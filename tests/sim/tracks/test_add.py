@@ -120,9 +120,13 @@ def refused(message, **changes):
         ({"preset": "exact"}, "preset = 'exact': must be one of accurate, fast"),
         ({"friction": (0.7, 0.0)}, "friction = 0.0: must be a finite number > 0"),
         ({"friction": 0.7}, "friction = 0.7: must be two coefficients"),
-        ({"load": 0.0}, "load = 0.0: must be greater than 0"),
+        ({"load": 0.0}, "load = 0.0: must be a finite number > 0"),
         ({"half_gauge": 20.0}, "half_gauge = 20.0: must be at most 10 m"),
         ({"segments": 0}, "segments = 0: must be a whole number from 1 to 40"),
+        ({"load": 1.5}, "load = 1.5: must be at most 1"),
+        ({"load": "half"}, "load = 'half': must be a finite number > 0"),
+        ({"side": ["left"]}, r"side = \['left'\]: must be one of both, left, right"),
+        ({"segments": "four"}, "segments = 'four': must be a whole number from 1 to 40"),
         ({"segments": 2.5}, "segments = 2.5: must be a whole number from 1 to 40"),
         ({"hull": HULL[:1]}, "hull = .*: must be two wheels"),
         ({"terrain": ["stairs"]}, "terrain = 'stairs': must be a geom of the spec, such as ground"),
@@ -132,6 +136,20 @@ def refused(message, **changes):
 )
 def test_bad_arguments_are_named(changes, message):
     refused(message, **changes)
+
+
+def test_a_spec_stays_as_it_was_where_terrain_is_refused():
+    spec = plane()
+    add_robot(spec)
+    before = spec.to_xml()
+    with pytest.raises(InvalidValueError, match="terrain = 'stairs'"):
+        add_tracks(spec, "robot", half_gauge=0.2, hull=HULL, terrain=["ground", "stairs"])
+    assert spec.to_xml() == before
+    block = spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.1, 0.1, 0.1])
+    with pytest.raises(InvalidValueError, match="connected with robot_left only once"):
+        add_tracks(spec, "robot", half_gauge=0.2, hull=HULL, terrain=[block, block])
+    assert not block.name
+    add_tracks(spec, "robot", half_gauge=0.2, hull=HULL, terrain=["ground"])
 
 
 def test_a_name_is_taken_once():

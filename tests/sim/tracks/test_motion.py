@@ -102,6 +102,8 @@ def test_the_belt_of_a_moving_flipper_moves_relative_to_the_flipper():
         data.qvel[:] = generator.normal(size=model.nv)
         mujoco.mj_forward(model, data)
         for contact in data.contact:
+            if contact.dim == 1:  # a core's, without friction
+                continue
             geom, sign = max((contact.geom[0], -1), (contact.geom[1], 1))  # the slab is the first geom
             track = model.geom_bodyid[geom]
             k = [model.body(name).id for name in (*main.bodies, *arm.bodies)].index(track)

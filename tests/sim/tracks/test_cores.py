@@ -1,0 +1,109 @@
+"""Cores stop what comes down on few points, and leave alone what stands or turns."""
+
+import mujoco
+import numpy as np
+import pytest
+from tracked import HULL, add_flipper, add_robot, plane, slab
+
+from sim.instruments import default_contact
+from sim.tracks import PRESETS, add_tracks, bind
+
+WEIGHT = 25 * 9.81
+"""Of the robot [N]."""
+DROP = 0.05
+"""Height from which it falls on a beam, which it meets with 1 m/s [m]."""
+BOUNDS = {"accurate": 0.005, "fast": 0.009}
+"""Of its depth [m]."""
+
+
+def touching_cores(data):
+    return [contact for contact in data.contact if contact.dim == 1]
+
+
+@pytest.mark.parametrize("preset", BOUNDS)
+def test_a_robot_that_falls_on_a_beam_is_stopped_and_the_load_is_the_whole_force(preset):
+    spec = mujoco.MjSpec()
+    size = [0.02, 1.0, 0.1]
+    beam = spec.worldbody.add_geom(name="beam", type=mujoco.mjtGeom.mjGEOM_BOX, size=size, pos=[0, 0, -0.1])
+    body = add_robot(spec)
+    spec.delete(body.joints[0])
+    body.add_joint(name="rail", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
+    tracks = add_tracks(spec, "robot", half_gauge=0.2, hull=HULL, preset=preset, terrain=[beam])
+    model = spec.compile()
+    belts, data = tracks.bind(model), mujoco.MjData(model)
+    data.qpos[0] = DROP
+    heights, depths, loads, cores, speeds = [], [], [], 0, [0.0]
+    while data.time < 0.25:
+        mujoco.mj_step(model, data)
+        reading = belts.read(model, data)
+        heights.append(data.qpos[0])
+        depths.append(reading.depth.max())
+        loads.append(reading.load.sum())
+        speeds.append(data.qvel[0])
+        cores += len(touching_cores(data))
+    assert cores
+    np.testing.assert_allclose(25 * np.diff(speeds) / model.opt.timestep, np.array(loads) - WEIGHT, atol=1e-6 * WEIGHT)
+    assert max(depths) < BOUNDS[preset]
+    landed = int(np.argmin(heights))
+    assert max(heights[landed:]) < 0.6 * DROP
+
+
+@pytest.mark.parametrize("ground", [plane, slab])
+@pytest.mark.parametrize("preset", PRESETS)
+def test_a_robot_that_turns_on_the_spot_does_not_touch_with_its_cores(preset, ground):
+    spec = ground()
+    add_robot(spec)
+    tracks = add_tracks(spec, "robot", half_gauge=0.2, hull=HULL, preset=preset, terrain="ground")
+    model = spec.compile()
+    belts, data = tracks.bind(model), mujoco.MjData(model)
+    belts.set(model, [-0.5, 0.5])
+    for _ in range(round(1.0 / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+        assert not touching_cores(data)
+    assert data.qvel[5] > 0.5
+
+
+def test_flippers_and_height_fields_have_no_cores():
+    spec = plane()
+    spec.add_hfield(name="flat", nrow=2, ncol=2, size=[5, 5, 0.1, 0.1], userdata=np.zeros(4))
+    spec.worldbody.add_geom(name="field", type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="flat", pos=[20, 0, 0])
+    body = add_robot(spec)
+    add_flipper(spec, body, "arm", 0.25, 0.25)
+    main = add_tracks(spec, "robot", half_gauge=0.2, hull=HULL, terrain=["ground", "field"])
+    add_tracks(
+        spec, "arm", half_gauge=0.0, side="left", hull=[(0, 0, 0.08), (0.25, 0, 0.05)], load=0.2, terrain=["ground"]
+    )
+    model = spec.compile()
+    cored = {model.geom(model.pair_geom2[k]).name for k in np.flatnonzero(model.pair_dim == 1)}
+    grounds = {model.geom(model.pair_geom1[k]).name for k in np.flatnonzero(model.pair_dim == 1)}
+    below = [name for names in main.geoms for name, cores in zip(names, main.cored, strict=True) if cores]
+    assert cored == {f"{name}_core" for name in below}
+    assert grounds == {"ground"}
+
+
+def test_cores_follow_a_robot_that_is_attached_and_connected_twice():
+    robot = mujoco.MjSpec()
+    add_robot(robot)
+    tracks = add_tracks(robot, "robot", half_gauge=0.2, hull=HULL)
+    scene = plane()
+    scene.worldbody.add_geom(name="block", type=mujoco.mjtGeom.mjGEOM_BOX, size=[1, 1, 0.1], pos=[9, 0, 0])
+    scene.attach(robot, prefix="first/", frame=scene.worldbody.add_frame())
+    tracks = tracks.prefixed("first/")
+    for ground in ("ground", "block"):
+        tracks.connect(scene, [ground])
+    model = scene.compile()
+    assert (model.pair_dim == 1).sum() == 2 * 2 * sum(tracks.cored)
+    assert bind(model, tracks).names == tracks.names
+
+
+def test_the_contact_that_is_compared_with_has_no_cores():
+    spec = slab()
+    add_robot(spec)
+    add_tracks(spec, "robot", half_gauge=0.2, hull=HULL, terrain="ground")
+    model = spec.compile()
+    default_contact(model)
+    data = mujoco.MjData(model)
+    data.qpos[2] = -0.006
+    mujoco.mj_forward(model, data)
+    assert data.ncon
+    assert not touching_cores(data)
