@@ -190,18 +190,17 @@ def grid_summary(
             scans_per_s=sum(len(log.time) for log in logs) / seconds if seconds else None,
         ),
         slip_error=OuterInner.of(samples.slip - truth.slip, ErrorStatistics.of),
-        slip_error_by_method=errors_by_method(sampled_logs, geometry, measured),
+        slip_error_by_method=_errors_by_method(sampled_logs, truth.slip, geometry, measured),
     )
 
 
-def errors_by_method(
-    logs: Sequence[RunLog], geometry: RobotGeometry, measured: MeasuredRuns = MappingProxyType({})
+def _errors_by_method(
+    logs: Sequence[RunLog], true_slip: Array, geometry: RobotGeometry, measured: MeasuredRuns
 ) -> dict[str, OuterInner[ErrorStatistics] | None]:
-    """Errors of slip with every motion method, over the runs that it suits; None where it suits none."""
+    """Errors of slip (n, 2) with every motion method, over the runs that it suits; None where it suits none."""
     errors: dict[str, list[Array]] = {name: [] for name in MOTION_METHODS}
-    for log in logs:
+    for log, true in zip(logs, true_slip, strict=True):
         with contextlib.suppress(LogError):
-            true = true_samples([log], geometry).slip
             known = measured.get(log.run)
             for name, sample in (samples_by_method(log, geometry) if known is None else known).items():
                 errors[name].append(sample.slip - true)

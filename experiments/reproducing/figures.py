@@ -1,6 +1,7 @@
 """Figures drawn by several workers while others compute."""
 
 from collections.abc import Callable, Iterable
+from functools import partial
 
 from experiments.parallel.executors import Workers
 from experiments.report.page import Drawn, draw
@@ -17,10 +18,11 @@ class Figures:
         self._begun: dict[str, Callable[[], tuple[Drawn | None, dict[str, float]]]] = {}
 
     def begin(self, sketches: Iterable[Sketch]) -> None:
-        """Begin to draw those that were not begun before."""
+        """Begin to draw those that were not begun before; where nothing runs beside this, it waits until the end."""
+        begin = partial if self._workers.inline else self._workers.begin
         for name, make in sketches:
             if name not in self._begun:
-                self._begun[name] = self._workers.begin(timed, "report", draw, name, make, self._pdf)
+                self._begun[name] = begin(timed, "report", draw, name, make, self._pdf)
 
     def drawn(self, watch: Stopwatch) -> dict[str, Drawn]:
         """All of them by name, when they are drawn; `watch` gets the work of all workers together."""

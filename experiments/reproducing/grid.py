@@ -11,7 +11,7 @@ from experiments.reproducing.share import Share, whole
 from sim.run_recorder import RunFailedError
 from sim.stopwatch import Stopwatch
 from trackslip.errors import LogError
-from trackslip.identification.samples import MeasuredRuns, SlipSamples, samples_by_method
+from trackslip.identification.samples import MeasuredRuns, SlipSamples, part_by_method, steadily_driven
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.methods import MOTION_METHODS, best_method
 
@@ -55,9 +55,10 @@ def _drive_share(config: GridConfig, cells: list[Cell]) -> Share:
         others = [name for name in MOTION_METHODS if name != chosen]
         try:
             with watch.stage("slips"):
-                by_method = samples_by_method(log, world.robot.geometry, methods=[chosen])
+                part = steadily_driven(log, world.robot.geometry)
+                by_method = part_by_method(part, world.robot.geometry, [chosen])
             with watch.stage("errors of all methods"):
-                by_method |= samples_by_method(log, world.robot.geometry, methods=others)
+                by_method |= part_by_method(part, world.robot.geometry, others)
         except LogError:
             continue  # it has no steady stretch; whoever wants its sample is told
         measured[log.run] = by_method

@@ -129,15 +129,26 @@ def slip_samples(
     return SlipSamples.joined([_sample(steady_part(log, geometry, settle), geometry, method) for log in logs])
 
 
-def samples_by_method(
-    log: RunLog, geometry: RobotGeometry, settle: float = SETTLE, methods: Iterable[str] = tuple(MOTION_METHODS)
-) -> dict[str, SlipSamples]:
+def samples_by_method(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -> dict[str, SlipSamples]:
     """The sample of a run, as `slip_samples` finds it, by each of the methods that the run allows.
 
     Raises LogError if the run has no steady stretch, or moves unsteadily in it.
     """
-    part, found = steady_part(log, geometry, settle), {}
+    return part_by_method(steadily_driven(log, geometry, settle), geometry)
+
+
+def steadily_driven(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -> SteadyPart:
+    """The longest steady stretch of a run; raises LogError like `samples_by_method`."""
+    part = steady_part(log, geometry, settle)
     require_steady_motion(part)
+    return part
+
+
+def part_by_method(
+    part: SteadyPart, geometry: RobotGeometry, methods: Iterable[str] = tuple(MOTION_METHODS)
+) -> dict[str, SlipSamples]:
+    """The sample of a steady stretch by each of the methods that it allows."""
+    found = {}
     for name in methods:
         with contextlib.suppress(LogError):
             found[name] = _measured(part, geometry, name)

@@ -25,7 +25,7 @@ def test_a_closed_loop_that_fails_leaves_all_runs_until_then(tmp_path, monkeypat
     monkeypatch.setitem(CONTROLLERS, "linear", Stubborn)
     out = tmp_path / "out"
     with pytest.raises(SystemExit) as stop:
-        main(["reproduce", *SMALL, "--out", str(out)])
+        main(["reproduce", *SMALL, "--threads", "1", "--out", str(out)])
     captured = capsys.readouterr()
     line = captured.err.strip().splitlines()[-1]  # progress may come before
     assert stop.value.code == 2
