@@ -130,11 +130,11 @@ class PlateLocator:
 
     def _solve(self, scan: Scan, cluster: Cluster, near: Array | None) -> Solution:
         """The pose that explains each cluster best."""
-        parts = chunks(cluster, MAX_STARTS) if near is None else portions(cluster)
+        parts = list(chunks(cluster, MAX_STARTS)) if near is None else portions(cluster)
+        if len(parts) == 1 and len(parts[0]) == len(cluster.count):
+            return self._solved(scan, cluster, near)
         found = Solution.none(len(cluster.count))
         for rows in parts:
-            if len(rows) == len(cluster.count):
-                return self._solved(scan, cluster, near)
             found.put(rows, self._solved(scan, cluster.take(rows), None if near is None else near[rows]))
         return found
 
