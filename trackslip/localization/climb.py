@@ -14,6 +14,7 @@ from trackslip.localization.view import in_axes
 UNKNOWN = 1e6
 """Variance of what a scan does not determine."""
 _DAMPING = 1e-3  # at first
+_FEW = 32  # rows: to leave some out takes longer than to evaluate them once more
 _CONVERGED = 1e-4  # a climb ends with a step that promises less; it is exact to a fraction of its length
 
 
@@ -54,31 +55,34 @@ def climb(surface: Surface, beams: Any, pose: Array, iterations: int) -> Evaluat
     independent of each other.
     """
     fit = here = surface.evaluate(beams, pose.copy())
-    climbing = np.arange(len(pose))
+    rows = np.arange(len(pose))  # those of `here`
+    climbing = np.ones(len(pose), bool)
     damping = np.full(len(pose), _DAMPING)
     for _ in range(iterations):
         step, fall = _newton(here, damping)
-        there = fall < _CONVERGED
+        there = (fall < _CONVERGED) & climbing
         if there.any():
             here.pose[there] = surface.moved(here.pose[there], step[there])
             here.cost[there] -= fall[there]
-            if there.all():
+            climbing &= ~there
+            if not climbing.any():
                 break
-            if fit is not here:
-                fit.put(climbing[there], here.take(there))
-            on = np.flatnonzero(~there)
-            climbing, beams, here = climbing[on], beams.take(on), here.take(on)
-            damping, step = damping[on], step[on]
+            if len(rows) > _FEW:
+                if fit is not here:
+                    fit.put(rows[there], here.take(there))
+                on = np.flatnonzero(climbing)
+                rows, beams, here = rows[on], beams.take(on), here.take(on)
+                climbing, damping, step = climbing[on], damping[on], step[on]
         trial = surface.evaluate(beams, surface.moved(here.pose, step))
-        better = trial.cost < here.cost
+        better = (trial.cost < here.cost) & climbing
         damping = np.where(better, damping / 10, damping * 10)
         if better.all():
             here = trial
         else:
             here.put(better, trial.take(better))
-    if here is fit or len(climbing) == len(pose):
+    if here is fit or len(rows) == len(pose):
         return here
-    fit.put(climbing, here)
+    fit.put(rows, here)
     return fit
 
 

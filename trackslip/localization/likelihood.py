@@ -45,17 +45,16 @@ class PlateLikelihood:
         """Cost, gradient and Gauss-Newton Hessian at poses (M, 3)."""
         view = View.of(self.plate, pose)
         residual, on_long, slope, lever = self._ranges(beams, view)
-        terms = np.empty((9, len(residual)))
+        terms, slopes = np.empty((9, len(residual))), np.empty((3, len(residual)))
         weight, terms[0] = self.loss(residual)
         turning = lever * slope
         weighted = weight * slope
-        weighted_long = weighted * on_long
-        weighted -= weighted_long  # a beam meets one face only: what is left is on the short one
-        for k, one in enumerate((weighted, weighted_long, weight * turning)):
-            np.multiply(one, residual, out=terms[1 + k])
-            np.multiply(one, turning, out=terms[4 + k])
-        np.multiply(weighted, slope, out=terms[7])
-        np.multiply(weighted_long, slope, out=terms[8])
+        np.multiply(weighted, on_long, out=slopes[1])
+        np.subtract(weighted, slopes[1], out=slopes[0])  # a beam meets one face only: what is left is on the short one
+        np.multiply(weight, turning, out=slopes[2])
+        np.multiply(slopes, residual, out=terms[1:4])
+        np.multiply(slopes, turning, out=terms[4:7])
+        np.multiply(slopes[:2], slope, out=terms[7:])
         sums = beams.sums(terms)  # (9, M)
 
         edge_residual, edge_jacobian = self.edges(beams.edges, view)

@@ -130,11 +130,12 @@ class PlateLocator:
 
     def _solve(self, scan: Scan, cluster: Cluster, near: Array | None) -> Solution:
         """The pose that explains each cluster best."""
+        parts = list(chunks(cluster, MAX_STARTS)) if near is None else portions(cluster)
+        if len(parts) == 1 and len(parts[0]) == len(cluster.count):
+            return self._solved(scan, cluster, near)
         found = Solution.none(len(cluster.count))
-        for rows in chunks(cluster, MAX_STARTS) if near is None else portions(cluster):
-            every = len(rows) == len(cluster.count)
-            part = cluster if every else cluster.take(rows)
-            found.put(rows, self._solved(scan, part, near if near is None or every else near[rows]))
+        for rows in parts:
+            found.put(rows, self._solved(scan, cluster.take(rows), None if near is None else near[rows]))
         return found
 
     def _solved(self, scan: Scan, cluster: Cluster, near: Array | None) -> Solution:

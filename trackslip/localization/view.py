@@ -11,6 +11,7 @@ from trackslip.kinematics import Array
 from trackslip.localization.rows import Rows
 from trackslip.localization.scan import Plate
 
+_ENDS = np.array([-0.5, 0.5])  # of a side from its middle [its length]
 _TINY = 1e-12  # keeps a corner on the LRF from dividing by zero [m]
 
 
@@ -43,17 +44,18 @@ class View(Rows):
         Returns their bearings from `ahead` (M, 2) [rad], which thus do not wrap, and the derivatives (M, 2, 3) of these
         with respect to the place along and across the plate's axes and the heading.
         """
-        half_length, half_thickness = self.plate.length / 2, self.plate.thickness / 2
-        beyond = (self.along > -half_length).astype(int) + (self.along > half_length)
-        beside = (self.across > -half_thickness).astype(int) + (self.across > half_thickness)
+        beyond = (_ENDS * self.plate.length).searchsorted(self.along)
+        beside = (_ENDS * self.plate.thickness).searchsorted(self.across)
         offset = _outermost(self.plate)[beyond, beside]  # (M, 2, 2)
-        x, y = offset[:, :, 0] + self.along[:, None], offset[:, :, 1] + (self.across + _TINY)[:, None]
+        o_x, o_y = offset[:, :, 0], offset[:, :, 1]
+        x, y = o_x + self.along[:, None], o_y + (self.across + _TINY)[:, None]
         cos = (self.cos * ahead[:, 0] + self.sin * ahead[:, 1])[:, None]
         sin = (self.sin * ahead[:, 0] - self.cos * ahead[:, 1])[:, None]
-        square = x * x + y * y
         jacobian = np.empty((*x.shape, 3))
-        jacobian[:, :, 0], jacobian[:, :, 1] = -y / square, x / square
-        jacobian[:, :, 2] = (offset[:, :, 0] * x + offset[:, :, 1] * y) / square
+        np.negative(y, out=jacobian[:, :, 0])
+        jacobian[:, :, 1] = x
+        np.add(o_x * x, o_y * y, out=jacobian[:, :, 2])
+        jacobian /= (x * x + y * y)[:, :, None]
         return np.arctan2(x * sin + y * cos, x * cos - y * sin), jacobian
 
 

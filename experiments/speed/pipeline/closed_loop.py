@@ -5,13 +5,12 @@ from dataclasses import dataclass, field
 from time import perf_counter
 
 import numpy as np
-from mujoco import batch
 
 from experiments.driving.lookup import locator
 from experiments.driving.paper_model import KNOWN_LAWS
 from experiments.measuring.check import Check, at_least
 from experiments.options.world import IDENTIFIED
-from experiments.speed.simulator import bare_batch
+from experiments.speed.same_motion import SameMotion
 from sim.fleet import Fleet
 from sim.robot.robot import Robot, load_robot
 from sim.runs import closed_loop
@@ -88,32 +87,23 @@ def drive(robot: Robot, pilots: Sequence[Pilot], seed: int, times: Times) -> Non
     size = len(pilots)
     fleet = Fleet(robot, np.tile(_PATH.pose(0.0), (size, 1)), threads=1)
     feed = ScannerFeed(LaserScanner(), fleet, [generator(seed, f"bench {k}") for k in range(size)])
-    shadow = _Shadow(fleet, round(feed.period / robot.model.opt.timestep), times)
+    shadow = _Shadow(SameMotion(fleet, feed.period), times)
     closed_loop(fleet, pilots, _PATH, feed, locator("plate", robot), progress=shadow.repeat)
 
 
 class _Shadow:
-    """The bare engine, which repeats the motion of a fleet."""
+    """Notes the times of a closed loop's periods, and of the bare engine in the same motion."""
 
-    def __init__(self, fleet: Fleet, steps: int, times: Times) -> None:
-        self._fleet, self._steps, self._times = fleet, steps, times
-        self._bare: batch.Batch = bare_batch(fleet)
-        self._surface = self._bare.expand("geom_surfacevel")[:, fleet.robot.pads, 2]  # live
+    def __init__(self, motion: SameMotion, times: Times) -> None:
+        self._motion, self._times = motion, times
         self._returned: float | None = None
 
     def repeat(self, _: float) -> None:
         """Note the time since the last call, and let the bare engine do what the fleet did then."""
         whole = None if self._returned is None else perf_counter() - self._returned
-        self._surface[:] = self._fleet.belts
-        bare = self._step()
+        bare = self._motion.repeat()
         if whole is not None:
             self._times.whole.append(whole)
             self._times.bare.append(bare)
-        self._bare.state[:] = self._fleet.batch.state
+        self._motion.begin()
         self._returned = perf_counter()
-
-    def _step(self) -> float:
-        """Time that the bare engine takes for a period [s]."""
-        began = perf_counter()
-        self._bare.step(nstep=self._steps)
-        return perf_counter() - began

@@ -8,7 +8,9 @@ import numpy as np
 
 from experiments.measuring.check import Check, at_least
 from experiments.speed.environments import ENV, OPTIONS, followed
-from experiments.speed.simulator import BARE, SCANNER, Rig, bare_batch
+from experiments.speed.same_motion import SameMotion
+from experiments.speed.simulator import BARE, SCANNER, Rig
+from sim.path_tracking.config import PERIOD
 from sim.robot.robot import load_robot
 
 ENVIRONMENT, SCANNED = "a single environment", "scanner of one robot"
@@ -42,12 +44,8 @@ class _SingleEnvironment:
     def __init__(self, seed: int) -> None:
         self._env = gymnasium.make(ENV, **OPTIONS)
         self._seen = self._env.reset(seed=seed)[0]
-        tracking = self._env.unwrapped.tracking  # type: ignore[attr-defined]
-        self._fleet = tracking.fleet
-        self._bare = bare_batch(self._fleet)
-        self._surface = self._bare.expand("geom_surfacevel")[:, self._fleet.robot.pads, 2]  # live
-        self._friction = self._bare.expand("pair_friction")  # live
-        self._steps = round(1 / self._env.metadata["render_fps"] / self._fleet.robot.model.opt.timestep)
+        fleet = self._env.unwrapped.tracking.fleet  # type: ignore[attr-defined]
+        self._motion = SameMotion(fleet, PERIOD)
         self.shares(_UNDER_WAY)
 
     def shares(self, periods: int) -> list[float]:
@@ -55,17 +53,13 @@ class _SingleEnvironment:
         found = []
         for _ in range(periods):
             action = followed(self._seen[None])[0]
-            self._bare.state[:] = self._fleet.batch.state
+            self._motion.begin()
             began = perf_counter()
             self._seen, _, terminated, truncated, _ = self._env.step(action)
             took = perf_counter() - began
-            self._surface[:] = self._fleet.belts
-            began = perf_counter()
-            self._bare.step(nstep=self._steps)
-            found.append((perf_counter() - began) / took)
+            found.append(self._motion.repeat() / took)
             if terminated or truncated:
                 self._seen = self._env.reset()[0]
-                self._friction[:] = self._fleet.batch.expand("pair_friction")
         return found
 
 
