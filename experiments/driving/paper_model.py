@@ -38,19 +38,17 @@ def published_runs(starts: Mapping[str, Array], geometry: RobotGeometry) -> dict
 
     `starts` are the poses (3,) [m, m, rad] where the runs of each controller begin.
     """
-    runs = _driven(starts, tuple(KNOWN_LAWS.values()), geometry, paper_reference())
+    runs = driven(starts, tuple(KNOWN_LAWS.values()), geometry, paper_reference())
     return {name: dict(zip(KNOWN_LAWS, of_laws, strict=True)) for name, of_laws in runs.items()}
 
 
-def published_run(controller: str, start: Array, law: SlipLaw, geometry: RobotGeometry, reference: Reference) -> RunLog:
-    """One run compensated with `law`; the robot slips as in Eq. 11 at the curvature that it actually drives."""
-    return _driven({controller: start}, [law], geometry, reference)[controller][0]
-
-
-def _driven(
+def driven(
     starts: Mapping[str, Array], laws: Sequence[SlipLaw], geometry: RobotGeometry, reference: Reference
 ) -> dict[str, list[RunLog]]:
-    """A run for each controller and law; the runs of a controller have one start."""
+    """Controller -> a run for each law that compensates; the robot slips as in Eq. 11 at the curvature that it drives.
+
+    `starts` are the poses (3,) [m, m, rad] where the runs of each controller begin.
+    """
     drivers, limit = [CONTROLLERS[name]() for name in starts], TOP_SPEED / geometry.sprocket_radius
     for driver in drivers:
         driver.reset()

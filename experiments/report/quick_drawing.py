@@ -36,8 +36,7 @@ def quick_drawing() -> Iterator[None]:
     if not hasattr(Axis, _TICKS):  # it is private: another version of matplotlib may lack it
         yield
         return
-    find, measure, surround = getattr(Axis, _TICKS), getattr(RendererSVG, _EXTENT), getattr(Axes, _BOX)
-    major, minor = Axis.get_major_ticks, Axis.get_minor_ticks
+    find, surround = getattr(Axis, _TICKS), getattr(Axes, _BOX)
     known: dict[Axis, tuple[Any, Any]] = {}
 
     def ticks(axis: Axis) -> Any:
@@ -64,19 +63,21 @@ def quick_drawing() -> Iterator[None]:
             surrounded[axes] = texts, found.extents - place
         return found
 
+    ours = (
+        (Axis, _TICKS, ticks),
+        (RendererSVG, _EXTENT, extent),
+        (Axes, _BOX, box),
+        (Axis, "get_major_ticks", _major_ticks),
+        (Axis, "get_minor_ticks", _minor_ticks),
+    )
+    theirs = [(owner, name, getattr(owner, name)) for owner, name, _ in ours]
     try:
-        setattr(Axis, _TICKS, ticks)
-        setattr(RendererSVG, _EXTENT, extent)
-        setattr(Axes, _BOX, box)
-        setattr(Axis, major.__name__, _major_ticks)
-        setattr(Axis, minor.__name__, _minor_ticks)
+        for owner, name, function in ours:
+            setattr(owner, name, function)
         yield
     finally:
-        setattr(Axis, _TICKS, find)
-        setattr(RendererSVG, _EXTENT, measure)
-        setattr(Axes, _BOX, surround)
-        setattr(Axis, major.__name__, major)
-        setattr(Axis, minor.__name__, minor)
+        for owner, name, function in theirs:
+            setattr(owner, name, function)
 
 
 def _major_ticks(axis: Axis, numticks: int | None = None) -> list[Tick]:

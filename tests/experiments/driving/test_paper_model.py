@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from experiments.driving.paper_model import PERIOD, published_poses, published_run
+from experiments.driving.paper_model import PERIOD, driven, published_poses
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import body_errors
@@ -14,6 +14,10 @@ from trackslip.trajectory.segmented import paper_reference
 
 PAPER = paper_reference()
 START = PAPER.pose(0.0)
+
+
+def run(controller, start, law, geometry):
+    return driven({controller: start}, [law], geometry, PAPER)[controller][0]
 
 
 def distances(log):
@@ -35,11 +39,11 @@ def radius_driven(commanded, geometry):
 
 def test_with_its_own_law_the_robot_drives_the_path(geometry):
     late = 2 * PERIOD * 0.15  # commands are held for a period
-    assert distances(published_run("feedforward", START, PUBLISHED, geometry, PAPER)).max() < late
+    assert distances(run("feedforward", START, PUBLISHED, geometry)).max() < late
 
 
 def test_without_compensation_it_drives_the_wider_arc_that_its_law_says(geometry):
-    log = published_run("feedforward", START, NoSlip(), geometry, PAPER)
+    log = run("feedforward", START, NoSlip(), geometry)
     turning = (log.time > 14) & (log.time < 32)
     step = np.diff(log.pose[turning], axis=0)
     radius = np.hypot(step[:, 0], step[:, 1]) / step[:, 2]
@@ -49,9 +53,7 @@ def test_without_compensation_it_drives_the_wider_arc_that_its_law_says(geometry
 
 def test_feedback_brings_it_back_to_the_path(geometry):
     beside = np.array([0.3, -0.2, np.pi / 3])
-    plain, compensated = (
-        distances(published_run("linear", beside, law, geometry, PAPER)) for law in (NoSlip(), PUBLISHED)
-    )
+    plain, compensated = (distances(run("linear", beside, law, geometry)) for law in (NoSlip(), PUBLISHED))
     assert compensated[0] == pytest.approx(np.hypot(0.3, 0.2))
     assert compensated[400] < 1e-3 < 0.01 < plain[400]
 
