@@ -84,7 +84,8 @@ class ScannerFeed:
         aim = self._aimed()
         plate = self._to_plates(aim)
         if self._standing is None:
-            ranges = np.full((self._fleet.size, len(self._rays)), np.nan)
+            ranges = np.empty((self._fleet.size, len(self._rays)))
+            ranges.fill(np.nan)
         else:
             around = np.fmin(self._standing, self._to_obstacles(self._walking, self._fleet.time))
             plate = np.fmin(plate, around[aim.beams])
@@ -109,15 +110,12 @@ class ScannerFeed:
             origin = origin.reshape(fleet.size, -1, 3)
         flat = rays.reshape(fleet.size, -1, 3)
         distance, _ = fleet.batch.ray(origin, flat, geomgroup=self._groups, bodyexclude=self._lrf)
-        distance[distance < 0] = np.nan
-        return self._within_reach(distance.reshape(rays.shape[:-1]))
+        distance[(distance < 0) | (distance > self._scanner.max_range)] = np.nan
+        return distance.reshape(rays.shape[:-1])
 
     def _to_obstacles(self, obstacles: Obstacles, time: float) -> Array:
         """Distances (B, K) along the rays of all beams, in a scan at `time` [s], NaN for a miss [m]."""
-        return self._within_reach(obstacles.ranges(self._origin[:2], self._rays[..., :2], time + self._lag[:, None]))
-
-    def _within_reach(self, distance: Array) -> Array:
-        """Distances, set to NaN in place where they are beyond the scanner's reach."""
+        distance = obstacles.ranges(self._origin[:2], self._rays[..., :2], time + self._lag[:, None])
         distance[distance > self._scanner.max_range] = np.nan
         return distance
 
