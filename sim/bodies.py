@@ -14,8 +14,6 @@ Rows = np.ndarray | slice
 """Indices of robots, or a slice of them."""
 EVERYONE = slice(None)
 """All robots."""
-SENSORS = ("sensordata",)
-"""What the engine records of a step."""
 
 _TURN = 2 * np.pi
 
@@ -112,7 +110,7 @@ class Bodies:
         point at its end (P, R, 2).
         """
         ids = None if rows is EVERYONE else rows
-        recorded = self.batch.rollout(periods * substeps, record=(*SENSORS, "xmat"), ids=ids)
+        recorded = self.batch.rollout(periods * substeps, record=("sensordata", "xmat"), ids=ids)
         forces = recorded["sensordata"][..., :6].reshape(-1, periods, substeps, 6)
         forward = recorded["xmat"][:, substeps - 1 :: substeps, self._chassis, 0:4:3]
         return np.add.reduce(forces, axis=2).swapaxes(0, 1), forward.swapaxes(0, 1)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.bodies import EVERYONE, SENSORS, Bodies, Rows, along_robot
+from sim.bodies import EVERYONE, Bodies, Rows, along_robot
 from sim.drawbar import Drawbar
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive, DriveState
 from sim.drive.pull import Pull
@@ -198,7 +198,7 @@ class Fleet(Bodies):
         Returns the sums of the forces on their tracks in each period (P, R, 6), and the directions in which the robots
         point at its end (P, R, 2).
         """
-        belts, ids = self.robot.pad_speeds(self._radius[rows] * mean), None if rows is EVERYONE else rows
+        belts, ids = self.robot.pad_speeds(self._radius[rows] * mean), rows if isinstance(rows, np.ndarray) else None
         sensed, forward = np.empty((*mean.shape[:2], *self._sensed)), np.empty(mean.shape)
         before = None if self.shear is None else self._placed(rows)
         for k, into in enumerate(sensed):
@@ -207,7 +207,7 @@ class Fleet(Bodies):
             if self._drawbar:
                 self._tow(rows)
             self._drive(rows, belts[k])
-            self.batch.rollout(self._substeps, record=SENSORS, ids=ids, out={"sensordata": into})
+            self.batch.record_sensors(into, ids)
             forward[k] = self._forward[rows]
             self._periods += 1
             if before is not None:

@@ -71,7 +71,8 @@ class ScannerFeed:
         self._reach = robot.plate_radius + top_speed * scanner.scan_duration
         self._aim: Aim | None = None
         self._aimed_rays: Array = np.empty((fleet.size, 0, 1, 3))  # (N, W, K, 3)
-        self._groups = np.arange(6) == SCANNED_GROUP
+        self._aimed_origins: Array = np.empty((fleet.size, 0, 3))  # (N, W * K, 3)
+        self._groups = (np.arange(6) == SCANNED_GROUP).astype(np.uint8)
         self._lrf = robot.model.body("lrf").id
 
     def restart(self, robots: np.ndarray, generators: Sequence[np.random.Generator]) -> None:
@@ -100,16 +101,17 @@ class ScannerFeed:
             width = self._scanner.divergence
             self._aim = Aim.at(centre.copy(), self._origin, self._heading, self._reach, self.bearings, width)
             self._aimed_rays = self._rays[self._aim.beams]
+            self._aimed_origins = np.empty(self._aimed_rays.shape).reshape(self._fleet.size, -1, 3)
+            self._aimed_origins[:] = self._origin
         return self._aim
 
     def _to_plates(self, aim: Aim) -> Array:
         """Distances (N, W, K) along the rays of the selected beams, NaN for a miss [m]."""
-        fleet, rays, origin = self._fleet, self._aimed_rays, self._origin
+        fleet, rays, origins = self._fleet, self._aimed_rays, self._aimed_origins
         if self._scanner.scan_duration > 0:
-            origin, rays = moved_back(origin, rays, fleet.pose(), fleet.twist(), self._lag[aim.beams])
-            origin = origin.reshape(fleet.size, -1, 3)
-        flat = rays.reshape(fleet.size, -1, 3)
-        distance, _ = fleet.batch.ray(origin, flat, geomgroup=self._groups, bodyexclude=self._lrf)
+            origins, rays = moved_back(self._origin, rays, fleet.pose(), fleet.twist(), self._lag[aim.beams])
+            origins = origins.reshape(fleet.size, -1, 3)
+        distance = fleet.batch.cast(origins, rays.reshape(fleet.size, -1, 3), self._groups, self._lrf)
         distance[(distance < 0) | (distance > self._scanner.max_range)] = np.nan
         return distance.reshape(rays.shape[:-1])
 
