@@ -64,8 +64,13 @@ def track_speeds(twist: ArrayLike, half_gauge: float) -> Array:
     twist = np.asarray(twist, float)
     v, w = columns(twist)
     speeds = np.empty(twist.shape)
-    speeds[..., 0], speeds[..., 1] = v - half_gauge * w, v + half_gauge * w
+    speeds[..., 0], speeds[..., 1] = left_and_right(v, w, half_gauge)
     return speeds
+
+
+def left_and_right(v: Any, w: Any, half_gauge: float) -> tuple[Any, Any]:
+    """The same, of forward speeds v (...) [m/s] and yaw rates w (...) [rad/s]."""
+    return v - half_gauge * w, v + half_gauge * w
 
 
 def in_frame(heading: Any, x: Any, y: Any) -> tuple[Any, Any]:

@@ -137,7 +137,9 @@ class DriveState:
         error = np.empty((periods + 1, *self.omega.shape))
         error[0], error[1:] = self._error, self._decay
         np.multiply.accumulate(error, axis=0, out=error)  # the same bits for any number of forecasts
-        return Forecast(error + self.set_point, error[:-1] * self._mean_decay + self.set_point, error[-1])
+        set_point = np.empty(error.shape)  # small arrays of one shape add up in a third of the time
+        set_point[:] = self.set_point
+        return Forecast(error + set_point, error[:-1] * self._mean_decay + set_point[1:], error[-1])
 
     def torque_for(self, forecast: Forecast, traction: Array) -> Array:
         """Motor torques (P, N, 2) at the sprockets that a forecast requires, for tractions (P, N, 2) [N] [N m]."""

@@ -17,7 +17,7 @@ from sim.path_tracking.randomization import MAX_LATENCY
 from sim.path_tracking.reference_table import Index, ReferenceTable
 from sim.robot.robot import load_robot
 from trackslip.errors import InvalidValueError, require
-from trackslip.kinematics import Array, column, columns, limit_sprocket_speeds, track_speeds
+from trackslip.kinematics import Array, column, columns, left_and_right, limit_sprocket_speeds
 from trackslip.metrics import LOST, body_errors
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import NoSlip
@@ -141,10 +141,10 @@ class PathTracking:
     def info(self) -> dict[str, Array]:
         """Further quantities by name, as arrays (N, ...), some of them the task's own; the keys are always the same."""
         twist, geometry, slip = self.fleet.twist(), self.fleet.robot.geometry, np.empty((self.size, 2))
-        left, right = columns(track_speeds(twist[:, ::2], geometry.half_gauge))
-        omega_left, omega_right = columns(self.fleet.drive.omega)
-        slip[:, 0] = _slip(left, omega_left, geometry.sprocket_radius)
-        slip[:, 1] = _slip(right, omega_right, geometry.sprocket_radius)
+        v, _, w = columns(twist)
+        speeds, omegas = left_and_right(v, w, geometry.half_gauge), columns(self.fleet.drive.omega)
+        for side, (speed, omega) in enumerate(zip(speeds, omegas, strict=True)):
+            slip[:, side] = _slip(speed, omega, geometry.sprocket_radius)
         return {
             "time": self._k * PERIOD,  # [s]
             "reference": self._reference,  # index in `table.names`
