@@ -17,7 +17,7 @@ from trackslip.logs.logfile import packing
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.table import file_metadata, runs_metadata, to_rows
 
-_ROWS = 16_384  # of a row group, or more: every one costs memory until the file is closed
+_ROWS = 8192  # of a row group, or more: every one costs memory until the file is closed
 _MOST_ROWS = 131_072  # of a row group, which readers of a single run read as a whole
 
 

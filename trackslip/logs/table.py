@@ -135,7 +135,7 @@ class _Content:
     name: pa.Array
     """The run's name in every row."""
     numbers: list[tuple[tuple[str, ...], np.ndarray]]
-    """Names of columns with a number per row, with those columns side by side (T, number of names)."""
+    """Names of columns with a number per row, with what they contain: (T,), (T, number of names) or covariances."""
     others: dict[str, pa.Array]
     """Lists, and the columns of scans."""
 
@@ -143,15 +143,14 @@ class _Content:
     def of(cls, log: RunLog) -> _Content:
         blocks: list[tuple[tuple[str, ...], np.ndarray | None]] = [(("t",), log.time)]
         blocks += [(names, getattr(log, field)) for field, names in BLOCKS.items()]
-        if log.covariance is not None:
-            blocks.append((COVARIANCE, log.covariance[:, *UPPER]))
+        blocks.append((COVARIANCE, log.covariance))
         others = {}
         if log.truth is not None:
             blocks += [(names, getattr(log.truth, field)) for field, names in TRUTH.items()]
             lists = {CONTACT: log.truth.contact, SHEAR: log.truth.shear}
             others = {name: list_column(rows) for name, rows in lists.items() if rows is not None}
         blocks.append((("valid",), log.valid))
-        numbers = [(names, block.reshape(len(block), -1)) for names, block in blocks if block is not None]
+        numbers = [(names, block) for names, block in blocks if block is not None]
         if log.scans is not None:
             others |= scan_columns(log.scans)
         return cls(repeated(log.run, len(log.time)), numbers, others)
@@ -169,6 +168,7 @@ def _table(runs: Sequence[_Content]) -> pa.Table:
     for blocks in zip(*(one.numbers for one in runs), strict=True):
         names = blocks[0][0]
         block = np.concatenate([block for _, block in blocks])
+        block = block[:, *UPPER] if names == COVARIANCE else block.reshape(len(block), -1)
         columns |= {name: arrow(part) for name, part in zip(names, block.T, strict=True)}
     columns |= {name: pa.chunked_array([one.others[name] for one in runs]) for name in runs[0].others}
     return pa.Table.from_arrays([*columns.values()], names=[*columns])
