@@ -269,6 +269,5 @@ def _flat(array: np.ndarray) -> np.ndarray:
 
 def _by_robot(clusters: Sequence[Cluster], robots: int) -> list[Cluster]:
     """The clusters of each robot in order of time, from blocks of scans (N, T) that follow one another."""
-    whole = Cluster.joined(clusters)
-    owner = np.concatenate([np.repeat(np.arange(robots), len(block.count) // robots) for block in clusters])
-    return [whole.take(np.flatnonzero(owner == k)) for k in range(robots)]
+    parts = [(block, np.arange(len(block.count)).reshape(robots, -1)) for block in clusters]
+    return [Cluster.joined([block.take(rows[k]) for block, rows in parts]) for k in range(robots)]

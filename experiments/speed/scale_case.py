@@ -18,8 +18,7 @@ from sim.seeds import generator
 from trackslip.kinematics import Array, sprocket_speeds
 from trackslip.logs.run_writer import RunWriter
 
-_PERIODS = 20  # after which all robots drive steadily
-_TURN = 0.25  # least time that is worth a turn [s]
+_PERIODS = 12  # after which all robots drive steadily
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ class ScaleCase:
 def drive_case(robots: int, duration: float, times: int, seed: int) -> Generator[float, None, ScaleCase]:
     """Drive robots for `duration` [s] at constant speeds, so many times, on as many threads as there are processors.
 
-    Yields the share of the work that is done from time to time; the time until it goes on doesn't count.
+    Yields the share of the work that is done after each part of a run; the time until it goes on doesn't count.
     """
     fleet = Fleet(load_robot(), np.zeros((robots, 3)))
     omega = _speeds(fleet, seed)
@@ -63,13 +62,12 @@ def drive_case(robots: int, duration: float, times: int, seed: int) -> Generator
             with RunWriter(file) as writer:
                 for logs in open_loop_parts(fleet, omega, duration):
                     writer.write(logs)
+                    seconds += perf_counter() - began
                     share += PERIOD * len(logs[0].time) / (times * (duration + PERIOD))  # both ends are recorded
-                    if perf_counter() - began > _TURN:
-                        seconds += perf_counter() - began
-                        if share <= 0.5:
-                            halfway = _memory()
-                        yield share
-                        began = perf_counter()
+                    if share <= 0.5:
+                        halfway = _memory()
+                    yield share
+                    began = perf_counter()
         seconds += perf_counter() - began
         size = file.stat().st_size / 1e6
     return ScaleCase(robots, duration, seconds / times, _memory(), halfway, size)
