@@ -29,8 +29,8 @@ Progress = Callable[[float], None]
 PERIOD = LaserScanner().period
 """Time between the rows of a run without a scanner [s]."""
 _SCANS_AT_ONCE, _MOST_AT_ONCE = 5000, 400  # scans localized together offline: of all robots, and of each
-_FEWEST_ROWS, _MOST_ROWS = 32, 300  # of a part: fewer cost time for its logs; half a minute shall have two parts
-_IN_MEMORY = 32_768  # rows of all robots together in a part, if these are neither few nor many of each
+_FEWEST_ROWS, _MOST_ROWS = 32, 300  # of each robot in a part: making logs of fewer rows would take long
+_IN_MEMORY = 32_768  # rows of all robots together in a part, if that leaves each neither few nor many
 
 
 def open_loop(

@@ -33,7 +33,7 @@ class ScaleCase:
     memory: float
     """Peak memory of a process that does nothing else [MB]; NaN where the system doesn't tell."""
     memory_halfway: float
-    """The same after half of the work [MB]."""
+    """The same when up to half of the work was done; NaN if none had been recorded by then [MB]."""
     file_size: float
     """Of the Parquet file [MB]."""
 

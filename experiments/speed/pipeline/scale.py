@@ -30,8 +30,8 @@ CASES: tuple[Case, ...] = (
 _QUICK_CASES: tuple[Case, ...] = (  # of `bench --pipeline`; those of many robots are recorded in two whole parts
     *((1, 30.0, 20), (1, 600.0, 1)),
     *((16, 30.0, 4), (16, 120.0, 1)),
-    (256, 12.75, 1),
-    (4096, 3.15, 1),
+    (256, 12.7, 1),
+    (4096, 3.1, 1),
 )
 _BUSY = 16  # robots from which all processors have work
 _FULL = 256  # robots from which the time per robot no longer depends on their number
