@@ -101,15 +101,13 @@ class FixedHeading:
             np.multiply(one, residual, out=terms[1 + k])
             np.multiply(one, slope, out=terms[3 + k])
         sums = beams.sums(terms)  # (5, M)
-        edge_residual, edge_jacobian = self.likelihood.edges(
-            beams.edges, View(plate, along, across, turned.cos, turned.sin)
-        )
-        edge_jacobian[:, :, 2] = 0.0
-        gradient = (edge_residual[:, None] @ edge_jacobian)[:, 0]
-        gradient[:, :2] += sums[1:3].T
-        hessian = edge_jacobian.swapaxes(1, 2) @ edge_jacobian
-        hessian[:, 0, 0] += sums[3]
-        hessian[:, 1, 1] += sums[4]
-        hessian[:, 2, 2] = 1.0
-        cost = sums[0] + np.einsum("me,me->m", edge_residual, edge_residual) / 2
-        return Evaluation(pose, cost, gradient, hessian)
+        view = View(plate, along, across, turned.cos, turned.sin)
+        edge_residual, edge_jacobian = self.likelihood.edges(beams.edges, view)
+        edge_jacobian = edge_jacobian[:2]
+        gradients, squares = edge_residual * edge_jacobian, edge_jacobian * edge_jacobian
+        mixed, costs = edge_jacobian[0] * edge_jacobian[1], edge_residual * edge_residual
+        gradient, curvature = np.zeros((3, len(pose))), np.zeros((6, len(pose)))
+        gradient[:2] = sums[1:3] + gradients[:, 0] + gradients[:, 1]
+        curvature[:2] = sums[3:] + squares[:, 0] + squares[:, 1]
+        curvature[2], curvature[5] = 1.0, mixed[0] + mixed[1]
+        return Evaluation(pose, sums[0] + (costs[0] + costs[1]) / 2, gradient.T, curvature.T)

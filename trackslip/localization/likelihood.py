@@ -31,6 +31,7 @@ from trackslip.localization.scan import Plate
 from trackslip.localization.view import View
 
 _TINY = 1e-300  # keeps a beam that is parallel to a face from dividing by zero
+_FIRST, _SECOND = np.array([0, 1, 2, 1, 0, 0]), np.array([0, 1, 2, 2, 2, 1])  # the axes of a Hessian's elements
 
 
 @dataclass(frozen=True)
@@ -53,20 +54,18 @@ class PlateLikelihood:
         np.subtract(weighted, slopes[1], out=slopes[0])  # a beam meets one face only: what is left is on the short one
         np.multiply(weight, turning, out=slopes[2])
         np.multiply(slopes, residual, out=terms[1:4])
-        np.multiply(slopes, turning, out=terms[4:7])
-        np.multiply(slopes[:2], slope, out=terms[7:])
-        sums = beams.sums(terms)  # (9, M)
+        np.multiply(slopes[:2], slope, out=terms[4:6])
+        np.multiply(slopes[::-1], turning, out=terms[6:])
+        sums = beams.sums(terms)  # (9, M): cost, gradient, and the Hessian's elements but the last
 
         edge_residual, edge_jacobian = self.edges(beams.edges, view)
-        gradient = (edge_residual[:, None] @ edge_jacobian)[:, 0]
-        gradient += sums[1:4].T
-        hessian = edge_jacobian.swapaxes(1, 2) @ edge_jacobian
-        hessian[:, 2] += sums[4:7].T
-        hessian[:, :2, 2] += sums[4:6].T
-        hessian[:, 0, 0] += sums[7]
-        hessian[:, 1, 1] += sums[8]
-        cost = sums[0] + np.einsum("me,me->m", edge_residual, edge_residual) / 2
-        return Evaluation(pose, cost, gradient, hessian)
+        gradients = edge_residual * edge_jacobian
+        products = edge_jacobian.take(_FIRST, axis=0) * edge_jacobian.take(_SECOND, axis=0)
+        curvature = products[:, 0] + products[:, 1]
+        curvature[:5] += sums[4:]
+        costs = edge_residual * edge_residual
+        cost = sums[0] + (costs[0] + costs[1]) / 2
+        return Evaluation(pose, cost, (sums[1:4] + gradients[:, 0] + gradients[:, 1]).T, curvature.T)
 
     def misfit(self, beams: Beams, pose: Array) -> Array:
         """Root mean square residuals (M,) of the ranges at poses (M, 3) [standard deviations]."""
@@ -108,7 +107,8 @@ class PlateLikelihood:
             cost[row[first]] = np.add.reduceat(loss, first, axis=0)
         every = np.repeat(np.arange(len(pose)), offset.shape[1])
         residual = self.edges(beams.edges.take(every), view.slid(offset))[0]
-        return cost + (np.einsum("me,me->m", residual, residual) / 2).reshape(offset.shape)
+        costs = residual * residual
+        return cost + ((costs[0] + costs[1]) / 2).reshape(offset.shape)
 
     def moved(self, pose: Array, step: Array) -> Array:
         """Poses (M, 3) after steps (M, 3) along and across their plates."""
@@ -164,9 +164,9 @@ class PlateLikelihood:
         return residual, on_long, slope, lever
 
     def edges(self, edges: Edges, view: View) -> tuple[Array, Array]:
-        """Residuals (M, 2) of the two edges of the silhouette, and their Jacobian (M, 2, 3)."""
+        """Residuals (2, M) of the two edges of the silhouette, and their derivatives (3, 2, M)."""
         bearing, jacobian = view.silhouette(edges.ahead)
-        off = bearing - edges.bearing
-        residual = off - np.minimum(np.maximum(off, -edges.slack), edges.slack)
-        weight = np.where((edges.slack == 0) | (residual != 0), edges.weight, 0.0)
-        return residual * weight, jacobian * weight[..., None]
+        off, slack, weight = bearing - edges.bearing.T, edges.slack.T, edges.weight.T
+        residual = off - np.minimum(np.maximum(off, -slack), slack)
+        weight = np.where((slack == 0) | (residual != 0), weight, 0.0)
+        return residual * weight, jacobian * weight

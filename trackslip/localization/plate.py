@@ -143,7 +143,7 @@ class PlateLocator:
         beams = Beams.of(scan, cluster)
         fit = self._fit(beams, cluster, scan.beam_step, near)
         axes = in_axes(fit.pose[:, 2])
-        covariance = axes.swapaxes(1, 2) @ covariances(fit.hessian) @ axes
+        covariance = axes.swapaxes(1, 2) @ covariances(fit) @ axes
         misfit = np.sqrt(2 * fit.cost / cluster.count)  # edges included
         strained = _strained(misfit, cluster.count)
         covariance *= np.where(strained, misfit**2, 1.0)[:, None, None]
