@@ -16,7 +16,6 @@ UNKNOWN = 1e6
 _DAMPING = 1e-3  # at first
 _FEW = 32  # rows: to leave some out takes longer than to evaluate them once more
 _CONVERGED = 1e-2  # a climb ends with a step that promises less; what is left promises about the square of that
-_REFUSED = 3  # steps that led upwards, after which a climb ends
 _SHORTEST, _LONGEST = 0.1, 0.5  # part of a refused step that is tried next
 _TINY = 1e-300  # keeps a step without promise from dividing by zero
 _MATRIX = np.array([0, 5, 4, 5, 1, 3, 4, 3, 2])  # Voigt's elements (xx, yy, zz, yz, xz, xy) in the rows of a matrix
@@ -63,13 +62,13 @@ def climb(surface: Surface, beams: Any, pose: Array, iterations: int) -> Evaluat
     """The minima near poses (M, 3), given the beams of M scans, of which rows can be taken.
 
     A step that leads upwards crosses a kink of the cost, where beams leave a face of the plate; a part of it is tried
-    next, up to the minimum of the parabola through what is known. A row whose next step promises next to nothing takes
-    that step, and no longer changes, so that rows are bitwise independent of each other.
+    next, up to the minimum of the parabola through what is known, unless that promises next to nothing. A row whose
+    next step promises next to nothing takes that step. It no longer changes then, so that rows are bitwise independent.
     """
     fit = here = surface.evaluate(beams, pose.copy())
     rows = np.arange(len(pose))  # those of `here`
     climbing = np.ones(len(pose), bool)
-    damping, part, refused = np.full(len(pose), _DAMPING), np.ones(len(pose)), np.zeros(len(pose), int)
+    damping, part = np.full(len(pose), _DAMPING), np.ones(len(pose))
     for _ in range(iterations):
         step, fall = _newton(here, damping)
         there = (fall < _CONVERGED) & climbing
@@ -77,7 +76,6 @@ def climb(surface: Surface, beams: Any, pose: Array, iterations: int) -> Evaluat
             here.pose[there] = surface.moved(here.pose[there], step[there])
             here.cost[there] -= fall[there]
             climbing &= ~there
-        climbing &= refused < _REFUSED
         if not climbing.any():
             break
         if len(rows) > _FEW and not climbing.all():
@@ -85,7 +83,7 @@ def climb(surface: Surface, beams: Any, pose: Array, iterations: int) -> Evaluat
                 fit.put(rows[~climbing], here.take(~climbing))
             on = np.flatnonzero(climbing)
             rows, beams, here, climbing = rows[on], beams.take(on), here.take(on), climbing[on]
-            damping, part, refused, step, fall = damping[on], part[on], refused[on], step[on], fall[on]
+            damping, part, step, fall = damping[on], part[on], step[on], fall[on]
         trial = surface.evaluate(beams, surface.moved(here.pose, part[:, None] * step))
         rise = trial.cost - here.cost
         better = (rise < 0) & climbing
@@ -93,9 +91,10 @@ def climb(surface: Surface, beams: Any, pose: Array, iterations: int) -> Evaluat
             here, damping, part = trial, damping / 10, np.ones(len(rows))
             continue
         here.put(better, trial.take(better))
-        refused += ~better
         promised = 2 * part * np.where(np.isfinite(fall), fall, 0.0)
-        shorter = np.minimum(np.maximum(promised / (2 * (rise + promised) + _TINY), _SHORTEST), _LONGEST)
+        shorter = promised / (2 * (rise + promised) + _TINY)
+        climbing &= better | (shorter * promised / 2 >= _CONVERGED)  # what the minimum of the parabola promises
+        shorter = np.minimum(np.maximum(shorter, _SHORTEST), _LONGEST)
         damping, part = np.where(better, damping / 10, damping), np.where(better, 1.0, part * shorter)
     if here is fit or len(rows) == len(pose):
         return here

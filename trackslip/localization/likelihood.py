@@ -166,7 +166,9 @@ class PlateLikelihood:
     def edges(self, edges: Edges, view: View) -> tuple[Array, Array]:
         """Residuals (2, M) of the two edges of the silhouette, and their derivatives (3, 2, M)."""
         bearing, jacobian = view.silhouette(edges.ahead)
-        off, slack, weight = bearing - edges.bearing.T, edges.slack.T, edges.weight.T
-        residual = off - np.minimum(np.maximum(off, -slack), slack)
-        weight = np.where((slack == 0) | (residual != 0), weight, 0.0)
+        residual, weight = bearing - edges.bearing.T, edges.weight.T
+        if edges.slack.any():
+            slack = edges.slack.T
+            residual -= np.minimum(np.maximum(residual, -slack), slack)
+            weight = np.where((slack == 0) | (residual != 0), weight, 0.0)
         return residual * weight, jacobian * weight
