@@ -73,8 +73,8 @@ def climb(surface: Surface, beams: Any, pose: Array, iterations: int) -> Evaluat
         step, fall = _newton(here, damping)
         there = (fall < _CONVERGED) & climbing
         if there.any():
-            here.pose[there] = surface.moved(here.pose[there], step[there])
-            here.cost[there] -= fall[there]
+            np.copyto(here.pose, surface.moved(here.pose, step), where=there[:, None])
+            np.subtract(here.cost, fall, out=here.cost, where=there)
             climbing &= ~there
         if not climbing.any():
             break
@@ -90,12 +90,15 @@ def climb(surface: Surface, beams: Any, pose: Array, iterations: int) -> Evaluat
         if better.all():
             here, damping, part = trial, damping / 10, np.ones(len(rows))
             continue
-        here.put(better, trial.take(better))
-        promised = 2 * part * np.where(np.isfinite(fall), fall, 0.0)
-        shorter = promised / (2 * (rise + promised) + _TINY)
-        climbing &= better | (shorter * promised / 2 >= _CONVERGED)  # what the minimum of the parabola promises
-        shorter = np.minimum(np.maximum(shorter, _SHORTEST), _LONGEST)
-        damping, part = np.where(better, damping / 10, damping), np.where(better, 1.0, part * shorter)
+        here.put_where(better, trial)
+        damping[better] /= 10
+        part[better] = 1.0
+        refused = climbing & ~better
+        if refused.any():
+            promised = 2 * part * np.where(np.isfinite(fall), fall, 0.0)
+            shorter = promised / (2 * (rise + promised) + _TINY)
+            climbing &= better | (shorter * promised / 2 >= _CONVERGED)  # what the minimum of the parabola promises
+            part = np.where(refused, part * np.minimum(np.maximum(shorter, _SHORTEST), _LONGEST), part)
     if here is fit or len(rows) == len(pose):
         return here
     fit.put(rows, here)
