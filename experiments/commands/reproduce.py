@@ -70,15 +70,17 @@ def run(config: ReproduceConfig) -> None:
                 grid_logs=grid_logs,
                 seen=sightings(grid_logs),
             )
-            figures.begin([*figures_of(report), PLANNED_TRAJECTORY, ERRORS_DEFINED])
-            grid = grid_summary(config, names, grid_logs, sampling.samples, geometry, watch, driven.measured)
+            figures.begin(figures_of(report))
             found, times = identified()
             watch.add(times)
         laws = {name: fitted.law for name, fitted in found.comparison.laws.items()}
         with busy("closed loops"):
             loops = Loops(config, {name: laws[name] for name in IDENTIFIED if name in laws}, workers)
-            report = replace(report, radius=grid.radius, identification=found)
+            report = replace(report, identification=found)
             figures.begin(figures_of(report))
+            grid = grid_summary(config, names, grid_logs, sampling.samples, geometry, watch, driven.measured)
+            report = replace(report, radius=grid.radius)
+            figures.begin([*figures_of(report), PLANNED_TRAJECTORY, ERRORS_DEFINED])
             try:
                 tracking_logs = loops.logs(watch)
             except RunFailedError as failure:
