@@ -63,6 +63,7 @@ def run(config: ReproduceConfig) -> None:
         with busy("slips and laws"):
             sampling = usable_samples(grid_logs, geometry, method=config.motion, longest=True, measured=driven.measured)
             identified = workers.begin(timed, "laws", identify_samples, sampling, geometry)
+            figures.begin([PLANNED_TRAJECTORY, ERRORS_DEFINED])
             report = Report(
                 title="Slip of a tracked robot: the paper and its simulation",
                 command=command_line("reproduce"),
@@ -81,7 +82,7 @@ def run(config: ReproduceConfig) -> None:
             figures.begin(figures_of(report))
             grid = grid_summary(config, names, grid_logs, sampling.samples, geometry, watch, driven.measured)
             report = replace(report, radius=grid.radius)
-            figures.begin([*figures_of(report), PLANNED_TRAJECTORY, ERRORS_DEFINED])
+            figures.begin(figures_of(report))
             try:
                 tracking_logs = loops.logs(watch)
             except RunFailedError as failure:
