@@ -70,7 +70,7 @@ def _over_heading(likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, sig
     pose = np.concatenate([fit.pose.reshape(scans, -1, 3) for fit in (coarse, fine)], axis=1)
     cost = np.concatenate([fit.cost.reshape(scans, -1) for fit in (coarse, fine)], axis=1)
     within = np.concatenate(
-        [covariances(fit.in_lrf_frame().hessian).reshape(scans, -1, 3, 3) for fit in (coarse, fine)], axis=1
+        [covariances(fit.in_lrf_frame()).reshape(scans, -1, 3, 3) for fit in (coarse, fine)], axis=1
     )
 
     weight, width = _quadrature(pose[..., 2], cost)
@@ -135,7 +135,7 @@ def _peaks(likelihood: PlateLikelihood, beams: Beams, coarse: Evaluation) -> Arr
     scan = np.repeat(np.arange(len(cost)), _PEAKS)
     start = coarse.pose.reshape(len(cost), -1, 3)[scan, lowest.ravel()]
     fit = likelihood.climb(beams.take(scan), start, _ITERATIONS)
-    sigma = np.sqrt(np.minimum(covariances(fit.hessian)[:, 2, 2], _STEP**2))
+    sigma = np.sqrt(np.minimum(covariances(fit)[:, 2, 2], _STEP**2))
     return (fit.pose[:, 2, None] + sigma[:, None] * _ABOUT_PEAK).reshape(len(cost), -1)
 
 
