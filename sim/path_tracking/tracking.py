@@ -123,7 +123,8 @@ class PathTracking:
         self._pose, desired = self.fleet.pose(), self.table.pose(self._reference, self._k)
         self._measured = self._source.pose(self._k, self._omega, self._pose)
         self._error = body_errors(self._pose, desired)
-        self._seen_error = self._error if self._measured is self._pose else body_errors(self._measured, desired)
+        exact = self._measured is self._pose  # what is observed is the truth
+        self._seen_error = self._error if exact else body_errors(self._measured, desired)
         ahead, left, turn = columns(self._error)
         distance = np.hypot(ahead, left)
         self._success &= distance <= LOST
