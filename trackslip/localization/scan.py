@@ -46,10 +46,11 @@ class Plate:
         if self.thickness >= self.length:
             raise InvalidValueError("thickness", self.thickness, f"less than length = {self.length}")
 
-    def outside(self, pose: Array, x: Array, y: Array) -> Array:
-        """Distances (H,) of points from the plates at poses (H, 3), negative inside [m]."""
-        cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
-        x, y = x - pose[:, 0], y - pose[:, 1]
+    def outside(self, pose: Array, which: np.ndarray, x: Array, y: Array) -> Array:
+        """Distances (H,) of points from the plates `which` (H,) of those at poses (S, 3), negative inside [m]."""
+        places = np.array([pose[:, 0], pose[:, 1], np.cos(pose[:, 2]), np.sin(pose[:, 2])])
+        p_x, p_y, cos, sin = places.take(which, axis=1)
+        x, y = x - p_x, y - p_y
         along = np.abs(cos * x + sin * y) - self.length / 2
         across = np.abs(cos * y - sin * x) - self.thickness / 2
         return np.hypot(np.maximum(along, 0), np.maximum(across, 0)) + np.minimum(np.maximum(along, across), 0)
@@ -191,7 +192,7 @@ def candidates(scan: Scan, plate: Plate, gap: float) -> tuple[Cluster, np.ndarra
 def returns_at(scan: Scan, plate: Plate, pose: Array) -> Cluster:
     """The returns of scans (S, B) that lie, within the noise, on plates at poses (S, 3) in the LRF's frame."""
     returns = returns_of(scan)
-    outside = plate.outside(pose[returns.row], returns.x, returns.y)
+    outside = plate.outside(pose, returns.row, returns.x, returns.y)
     mine = np.abs(outside) < max(_ON_PLATE, 5 * scan.noise)
     return gather(scan, np.arange(len(scan.ranges)), returns.row[mine], returns.beam[mine])
 
@@ -229,8 +230,9 @@ def returns_of(scan: Scan) -> Returns:
         tolerance = _STATIC * max(scan.noise, MIN_NOISE) if scan.tolerance is None else scan.tolerance
         for level in np.atleast_2d(scan.background):
             kept &= ~(np.abs(scan.ranges - level) < tolerance)
-    row, beam = np.nonzero(kept)
-    distance, bearing = scan.ranges[row, beam], scan.bearings[beam]
+    place = np.flatnonzero(kept)
+    row, beam = np.divmod(place, kept.shape[1])
+    distance, bearing = scan.ranges.ravel()[place], scan.bearings[beam]
     return Returns(row, beam, distance * np.cos(bearing), distance * np.sin(bearing))
 
 
@@ -268,7 +270,7 @@ def _hidden(scan: Scan, rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> 
 def _about(returns: Returns, plate: Plate, near: Array) -> np.ndarray:
     """Mask (H,) of the returns in pieces that lie mostly around the plates expected at `near` (S, 3)."""
     pieces = returns.split(FINER_GAPS[-1])
-    close = plate.outside(near[returns.row], returns.x, returns.y) < _ABOUT
+    close = plate.outside(near, returns.row, returns.x, returns.y) < _ABOUT
     share = np.bincount(pieces.label, weights=close, minlength=len(pieces.count)) / np.maximum(pieces.count, 1)
     fits = pieces.extent < plate.length + 2 * _ABOUT
     return (fits & (share >= 0.5))[pieces.label]

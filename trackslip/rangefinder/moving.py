@@ -31,7 +31,7 @@ class Moving:
 def moving_things(scan: Scan, plate: Plate, pose: Array, valid: np.ndarray) -> Moving:
     """What moves in scans with ranges (S, B) whose plates are at poses (S, 3), where `valid` (S,)."""
     returns = returns_of(scan)
-    away = plate.outside(pose[returns.row], returns.x, returns.y) > _BESIDE
+    away = plate.outside(pose, returns.row, returns.x, returns.y) > _BESIDE
     others = np.bincount(returns.row[away], minlength=len(pose)) >= _MIN_RETURNS
     share = float(others[valid].mean()) if valid.any() else 0.0
     return Moving(share, _length(returns, len(pose)))

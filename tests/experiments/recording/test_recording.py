@@ -91,7 +91,7 @@ def test_scan_points_lie_on_the_plate(driven):
         for chunk in RrdReader(file).stream().filter(content="/run/scan/plate")
         if "time" in chunk.to_record_batch().schema.names
     ])  # fmt: skip
-    off = plate.outside(np.repeat(log.truth.pose, count, axis=0), points[:, 0], points[:, 1])
+    off = plate.outside(log.truth.pose, np.repeat(np.arange(len(count)), count), points[:, 0], points[:, 1])
     assert len(off) > 1000
     assert np.abs(np.minimum(off, 0.02)).mean() < 0.01  # the noise is 5 mm
     assert (off < 0.05).mean() > 0.99
