@@ -74,10 +74,14 @@ class PlateLikelihood:
         return np.sqrt(beams.sums(residual * residual) / beams.count)
 
     def cost_along(self, beams: Beams, pose: Array, offset: Array) -> Array:
-        """Costs (M, K) at poses (M, 3) slid along the plate by `offset` (M, K) [m], less a constant for each scan.
+        """Costs (M, K) at poses (M, 3) slid along the plate by `offset` (M, K) [m], less a constant for each scan."""
+        every = np.repeat(np.arange(len(pose)), offset.shape[1])
+        residual = self.edges(beams.edges.take(every), View.of(self.plate, pose).slid(offset))[0]
+        of_edges = np.einsum("me,me->m", residual, residual) / 2
+        return self.ranges_along(beams, pose, offset) + of_edges.reshape(offset.shape)
 
-        Only beams that may leave the long face matter.
-        """
+    def ranges_along(self, beams: Beams, pose: Array, offset: Array) -> Array:
+        """The part (M, K) of `cost_along` that is due to ranges. Only beams that may leave the long face matter."""
         view = View.of(self.plate, pose)
         half_length = self.plate.length / 2
         along = view.along[:, None] + offset  # (M, K)
@@ -106,9 +110,7 @@ class PlateLikelihood:
         if row.size:
             first = np.flatnonzero(np.diff(row, prepend=-1))
             cost[row[first]] = np.add.reduceat(loss, first, axis=0)
-        every = np.repeat(np.arange(len(pose)), offset.shape[1])
-        residual = self.edges(beams.edges.take(every), view.slid(offset))[0]
-        return cost + (np.einsum("me,me->m", residual, residual) / 2).reshape(offset.shape)
+        return cost
 
     def moved(self, pose: Array, step: Array) -> Array:
         """Poses (M, 3) after steps (M, 3) along and across their plates."""

@@ -20,11 +20,13 @@ from trackslip.kinematics import Array
 from trackslip.localization.beams import Beams
 from trackslip.localization.bound import viewing_angle
 from trackslip.localization.climb import Evaluation, covariances
+from trackslip.localization.ends import Ends
 from trackslip.localization.fixed_heading import FixedHeading, TurnedBeams
 from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.line import fit_line
 from trackslip.localization.scan import Cluster, Scan
 from trackslip.localization.starts import chunks
+from trackslip.localization.view import View
 
 _EDGE_ON = np.radians(3.0)  # from the line of sight; at smaller angles the posterior is integrated over the heading
 _FEW = 5  # with at most this many returns, _EDGE_ON_BY_FEW applies instead
@@ -39,6 +41,8 @@ _HOPELESS = 40.0  # excess of the cost above which a heading has no probability
 _TRUSTED = 3.0  # the cost of a rough fit falls by less than so many times the promise of the next step
 _CLAIMED = 0.9  # a fit is doubted below this fraction of the standard deviation that the edges allow
 _ALONG_PLATEAU = np.linspace(-3.0, 3.0, 21)  # along the plate [standard deviations that an edge allows]
+_BETWEEN = (np.arange(48) + 0.5) / 48
+_ABOUT = np.linspace(-4.0, 4.0, 17)
 _ALONG_PEAK = np.linspace(-4.0, 4.0, 12)  # along the plate [standard deviations of the fit]
 
 
@@ -58,7 +62,10 @@ def correct(
         sight = np.arctan2(pose[rows, 1], pose[rows, 0])
         pose[rows], covariance[rows] = _over_heading(likelihood, scan, cluster.take(rows), sight)
     from_side = np.flatnonzero((off > _FROM_SIDE) & fits)
-    if from_side.size:
+    if scan.dropout > 0:
+        rest = np.flatnonzero(fits & ~edge_on)
+        _between_ends(likelihood, scan, cluster, beams, pose, covariance, rest)
+    elif from_side.size:
         _along_plate(likelihood, beams, pose, covariance, from_side)
 
 
@@ -100,6 +107,36 @@ def _along_plate(likelihood: PlateLikelihood, beams: Beams, pose: Array, covaria
     rows, at, e, leaning, sigma, edge = (part[doubted] for part in (rows, at, e, leaning, sigma, edge))
     offset = np.concatenate([edge[:, None] * _ALONG_PLATEAU, sigma[:, None] * _ALONG_PEAK], axis=1)  # (N, K)
     share, span = _quadrature(offset, likelihood.cost_along(beams.take(rows), at, offset))
+    mean = np.sum(share * offset, axis=1)
+    variance = np.sum(share * ((offset - mean[:, None]) ** 2 + span**2 / 12), axis=1)
+    pose[rows] = at + mean[:, None] * e
+    given = leaning[:, :, None] * leaning[:, None, :] / (sigma**2)[:, None, None]
+    covariance[rows] += variance[:, None, None] * e[:, :, None] * e[:, None, :] - given
+
+
+def _between_ends(
+    likelihood: PlateLikelihood,
+    scan: Scan,
+    cluster: Cluster,
+    beams: Beams,
+    pose: Array,
+    covariance: Array,
+    rows: np.ndarray,
+) -> None:
+    """Correct poses (S, 3) and covariances (S, 3, 3) along the plate where beams may be lost beyond the returns.
+
+    This is done in place, for the scans `rows` (R,) only.
+    """
+    at, of = pose[rows], covariance[rows]
+    e = np.stack([np.cos(at[:, 2]), np.sin(at[:, 2]), np.zeros(len(at))], axis=-1)
+    leaning = np.einsum("mij,mj->mi", of, e)
+    sigma = np.sqrt(np.maximum(np.sum(leaning * e, axis=1), 1e-12))
+    ends, view = Ends.of(scan, cluster.take(rows)), View.of(likelihood.plate, at)
+    slack = ends.slack(view)
+    offset = slack[:, :1] + (slack[:, 1:] - slack[:, :1]) * _BETWEEN
+    offset = np.concatenate([offset, sigma[:, None] * _ABOUT], axis=1)
+    cost = likelihood.ranges_along(beams.take(rows), at, offset) + ends.cost(view, offset)
+    share, span = _quadrature(offset, cost)
     mean = np.sum(share * offset, axis=1)
     variance = np.sum(share * ((offset - mean[:, None]) ** 2 + span**2 / 12), axis=1)
     pose[rows] = at + mean[:, None] * e

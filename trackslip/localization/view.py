@@ -38,15 +38,19 @@ class View(Rows):
         along = (self.along[:, None] + offset).ravel()
         return View(self.plate, along, self.across[every], self.cos[every], self.sin[every])
 
+    def corners(self) -> Array:
+        """The outermost corners (M, 2, 2), right and left, along and across the plates from their centres [m]."""
+        beyond = (_ENDS * self.plate.length).searchsorted(self.along)
+        beside = (_ENDS * self.plate.thickness).searchsorted(self.across)
+        return _outermost(self.plate)[beyond, beside]
+
     def silhouette(self, ahead: Array) -> tuple[Array, Array]:
         """The outermost corners, right and left, seen in the directions `ahead` (M, 2).
 
         Returns their bearings from `ahead` (M, 2) [rad], which thus do not wrap, and the derivatives (M, 2, 3) of these
         with respect to the place along and across the plate's axes and the heading.
         """
-        beyond = (_ENDS * self.plate.length).searchsorted(self.along)
-        beside = (_ENDS * self.plate.thickness).searchsorted(self.across)
-        offset = _outermost(self.plate)[beyond, beside]  # (M, 2, 2)
+        offset = self.corners()
         o_x, o_y = offset[:, :, 0], offset[:, :, 1]
         x, y = o_x + self.along[:, None], o_y + (self.across + _TINY)[:, None]
         cos = (self.cos * ahead[:, 0] + self.sin * ahead[:, 1])[:, None]
