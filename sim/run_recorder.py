@@ -153,9 +153,12 @@ class RunRecorder:
             what = f"returns the twist {tuple(twist[i].tolist())} at {self.time[k]:g} s: must be finite"
             raise RunFailedError(f"run {self.name(robots[i])!r}: its controller {what}")
 
-    def steered(self, k: int, robots: np.ndarray, twist: Array, law: SlipLaw) -> None:
-        """Record controllers' twists (R, 2) for R robots, and the law that turns them into sprocket speeds."""
-        self._twist_command[k, robots] = twist
+    def wanted(self, k: int, twist: Array) -> None:
+        """Record the twists (N, 2) that the controllers want in row k."""
+        self._twist_command[k] = twist
+
+    def compensated(self, k: int | slice, robots: np.ndarray, law: SlipLaw) -> None:
+        """Record the law that turns the twists of R robots into sprocket speeds in row k, or in many rows."""
         if isinstance(law, _WITH_ICR):
             self._icr[k, robots, 0], self._icr[k, robots, 1] = law.offset, law.radius_error
 

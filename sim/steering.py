@@ -93,6 +93,9 @@ class Steering:
             )
             for one, robots in _merged(pilots, _same_conversion)
         ]
+        for each in self._compensators:
+            if not each.learns:
+                record.compensated(slice(None), each.robots, each.compensation.law())
 
     def omega(self, k: int, period: float) -> Array:
         """Sprocket speeds (N, 2) [rad/s] that the pilots command in row k, `period` [s] after the one before.
@@ -112,10 +115,11 @@ class Steering:
                 pose[one.robots] = advance(pose[one.robots], driven, one.preview)
         for steerer in self._steerers:
             self._wanted[steerer.robots] = self._twist(steerer, k, pose[steerer.robots], omega)
+        record.wanted(k, self._wanted)
         for one, law in zip(self._compensators, laws, strict=True):
-            twist = self._wanted[one.robots]
-            record.steered(k, one.robots, twist, law)
-            self._omega[one.robots] = law.sprocket_speeds(twist, geometry)
+            if one.learns:
+                record.compensated(k, one.robots, law)
+            self._omega[one.robots] = law.sprocket_speeds(self._wanted[one.robots], geometry)
         return self._omega
 
     def _law(self, one: _Compensator, k: int, period: float) -> SlipLaw:

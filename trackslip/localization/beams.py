@@ -27,8 +27,8 @@ class Edges(Rows):
 class Beams:
     """What M scans tell about the plate: H returns, at least one of each scan, and two edges each."""
 
-    u_x: Array  # (H,) directions of the beams that returned
-    u_y: Array  # (H,)
+    u: Array  # (2, H) directions of the beams that returned
+    u_turned: Array  # (2, H) the same, turned by a right angle to the right
     range: Array  # (H,) [m]
     count: np.ndarray  # (M,) number of returns of each scan
     first: np.ndarray  # (M,) place of its first one
@@ -53,15 +53,17 @@ class Beams:
         inside = np.stack([low > scan.bearings[0] + tolerance, high < scan.bearings[-1] - tolerance], axis=1)
         weight = np.where(inside & within[:, None] & np.isfinite(cluster.hidden), 1 / spread[:, None], 0.0)
         edges = Edges(np.stack([np.cos(middle), np.sin(middle)], axis=1), reach * np.array([-1.0, 1.0]), weight, slack)
-        u_x, u_y, noise = np.cos(bearing), np.sin(bearing), max(scan.noise, MIN_NOISE)
-        return cls(u_x, u_y, distance, count, first, edges, noise)
+        u, u_turned = np.empty((2, len(bearing))), np.empty((2, len(bearing)))
+        u[0], u[1] = u_turned[1], u_turned[0] = np.cos(bearing), np.sin(bearing)
+        np.negative(u_turned[1], out=u_turned[1])
+        return cls(u, u_turned, distance, count, first, edges, max(scan.noise, MIN_NOISE))
 
     def take(self, rows: np.ndarray) -> Beams:
         """Those of the scans `rows` (R,), in that order, possibly repeated."""
         count, kept = self.count[rows], self.places(rows)
         first = np.cumsum(count) - count
-        u_x, u_y, distance = self.u_x[kept], self.u_y[kept], self.range[kept]
-        return Beams(u_x, u_y, distance, count, first, self.edges.take(rows), self.noise)
+        u, u_turned = (part.take(kept, axis=1) for part in (self.u, self.u_turned))
+        return Beams(u, u_turned, self.range[kept], count, first, self.edges.take(rows), self.noise)
 
     def places(self, rows: np.ndarray) -> np.ndarray:
         """Places of the returns of the scans `rows` (R,)."""
@@ -73,9 +75,9 @@ class Beams:
         """Only every n-th return of each scan, so that at most about `most` are left; the edges are kept."""
         every = np.maximum(1, self.count // most)
         place = np.arange(len(self.range)) - np.repeat(self.first, self.count)
-        kept = place % np.repeat(every, self.count) == 0
+        kept = np.flatnonzero(place % np.repeat(every, self.count) == 0)
         count = -(-self.count // every)
-        few = {name: getattr(self, name)[kept] for name in ("u_x", "u_y", "range")}
+        few = {name: getattr(self, name).take(kept, axis=-1) for name in ("u", "u_turned", "range")}
         return replace(self, count=count, first=np.cumsum(count) - count, **few)
 
     def spread(self, of_scans: Array) -> Array:

@@ -150,6 +150,6 @@ def _edge_jacobian(pose: Array, plate: Plate, bearings: Array) -> Array:
     sight = np.arctan2(pose[:, 1], pose[:, 0])
     beside, jacobian = View.of(plate, pose).silhouette(np.stack([np.cos(sight), np.sin(sight)], axis=1))
     field = bearings[-1] - bearings[0]
-    off = np.angle(np.exp(1j * (sight[:, None] + beside - (bearings[0] + bearings[-1]) / 2)))
+    off = np.angle(np.exp(1j * (sight[:, None] + beside.T - (bearings[0] + bearings[-1]) / 2)))
     weight = np.where(np.abs(off) < field / 2, np.sqrt(12) / (field / (len(bearings) - 1)), 0.0)
-    return jacobian @ in_axes(pose[:, 2]) * weight[..., None]
+    return jacobian.T @ in_axes(pose[:, 2]) * weight[..., None]

@@ -15,7 +15,11 @@ UNKNOWN = 1e6
 """Variance of what a scan does not determine."""
 _DAMPING = 1e-3  # at first
 _FEW = 32  # rows: to leave some out takes longer than to evaluate them once more
-_CONVERGED = 1e-4  # a climb ends with a step that promises less; it is exact to a fraction of its length
+_CONVERGED = 1e-2  # a climb ends with a step that promises less; what is left promises about the square of that
+_SHORTEST, _LONGEST = 0.1, 0.5  # part of a refused step that is tried next
+_TINY = 1e-300  # keeps a step without promise from dividing by zero
+_MATRIX = np.array([0, 5, 4, 5, 1, 3, 4, 3, 2])  # Voigt's elements (xx, yy, zz, yz, xz, xy) in the rows of a matrix
+_VOIGT = np.array([0, 4, 8, 5, 2, 1])  # elements of a matrix in Voigt's order
 
 
 @dataclass(frozen=True)
@@ -25,7 +29,12 @@ class Evaluation(Rows):
     pose: Array  # (M, 3) in the LRF's frame
     cost: Array  # (M,) negative log likelihood
     gradient: Array  # (M, 3)
-    hessian: Array  # (M, 3, 3)
+    curvature: Array  # (M, 6) elements of the Hessian in Voigt's order: xx, yy, zz, yz, xz, xy
+
+    @property
+    def hessian(self) -> Array:
+        """(M, 3, 3)."""
+        return matrices(self.curvature.T)
 
     def promise(self) -> Array:
         """Decreases of the cost (M,) that the next step promises; inf where there is none."""
@@ -35,7 +44,8 @@ class Evaluation(Rows):
         """The same with derivatives with respect to x, y and phi."""
         axes = in_axes(self.pose[:, 2])
         back = axes.swapaxes(1, 2)
-        return Evaluation(self.pose, self.cost, (back @ self.gradient[..., None])[..., 0], back @ self.hessian @ axes)
+        curvature = (back @ self.hessian @ axes).reshape(-1, 9).take(_VOIGT, axis=1)
+        return Evaluation(self.pose, self.cost, (back @ self.gradient[..., None])[..., 0], curvature)
 
 
 class Surface(Protocol):
@@ -51,35 +61,44 @@ class Surface(Protocol):
 def climb(surface: Surface, beams: Any, pose: Array, iterations: int) -> Evaluation:
     """The minima near poses (M, 3), given the beams of M scans, of which rows can be taken.
 
-    A row whose next step promises next to nothing takes that step, and no longer changes, so that rows are bitwise
-    independent of each other.
+    A step that leads upwards crosses a kink of the cost, where beams leave a face of the plate; a part of it is tried
+    next, up to the minimum of the parabola through what is known, unless that promises next to nothing. A row whose
+    next step promises next to nothing takes that step. It no longer changes then, so that rows are bitwise independent.
     """
     fit = here = surface.evaluate(beams, pose.copy())
     rows = np.arange(len(pose))  # those of `here`
     climbing = np.ones(len(pose), bool)
-    damping = np.full(len(pose), _DAMPING)
+    damping, part = np.full(len(pose), _DAMPING), np.ones(len(pose))
     for _ in range(iterations):
         step, fall = _newton(here, damping)
         there = (fall < _CONVERGED) & climbing
         if there.any():
-            here.pose[there] = surface.moved(here.pose[there], step[there])
-            here.cost[there] -= fall[there]
+            np.copyto(here.pose, surface.moved(here.pose, step), where=there[:, None])
+            np.subtract(here.cost, fall, out=here.cost, where=there)
             climbing &= ~there
-            if not climbing.any():
-                break
-            if len(rows) > _FEW:
-                if fit is not here:
-                    fit.put(rows[there], here.take(there))
-                on = np.flatnonzero(climbing)
-                rows, beams, here = rows[on], beams.take(on), here.take(on)
-                climbing, damping, step = climbing[on], damping[on], step[on]
-        trial = surface.evaluate(beams, surface.moved(here.pose, step))
-        better = (trial.cost < here.cost) & climbing
-        damping = np.where(better, damping / 10, damping * 10)
+        if not climbing.any():
+            break
+        if len(rows) > _FEW and not climbing.all():
+            if fit is not here:
+                fit.put(rows[~climbing], here.take(~climbing))
+            on = np.flatnonzero(climbing)
+            rows, beams, here, climbing = rows[on], beams.take(on), here.take(on), climbing[on]
+            damping, part, step, fall = damping[on], part[on], step[on], fall[on]
+        trial = surface.evaluate(beams, surface.moved(here.pose, part[:, None] * step))
+        rise = trial.cost - here.cost
+        better = (rise < 0) & climbing
         if better.all():
-            here = trial
-        else:
-            here.put(better, trial.take(better))
+            here, damping, part = trial, damping / 10, np.ones(len(rows))
+            continue
+        here.put_where(better, trial)
+        damping[better] /= 10
+        part[better] = 1.0
+        refused = climbing & ~better
+        if refused.any():
+            promised = 2 * part * np.where(np.isfinite(fall), fall, 0.0)
+            shorter = promised / (2 * (rise + promised) + _TINY)
+            climbing &= better | (shorter * promised / 2 >= _CONVERGED)  # what the minimum of the parabola promises
+            part = np.where(refused, part * np.minimum(np.maximum(shorter, _SHORTEST), _LONGEST), part)
     if here is fit or len(rows) == len(pose):
         return here
     fit.put(rows, here)
@@ -88,42 +107,45 @@ def climb(surface: Surface, beams: Any, pose: Array, iterations: int) -> Evaluat
 
 def _newton(here: Evaluation, damping: Array) -> tuple[Array, Array]:
     """Damped steps (M, 3), and the decreases of the cost (M,) that they promise: inf where there is no step."""
-    damped = here.hessian.reshape(-1, 9).copy()
-    damped[:, ::4] *= 1 + damping[:, None]
+    damped = here.curvature.T.copy()
+    damped[:3] *= 1 + damping
     inverse, regular = inverses(damped)
-    step = -(inverse @ here.gradient[:, :, None])[:, :, 0]
-    fall = np.einsum("mi,mi->m", step, here.gradient) / -2
+    gradient = here.gradient.T
+    parts = inverse.take(_MATRIX, axis=0).reshape(3, 3, -1) * gradient
+    step = -(parts[:, 0] + parts[:, 1] + parts[:, 2])
+    falls = step * gradient
+    fall = (falls[0] + falls[1] + falls[2]) / -2
     if not regular.all():
-        step[~regular], fall[~regular] = 0.0, np.inf
-    return step, fall
+        step[:, ~regular], fall[~regular] = 0.0, np.inf
+    return step.T, fall
 
 
-_FIRST = np.array([4, 5, 3, 8, 2, 0])  # elements of a symmetric matrix whose products are the cofactors
-_SECOND = np.array([8, 6, 7, 0, 3, 4])
-_THIRD = np.array([5, 3, 4, 2, 0, 1])
-_FOURTH = np.array([7, 8, 6, 6, 5, 3])
-_SYMMETRIC = np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])
+_FIRST, _SECOND = np.array([1, 0, 0, 4, 5, 3]), np.array([2, 2, 1, 5, 3, 4])  # elements whose products, less those of
+_THIRD, _FOURTH = np.array([3, 4, 5, 0, 1, 2]), np.array([3, 4, 5, 3, 4, 5])  # these, are the cofactors
 
 
-def inverses(matrix: Array) -> tuple[Array, np.ndarray]:
-    """Inverses of symmetric matrices (M, 3, 3) by cofactors, and a mask (M,) of the positive definite ones.
+def inverses(elements: Array) -> tuple[Array, np.ndarray]:
+    """Inverses of symmetric matrices by cofactors, and a mask (M,) of the positive definite ones.
 
-    Written out because NumPy's inverse calls LAPACK for each matrix. Elements are taken so that a matrix is contiguous
-    whatever M is: the order in which NumPy adds depends on it.
+    Their elements (6, M) are in Voigt's order. Written out because NumPy's inverse calls LAPACK for each matrix.
     """
-    flat = matrix.reshape(-1, 9)
-    first, second, third, fourth = (flat.take(k, axis=1) for k in (_FIRST, _SECOND, _THIRD, _FOURTH))
-    cofactor = first * second - third * fourth  # xx, xy, xz, yy, yz, zz
-    determinant = np.einsum("mi,mi->m", flat[:, :3], cofactor[:, :3])
-    xx = flat[:, 0]
-    regular = (determinant > 1e-12 * xx * flat[:, 4] * flat[:, 8]) & (xx > 0)
-    cofactor /= np.where(regular, determinant, 1.0)[:, None]
-    return cofactor.take(_SYMMETRIC, axis=1).reshape(-1, 3, 3), regular
+    first, second, third, fourth = (elements.take(k, axis=0) for k in (_FIRST, _SECOND, _THIRD, _FOURTH))
+    cofactor = first * second - third * fourth
+    xx, xz, xy = elements[0], elements[4], elements[5]
+    determinant = xx * cofactor[0] + xy * cofactor[5] + xz * cofactor[4]
+    regular = (determinant > 1e-12 * xx * elements[1] * elements[2]) & (xx > 0)
+    cofactor /= np.where(regular, determinant, 1.0)
+    return cofactor, regular
 
 
-def covariances(hessian: Array) -> Array:
-    """Inverses (M, 3, 3) of Hessians (M, 3, 3); UNKNOWN in every element of one that is not positive definite."""
-    inverse, regular = inverses(hessian)
+def matrices(elements: Array) -> Array:
+    """Symmetric matrices (M, 3, 3) from their elements (6, M) in Voigt's order."""
+    return elements.take(_MATRIX, axis=0).T.copy().reshape(-1, 3, 3)
+
+
+def covariances(fit: Evaluation) -> Array:
+    """Inverses (M, 3, 3) of the Hessians; UNKNOWN in every element of one that is not positive definite."""
+    inverse, regular = inverses(fit.curvature.T)
     if not regular.all():
-        inverse[~regular] = UNKNOWN
-    return inverse
+        inverse[:, ~regular] = UNKNOWN
+    return matrices(inverse)

@@ -1,8 +1,19 @@
-"""The ends of the plate where beams are lost: a scan without an echo at its end may still have met the plate.
+"""The place of a plate along itself if beams may be lost at its ends: exact likelihood and posterior.
 
-If a beam that meets the plate returns nothing with probability p, a pose under which k beams beyond the outermost
-return meet the plate has the likelihood p^k, and one under which the outermost return itself misses it, none. Along the
-plate this is a staircase with a wall at each end.
+A beam that meets the plate returns nothing with probability p. The plate reaches at least as far as its outermost
+returns; if k more beams beyond one of them meet it, that has the likelihood p^k. As the plate slides, every beam that
+one end gains costs a factor of p, and the other end gives one back. The likelihood is a staircase between two walls,
+which stand where the plate no longer reaches one of the outermost returns, and nothing like a normal distribution:
+
+- Seen broadside, the plate gains and gives back at the same rate. All places between the walls are equally probable,
+  and their middle is the mean. Its error grows with the distance of the walls, the number of lost beams, which is
+  known from the length of the plate.
+- Seen from an end, the plate covers more beams per metre at its near end than at the far one. The more it reaches
+  towards the scanner, the more beams would have to be lost.
+
+Where beams are lost and no return is from the short face, this is all that is known along the plate. A return from the
+short face adds a narrow peak to the staircase, unless it is so close to the corner that it may be from the long face.
+The posterior is therefore summed over the places between the walls and, more finely, over those around the fit.
 """
 
 from __future__ import annotations
@@ -12,55 +23,72 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackslip.kinematics import Array
+from trackslip.localization.beams import Beams
+from trackslip.localization.likelihood import PlateLikelihood
+from trackslip.localization.quadrature import moments, quadrature
 from trackslip.localization.rows import Rows
 from trackslip.localization.scan import Cluster, Scan
 from trackslip.localization.view import View
 
-_OUTSIDE = 7.0  # cost of a return from something else than the plate
-_MARGIN = 0.1  # the scanner's reach may cut off returns this close to it [m]
+_OUTSIDE = 7.0  # cost of a return that a pose leaves nothing to hit: it may be from something else
+_BETWEEN_WALLS = (np.arange(48) + 0.5) / 48  # places along the plate [their distance]
+_ABOUT_FIT = np.linspace(-4.0, 4.0, 17)  # places along the plate [standard deviations of the fit]
+_TINY = 1e-12  # keeps a beam along the plate from dividing by zero
+_OUTWARDS = np.array([[-1.0], [1.0]])  # right and left
 
 
 @dataclass(frozen=True)
 class Ends(Rows):
-    """The outermost returns, right and left, in M scans, and the beams beyond them."""
+    """The outermost returns of M scans, right and left, and the beams beyond them."""
 
     ahead: Array  # (M, 2) direction of the middle, half-way between them
-    reach: Array  # (M,) angle between the middle and each [rad]
+    reach: Array  # (M,) angle between the middle and each of them [rad]
     hidden: Array  # (M, 2) angle that something closer hides beyond each [rad]
-    room: Array  # (M, 2) number of beams farther out that would have met the plate if it were there
+    room: Array  # (M, 2) number of beams farther out that would tell whether they meet the plate
     step: float  # angle between beams [rad]
-    dropout: float  # probability that a beam that meets the plate returns nothing [-]
+    dropout: float  # probability that a beam that meets the plate returns nothing, above 0 [-]
 
     @classmethod
-    def of(cls, scan: Scan, cluster: Cluster) -> Ends:
-        """Of clusters with at least one return each."""
-        low = cluster.bearing[:, 0]
-        high = cluster.bearing[np.arange(len(low)), cluster.width - 1]
-        middle = (low + high) / 2
-        room = np.rint(np.stack([low - scan.bearings[0], scan.bearings[-1] - high], axis=1) / scan.beam_step)
-        farthest = np.max(cluster.range, axis=1, where=cluster.hit, initial=0.0)
-        told = np.isfinite(cluster.hidden) & (farthest < scan.max_range - _MARGIN)[:, None]
-        ahead = np.stack([np.cos(middle), np.sin(middle)], axis=1)
-        hidden = np.where(told, cluster.hidden, 0.0)
-        return cls(ahead, (high - low) / 2, hidden, np.where(told, room, 0.0), scan.beam_step, scan.dropout)
+    def of(cls, scan: Scan, cluster: Cluster, beams: Beams) -> Ends:
+        """Of clusters of a scan with known dropout, and their beams."""
+        low, high = cluster.bearing[:, 0], cluster.bearing[np.arange(len(cluster.count)), cluster.width - 1]
+        hidden = 2 * beams.edges.slack
+        room = (np.stack([low - scan.bearings[0], scan.bearings[-1] - high], axis=1) - hidden) / scan.beam_step
+        room = np.where(beams.edges.weight > 0, np.rint(room), 0.0)
+        return cls(beams.edges.ahead, (high - low) / 2, hidden, room, scan.beam_step, scan.dropout)
+
+    def place(self, likelihood: PlateLikelihood, beams: Beams, pose: Array, sigma: Array) -> tuple[Array, Array]:
+        """Posterior means (M,) of the offsets of the plates along themselves from poses (M, 3) [m], and variances (M,).
+
+        The heading and the place across the plate are taken as known. `sigma` (M,) is the width of a peak that there
+        may be at the poses [m].
+        """
+        view = View.of(likelihood.plate, pose)
+        right, left = self.walls(view)
+        offset = np.concatenate(
+            [right[:, None] + (left - right)[:, None] * _BETWEEN_WALLS, sigma[:, None] * _ABOUT_FIT], axis=1
+        )
+        cost = likelihood.ranges_along(beams, pose, offset) + self.cost(view, offset)
+        return moments(offset, *quadrature(offset, cost))
 
     def cost(self, view: View, offset: Array) -> Array:
-        """Negative log likelihoods (M, K) of the beams beyond the returns, for plates slid by `offset` (M, K) [m]."""
-        every = np.repeat(np.arange(len(offset)), offset.shape[1])
-        corner = view.slid(offset).silhouette(self.ahead[every])[0] * [-1.0, 1.0]
-        beyond = (corner - self.reach[every, None]) / self.step
-        lost = np.clip(np.floor(beyond - self.hidden[every] / self.step), 0.0, self.room[every])
-        cost = -np.log(self.dropout) * lost + _OUTSIDE * np.ceil(np.maximum(-beyond, 0.0))
-        return cost.sum(axis=1).reshape(offset.shape)
+        """Negative log likelihoods (M, K) of what the ends tell about plates slid by `offset` (M, K) [m]."""
+        every = self.take(np.repeat(np.arange(len(offset)), offset.shape[1]))
+        corner = view.slid(offset).silhouette(every.ahead)[0]
+        beyond = (corner * _OUTWARDS - every.reach) / self.step  # (2, M * K) beams beyond the outermost return
+        lost = np.minimum(np.maximum(np.floor(beyond - every.hidden.T / self.step), 0.0), every.room.T)
+        cost = _OUTSIDE * np.ceil(np.maximum(-beyond, 0.0)) - np.log(self.dropout) * lost
+        return (cost[0] + cost[1]).reshape(offset.shape)
 
-    def slack(self, view: View) -> Array:
-        """How far plates can slide (M, 2) until an outermost return misses them [m], ascending."""
-        corner = view.corners()  # (M, 2, 2)
-        turn = np.array([-1.0, 1.0]) * self.reach[:, None]
-        x, y = self.ahead[:, :1], self.ahead[:, 1:]
-        u_x, u_y = x * np.cos(turn) - y * np.sin(turn), y * np.cos(turn) + x * np.sin(turn)
-        u_e = u_x * view.cos[:, None] + u_y * view.sin[:, None]
-        u_n = u_y * view.cos[:, None] - u_x * view.sin[:, None]
-        across = corner[:, :, 1] + view.across[:, None]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.sort(across * u_e / u_n - corner[:, :, 0] - view.along[:, None], axis=1)
+    def walls(self, view: View) -> Array:
+        """How far plates slide along themselves until they no longer reach a return, right and left (2, M) [m].
+
+        That is at most their length.
+        """
+        along, across = view.corners()
+        turn = _OUTWARDS * self.reach
+        (x, y), cos, sin = self.ahead.T, np.cos(turn), np.sin(turn)
+        u_x, u_y = x * cos - y * sin, y * cos + x * sin  # of the outermost returns
+        u_along, u_across = u_x * view.cos + u_y * view.sin, u_y * view.cos - u_x * view.sin
+        wall = (view.across + across) * u_along / np.where(u_across == 0, _TINY, u_across) - along - view.along
+        return np.clip(wall, -view.plate.length, view.plate.length)

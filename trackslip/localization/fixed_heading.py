@@ -14,6 +14,8 @@ from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.starts import centre_of_side
 from trackslip.localization.view import View
 
+_FIRST, _SECOND = np.array([0, 0, 0, 1, 2, 1]), np.array([0, 1, 2, 1, 2, 2])  # residual or derivative; their products
+
 
 @dataclass(frozen=True)
 class TurnedBeams:
@@ -33,7 +35,7 @@ class TurnedBeams:
         """In the axes of plates with `heading` (M,) [rad]."""
         of_scans = np.stack([np.cos(heading), np.sin(heading)])
         cos, sin = beams.spread(of_scans)
-        u_e, u_n = beams.u_x * cos + beams.u_y * sin, beams.u_y * cos - beams.u_x * sin
+        u_e, u_n = beams.u * cos + beams.u_turned * sin
         per_along, per_across = (np.divide(1.0, u, out=np.zeros(len(u)), where=u != 0) for u in (u_e, u_n))
         return cls(beams, heading, of_scans[0], of_scans[1], u_e, u_n, per_along, per_across)
 
@@ -101,15 +103,13 @@ class FixedHeading:
             np.multiply(one, residual, out=terms[1 + k])
             np.multiply(one, slope, out=terms[3 + k])
         sums = beams.sums(terms)  # (5, M)
-        edge_residual, edge_jacobian = self.likelihood.edges(
-            beams.edges, View(plate, along, across, turned.cos, turned.sin)
-        )
-        edge_jacobian[:, :, 2] = 0.0
-        gradient = (edge_residual[:, None] @ edge_jacobian)[:, 0]
-        gradient[:, :2] += sums[1:3].T
-        hessian = edge_jacobian.swapaxes(1, 2) @ edge_jacobian
-        hessian[:, 0, 0] += sums[3]
-        hessian[:, 1, 1] += sums[4]
-        hessian[:, 2, 2] = 1.0
-        cost = sums[0] + np.einsum("me,me->m", edge_residual, edge_residual) / 2
-        return Evaluation(pose, cost, gradient, hessian)
+        view = View(plate, along, across, turned.cos, turned.sin)
+        edges = self.likelihood.edges(beams.edges, view)
+        products = edges.take(_FIRST, axis=0) * edges.take(_SECOND, axis=0)
+        total = products[:, 0] + products[:, 1]  # (6, M): cost, gradient, and the Hessian's elements xx, yy, xy
+        total[0] /= 2
+        total[:5] += sums
+        gradient, curvature = np.zeros((3, len(pose))), np.zeros((6, len(pose)))
+        gradient[:2], curvature[:2], curvature[5] = total[1:3], total[3:5], total[5]
+        curvature[2] = 1.0
+        return Evaluation(pose, total[0], gradient.T, curvature.T)

@@ -31,6 +31,8 @@ from trackslip.localization.scan import Plate
 from trackslip.localization.view import View
 
 _TINY = 1e-300  # keeps a beam that is parallel to a face from dividing by zero
+# an edge's residual or derivative whose products are what it adds to the cost, the gradient, and the Hessian's elements
+_FIRST, _SECOND = np.array([0, 0, 0, 0, 1, 2, 3, 2, 1, 1]), np.array([0, 1, 2, 3, 1, 2, 3, 3, 3, 2])
 
 
 @dataclass(frozen=True)
@@ -53,20 +55,16 @@ class PlateLikelihood:
         np.subtract(weighted, slopes[1], out=slopes[0])  # a beam meets one face only: what is left is on the short one
         np.multiply(weight, turning, out=slopes[2])
         np.multiply(slopes, residual, out=terms[1:4])
-        np.multiply(slopes, turning, out=terms[4:7])
-        np.multiply(slopes[:2], slope, out=terms[7:])
-        sums = beams.sums(terms)  # (9, M)
+        np.multiply(slopes[:2], slope, out=terms[4:6])
+        np.multiply(slopes[::-1], turning, out=terms[6:])
+        sums = beams.sums(terms)  # (9, M): cost, gradient, and the Hessian's elements but the last
 
-        edge_residual, edge_jacobian = self.edges(beams.edges, view)
-        gradient = (edge_residual[:, None] @ edge_jacobian)[:, 0]
-        gradient += sums[1:4].T
-        hessian = edge_jacobian.swapaxes(1, 2) @ edge_jacobian
-        hessian[:, 2] += sums[4:7].T
-        hessian[:, :2, 2] += sums[4:6].T
-        hessian[:, 0, 0] += sums[7]
-        hessian[:, 1, 1] += sums[8]
-        cost = sums[0] + np.einsum("me,me->m", edge_residual, edge_residual) / 2
-        return Evaluation(pose, cost, gradient, hessian)
+        edges = self.edges(beams.edges, view)
+        products = edges.take(_FIRST, axis=0) * edges.take(_SECOND, axis=0)
+        total = products[:, 0] + products[:, 1]  # (10, M): the same, and the last element
+        total[0] /= 2
+        total[:9] += sums
+        return Evaluation(pose, total[0], total[1:4].T, total[4:].T)
 
     def misfit(self, beams: Beams, pose: Array) -> Array:
         """Root mean square residuals (M,) of the ranges at poses (M, 3) [standard deviations]."""
@@ -77,8 +75,8 @@ class PlateLikelihood:
         """Costs (M, K) at poses (M, 3) slid along the plate by `offset` (M, K) [m], less a constant for each scan."""
         every = np.repeat(np.arange(len(pose)), offset.shape[1])
         residual = self.edges(beams.edges.take(every), View.of(self.plate, pose).slid(offset))[0]
-        of_edges = np.einsum("me,me->m", residual, residual) / 2
-        return self.ranges_along(beams, pose, offset) + of_edges.reshape(offset.shape)
+        costs = residual * residual
+        return self.ranges_along(beams, pose, offset) + ((costs[0] + costs[1]) / 2).reshape(offset.shape)
 
     def ranges_along(self, beams: Beams, pose: Array, offset: Array) -> Array:
         """The part (M, K) of `cost_along` that is due to ranges. Only beams that may leave the long face matter."""
@@ -96,8 +94,9 @@ class PlateLikelihood:
         of_scans[5] = np.maximum(np.abs(view.across) - self.plate.thickness / 2, 0.0)
         of_scans[6], of_scans[7] = distance + longest - reach, distance - longest + reach
         e_x, e_y, n_x, n_y, short, long, near, far = beams.spread(of_scans)
-        u_e = beams.u_x * e_x + beams.u_y * e_y - _TINY
-        to_long = long / (beams.u_x * n_x + beams.u_y * n_y - _TINY)
+        u_x, u_y = beams.u
+        u_e = u_x * e_x + u_y * e_y - _TINY
+        to_long = long / (u_x * n_x + u_y * n_y - _TINY)
         matters = np.flatnonzero((short > to_long * u_e) & (u_e > 0) | (to_long < near) | (to_long > far))
 
         row = np.repeat(np.arange(len(pose)), beams.count)[matters]
@@ -137,38 +136,41 @@ class PlateLikelihood:
         That is whether they are on the long face (H,), their derivatives (H,) with respect to the place of the face
         [standard deviations per m], and how far along it they are (H,) [m].
         """
-        along, across = view.along, view.across
-        ahead, aside = np.copysign(1.0, along), np.copysign(1.0, across)
-        distance = np.hypot(along, across)
+        place, size = np.array([view.along, view.across]), np.array([[self.plate.length], [self.plate.thickness]])
+        side = np.copysign(1.0, place)
+        distance = np.hypot(view.along, view.across)
         reach = math.hypot(self.plate.length, self.plate.thickness) / 2
         scale = 1 / beams.noise
         of_scans = np.empty((12, len(distance)))
-        of_scans[0], of_scans[1], of_scans[2], of_scans[3] = view.cos, view.sin, ahead, aside
+        of_scans[0], of_scans[1], of_scans[2:4] = view.cos, view.sin, side
         # of the planes of the short and the long face towards the LRF; 0 if both point away
-        np.maximum(ahead * along - self.plate.length / 2, 0.0, out=of_scans[4])
-        np.maximum(aside * across - self.plate.thickness / 2, 0.0, out=of_scans[5])
-        of_scans[6], of_scans[7], of_scans[8], of_scans[9] = along, across, distance - reach, distance + reach
-        of_scans[10:] = 0.0
-        np.divide(of_scans[2:4] * scale, of_scans[4:6], out=of_scans[10:], where=of_scans[4:6] > 0)
-        cos, sin, ahead, aside, short, long, along, across, near, far, by_short, by_long = beams.spread(of_scans)
-        u_e = beams.u_x * cos + beams.u_y * sin
-        u_n = beams.u_y * cos - beams.u_x * sin
+        np.maximum(side * place - size / 2, 0.0, out=of_scans[4:6])
+        of_scans[6:8], of_scans[8], of_scans[9], of_scans[10:] = place, distance - reach, distance + reach, 0.0
+        np.divide(side * scale, of_scans[4:6], out=of_scans[10:], where=of_scans[4:6] > 0)
+        spread = beams.spread(of_scans)
+        cos, sin, near, far = spread[0], spread[1], spread[8], spread[9]
+        side, distance, place, per_distance = spread[2:4], spread[4:6], spread[6:8], spread[10:]
+        u = beams.u * cos + beams.u_turned * sin  # along and across the plate
         # the range of a face is negative where the beam does not enter the half-plane behind it
-        to_short, to_long = short / (u_e * ahead - _TINY), long / (u_n * aside - _TINY)
+        to_short, to_long = distance / (u * side - _TINY)
         on_long = to_long > to_short
         entered = np.maximum(to_short, to_long)
         predicted = np.minimum(np.maximum(entered, near), far)
         residual = (predicted - beams.range) * scale
-        slope = np.where(on_long, by_long, by_short)  # 1 / (m.u) is the range over the distance of the plane
+        slope = np.where(on_long, per_distance[1], per_distance[0])  # 1 / (m.u) is the range over the plane's distance
         slope *= predicted
         slope *= predicted == entered
-        lever = np.where(on_long, predicted * u_e - along, across - predicted * u_n)
-        return residual, on_long, slope, lever
+        along, across = predicted * u - place
+        return residual, on_long, slope, np.where(on_long, along, -across)
 
-    def edges(self, edges: Edges, view: View) -> tuple[Array, Array]:
-        """Residuals (M, 2) of the two edges of the silhouette, and their Jacobian (M, 2, 3)."""
+    def edges(self, edges: Edges, view: View) -> Array:
+        """Residuals of the two edges of the silhouette, and their three derivatives, (4, 2, M)."""
         bearing, jacobian = view.silhouette(edges.ahead)
-        off = bearing - edges.bearing
-        residual = off - np.minimum(np.maximum(off, -edges.slack), edges.slack)
-        weight = np.where((edges.slack == 0) | (residual != 0), edges.weight, 0.0)
-        return residual * weight, jacobian * weight[..., None]
+        result, weight = np.empty((4, *bearing.shape)), edges.weight.T
+        result[0], result[1:] = bearing - edges.bearing.T, jacobian
+        if edges.slack.any():
+            slack = edges.slack.T
+            result[0] -= np.minimum(np.maximum(result[0], -slack), slack)
+            weight = np.where((slack == 0) | (result[0] != 0), weight, 0.0)
+        result *= weight
+        return result

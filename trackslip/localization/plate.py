@@ -143,15 +143,17 @@ class PlateLocator:
         beams = Beams.of(scan, cluster)
         fit = self._fit(beams, cluster, scan.beam_step, near)
         axes = in_axes(fit.pose[:, 2])
-        covariance = axes.swapaxes(1, 2) @ covariances(fit.hessian) @ axes
+        covariance = axes.swapaxes(1, 2) @ covariances(fit) @ axes
         misfit = np.sqrt(2 * fit.cost / cluster.count)  # edges included
         strained = _strained(misfit, cluster.count)
-        covariance *= np.where(strained, misfit**2, 1.0)[:, None, None]
+        if strained.any():
+            covariance[strained] *= (misfit[strained] ** 2)[:, None, None]
         score = _EXPLAINED * cluster.count - fit.cost
         score += np.log(max(scan.dropout, _MIN_DROPOUT)) * cluster.lost
         correct(self._likelihood, scan, cluster, beams, fit.pose, covariance, misfit < self.max_misfit)
-        cut = (cluster.hidden > 0).any(axis=1)
-        covariance[cut & (cluster.count < _MIN_PLATE_RETURNS)] = UNKNOWN
+        cut = cluster.hidden.max(axis=1) > 0
+        if cut.any():
+            covariance[cut & (cluster.count < _MIN_PLATE_RETURNS)] = UNKNOWN
         return Solution(fit.pose, covariance, misfit, score, strained | cut)
 
     def _fit(self, beams: Beams, cluster: Cluster, beam_step: float, near: Array | None) -> Evaluation:

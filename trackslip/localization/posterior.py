@@ -24,9 +24,10 @@ from trackslip.localization.ends import Ends
 from trackslip.localization.fixed_heading import FixedHeading, TurnedBeams
 from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.line import fit_line
+from trackslip.localization.plate_axis import PlateAxis
+from trackslip.localization.quadrature import moments, quadrature
 from trackslip.localization.scan import Cluster, Scan
 from trackslip.localization.starts import chunks
-from trackslip.localization.view import View
 
 _EDGE_ON = np.radians(3.0)  # from the line of sight; at smaller angles the posterior is integrated over the heading
 _FEW = 5  # with at most this many returns, _EDGE_ON_BY_FEW applies instead
@@ -41,8 +42,6 @@ _HOPELESS = 40.0  # excess of the cost above which a heading has no probability
 _TRUSTED = 3.0  # the cost of a rough fit falls by less than so many times the promise of the next step
 _CLAIMED = 0.9  # a fit is doubted below this fraction of the standard deviation that the edges allow
 _ALONG_PLATEAU = np.linspace(-3.0, 3.0, 21)  # along the plate [standard deviations that an edge allows]
-_BETWEEN = (np.arange(48) + 0.5) / 48
-_ABOUT = np.linspace(-4.0, 4.0, 17)
 _ALONG_PEAK = np.linspace(-4.0, 4.0, 12)  # along the plate [standard deviations of the fit]
 
 
@@ -61,11 +60,15 @@ def correct(
     for rows in chunks(cluster, len(_GRID), edge_on) if edge_on.any() else ():
         sight = np.arctan2(pose[rows, 1], pose[rows, 0])
         pose[rows], covariance[rows] = _over_heading(likelihood, scan, cluster.take(rows), sight)
-    from_side = np.flatnonzero((off > _FROM_SIDE) & fits)
     if scan.dropout > 0:
         rest = np.flatnonzero(fits & ~edge_on)
-        _between_ends(likelihood, scan, cluster, beams, pose, covariance, rest)
-    elif from_side.size:
+        if rest.size:
+            some = beams.take(rest)
+            ends = Ends.of(scan, cluster.take(rest), some)
+            pose[rest], covariance[rest] = _between(likelihood, ends, some, pose[rest], covariance[rest])
+        return
+    from_side = np.flatnonzero((off > _FROM_SIDE) & fits)
+    if from_side.size:
         _along_plate(likelihood, beams, pose, covariance, from_side)
 
 
@@ -77,10 +80,10 @@ def _over_heading(likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, sig
     pose = np.concatenate([fit.pose.reshape(scans, -1, 3) for fit in (coarse, fine)], axis=1)
     cost = np.concatenate([fit.cost.reshape(scans, -1) for fit in (coarse, fine)], axis=1)
     within = np.concatenate(
-        [covariances(fit.in_lrf_frame().hessian).reshape(scans, -1, 3, 3) for fit in (coarse, fine)], axis=1
+        [covariances(fit.in_lrf_frame()).reshape(scans, -1, 3, 3) for fit in (coarse, fine)], axis=1
     )
 
-    weight, width = _quadrature(pose[..., 2], cost)
+    weight, width = quadrature(pose[..., 2], cost)
     mean = np.sum(weight[..., None] * pose, axis=1)
     away = pose - mean[:, None]
     within[..., 2, 2] = width**2 / 12  # a fixed heading has no hessian
@@ -93,55 +96,30 @@ def _along_plate(likelihood: PlateLikelihood, beams: Beams, pose: Array, covaria
 
     This is done in place, for the scans `rows` (R,) only.
     """
-    at, of = pose[rows], covariance[rows]
-    e = np.stack([np.cos(at[:, 2]), np.sin(at[:, 2]), np.zeros(len(at))], axis=-1)
-    leaning = np.einsum("mij,mj->mi", of, e)
-    sigma = np.sqrt(np.maximum(np.sum(leaning * e, axis=1), 1e-12))
+    at = pose[rows]
+    axis = PlateAxis.of(at, covariance[rows])
     weight = np.min(beams.edges.weight[rows], axis=1)
     x, y = at[:, 0], at[:, 1]
-    across = np.abs(e[:, 0] * y - e[:, 1] * x)
+    across = np.abs(axis.e[:, 0] * y - axis.e[:, 1] * x)
     edge = (x * x + y * y) / np.maximum(weight * across, 1e-9)
-    doubted = np.flatnonzero((sigma < _CLAIMED * edge / np.sqrt(2)) & (weight > 0))
+    doubted = np.flatnonzero((axis.sigma < _CLAIMED * edge / np.sqrt(2)) & (weight > 0))
     if doubted.size == 0:
         return
-    rows, at, e, leaning, sigma, edge = (part[doubted] for part in (rows, at, e, leaning, sigma, edge))
-    offset = np.concatenate([edge[:, None] * _ALONG_PLATEAU, sigma[:, None] * _ALONG_PEAK], axis=1)  # (N, K)
-    share, span = _quadrature(offset, likelihood.cost_along(beams.take(rows), at, offset))
-    mean = np.sum(share * offset, axis=1)
-    variance = np.sum(share * ((offset - mean[:, None]) ** 2 + span**2 / 12), axis=1)
-    pose[rows] = at + mean[:, None] * e
-    given = leaning[:, :, None] * leaning[:, None, :] / (sigma**2)[:, None, None]
-    covariance[rows] += variance[:, None, None] * e[:, :, None] * e[:, None, :] - given
+    rows, at, edge, axis = rows[doubted], at[doubted], edge[doubted], axis.take(doubted)
+    offset = np.concatenate([edge[:, None] * _ALONG_PLATEAU, axis.sigma[:, None] * _ALONG_PEAK], axis=1)  # (N, K)
+    share, span = quadrature(offset, likelihood.cost_along(beams.take(rows), at, offset))
+    mean, variance = moments(offset, share, span)
+    pose[rows] = at + mean[:, None] * axis.e
+    covariance[rows] += axis.change(variance)
 
 
-def _between_ends(
-    likelihood: PlateLikelihood,
-    scan: Scan,
-    cluster: Cluster,
-    beams: Beams,
-    pose: Array,
-    covariance: Array,
-    rows: np.ndarray,
-) -> None:
-    """Correct poses (S, 3) and covariances (S, 3, 3) along the plate where beams may be lost beyond the returns.
-
-    This is done in place, for the scans `rows` (R,) only.
-    """
-    at, of = pose[rows], covariance[rows]
-    e = np.stack([np.cos(at[:, 2]), np.sin(at[:, 2]), np.zeros(len(at))], axis=-1)
-    leaning = np.einsum("mij,mj->mi", of, e)
-    sigma = np.sqrt(np.maximum(np.sum(leaning * e, axis=1), 1e-12))
-    ends, view = Ends.of(scan, cluster.take(rows)), View.of(likelihood.plate, at)
-    slack = ends.slack(view)
-    offset = slack[:, :1] + (slack[:, 1:] - slack[:, :1]) * _BETWEEN
-    offset = np.concatenate([offset, sigma[:, None] * _ABOUT], axis=1)
-    cost = likelihood.ranges_along(beams.take(rows), at, offset) + ends.cost(view, offset)
-    share, span = _quadrature(offset, cost)
-    mean = np.sum(share * offset, axis=1)
-    variance = np.sum(share * ((offset - mean[:, None]) ** 2 + span**2 / 12), axis=1)
-    pose[rows] = at + mean[:, None] * e
-    given = leaning[:, :, None] * leaning[:, None, :] / (sigma**2)[:, None, None]
-    covariance[rows] += variance[:, None, None] * e[:, :, None] * e[:, None, :] - given
+def _between(
+    likelihood: PlateLikelihood, ends: Ends, beams: Beams, pose: Array, covariance: Array
+) -> tuple[Array, Array]:
+    """Poses (M, 3) and covariances (M, 3, 3), corrected along the plate where beams may be lost at its ends."""
+    axis = PlateAxis.of(pose, covariance)
+    mean, variance = ends.place(likelihood, beams, pose, axis.sigma)
+    return pose + mean[:, None] * axis.e, covariance + axis.change(variance)
 
 
 def _given(likelihood: PlateLikelihood, beams: Beams, middle: Array, heading: Array) -> Evaluation:
@@ -172,21 +150,5 @@ def _peaks(likelihood: PlateLikelihood, beams: Beams, coarse: Evaluation) -> Arr
     scan = np.repeat(np.arange(len(cost)), _PEAKS)
     start = coarse.pose.reshape(len(cost), -1, 3)[scan, lowest.ravel()]
     fit = likelihood.climb(beams.take(scan), start, _ITERATIONS)
-    sigma = np.sqrt(np.minimum(covariances(fit.hessian)[:, 2, 2], _STEP**2))
+    sigma = np.sqrt(np.minimum(covariances(fit)[:, 2, 2], _STEP**2))
     return (fit.pose[:, 2, None] + sigma[:, None] * _ABOUT_PEAK).reshape(len(cost), -1)
-
-
-def _quadrature(points: Array, cost: Array) -> tuple[Array, Array]:
-    """Probabilities (S, K) of points (S, K), in any order, and their widths (S, K) in the trapezoidal rule.
-
-    `cost` (S, K) are the negative log likelihoods.
-    """
-    rows, order = np.arange(len(points))[:, None], np.argsort(points, axis=1, kind="stable")
-    ordered = points[rows, order]
-    share = np.empty_like(ordered)
-    share[:, 1:-1] = (ordered[:, 2:] - ordered[:, :-2]) / 2
-    share[:, 0], share[:, -1] = (ordered[:, 1] - ordered[:, 0]) / 2, (ordered[:, -1] - ordered[:, -2]) / 2
-    width = np.empty_like(share)
-    width[rows, order] = share
-    weight = np.exp(cost.min(axis=1, keepdims=True) - cost) * width
-    return weight / weight.sum(axis=1, keepdims=True), width

@@ -39,27 +39,26 @@ class View(Rows):
         return View(self.plate, along, self.across[every], self.cos[every], self.sin[every])
 
     def corners(self) -> Array:
-        """The outermost corners (M, 2, 2), right and left, along and across the plates from their centres [m]."""
+        """Coordinates (2, 2, M) of the outermost corners, right and left, less those of the centres [m]."""
         beyond = (_ENDS * self.plate.length).searchsorted(self.along)
         beside = (_ENDS * self.plate.thickness).searchsorted(self.across)
-        return _outermost(self.plate)[beyond, beside]
+        return _outermost(self.plate).take(3 * beyond + beside, axis=2)
 
     def silhouette(self, ahead: Array) -> tuple[Array, Array]:
         """The outermost corners, right and left, seen in the directions `ahead` (M, 2).
 
-        Returns their bearings from `ahead` (M, 2) [rad], which thus do not wrap, and the derivatives (M, 2, 3) of these
+        Returns their bearings from `ahead` (2, M) [rad], which thus do not wrap, and the derivatives (3, 2, M) of these
         with respect to the place along and across the plate's axes and the heading.
         """
-        offset = self.corners()
-        o_x, o_y = offset[:, :, 0], offset[:, :, 1]
-        x, y = o_x + self.along[:, None], o_y + (self.across + _TINY)[:, None]
-        cos = (self.cos * ahead[:, 0] + self.sin * ahead[:, 1])[:, None]
-        sin = (self.sin * ahead[:, 0] - self.cos * ahead[:, 1])[:, None]
-        jacobian = np.empty((*x.shape, 3))
-        np.negative(y, out=jacobian[:, :, 0])
-        jacobian[:, :, 1] = x
-        np.add(o_x * x, o_y * y, out=jacobian[:, :, 2])
-        jacobian /= (x * x + y * y)[:, :, None]
+        o_x, o_y = self.corners()
+        x, y = o_x + self.along, o_y + (self.across + _TINY)
+        ahead_x, ahead_y = ahead.T
+        cos, sin = self.cos * ahead_x + self.sin * ahead_y, self.sin * ahead_x - self.cos * ahead_y
+        jacobian = np.empty((3, *x.shape))
+        np.negative(y, out=jacobian[0])
+        jacobian[1] = x
+        np.add(o_x * x, o_y * y, out=jacobian[2])
+        jacobian /= x * x + y * y
         return np.arctan2(x * sin + y * cos, x * cos - y * sin), jacobian
 
 
@@ -75,17 +74,17 @@ def in_axes(heading: Array) -> Array:
 
 @functools.lru_cache(maxsize=64)
 def _outermost(plate: Plate) -> Array:
-    """The outermost corners (3, 3, 2, 2), right and left, less the centre [m].
+    """Coordinates (2, 2, 9) of the outermost corners, right and left, less those of the centre [m].
 
-    The first two axes tell whether the centre is behind, within or ahead of the LRF along and across the plate: by more
-    than half its length or thickness, or not. A plate with the LRF inside has none, whatever the table says.
+    The last axis tells whether the centre is behind, within or ahead of the LRF along and, fastest, across the plate:
+    by more than half its length or thickness, or not. A plate with the LRF inside has no such corners, whatever the
+    table says.
     """
     corners = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)]) * (plate.length / 2, plate.thickness / 2)
-    table = np.empty((3, 3, 2, 2))
-    for i in range(3):
-        for k in range(3):
-            x, y = (i - 1) * plate.length, (k - 1) * plate.thickness
-            c_x, c_y = x + corners[:, 0], y + corners[:, 1]
-            bearing = np.arctan2(x * c_y - y * c_x, x * c_x + y * c_y)
-            table[i, k] = corners[bearing.argmin()], corners[bearing.argmax()]
+    table = np.empty((2, 2, 9))
+    for k in range(9):
+        x, y = (k // 3 - 1) * plate.length, (k % 3 - 1) * plate.thickness
+        c_x, c_y = x + corners[:, 0], y + corners[:, 1]
+        bearing = np.arctan2(x * c_y - y * c_x, x * c_x + y * c_y)
+        table[:, 0, k], table[:, 1, k] = corners[bearing.argmin()], corners[bearing.argmax()]
     return table

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 
 from trackslip.localization.beams import Beams
-from trackslip.localization.climb import inverses
+from trackslip.localization.climb import inverses, matrices
 from trackslip.localization.fixed_heading import FixedHeading, TurnedBeams
 from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.scan import Plate, extract_plate
@@ -69,9 +69,14 @@ def test_hessian_is_the_information_of_the_gradient(scan_rectangle):
 def test_inverses():
     rng = np.random.default_rng(2)
     half = rng.normal(size=(50, 3, 3))
-    matrices = half @ half.swapaxes(1, 2) + 0.1 * np.eye(3)
-    found, regular = inverses(matrices)
+    whole = half @ half.swapaxes(1, 2) + 0.1 * np.eye(3)
+    found, regular = inverses(voigt(whole))
     assert regular.all()
-    np.testing.assert_allclose(found @ matrices, np.tile(np.eye(3), (50, 1, 1)), atol=1e-8)
+    np.testing.assert_allclose(matrices(found) @ whole, np.tile(np.eye(3), (50, 1, 1)), atol=1e-8)
+    np.testing.assert_array_equal(matrices(voigt(whole)), whole)
     singular = np.array([np.ones((3, 3)), np.zeros((3, 3)), np.diag([1.0, 1.0, -1.0])])
-    assert not inverses(singular)[1].any()
+    assert not inverses(voigt(singular))[1].any()
+
+
+def voigt(symmetric):
+    return np.array([symmetric[:, i, k] for i, k in ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))])
