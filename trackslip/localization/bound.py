@@ -149,8 +149,8 @@ def _lost_ends(pose: Array, covariance: Array, plate: Plate, scan: Scan, seen: C
     """What lost beams change (S, 3, 3) of the covariances along the plates at the true poses, given the returns."""
     beams = replace(Beams.of(scan, seen), noise=scan.noise)
     axis = PlateAxis.of(pose, covariance)
-    place = Ends.of(scan, seen, beams).place(PlateLikelihood(plate, _NORMAL), beams, pose, axis.sigma)
-    return axis.change(place[1])
+    _, variance, _ = Ends.of(scan, seen, beams).place(PlateLikelihood(plate, _NORMAL), beams, pose, axis.sigma)
+    return axis.change(variance)
 
 
 def towards(pose: Array, plate: Plate, bearings: Array) -> Array:

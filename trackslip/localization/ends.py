@@ -31,8 +31,8 @@ from trackslip.localization.scan import Cluster, Scan
 from trackslip.localization.view import View
 
 _OUTSIDE = 7.0  # cost of a return that a pose leaves nothing to hit: it may be from something else
-_BETWEEN_WALLS = (np.arange(48) + 0.5) / 48  # places along the plate [their distance]
-_ABOUT_FIT = np.linspace(-4.0, 4.0, 17)  # places along the plate [standard deviations of the fit]
+_BETWEEN_WALLS = (np.arange(32) + 0.5) / 32  # places along the plate [their distance]
+_ABOUT_FIT = np.linspace(-4.0, 4.0, 13)  # places along the plate [standard deviations of the fit]
 _TINY = 1e-12  # keeps a beam along the plate from dividing by zero
 _OUTWARDS = np.array([[-1.0], [1.0]])  # right and left
 
@@ -57,38 +57,47 @@ class Ends(Rows):
         room = np.where(beams.edges.weight > 0, np.rint(room), 0.0)
         return cls(beams.edges.ahead, (high - low) / 2, hidden, room, scan.beam_step, scan.dropout)
 
-    def place(self, likelihood: PlateLikelihood, beams: Beams, pose: Array, sigma: Array) -> tuple[Array, Array]:
-        """Posterior means (M,) of the offsets of the plates along themselves from poses (M, 3) [m], and variances (M,).
+    def place(
+        self, likelihood: PlateLikelihood, beams: Beams, pose: Array, sigma: Array, sideways: bool = False
+    ) -> tuple[Array, Array, Array]:
+        """How far off poses (M, 3) are along the plate or sideways: posterior mean, variance and cost, (M,) each.
 
-        The heading and the place across the plate are taken as known. `sigma` (M,) is the width of a peak that there
-        may be at the poses [m].
+        The rest of the pose is taken as known. `sigma` (M,) is the width of a peak that there may be at the poses [m].
+        The cost is the negative logarithm of the integrated likelihood.
         """
         view = View.of(likelihood.plate, pose)
-        right, left = self.walls(view)
+        right, left = self.walls(view, sideways)
         offset = np.concatenate(
             [right[:, None] + (left - right)[:, None] * _BETWEEN_WALLS, sigma[:, None] * _ABOUT_FIT], axis=1
         )
-        cost = likelihood.ranges_along(beams, pose, offset) + self.cost(view, offset)
-        return moments(offset, *quadrature(offset, cost))
+        ranges = likelihood.ranges_sideways if sideways else likelihood.ranges_along
+        cost = ranges(beams, pose, offset) + self.cost(view.slid(offset, sideways)).reshape(offset.shape)
+        share, span = quadrature(offset, cost)
+        mean, variance = moments(offset, share, span)
+        least = cost.min(axis=1)
+        return mean, variance, least - np.log(np.sum(np.exp(least[:, None] - cost) * span, axis=1))
 
-    def cost(self, view: View, offset: Array) -> Array:
-        """Negative log likelihoods (M, K) of what the ends tell about plates slid by `offset` (M, K) [m]."""
-        every = self.take(np.repeat(np.arange(len(offset)), offset.shape[1]))
-        corner = view.slid(offset).silhouette(every.ahead)[0]
+    def cost(self, view: View) -> Array:
+        """Negative log likelihoods (M * K,) of what the ends tell about K plates in each scan, one after the other."""
+        every = self.take(np.repeat(np.arange(len(self.reach)), len(view.along) // len(self.reach)))
+        corner = view.silhouette(every.ahead)[0]
         beyond = (corner * _OUTWARDS - every.reach) / self.step  # (2, M * K) beams beyond the outermost return
         lost = np.minimum(np.maximum(np.floor(beyond - every.hidden.T / self.step), 0.0), every.room.T)
         cost = _OUTSIDE * np.ceil(np.maximum(-beyond, 0.0)) - np.log(self.dropout) * lost
-        return (cost[0] + cost[1]).reshape(offset.shape)
+        return cost[0] + cost[1]
 
-    def walls(self, view: View) -> Array:
-        """How far plates slide along themselves until they no longer reach a return, right and left (2, M) [m].
+    def walls(self, view: View, sideways: bool) -> Array:
+        """How far plates slide along themselves or sideways until they miss a return, right and left (2, M) [m].
 
         That is at most their length.
         """
         along, across = view.corners()
+        along, across = view.along + along, view.across + across
         turn = _OUTWARDS * self.reach
         (x, y), cos, sin = self.ahead.T, np.cos(turn), np.sin(turn)
         u_x, u_y = x * cos - y * sin, y * cos + x * sin  # of the outermost returns
         u_along, u_across = u_x * view.cos + u_y * view.sin, u_y * view.cos - u_x * view.sin
-        wall = (view.across + across) * u_along / np.where(u_across == 0, _TINY, u_across) - along - view.along
+        if sideways:
+            along, across, u_along, u_across = across, along, u_across, u_along
+        wall = across * u_along / np.where(u_across == 0, _TINY, u_across) - along
         return np.clip(wall, -view.plate.length, view.plate.length)

@@ -78,6 +78,25 @@ class PlateLikelihood:
         costs = residual * residual
         return self.ranges_along(beams, pose, offset) + ((costs[0] + costs[1]) / 2).reshape(offset.shape)
 
+    def ranges_sideways(self, beams: Beams, pose: Array, offset: Array) -> Array:
+        """What ranges cost (M, K) at poses (M, 3) slid across the plate by `offset` (M, K) [m]."""
+        view = View.of(self.plate, pose)
+        half_length, half_thickness = self.plate.length / 2, self.plate.thickness / 2
+        across = view.across[:, None] + offset  # (M, K)
+        short = view.along - np.minimum(np.maximum(view.along, -half_length), half_length)  # 0 if it points away
+        long = across - np.minimum(np.maximum(across, -half_thickness), half_thickness)
+        distance, reach = np.hypot(view.along[:, None], across), math.hypot(half_length, half_thickness)
+        cos, sin, short = beams.spread(np.stack([view.cos, view.sin, short]))
+        u_along = beams.u[0] * cos + beams.u[1] * sin
+        u_across = beams.u[1] * cos - beams.u[0] * sin
+        row = np.repeat(np.arange(len(pose)), beams.count)
+        predicted = long[row] / (u_across + np.copysign(_TINY, u_across))[:, None]
+        np.maximum(predicted, (short / (u_along + np.copysign(_TINY, u_along)))[:, None], out=predicted)
+        np.maximum(predicted, (distance - reach)[row], out=predicted)
+        np.minimum(predicted, (distance + reach)[row], out=predicted)
+        predicted -= beams.range[:, None]
+        return np.add.reduceat(self.loss(predicted / beams.noise)[1], beams.first, axis=0)
+
     def ranges_along(self, beams: Beams, pose: Array, offset: Array) -> Array:
         """The part (M, K) of `cost_along` that is due to ranges. Only beams that may leave the long face matter."""
         view = View.of(self.plate, pose)

@@ -33,12 +33,16 @@ _EDGE_ON = np.radians(3.0)  # from the line of sight; at smaller angles the post
 _FEW = 5  # with at most this many returns, _EDGE_ON_BY_FEW applies instead
 _EDGE_ON_BY_FEW = np.radians(5.0)
 _GRID = np.radians(np.linspace(-8.0, 8.0, 49))  # headings, relative to the line of sight
+_FEW_LEFT = 8
+_EDGE_ON_BY_FEW_LEFT = np.radians(8.0)
+_WIDE_GRID = np.radians(np.linspace(-13.0, 13.0, 79))
 _FROM_SIDE = np.radians(45.0)  # from the line of sight; at larger angles few beams hit the short face
 _STEP = _GRID[1] - _GRID[0]
 _PEAKS = 3  # resolved by a finer grid, at most
 _ABOUT_PEAK = np.linspace(-4.0, 4.0, 13)  # headings about a peak [its standard deviations]
 _ITERATIONS = 6
 _HOPELESS = 40.0  # excess of the cost above which a heading has no probability
+_UNLIKELY = 12.0
 _TRUSTED = 3.0  # the cost of a rough fit falls by less than so many times the promise of the next step
 _CLAIMED = 0.9  # a fit is doubted below this fraction of the standard deviation that the edges allow
 _ALONG_PLATEAU = np.linspace(-3.0, 3.0, 21)  # along the plate [standard deviations that an edge allows]
@@ -56,33 +60,40 @@ def correct(
 ) -> None:
     """Correct, in place, those poses (S, 3) and covariances (S, 3, 3) of clusters that `fits` (S,) selects."""
     off = viewing_angle(pose)
-    edge_on = fits & (off < np.where(cluster.count > _FEW, _EDGE_ON, _EDGE_ON_BY_FEW))
-    for rows in chunks(cluster, len(_GRID), edge_on) if edge_on.any() else ():
+    few, by_few, grid = (_FEW_LEFT, _EDGE_ON_BY_FEW_LEFT, _WIDE_GRID) if scan.dropout else (_FEW, _EDGE_ON_BY_FEW, _GRID)
+    edge_on = fits & (off < np.where(cluster.count > few, _EDGE_ON, by_few))
+    for rows in chunks(cluster, len(grid), edge_on) if edge_on.any() else ():
         sight = np.arctan2(pose[rows, 1], pose[rows, 0])
-        pose[rows], covariance[rows] = _over_heading(likelihood, scan, cluster.take(rows), sight)
+        pose[rows], covariance[rows] = _over_heading(likelihood, scan, cluster.take(rows), sight[:, None] + grid)
     if scan.dropout > 0:
         rest = np.flatnonzero(fits & ~edge_on)
         if rest.size:
             some = beams.take(rest)
             ends = Ends.of(scan, cluster.take(rest), some)
-            pose[rest], covariance[rest] = _between(likelihood, ends, some, pose[rest], covariance[rest])
+            pose[rest], covariance[rest], _ = _between(likelihood, ends, some, pose[rest], covariance[rest])
         return
     from_side = np.flatnonzero((off > _FROM_SIDE) & fits)
     if from_side.size:
         _along_plate(likelihood, beams, pose, covariance, from_side)
 
 
-def _over_heading(likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, sight: Array) -> tuple[Array, Array]:
-    """Posterior means (S, 3) and covariances (S, 3, 3) for plates seen nearly edge-on at bearings `sight` (S,)."""
-    beams, middle, scans = Beams.of(scan, cluster), fit_line(cluster).middle, len(sight)
-    coarse = _given(likelihood, beams, middle, sight[:, None] + _GRID)
-    fine = _given(likelihood, beams, middle, _peaks(likelihood, beams, coarse))
+def _over_heading(likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, grid: Array) -> tuple[Array, Array]:
+    """Posterior means (S, 3) and covariances (S, 3, 3) for plates with headings in the range of `grid` (S, K)."""
+    beams, middle, scans = Beams.of(scan, cluster), fit_line(cluster).middle, len(grid)
+    coarse = _given(likelihood, beams, middle, grid)
+    fine = _given(likelihood, beams, middle, _peaks(likelihood, beams, coarse, scans))
     pose = np.concatenate([fit.pose.reshape(scans, -1, 3) for fit in (coarse, fine)], axis=1)
     cost = np.concatenate([fit.cost.reshape(scans, -1) for fit in (coarse, fine)], axis=1)
     within = np.concatenate(
         [covariances(fit.in_lrf_frame()).reshape(scans, -1, 3, 3) for fit in (coarse, fine)], axis=1
     )
-
+    if scan.dropout > 0:
+        likely = np.nonzero(cost < cost.min(axis=1, keepdims=True) + _UNLIKELY)
+        ends, some = Ends.of(scan, cluster, beams).take(likely[0]), beams.take(likely[0])
+        cost[...] = np.inf
+        pose[likely], within[likely], cost[likely] = _between(
+            likelihood, ends, some, pose[likely], within[likely], sideways=True
+        )
     weight, width = quadrature(pose[..., 2], cost)
     mean = np.sum(weight[..., None] * pose, axis=1)
     away = pose - mean[:, None]
@@ -114,12 +125,12 @@ def _along_plate(likelihood: PlateLikelihood, beams: Beams, pose: Array, covaria
 
 
 def _between(
-    likelihood: PlateLikelihood, ends: Ends, beams: Beams, pose: Array, covariance: Array
-) -> tuple[Array, Array]:
-    """Poses (M, 3) and covariances (M, 3, 3), corrected along the plate where beams may be lost at its ends."""
-    axis = PlateAxis.of(pose, covariance)
-    mean, variance = ends.place(likelihood, beams, pose, axis.sigma)
-    return pose + mean[:, None] * axis.e, covariance + axis.change(variance)
+    likelihood: PlateLikelihood, ends: Ends, beams: Beams, pose: Array, covariance: Array, sideways: bool = False
+) -> tuple[Array, Array, Array]:
+    """Poses (M, 3) and covariances (M, 3, 3) corrected for lost ends, along the plates or sideways, and costs (M,)."""
+    axis = PlateAxis.of(pose, covariance, sideways)
+    mean, variance, cost = ends.place(likelihood, beams, pose, axis.sigma, sideways)
+    return pose + mean[:, None] * axis.e, covariance + axis.change(variance), cost
 
 
 def _given(likelihood: PlateLikelihood, beams: Beams, middle: Array, heading: Array) -> Evaluation:
@@ -141,9 +152,9 @@ def _given(likelihood: PlateLikelihood, beams: Beams, middle: Array, heading: Ar
     return fit
 
 
-def _peaks(likelihood: PlateLikelihood, beams: Beams, coarse: Evaluation) -> Array:
+def _peaks(likelihood: PlateLikelihood, beams: Beams, coarse: Evaluation, scans: int) -> Array:
     """Headings (S, K) around the peaks of the posterior, within a few steps of the coarse grid."""
-    cost = coarse.cost.reshape(-1, len(_GRID))
+    cost = coarse.cost.reshape(scans, -1)
     beside = np.pad(cost, ((0, 0), (1, 1)), constant_values=np.inf)
     dip = (cost <= beside[:, :-2]) & (cost <= beside[:, 2:])
     lowest = np.argsort(np.where(dip, cost, np.inf), axis=1, kind="stable")[:, :_PEAKS]

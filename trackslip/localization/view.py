@@ -32,11 +32,15 @@ class View(Rows):
         cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
         return cls(plate, cos * x + sin * y, cos * y - sin * x, cos, sin)
 
-    def slid(self, offset: Array) -> View:
-        """Of plates slid along themselves by `offset` (M, K) [m]: (M * K,)."""
+    def slid(self, offset: Array, sideways: bool = False) -> View:
+        """Of plates slid along themselves, or sideways, by `offset` (M, K) [m]: (M * K,)."""
         every = np.repeat(np.arange(len(self.along)), offset.shape[1])
-        along = (self.along[:, None] + offset).ravel()
-        return View(self.plate, along, self.across[every], self.cos[every], self.sin[every])
+        along, across = (self.along[every], self.across) if sideways else (self.along, self.across[every])
+        if sideways:
+            across = (across[:, None] + offset).ravel()
+        else:
+            along = (along[:, None] + offset).ravel()
+        return View(self.plate, along, across, self.cos[every], self.sin[every])
 
     def corners(self) -> Array:
         """Coordinates (2, 2, M) of the outermost corners, right and left, less those of the centres [m]."""
