@@ -10,6 +10,10 @@ if the plate slides until the beam hits the long face instead, the beam says not
 plate is thus a narrow peak, or half of one, on the wide plateau that the silhouette's edges allow, and the curvature at
 the maximum describes neither. Where the curvature claims more accuracy than the edges allow, the posterior along the
 plate is summed over a grid instead.
+
+Where beams may be lost, neither edge is normally distributed about its mean: see `ends`. The posterior along the plate
+is then summed for every scan. Nearly edge-on, it is the sideways place of the plate, and with it the heading, that the
+edges determine, so that the posterior is first summed sideways at each heading.
 """
 
 from __future__ import annotations
@@ -30,19 +34,17 @@ from trackslip.localization.scan import Cluster, Scan
 from trackslip.localization.starts import chunks
 
 _EDGE_ON = np.radians(3.0)  # from the line of sight; at smaller angles the posterior is integrated over the heading
-_FEW = 5  # with at most this many returns, _EDGE_ON_BY_FEW applies instead
-_EDGE_ON_BY_FEW = np.radians(5.0)
 _GRID = np.radians(np.linspace(-8.0, 8.0, 49))  # headings, relative to the line of sight
-_FEW_LEFT = 8
-_EDGE_ON_BY_FEW_LEFT = np.radians(8.0)
 _WIDE_GRID = np.radians(np.linspace(-13.0, 13.0, 79))
-_FROM_SIDE = np.radians(45.0)  # from the line of sight; at larger angles few beams hit the short face
 _STEP = _GRID[1] - _GRID[0]
+_EDGE_ON_BY_FEW = 5, np.radians(5.0), _GRID  # with at most so many returns, the second instead of _EDGE_ON applies
+_EDGE_ON_BY_FEW_LEFT = 8, np.radians(8.0), _WIDE_GRID  # where beams may be lost
+_FROM_SIDE = np.radians(45.0)  # from the line of sight; at larger angles few beams hit the short face
 _PEAKS = 3  # resolved by a finer grid, at most
 _ABOUT_PEAK = np.linspace(-4.0, 4.0, 13)  # headings about a peak [its standard deviations]
 _ITERATIONS = 6
 _HOPELESS = 40.0  # excess of the cost above which a heading has no probability
-_UNLIKELY = 12.0
+_UNLIKELY = 12.0  # the same for the position fitted to each heading, when lost beams have yet to be counted
 _TRUSTED = 3.0  # the cost of a rough fit falls by less than so many times the promise of the next step
 _CLAIMED = 0.9  # a fit is doubted below this fraction of the standard deviation that the edges allow
 _ALONG_PLATEAU = np.linspace(-3.0, 3.0, 21)  # along the plate [standard deviations that an edge allows]
@@ -60,21 +62,18 @@ def correct(
 ) -> None:
     """Correct, in place, those poses (S, 3) and covariances (S, 3, 3) of clusters that `fits` (S,) selects."""
     off = viewing_angle(pose)
-    few, by_few, grid = (_FEW_LEFT, _EDGE_ON_BY_FEW_LEFT, _WIDE_GRID) if scan.dropout else (_FEW, _EDGE_ON_BY_FEW, _GRID)
+    few, by_few, grid = _EDGE_ON_BY_FEW_LEFT if scan.dropout > 0 else _EDGE_ON_BY_FEW
     edge_on = fits & (off < np.where(cluster.count > few, _EDGE_ON, by_few))
     for rows in chunks(cluster, len(grid), edge_on) if edge_on.any() else ():
         sight = np.arctan2(pose[rows, 1], pose[rows, 0])
         pose[rows], covariance[rows] = _over_heading(likelihood, scan, cluster.take(rows), sight[:, None] + grid)
-    if scan.dropout > 0:
-        rest = np.flatnonzero(fits & ~edge_on)
-        if rest.size:
-            some = beams.take(rest)
-            ends = Ends.of(scan, cluster.take(rest), some)
-            pose[rest], covariance[rest], _ = _between(likelihood, ends, some, pose[rest], covariance[rest])
-        return
-    from_side = np.flatnonzero((off > _FROM_SIDE) & fits)
-    if from_side.size:
-        _along_plate(likelihood, beams, pose, covariance, from_side)
+    rows = np.flatnonzero(fits if scan.dropout > 0 else fits & (off > _FROM_SIDE))
+    if rows.size and scan.dropout > 0:
+        some = beams.take(rows)
+        ends = Ends.of(scan, cluster.take(rows), some)
+        pose[rows], covariance[rows], _ = _between(likelihood, ends, some, pose[rows], covariance[rows])
+    elif rows.size:
+        _along_plate(likelihood, beams, pose, covariance, rows)
 
 
 def _over_heading(likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, grid: Array) -> tuple[Array, Array]:
@@ -127,7 +126,7 @@ def _along_plate(likelihood: PlateLikelihood, beams: Beams, pose: Array, covaria
 def _between(
     likelihood: PlateLikelihood, ends: Ends, beams: Beams, pose: Array, covariance: Array, sideways: bool = False
 ) -> tuple[Array, Array, Array]:
-    """Poses (M, 3) and covariances (M, 3, 3) corrected for lost ends, along the plates or sideways, and costs (M,)."""
+    """Poses (M, 3) and covariances (M, 3, 3), corrected for lost beams along the plate or sideways, and costs (M,)."""
     axis = PlateAxis.of(pose, covariance, sideways)
     mean, variance, cost = ends.place(likelihood, beams, pose, axis.sigma, sideways)
     return pose + mean[:, None] * axis.e, covariance + axis.change(variance), cost
