@@ -96,9 +96,9 @@ def pose_bound(
     covariance[held] = np.linalg.inv(information[held])
     if seen is not None and dropout > 0:
         scan = Scan(bearings, np.empty((0, len(bearings))), noise, np.zeros(3), dropout=dropout)
-        rows = np.flatnonzero(held)
-        for some in np.split(rows, range(_AT_ONCE, len(rows), _AT_ONCE)):
-            covariance[some] += _lost_ends(pose[some], covariance[some], plate, scan, seen.take(some))
+        known = np.flatnonzero(held)
+        for rows in np.split(known, range(_AT_ONCE, len(known), _AT_ONCE)):
+            covariance[rows] += _lost_ends(pose[rows], covariance[rows], plate, scan, seen.take(rows))
     return covariance
 
 

@@ -79,7 +79,8 @@ class Ends(Rows):
 
     def cost(self, view: View) -> Array:
         """Negative log likelihoods (M * K,) of what the ends tell about K plates in each scan, one after the other."""
-        every = self.take(np.repeat(np.arange(len(self.reach)), len(view.along) // len(self.reach)))
+        each = len(view.along) // max(1, len(self.reach))
+        every = self.take(np.repeat(np.arange(len(self.reach)), each))
         corner = view.silhouette(every.ahead)[0]
         beyond = (corner * _OUTWARDS - every.reach) / self.step  # (2, M * K) beams beyond the outermost return
         lost = np.minimum(np.maximum(np.floor(beyond - every.hidden.T / self.step), 0.0), every.room.T)

@@ -35,11 +35,9 @@ class View(Rows):
     def slid(self, offset: Array, sideways: bool = False) -> View:
         """Of plates slid along themselves, or sideways, by `offset` (M, K) [m]: (M * K,)."""
         every = np.repeat(np.arange(len(self.along)), offset.shape[1])
-        along, across = (self.along[every], self.across) if sideways else (self.along, self.across[every])
-        if sideways:
-            across = (across[:, None] + offset).ravel()
-        else:
-            along = (along[:, None] + offset).ravel()
+        along, across = self.along[every], self.across[every]
+        slid = across if sideways else along
+        slid += offset.ravel()
         return View(self.plate, along, across, self.cos[every], self.sin[every])
 
     def corners(self) -> Array:
