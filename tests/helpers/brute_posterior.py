@@ -26,6 +26,15 @@ def ranges_of(pose: Array, plate: Plate, bearings: Array) -> Array:
     return np.where((enter < leave) & (enter > 0), enter, np.inf)
 
 
+def log_likelihood(pose: Array, plate: Plate, bearings: Array, ranges: Array, noise: float, dropout: float) -> Array:
+    """Of poses (G, 3), given ranges (B,), NaN for none: (G,), less a constant."""
+    predicted = ranges_of(pose, plate, bearings)
+    hit, returned = np.isfinite(predicted), np.isfinite(ranges)
+    residual = (np.where(hit, predicted, 0.0) - np.where(returned, ranges, 0.0)) / noise
+    met = np.where(hit, -(residual**2) / 2, -np.inf)
+    return np.where(returned, met, np.where(hit, np.log(dropout), 0.0)).sum(axis=1)
+
+
 def posterior(true: Array, plate: Plate, bearings: Array, ranges: Array, noise: float, dropout: float) -> tuple:
     """Mean (3,) and covariance (3, 3) of the pose, given ranges (B,), NaN for none; the grid is laid about `true` (3,).
 
@@ -54,12 +63,8 @@ def posterior(true: Array, plate: Plate, bearings: Array, ranges: Array, noise: 
                 t,
             ]
         )
-        predicted = ranges_of(poses, plate, bearings)
-        hit, returned = np.isfinite(predicted), np.isfinite(ranges)
-        residual = (np.where(hit, predicted, 0.0) - np.where(returned, ranges, 0.0)) / noise
-        lost = np.where(hit, -np.log(dropout), 0.0)
-        met = np.where(hit, residual**2 / 2, np.inf)
-        return poses, np.where(returned, met, lost).sum(axis=1).reshape(len(along), -1)
+        cost = -log_likelihood(poses, plate, bearings, ranges, noise, dropout)
+        return poses, cost.reshape(len(along), -1)
 
     reach = _STEPS * (bearings[1] - bearings[0]) * (np.hypot(x, y) + plate.length / 2)
     along = np.linspace(-1, 1, 301) * reach / np.abs(np.sin(phi - np.arctan2(y, x)))

@@ -66,10 +66,10 @@ class Ends(Rows):
         The cost is the negative logarithm of the integrated likelihood.
         """
         view = View.of(likelihood.plate, pose)
-        right, left = self.walls(view, sideways)
-        offset = np.concatenate(
-            [right[:, None] + (left - right)[:, None] * _BETWEEN_WALLS, sigma[:, None] * _ABOUT_FIT], axis=1
-        )
+        walls = np.sort(self.walls(view, sideways), axis=0)[:, :, None]
+        between = walls[0] + (walls[1] - walls[0]) * _BETWEEN_WALLS
+        about = np.clip(sigma[:, None] * _ABOUT_FIT, np.minimum(walls[0], 0.0), np.maximum(walls[1], 0.0))
+        offset = np.concatenate([between, about], axis=1)
         ranges = likelihood.ranges_sideways if sideways else likelihood.ranges_along
         cost = ranges(beams, pose, offset) + self.cost(view.slid(offset, sideways)).reshape(offset.shape)
         share, span = quadrature(offset, cost)

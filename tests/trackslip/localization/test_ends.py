@@ -3,11 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.helpers.brute_posterior import posterior, ranges_of
+from tests.helpers.brute_posterior import log_likelihood, posterior, ranges_of
 from trackslip.localization.beams import Beams
 from trackslip.localization.bound import pose_bound
 from trackslip.localization.ends import Ends
+from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.plate import PlateLocator
+from trackslip.localization.plate_axis import PlateAxis
 from trackslip.localization.scan import Plate, extract_plate
 from trackslip.localization.view import View, in_axes
 
@@ -95,6 +97,39 @@ def test_beams_that_tell_nothing_are_not_lost(scan_rectangle):
     edge = replace(scan, bearings=scan.bearings[field], ranges=scan.ranges[:1, field])
     cluster = extract_plate(edge, PLATE, poses[:1])
     np.testing.assert_array_equal(Ends.of(edge, cluster, Beams.of(edge, cluster)).room[0, 0], 0)
+
+
+@pytest.mark.parametrize(("sideways", "angle"), [(False, (12, 88)), (True, (0, 8))])
+def test_places_are_summed_as_by_a_dense_grid(sideways, angle, scan_rectangle):
+    rng = np.random.default_rng(6)
+    poses = seen_at(angle, rng, 40, (2.0, 5.0))
+    scan = with_losses(scan_rectangle, poses, rng, 0.3)
+    cluster = extract_plate(scan, PLATE, poses)
+    some = np.flatnonzero(cluster.count >= 3)
+    poses, cluster, beams = poses[some], cluster.take(some), Beams.of(scan, cluster.take(some))
+    axis, dense = PlateAxis.of(poses, np.tile(np.eye(3), (len(poses), 1, 1)), sideways), np.arange(-0.4, 0.4, 2e-4)
+    exact, peak = [], []
+    for pose, e, ranges in zip(poses, axis.e, scan.ranges[some], strict=True):
+        hit = np.flatnonzero(np.isfinite(ranges))
+        about = slice(hit[0] - 15, hit[-1] + 16)
+        beams_about, ranges = scan.bearings[about], ranges[about]
+        log = log_likelihood(pose + np.outer(dense, e), PLATE, beams_about, ranges, scan.noise, scan.dropout)
+        share = np.exp(log - log.max())
+        exact.append(
+            (np.average(dense, weights=share), np.sqrt(np.cov(dense, aweights=share, ddof=0)), -np.log(share.sum()))
+        )
+        exact[-1] = (*exact[-1][:2], exact[-1][2] - log.max() - np.log(2e-4))
+        aside = ranges_of(np.array([pose - 1e-6 * e, pose + 1e-6 * e]), PLATE, beams_about)[:, np.isfinite(ranges)]
+        slope = np.diff(aside[:, np.isfinite(aside).all(axis=0)], axis=0) / 2e-6
+        peak.append(min(scan.noise / np.sqrt(np.sum(slope**2) + 1e-9), 0.05))
+    likelihood = PlateLikelihood(PLATE, huber=1e9)
+    found = Ends.of(scan, cluster, beams).place(likelihood, beams, poses, np.array(peak), sideways)
+    mean, sigma, cost = np.array(exact).T
+    assert np.sum((found[0] - mean) ** 2) < 0.02 * np.sum(sigma**2), "adds more than a hundredth to the error"
+    np.testing.assert_allclose(np.median(np.sqrt(found[1]) / sigma), 1.0, atol=0.05)
+    if sideways:  # along the plate, the cost leaves out ranges that do not change
+        within = -np.log(scan.dropout) * cluster.lost
+        assert np.median(np.abs(found[2] + within - cost)) < 0.05
 
 
 @pytest.mark.parametrize("dropout", [0.05, 0.2, 0.4])
