@@ -21,7 +21,8 @@ from experiments.report.law_symbols import SYMBOLS
 from experiments.report.terminal import print_table, progress
 from experiments.storage.results import SUMMARY_FILE, results_folder, write_results
 from trackslip.identification.comparison import compare_laws
-from trackslip.identification.samples import SlipSamples, true_samples
+from trackslip.identification.samples import SlipSamples
+from trackslip.identification.true_samples import true_samples
 from trackslip.slip.families import FAMILIES
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from experiments.driving.grid_runs import cells_of
+from experiments.driving.paper_model import published_runs
 from experiments.driving.world import World
 from experiments.measuring.grid import grid_summary, saturation_warnings, simulated_seconds
 from experiments.measuring.paper_comparison import compare_with_paper
@@ -23,7 +24,6 @@ from experiments.report.reproduction import (
     Report,
     comparison_table,
     figures_of,
-    published_beside,
     render,
 )
 from experiments.report.terminal import busy, print_table
@@ -63,6 +63,7 @@ def run(config: ReproduceConfig) -> None:
         with busy("slips and laws"):
             sampling = usable_samples(grid_logs, geometry, method=config.motion, longest=True, measured=driven.measured)
             identified = workers.begin(timed, "laws", identify_samples, sampling, geometry)
+            figures.begin([PLANNED_TRAJECTORY, ERRORS_DEFINED])
             report = Report(
                 title="Slip of a tracked robot: the paper and its simulation",
                 command=command_line("reproduce"),
@@ -70,14 +71,17 @@ def run(config: ReproduceConfig) -> None:
                 grid_logs=grid_logs,
                 seen=sightings(grid_logs),
             )
-            figures.begin([*figures_of(report), PLANNED_TRAJECTORY, ERRORS_DEFINED])
-            grid = grid_summary(config, names, grid_logs, sampling.samples, geometry, watch, driven.measured)
+            figures.begin(figures_of(report))
             found, times = identified()
             watch.add(times)
         laws = {name: fitted.law for name, fitted in found.comparison.laws.items()}
         with busy("closed loops"):
             loops = Loops(config, {name: laws[name] for name in IDENTIFIED if name in laws}, workers)
-            report = replace(report, radius=grid.radius, identification=found)
+            published = workers.begin(timed, "report", published_runs, loops.starts, geometry)
+            report = replace(report, identification=found)
+            figures.begin(figures_of(report))
+            grid = grid_summary(config, names, grid_logs, sampling.samples, geometry, watch, driven.measured)
+            report = replace(report, radius=grid.radius)
             figures.begin(figures_of(report))
             try:
                 tracking_logs = loops.logs(watch)
@@ -89,20 +93,18 @@ def run(config: ReproduceConfig) -> None:
         comparison = compare_with_paper(grid, laws, tracking)
         warnings = saturation_warnings(grid_logs)
         with busy("report"):
-            published = workers.begin(timed, "report", published_beside, [log.between(0, 2) for log in tracking_logs])
-            write_runs(folder, logs)
             beside, times = published()
             watch.add(times)
+            report = replace(report, tracking_logs=tracking_logs, published=beside)
+            figures.begin(figures_of(report))
+            write_runs(folder, logs)
             report = replace(
                 report,
                 manifest=world.manifest("reproduce", time.perf_counter() - began),
                 comparison=comparison,
                 tracking=tracking,
-                tracking_logs=tracking_logs,
-                published=beside,
                 warnings=warnings,
             )
-            figures.begin(figures_of(report))
             drawn = figures.drawn(watch)
             with watch.stage("report"):
                 render(report, drawn).write(folder, config.pdf)

@@ -3,12 +3,12 @@
 The paper prints no numbers for its Figs. 4, 8 and 10 to 12, but everything they follow from.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
 from trackslip.controllers.named import CONTROLLERS
-from trackslip.kinematics import Array, RobotGeometry, advance, limit_sprocket_speeds
+from trackslip.kinematics import Array, RobotGeometry, advance, body_twist, limit_sprocket_speeds, sprocket_speeds
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import NoSlip
@@ -22,6 +22,7 @@ TOP_SPEED = 0.3
 """Top speed of the paper's robot (Sec. III) [m/s]."""
 KNOWN_LAWS: Mapping[str, SlipLaw] = {"none": NoSlip(), "published": PUBLISHED}
 """The paper's compensations, slip laws that need no identification."""
+_DIRECTIONS = 20001  # of commanded motions, in the table of the robot's response
 
 
 def published_poses(log: RunLog) -> Array:
@@ -56,19 +57,41 @@ def driven(
     shape = len(time) + 1, len(drivers), len(laws)
     pose, commanded, omega = (np.empty((*shape, size)) for size in (3, 2, 2))
     pose[0] = np.array([*starts.values()])[:, None]
+    real = _response(geometry)
     for k, now in enumerate(time.tolist()):
         for c, driver in enumerate(drivers):
             commanded[k, c] = driver.twist(now, pose[k, c], reference)
         for j, law in enumerate(laws):
             omega[k, :, j] = law.sprocket_speeds(commanded[k, :, j], geometry)
         omega[k] = limit_sprocket_speeds(omega[k], limit)
-        pose[k + 1] = advance(pose[k], PUBLISHED.twist(omega[k], geometry), PERIOD)
+        pose[k + 1] = advance(pose[k], real(omega[k]), PERIOD)
 
     def log(name: str, c: int, j: int) -> RunLog:
         twist = commanded[:-1, c, j]
         return RunLog(f"{name}, by the paper's equations", time, omega[:-1, c, j], pose[:-1, c, j], twist_command=twist)
 
     return {name: [log(name, c, j) for j in range(len(laws))] for c, name in enumerate(starts)}
+
+
+def _response(geometry: RobotGeometry) -> Callable[[Array], Array]:
+    """The twists (..., 2) that sprocket speeds (..., 2) [rad/s] produce with the slip of Eq. 11, from a table.
+
+    They are as large as the commanded motion (v, b w), times a number that depends on its direction only. Its table is
+    so fine that positions on the path are off by about a micrometre.
+    """
+    b = geometry.half_gauge
+    direction = np.linspace(-np.pi, np.pi, _DIRECTIONS)
+    unit = np.stack([np.cos(direction), np.sin(direction) / b], axis=-1)
+    twist = PUBLISHED.twist(sprocket_speeds(unit, 0.0, geometry), geometry)
+    ratio = (twist[:, 0] + 1j * b * twist[:, 1]) * np.exp(-1j * direction)
+
+    def real(omega: Array) -> Array:
+        commanded = body_twist(omega, 0.0, geometry)
+        motion = commanded[..., 0] + 1j * b * commanded[..., 1]
+        motion = motion * np.interp(np.angle(motion), direction, ratio)
+        return np.stack([motion.real, motion.imag / b], axis=-1)
+
+    return real
 
 
 def geometry_of(metadata: Mapping[str, object]) -> RobotGeometry | None:

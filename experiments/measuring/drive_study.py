@@ -29,7 +29,7 @@ from sim.wander.commands import Driver, track_commands
 from sim.wander.fleet_motion import drive_fleet
 from trackslip.errors import LogError, TrackslipError
 from trackslip.identification.fitted import fit_law
-from trackslip.identification.samples import true_samples
+from trackslip.identification.true_samples import true_samples
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.paper import COMMANDED_RADII, SPEEDS

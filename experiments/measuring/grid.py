@@ -13,7 +13,8 @@ from experiments.options.grid import GridConfig
 from experiments.storage.plain_json import plain
 from sim.stopwatch import Stopwatch
 from trackslip.errors import LogError
-from trackslip.identification.samples import MeasuredRuns, SlipSamples, samples_by_method, true_samples
+from trackslip.identification.samples import MeasuredRuns, SlipSamples, samples_by_method
+from trackslip.identification.true_samples import true_samples
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.localization.bound import scan_ratio_to_bound
 from trackslip.logs.runlog import RunLog
@@ -164,7 +165,7 @@ def grid_summary(
     `watch` knows how long localization took; runs may be `measured` by every method already.
     """
     sampled_logs = [log for log in logs if log.run in samples.run]
-    truth = true_samples(sampled_logs, geometry)
+    truth = _true_samples(sampled_logs, geometry, measured)
     sampled = np.isin(names, samples.run)
     slip, true_slip = (np.full((len(names), 2), np.nan) for _ in range(2))
     radius = np.full(len(names), np.nan)
@@ -194,6 +195,12 @@ def grid_summary(
     )
 
 
+def _true_samples(logs: Sequence[RunLog], geometry: RobotGeometry, measured: MeasuredRuns) -> SlipSamples:
+    """Samples from the true motion of the runs."""
+    known = [one.truth for log in logs if (one := measured.get(log.run)) is not None and one.truth is not None]
+    return SlipSamples.joined(known) if len(known) == len(logs) else true_samples(logs, geometry)
+
+
 def _errors_by_method(
     logs: Sequence[RunLog], true_slip: Array, geometry: RobotGeometry, measured: MeasuredRuns
 ) -> dict[str, OuterInner[ErrorStatistics] | None]:
@@ -202,7 +209,7 @@ def _errors_by_method(
     for log, true in zip(logs, true_slip, strict=True):
         with contextlib.suppress(LogError):
             known = measured.get(log.run)
-            for name, sample in (samples_by_method(log, geometry) if known is None else known).items():
+            for name, sample in (samples_by_method(log, geometry) if known is None else known.by_method).items():
                 errors[name].append(sample.slip - true)
     return {
         name: OuterInner.of(np.concatenate(parts), ErrorStatistics.of) if parts else None

@@ -10,7 +10,8 @@ from experiments.measuring.grid import ErrorStatistics, LocalizationErrors, Oute
 from experiments.options.grid import GridConfig
 from experiments.options.sensitivity import MIRROR_PERIOD
 from trackslip.errors import LogError
-from trackslip.identification.samples import true_samples, usable_samples
+from trackslip.identification.samples import usable_samples
+from trackslip.identification.true_samples import true_samples
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
 

@@ -29,17 +29,10 @@ class Drawn:
     """Descriptive, of letters, digits and underscores."""
     svg: str
     """The text of an SVG file, reproducible, with letters as outlines so that it needs no font."""
+    inline: Markup
+    """An <svg> element whose ids are unique on the page."""
     pdf: bytes = b""
     """A PDF file, if one was wanted."""
-
-    @property
-    def inline(self) -> Markup:
-        """An <svg> element whose ids are unique on the page."""
-        text = self.svg[self.svg.index("<svg") :]
-        text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text, flags=re.DOTALL)
-        text = re.sub(r'((?:\bid|xlink:href)="#?|url\(#)(?=[^"#)])', rf"\g<1>{self.name}-", text)
-        text = re.sub(r"\n\s*", "\n", text)
-        return Markup(text.replace("<svg ", '<svg aria-hidden="true" ', 1))
 
 
 @dataclass(frozen=True)
@@ -70,7 +63,12 @@ class Drawing:
     @property
     def inline(self) -> Markup:
         """See Drawn."""
-        return Drawn(self.name, self.svg).inline
+        text = self.svg[self.svg.index("<svg") :]
+        text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text, flags=re.DOTALL)
+        for reference in (' id="', 'xlink:href="#', "url(#"):
+            text = text.replace(reference, f"{reference}{self.name}-")
+        text = re.sub(r"\n\s*", "\n", text)
+        return Markup(text.replace("<svg ", '<svg aria-hidden="true" ', 1))
 
 
 def draw(name: str, make: Callable[[], Figure | None], pdf: bool) -> Drawn | None:
@@ -79,7 +77,7 @@ def draw(name: str, make: Callable[[], Figure | None], pdf: bool) -> Drawn | Non
     if figure is None:
         return None
     drawing = Drawing(name, figure)
-    return Drawn(name, drawing.svg, drawing.pdf if pdf else b"")
+    return Drawn(name, drawing.svg, drawing.inline, drawing.pdf if pdf else b"")
 
 
 def _lay_out(figure: Figure) -> None:
@@ -120,6 +118,13 @@ def render_page(
     """Fill in a template that extends base.html.j2; the manifest, which must fit into JSON, is listed at its end."""
     inline = {drawing.name: drawing.inline for drawing in drawings}
     context = {"figures": inline, "conditions": conditions(manifest, command)} | context
+    made = {"title": title, "command": relative_command(command), "manifest": list(_flatten(manifest))}
+    return Page(_environment().get_template(template).render(made, **context), drawings)
+
+
+@functools.cache
+def _environment() -> jinja2.Environment:
+    """Templates, each compiled once."""
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("experiments.report", "templates"),
         autoescape=True,
@@ -128,8 +133,7 @@ def render_page(
         lstrip_blocks=True,
     )
     environment.filters |= {"percent": percent, "significant": significant}
-    made = {"title": title, "command": relative_command(command), "manifest": list(_flatten(manifest))}
-    return Page(environment.get_template(template).render(made, **context), drawings)
+    return environment
 
 
 def relative_command(command: str) -> str:

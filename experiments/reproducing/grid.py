@@ -1,6 +1,5 @@
 """The paper's grid, driven and measured by several workers."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from experiments.driving.grid_runs import Cell, cells_of, drive_cells
@@ -11,7 +10,8 @@ from experiments.reproducing.share import Share, whole
 from sim.run_recorder import RunFailedError
 from sim.stopwatch import Stopwatch
 from trackslip.errors import LogError
-from trackslip.identification.samples import MeasuredRuns, SlipSamples, part_by_method, steadily_driven
+from trackslip.identification.samples import MeasuredRun, MeasuredRuns, part_by_method, steadily_driven
+from trackslip.identification.true_samples import true_sample
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.methods import MOTION_METHODS, best_method
 
@@ -22,7 +22,7 @@ class DrivenGrid:
 
     logs: list[RunLog]
     measured: MeasuredRuns
-    """Samples of each steady run by each method that it allows."""
+    """What was found of each steady run."""
 
 
 def drive_grid(config: GridConfig, workers: Workers, watch: Stopwatch) -> DrivenGrid:
@@ -39,7 +39,7 @@ def drive_grid(config: GridConfig, workers: Workers, watch: Stopwatch) -> Driven
     for share in shares:
         watch.add(share.stages)
     logs = whole(shares, places)
-    return DrivenGrid(logs, {run: samples for share in shares for run, samples in share.measured.items()})
+    return DrivenGrid(logs, {run: found for share in shares for run, found in share.measured.items()})
 
 
 def _drive_share(config: GridConfig, cells: list[Cell]) -> Share:
@@ -49,17 +49,18 @@ def _drive_share(config: GridConfig, cells: list[Cell]) -> Share:
         logs = drive_cells(cells, [world] * len(cells), watch=watch)
     except RunFailedError as failure:
         return Share(failure.logs, watch.stages, failure)
-    measured: dict[str, Mapping[str, SlipSamples]] = {}
+    measured: dict[str, MeasuredRun] = {}
+    geometry = world.robot.geometry
     for log in logs:
         chosen = config.motion or best_method(log)
         others = [name for name in MOTION_METHODS if name != chosen]
         try:
             with watch.stage("slips"):
-                part = steadily_driven(log, world.robot.geometry)
-                by_method = part_by_method(part, world.robot.geometry, [chosen])
+                part = steadily_driven(log, geometry)
+                by_method = part_by_method(part, geometry, [chosen])
             with watch.stage("errors of all methods"):
-                by_method |= part_by_method(part, world.robot.geometry, others)
+                by_method |= part_by_method(part, geometry, others)
         except LogError:
             continue  # it has no steady stretch; whoever wants its sample is told
-        measured[log.run] = by_method
+        measured[log.run] = MeasuredRun(part.window, part.notes, by_method, true_sample(part, geometry))
     return Share(logs, watch.stages, measured=measured)

@@ -28,15 +28,16 @@ class Loops:
     def __init__(self, config: ReproduceConfig, identified: Mapping[str, SlipLaw], workers: Workers) -> None:
         """Begin to drive both controllers with every compensation along the paper's path (Sec. IV)."""
         path, laws = paper_reference(), {**KNOWN_LAWS, **identified}
-        starts = {name: start_pose(name, "paper", path) for name in CONTROLLERS}
+        self.starts = {name: start_pose(name, "paper", path) for name in CONTROLLERS}
         metadata = {"reference": "paper"}
         runs = [
             ClosedLoopRun(f"{name} {law}", f"track {name} {law}", config.seed, name, law, start, metadata=metadata)
-            for name, start in starts.items()
+            for name, start in self.starts.items()
             for law in laws
         ]
-        count = min(workers.count, len(runs))
-        own = replace(config, threads=max(1, workers.count // count))
+        # half of the workers, as a fleet of few robots takes nearly as long as one of all; the others draw meanwhile
+        count = min(max(1, workers.count // 2), len(runs))
+        own = replace(config, threads=1)
         self._places = np.array_split(range(len(runs)), count)  # by controller, if there are two
         self._results = [workers.begin(_drive_share, own, laws, [runs[k] for k in at]) for at in self._places]
 

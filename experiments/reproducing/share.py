@@ -22,7 +22,7 @@ class Share:
     failure: RunFailedError | None = None
     """Why they stopped early."""
     measured: MeasuredRuns = field(default_factory=dict)
-    """Samples of steady runs."""
+    """What was found of steady runs."""
 
     @property
     def end(self) -> float:

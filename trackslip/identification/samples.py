@@ -99,8 +99,22 @@ class SlipSamples:
         return SlipSamples(self.omega[rows], self.twist[rows], self.slip[rows], run, **optional)
 
 
-MeasuredRuns = Mapping[str, Mapping[str, SlipSamples]]
-"""Run -> method -> sample of its longest steady stretch, from `samples_by_method`."""
+@dataclass(frozen=True)
+class MeasuredRun:
+    """What was found of the longest steady stretch of a run."""
+
+    window: tuple[float, float]
+    """Start and end [s]."""
+    notes: tuple[str, ...]
+    """What was excluded from the run besides settling, one line each."""
+    by_method: Mapping[str, SlipSamples]
+    """Method -> sample, as `samples_by_method` finds it."""
+    truth: SlipSamples | None
+    """The sample from the true motion, if that is known."""
+
+
+MeasuredRuns = Mapping[str, MeasuredRun]
+"""By the name of the run."""
 
 
 @dataclass(frozen=True)
@@ -174,6 +188,12 @@ def usable_samples(
     found = _Found(list(refused))
     stretches = _longest_only if longest else steady_parts
     for log in logs:
+        known = measured.get(log.run) if longest else None
+        if known is not None and (sample := known.by_method.get(method or best_method(log))) is not None:
+            found.usable.append(sample)
+            found.steady += known.window[1] - known.window[0] + max(settle, MARGIN) + MARGIN
+            found.notes += known.notes
+            continue
         try:
             parts = stretches(log, geometry, settle)
         except LogError as error:
@@ -185,8 +205,7 @@ def usable_samples(
             lead, trail = max(settle, MARGIN) / len(pieces), MARGIN / len(pieces)
             for piece in pieces:
                 try:
-                    known = measured.get(log.run, {}).get(method or best_method(log)) if longest else None
-                    found.usable.append(_sample(piece, geometry, method) if known is None else known)
+                    found.usable.append(_sample(piece, geometry, method))
                     found.steady += piece.window[1] - piece.window[0] + lead + trail
                 except LogError as error:
                     found.refused.append(Refused(piece.name, Refused.of(log.run, error).reason))
@@ -267,28 +286,3 @@ def _measured(part: SteadyPart, geometry: RobotGeometry, method: str | None) -> 
         lateral_stderr,
         None if part.load is None else part.load[None],
     )
-
-
-def true_samples(
-    logs: Sequence[RunLog], geometry: RobotGeometry, settle: float = SETTLE, of_plate: bool = False
-) -> SlipSamples:
-    """Samples from the true motion of simulated runs, like `slip_samples`; raises LogError if a run has no truth.
-
-    `of_plate` takes the motion of the scanned plate, which leans outwards with the robot: it moves along a wider
-    circle, faster by the yaw rate times the lean.
-    """
-    omega, twist, load = [], [], []
-    for log in logs:
-        if log.truth is None or (of_plate and log.truth.lean is None):
-            raise LogError(f"run {log.run!r}: has no truth")
-        part = steady_part(log, geometry, settle)
-        truth, rows = part.log.truth, part.rows
-        assert truth is not None
-        true = truth.twist[rows][:, [0, 2]]
-        if of_plate and truth.lean is not None:
-            true = np.column_stack([true[:, 0] - true[:, 1] * truth.lean[rows], true[:, 1]])
-        omega.append(part.omega)
-        twist.append(true.mean(axis=0))
-        load.append(part.load)
-    known = None if any(one is None for one in load) else np.array(load, float)
-    return SlipSamples.of(np.array(omega), np.array(twist), geometry, [log.run for log in logs], load=known)

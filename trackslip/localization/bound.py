@@ -168,23 +168,28 @@ def towards(pose: Array, plate: Plate, bearings: Array) -> Array:
 
 def range_jacobian(pose: Array, plate: Plate, bearings: Array) -> Array:
     """Derivatives (S, W, 3) of ranges at bearings (S, W) with respect to x, y and phi; zero where a beam misses."""
-    centre, phi = pose[:, None, :2], pose[:, None, 2]
-    u = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
-    axes = (np.stack([np.cos(phi), np.sin(phi)], axis=-1), np.stack([-np.sin(phi), np.cos(phi)], axis=-1))
-    enter, leave = [], []
-    for m, size in zip(axes, (plate.length, plate.thickness), strict=True):  # the two faces along m are a slab
-        m_u, m_c = np.sum(m * u, axis=-1), np.sum(m * centre, axis=-1)
-        m_u = np.where(m_u == 0, 1e-300, m_u)
-        enter.append((m_c - np.sign(m_u) * size / 2) / m_u)
-        leave.append((m_c + np.sign(m_u) * size / 2) / m_u)
+    x, y = pose[:, :1], pose[:, 1:2]
+    cos, sin = np.cos(pose[:, 2:]), np.sin(pose[:, 2:])
+    u_x, u_y = np.cos(bearings), np.sin(bearings)
+    enter, leave, along = [], [], []
+    for m_x, m_y, size in ((cos, sin, plate.length), (-sin, cos, plate.thickness)):  # the two faces along m are a slab
+        m_u, m_c = m_x * u_x + m_y * u_y, m_x * x + m_y * y
+        m_u[m_u == 0] = 1e-300
+        half = np.copysign(size / 2, m_u)
+        enter.append((m_c - half) / m_u)
+        leave.append((m_c + half) / m_u)
+        along.append(m_u)
     by_second = enter[1] > enter[0]
-    r = np.where(by_second, enter[1], enter[0])
+    r = np.maximum(*enter)
     hit = (r > 0) & (r < np.minimum(*leave))
-    m = np.where(by_second[..., None], axes[1], axes[0])
-    m_prime = np.where(by_second[..., None], -axes[0], axes[1])
-    slope = np.where(hit, 1 / np.where(hit, np.sum(m * u, axis=-1), 1.0), 0.0)[..., None]
-    lever = np.sum(m_prime * (centre - r[..., None] * u), axis=-1, keepdims=True)
-    return np.concatenate([m * slope, np.where(hit[..., None], lever, 0.0) * slope], axis=-1)
+    slope = np.where(hit, 1 / np.where(by_second, along[1], along[0]), 0.0)
+    ahead, aside = np.where(by_second, -sin, cos), np.where(by_second, cos, sin)  # m; m' is (-aside, ahead)
+    jacobian = np.empty((*slope.shape, 3))
+    np.multiply(ahead, slope, out=jacobian[..., 0])
+    np.multiply(aside, slope, out=jacobian[..., 1])
+    lever = -aside * (x - r * u_x) + ahead * (y - r * u_y)
+    np.multiply(np.where(hit, lever, 0.0), slope, out=jacobian[..., 2])
+    return jacobian
 
 
 def _edge_jacobian(pose: Array, plate: Plate, bearings: Array) -> Array:

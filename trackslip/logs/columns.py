@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from trackslip.errors import LogError
 from trackslip.kinematics import Array
@@ -85,7 +84,7 @@ class Columns:
         column = self._table.column(name)
         if pa.types.is_nested(column.type):
             raise LogError(f"{self._source}: column {name}: {column.type} is not true or false")
-        text = pc.fill_null(column.cast(pa.string()), "").combine_chunks().dictionary_encode()
+        text = column.cast(pa.string()).fill_null("").combine_chunks().dictionary_encode()
         known = [_BOOLEANS.get(value.lower(), np.nan) for value in text.dictionary.to_pylist()]
         empty = np.array([value == "" for value in text.dictionary.to_pylist()])
         index = text.indices.to_numpy()
@@ -111,6 +110,8 @@ class Columns:
 
 def _from_text(column: pa.ChunkedArray) -> tuple[Array, np.ndarray, np.ndarray]:
     """Values (T,) of text, NaN where it is no number, and which texts are empty or not numbers."""
+    import pyarrow.compute as pc  # takes longer to import than pyarrow itself, and few logs have numbers as text
+
     text = pc.utf8_trim_whitespace(pc.fill_null(column, ""))
     plain = pc.match_substring_regex(text, _NUMBER)
     values = _as_floats(pc.if_else(plain, text, None))

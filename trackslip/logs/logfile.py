@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.csv
 import pyarrow.parquet
 
@@ -180,6 +179,8 @@ class StoredRuns:
 
     def table(self, name: str, new: str) -> pa.Table:
         """The rows of a run under a new name."""
+        import pyarrow.compute as pc  # takes longer to import than pyarrow itself
+
         try:
             table = self._file.read_row_groups(self._groups[name]).replace_schema_metadata(None)
             if pc.count_distinct(table.column(0)).as_py() > 1:

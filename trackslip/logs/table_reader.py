@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from trackslip.errors import LogError, first_line
 from trackslip.kinematics import Array
@@ -220,7 +219,7 @@ def _labels(table: pa.Table, source: str) -> tuple[np.ndarray, list[str]]:
         names = table.column("run").cast(pa.string())
     except pa.ArrowException as error:
         raise LogError(f"{source}: column run: {first_line(error)}") from error
-    encoded = pc.fill_null(names, "").combine_chunks().dictionary_encode()
+    encoded = names.fill_null("").combine_chunks().dictionary_encode()
     listed = encoded.dictionary.to_pylist()
     named = [name for name in listed if name.strip()]
     numbers = {name: number for number, name in enumerate(named)}

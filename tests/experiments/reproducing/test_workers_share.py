@@ -35,7 +35,9 @@ def grid_and_loops(threads):
         grid = drive_grid(CONFIG, workers, watch)
         driven = loops.Loops(CONFIG, {"icr": ConstantIcr(0.04, half_gauge=0.168)}, workers).logs(watch)
     assert min(watch.stages.values()) > 0
-    samples = {run: {name: one.slip.tolist() for name, one in known.items()} for run, known in grid.measured.items()}
+    samples = {
+        run: {name: one.slip.tolist() for name, one in known.by_method.items()} for run, known in grid.measured.items()
+    }
     assert [log.run for log in driven] == [f"{name} {law}" for name in loops.CONTROLLERS for law in LAWS]
     return stored(grid.logs), stored(driven), samples
 

@@ -7,7 +7,8 @@ from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.comparison import compare_laws
 from trackslip.identification.fitted import fit_law
 from trackslip.identification.result import laws_to_json
-from trackslip.identification.samples import SlipSamples, slip_samples, true_samples
+from trackslip.identification.samples import SlipSamples, slip_samples
+from trackslip.identification.true_samples import true_samples
 from trackslip.kinematics import RobotGeometry, advance, body_twist
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.exponential import PUBLISHED
