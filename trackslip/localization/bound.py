@@ -31,8 +31,7 @@ If all places a along the plate are equally probable beforehand, its mean square
 
 with equality in the first place for the posterior mean; more knowledge makes the mean variance no larger. The last of
 these variances is that of a density over one variable, which is summed (see `ends`), and takes the place of what the
-information above gives along the plate. It is the bound on average, over many scans, and not of a single one: a scan
-whose returns happen to say little has a larger one.
+information above gives along the plate. It depends on the returns of the scan, and bounds the mean over many scans.
 
 This is not a true Cramer-Rao bound. A uniform error has no Fisher information in the usual sense because its support
 moves with the pose. Many such edges, treated as intervals, contain more information than their squares, although for

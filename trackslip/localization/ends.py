@@ -1,11 +1,12 @@
-"""The place of a plate along itself if beams may be lost at its ends: exact likelihood and posterior.
+"""The place of a plate along itself, or sideways, if beams may be lost at its ends: exact likelihood and posterior.
 
 A beam that meets the plate returns nothing with probability p. The plate reaches at least as far as its outermost
-returns; if k more beams beyond one of them meet it, that has the likelihood p^k. As the plate slides, every beam that
-one end gains costs a factor of p, and the other end gives one back. The likelihood is a staircase between two walls,
-which stand where the plate no longer reaches one of the outermost returns, and nothing like a normal distribution:
+returns; if k more beams beyond one of them meet it, that has the likelihood p^k. As the plate slides, each beam that
+one end gains multiplies the likelihood by p, and each that the other end leaves divides it by p. The likelihood is a
+staircase between two walls, which stand where the plate no longer reaches one of the outermost returns, and nothing
+like a normal distribution:
 
-- Seen broadside, the plate gains and gives back at the same rate. All places between the walls are equally probable,
+- Seen broadside, the plate gains and leaves beams at the same rate. All places between the walls are equally probable,
   and their middle is the mean. Its error grows with the distance of the walls, the number of lost beams, which is
   known from the length of the plate.
 - Seen from an end, the plate covers more beams per metre at its near end than at the far one. The more it reaches
@@ -14,6 +15,8 @@ which stand where the plate no longer reaches one of the outermost returns, and 
 Where beams are lost and no return is from the short face, this is all that is known along the plate. A return from the
 short face adds a narrow peak to the staircase, unless it is so close to the corner that it may be from the long face.
 The posterior is therefore summed over the places between the walls and, more finely, over those around the fit.
+
+Nearly edge-on, the same holds sideways, where the short face ends: there it is the long face that adds the peak.
 """
 
 from __future__ import annotations
