@@ -74,7 +74,7 @@ class Ends(Rows):
         about = np.clip(sigma[:, None] * _ABOUT_FIT, np.minimum(walls[0], 0.0), np.maximum(walls[1], 0.0))
         offset = np.concatenate([between, about], axis=1)
         ranges = likelihood.ranges_sideways if sideways else likelihood.ranges_along
-        cost = ranges(beams, pose, offset) + self.cost(view.slid(offset, sideways)).reshape(offset.shape)
+        cost = ranges(beams, view, offset) + self.cost(view.slid(offset, sideways)).reshape(offset.shape)
         share, span = quadrature(offset, cost)
         mean, variance = moments(offset, share, span)
         least = cost.min(axis=1)

@@ -74,14 +74,13 @@ class PlateLikelihood:
 
     def cost_along(self, beams: Beams, pose: Array, offset: Array) -> Array:
         """Costs (M, K) at poses (M, 3) slid along the plate by `offset` (M, K) [m], less a constant for each scan."""
-        every = np.repeat(np.arange(len(pose)), offset.shape[1])
-        residual = self.edges(beams.edges.take(every), View.of(self.plate, pose).slid(offset))[0]
+        view, every = View.of(self.plate, pose), np.repeat(np.arange(len(pose)), offset.shape[1])
+        residual = self.edges(beams.edges.take(every), view.slid(offset))[0]
         costs = residual * residual
-        return self.ranges_along(beams, pose, offset) + ((costs[0] + costs[1]) / 2).reshape(offset.shape)
+        return self.ranges_along(beams, view, offset) + ((costs[0] + costs[1]) / 2).reshape(offset.shape)
 
-    def ranges_sideways(self, beams: Beams, pose: Array, offset: Array) -> Array:
-        """What ranges cost (M, K) at poses (M, 3) slid across the plate by `offset` (M, K) [m]."""
-        view = View.of(self.plate, pose)
+    def ranges_sideways(self, beams: Beams, view: View, offset: Array) -> Array:
+        """What ranges cost (M, K) if M plates are slid across themselves by `offset` (M, K) [m]."""
         half_length, half_thickness = self.plate.length / 2, self.plate.thickness / 2
         across = view.across[:, None] + offset  # (M, K)
         short = view.along - np.minimum(np.maximum(view.along, -half_length), half_length)  # 0 if it points away
@@ -90,7 +89,7 @@ class PlateLikelihood:
         cos, sin, short = beams.spread(np.stack([view.cos, view.sin, short]))
         u_along = beams.u[0] * cos + beams.u[1] * sin
         u_across = beams.u[1] * cos - beams.u[0] * sin
-        row = np.repeat(np.arange(len(pose)), beams.count)
+        row = np.repeat(np.arange(len(offset)), beams.count)
         predicted = long[row] / (u_across + np.copysign(_TINY, u_across))[:, None]
         np.maximum(predicted, (short / (u_along + np.copysign(_TINY, u_along)))[:, None], out=predicted)
         np.maximum(predicted, (distance - reach)[row], out=predicted)
@@ -98,9 +97,8 @@ class PlateLikelihood:
         predicted -= beams.range[:, None]
         return np.add.reduceat(self.loss(predicted / beams.noise)[1], beams.first, axis=0)
 
-    def ranges_along(self, beams: Beams, pose: Array, offset: Array) -> Array:
+    def ranges_along(self, beams: Beams, view: View, offset: Array) -> Array:
         """The part (M, K) of `cost_along` that is due to ranges. Only beams that may leave the long face matter."""
-        view = View.of(self.plate, pose)
         half_length = self.plate.length / 2
         along = view.along[:, None] + offset  # (M, K)
         reach = math.hypot(self.plate.length, self.plate.thickness) / 2
@@ -108,7 +106,7 @@ class PlateLikelihood:
         distance = np.hypot(view.along, view.across)
         cos, sin = view.cos, view.sin
         ahead, aside = np.copysign(1.0, view.along), np.copysign(1.0, view.across)
-        of_scans = np.empty((8, len(pose)))
+        of_scans = np.empty((8, len(offset)))
         of_scans[0], of_scans[1], of_scans[2], of_scans[3] = ahead * cos, ahead * sin, -aside * sin, aside * cos
         of_scans[4] = np.abs(view.along) + longest - half_length
         of_scans[5] = np.maximum(np.abs(view.across) - self.plate.thickness / 2, 0.0)
@@ -119,7 +117,7 @@ class PlateLikelihood:
         to_long = long / (u_x * n_x + u_y * n_y - _TINY)
         matters = np.flatnonzero((short > to_long * u_e) & (u_e > 0) | (to_long < near) | (to_long > far))
 
-        row = np.repeat(np.arange(len(pose)), beams.count)[matters]
+        row = np.repeat(np.arange(len(offset)), beams.count)[matters]
         distance = np.hypot(along, view.across[:, None])[row]
         depth = np.maximum(along * ahead[:, None] - half_length, 0.0)[row]
         entered = np.maximum(depth / u_e[matters, None], to_long[matters, None])

@@ -115,9 +115,11 @@ def _along_plate(likelihood: PlateLikelihood, beams: Beams, pose: Array, covaria
     doubted = np.flatnonzero((axis.sigma < _CLAIMED * edge / np.sqrt(2)) & (weight > 0))
     if doubted.size == 0:
         return
-    rows, at, edge, axis = rows[doubted], at[doubted], edge[doubted], axis.take(doubted)
+    if doubted.size < len(rows):
+        rows, at, edge, axis = rows[doubted], at[doubted], edge[doubted], axis.take(doubted)
+    some = beams if rows.size == len(pose) else beams.take(rows)
     offset = np.concatenate([edge[:, None] * _ALONG_PLATEAU, axis.sigma[:, None] * _ALONG_PEAK], axis=1)  # (N, K)
-    share, span = quadrature(offset, likelihood.cost_along(beams.take(rows), at, offset))
+    share, span = quadrature(offset, likelihood.cost_along(some, at, offset))
     mean, variance = moments(offset, share, span)
     pose[rows] = at + mean[:, None] * axis.e
     covariance[rows] += axis.change(variance)
