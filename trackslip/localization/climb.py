@@ -38,7 +38,7 @@ class Evaluation(Rows):
 
     def promise(self) -> Array:
         """Decreases of the cost (M,) that the next step promises; inf where there is none."""
-        return _newton(self, np.full(len(self.cost), _DAMPING))[1]
+        return _newton(self, _DAMPING)[1]
 
     def in_lrf_frame(self) -> Evaluation:
         """The same with derivatives with respect to x, y and phi."""
@@ -68,9 +68,9 @@ def climb(surface: Surface, beams: Any, pose: Array, iterations: int) -> Evaluat
     fit = here = surface.evaluate(beams, pose.copy())
     rows = np.arange(len(pose))  # those of `here`
     climbing = np.ones(len(pose), bool)
-    damping, part = np.full(len(pose), _DAMPING), np.ones(len(pose))
-    for _ in range(iterations):
-        step, fall = _newton(here, damping)
+    part = np.ones(len(pose))  # of the step that is tried
+    for k in range(iterations):
+        step, fall = _newton(here, _DAMPING / 10**k)
         there = (fall < _CONVERGED) & climbing
         if there.any():
             np.copyto(here.pose, surface.moved(here.pose, step), where=there[:, None])
@@ -83,15 +83,14 @@ def climb(surface: Surface, beams: Any, pose: Array, iterations: int) -> Evaluat
                 fit.put(rows[~climbing], here.take(~climbing))
             on = np.flatnonzero(climbing)
             rows, beams, here, climbing = rows[on], beams.take(on), here.take(on), climbing[on]
-            damping, part, step, fall = damping[on], part[on], step[on], fall[on]
+            part, step, fall = part[on], step[on], fall[on]
         trial = surface.evaluate(beams, surface.moved(here.pose, part[:, None] * step))
         rise = trial.cost - here.cost
         better = (rise < 0) & climbing
         if better.all():
-            here, damping, part = trial, damping / 10, np.ones(len(rows))
-            continue
-        here.put_where(better, trial)
-        damping[better] /= 10
+            here = trial
+        else:
+            here.put_where(better, trial)
         part[better] = 1.0
         refused = climbing & ~better
         if refused.any():
@@ -105,7 +104,7 @@ def climb(surface: Surface, beams: Any, pose: Array, iterations: int) -> Evaluat
     return fit
 
 
-def _newton(here: Evaluation, damping: Array) -> tuple[Array, Array]:
+def _newton(here: Evaluation, damping: float) -> tuple[Array, Array]:
     """Damped steps (M, 3), and the decreases of the cost (M,) that they promise: inf where there is no step."""
     damped = here.curvature.T.copy()
     damped[:3] *= 1 + damping

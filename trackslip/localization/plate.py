@@ -144,7 +144,7 @@ class PlateLocator:
         fit = self._fit(beams, cluster, scan.beam_step, near)
         axes = in_axes(fit.pose[:, 2])
         covariance = axes.swapaxes(1, 2) @ covariances(fit) @ axes
-        misfit = np.sqrt(2 * fit.cost / cluster.count)  # edges included
+        misfit = _misfit(fit, cluster)
         strained = _strained(misfit, cluster.count)
         if strained.any():
             covariance[strained] *= (misfit[strained] ** 2)[:, None, None]
@@ -161,8 +161,7 @@ class PlateLocator:
         if near is None:
             return self._screened(beams, starts(cluster, self.plate, beam_step, None))
         fit = self._likelihood.climb(beams, near, self.iterations)
-        unexplained = _strained(np.sqrt(2 * fit.cost / cluster.count), cluster.count)
-        unexplained |= cluster.count < _MIN_PLATE_RETURNS
+        unexplained = _strained(_misfit(fit, cluster), cluster.count) | (cluster.count < _MIN_PLATE_RETURNS)
         for rows in chunks(cluster, MAX_STARTS, unexplained) if unexplained.any() else ():
             first = starts(cluster.take(rows), self.plate, beam_step, near[rows])
             fit.put(rows, self._screened(beams.take(rows), first))
@@ -176,6 +175,11 @@ class PlateLocator:
         cost = screened.cost.reshape(scans, k)
         best = np.argmax(cost < cost.min(axis=1, keepdims=True) + _ALIKE, axis=1) + k * np.arange(scans)
         return self._likelihood.climb(beams, screened.pose[best], self.iterations)
+
+
+def _misfit(fit: Evaluation, cluster: Cluster) -> Array:
+    """Root mean square residuals (S,) of ranges and edges [standard deviations]."""
+    return np.sqrt(2 * fit.cost / cluster.count)
 
 
 def _strained(misfit: Array, count: np.ndarray) -> np.ndarray:

@@ -219,7 +219,8 @@ def gather(scan: Scan, rows: np.ndarray, cluster: np.ndarray, beam: np.ndarray) 
         in_front = ranges[gaps] < np.max(distance[gaps], axis=1, where=hit[gaps], initial=0.0)[:, None]
         lost[gaps] = np.sum(inside & ~hit[gaps] & ~in_front, axis=1)
     hidden = _hidden(scan, rows, low, high)
-    hidden[count == 0] = 0.0
+    if not count.all():
+        hidden[count == 0] = 0.0
     return Cluster(scan.bearings[column], distance, hit, count, lost, hidden)
 
 
