@@ -1,4 +1,4 @@
-"""Levenberg-Marquardt for many scans at once, and the linear algebra of small matrices."""
+"""Damped Gauss-Newton steps for many scans at once, and the linear algebra of small matrices."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """Maximum-likelihood fit of the known rectangle to the ranges of a scan (see `likelihood`).
 
 The likelihood has several maxima (a plate seen nearly edge-on looks much like its mirror image about the line of
-sight), so it is maximised from several starts, by Levenberg-Marquardt over all scans and starts at once. If the climb
-from an expected pose explains the scan as well as the noise allows, no other start is tried. Where the likelihood is
-not normal, pose and covariance are the mean and covariance of the posterior: see `posterior`.
+sight), so it is maximised from several starts, by damped Gauss-Newton steps for all scans and starts at once. If the
+climb from an expected pose explains the scan as well as the noise allows, no other start is tried. Where the likelihood
+is not normal, pose and covariance are the mean and covariance of the posterior: see `posterior`.
 """
 
 from __future__ import annotations
