@@ -61,6 +61,7 @@ class RunRecorder:
         self._fleet, self._period, self._descriptions = fleet, period, descriptions
         self._angle = fleet.drive.encoder_angle()
         self._yields = [ground.largest_shear > 0 for ground in fleet.ground]  # to load
+        self._loads = any(self._yields)
         self._in_detail = fleet.robot.contact_sensors
         self._before: tuple[Array, ...] | None = None  # the truth in the row before the first, as in _truth
         self._begin(0, rows)
@@ -75,7 +76,7 @@ class RunRecorder:
         self.omega = np.zeros((rows, n, 2))  # [rad/s]
         self.pose = np.zeros((rows, n, 3))  # [m, m, rad]
         self.load = np.zeros((rows, n, 2))
-        """Tractions per unit load that the robots need, along and to the left (T, N, 2) [-]."""
+        """Tractions per unit load that the robots need, along and to the left (T, N, 2) [-]; 0 unless sensed."""
         self._command = np.zeros((rows, n, 2))
         self._twist_command = np.full((rows, n, 2), np.nan)
         self._icr = np.full((rows, n, 2), np.nan)
@@ -93,19 +94,30 @@ class RunRecorder:
     def measure(self, k: int) -> None:
         """Record encoders and truth in row k; raises RunFailedError when a robot tips over."""
         fleet = self._fleet
-        upright = np.abs(fleet.attitude()[:, 1:]) < _TIPPED
-        if not upright.all():
-            fallen = int(np.flatnonzero(~upright.all(axis=1))[0])
-            raise RunFailedError(f"run {self.name(fallen)!r}: the robot tips over after {self.time[k]:g} s")
+        self._require_upright(k)
         drive, angle = fleet.drive, fleet.drive.encoder_angle()
         self.omega[k] = (angle - self._angle) / self._period
         self._angle = angle
-        self.load[k] = needed_traction(fleet)
+        if self._loads:
+            self.load[k] = needed_traction(fleet)
         of_drive = drive.torque.copy(), drive.energy.copy(), drive.saturated_time.copy()
         contact = (pad_forces(fleet).astype(np.float32),) if self._in_detail else ()
         if self._in_detail and fleet.shear is not None:
             contact += (np.linalg.norm(fleet.shear.displacement, axis=-1).astype(np.float32),)
         self._truth.append((fleet.pose(), fleet.twist(), fleet.traction(), *of_drive, fleet.lean(), *contact))
+
+    def _require_upright(self, k: int) -> None:
+        """Raise RunFailedError if a robot has tipped over in row k."""
+        if (self._fleet.upright() > np.cos(_TIPPED)).all():  # neither roll nor pitch exceeds the tilt
+            return
+        upright = (np.abs(self._fleet.attitude()[:, 1:]) < _TIPPED).all(axis=1)
+        if not upright.all():
+            fallen = int(np.flatnonzero(~upright)[0])
+            raise RunFailedError(f"run {self.name(fallen)!r}: the robot tips over after {self.time[k]:g} s")
+
+    def sense_loads(self) -> None:
+        """Record the loads of all robots from now on."""
+        self._loads = True
 
     def command(self, k: int) -> None:
         """Record the set points that the sprockets have now, which completes row k."""

@@ -94,6 +94,8 @@ class Steering:
             for one, robots in _merged(pilots, _same_conversion)
         ]
         for each in self._compensators:
+            if each.senses is not None:
+                record.sense_loads()
             if not each.learns:
                 record.compensated(slice(None), each.robots, each.compensation.law())
 
