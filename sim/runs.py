@@ -29,8 +29,8 @@ Progress = Callable[[float], None]
 PERIOD = LaserScanner().period
 """Time between the rows of a run without a scanner [s]."""
 _SCANS_AT_ONCE, _MOST_AT_ONCE = 5000, 400  # scans localized together offline: of all robots, and of each
-_FEWEST_ROWS, _MOST_ROWS = 150, 600  # of a part of long runs
-_MEASUREMENTS = 250_000  # rows of all robots together in a part, if that many rows of each are neither few nor many
+_FEWEST_ROWS, _MOST_ROWS = 32, 300  # of each robot in a part: making logs of fewer rows would take long
+_IN_MEMORY = 32_768  # rows of all robots together in a part, if that leaves each neither few nor many
 
 
 def open_loop(
@@ -89,8 +89,10 @@ def open_loop_parts(
     period = PERIOD if feed is None else feed.period
     omega = limit_sprocket_speeds(np.broadcast_to(np.asarray(omega, float), (fleet.size, 2)), fleet.drive.limit)
     rows = _rows(duration, period)
-    least = max(2, rows_at_once or min(max(_FEWEST_ROWS, _MEASUREMENTS // fleet.size), _MOST_ROWS))
-    record = RunRecorder(fleet, min(rows, least + _MOST_AT_ONCE + EVERY), period, descriptions)
+    least = max(2, rows_at_once or min(max(_FEWEST_ROWS, _IN_MEMORY // fleet.size), _MOST_ROWS))
+    scanned = feed is not None and locator is not None
+    most = least + (_block(fleet.size) + EVERY if scanned else 1)
+    record = RunRecorder(fleet, min(rows, most), period, descriptions)
     scans = None if feed is None or locator is None else _Scans(fleet, record, feed, locator, watch)
 
     def logs(failure: str | None = None) -> list[RunLog]:
@@ -129,6 +131,11 @@ def _rows(duration: float, period: float) -> int:
     return rows
 
 
+def _block(robots: int) -> int:
+    """Number of scans of each robot that are localized together."""
+    return min(max(1, _SCANS_AT_ONCE // robots), _MOST_AT_ONCE)
+
+
 class _Scans:
     """The scans of an open-loop run, localized in blocks: nobody needs the poses before the run is over."""
 
@@ -137,7 +144,7 @@ class _Scans:
     ) -> None:
         self._fleet, self._record, self._feed, self._watch = fleet, record, feed, watch
         self._follower = Follower(locator, Tracker(fleet.pose(), fleet.robot.geometry))
-        self._block = min(max(1, _SCANS_AT_ONCE // fleet.size), _MOST_AT_ONCE)
+        self._block = _block(fleet.size)
         self._waiting: list[Array] = []  # true ranges (N, B) each
         self._located = 0  # rows of the record
         self._taken = 0  # scans of each robot
@@ -262,6 +269,5 @@ def _flat(array: np.ndarray) -> np.ndarray:
 
 def _by_robot(clusters: Sequence[Cluster], robots: int) -> list[Cluster]:
     """The clusters of each robot in order of time, from blocks of scans (N, T) that follow one another."""
-    whole = Cluster.joined(clusters)
-    owner = np.concatenate([np.repeat(np.arange(robots), len(block.count) // robots) for block in clusters])
-    return [whole.take(np.flatnonzero(owner == k)) for k in range(robots)]
+    parts = [(block, np.arange(len(block.count)).reshape(robots, -1)) for block in clusters]
+    return [Cluster.joined([block.take(rows[k]) for block, rows in parts]) for k in range(robots)]

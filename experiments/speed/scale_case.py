@@ -1,8 +1,8 @@
 """A fleet whose runs are written to a Parquet file while they last: how long that takes, and how much memory."""
 
 import math
-import statistics
 import tempfile
+from collections.abc import Generator
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -18,8 +18,7 @@ from sim.seeds import generator
 from trackslip.kinematics import Array, sprocket_speeds
 from trackslip.logs.run_writer import RunWriter
 
-_PERIODS = 40  # after which all robots drive steadily
-_ENOUGH = 600.0  # robot-seconds that are timed; shorter runs are driven several times [s]
+_PERIODS = 12  # after which all robots drive steadily
 
 
 @dataclass(frozen=True)
@@ -33,6 +32,8 @@ class ScaleCase:
     """Wall time of driving and writing the runs [s]."""
     memory: float
     """Peak memory of a process that does nothing else [MB]; NaN where the system doesn't tell."""
+    memory_halfway: float
+    """The same when up to half of the work was done; NaN if none had been recorded by then [MB]."""
     file_size: float
     """Of the Parquet file [MB]."""
 
@@ -42,25 +43,39 @@ class ScaleCase:
         return self.seconds / (self.robots * self.duration)
 
 
-def drive_case(robots: int, duration: float, seed: int) -> ScaleCase:
-    """Drive robots for `duration` [s] at constant speeds, on as many threads as there are processors."""
+def drive_case(robots: int, duration: float, times: int, seed: int) -> Generator[float, None, ScaleCase]:
+    """Drive robots for `duration` [s] at constant speeds, so many times, on as many threads as there are processors.
+
+    Yields the share of the work that is done after each part of a run; the time until it goes on doesn't count.
+    """
     fleet = Fleet(load_robot(), np.zeros((robots, 3)))
     omega = _speeds(fleet, seed)
     for _ in range(_PERIODS):
         fleet.command(omega)
         fleet.advance(PERIOD)
-    taken = []
+    yield 0.0
+    seconds, share, halfway = 0.0, 0.0, math.nan
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "runs.parquet"
-        for _ in range(max(1, math.ceil(_ENOUGH / (robots * duration)))):
-            began = perf_counter()
+        began = perf_counter()
+        for _ in range(times):
             with RunWriter(file) as writer:
                 for logs in open_loop_parts(fleet, omega, duration):
                     writer.write(logs)
-            taken.append(perf_counter() - began)
+                    seconds += perf_counter() - began
+                    share += PERIOD * len(logs[0].time) / (times * (duration + PERIOD))  # both ends are recorded
+                    if share <= 0.5:
+                        halfway = _memory()
+                    yield share
+                    began = perf_counter()
+        seconds += perf_counter() - began
         size = file.stat().st_size / 1e6
+    return ScaleCase(robots, duration, seconds / times, _memory(), halfway, size)
+
+
+def _memory() -> float:
     memory = peak_memory()
-    return ScaleCase(robots, duration, statistics.median(taken), math.nan if memory is None else memory, size)
+    return math.nan if memory is None else memory
 
 
 def _speeds(fleet: Fleet, seed: int) -> Array:

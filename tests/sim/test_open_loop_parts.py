@@ -53,6 +53,14 @@ def test_parts_are_not_kept(robot):
     np.testing.assert_array_equal(first.pose, before)
 
 
+@pytest.mark.parametrize(("robots", "rows"), [(1, 300), (128, 256), (1100, 32)])
+def test_parts_are_the_shorter_the_more_robots_there_are(robot, monkeypatch, robots, rows):
+    fleet = Fleet(robot, np.zeros((robots, 3)), threads=1)
+    monkeypatch.setattr(fleet, "advance", lambda period: None)
+    part = next(open_loop_parts(fleet, OMEGA[0], 600.0))
+    assert {len(log.time) for log in part} == {rows}
+
+
 def test_a_failure_comes_with_what_was_recorded_since_the_last_part(robot):
     fleet = Fleet(robot, START[:1], threads=1)
     parts = open_loop_parts(fleet, OMEGA[0], 2.0, rows_at_once=10)

@@ -138,8 +138,8 @@ class Cluster(Rows):
         width = max(part.hit.shape[1] for part in parts)
 
         def padded(name: str, mode: Any) -> np.ndarray:
-            arrays = [getattr(part, name) for part in parts]
-            return np.concatenate([np.pad(a, ((0, 0), (0, width - a.shape[1])), mode=mode) for a in arrays])
+            arrays = [(getattr(part, name), width - part.hit.shape[1]) for part in parts]
+            return np.concatenate([np.pad(a, ((0, 0), (0, more)), mode=mode) if more else a for a, more in arrays])
 
         rest = (np.concatenate([getattr(part, name) for part in parts]) for name in ("count", "lost", "hidden"))
         return cls(padded("bearing", "edge"), padded("range", "edge"), padded("hit", "constant"), *rest)

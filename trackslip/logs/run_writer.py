@@ -17,7 +17,8 @@ from trackslip.logs.logfile import packing
 from trackslip.logs.runlog import RunLog
 from trackslip.logs.table import file_metadata, runs_metadata, to_rows
 
-_ROWS = 16_384  # of a row group, of which every one costs memory until the file is closed
+_ROWS = 8192  # of a row group, or more: every one costs memory until the file is closed
+_MOST_ROWS = 131_072  # of a row group, which readers of a single run read as a whole
 
 
 class RunWriter:
@@ -33,6 +34,7 @@ class RunWriter:
         self._draft = path.with_name(f".{path.name}-{os.getpid()}")
         self._writer: pa.parquet.ParquetWriter | None = None
         self._runs: list[str] = []
+        self._waiting: list[pa.Table] = []
 
     def __enter__(self) -> Self:
         return self
@@ -55,7 +57,13 @@ class RunWriter:
             raise LogError(f"{self._path}: part of the runs {names}, where those before are of {self._runs}")
         if table.schema != self._writer.schema:
             raise LogError(f"{self._path}: columns {table.column_names}, before {self._writer.schema.names}")
-        self._writer.write_table(table.replace_schema_metadata(self._writer.schema.metadata), _ROWS)
+        self._waiting.append(table.replace_schema_metadata(self._writer.schema.metadata))
+        if sum(map(len, self._waiting)) >= _ROWS:
+            self._write_waiting(self._writer)
+
+    def _write_waiting(self, writer: pa.parquet.ParquetWriter) -> None:
+        writer.write_table(pa.concat_tables(self._waiting), _MOST_ROWS)
+        self._waiting.clear()
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
@@ -63,6 +71,8 @@ class RunWriter:
         if self._writer is None:
             return
         try:
+            if kind is None and self._waiting:
+                self._write_waiting(self._writer)
             self._writer.close()
             if kind is None:
                 os.replace(self._draft, self._path)

@@ -6,9 +6,11 @@ REQUIRED; samples of steady driving without a trace need SAMPLE_COLUMNS.
 
 from __future__ import annotations
 
+import itertools
 import json
 import zlib
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -65,7 +67,8 @@ def to_rows(logs: Sequence[RunLog]) -> pa.Table:
     if len(set(names)) < len(names):
         name = max(names, key=names.count)
         raise LogError(f"run {name!r}: there are {names.count(name)} of it")
-    table = pa.concat_tables([_run_table(log) for log in logs], promote_options="default")
+    alike = itertools.groupby(map(_Content.of, logs), lambda run: run.columns)
+    table = pa.concat_tables([_table(list(runs)) for _, runs in alike], promote_options="default")
     return table.cast(pa.schema(with_units(table.schema.remove_metadata())))
 
 
@@ -125,23 +128,47 @@ def read_columns(table: pa.Table, names: Sequence[str], source: str) -> Array:
     return values
 
 
-def _run_table(log: RunLog) -> pa.Table:
-    columns: dict[str, pa.Array] = {"run": repeated(log.run, len(log.time)), "t": arrow(log.time)}
-    blocks = [(names, getattr(log, field)) for field, names in BLOCKS.items()]
-    if log.covariance is not None:
-        blocks.append((COVARIANCE, log.covariance[:, *UPPER]))
-    if log.truth is not None:
-        blocks += [(names, getattr(log.truth, field)) for field, names in TRUTH.items()]
-    for names, block in blocks:
-        if block is not None:
-            parts = block.reshape(len(block), -1).T
-            columns |= {name: arrow(part) for name, part in zip(names, parts, strict=True)}
-    if log.valid is not None:
-        columns["valid"] = arrow(log.valid)
-    if log.truth is not None and log.truth.contact is not None:
-        columns[CONTACT] = list_column(log.truth.contact)
-    if log.truth is not None and log.truth.shear is not None:
-        columns[SHEAR] = list_column(log.truth.shear)
-    if log.scans is not None:
-        columns |= scan_columns(log.scans)
+@dataclass(frozen=True)
+class _Content:
+    """The columns of one run."""
+
+    name: pa.Array
+    """The run's name in every row."""
+    numbers: list[tuple[tuple[str, ...], np.ndarray]]
+    """Names of columns with a number per row, with what they contain: (T,), (T, number of names) or covariances."""
+    others: dict[str, pa.Array]
+    """Lists, and the columns of scans."""
+
+    @classmethod
+    def of(cls, log: RunLog) -> _Content:
+        blocks: list[tuple[tuple[str, ...], np.ndarray | None]] = [(("t",), log.time)]
+        blocks += [(names, getattr(log, field)) for field, names in BLOCKS.items()]
+        blocks.append((COVARIANCE, log.covariance))
+        others = {}
+        if log.truth is not None:
+            blocks += [(names, getattr(log.truth, field)) for field, names in TRUTH.items()]
+            lists = {CONTACT: log.truth.contact, SHEAR: log.truth.shear}
+            others = {name: list_column(rows) for name, rows in lists.items() if rows is not None}
+        blocks.append((("valid",), log.valid))
+        numbers = [(names, block) for names, block in blocks if block is not None]
+        if log.scans is not None:
+            others |= scan_columns(log.scans)
+        return cls(repeated(log.run, len(log.time)), numbers, others)
+
+    @property
+    def columns(self) -> list[tuple[Any, Any]]:
+        """Names and types."""
+        numbers = [(names, block.dtype) for names, block in self.numbers]
+        return [*numbers, *((name, column.type) for name, column in self.others.items())]
+
+
+def _table(runs: Sequence[_Content]) -> pa.Table:
+    """Runs with the same columns: each column at once, for there may be thousands of runs."""
+    columns = {"run": pa.chunked_array([one.name for one in runs])}
+    for blocks in zip(*(one.numbers for one in runs), strict=True):
+        names = blocks[0][0]
+        block = np.concatenate([block for _, block in blocks])
+        block = block[:, *UPPER] if names == COVARIANCE else block.reshape(len(block), -1)
+        columns |= {name: arrow(part) for name, part in zip(names, block.T, strict=True)}
+    columns |= {name: pa.chunked_array([one.others[name] for one in runs]) for name in runs[0].others}
     return pa.Table.from_arrays([*columns.values()], names=[*columns])

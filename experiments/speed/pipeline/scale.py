@@ -1,29 +1,38 @@
 """How time and memory grow with the number of robots and the length of runs, and how long it takes to plan many runs.
 
 The runs are written to Parquet while they last. Each case has a process of its own, whose peak memory is read at its
-end. The time doesn't include what happens once however long the runs are: until the robots drive at their speeds.
+end. The cases take turns, so that a machine whose clock changes is as fast for one as for another. The time doesn't
+include what happens once however long the runs are: until the robots drive at their speeds.
 """
 
-import multiprocessing
+import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 
 from experiments.measuring.check import Check
 from experiments.options.grid import SweepConfig
+from experiments.parallel.turns import take_turns
 from experiments.speed.scale_case import ScaleCase, drive_case
 from experiments.speed.simulator import timed
 from experiments.sweep.plan import plan
 
-CASES = (
-    *((1, 30.0), (1, 300.0), (1, 1800.0)),
-    *((16, 30.0), (16, 300.0), (16, 1800.0)),
-    *((256, 30.0), (256, 120.0)),
-    (4096, 30.0),
+Case = tuple[int, float, int]
+"""Number of robots, duration of their runs [s], and how many times they are driven: short runs more often."""
+
+CASES: tuple[Case, ...] = (
+    *((1, 30.0, 50), (1, 1800.0, 1)),
+    *((16, 30.0, 12), (16, 1800.0, 1)),
+    *((256, 30.0, 1), (256, 120.0, 1)),
+    (4096, 30.0, 1),
 )
-"""Numbers of robots and durations of runs [s] of `bench --scale`."""
-_QUICK_CASES = ((1, 30.0), (1, 1800.0), (16, 30.0), (16, 300.0), (256, 30.0), (4096, 4.0))  # of `bench --pipeline`
+"""Those of `bench --scale`."""
+_QUICK_CASES: tuple[Case, ...] = (  # of `bench --pipeline`; those of many robots are recorded in two whole parts
+    *((1, 30.0, 20), (1, 600.0, 1)),
+    *((16, 30.0, 4), (16, 120.0, 1)),
+    (256, 12.7, 1),
+    (4096, 3.1, 1),
+)
 _BUSY = 16  # robots from which all processors have work
 _FULL = 256  # robots from which the time per robot no longer depends on their number
 _MOST_DEVIATION = 10.0  # [%]
@@ -33,23 +42,22 @@ _MOST_PLANNING = 1.0  # [s]
 
 
 def measure(seed: int, repeats: int, step: Callable[[str], None]) -> tuple[Check, ...]:
-    """The checks of a few cases, in about a minute; `step` is called with a label after each.
+    """The checks of a few cases, in less than a minute; `step` is called with a label from time to time.
 
-    Short cases are repeated within their process, so that `repeats` counts for planning only.
+    How often a case is driven is fixed, so that `repeats` counts for planning only.
     """
-    checks = checks_of(measure_cases(_QUICK_CASES, seed, step))
+    checks = checks_of(measure_cases(_QUICK_CASES, seed, lambda label, _: step(label)))
     step("planning")
     return (*checks, planning(repeats))
 
 
-def measure_cases(cases: Sequence[tuple[int, float]], seed: int, step: Callable[[str], None]) -> list[ScaleCase]:
-    """Robots and durations [s], each in a new process on all processors; `step` is called with a label after each."""
-    found = []
-    for robots, duration in cases:
-        with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
-            found.append(pool.submit(drive_case, robots, duration, seed).result())
-        step(f"{robots} robots, {duration:g} s")
-    return found
+def measure_cases(cases: Sequence[Case], seed: int, step: Callable[[str, float], None]) -> list[ScaleCase]:
+    """Each case in a new process, in turns, on all processors.
+
+    After each turn `step` is called with a label and the share of a case that it has added.
+    """
+    labels = [f"{_named(robots)}, {duration:g} s" for robots, duration, _ in cases]
+    return take_turns(drive_case, [(*case, seed) for case in cases], lambda k, share: step(labels[k], share))
 
 
 def checks_of(cases: Sequence[ScaleCase]) -> tuple[Check, ...]:
@@ -62,12 +70,15 @@ def checks_of(cases: Sequence[ScaleCase]) -> tuple[Check, ...]:
     checks = []
     for robots in dict.fromkeys(one.robots for one in cases):
         shortest, *_, longest = sorted((one for one in cases if one.robots == robots), key=lambda one: one.duration) * 2
+        case = _named(robots)
         if longest.duration > shortest.duration:
-            case = f"{robots} robots" if robots > 1 else "1 robot"
             span = f"{longest.duration:g} s over {shortest.duration:g} s"
             change = longest.per_robot_second / shortest.per_robot_second - 1
             checks.append(Check(case, f"time per second, {span}", 100 * change, _within(_MOST_DEVIATION), "%"))
             checks.append(Check(case, f"memory, {span}", longest.memory - shortest.memory, _MOST_MEMORY, "MB"))
+        elif not math.isnan(longest.memory_halfway):
+            more = longest.memory - longest.memory_halfway
+            checks.append(Check(case, "memory, whole run over half", more, _MOST_MEMORY, "MB"))
     full = [one.per_robot_second for one in cases if one.robots >= _FULL]
     spread = 100 * (max(full) / min(full) - 1)
     checks.append(Check(f"{_FULL} robots and more", "spread of the time per robot", spread, _MOST_DEVIATION, "%"))
@@ -81,6 +92,10 @@ def planning(repeats: int) -> Check:
     sweep = SweepConfig(friction_ratio=tuple(np.linspace(0.8, 1.4, _RUNS // _PER_RATIO).tolist()))
     seconds = min(timed(plan, sweep) for _ in range(repeats))
     return Check(f"{_RUNS:,} runs", "planning", seconds, _MOST_PLANNING, "s")
+
+
+def _named(robots: int) -> str:
+    return f"{robots} robots" if robots > 1 else "1 robot"
 
 
 def _within(most: float) -> tuple[float, float]:

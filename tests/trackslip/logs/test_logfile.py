@@ -73,6 +73,14 @@ def test_a_run_without_covariance_stays_without_beside_one_that_has_it(tmp_path,
     assert without.covariance is None
 
 
+def test_runs_with_other_columns_may_come_between_alike_ones():
+    logs = [make_log("a"), replace(make_log("b"), covariance=None), make_log("c", rows=7, seed=1)]
+    logs += [replace(make_log("d"), valid=None), make_log("e", seed=2)]
+    together = to_table(logs).combine_chunks()
+    apart = pa.concat_tables([to_table([log]) for log in logs], promote_options="default")
+    assert together.equals(apart.combine_chunks())
+
+
 @given(arrays(float, (2, 2), elements=st.floats(-1e21, 1e21)), st.floats(-1, 1))
 def test_csv_keeps_every_bit(tmp_path_factory, position, heading):
     pose = np.column_stack([position, [heading, -heading]])

@@ -1,6 +1,7 @@
 import dataclasses
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
 from trackslip.errors import LogError, OutputError
@@ -39,6 +40,15 @@ def test_parts_make_the_same_runs_as_the_whole(tmp_path):
     for mine, theirs in zip(read_runs(tmp_path / "parts.parquet"), logs, strict=True):
         np.testing.assert_array_equal(mine.time, theirs.time)
         np.testing.assert_array_equal(mine.truth.contact, theirs.truth.contact)
+
+
+def test_small_parts_share_row_groups_and_large_ones_are_split(tmp_path):
+    log = run("one", 3000)
+    write(tmp_path / "small.parquet", parts([log], range(30, 3000, 30)))
+    assert pq.read_metadata(tmp_path / "small.parquet").num_row_groups == 1
+    write(tmp_path / "large.parquet", [[run(f"{k}", 3000) for k in range(50)], [run(f"{k}", 3000) for k in range(50)]])
+    groups = pq.read_metadata(tmp_path / "large.parquet")
+    assert [groups.row_group(k).num_rows for k in range(groups.num_row_groups)] == [131_072, 18_928] * 2
 
 
 def test_runs_in_parts_are_joined_with_others(tmp_path):

@@ -4,11 +4,11 @@ from experiments.speed.memory import peak_memory
 from experiments.speed.pipeline import scale
 from experiments.speed.scale_case import ScaleCase
 
-LINEAR = {(robots, duration): duration * (1e-3 + 2e-3 * robots) for robots, duration in scale.CASES}
+LINEAR = {(robots, duration): duration * (1e-3 + 2e-3 * robots) for robots, duration, _ in scale.CASES}
 
 
 def cases(times, memory=lambda robots, duration: 150.0 + 0.01 * robots):
-    return [ScaleCase(*key, seconds, memory(*key), 1.0) for key, seconds in times.items()]
+    return [ScaleCase(*key, seconds, memory(*key), memory(key[0], key[1] / 2), 1.0) for key, seconds in times.items()]
 
 
 def failing(found):
@@ -36,6 +36,8 @@ def test_time_that_grows_faster_than_the_number_of_robots_does_not_hold():
 def test_memory_that_grows_with_the_duration_does_not_hold():
     found = scale.checks_of(cases(LINEAR, lambda robots, duration: 150.0 + 0.05 * duration))
     assert failing(found) == [f"{name}: memory, 1800 s over 30 s" for name in ("1 robot", "16 robots")]
+    found = scale.checks_of(cases(LINEAR, lambda robots, duration: 150.0 + 0.001 * robots * duration))
+    assert failing(found)[-1] == "4096 robots: memory, whole run over half"
 
 
 def test_bench_prints_the_cases_and_the_checks(trackslip, monkeypatch):
@@ -50,6 +52,11 @@ def test_bench_prints_the_cases_and_the_checks(trackslip, monkeypatch):
 
 @pytest.mark.slow
 def test_memory_does_not_grow_with_the_duration():
-    short, long = scale.measure_cases([(8, 30.0), (8, 240.0)], 0, lambda label: None)
-    assert peak_memory() is None or long.memory - short.memory < 10.0
-    assert 4 < long.file_size / short.file_size < 16
+    labels = []
+    taken = [(8, 30.0, 2), (8, 240.0, 1), (256, 8.0, 1), (256, 24.0, 1)]
+    few, few_for_long, many, many_for_long = scale.measure_cases(taken, 0, lambda label, share: labels.append(label))
+    assert peak_memory() is None or few_for_long.memory - few.memory < 10.0
+    assert peak_memory() is None or many_for_long.memory - many.memory < 20.0
+    assert 4 < few_for_long.file_size / few.file_size < 16
+    assert labels[0] == "8 robots, 30 s"
+    assert len(labels) > 2 * len(taken)
