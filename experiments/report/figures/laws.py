@@ -96,7 +96,7 @@ def residuals(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
     axes[0].set_ylim(-2 * largest, 2 * largest)
     axes[0].set_yticks(_ticks(threshold, largest))
     for axis in axes[len(laws) :]:
-        axis.set_visible(False)
+        axis.remove()
     for axis in axes[: len(laws)][-_COLUMNS:]:  # the lowest of each column
         show_radii(axis, runs)
         axis.tick_params(labelbottom=True)
