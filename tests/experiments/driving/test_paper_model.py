@@ -73,7 +73,7 @@ def test_a_steady_run_lies_on_the_circle_of_its_law(geometry):
 
 @pytest.mark.parametrize("controller", ["feedforward", "linear"])
 def test_the_path_is_that_of_the_law_solved_at_each_step(geometry, controller):
-    log = run(controller, START + [0.1, 0.0, 0.2], NoSlip(), geometry)
+    log = run(controller, np.add(START, [0.1, 0.0, 0.2]), NoSlip(), geometry)
     pose = log.pose[0]
     for twist in PUBLISHED.twist(log.omega, geometry)[:-1]:
         pose = advance(pose, twist, PERIOD)
