@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from sim.robot.robot import Robot
 from sim.warp.devices import CPU, make_batch
-from trackslip.kinematics import Array
+from trackslip.kinematics import Array, column, columns, in_frame
 
 Rows = np.ndarray | slice
 """Indices of robots, or a slice of them."""
 EVERYONE = slice(None)
 """All robots."""
-SENSORS = ("sensordata",)
-"""What the engine records of a step."""
+
+_TURN = 2 * np.pi
 
 
 class Bodies:
@@ -27,7 +29,7 @@ class Bodies:
         self._sensors = self.batch.bind("sensordata")[:, :6]  # (N, 6), live: force on the left and on the right track
         self._place = self.batch.qpos  # (N, 7), live: position and quaternion
         self._velocity = self.batch.qvel  # (N, 6), live: in the world, turning in the robot's frame
-        self._quaternion = tuple(self._place[:, 3:7].T)  # four live views (N,)
+        self._quaternion = self._place[:, 3:7]  # (N, 4), live
         self._chassis = robot.model.body("chassis").id
         self._forward = self.batch.bind("xmat")[:, self._chassis, 0:4:3]  # (N, 2), live: x axes of the chassis
         self.plate = self.batch.bind("geom_xpos")[:, robot.model.geom("plate").id]
@@ -43,10 +45,10 @@ class Bodies:
 
     def twist(self) -> Array:
         """True twists (N, 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]."""
-        cos, sin = np.cos(self._heading), np.sin(self._heading)
-        x, y = self._velocity[:, 0], self._velocity[:, 1]
+        x, y, _, _, _, yaw_rate = columns(self._velocity)
         twist = np.empty((self.size, 3))
-        twist[:, 0], twist[:, 1], twist[:, 2] = cos * x + sin * y, -sin * x + cos * y, self._velocity[:, 5]
+        twist[:, 0], twist[:, 1] = in_frame(column(self._heading), x, y)
+        twist[:, 2] = yaw_rate
         return twist
 
     def traction(self) -> Array:
@@ -59,7 +61,7 @@ class Bodies:
 
     def attitude(self) -> Array:
         """Sinkage (positive downwards) [m], roll and pitch [rad] of the chassis, (N, 3)."""
-        w, x, y, z = self._quaternion
+        w, x, y, z = self._quaternion.T
         attitude = np.empty((self.size, 3))
         attitude[:, 0] = -self._place[:, 2]
         attitude[:, 1] = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
@@ -68,12 +70,14 @@ class Bodies:
 
     def upright(self) -> Array:
         """Cosines (N,) of the angles between the chassis' vertical axes and the plane's normal."""
-        _, x, y, _ = self._quaternion
-        return 1 - 2 * (x * x + y * y)
+        _, x, y, _ = columns(self._quaternion)
+        upright = np.empty(self.size)
+        upright[:] = 1 - 2 * (x * x + y * y)
+        return upright
 
     def lean(self) -> Array:
         """Lateral offset (N,) of the plates from the chassis, at the height of the scan, positive to the left [m]."""
-        w, x, y, z = self._quaternion
+        w, x, y, z = self._quaternion.T
         forward, left, up = 2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)  # of the chassis
         along = (self.robot.lrf_height - self._place[:, 2]) / up
         return along * (np.cos(self._heading) * left - np.sin(self._heading) * forward)
@@ -102,13 +106,14 @@ class Bodies:
     def _run_on(self, rows: Rows, periods: int, substeps: int) -> tuple[Array, Array]:
         """Step the robots `rows` (R,) for P periods in which nothing changes.
 
-        Returns the sums of the forces on their tracks in each period (R, P, 6), and the directions in which the robots
-        point at its end (R, P, 2).
+        Returns the sums of the forces on their tracks in each period (P, R, 6), and the directions in which the robots
+        point at its end (P, R, 2).
         """
         ids = None if rows is EVERYONE else rows
-        recorded = self.batch.rollout(periods * substeps, record=(*SENSORS, "xmat"), ids=ids)
-        forces = recorded["sensordata"][..., :6].reshape(-1, periods, substeps, 6).sum(axis=2)
-        return forces, recorded["xmat"][:, substeps - 1 :: substeps, self._chassis, 0:4:3]
+        recorded = self.batch.rollout(periods * substeps, record=("sensordata", "xmat"), ids=ids)
+        forces = recorded["sensordata"][..., :6].reshape(-1, periods, substeps, 6)
+        forward = recorded["xmat"][:, substeps - 1 :: substeps, self._chassis, 0:4:3]
+        return np.add.reduce(forces, axis=2).swapaxes(0, 1), forward.swapaxes(0, 1)
 
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
         return self.batch.state[rows].copy(), self._heading[rows].copy()
@@ -118,7 +123,7 @@ class Bodies:
 
     def _placed(self, rows: Rows) -> Array:
         """Where the robots `rows` (R,) are (4, R): position x, y [m], cosine and sine of the heading."""
-        w, x, y, z = self._quaternion
+        w, x, y, z = self._quaternion.T
         place = np.empty((4, self.size))
         place[:2] = self._place[:, :2].T
         place[2] = 1 - 2 * (y * y + z * z)  # but for the lean, whose square is too small to matter
@@ -126,13 +131,21 @@ class Bodies:
         return place[:, rows]
 
     def _wrapped_heading(self) -> Array:
-        w, x, y, z = self._quaternion
-        return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        wrapped = np.empty(self.size)
+        wrapped[:] = _heading(self._quaternion)
+        return wrapped
 
     def _follow_heading(self) -> None:
         """Unwrap the headings. Between two calls no robot may turn by more than about a radian."""
-        wrapped = self._wrapped_heading()  # plus whole turns, so that the bits don't depend on how often this is called
-        self._heading = wrapped + 2 * np.pi * np.rint((self._heading - wrapped) / (2 * np.pi))
+        wrapped, before = _heading(self._quaternion), column(self._heading)
+        # plus whole turns, so that the bits don't depend on how often this is called
+        self._heading[:] = wrapped + _TURN * np.rint((before - wrapped) / _TURN)
+
+
+def _heading(quaternion: Array) -> Any:
+    """Headings (N,), or a plain number if there is only one, of orientations (N, 4) [rad]."""
+    w, x, y, z = columns(quaternion)
+    return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
 def along_robot(forces: Array, forward: Array) -> Array:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.bodies import EVERYONE, SENSORS, Bodies, Rows, along_robot
+from sim.bodies import EVERYONE, Bodies, Rows, along_robot
 from sim.drawbar import Drawbar
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive, DriveState
 from sim.drive.pull import Pull
@@ -84,6 +84,7 @@ class Fleet(Bodies):
         """Shear of the ground under the robots; None for a fleet on Coulomb ground."""
         self.footing = Footing(self.batch, robot, grounds, self.shear)
         """What the robots stand on."""
+        self._sensed = self._substeps, robot.model.nsensordata  # what the engine records of a period
         self._weight = robot.mass * float(np.linalg.norm(robot.model.opt.gravity))  # of a robot [N]
         self.pull = pull or Pull()
         """What they tow."""
@@ -167,11 +168,10 @@ class Fleet(Bodies):
             return
         before, forecast = self._snapshot(EVERYONE), self.drive.forecast(periods)
         torque = self.drive.torque_for(forecast, self._run(EVERYONE, forecast.mean))
-        too_weak = self.drive.too_weak(forecast, torque)
-        if not too_weak.any():
+        weak = self.drive.too_weak(forecast, torque)
+        if not weak.size:
             self.drive.accept(forecast, torque)
             return
-        weak = np.flatnonzero(too_weak.any(axis=(0, 2)))
         limited = self.drive.of(weak)
         self.drive.accept(forecast, torque)
         self._restore(weak, tuple(part[weak] for part in before))
@@ -182,34 +182,32 @@ class Fleet(Bodies):
 
     def _run(self, rows: Rows, mean: Array) -> Array:
         """Mean tractions (P, R, 2) [N] of `rows` (R,) that drive for P periods at mean speeds (P, R, 2) [rad/s]."""
-        # the lower side of a belt moves backwards when the robot drives forwards
-        belts = (-self._radius[rows] * mean).take(self.robot.pad_side, axis=-1) * self.robot.pad_sign
         varies = self.footing.varies
-        if self.shear or self._drawbar or varies or not (mean == mean[0]).all():
-            forces, forward = self._run_by_period(rows, mean, belts, varies)
+        # speeds approach their set points: those that are the same at both ends are the same all the time
+        if self.shear or self._drawbar or varies or mean[0].tobytes() != mean[-1].tobytes():
+            forces, forward = self._run_by_period(rows, mean, varies)
         else:
-            forces, forward = self._run_steadily(rows, belts)
+            forces, forward = self._run_steadily(rows, mean)
         self._follow_heading()
         # grip builds up within a period, so that only the mean force gives the impulse
         return along_robot(forces / self._substeps, forward)
 
-    def _run_by_period(self, rows: Rows, mean: Array, belts: Array, varies: bool) -> tuple[Array, Array]:
-        """Drive the robots `rows` (R,) for P periods with belts at speeds (P, R, pads), on ground that `varies` or not.
+    def _run_by_period(self, rows: Rows, mean: Array, varies: bool) -> tuple[Array, Array]:
+        """Drive the robots `rows` (R,) for P periods at mean speeds (P, R, 2), on ground that `varies` or not.
 
         Returns the sums of the forces on their tracks in each period (P, R, 6), and the directions in which the robots
         point at its end (P, R, 2).
         """
-        sensed = np.empty((*mean.shape[:2], self._substeps, self.robot.model.nsensordata))
-        forward = np.empty((*mean.shape[:2], 2))
+        belts, ids = self.robot.pad_speeds(self._radius[rows] * mean), rows if isinstance(rows, np.ndarray) else None
+        sensed, forward = np.empty((*mean.shape[:2], *self._sensed)), np.empty(mean.shape)
         before = None if self.shear is None else self._placed(rows)
         for k, into in enumerate(sensed):
             if varies:
                 self._lay_friction(rows)
-            self._tow(rows)
+            if self._drawbar:
+                self._tow(rows)
             self._drive(rows, belts[k])
-            self.batch.rollout(
-                self._substeps, record=SENSORS, ids=None if rows is EVERYONE else rows, out={"sensordata": into}
-            )
+            self.batch.record_sensors(into, ids)
             forward[k] = self._forward[rows]
             self._periods += 1
             if before is not None:
@@ -218,20 +216,22 @@ class Fleet(Bodies):
                 before = after
             if (k + 1) % self._unwrap_every == 0:
                 self._follow_heading()
-        return sensed[..., :6].sum(axis=2), forward
+        return np.add.reduce(sensed[..., :6], axis=2), forward
 
-    def _run_steadily(self, rows: Rows, belts: Array) -> tuple[Array, Array]:
+    def _run_steadily(self, rows: Rows, mean: Array) -> tuple[Array, Array]:
         """The same with belts that keep their speeds on uniform ground: the engine is faster without interruptions."""
-        periods, robots, _ = belts.shape
-        forces, forward = np.empty((robots, periods, 6)), np.empty((robots, periods, 2))
-        self._drive(rows, belts[0])
-        for first in range(0, periods, self._unwrap_every):
-            part = slice(first, min(first + self._unwrap_every, periods))
-            forces[:, part], forward[:, part] = self._run_on(rows, part.stop - first, self._substeps)
-            self._periods += part.stop - first
-            if part.stop < periods:
+        self._drive(rows, self.robot.pad_speeds(self._radius[rows] * mean[0]))
+        parts: list[tuple[Array, Array]] = []
+        for first in range(0, len(mean), self._unwrap_every):
+            if parts:
                 self._follow_heading()
-        return forces.swapaxes(0, 1), forward.swapaxes(0, 1)
+            periods = min(len(mean) - first, self._unwrap_every)
+            parts.append(self._run_on(rows, periods, self._substeps))
+            self._periods += periods
+        if len(parts) == 1:
+            return parts[0]
+        forces, forward = zip(*parts, strict=True)
+        return np.concatenate(forces), np.concatenate(forward)
 
     def _advance_within_limits(self, rows: np.ndarray, drive: DriveState) -> None:
         """Simulate one period of the robots `rows` (R,), whose motors may be too weak to follow the servos.
@@ -247,8 +247,7 @@ class Fleet(Bodies):
 
     def friction(self) -> Array:
         """Friction coefficients (N, 2) along and across the tracks, averaged over the pads [-]."""
-        friction = self.footing.friction
-        return np.asarray(np.add.reduce(friction, axis=1) / friction.shape[1])
+        return self.footing.mean_friction.copy()
 
     def _ran(self) -> Array:
         """Time (N,) since the start of each robot's run [s]."""
@@ -270,7 +269,8 @@ class Fleet(Bodies):
             self._drawbar.apply(rows, heading, self._drawbar.acts(self._ran()[rows]))
 
     def _snapshot(self, rows: Rows) -> tuple[Array, ...]:
-        return (*super()._snapshot(rows), *self.footing.snapshot(rows))
+        bodies = super()._snapshot(rows)
+        return bodies if self.shear is None else (*bodies, *self.footing.snapshot(rows))
 
     def _restore(self, rows: np.ndarray, snapshot: tuple[Array, ...]) -> None:
         super()._restore(rows, snapshot[:2])

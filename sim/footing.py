@@ -35,12 +35,20 @@ class Footing:
         self._pads = of.expand("pair_friction")[:, robot.pad_pairs, :2]  # (N, P, 2), live
         self._gravity: Array | None = None  # (N, 3), live, once a ground slopes
         self._surface: Array = np.zeros((of.nsim, len(robot.pad_side), 3))  # as PadFriction.surface
+        self._mean_friction: Array | None = None  # (N, 2), once asked for
         self.put(grounds)
 
     @property
     def friction(self) -> Array:
         """Friction coefficients (N, P, 2) along and across the tracks, of which a share may act [-]."""
         return self._surface[..., :2]
+
+    @property
+    def mean_friction(self) -> Array:
+        """The same, averaged over the pads (N, 2) [-]."""
+        if self._mean_friction is None:
+            self._mean_friction = np.add.reduce(self.friction, axis=1) / self.friction.shape[1]
+        return self._mean_friction
 
     @property
     def varies(self) -> bool:
@@ -80,6 +88,7 @@ class Footing:
 
         All N robots are at positions (N, 2) [m] with headings (N,) [rad] at times (N,) since the start of their runs.
         """
+        self._mean_friction = None
         self._surface[rows] = self._ground.surface(time, position, heading)[rows]
         self._share(rows)
 

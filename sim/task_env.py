@@ -134,4 +134,4 @@ def spaces(task: Task) -> tuple[Any, Any]:
 
 def row_of(info: dict[str, Any]) -> dict[str, Any]:
     """Entries of `info` for robot 0: numbers, texts and arrays."""
-    return {name: values[0].copy() if values.ndim > 1 else values.tolist()[0] for name, values in info.items()}
+    return {name: values[0].copy() if values.ndim > 1 else values.item() for name, values in info.items()}

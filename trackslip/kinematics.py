@@ -6,6 +6,7 @@ Tracks are ordered (left, right) on the last axis, a twist is (v, w), a pose (x,
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -43,10 +44,39 @@ class RobotGeometry:
         require_positive("sprocket_radius", self.sprocket_radius)
 
 
+def columns(values: Array) -> Sequence[Any]:
+    """The n columns (...) of `values` (..., n), or n plain numbers if there is a single row.
+
+    Arithmetic gives the same bits either way, but with numbers it takes a tenth of the time.
+    """
+    if values.size == values.shape[-1]:
+        return values.ravel().tolist()
+    return [values[..., k] for k in range(values.shape[-1])]
+
+
+def column(values: Array) -> Any:
+    """The same for a single column: `values` (N,) as they are, or a plain number if there is only one."""
+    return values.item() if values.size == 1 else values
+
+
 def track_speeds(twist: ArrayLike, half_gauge: float) -> Array:
     """Speeds (V_l, V_r) of the track centres over the ground (..., 2) [m/s] for a twist (..., 2)."""
     twist = np.asarray(twist, float)
-    return twist[..., :1] + (SIDES * half_gauge) * twist[..., 1:]
+    v, w = columns(twist)
+    speeds = np.empty(twist.shape)
+    speeds[..., 0], speeds[..., 1] = left_and_right(v, w, half_gauge)
+    return speeds
+
+
+def left_and_right(v: Any, w: Any, half_gauge: float) -> tuple[Any, Any]:
+    """The same, of forward speeds v (...) [m/s] and yaw rates w (...) [rad/s]."""
+    return v - half_gauge * w, v + half_gauge * w
+
+
+def in_frame(heading: Any, x: Any, y: Any) -> tuple[Any, Any]:
+    """Components (...) forward and to the left of vectors (x, y), (...) each, for robots with headings (...) [rad]."""
+    cos, sin = np.cos(heading), np.sin(heading)
+    return cos * x + sin * y, cos * y - sin * x
 
 
 def twist_of_tracks(speeds: ArrayLike, half_gauge: float) -> Array:
@@ -95,8 +125,11 @@ def curvature(twist: ArrayLike) -> Array:
 def limit_sprocket_speeds(omega: ArrayLike, limit: float) -> Array:
     """Scale both sprocket speeds (..., 2) so that neither exceeds `limit` [rad/s] and the curvature is preserved."""
     omega = np.asarray(omega, float)
-    largest = np.maximum.reduce(np.abs(omega), axis=-1, keepdims=True)
-    return omega * (limit / np.maximum(largest, limit))
+    left, right = columns(omega)
+    scale = limit / np.maximum(np.maximum(abs(left), abs(right)), limit)
+    limited = np.empty(omega.shape)
+    limited[..., 0], limited[..., 1] = left * scale, right * scale
+    return limited
 
 
 def advance(pose: ArrayLike, twist: ArrayLike, duration: float | Array) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.kinematics import Array, wrap_angle
+from trackslip.kinematics import Array, columns, in_frame, wrap_angle
 from trackslip.logs.runlog import RunLog
 from trackslip.trajectory.base import Reference
 
@@ -22,11 +22,10 @@ def body_errors(pose: ArrayLike, desired: ArrayLike) -> Array:
     """Errors (e_x, e_y, e_phi) (..., 3) of poses (..., 3) in the body frame [m, m, rad], e_phi wrapped; Eq. 18."""
     pose = np.asarray(pose, float)
     away = np.asarray(desired, float) - pose
-    cos, sin, dx, dy = np.cos(pose[..., 2]), np.sin(pose[..., 2]), away[..., 0], away[..., 1]
+    x, y, turn = columns(away)
     errors = np.empty(away.shape)
-    errors[..., 0] = cos * dx + sin * dy
-    errors[..., 1] = -sin * dx + cos * dy
-    errors[..., 2] = wrap_angle(away[..., 2])
+    errors[..., 0], errors[..., 1] = in_frame(columns(pose)[2], x, y)
+    errors[..., 2] = wrap_angle(turn)
     return errors
 
 

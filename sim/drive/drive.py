@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -50,7 +50,9 @@ def tireless(top_speed: float = Drive.top_speed) -> Drive:
     return Drive(top_speed=top_speed, torque_limit=1e6, motor=Motor(no_load_speed=1e6, stall_torque=1e6))
 
 
-_STATE = ("set_point", "omega", "_error", "angle", "torque", "energy", "saturated_time")
+_STATE = ("set_point", "omega", "_error", "_totals", "torque", "saturated_time")
+_NOBODY = np.empty(0, int)
+_ROUNDING = 1 + 1e-9
 _PARAMETERS = ("radius", "_decay", "_mean_decay")
 
 
@@ -77,21 +79,29 @@ class DriveState:
         """Effective radii of the sprockets (N, 1) [m]."""
         self.limit = drive.top_speed / sprocket_radius
         """Largest sprocket speed [rad/s]."""
+        self._fastest: Any = self.limit  # no sprocket has ever turned faster [rad/s]
         self._decay, self._mean_decay = np.empty((2, n, 1))
         self.set_point = np.zeros((n, 2))
         """Set points of the speeds [rad/s]."""
         self.omega = np.zeros((n, 2))
         """True speeds [rad/s]."""
         self._error: Array = np.zeros((n, 2))  # kept beside the speed because it decays without rounding errors
-        self.angle: Array = np.zeros((n, 2))
-        """True angles [rad]."""
+        self._totals = np.zeros((n, 2, 2))  # angles and energies
         self.torque = np.zeros((n, 2))
         """Torques of the motors at the sprockets in the last period [N m]."""
-        self.energy: Array = np.zeros((n, 2))
-        """Electrical energy since the start [J]."""
         self.saturated_time = np.zeros((n, 2))
         """Time since the start that the motors spent at their limits [s]."""
         self.restart(np.arange(n), [drive.lag] * n)
+
+    @property
+    def angle(self) -> Array:
+        """True angles [rad]."""
+        return self._totals[:, 0]
+
+    @property
+    def energy(self) -> Array:
+        """Electrical energy since the start [J]."""
+        return self._totals[:, 1]
 
     def restart(self, rows: np.ndarray, lag: Sequence[float]) -> None:
         """Reset the sprockets of the robots `rows` (R,) to rest, with servo lags (R,) [s]."""
@@ -113,6 +123,7 @@ class DriveState:
         """Copy the state of the sprockets of the robots `rows` (R,) from `part`."""
         for name in _STATE:
             getattr(self, name)[rows] = getattr(part, name)
+        self._fastest = max(self._fastest, part._fastest)
 
     def command(self, omega: Array) -> None:
         """Set the set points (N, 2) [rad/s], clipped to the top speed."""
@@ -126,7 +137,9 @@ class DriveState:
         error = np.empty((periods + 1, *self.omega.shape))
         error[0], error[1:] = self._error, self._decay
         np.multiply.accumulate(error, axis=0, out=error)  # the same bits for any number of forecasts
-        return Forecast(error + self.set_point, error[:-1] * self._mean_decay + self.set_point, error[-1])
+        set_point = np.empty(error.shape)  # small arrays of one shape add up in a third of the time
+        set_point[:] = self.set_point
+        return Forecast(error + set_point, error[:-1] * self._mean_decay + set_point[1:], error[-1])
 
     def torque_for(self, forecast: Forecast, traction: Array) -> Array:
         """Motor torques (P, N, 2) at the sprockets that a forecast requires, for tractions (P, N, 2) [N] [N m]."""
@@ -141,21 +154,25 @@ class DriveState:
         return np.minimum(np.maximum(least, -limit), limit), np.minimum(np.maximum(most, -limit), limit)
 
     def too_weak(self, forecast: Forecast, torque: Array) -> np.ndarray:
-        """(P, N, 2) whether the torques (P, N, 2) [N m] of a forecast exceed those that the motors can exert."""
+        """The robots (R,) that have a motor which can't exert the torques (P, N, 2) [N m] of a forecast."""
+        ample = self.drive.motor.torque_range(_ROUNDING * self._fastest)[1]
+        if np.abs(torque).max() <= min(ample, self.drive.torque_limit):  # as a rule
+            return _NOBODY
         least, most = self.torque_range(forecast.omega[1:])
-        return (torque < least) | (torque > most)
+        return np.flatnonzero(((torque < least) | (torque > most)).any(axis=(0, 2)))
 
     def accept(self, forecast: Forecast, torque: Array, saturated: Array | None = None) -> None:
         """Advance as forecast, with torques (P, N, 2) [N m] that are limited where `saturated` (P, N, 2)."""
         period = self.drive.period
         self.omega, self.torque, self._error = forecast.omega[-1], torque[-1], forecast.error
-        totals = np.empty((len(torque) + 1, 2, *self.angle.shape))  # added one by one: the same bits for any number
-        totals[0, 0], totals[0, 1] = self.angle, self.energy
-        np.multiply(forecast.mean, period, out=totals[1:, 0])
-        np.multiply(self.drive.motor.power(torque, forecast.mean), period, out=totals[1:, 1])
-        self.angle, self.energy = np.add.accumulate(totals, axis=0, out=totals)[-1].copy()
+        totals = np.empty((len(torque) + 1, *self._totals.shape))
+        totals[0], rates = self._totals, totals[1:]
+        rates[:, :, 0], rates[:, :, 1] = forecast.mean, self.drive.motor.power(torque, forecast.mean)
+        rates *= period
+        self._totals = np.add.accumulate(totals, axis=0)[-1].copy()  # one by one: the same bits for any number
         if saturated is not None:
             self.saturated_time += saturated.sum(axis=0) * period
+            self._fastest = max(self._fastest, np.abs(self.omega).max())
 
     def encoder_angle(self) -> Array:
         """Angles (N, 2) in whole encoder counts [rad]."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -40,17 +41,17 @@ class Motor:
         stall = self.gear * self.stall_torque
         require(self.friction < stall, "friction", self.friction, f"less than gear * stall_torque = {stall:g} N m")
 
-    @property
+    @cached_property
     def inertia(self) -> float:
         """Moment of inertia at the sprocket [kg m^2]."""
         return self.rotor_inertia * self.gear**2
 
-    @property
+    @cached_property
     def torque_constant(self) -> float:
         """Torque constant, which equals the back-EMF constant [N m/A]."""
         return self.voltage / self.no_load_speed
 
-    @property
+    @cached_property
     def resistance(self) -> float:
         """Winding resistance [ohm]."""
         return self.voltage * self.torque_constant / self.stall_torque

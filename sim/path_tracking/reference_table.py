@@ -18,15 +18,15 @@ Index = NDArray[np.int_]
 class ReferenceTable:
     """Poses and twists of R references, one row each, at multiples of the control period."""
 
-    def __init__(self, names: Iterable[str], ahead: int) -> None:
-        """`names`: of the references; `ahead`: number of control periods tabulated beyond a reference's end."""
-        self._ahead = ahead
+    def __init__(self, names: Iterable[str], steps: Index) -> None:
+        """`names`: of the references; `steps` (K,): control periods from now to twists looked up, ascending from 0."""
+        self._steps = steps
         self.names: list[str] = []
         """Names of the references, in order of their indices."""
         self.last: Index = np.empty(0, int)
         """Control period (R,) in which each reference ends."""
         self._pose: Array = np.empty((0, 1, 3))
-        self._twist: Array = np.empty((0, 1, 2))
+        self._twists: Array = np.empty((0, 1, len(steps), 2))
         for name in names:
             self.index(name)
 
@@ -35,9 +35,11 @@ class ReferenceTable:
         if name not in self.names:
             reference = load_reference(name)
             last = math.ceil(reference.duration / PERIOD - 1e-9)
-            time = np.arange(last + self._ahead + 1) * PERIOD
+            now = np.arange(last + self._steps[-1] + 1)  # beyond the end it stands
+            time = now * PERIOD
             self._pose = _stacked(self._pose, reference.pose(time))
-            self._twist = _stacked(self._twist, reference.twist(time))
+            later = np.minimum(now[:, None] + self._steps, now[-1])
+            self._twists = _stacked(self._twists, reference.twist(time)[later])
             self.last = np.append(self.last, last)
             self.names.append(name)
         return self.names.index(name)
@@ -48,16 +50,15 @@ class ReferenceTable:
 
     def pose(self, index: Index, k: Index) -> Array:
         """Poses (..., 3) of references (...) in control periods (...)."""
-        return self._pose[index, np.minimum(k, self.last[index] + self._ahead)]
+        return self._pose[index, np.minimum(k, self._pose.shape[1] - 1)]
 
-    def twist(self, index: Index, k: Index) -> Array:
-        """Twists (..., 2) of references (...) in control periods (...)."""
-        return self._twist[index, np.minimum(k, self.last[index] + self._ahead)]
+    def twists(self, index: Index, k: Index) -> Array:
+        """Twists (..., K, 2) of references (...), `steps` after control periods (...)."""
+        return self._twists[index, np.minimum(k, self._twists.shape[1] - 1)]
 
 
 def _stacked(table: Array, row: Array) -> Array:
-    """Append a row (t, n) to a table (R, T, n); the shorter of the two is padded with zeros."""
+    """Append a row (t, ...) to a table (R, T, ...); the shorter of the two is continued with its last values."""
     length = max(table.shape[1], len(row))
-    longer = np.zeros((len(table) + 1, length, table.shape[2]))
-    longer[:-1, : table.shape[1]], longer[-1, : len(row)] = table, row
-    return longer
+    every = [part.take(np.minimum(np.arange(length), part.shape[1] - 1), axis=1) for part in (table, row[None])]
+    return np.concatenate(every)

@@ -17,7 +17,7 @@ from sim.path_tracking.randomization import MAX_LATENCY
 from sim.path_tracking.reference_table import Index, ReferenceTable
 from sim.robot.robot import load_robot
 from trackslip.errors import InvalidValueError, require
-from trackslip.kinematics import Array, limit_sprocket_speeds, track_speeds
+from trackslip.kinematics import Array, column, columns, left_and_right, limit_sprocket_speeds
 from trackslip.metrics import LOST, body_errors
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.constant import NoSlip
@@ -28,7 +28,7 @@ _TIPPED = np.cos(0.5)  # cosine of the lean beyond which a robot has tipped over
 _STANDING = 0.05  # sprocket speed below which the slip of a track is taken as 0 [rad/s]
 TERMS = ("alive", "position", "heading", "change", "termination")
 """Names of the terms of the reward."""
-_REWARDS = tuple((term, f"reward_{term}") for term in TERMS)  # and of the entries of info
+_REWARDS = tuple(f"reward_{term}" for term in TERMS)  # and of the entries of info
 
 
 class PathTracking:
@@ -39,7 +39,7 @@ class PathTracking:
         robot = load_robot(parameters=config.robot)
         self.config = config
         self.size = size
-        self.table = ReferenceTable(config.references, config.previews * config.stride)
+        self.table = ReferenceTable(config.references, np.arange(config.previews + 1) * config.stride)
         start = self.table.path(0)[0]
         begin = np.tile(start, (size, 1))
         self.fleet = Fleet(robot, begin, None, 0.0, config.drive, threads, shears=config.shears)
@@ -51,6 +51,8 @@ class PathTracking:
         self._source = pose_source(config, self.fleet)
         self._to_omega = _action_map(config, self.fleet)
         self._reference: Index = np.zeros(size, int)
+        self.last: Index = np.zeros(size, int)
+        """Number of steps (N,) in each robot's episode."""
         self._k: Index = np.zeros(size, int)  # control periods since the start of the episode
         self._latency: Index = np.zeros(size, int)
         self._line = np.zeros((size, MAX_LATENCY + 1, 2))  # set points, the newest first [rad/s]
@@ -63,18 +65,13 @@ class PathTracking:
         self._error: Array = np.zeros((size, 3))  # true
         self._seen_error: Array = np.zeros((size, 3))  # as observed
         self._success = np.ones(size, bool)
-        self._terms: dict[str, Array] = {name: np.zeros(size) for name in TERMS}
+        self._terms: Array = np.zeros((len(TERMS), size))  # of the reward
         self.reward: Array = np.zeros(size)
         """Rewards (N,) of the last step."""
         self.terminated: np.ndarray = np.zeros(size, bool)
         """Whether each robot has left its path or tipped over (N,)."""
         self.truncated: np.ndarray = np.zeros(size, bool)
         """Whether each reference has ended (N,)."""
-
-    @property
-    def last(self) -> Index:
-        """Number of steps (N,) in each robot's episode."""
-        return self.table.last[self._reference]
 
     def path(self, row: int) -> Array:
         """Poses (T, 3) of the reference of robot `row`, from its start to its end."""
@@ -91,8 +88,9 @@ class PathTracking:
             return
         self.fleet.restart(where, [episode.setting for episode in episodes])
         self._reference[where] = [episode.reference for episode in episodes]
+        self.last[where] = self.table.last[self._reference[where]]
         self._latency[where] = [episode.latency for episode in episodes]
-        for state in (self._k, self._line, self._action, self._angle, self._omega, self.reward, *self._terms.values()):
+        for state in (self._k, self._line, self._action, self._angle, self._omega, self.reward, *self._terms):
             state[where] = 0
         self.terminated[where] = self.truncated[where] = False
         self._source.begin(where, [episode.noise for episode in episodes], self.last[where])
@@ -116,38 +114,38 @@ class PathTracking:
         action = np.minimum(np.maximum(action, -1.0), 1.0)
         self._line[:, 1:] = self._line[:, :-1].copy()
         self._line[:, 0] = self._to_omega(action)
-        self.fleet.command(self._line[self._rows, self._latency])
+        self.fleet.drive.command(self._line[self._rows, self._latency])
         self.fleet.advance(PERIOD)
         self._k += 1
         angle = self.fleet.drive.encoder_angle()
         self._omega = (angle - self._angle) / PERIOD
         self._angle = angle
         self._pose, desired = self.fleet.pose(), self.table.pose(self._reference, self._k)
-        self._measured = self._source.pose(self._k, self._omega, self._pose.copy())
-        poses = np.empty((2, self.size, 3))
-        poses[0], poses[1] = self._pose, self._measured
-        self._error, self._seen_error = body_errors(poses, desired)
-        distance = np.hypot(self._error[:, 0], self._error[:, 1])
+        self._measured = self._source.pose(self._k, self._omega, self._pose)
+        self._error = body_errors(self._pose, desired)
+        exact = self._measured is self._pose  # what is observed is the truth
+        self._seen_error = self._error if exact else body_errors(self._measured, desired)
+        ahead, left, turn = columns(self._error)
+        distance = np.hypot(ahead, left)
         self._success &= distance <= LOST
-        self.terminated = ~(distance <= self.config.off_path) | ~(self.fleet.upright() > _TIPPED)
+        self.terminated = ~((distance <= self.config.off_path) & (self.fleet.upright() > _TIPPED))
         self.truncated = (self._k >= self.last) & ~self.terminated
         change, self._action = action - self._action, action
-        self._terms = reward_terms(self.config.reward, distance, self._error[:, 2], change, self.terminated)
-        self.reward = sum(self._terms.values(), np.zeros(self.size))
+        self._terms = reward_terms(self.config.reward, distance, turn, change, column(self.terminated))
+        self.reward = np.add.accumulate(self._terms)[-1]  # one by one: the same bits for any number of robots
 
     def observation(self) -> Array:
         """Observations (N, n), see `path_tracking.observation`."""
-        twist = self.table.twist(self._reference[:, None], self._k[:, None] + self.layout.steps)
-        return self.layout.observation(self._seen_error, twist, self._omega, self._action)
+        twists = self.table.twists(self._reference, self._k)
+        return self.layout.observation(self._seen_error, twists, self._omega, self._action)
 
     def info(self) -> dict[str, Array]:
         """Further quantities by name, as arrays (N, ...), some of them the task's own; the keys are always the same."""
-        twist, omega = self.fleet.twist(), self.fleet.drive.omega
-        stands = np.abs(omega) < _STANDING
-        geometry = self.fleet.robot.geometry
-        belts = geometry.sprocket_radius * np.where(stands, 1.0, omega)
-        slip = 1 - track_speeds(twist[:, ::2], geometry.half_gauge) / belts
-        slip[stands] = 0.0
+        twist, geometry, slip = self.fleet.twist(), self.fleet.robot.geometry, np.empty((self.size, 2))
+        v, _, w = columns(twist)
+        speeds, omegas = left_and_right(v, w, geometry.half_gauge), columns(self.fleet.drive.omega)
+        for side, (speed, omega) in enumerate(zip(speeds, omegas, strict=True)):
+            slip[:, side] = _slip(speed, omega, geometry.sprocket_radius)
         return {
             "time": self._k * PERIOD,  # [s]
             "reference": self._reference,  # index in `table.names`
@@ -160,31 +158,36 @@ class PathTracking:
             "set_point": self.fleet.drive.set_point,  # (N, 2) [rad/s]
             "friction": self.fleet.friction(),  # (N, 2) along and across, averaged over the pads [-]
             "success": self._success,  # whether the robot has always been within metrics.LOST of the reference
-            **{name: self._terms[term] for term, name in _REWARDS},
+            **dict(zip(_REWARDS, self._terms, strict=True)),
         }
 
 
-def reward_terms(
-    reward: Reward, distance: Array, heading: Array, change: Array, terminated: np.ndarray
-) -> dict[str, Array]:
-    """The terms (N,) of `config.Reward`, by name.
+def _slip(speed: Any, omega: Any, radius: float) -> Any:
+    """Slip (...) of tracks at speeds (...) [m/s] whose sprockets turn at `omega` (...) [rad/s]; 0 where they rest."""
+    rests = abs(omega) < _STANDING
+    return (1 - rests) * (1 - speed / (radius * omega + rests)) + 0.0
+
+
+def reward_terms(reward: Reward, distance: Any, heading: Any, change: Array, terminated: Any) -> Array:
+    """The terms of `config.Reward`, (5, N) in the order of `TERMS`.
 
     They depend on position and heading errors (N,) [m, rad], the change of the actions (N, 2) [-], and whether episodes
-    have terminated (N,).
+    have terminated (N,). For one robot, all but the change may be plain numbers.
     """
-    alive, scaled = np.empty(len(distance)), np.empty((2, len(distance)))
-    alive[:] = reward.weight_alive
-    scaled[0], scaled[1] = distance / reward.position_scale, heading / reward.heading_scale
-    square = scaled * scaled
-    squares = change * change
-    position, turn = square / (1 + square)
-    return {
-        "alive": alive,
-        "position": -reward.weight_position * position,
-        "heading": -reward.weight_heading * turn,
-        "change": -reward.weight_change * (squares[:, 0] + squares[:, 1]) / 8,
-        "termination": -reward.weight_termination * terminated,
-    }
+    terms = np.empty((len(TERMS), len(change)))
+    left, right = columns(change)
+    terms[0] = reward.weight_alive
+    terms[1] = -reward.weight_position * _bounded_square(distance / reward.position_scale)
+    terms[2] = -reward.weight_heading * _bounded_square(heading / reward.heading_scale)
+    terms[3] = -reward.weight_change * (left * left + right * right) / 8
+    terms[4] = -reward.weight_termination * terminated
+    return terms
+
+
+def _bounded_square(z: Any) -> Any:
+    """s(z) of `config.Reward`."""
+    square = z * z
+    return square / (1 + square)
 
 
 def _action_map(config: EnvConfig, fleet: Fleet) -> Callable[[Array], Array]:
@@ -192,7 +195,7 @@ def _action_map(config: EnvConfig, fleet: Fleet) -> Callable[[Array], Array]:
     limit, geometry = fleet.drive.limit, fleet.robot.geometry
     if config.action == "sprockets":
         return lambda action: action * limit
-    law, scale = _law(config, fleet), np.array(config.twist_scale)
+    law, scale = _law(config, fleet), np.array([config.twist_scale])
     return lambda action: limit_sprocket_speeds(law.sprocket_speeds(action * scale, geometry), limit)
 
 

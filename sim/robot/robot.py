@@ -68,6 +68,11 @@ class Robot:
     points_per_pad: int = CONTACT_POINTS
     """Number of points at which a pad touches the ground."""
 
+    def pad_speeds(self, belts: Array) -> Array:
+        """Speeds (..., P) of the pads' surfaces, each along its own axis, for belt speeds (..., 2) [m/s]."""
+        # the lower side of a belt moves backwards when the robot drives forwards
+        return (-belts).take(self.pad_side, axis=-1) * self.pad_sign
+
     def with_single_contacts(self) -> Robot:
         """The same robot with pads that touch the ground at one point each, twice as many, as shearing ground needs.
 

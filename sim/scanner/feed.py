@@ -71,7 +71,8 @@ class ScannerFeed:
         self._reach = robot.plate_radius + top_speed * scanner.scan_duration
         self._aim: Aim | None = None
         self._aimed_rays: Array = np.empty((fleet.size, 0, 1, 3))  # (N, W, K, 3)
-        self._groups = np.arange(6) == SCANNED_GROUP
+        self._aimed_origins: Array = np.empty((fleet.size, 0, 3))  # (N, W * K, 3)
+        self._groups = (np.arange(6) == SCANNED_GROUP).astype(np.uint8)
         self._lrf = robot.model.body("lrf").id
 
     def restart(self, robots: np.ndarray, generators: Sequence[np.random.Generator]) -> None:
@@ -84,7 +85,8 @@ class ScannerFeed:
         aim = self._aimed()
         plate = self._to_plates(aim)
         if self._standing is None:
-            ranges = np.full((self._fleet.size, len(self._rays)), np.nan)
+            ranges = np.empty((self._fleet.size, len(self._rays)))
+            ranges.fill(np.nan)
         else:
             around = np.fmin(self._standing, self._to_obstacles(self._walking, self._fleet.time))
             plate = np.fmin(plate, around[aim.beams])
@@ -99,25 +101,23 @@ class ScannerFeed:
             width = self._scanner.divergence
             self._aim = Aim.at(centre.copy(), self._origin, self._heading, self._reach, self.bearings, width)
             self._aimed_rays = self._rays[self._aim.beams]
+            self._aimed_origins = np.empty(self._aimed_rays.shape).reshape(self._fleet.size, -1, 3)
+            self._aimed_origins[:] = self._origin
         return self._aim
 
     def _to_plates(self, aim: Aim) -> Array:
         """Distances (N, W, K) along the rays of the selected beams, NaN for a miss [m]."""
-        fleet, rays, origin = self._fleet, self._aimed_rays, self._origin
+        fleet, rays, origins = self._fleet, self._aimed_rays, self._aimed_origins
         if self._scanner.scan_duration > 0:
-            origin, rays = moved_back(origin, rays, fleet.pose(), fleet.twist(), self._lag[aim.beams])
-            origin = origin.reshape(fleet.size, -1, 3)
-        flat = rays.reshape(fleet.size, -1, 3)
-        distance, _ = fleet.batch.ray(origin, flat, geomgroup=self._groups, bodyexclude=self._lrf)
-        distance[distance < 0] = np.nan
-        return self._within_reach(distance.reshape(rays.shape[:-1]))
+            origins, rays = moved_back(self._origin, rays, fleet.pose(), fleet.twist(), self._lag[aim.beams])
+            origins = origins.reshape(fleet.size, -1, 3)
+        distance = fleet.batch.cast(origins, rays.reshape(fleet.size, -1, 3), self._groups, self._lrf)
+        distance[(distance < 0) | (distance > self._scanner.max_range)] = np.nan
+        return distance.reshape(rays.shape[:-1])
 
     def _to_obstacles(self, obstacles: Obstacles, time: float) -> Array:
         """Distances (B, K) along the rays of all beams, in a scan at `time` [s], NaN for a miss [m]."""
-        return self._within_reach(obstacles.ranges(self._origin[:2], self._rays[..., :2], time + self._lag[:, None]))
-
-    def _within_reach(self, distance: Array) -> Array:
-        """Distances, set to NaN in place where they are beyond the scanner's reach."""
+        distance = obstacles.ranges(self._origin[:2], self._rays[..., :2], time + self._lag[:, None])
         distance[distance > self._scanner.max_range] = np.nan
         return distance
 

@@ -6,8 +6,8 @@ import ctypes
 from importlib.util import find_spec
 
 import mujoco
-from mujoco import batch
 
+from sim.quick_batch import QuickBatch
 from trackslip.errors import TrackslipError, require
 
 CPU, GPU, WARP_CPU = DEVICES = ("cpu", "gpu", "warp-cpu")
@@ -15,7 +15,7 @@ CPU, GPU, WARP_CPU = DEVICES = ("cpu", "gpu", "warp-cpu")
 _DRIVERS = ("libcuda.so.1", "nvcuda.dll")
 
 
-def make_batch(model: mujoco.MjModel, size: int, threads: int = 0, device: str = CPU) -> batch.Batch:
+def make_batch(model: mujoco.MjModel, size: int, threads: int = 0, device: str = CPU) -> QuickBatch:
     """`size` simulations of a model on one of the DEVICES.
 
     Raises:
@@ -24,7 +24,7 @@ def make_batch(model: mujoco.MjModel, size: int, threads: int = 0, device: str =
     """
     require(device in DEVICES, "device", device, f"one of {', '.join(DEVICES)}")
     if device == CPU:
-        return batch.Batch(model, size, nthread=threads)
+        return QuickBatch(model, size, nthread=threads)
     require_available(device)
     from sim.warp.warp_batch import WarpBatch  # late: MuJoCo Warp is optional
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from mujoco import MjModel, batch
 
+from sim.quick_batch import QuickBatch
 from sim.warp.worlds import Worlds
 from trackslip.errors import require
 from trackslip.kinematics import Array
@@ -15,7 +16,7 @@ Ids = np.ndarray | Sequence[int] | None
 """Simulations, or None for all."""
 
 
-class WarpBatch(batch.Batch):  # type: ignore[misc]  # MuJoCo has no type hints
+class WarpBatch(QuickBatch):
     """A `mujoco.batch.Batch` that holds the states of N simulations, in double precision; MuJoCo Warp steps them.
 
     Rays are cast by MuJoCo. Fields of MjData that are bound follow `step` and `rollout` only.
@@ -58,6 +59,10 @@ class WarpBatch(batch.Batch):  # type: ignore[misc]  # MuJoCo has no type hints
         """Advance each simulation by `nstep` physics steps."""
         if nstep > 0:
             self.rollout(nstep, (), ids)
+
+    def record_sensors(self, into: Array, ids: np.ndarray | None = None) -> None:
+        """Advance the n simulations `ids`, or all; record `sensordata` after each of T steps `into` (n, T, sensors)."""
+        self.rollout(into.shape[1], ids=ids, out={"sensordata": into})
 
     def rollout(
         self,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -29,29 +30,34 @@ class _Icr(SlipLaw):
             require_between(self, (f"offset{suffix}",), -self.half_gauge, np.inf, allowed)
             require_between(self, (f"radius_error{suffix}",), -1, np.inf, "finite and > -1")
 
+    @cached_property
     def _tracks(self) -> tuple[Array, Array]:
         """b + D and 1 + epsilon (..., 2) of the left and right track, or (..., 1) where both have the same."""
         raise NotImplementedError
+
+    @cached_property
+    def _arms(self) -> Array:
+        """-+ (b + D) (..., 2) of the left and right track."""
+        return SIDES * self._tracks[0]
 
     def __call__(self, kappa: ArrayLike) -> Array:
         """Slips (..., 2) at curvatures (...)."""
         direction = np.arctan(np.asarray(kappa, float))[..., None]  # finite for infinite curvature
         along, turning = np.cos(direction), np.sin(direction)
-        reach, scale = self._tracks()
+        _, scale = self._tracks
         real = along + SIDES * self.half_gauge * turning
-        commanded = along + SIDES * reach * turning
+        commanded = along + self._arms * turning
         with np.errstate(divide="ignore"):
             return 1 - scale * real / commanded
 
     def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
         """Sprocket speeds (..., 2) [rad/s] that produce a twist (..., 2); regular at every radius."""
         twist = np.asarray(twist, float)
-        reach, scale = self._tracks()
-        return (twist[..., :1] + SIDES * reach * twist[..., 1:]) / (geometry.sprocket_radius * scale)
+        return (twist[..., :1] + self._arms * twist[..., 1:]) / (geometry.sprocket_radius * self._tracks[1])
 
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
         """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce; regular at every radius."""
-        reach, scale = self._tracks()
+        reach, scale = self._tracks
         surface = geometry.sprocket_radius * scale * np.asarray(omega, float)
         w = (surface[..., 1] - surface[..., 0]) / (reach[..., 0] + reach[..., -1])
         return np.stack([surface[..., 1] - reach[..., -1] * w, w], axis=-1)
@@ -72,6 +78,7 @@ class ConstantIcr(_Icr):
     radius_error: float = 0.0
     """epsilon: relative error of the effective sprocket radius, real / nominal - 1 [-]."""
 
+    @cached_property
     def _tracks(self) -> tuple[Array, Array]:
         return np.asarray(self.half_gauge + self.offset)[..., None], np.asarray(1 + self.radius_error)[..., None]
 
@@ -96,6 +103,7 @@ class IcrSides(_Icr):
 
     _suffixes = ("_left", "_right")
 
+    @cached_property
     def _tracks(self) -> tuple[Array, Array]:
         reach = np.stack(np.broadcast_arrays(self.offset_left, self.offset_right), axis=-1) + self.half_gauge
         scale = np.stack(np.broadcast_arrays(self.radius_error_left, self.radius_error_right), axis=-1) + 1
