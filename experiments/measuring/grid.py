@@ -17,6 +17,7 @@ from trackslip.identification.samples import MeasuredRuns, SlipSamples, samples_
 from trackslip.identification.true_samples import true_samples
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.localization.bound import scan_ratio_to_bound
+from trackslip.localization.scan import Cluster
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import rms
 from trackslip.motion.methods import MOTION_METHODS
@@ -238,7 +239,10 @@ def ratio_to_bound(logs: Sequence[RunLog]) -> RatioToBound | None:
         true.append((log.truth.pose + log.truth.lean[:, None] * left)[log.is_valid])
     scans = logs[0].scans
     assert scans is not None
-    ratios = scan_ratio_to_bound(np.concatenate(estimated), np.concatenate(true), scans.plate, scans.scan)
+    seen = None
+    if scans.scan.dropout > 0:
+        seen = Cluster.joined([log.scans.cluster.take(np.flatnonzero(log.is_valid)) for log in logs if log.scans])
+    ratios = scan_ratio_to_bound(np.concatenate(estimated), np.concatenate(true), scans.plate, scans.scan, seen)
     return RatioToBound(*ratios.tolist())
 
 

@@ -9,9 +9,10 @@ half-planes. The likelihood has two parts:
   that missed it and the first that hit it, so the middle of that gap measures the bearing of the corner with variance
   step^2 / 12. Without the edges, a plate seen broadside could slide freely along itself. An edge of the field of view
   or of the scanner's reach is not an edge of the plate and measures nothing. If beams inside the cluster are missing
-  at a rate p, beams beyond its last return may be missing too: p / (1 - p) of them, with variance p / (1 - p)^2. An
-  edge made by an object in front of the plate is not the plate's either: the corner may be anywhere behind the object,
-  and only a pose whose corner sticks out beyond it, or does not reach the last return, adds to the cost.
+  at a rate p, beams beyond its last return may be missing too: p / (1 - p) of them, with variance p / (1 - p)^2. (That
+  leads to the right peak; from there on, `ends` has the exact likelihood.) An edge made by an object in front of the
+  plate is not the plate's either: the corner may be anywhere behind the object, and only a pose whose corner sticks out
+  beyond it, or does not reach the last return, adds to the cost.
 
 Thus a beam that passes through the supposed plate adds to the cost by way of the edges, and a return where the pose
 leaves nothing to hit costs as much as if it had been measured at the near or far end of the plate.
@@ -72,10 +73,33 @@ class PlateLikelihood:
         return np.sqrt(beams.sums(residual * residual) / beams.count)
 
     def cost_along(self, beams: Beams, pose: Array, offset: Array) -> Array:
-        """Costs (M, K) at poses (M, 3) slid along the plate by `offset` (M, K) [m], less a constant for each scan.
+        """Costs (M, K) at poses (M, 3) slid along the plate by `offset` (M, K) [m], less a constant for each scan."""
+        every = np.repeat(np.arange(len(pose)), offset.shape[1])
+        residual = self.edges(beams.edges.take(every), View.of(self.plate, pose).slid(offset))[0]
+        costs = residual * residual
+        return self.ranges_along(beams, pose, offset) + ((costs[0] + costs[1]) / 2).reshape(offset.shape)
 
-        Only beams that may leave the long face matter.
-        """
+    def ranges_sideways(self, beams: Beams, pose: Array, offset: Array) -> Array:
+        """What ranges cost (M, K) at poses (M, 3) slid across the plate by `offset` (M, K) [m]."""
+        view = View.of(self.plate, pose)
+        half_length, half_thickness = self.plate.length / 2, self.plate.thickness / 2
+        across = view.across[:, None] + offset  # (M, K)
+        short = view.along - np.minimum(np.maximum(view.along, -half_length), half_length)  # 0 if it points away
+        long = across - np.minimum(np.maximum(across, -half_thickness), half_thickness)
+        distance, reach = np.hypot(view.along[:, None], across), math.hypot(half_length, half_thickness)
+        cos, sin, short = beams.spread(np.stack([view.cos, view.sin, short]))
+        u_along = beams.u[0] * cos + beams.u[1] * sin
+        u_across = beams.u[1] * cos - beams.u[0] * sin
+        row = np.repeat(np.arange(len(pose)), beams.count)
+        predicted = long[row] / (u_across + np.copysign(_TINY, u_across))[:, None]
+        np.maximum(predicted, (short / (u_along + np.copysign(_TINY, u_along)))[:, None], out=predicted)
+        np.maximum(predicted, (distance - reach)[row], out=predicted)
+        np.minimum(predicted, (distance + reach)[row], out=predicted)
+        predicted -= beams.range[:, None]
+        return np.add.reduceat(self.loss(predicted / beams.noise)[1], beams.first, axis=0)
+
+    def ranges_along(self, beams: Beams, pose: Array, offset: Array) -> Array:
+        """The part (M, K) of `cost_along` that is due to ranges. Only beams that may leave the long face matter."""
         view = View.of(self.plate, pose)
         half_length = self.plate.length / 2
         along = view.along[:, None] + offset  # (M, K)
@@ -105,10 +129,7 @@ class PlateLikelihood:
         if row.size:
             first = np.flatnonzero(np.diff(row, prepend=-1))
             cost[row[first]] = np.add.reduceat(loss, first, axis=0)
-        every = np.repeat(np.arange(len(pose)), offset.shape[1])
-        residual = self.edges(beams.edges.take(every), view.slid(offset))[0]
-        costs = residual * residual
-        return cost + ((costs[0] + costs[1]) / 2).reshape(offset.shape)
+        return cost
 
     def moved(self, pose: Array, step: Array) -> Array:
         """Poses (M, 3) after steps (M, 3) along and across their plates."""

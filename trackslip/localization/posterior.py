@@ -10,6 +10,10 @@ if the plate slides until the beam hits the long face instead, the beam says not
 plate is thus a narrow peak, or half of one, on the wide plateau that the silhouette's edges allow, and the curvature at
 the maximum describes neither. Where the curvature claims more accuracy than the edges allow, the posterior along the
 plate is summed over a grid instead.
+
+Where beams may be lost, neither edge is normally distributed about its mean: see `ends`. The posterior along the plate
+is then summed for every scan. Nearly edge-on, it is the sideways place of the plate, and with it the heading, that the
+edges determine, so that the posterior is first summed sideways at each heading.
 """
 
 from __future__ import annotations
@@ -20,22 +24,27 @@ from trackslip.kinematics import Array
 from trackslip.localization.beams import Beams
 from trackslip.localization.bound import viewing_angle
 from trackslip.localization.climb import Evaluation, covariances
+from trackslip.localization.ends import Ends
 from trackslip.localization.fixed_heading import FixedHeading, TurnedBeams
 from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.line import fit_line
+from trackslip.localization.plate_axis import PlateAxis
+from trackslip.localization.quadrature import moments, quadrature
 from trackslip.localization.scan import Cluster, Scan
 from trackslip.localization.starts import chunks
 
 _EDGE_ON = np.radians(3.0)  # from the line of sight; at smaller angles the posterior is integrated over the heading
-_FEW = 5  # with at most this many returns, _EDGE_ON_BY_FEW applies instead
-_EDGE_ON_BY_FEW = np.radians(5.0)
 _GRID = np.radians(np.linspace(-8.0, 8.0, 49))  # headings, relative to the line of sight
-_FROM_SIDE = np.radians(45.0)  # from the line of sight; at larger angles few beams hit the short face
+_WIDE_GRID = np.radians(np.linspace(-13.0, 13.0, 79))
 _STEP = _GRID[1] - _GRID[0]
+_EDGE_ON_BY_FEW = 5, np.radians(5.0), _GRID  # with at most so many returns, the second instead of _EDGE_ON applies
+_EDGE_ON_BY_FEW_LEFT = 8, np.radians(8.0), _WIDE_GRID  # where beams may be lost
+_FROM_SIDE = np.radians(45.0)  # from the line of sight; at larger angles few beams hit the short face
 _PEAKS = 3  # resolved by a finer grid, at most
 _ABOUT_PEAK = np.linspace(-4.0, 4.0, 13)  # headings about a peak [its standard deviations]
 _ITERATIONS = 6
 _HOPELESS = 40.0  # excess of the cost above which a heading has no probability
+_UNLIKELY = 12.0  # the same for the position fitted to each heading, when lost beams have yet to be counted
 _TRUSTED = 3.0  # the cost of a rough fit falls by less than so many times the promise of the next step
 _CLAIMED = 0.9  # a fit is doubted below this fraction of the standard deviation that the edges allow
 _ALONG_PLATEAU = np.linspace(-3.0, 3.0, 21)  # along the plate [standard deviations that an edge allows]
@@ -53,27 +62,38 @@ def correct(
 ) -> None:
     """Correct, in place, those poses (S, 3) and covariances (S, 3, 3) of clusters that `fits` (S,) selects."""
     off = viewing_angle(pose)
-    edge_on = fits & (off < np.where(cluster.count > _FEW, _EDGE_ON, _EDGE_ON_BY_FEW))
-    for rows in chunks(cluster, len(_GRID), edge_on) if edge_on.any() else ():
+    few, by_few, grid = _EDGE_ON_BY_FEW_LEFT if scan.dropout > 0 else _EDGE_ON_BY_FEW
+    edge_on = fits & (off < np.where(cluster.count > few, _EDGE_ON, by_few))
+    for rows in chunks(cluster, len(grid), edge_on) if edge_on.any() else ():
         sight = np.arctan2(pose[rows, 1], pose[rows, 0])
-        pose[rows], covariance[rows] = _over_heading(likelihood, scan, cluster.take(rows), sight)
-    from_side = np.flatnonzero((off > _FROM_SIDE) & fits)
-    if from_side.size:
-        _along_plate(likelihood, beams, pose, covariance, from_side)
+        pose[rows], covariance[rows] = _over_heading(likelihood, scan, cluster.take(rows), sight[:, None] + grid)
+    rows = np.flatnonzero(fits if scan.dropout > 0 else fits & (off > _FROM_SIDE))
+    if rows.size and scan.dropout > 0:
+        some = beams.take(rows)
+        ends = Ends.of(scan, cluster.take(rows), some)
+        pose[rows], covariance[rows], _ = _between(likelihood, ends, some, pose[rows], covariance[rows])
+    elif rows.size:
+        _along_plate(likelihood, beams, pose, covariance, rows)
 
 
-def _over_heading(likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, sight: Array) -> tuple[Array, Array]:
-    """Posterior means (S, 3) and covariances (S, 3, 3) for plates seen nearly edge-on at bearings `sight` (S,)."""
-    beams, middle, scans = Beams.of(scan, cluster), fit_line(cluster).middle, len(sight)
-    coarse = _given(likelihood, beams, middle, sight[:, None] + _GRID)
-    fine = _given(likelihood, beams, middle, _peaks(likelihood, beams, coarse))
+def _over_heading(likelihood: PlateLikelihood, scan: Scan, cluster: Cluster, grid: Array) -> tuple[Array, Array]:
+    """Posterior means (S, 3) and covariances (S, 3, 3) for plates with headings in the range of `grid` (S, K)."""
+    beams, middle, scans = Beams.of(scan, cluster), fit_line(cluster).middle, len(grid)
+    coarse = _given(likelihood, beams, middle, grid)
+    fine = _given(likelihood, beams, middle, _peaks(likelihood, beams, coarse, scans))
     pose = np.concatenate([fit.pose.reshape(scans, -1, 3) for fit in (coarse, fine)], axis=1)
     cost = np.concatenate([fit.cost.reshape(scans, -1) for fit in (coarse, fine)], axis=1)
     within = np.concatenate(
         [covariances(fit.in_lrf_frame()).reshape(scans, -1, 3, 3) for fit in (coarse, fine)], axis=1
     )
-
-    weight, width = _quadrature(pose[..., 2], cost)
+    if scan.dropout > 0:
+        likely = np.nonzero(cost < cost.min(axis=1, keepdims=True) + _UNLIKELY)
+        ends, some = Ends.of(scan, cluster, beams).take(likely[0]), beams.take(likely[0])
+        cost[...] = np.inf
+        pose[likely], within[likely], cost[likely] = _between(
+            likelihood, ends, some, pose[likely], within[likely], sideways=True
+        )
+    weight, width = quadrature(pose[..., 2], cost)
     mean = np.sum(weight[..., None] * pose, axis=1)
     away = pose - mean[:, None]
     within[..., 2, 2] = width**2 / 12  # a fixed heading has no hessian
@@ -86,25 +106,30 @@ def _along_plate(likelihood: PlateLikelihood, beams: Beams, pose: Array, covaria
 
     This is done in place, for the scans `rows` (R,) only.
     """
-    at, of = pose[rows], covariance[rows]
-    e = np.stack([np.cos(at[:, 2]), np.sin(at[:, 2]), np.zeros(len(at))], axis=-1)
-    leaning = np.einsum("mij,mj->mi", of, e)
-    sigma = np.sqrt(np.maximum(np.sum(leaning * e, axis=1), 1e-12))
+    at = pose[rows]
+    axis = PlateAxis.of(at, covariance[rows])
     weight = np.min(beams.edges.weight[rows], axis=1)
     x, y = at[:, 0], at[:, 1]
-    across = np.abs(e[:, 0] * y - e[:, 1] * x)
+    across = np.abs(axis.e[:, 0] * y - axis.e[:, 1] * x)
     edge = (x * x + y * y) / np.maximum(weight * across, 1e-9)
-    doubted = np.flatnonzero((sigma < _CLAIMED * edge / np.sqrt(2)) & (weight > 0))
+    doubted = np.flatnonzero((axis.sigma < _CLAIMED * edge / np.sqrt(2)) & (weight > 0))
     if doubted.size == 0:
         return
-    rows, at, e, leaning, sigma, edge = (part[doubted] for part in (rows, at, e, leaning, sigma, edge))
-    offset = np.concatenate([edge[:, None] * _ALONG_PLATEAU, sigma[:, None] * _ALONG_PEAK], axis=1)  # (N, K)
-    share, span = _quadrature(offset, likelihood.cost_along(beams.take(rows), at, offset))
-    mean = np.sum(share * offset, axis=1)
-    variance = np.sum(share * ((offset - mean[:, None]) ** 2 + span**2 / 12), axis=1)
-    pose[rows] = at + mean[:, None] * e
-    given = leaning[:, :, None] * leaning[:, None, :] / (sigma**2)[:, None, None]
-    covariance[rows] += variance[:, None, None] * e[:, :, None] * e[:, None, :] - given
+    rows, at, edge, axis = rows[doubted], at[doubted], edge[doubted], axis.take(doubted)
+    offset = np.concatenate([edge[:, None] * _ALONG_PLATEAU, axis.sigma[:, None] * _ALONG_PEAK], axis=1)  # (N, K)
+    share, span = quadrature(offset, likelihood.cost_along(beams.take(rows), at, offset))
+    mean, variance = moments(offset, share, span)
+    pose[rows] = at + mean[:, None] * axis.e
+    covariance[rows] += axis.change(variance)
+
+
+def _between(
+    likelihood: PlateLikelihood, ends: Ends, beams: Beams, pose: Array, covariance: Array, sideways: bool = False
+) -> tuple[Array, Array, Array]:
+    """Poses (M, 3) and covariances (M, 3, 3), corrected for lost beams along the plate or sideways, and costs (M,)."""
+    axis = PlateAxis.of(pose, covariance, sideways)
+    mean, variance, cost = ends.place(likelihood, beams, pose, axis.sigma, sideways)
+    return pose + mean[:, None] * axis.e, covariance + axis.change(variance), cost
 
 
 def _given(likelihood: PlateLikelihood, beams: Beams, middle: Array, heading: Array) -> Evaluation:
@@ -126,9 +151,9 @@ def _given(likelihood: PlateLikelihood, beams: Beams, middle: Array, heading: Ar
     return fit
 
 
-def _peaks(likelihood: PlateLikelihood, beams: Beams, coarse: Evaluation) -> Array:
+def _peaks(likelihood: PlateLikelihood, beams: Beams, coarse: Evaluation, scans: int) -> Array:
     """Headings (S, K) around the peaks of the posterior, within a few steps of the coarse grid."""
-    cost = coarse.cost.reshape(-1, len(_GRID))
+    cost = coarse.cost.reshape(scans, -1)
     beside = np.pad(cost, ((0, 0), (1, 1)), constant_values=np.inf)
     dip = (cost <= beside[:, :-2]) & (cost <= beside[:, 2:])
     lowest = np.argsort(np.where(dip, cost, np.inf), axis=1, kind="stable")[:, :_PEAKS]
@@ -137,19 +162,3 @@ def _peaks(likelihood: PlateLikelihood, beams: Beams, coarse: Evaluation) -> Arr
     fit = likelihood.climb(beams.take(scan), start, _ITERATIONS)
     sigma = np.sqrt(np.minimum(covariances(fit)[:, 2, 2], _STEP**2))
     return (fit.pose[:, 2, None] + sigma[:, None] * _ABOUT_PEAK).reshape(len(cost), -1)
-
-
-def _quadrature(points: Array, cost: Array) -> tuple[Array, Array]:
-    """Probabilities (S, K) of points (S, K), in any order, and their widths (S, K) in the trapezoidal rule.
-
-    `cost` (S, K) are the negative log likelihoods.
-    """
-    rows, order = np.arange(len(points))[:, None], np.argsort(points, axis=1, kind="stable")
-    ordered = points[rows, order]
-    share = np.empty_like(ordered)
-    share[:, 1:-1] = (ordered[:, 2:] - ordered[:, :-2]) / 2
-    share[:, 0], share[:, -1] = (ordered[:, 1] - ordered[:, 0]) / 2, (ordered[:, -1] - ordered[:, -2]) / 2
-    width = np.empty_like(share)
-    width[rows, order] = share
-    weight = np.exp(cost.min(axis=1, keepdims=True) - cost) * width
-    return weight / weight.sum(axis=1, keepdims=True), width

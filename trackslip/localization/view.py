@@ -32,11 +32,19 @@ class View(Rows):
         cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
         return cls(plate, cos * x + sin * y, cos * y - sin * x, cos, sin)
 
-    def slid(self, offset: Array) -> View:
-        """Of plates slid along themselves by `offset` (M, K) [m]: (M * K,)."""
+    def slid(self, offset: Array, sideways: bool = False) -> View:
+        """Of plates slid along themselves, or sideways, by `offset` (M, K) [m]: (M * K,)."""
         every = np.repeat(np.arange(len(self.along)), offset.shape[1])
-        along = (self.along[:, None] + offset).ravel()
-        return View(self.plate, along, self.across[every], self.cos[every], self.sin[every])
+        along, across = self.along[every], self.across[every]
+        slid = across if sideways else along
+        slid += offset.ravel()
+        return View(self.plate, along, across, self.cos[every], self.sin[every])
+
+    def corners(self) -> Array:
+        """Coordinates (2, 2, M) of the outermost corners, right and left, less those of the centres [m]."""
+        beyond = (_ENDS * self.plate.length).searchsorted(self.along)
+        beside = (_ENDS * self.plate.thickness).searchsorted(self.across)
+        return _outermost(self.plate).take(3 * beyond + beside, axis=2)
 
     def silhouette(self, ahead: Array) -> tuple[Array, Array]:
         """The outermost corners, right and left, seen in the directions `ahead` (M, 2).
@@ -44,9 +52,7 @@ class View(Rows):
         Returns their bearings from `ahead` (2, M) [rad], which thus do not wrap, and the derivatives (3, 2, M) of these
         with respect to the place along and across the plate's axes and the heading.
         """
-        beyond = (_ENDS * self.plate.length).searchsorted(self.along)
-        beside = (_ENDS * self.plate.thickness).searchsorted(self.across)
-        o_x, o_y = _outermost(self.plate).take(3 * beyond + beside, axis=2)  # (2, M) each
+        o_x, o_y = self.corners()
         x, y = o_x + self.along, o_y + (self.across + _TINY)
         ahead_x, ahead_y = ahead.T
         cos, sin = self.cos * ahead_x + self.sin * ahead_y, self.sin * ahead_x - self.cos * ahead_y
