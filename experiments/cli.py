@@ -160,6 +160,7 @@ COMMAND_EXAMPLES = (
 _DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate for it.
 `trackslip COMMAND --help` lists a command's options and examples."""
 _REPEATABLE = (("view", "--run"), ("evaluate", "--law"))
+_BRIEF = ("reproduce",)  # commands that end before their garbage matters: to free figures takes a tenth of drawing them
 _COMPLETION = ("--tyro-print-completion", "--tyro-write-completion")
 _SHELLS = ("bash", "zsh", "fish", "tcsh")
 
@@ -170,15 +171,19 @@ def main(arguments: Sequence[str] | None = None) -> None:
     try:
         options = parse(arguments)
         runner = importlib.import_module(f"experiments.commands.{arguments[0]}")
-        if not gc.isenabled():
+        alone = not gc.isenabled()  # in a process of its own, of which nothing so far is garbage
+        if alone:
             gc.freeze()
-            gc.enable()
+            if arguments[0] not in _BRIEF:
+                gc.enable()
         with contextlib.suppress(ValueError):  # only the main thread can set handlers
             signal.signal(signal.SIGTERM, signal.default_int_handler)
             if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
                 signal.signal(signal.SIGINT, signal.default_int_handler)
         runner.run(options)
         sys.stdout.flush()
+        if alone:
+            gc.freeze()  # the process ends: no need to look for garbage
     except TrackslipError as error:
         _fail(str(error), 2)
     except KeyboardInterrupt as interrupt:

@@ -35,9 +35,8 @@ class Loops:
             for name, start in self.starts.items()
             for law in laws
         ]
-        # half of the workers, as a fleet of few robots takes nearly as long as one of all; the others draw meanwhile
-        count = min(max(1, workers.count // 2), len(runs))
-        own = replace(config, threads=1)
+        count = min(workers.count, len(runs))
+        own = replace(config, threads=max(1, workers.count // count))
         self._places = np.array_split(range(len(runs)), count)  # by controller, if there are two
         self._results = [workers.begin(_drive_share, own, laws, [runs[k] for k in at]) for at in self._places]
 

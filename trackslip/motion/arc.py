@@ -91,14 +91,13 @@ def poses_on_arc(parameters: Array, time: Array) -> tuple[Array, Array]:
     way_x, way_y = turned(v * forward - u * sideways, v * sideways + u * forward)
     by_v, by_u = turned(forward, sideways), turned(-sideways, forward)
     by_w = turned(v * d_forward - u * d_sideways, v * d_sideways + u * d_forward)
-    one, none = np.ones_like(time), np.zeros_like(time)
-    rows = [
-        (one, none, -way_y, by_v[0], by_u[0], by_w[0]),
-        (none, one, way_x, by_v[1], by_u[1], by_w[1]),
-        (none, none, one, none, none, time),
-    ]
-    pose = np.stack([x + way_x, y + way_y, phi + w * time], axis=-1)
-    return pose, np.stack([np.stack(row, axis=-1) for row in rows], axis=1)
+    pose, jacobian = np.empty((len(time), 3)), np.zeros((len(time), 3, 6))
+    pose[:, 0], pose[:, 1], pose[:, 2] = x + way_x, y + way_y, phi + w * time
+    jacobian[:, range(3), range(3)] = 1.0
+    jacobian[:, 0, 2], jacobian[:, 1, 2], jacobian[:, 2, 5] = -way_y, way_x, time
+    for column, (by_x, by_y) in enumerate((by_v, by_u, by_w), start=3):
+        jacobian[:, 0, column], jacobian[:, 1, column] = by_x, by_y
+    return pose, jacobian
 
 
 def _integrals(w: float, time: Array) -> tuple[Array, Array, Array, Array]:

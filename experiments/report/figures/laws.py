@@ -12,6 +12,7 @@ from experiments.measuring.inner_outer import TRACKS, InnerOuterSamples
 from experiments.measuring.value_groups import repeated
 from experiments.report.colours import COLOURS, GREEN, LABELS
 from experiments.report.figures.axes import bar_factor, bar_key, curve_radii, draw_bars, show_radii, with_bars
+from experiments.report.figures.powers import print_plain_powers
 from experiments.report.figures.style import BAND, INNER, OUTER, law_line, limits_around, styled, subplots
 from experiments.report.law_symbols import SYMBOLS
 from trackslip.identification.comparison import Comparison
@@ -91,10 +92,11 @@ def residuals(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
         axis.axhspan(-band, band, color=BAND, lw=0, zorder=0)
         axis.set_title(_title(key, comparison), fontsize=8.5)
     axes[0].set_yscale("symlog", linthresh=threshold, linscale=0.6)
+    print_plain_powers(axes[0].yaxis)
     axes[0].set_ylim(-2 * largest, 2 * largest)
     axes[0].set_yticks(_ticks(threshold, largest))
     for axis in axes[len(laws) :]:
-        axis.set_visible(False)
+        axis.remove()
     for axis in axes[: len(laws)][-_COLUMNS:]:  # the lowest of each column
         show_radii(axis, runs)
         axis.tick_params(labelbottom=True)
@@ -153,9 +155,11 @@ def criteria(comparison: Comparison) -> Figure:
         if axis is axes[0]:
             axis.axvspan(0, _INDISTINCT, color=BAND, lw=0, zorder=0)
             axis.set_xscale("symlog", linthresh=_DECIDED)
+            print_plain_powers(axis.xaxis)
             axis.set_xlim(-0.8, None)
         elif (values > 0).any():
             axis.set_xscale("log")
+            print_plain_powers(axis.xaxis)
             axis.margins(x=0.12)
     axes[0].set_yticks(range(len(names)), [LABELS.get(name, name) for name in names])
     axes[0].set_ylim(len(names) - 0.4, -0.6)

@@ -11,6 +11,7 @@ from matplotlib.patches import Arc
 
 from experiments.driving.paper_model import geometry_of
 from experiments.report.colours import BLACK, BLUE, COLOURS, GREEN, GREY, LABELS, ORANGE
+from experiments.report.figures.powers import print_plain_powers
 from experiments.report.figures.style import DESIRED, law_line, mark_span, styled, subplots, thin
 from trackslip.identification.fitted import FittedLaw
 from trackslip.kinematics import Array, curvature, track_slip
@@ -76,6 +77,8 @@ def planned_trajectory() -> Figure:
 def draw_paths(reference: Reference, runs: Mapping[str, tuple[RunLog, Mapping[str, Any]]]) -> tuple[Figure, Axes, Axes]:
     """Paths beside the reference, and distances from it over time; `runs` are logs with line keywords, by label."""
     figure, (plane, distance) = subplots(4.6, 1, 2, width_ratios=(1.2, 1))
+    distance.set_yscale("log")
+    print_plain_powers(distance.yaxis)
     desired = reference.pose(np.linspace(0, reference.duration, 600))
     plane.plot(desired[:, 0], desired[:, 1], label="desired", **DESIRED)
     for label, (log, style) in runs.items():
@@ -83,7 +86,7 @@ def draw_paths(reference: Reference, runs: Mapping[str, tuple[RunLog, Mapping[st
         rows = thin(len(log.time))
         plane.plot(pose[rows, 0], pose[rows, 1], label=label, lw=1.2, **style)
         norm = np.hypot(*body_errors(pose, reference.pose(log.time))[:, :2].T)
-        distance.semilogy(log.time[rows], 1e3 * np.maximum(norm[rows], _CLOSEST), lw=1.2, **style)
+        distance.plot(log.time[rows], 1e3 * np.maximum(norm[rows], _CLOSEST), lw=1.2, **style)
     start = driven(next(iter(runs.values()))[0])[0]
     plane.plot(*start[:2], "o", ms=8, mfc="white", mec=BLACK, mew=1.5, zorder=6)
     plane.annotate("start", start[:2], xytext=(12, -3), textcoords="offset points", fontsize=8.5, annotation_clip=False)
@@ -107,7 +110,7 @@ def paths(runs: Mapping[str, RunLog], published: Mapping[str, RunLog]) -> Figure
         norm = np.hypot(*body_errors(log.pose, reference.pose(log.time))[rows, :2].T)
         plane.plot(log.pose[rows, 0], log.pose[rows, 1], **_crosses(name))
         seen = norm > _CLOSEST
-        distance.semilogy(log.time[rows][seen], 1e3 * norm[seen], **_crosses(name))
+        distance.plot(log.time[rows][seen], 1e3 * norm[seen], **_crosses(name))
     distance.set_ylim(bottom=1e3 * _CLOSEST)
     mark_span(distance, TRANSIENT, _arc_end())
     figure.legend(handles=plane.get_legend_handles_labels()[0], ncols=3, loc="outside lower center")

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import brentq
 
 from experiments.driving.paper_model import PERIOD, driven, published_poses
-from trackslip.kinematics import RobotGeometry
+from trackslip.kinematics import RobotGeometry, advance
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import body_errors
 from trackslip.slip.constant import NoSlip
@@ -69,6 +69,15 @@ def test_a_steady_run_lies_on_the_circle_of_its_law(geometry):
     np.testing.assert_array_equal(pose[0], [1, 2, 3])
     centre = np.array([1.0, 2.0]) + radius_driven(1.5, geometry) * np.array([-np.sin(3), np.cos(3)])
     np.testing.assert_allclose(np.hypot(*(pose[:, :2] - centre).T), radius_driven(1.5, geometry), rtol=1e-6)
+
+
+@pytest.mark.parametrize("controller", ["feedforward", "linear"])
+def test_the_path_is_that_of_the_law_solved_at_each_step(geometry, controller):
+    log = run(controller, np.add(START, [0.1, 0.0, 0.2]), NoSlip(), geometry)
+    pose = log.pose[0]
+    for twist in PUBLISHED.twist(log.omega, geometry)[:-1]:
+        pose = advance(pose, twist, PERIOD)
+    assert np.hypot(*(pose - log.pose[-1])[:2]) < 2e-6  # "about a micrometre"
 
 
 def test_the_published_radii_are_met(geometry):

@@ -7,13 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from experiments.measuring.grid import grid_summary
 from experiments.options.reproduce import ReproduceConfig
 from experiments.parallel.executors import copied_workers
 from experiments.reproducing import loops
 from experiments.reproducing.grid import drive_grid
 from experiments.reproducing.share import Share, whole
+from sim.robot.robot import load_robot
 from sim.run_recorder import FAILURE, RunFailedError
 from sim.stopwatch import Stopwatch
+from trackslip.identification.samples import usable_samples
 from trackslip.logs.logfile import write_parquet
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.icr import ConstantIcr
@@ -51,6 +54,22 @@ def test_any_number_of_workers_gives_the_same_bits(monkeypatch):
     assert len(alone[2]) == 3
     assert grid_and_loops(2) == alone
     assert grid_and_loops(5) == alone  # more than runs of the grid
+
+
+def test_what_was_measured_with_the_runs_is_what_they_give():
+    with copied_workers(1) as workers:
+        grid = drive_grid(CONFIG, workers, Stopwatch())
+    geometry = load_robot().geometry
+    fresh, known = (usable_samples(grid.logs, geometry, longest=True, measured=one) for one in ({}, grid.measured))
+    for name in ("omega", "twist", "slip", "covariance", "lateral", "lateral_stderr"):
+        np.testing.assert_array_equal(getattr(known.samples, name), getattr(fresh.samples, name))
+    assert (known.samples.run, known.refused, known.notes) == (fresh.samples.run, fresh.refused, fresh.notes)
+    assert known.steady_share == pytest.approx(fresh.steady_share)
+    summary = [
+        grid_summary(CONFIG, fresh.samples.run, grid.logs, fresh.samples, geometry, Stopwatch(), one).to_json()
+        for one in ({}, grid.measured)
+    ]
+    assert summary[0] == summary[1]
 
 
 def log(name, rows):
