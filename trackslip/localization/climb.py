@@ -72,8 +72,9 @@ def climb(surface: Surface, beams: Any, pose: Array, iterations: int) -> Evaluat
     for k in range(iterations):
         step, fall = _newton(here, _DAMPING / 10**k)
         there = (fall < _CONVERGED) & climbing
+        target = surface.moved(here.pose, part[:, None] * step)
         if there.any():
-            np.copyto(here.pose, surface.moved(here.pose, step), where=there[:, None])
+            np.copyto(here.pose, target, where=there[:, None])
             np.subtract(here.cost, fall, out=here.cost, where=there)
             climbing &= ~there
         if not climbing.any():
@@ -83,8 +84,8 @@ def climb(surface: Surface, beams: Any, pose: Array, iterations: int) -> Evaluat
                 fit.put(rows[~climbing], here.take(~climbing))
             on = np.flatnonzero(climbing)
             rows, beams, here, climbing = rows[on], beams.take(on), here.take(on), climbing[on]
-            part, step, fall = part[on], step[on], fall[on]
-        trial = surface.evaluate(beams, surface.moved(here.pose, part[:, None] * step))
+            part, target, fall = part[on], target[on], fall[on]
+        trial = surface.evaluate(beams, target)
         rise = trial.cost - here.cost
         better = (rise < 0) & climbing
         if better.all():
@@ -119,8 +120,8 @@ def _newton(here: Evaluation, damping: float) -> tuple[Array, Array]:
     return step.T, fall
 
 
-_FIRST, _SECOND = np.array([1, 0, 0, 4, 5, 3]), np.array([2, 2, 1, 5, 3, 4])  # elements whose products, less those of
-_THIRD, _FOURTH = np.array([3, 4, 5, 0, 1, 2]), np.array([3, 4, 5, 3, 4, 5])  # these, are the cofactors
+# elements whose products, those of the first two rows less those of the others, are the cofactors
+_FACTORS = np.array([[1, 0, 0, 4, 5, 3], [2, 2, 1, 5, 3, 4], [3, 4, 5, 0, 1, 2], [3, 4, 5, 3, 4, 5]])
 
 
 def inverses(elements: Array) -> tuple[Array, np.ndarray]:
@@ -128,8 +129,8 @@ def inverses(elements: Array) -> tuple[Array, np.ndarray]:
 
     Their elements (6, M) are in Voigt's order. Written out because NumPy's inverse calls LAPACK for each matrix.
     """
-    first, second, third, fourth = (elements.take(k, axis=0) for k in (_FIRST, _SECOND, _THIRD, _FOURTH))
-    cofactor = first * second - third * fourth
+    factors = elements.take(_FACTORS, axis=0)
+    cofactor = factors[0] * factors[1] - factors[2] * factors[3]
     xx, xz, xy = elements[0], elements[4], elements[5]
     determinant = xx * cofactor[0] + xy * cofactor[5] + xz * cofactor[4]
     regular = (determinant > 1e-12 * xx * elements[1] * elements[2]) & (xx > 0)

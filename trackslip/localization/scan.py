@@ -245,6 +245,9 @@ def _hidden(scan: Scan, rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> 
     plate and background.)
     """
     last = scan.ranges.shape[1] - 1
+    beside = scan.ranges[rows, np.maximum(low - 1, 0)], scan.ranges[rows, np.minimum(high + 1, last)]
+    if np.isnan(beside).all():  # nothing is beside any of them, as in an open field
+        return np.zeros((len(rows), 2))
     way = np.repeat([-1, 1], len(rows))
     rows, edge = np.concatenate([rows, rows]), np.concatenate([low, high])
     own = scan.ranges[rows, edge]
@@ -270,8 +273,10 @@ def _hidden(scan: Scan, rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> 
 
 def _about(returns: Returns, plate: Plate, near: Array) -> np.ndarray:
     """Mask (H,) of the returns in pieces that lie mostly around the plates expected at `near` (S, 3)."""
-    pieces = returns.split(FINER_GAPS[-1])
     close = plate.outside(near, returns.row, returns.x, returns.y) < _ABOUT
+    if close.all():  # all pieces do, as in an open field
+        return close
+    pieces = returns.split(FINER_GAPS[-1])
     share = np.bincount(pieces.label, weights=close, minlength=len(pieces.count)) / np.maximum(pieces.count, 1)
-    fits = pieces.extent < plate.length + 2 * _ABOUT
+    fits = pieces.extent <= np.hypot(plate.length, plate.thickness) + 2 * _ABOUT  # as all pieces around the plate do
     return (fits & (share >= 0.5))[pieces.label]
