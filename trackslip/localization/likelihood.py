@@ -183,9 +183,8 @@ class PlateLikelihood:
 
     def edges(self, edges: Edges, view: View) -> Array:
         """Residuals of the two edges of the silhouette, and their three derivatives, (4, 2, M)."""
-        bearing, jacobian = view.silhouette(edges.ahead)
-        result, weight = np.empty((4, *bearing.shape)), edges.weight.T
-        result[0], result[1:] = bearing - edges.bearing.T, jacobian
+        result, weight = view.silhouette(edges.ahead), edges.weight.T
+        result[0] -= edges.bearing.T
         if edges.slack.any():
             slack = edges.slack.T
             result[0] -= np.minimum(np.maximum(result[0], -slack), slack)

@@ -46,22 +46,23 @@ class View(Rows):
         beside = (_ENDS * self.plate.thickness).searchsorted(self.across)
         return _outermost(self.plate).take(3 * beyond + beside, axis=2)
 
-    def silhouette(self, ahead: Array) -> tuple[Array, Array]:
+    def silhouette(self, ahead: Array) -> Array:
         """The outermost corners, right and left, seen in the directions `ahead` (M, 2).
 
-        Returns their bearings from `ahead` (2, M) [rad], which thus do not wrap, and the derivatives (3, 2, M) of these
-        with respect to the place along and across the plate's axes and the heading.
+        Returns (4, 2, M): their bearings from `ahead` [rad], which thus do not wrap, and the derivatives of these with
+        respect to the place along and across the plate's axes and the heading.
         """
         o_x, o_y = self.corners()
         x, y = o_x + self.along, o_y + (self.across + _TINY)
         ahead_x, ahead_y = ahead.T
         cos, sin = self.cos * ahead_x + self.sin * ahead_y, self.sin * ahead_x - self.cos * ahead_y
-        jacobian = np.empty((3, *x.shape))
-        np.negative(y, out=jacobian[0])
-        jacobian[1] = x
-        np.add(o_x * x, o_y * y, out=jacobian[2])
-        jacobian /= x * x + y * y
-        return np.arctan2(x * sin + y * cos, x * cos - y * sin), jacobian
+        seen = np.empty((4, *x.shape))
+        np.arctan2(x * sin + y * cos, x * cos - y * sin, out=seen[0])
+        np.negative(y, out=seen[1])
+        seen[2] = x
+        np.add(o_x * x, o_y * y, out=seen[3])
+        seen[1:] /= x * x + y * y
+        return seen
 
 
 def in_axes(heading: Array) -> Array:
