@@ -10,6 +10,8 @@ from trackslip.kinematics import Array
 from trackslip.localization.rows import Rows
 from trackslip.localization.scan import MIN_NOISE, Cluster, Scan
 
+OUTWARDS = np.array([[-1.0], [1.0]])
+"""Signs (2, 1) of bearings outwards from the middle, right and left."""
 _MARGIN = 0.1  # the scanner's reach may cut off returns this close to it [m]
 
 
@@ -45,14 +47,15 @@ class Beams:
         middle = (low + high) / 2
         lost = np.maximum(cluster.lost / (cluster.lost + count), scan.dropout)  # of the beams inside the cluster
         beyond = lost / (1 - lost)  # expected number of beams missed beyond it
-        slack = np.where(np.isfinite(cluster.hidden), cluster.hidden, 0.0) / 2
-        reach = (high - low)[:, None] / 2 + (0.5 + beyond)[:, None] * step + slack
+        hidden = cluster.hidden.T  # (2, M), as all that follows of the two edges
+        told = np.isfinite(hidden)
+        slack = np.where(told, hidden, 0.0) / 2
+        reach = (high - low) / 2 + (0.5 + beyond) * step + slack
         spread = step * np.sqrt(1 / 12 + beyond / (1 - lost))
-        within = np.maximum.reduceat(distance, first) < scan.max_range - _MARGIN
-        tolerance = step / 4
-        inside = np.stack([low > scan.bearings[0] + tolerance, high < scan.bearings[-1] - tolerance], axis=1)
-        weight = np.where(inside & within[:, None] & np.isfinite(cluster.hidden), 1 / spread[:, None], 0.0)
-        edges = Edges(np.stack([np.cos(middle), np.sin(middle)], axis=1), reach * np.array([-1.0, 1.0]), weight, slack)
+        told &= np.maximum.reduceat(distance, first) < scan.max_range - _MARGIN
+        told &= np.array([low > scan.bearings[0] + step / 4, high < scan.bearings[-1] - step / 4])
+        weight, ahead = np.where(told, 1 / spread, 0.0), np.array([np.cos(middle), np.sin(middle)])
+        edges = Edges(ahead.T, (reach * OUTWARDS).T, weight.T, slack.T)
         u, u_turned = np.empty((2, len(bearing))), np.empty((2, len(bearing)))
         u[0], u[1] = u_turned[1], u_turned[0] = np.cos(bearing), np.sin(bearing)
         np.negative(u_turned[1], out=u_turned[1])

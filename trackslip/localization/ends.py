@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.localization.beams import Beams
+from trackslip.localization.beams import OUTWARDS, Beams
 from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.quadrature import moments, quadrature
 from trackslip.localization.rows import Rows
@@ -37,7 +37,6 @@ _OUTSIDE = 7.0  # cost of a return that a pose leaves nothing to hit: it may be 
 _BETWEEN_WALLS = (np.arange(32) + 0.5) / 32  # places along the plate [their distance]
 _ABOUT_FIT = np.linspace(-4.0, 4.0, 13)  # places along the plate [standard deviations of the fit]
 _TINY = 1e-12  # keeps a beam along the plate from dividing by zero
-_OUTWARDS = np.array([[-1.0], [1.0]])  # right and left
 
 
 @dataclass(frozen=True)
@@ -85,7 +84,7 @@ class Ends(Rows):
         each = len(view.along) // max(1, len(self.reach))
         every = self.take(np.repeat(np.arange(len(self.reach)), each))
         corner = view.silhouette(every.ahead)[0]
-        beyond = (corner * _OUTWARDS - every.reach) / self.step  # (2, M * K) beams beyond the outermost return
+        beyond = (corner * OUTWARDS - every.reach) / self.step  # (2, M * K) beams beyond the outermost return
         lost = np.minimum(np.maximum(np.floor(beyond - every.hidden.T / self.step), 0.0), every.room.T)
         cost = _OUTSIDE * np.ceil(np.maximum(-beyond, 0.0)) - np.log(self.dropout) * lost
         return cost[0] + cost[1]
@@ -97,7 +96,7 @@ class Ends(Rows):
         """
         along, across = view.corners()
         along, across = view.along + along, view.across + across
-        turn = _OUTWARDS * self.reach
+        turn = OUTWARDS * self.reach
         (x, y), cos, sin = self.ahead.T, np.cos(turn), np.sin(turn)
         u_x, u_y = x * cos - y * sin, y * cos + x * sin  # of the outermost returns
         u_along, u_across = u_x * view.cos + u_y * view.sin, u_y * view.cos - u_x * view.sin

@@ -19,6 +19,10 @@ class NoSlip(SlipLaw):
         """Zeros (..., 2)."""
         return np.zeros((*np.shape(kappa), 2))
 
+    def slip(self, twist: ArrayLike) -> Array:
+        """Zeros (..., 2)."""
+        return np.zeros(np.shape(twist))
+
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
         """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce; Eqs. 2 and 5."""
         return body_twist(omega, 0.0, geometry)
