@@ -28,7 +28,7 @@ CASES: tuple[Case, ...] = (
 )
 """Those of `bench --scale`."""
 _QUICK_CASES: tuple[Case, ...] = (  # of `bench --pipeline`; those of many robots are recorded in two whole parts
-    *((1, 30.0, 20), (1, 600.0, 1)),
+    *((1, 30.0, 60), (1, 600.0, 3)),
     *((16, 30.0, 4), (16, 120.0, 1)),
     (256, 12.7, 1),
     (4096, 3.1, 1),
