@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import LogLocator
 
 from experiments.measuring.inner_outer import TRACKS, InnerOuterSamples
 from experiments.measuring.value_groups import repeated
@@ -26,6 +27,7 @@ _STRONG = ("published", "exponential", "icr_radius")
 _COLUMNS = 3
 _INDISTINCT = 2.0  # difference of AICc that decides nothing
 _DECIDED = 10.0  # difference of AICc up to which the axis is linear
+_POWERS = 5  # of ten, labelled at an axis that small
 _DARK = 0.6  # correlation whose cell is too dark for black text
 _RUN = "#444444"
 _TRACK_STYLE: dict[str, dict[str, Any]] = {
@@ -159,6 +161,7 @@ def criteria(comparison: Comparison) -> Figure:
             axis.set_xlim(-0.8, None)
         elif (values > 0).any():
             axis.set_xscale("log")
+            axis.xaxis.set_major_locator(LogLocator(numticks=_POWERS))
             print_plain_powers(axis.xaxis)
             axis.margins(x=0.12)
     axes[0].set_yticks(range(len(names)), [LABELS.get(name, name) for name in names])
