@@ -83,7 +83,7 @@ class Ends(Rows):
         """Negative log likelihoods (M * K,) of what the ends tell about K plates in each scan, one after the other."""
         each = len(view.along) // max(1, len(self.reach))
         every = self.take(np.repeat(np.arange(len(self.reach)), each))
-        corner = view.silhouette(every.ahead)[0]
+        corner = view.bearings(every.ahead)
         beyond = (corner * OUTWARDS - every.reach) / self.step  # (2, M * K) beams beyond the outermost return
         lost = np.minimum(np.maximum(np.floor(beyond - every.hidden.T / self.step), 0.0), every.room.T)
         cost = _OUTSIDE * np.ceil(np.maximum(-beyond, 0.0)) - np.log(self.dropout) * lost

@@ -75,8 +75,9 @@ class PlateLikelihood:
     def cost_along(self, beams: Beams, pose: Array, offset: Array) -> Array:
         """Costs (M, K) at poses (M, 3) slid along the plate by `offset` (M, K) [m], less a constant for each scan."""
         view, every = View.of(self.plate, pose), np.repeat(np.arange(len(pose)), offset.shape[1])
-        residual = self.edges(beams.edges.take(every), view.slid(offset))[0]
-        costs = residual * residual
+        edges = beams.edges.take(every)
+        residual, weight = _missed(edges, view.slid(offset).bearings(edges.ahead))
+        costs = (residual * weight) ** 2
         return self.ranges_along(beams, view, offset) + ((costs[0] + costs[1]) / 2).reshape(offset.shape)
 
     def ranges_sideways(self, beams: Beams, view: View, offset: Array) -> Array:
@@ -183,11 +184,17 @@ class PlateLikelihood:
 
     def edges(self, edges: Edges, view: View) -> Array:
         """Residuals of the two edges of the silhouette, and their three derivatives, (4, 2, M)."""
-        result, weight = view.silhouette(edges.ahead), edges.weight.T
-        result[0] -= edges.bearing.T
-        if edges.slack.any():
-            slack = edges.slack.T
-            result[0] -= np.minimum(np.maximum(result[0], -slack), slack)
-            weight = np.where((slack == 0) | (result[0] != 0), weight, 0.0)
+        result = view.silhouette(edges.ahead)
+        result[0], weight = _missed(edges, result[0])
         result *= weight
         return result
+
+
+def _missed(edges: Edges, bearing: Array) -> tuple[Array, Array]:
+    """By how much corners at bearings (2, M) miss the edges (2, M) [rad], and the weights (2, M) of that [1/rad]."""
+    residual, weight = bearing - edges.bearing.T, edges.weight.T
+    if edges.slack.any():
+        slack = edges.slack.T
+        residual -= np.minimum(np.maximum(residual, -slack), slack)
+        weight = np.where((slack == 0) | (residual != 0), weight, 0.0)
+    return residual, weight

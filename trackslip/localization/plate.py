@@ -98,8 +98,10 @@ class PlateLocator:
         if doubtful.size:
             self._sort_out(scan, found, doubtful, near)
         valid = self._believed(found)
-        covariance = np.where(valid[:, None, None], found.covariance, np.nan)
-        return PoseEstimate(scan.to_world(found.pose), scan.covariance_to_world(covariance), valid)
+        covariance = scan.covariance_to_world(found.covariance)
+        if not valid.all():
+            covariance[~valid] = np.nan
+        return PoseEstimate(scan.to_world(found.pose), covariance, valid)
 
     def _sort_out(self, scan: Scan, found: Solution, rows: np.ndarray, near: Array | None) -> None:
         """Improve the solutions `found` for the scans `rows` where selecting the returns by the pose explains more."""

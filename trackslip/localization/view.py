@@ -54,15 +54,26 @@ class View(Rows):
         """
         o_x, o_y = self.corners()
         x, y = o_x + self.along, o_y + (self.across + _TINY)
-        ahead_x, ahead_y = ahead.T
-        cos, sin = self.cos * ahead_x + self.sin * ahead_y, self.sin * ahead_x - self.cos * ahead_y
         seen = np.empty((4, *x.shape))
-        np.arctan2(x * sin + y * cos, x * cos - y * sin, out=seen[0])
+        self._bearings(x, y, ahead, seen[0])
         np.negative(y, out=seen[1])
         seen[2] = x
         np.add(o_x * x, o_y * y, out=seen[3])
         seen[1:] /= x * x + y * y
         return seen
+
+    def bearings(self, ahead: Array) -> Array:
+        """The bearings (2, M) alone."""
+        o_x, o_y = self.corners()
+        bearings = np.empty(o_x.shape)
+        self._bearings(o_x + self.along, o_y + (self.across + _TINY), ahead, bearings)
+        return bearings
+
+    def _bearings(self, x: Array, y: Array, ahead: Array, out: Array) -> None:
+        """Write the bearings (2, M) of corners at (x, y), (2, M) each, from `ahead` (M, 2)."""
+        ahead_x, ahead_y = ahead.T
+        cos, sin = self.cos * ahead_x + self.sin * ahead_y, self.sin * ahead_x - self.cos * ahead_y
+        np.arctan2(x * sin + y * cos, x * cos - y * sin, out=out)
 
 
 def in_axes(heading: Array) -> Array:
