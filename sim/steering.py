@@ -51,7 +51,7 @@ class _Compensator:
     compensation: Compensation
     robots: np.ndarray  # (R,)
     preview: float  # [s]
-    learns: bool
+    fixed: SlipLaw | None  # its law, if that never changes
     senses: SensesLoad | None
 
 
@@ -88,7 +88,7 @@ class Steering:
                 one.compensation,
                 robots,
                 one.preview,
-                not isinstance(one.compensation, FixedLaw),
+                one.compensation.law() if type(one.compensation) is FixedLaw else None,
                 one.compensation if isinstance(one.compensation, SensesLoad) else None,
             )
             for one, robots in _merged(pilots, _same_conversion)
@@ -96,8 +96,8 @@ class Steering:
         for each in self._compensators:
             if each.senses is not None:
                 record.sense_loads()
-            if not each.learns:
-                record.compensated(slice(None), each.robots, each.compensation.law())
+            if each.fixed is not None:
+                record.compensated(slice(None), each.robots, each.fixed)
 
     def omega(self, k: int, period: float) -> Array:
         """Sprocket speeds (N, 2) [rad/s] that the pilots command in row k, `period` [s] after the one before.
@@ -108,7 +108,7 @@ class Steering:
         pose, omega = record.pose[k].copy(), record.omega[k]
         laws = []
         for one in self._compensators:
-            law = self._law(one, k, period)
+            law = self._law(one, k, period) if one.fixed is None else one.fixed
             laws.append(law)
             if one.senses is not None:
                 pose[one.robots, 2] += one.senses.crab_angle(law.twist(omega[one.robots], geometry))
@@ -119,7 +119,7 @@ class Steering:
             self._wanted[steerer.robots] = self._twist(steerer, k, pose[steerer.robots], omega)
         record.wanted(k, self._wanted)
         for one, law in zip(self._compensators, laws, strict=True):
-            if one.learns:
+            if one.fixed is None:
                 record.compensated(k, one.robots, law)
             self._omega[one.robots] = law.sprocket_speeds(self._wanted[one.robots], geometry)
         return self._omega
@@ -127,7 +127,7 @@ class Steering:
     def _law(self, one: _Compensator, k: int, period: float) -> SlipLaw:
         """The present slip law of a compensation, which learns from row k before."""
         record, robots = self._record, one.robots
-        if one.learns and k > 0:
+        if k > 0:
             one.compensation.observe(record.omega[k, robots], period, record.estimated(k, robots))
         if one.senses is not None:
             one.senses.sense(record.load[k, robots])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from trackslip.kinematics import Array, RobotGeometry, advance, body_twist
+from trackslip.kinematics import Array, RobotGeometry, advance, twist_of_tracks
 from trackslip.localization.base import PoseEstimate
 
 GATE_POSITION, GATE_HEADING = 0.10, np.radians(20.0)
@@ -37,7 +37,7 @@ class Tracker:
 
     def predict(self, omega: Array, duration: float) -> Array:
         """Propagate the poses by sprocket speeds (N, 2) [rad/s] held for `duration` [s]; returns them (N, 3)."""
-        twist = body_twist(omega, 0.0, self.geometry)
+        twist = twist_of_tracks(self.geometry.sprocket_radius * omega, self.geometry.half_gauge)  # without slip
         self._pose = advance(self._pose, twist, duration)
         self._blind += np.abs(twist) * duration
         return self._pose.copy()
