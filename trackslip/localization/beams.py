@@ -64,15 +64,15 @@ class Beams:
     def take(self, rows: np.ndarray) -> Beams:
         """Those of the scans `rows` (R,), in that order, possibly repeated."""
         count, kept = self.count[rows], self.places(rows)
-        first = np.cumsum(count) - count
+        first = count.cumsum() - count
         u, u_turned = (part.take(kept, axis=1) for part in (self.u, self.u_turned))
         return Beams(u, u_turned, self.range[kept], count, first, self.edges.take(rows), self.noise)
 
     def places(self, rows: np.ndarray) -> np.ndarray:
         """Places of the returns of the scans `rows` (R,)."""
         count = self.count[rows]
-        end = np.cumsum(count)
-        return np.repeat(self.first[rows] - end + count, count) + np.arange(count.sum())
+        end = count.cumsum()
+        return np.repeat(self.first[rows] - end + count, count) + np.arange(end[-1] if end.size else 0)
 
     def thinned(self, most: int) -> Beams:
         """Only every n-th return of each scan, so that at most about `most` are left; the edges are kept."""

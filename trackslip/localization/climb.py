@@ -27,14 +27,27 @@ class Evaluation(Rows):
     """The likelihood at M poses; derivatives with respect to the place along and across the plate and the heading."""
 
     pose: Array  # (M, 3) in the LRF's frame
-    cost: Array  # (M,) negative log likelihood
-    gradient: Array  # (M, 3)
-    curvature: Array  # (M, 6) elements of the Hessian in Voigt's order: xx, yy, zz, yz, xz, xy
+    terms: Array  # (M, 10): cost, gradient, and the elements of the Hessian in Voigt's order, xx, yy, zz, yz, xz, xy
+
+    @property
+    def cost(self) -> Array:
+        """Negative log likelihoods (M,)."""
+        return self.terms[:, 0]
+
+    @property
+    def gradient(self) -> Array:
+        """(M, 3)."""
+        return self.terms[:, 1:4]
+
+    @property
+    def curvature(self) -> Array:
+        """Elements of the Hessians (6, M), in Voigt's order."""
+        return self.terms.T[4:]
 
     @property
     def hessian(self) -> Array:
         """(M, 3, 3)."""
-        return matrices(self.curvature.T)
+        return matrices(self.curvature)
 
     def promise(self) -> Array:
         """Decreases of the cost (M,) that the next step promises; inf where there is none."""
@@ -42,10 +55,11 @@ class Evaluation(Rows):
 
     def in_lrf_frame(self) -> Evaluation:
         """The same with derivatives with respect to x, y and phi."""
-        axes = in_axes(self.pose[:, 2])
+        axes, terms = in_axes(self.pose[:, 2]), self.terms.copy()
         back = axes.swapaxes(1, 2)
-        curvature = (back @ self.hessian @ axes).reshape(-1, 9).take(_VOIGT, axis=1)
-        return Evaluation(self.pose, self.cost, (back @ self.gradient[..., None])[..., 0], curvature)
+        terms[:, 1:4] = (back @ self.gradient[..., None])[..., 0]
+        terms[:, 4:] = (back @ self.hessian @ axes).reshape(-1, 9).take(_VOIGT, axis=1)
+        return Evaluation(self.pose, terms)
 
 
 class Surface(Protocol):
@@ -107,7 +121,7 @@ def climb(surface: Surface, beams: Any, pose: Array, iterations: int) -> Evaluat
 
 def _newton(here: Evaluation, damping: float) -> tuple[Array, Array]:
     """Damped steps (M, 3), and the decreases of the cost (M,) that they promise: inf where there is no step."""
-    damped = here.curvature.T.copy()
+    damped = here.curvature.copy()
     damped[:3] *= 1 + damping
     inverse, regular = inverses(damped)
     gradient = here.gradient.T
@@ -145,7 +159,7 @@ def matrices(elements: Array) -> Array:
 
 def covariances(fit: Evaluation) -> Array:
     """Inverses (M, 3, 3) of the Hessians; UNKNOWN in every element of one that is not positive definite."""
-    inverse, regular = inverses(fit.curvature.T)
+    inverse, regular = inverses(fit.curvature)
     if not regular.all():
         inverse[:, ~regular] = UNKNOWN
     return matrices(inverse)

@@ -73,19 +73,18 @@ class Ends(Rows):
         about = np.clip(sigma[:, None] * _ABOUT_FIT, np.minimum(walls[0], 0.0), np.maximum(walls[1], 0.0))
         offset = np.concatenate([between, about], axis=1)
         ranges = likelihood.ranges_sideways if sideways else likelihood.ranges_along
-        cost = ranges(beams, view, offset) + self.cost(view.slid(offset, sideways)).reshape(offset.shape)
+        cost = ranges(beams, view, offset) + self.cost(view.slid(offset, sideways))
         share, span = quadrature(offset, cost)
         mean, variance = moments(offset, share, span)
         least = cost.min(axis=1)
         return mean, variance, least - np.log(np.sum(np.exp(least[:, None] - cost) * span, axis=1))
 
     def cost(self, view: View) -> Array:
-        """Negative log likelihoods (M * K,) of what the ends tell about K plates in each scan, one after the other."""
-        each = len(view.along) // max(1, len(self.reach))
-        every = self.take(np.repeat(np.arange(len(self.reach)), each))
-        corner = view.bearings(every.ahead)
-        beyond = (corner * OUTWARDS - every.reach) / self.step  # (2, M * K) beams beyond the outermost return
-        lost = np.minimum(np.maximum(np.floor(beyond - every.hidden.T / self.step), 0.0), every.room.T)
+        """Negative log likelihoods (M, K) of what the ends tell about K plates in each scan."""
+        hidden, room = self.hidden.T[..., None], self.room.T[..., None]
+        corner = view.bearings(self.ahead)
+        beyond = (corner * OUTWARDS[..., None] - self.reach[:, None]) / self.step  # beams beyond the outermost return
+        lost = np.minimum(np.maximum(np.floor(beyond - hidden / self.step), 0.0), room)
         cost = _OUTSIDE * np.ceil(np.maximum(-beyond, 0.0)) - np.log(self.dropout) * lost
         return cost[0] + cost[1]
 

@@ -109,7 +109,7 @@ class FixedHeading:
         total = products[:, 0] + products[:, 1]  # (6, M): cost, gradient, and the Hessian's elements xx, yy, xy
         total[0] /= 2
         total[:5] += sums
-        gradient, curvature = np.zeros((3, len(pose))), np.zeros((6, len(pose)))
-        gradient[:2], curvature[:2], curvature[5] = total[1:3], total[3:5], total[5]
-        curvature[2] = 1.0
-        return Evaluation(pose, total[0], gradient.T, curvature.T)
+        all_terms = np.zeros((10, len(pose)))
+        all_terms[:3], all_terms[4:6], all_terms[9] = total[:3], total[3:5], total[5]
+        all_terms[6] = 1.0
+        return Evaluation(pose, all_terms.T)

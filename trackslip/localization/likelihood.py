@@ -65,7 +65,7 @@ class PlateLikelihood:
         total = products[:, 0] + products[:, 1]  # (10, M): the same, and the last element
         total[0] /= 2
         total[:9] += sums
-        return Evaluation(pose, total[0], total[1:4].T, total[4:].T)
+        return Evaluation(pose, total.T)
 
     def misfit(self, beams: Beams, pose: Array) -> Array:
         """Root mean square residuals (M,) of the ranges at poses (M, 3) [standard deviations]."""
@@ -74,11 +74,10 @@ class PlateLikelihood:
 
     def cost_along(self, beams: Beams, pose: Array, offset: Array) -> Array:
         """Costs (M, K) at poses (M, 3) slid along the plate by `offset` (M, K) [m], less a constant for each scan."""
-        view, every = View.of(self.plate, pose), np.repeat(np.arange(len(pose)), offset.shape[1])
-        edges = beams.edges.take(every)
-        residual, weight = _missed(edges, view.slid(offset).bearings(edges.ahead))
+        view = View.of(self.plate, pose)
+        residual, weight = _missed(beams.edges, view.slid(offset).bearings(beams.edges.ahead))
         costs = (residual * weight) ** 2
-        return self.ranges_along(beams, view, offset) + ((costs[0] + costs[1]) / 2).reshape(offset.shape)
+        return self.ranges_along(beams, view, offset) + (costs[0] + costs[1]) / 2
 
     def ranges_sideways(self, beams: Beams, view: View, offset: Array) -> Array:
         """What ranges cost (M, K) if M plates are slid across themselves by `offset` (M, K) [m]."""
@@ -126,7 +125,7 @@ class PlateLikelihood:
         loss = self.loss((predicted - beams.range[matters, None]) / beams.noise)[1]
         cost = np.zeros(offset.shape)
         if row.size:
-            first = np.flatnonzero(np.diff(row, prepend=-1))
+            first = np.concatenate([[0], np.flatnonzero(row[1:] != row[:-1]) + 1])
             cost[row[first]] = np.add.reduceat(loss, first, axis=0)
         return cost
 
@@ -191,10 +190,12 @@ class PlateLikelihood:
 
 
 def _missed(edges: Edges, bearing: Array) -> tuple[Array, Array]:
-    """By how much corners at bearings (2, M) miss the edges (2, M) [rad], and the weights (2, M) of that [1/rad]."""
-    residual, weight = bearing - edges.bearing.T, edges.weight.T
-    if edges.slack.any():
-        slack = edges.slack.T
+    """By how much corners at bearings (2, M) or (2, M, K) miss the edges [rad], and the weights of that [1/rad]."""
+    told, weight, slack = edges.bearing.T, edges.weight.T, edges.slack.T
+    if bearing.ndim > 2:
+        told, weight, slack = told[..., None], weight[..., None], slack[..., None]
+    residual = bearing - told
+    if slack.any():
         residual -= np.minimum(np.maximum(residual, -slack), slack)
         weight = np.where((slack == 0) | (residual != 0), weight, 0.0)
     return residual, weight

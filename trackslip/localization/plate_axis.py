@@ -21,10 +21,10 @@ class PlateAxis(Rows):
     @classmethod
     def of(cls, pose: Array, covariance: Array, sideways: bool = False) -> PlateAxis:
         """Of poses (M, 3) with covariances (M, 3, 3); `sideways` for the axis across the plate."""
-        cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
-        e = np.stack([-sin, cos, np.zeros(len(pose))] if sideways else [cos, sin, np.zeros(len(pose))], axis=-1)
+        cos, sin, e = np.cos(pose[:, 2]), np.sin(pose[:, 2]), np.zeros(pose.shape)
+        e[:, 0], e[:, 1] = (-sin, cos) if sideways else (cos, sin)
         leaning = np.einsum("mij,mj->mi", covariance, e)
-        return cls(e, leaning, np.sqrt(np.maximum(np.sum(leaning * e, axis=1), 1e-12)))
+        return cls(e, leaning, np.sqrt(np.maximum((leaning * e).sum(axis=1), 1e-12)))
 
     def change(self, variance: Array) -> Array:
         """What to add to the covariances (M, 3, 3) if the variance along the axis is `variance` (M,) [m2].

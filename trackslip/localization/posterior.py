@@ -108,7 +108,7 @@ def _along_plate(likelihood: PlateLikelihood, beams: Beams, pose: Array, covaria
     """
     at = pose[rows]
     axis = PlateAxis.of(at, covariance[rows])
-    weight = np.min(beams.edges.weight[rows], axis=1)
+    weight = beams.edges.weight[rows].min(axis=1)
     x, y = at[:, 0], at[:, 1]
     across = np.abs(axis.e[:, 0] * y - axis.e[:, 1] * x)
     edge = (x * x + y * y) / np.maximum(weight * across, 1e-9)

@@ -23,5 +23,5 @@ def quadrature(points: Array, cost: Array) -> tuple[Array, Array]:
 
 def moments(points: Array, share: Array, width: Array) -> tuple[Array, Array]:
     """Means (S,) and variances (S,) of points (S, K) with the probabilities and widths that `quadrature` gives."""
-    mean = np.sum(share * points, axis=1)
-    return mean, np.sum(share * ((points - mean[:, None]) ** 2 + width**2 / 12), axis=1)
+    mean = (share * points).sum(axis=1)
+    return mean, (share * ((points - mean[:, None]) ** 2 + width**2 / 12)).sum(axis=1)

@@ -82,8 +82,8 @@ class Scan:
 
     def to_world(self, pose: Array) -> Array:
         """Convert poses (..., 3) from the LRF's frame to the world frame."""
-        x, y, phi = self.mount
-        cos, sin = np.cos(phi), np.sin(phi)
+        x, y, phi = self.mount.tolist()
+        cos, sin = float(np.cos(phi)), float(np.sin(phi))
         world = np.empty(pose.shape)
         world[..., 0] = x + cos * pose[..., 0] - sin * pose[..., 1]
         world[..., 1] = y + sin * pose[..., 0] + cos * pose[..., 1]
@@ -92,8 +92,8 @@ class Scan:
 
     def from_world(self, pose: Array) -> Array:
         """Convert poses (..., 3) from the world frame to the LRF's frame."""
-        x, y, phi = self.mount
-        cos, sin = np.cos(phi), np.sin(phi)
+        x, y, phi = self.mount.tolist()
+        cos, sin = float(np.cos(phi)), float(np.sin(phi))
         dx, dy = pose[..., 0] - x, pose[..., 1] - y
         local = np.empty(pose.shape)
         local[..., 0], local[..., 1], local[..., 2] = cos * dx + sin * dy, -sin * dx + cos * dy, pose[..., 2] - phi
@@ -201,10 +201,12 @@ def gather(scan: Scan, rows: np.ndarray, cluster: np.ndarray, beam: np.ndarray) 
     """Clusters of the scans `rows` (C,) from returns, given by their cluster (H,), ascending, and beam (H,)."""
     clusters, beams = len(rows), scan.ranges.shape[1]
     count = np.bincount(cluster, minlength=clusters)
-    end = np.cumsum(count)
-    low, high = np.zeros(clusters, int), np.full(clusters, -1)
-    filled = slice(None) if count.all() else count > 0
-    low[filled], high[filled] = beam[(end - count)[filled]], beam[end[filled] - 1]
+    end = count.cumsum()
+    if count.all():
+        low, high = beam[end - count], beam[end - 1]
+    else:
+        low, high, filled = np.zeros(clusters, int), np.full(clusters, -1), count > 0
+        low[filled], high[filled] = beam[(end - count)[filled]], beam[end[filled] - 1]
     width = high - low + 1
     widest = max(1, -(-int(width.max(initial=0)) // _PADDING)) * _PADDING
     column = np.minimum(low[:, None] + np.arange(widest), beams - 1)

@@ -17,7 +17,7 @@ _TINY = 1e-12  # keeps a corner on the LRF from dividing by zero [m]
 
 @dataclass(frozen=True)
 class View(Rows):
-    """Where plates are along and across their own axes, seen from the LRF."""
+    """Where plates are along and across their own axes, seen from the LRF: one for each scan, or K, see `slid`."""
 
     plate: Plate
     along: Array  # (M,) coordinates of the centre [m]
@@ -33,15 +33,13 @@ class View(Rows):
         return cls(plate, cos * x + sin * y, cos * y - sin * x, cos, sin)
 
     def slid(self, offset: Array, sideways: bool = False) -> View:
-        """Of plates slid along themselves, or sideways, by `offset` (M, K) [m]: (M * K,)."""
-        every = np.repeat(np.arange(len(self.along)), offset.shape[1])
-        along, across = self.along[every], self.across[every]
-        slid = across if sideways else along
-        slid += offset.ravel()
-        return View(self.plate, along, across, self.cos[every], self.sin[every])
+        """Of plates slid along themselves, or sideways, by `offset` (M, K) [m]: arrays of (M, K), or (M, 1) if equal."""
+        along, across = self.along[:, None], self.across[:, None]
+        along, across = (along, across + offset) if sideways else (along + offset, across)
+        return View(self.plate, along, across, self.cos[:, None], self.sin[:, None])
 
     def corners(self) -> Array:
-        """Coordinates (2, 2, M) of the outermost corners, right and left, less those of the centres [m]."""
+        """Coordinates (2, 2, M, ...) of the outermost corners, right and left, less those of the centres [m]."""
         beyond = (_ENDS * self.plate.length).searchsorted(self.along)
         beside = (_ENDS * self.plate.thickness).searchsorted(self.across)
         return _outermost(self.plate).take(3 * beyond + beside, axis=2)
@@ -63,15 +61,15 @@ class View(Rows):
         return seen
 
     def bearings(self, ahead: Array) -> Array:
-        """The bearings (2, M) alone."""
+        """The bearings (2, M) or (2, M, K) alone."""
         o_x, o_y = self.corners()
         bearings = np.empty(o_x.shape)
         self._bearings(o_x + self.along, o_y + (self.across + _TINY), ahead, bearings)
         return bearings
 
     def _bearings(self, x: Array, y: Array, ahead: Array, out: Array) -> None:
-        """Write the bearings (2, M) of corners at (x, y), (2, M) each, from `ahead` (M, 2)."""
-        ahead_x, ahead_y = ahead.T
+        """Write the bearings (2, M, ...) of corners at (x, y), as many each, from `ahead` (M, 2)."""
+        ahead_x, ahead_y = ahead.T.reshape(2, *self.cos.shape)
         cos, sin = self.cos * ahead_x + self.sin * ahead_y, self.sin * ahead_x - self.cos * ahead_y
         np.arctan2(x * sin + y * cos, x * cos - y * sin, out=out)
 
