@@ -12,11 +12,11 @@ from typing import Any
 import jinja2
 import matplotlib
 from markupsafe import Markup
-from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from experiments.report.formats import MISSING, percent, significant
 from experiments.report.quick_drawing import quick_drawing
+from experiments.report.svg import Canvas, svg_of
 from experiments.storage.manifest import relative
 from experiments.storage.results import FIGURES_FOLDER, REPORT_FILE
 
@@ -45,11 +45,9 @@ class Drawing:
     @functools.cached_property
     def svg(self) -> str:
         """See Drawn."""
-        buffer = io.StringIO()
-        with quick_drawing(), matplotlib.rc_context({"svg.hashsalt": self.name, "svg.fonttype": "path"}):
+        with quick_drawing():
             _lay_out(self.figure)
-            self.figure.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
-        return buffer.getvalue()
+            return svg_of(self.figure, self.name)
 
     @property
     def pdf(self) -> bytes:
@@ -83,7 +81,7 @@ def draw(name: str, make: Callable[[], Figure | None], pdf: bool) -> Drawn | Non
 def _lay_out(figure: Figure) -> None:
     """Place what a figure shows, once: its layout engine would draw everything another time for each file."""
     if (engine := figure.get_layout_engine()) is not None:
-        FigureCanvasSVG(figure)
+        Canvas(figure)
         engine.execute(figure)
         figure.set_layout_engine(None)
 

@@ -1,43 +1,40 @@
 """Drawing figures without measuring ticks, texts and axes again and again, in half of the time.
 
 For one file, matplotlib finds the ticks of an axis about ten times, once for every box around them that it asks for,
-measures each text for the layout and again for the file, and measures all axes twice for the layout: what surrounds
-them might change with their size. Mostly, nothing that all this depends on changes in between. It also makes each tick
-anew, with five artists, to give it the look of the first one of its axis.
+lays each text out five times, and measures all axes twice for the layout: what surrounds them might change with their
+size. Mostly, nothing that all this depends on changes in between.
 """
 
-import copy
-import functools
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis, Tick
-from matplotlib.backends.backend_svg import RendererSVG
-from matplotlib.font_manager import FontProperties
-from matplotlib.textpath import text_to_path
+from matplotlib.axis import Axis
+from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
+from experiments.report.quick_axis import PRIVATE, draw_axis, major_ticks, minor_ticks
 from trackslip.kinematics import Array
 
-_TICKS, _EXTENT, _BOX = "_update_ticks", "get_text_width_height_descent", "get_tightbbox"
-_PARTS = "tick1line", "tick2line", "gridline", "label1", "label2"
-_MOST = 4096  # texts remembered
+_TICKS, _LAYOUT, _BOX = "_update_ticks", "_get_layout", "get_tightbbox"
+_PRIVATE = {Axis: {_TICKS, *PRIVATE}, Text: {_LAYOUT}}  # names that another version of matplotlib may lack
 
 
 @contextmanager
 def quick_drawing() -> Iterator[None]:
-    """Remember ticks while limits and places of their axes remain, and the extents of texts in SVG; copy ticks.
+    """Remember ticks while limits and places of their axes remain, and how texts are laid out; draw ticks together.
 
     What surrounds axes is remembered for the layout while the texts of their ticks remain. Only layout engines may
     change figures in the block.
     """
-    if not hasattr(Axis, _TICKS):  # it is private: another version of matplotlib may lack it
+    if any(names - set(dir(owner)) for owner, names in _PRIVATE.items()):
         yield
         return
-    find, surround = getattr(Axis, _TICKS), getattr(Axes, _BOX)
+    find, surround, lay_out = getattr(Axis, _TICKS), getattr(Axes, _BOX), getattr(Text, _LAYOUT)
     known: dict[Axis, tuple[Any, Any]] = {}
+    surrounded: dict[Axes, tuple[list[str], Array]] = {}
+    laid_out: dict[Text, tuple[Any, Any]] = {}
 
     def ticks(axis: Axis) -> Any:
         if axis not in known or known[axis][0] != _place(axis):
@@ -45,10 +42,13 @@ def quick_drawing() -> Iterator[None]:
             known[axis] = _place(axis), found
         return known[axis][1]
 
-    def extent(_: RendererSVG, text: str, font: FontProperties, ismath: Any) -> Any:
-        return _extent(text, font.copy(), ismath)  # a copy, as fonts can be changed
-
-    surrounded: dict[Axes, tuple[list[str], Array]] = {}
+    def layout(text: Any, renderer: Any) -> Any:
+        """The boxes of a text and its lines, about its anchor."""
+        about = text.get_horizontalalignment(), text.get_verticalalignment()
+        look = text.get_text(), text.get_rotation(), *about, text.figure.dpi
+        if text not in laid_out or laid_out[text][0] != look:
+            laid_out[text] = look, lay_out(text, renderer)
+        return laid_out[text][1]
 
     def box(axes: Axes, *arguments: Any, for_layout_only: bool = False, **more: Any) -> Any:
         """The box around axes and all that is attached to them, of which the layout makes margins."""
@@ -65,10 +65,11 @@ def quick_drawing() -> Iterator[None]:
 
     ours = (
         (Axis, _TICKS, ticks),
-        (RendererSVG, _EXTENT, extent),
+        (Text, _LAYOUT, layout),
         (Axes, _BOX, box),
-        (Axis, "get_major_ticks", _major_ticks),
-        (Axis, "get_minor_ticks", _minor_ticks),
+        (Axis, "draw", draw_axis),
+        (Axis, "get_major_ticks", major_ticks),
+        (Axis, "get_minor_ticks", minor_ticks),
     )
     theirs = [(owner, name, getattr(owner, name)) for owner, name, _ in ours]
     try:
@@ -80,34 +81,6 @@ def quick_drawing() -> Iterator[None]:
             setattr(owner, name, function)
 
 
-def _major_ticks(axis: Axis, numticks: int | None = None) -> list[Tick]:
-    return _as_many(axis.majorTicks, len(axis.get_majorticklocs()) if numticks is None else numticks)
-
-
-def _minor_ticks(axis: Axis, numticks: int | None = None) -> list[Tick]:
-    return _as_many(axis.minorTicks, len(axis.get_minorticklocs()) if numticks is None else numticks)
-
-
-def _as_many(ticks: list[Tick], count: int) -> list[Tick]:
-    """The first `count` ticks of an axis; those that are missing are copied from the first and appended."""
-    ticks += [_copied(ticks[0]) for _ in range(count - len(ticks))]
-    return ticks[:count]
-
-
-def _copied(tick: Tick) -> Tick:
-    """A tick with artists of its own, which share what is replaced when it changes."""
-    made = copy.copy(tick)
-    for name in _PARTS:
-        setattr(made, name, copy.copy(getattr(tick, name)))
-    return made
-
-
 def _place(axis: Axis) -> tuple[Any, ...]:
     """What the ticks of an axis depend on: its limits, and the size of its axes on paper."""
     return *axis.get_view_interval(), *axis.axes.bbox.bounds, axis.axes.figure.dpi
-
-
-@functools.lru_cache(_MOST)
-def _extent(text: str, font: FontProperties, ismath: Any) -> Any:
-    """Width, height and descent; the renderer of SVG itself asks for nothing else."""
-    return text_to_path.get_text_width_height_descent(text, font, ismath)

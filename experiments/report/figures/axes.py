@@ -1,5 +1,7 @@
 """What figures of steady runs share: the axis of observed radii, and error bars."""
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
@@ -8,10 +10,10 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from experiments.measuring.inner_outer import InnerOuterSamples
 from trackslip.kinematics import Array
 
+BARS: dict[str, Any] = {"color": "#777777", "lw": 0.7, "solid_capstyle": "butt", "zorder": 4}
 _WIDE = 8.0  # ratio of the largest to the smallest radius above which the axis is logarithmic
 _MIN_RADIUS = 1e-3  # radius at which curves begin [m]
 _MIN_SPAN = 0.5  # smallest upper end of the axis [m]
-_BAR_COLOUR = "#777777"
 _MIN_SEEN = 0.03  # share of the range of slips: shorter error bars are drawn enlarged
 
 
@@ -60,13 +62,17 @@ def with_bars(runs: InnerOuterSamples, track: int, factor: int) -> Array:
     return np.concatenate([slip - bar, slip + bar])
 
 
-def draw_bars(axis: Axes, x: Array, y: Array, x_error: Array, y_error: Array) -> None:
-    """Draw error bars, errors (n,) to either side of the points (n,)."""
-    axis.errorbar(x, y, xerr=x_error, yerr=y_error, fmt="none", ecolor=_BAR_COLOUR, elinewidth=0.7, zorder=4)
+def draw_bars(axis: Axes, x: Array, y: Array, x_error: Array | None, y_error: Array, **look: Any) -> None:
+    """Draw error bars, errors (n,) to either side of the points (n,), all as one line with gaps."""
+    gap = np.full_like(x, np.nan)
+    upright = np.array([[x, x, gap], [y - y_error, y + y_error, gap]])
+    level = [] if x_error is None else [np.array([[x - x_error, x + x_error, gap], [y, y, gap]])]
+    x, y = np.concatenate([upright, *level], axis=2).swapaxes(1, 2).reshape(2, -1)
+    axis.plot(x, y, **BARS | look)
 
 
 def bar_key(factor: int) -> list[Line2D]:
     """The legend's entry for the error bars; empty where there are none."""
     label = "bars: standard error" + (f" × {factor}" if factor > 1 else "")
-    line = Line2D([], [], marker="+", ms=8, ls="none", color=_BAR_COLOUR, label=label)
+    line = Line2D([], [], marker="+", ms=8, ls="none", color=BARS["color"], label=label)
     return [line] if factor else []

@@ -117,11 +117,13 @@ def _residual_panel(axis: Axes, runs: InnerOuterSamples, residual: Array) -> Non
     axis.axhline(0, color="#888888", lw=0.8)
     for track, name in enumerate(TRACKS):
         style = _TRACK_STYLE[name]
-        errors = None if runs.errors is None else runs.errors.slip[:, track]
-        axis.errorbar(runs.radius, residual[:, track], yerr=errors, ls="none", elinewidth=0.8, mew=0.8, **style)
+        colour, off = style["color"], residual[:, track]
+        if runs.errors is not None:
+            draw_bars(axis, runs.radius, off, None, runs.errors.slip[:, track], color=colour, lw=0.8, zorder=2)
+        axis.plot(runs.radius, off, ls="none", mew=0.8, zorder=2.1, **style)
         means = [(runs.radius[group].mean(), residual[group, track].mean()) for group in repeated(runs.radius)]
         if means:
-            axis.plot(*np.transpose(means), color=style["color"], lw=0.8)
+            axis.plot(*np.transpose(means), color=colour, lw=0.8)
 
 
 def residual_band(runs: InnerOuterSamples, comparison: Comparison) -> tuple[float, str]:

@@ -7,6 +7,7 @@ from experiments.measuring.inner_outer import InnerOuterSamples
 from experiments.report.colours import COLOURS, DASHES, LABELS
 from experiments.report.figures import laws as law_figures
 from experiments.report.figures import steady_runs as figures
+from experiments.report.figures.axes import BARS
 from experiments.report.law_symbols import FORMULAS, SYMBOLS, unit_of
 from trackslip.slip.families import FAMILIES
 
@@ -26,8 +27,8 @@ def turns_of(found):
 
 
 def bars(figure):
-    """Error bars in all axes of a figure."""
-    return sum(len(axis.containers) for axis in figure.axes)
+    """Lines of error bars in all axes of a figure."""
+    return sum(line.get_color() == BARS["color"] for axis in figure.axes for line in axis.lines)
 
 
 def labels(figure):
