@@ -92,11 +92,12 @@ def few_resamples(monkeypatch):
 def undrawn(monkeypatch):
     """Leave figures empty: drawing takes most of a report's time, and has tests of its own."""
 
-    def save(figure, file, format="svg", **_):
+    def save(figure, file, **_):
         if isinstance(file, Path):
             file.touch()
         else:
-            file.write(b"%PDF" if format == "pdf" else "<svg></svg>")
+            file.write(b"%PDF")
 
+    monkeypatch.setattr("experiments.report.page.svg_of", lambda figure, salt: "<svg></svg>")
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", save)
     monkeypatch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda engine, figure: None)

@@ -25,7 +25,7 @@ def stored(tmp_path_factory):
     """A drive of the rescue robot over a step, made once."""
     out = tmp_path_factory.mktemp("drive")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("matplotlib.figure.Figure.savefig", lambda figure, file, **_: file.write("<svg></svg>"))
+        patch.setattr("experiments.report.page.svg_of", lambda figure, salt: "<svg></svg>")
         patch.setattr("experiments.report.page.Page.write", lambda page, folder, pdf=False: None)
         main(["drive", *SHORT, "--out", str(out)])
     return out
