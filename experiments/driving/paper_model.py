@@ -15,6 +15,7 @@ from trackslip.slip.constant import NoSlip
 from trackslip.slip.exponential import PUBLISHED
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.segmented import paper_reference
+from trackslip.trajectory.tabulated import Tabulated
 
 PERIOD = 0.05
 """Time between two commands [s]."""
@@ -57,10 +58,10 @@ def driven(
     shape = len(time) + 1, len(drivers), len(laws)
     pose, commanded, omega = (np.empty((*shape, size)) for size in (3, 2, 2))
     pose[0] = np.array([*starts.values()])[:, None]
-    real = _response(geometry)
+    real, desired = _response(geometry), Tabulated(reference, time)
     for k, now in enumerate(time.tolist()):
         for c, driver in enumerate(drivers):
-            commanded[k, c] = driver.twist(now, pose[k, c], reference)
+            commanded[k, c] = driver.twist(now, pose[k, c], desired)
         for j, law in enumerate(laws):
             omega[k, :, j] = law.sprocket_speeds(commanded[k, :, j], geometry)
         omega[k] = limit_sprocket_speeds(omega[k], limit)
