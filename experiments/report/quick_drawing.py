@@ -56,7 +56,7 @@ def quick_drawing() -> Iterator[None]:
 
 
 def _remembered(find: Callable[..., Any], state: Callable[[Any], Any]) -> Callable[..., Any]:
-    """The same method of a class, which calls `find` only if an object's `state` is another than after the last call."""
+    """The same method of a class, which calls `find` only if an object's `state` has changed since the last call."""
     known: dict[Any, tuple[Any, Any]] = {}
 
     def found(one: Any, *arguments: Any, **more: Any) -> Any:
