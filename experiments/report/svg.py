@@ -9,12 +9,14 @@ from matplotlib.backends.backend_svg import FigureCanvasSVG, RendererSVG
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.path import Path
+from matplotlib.textpath import text_to_path
 from matplotlib.transforms import Affine2D
 
 from experiments.report.glyphs import KNOWN, SIZE, UNITS, Glyph, line_of
 
 DPI = 72
 """Points of an SVG file, and of a PDF file, per inch."""
+# Private names, which another version of matplotlib may lack.
 _OURS = "_adjust_glyph_repr", "_convert_path", "_get_clip_attrs", "_get_style_dict", "_glyph_map", "_make_id"
 _BASE: Any = RendererSVG  # without its types, as it lacks most of them
 _definitions: dict[str, str] = {}  # of glyphs, by their names
@@ -44,9 +46,8 @@ class _Renderer(_BASE):  # type: ignore[misc]
     def __init__(self, width: float, height: float) -> None:
         self.file = io.StringIO()
         super().__init__(width, height, self.file, image_dpi=DPI, metadata={"Date": None, "Creator": None})
-        self._ours = KNOWN and all(
-            hasattr(self, name) for name in _OURS
-        )  # private, another version of matplotlib may lack them
+        self._text2path = text_to_path  # one for all files, as it remembers formulas
+        self._ours = KNOWN and set(_OURS) <= set(dir(self))
         self._defined: dict[tuple[str, str], str] = {}
 
     def get_text_width_height_descent(self, s: str, prop: FontProperties, ismath: Any) -> tuple[float, float, float]:
