@@ -8,6 +8,7 @@ from experiments.report.page import Drawn, draw
 from experiments.report.reproduction import Sketch
 from sim.stopwatch import Stopwatch, timed
 
+
 class Figures:
     """Figures that workers draw."""
 
