@@ -37,8 +37,7 @@ from experiments.storage.plain_json import plain
 from experiments.storage.results import REPORT_FILE, write_results, write_runs
 from sim.run_recorder import RunFailedError
 from sim.stopwatch import Stopwatch, timed
-from trackslip.identification.comparison import fit_laws
-from trackslip.identification.identify import identify_kept, kept_samples
+from trackslip.identification.identify import identify_samples
 from trackslip.identification.result import identification_to_json
 from trackslip.identification.samples import usable_samples
 from trackslip.logs.runlog import RunLog
@@ -68,13 +67,8 @@ def run(config: ReproduceConfig) -> None:
         grid_logs = driven.logs
         with busy("slips and laws"):
             sampling = usable_samples(grid_logs, geometry, method=config.motion, longest=True, measured=driven.measured)
-            with watch.stage("laws"):
-                kept = kept_samples(sampling, geometry)
-                fitted = fit_laws(kept.samples, geometry, IDENTIFIED)
-        with busy("closed loops"):
-            loops = Loops(config, {name: one.law for name, one in fitted.items()}, workers)
-            identified = workers.begin(timed, "laws", identify_kept, kept, geometry, (), fitted, aside=True)
-            figures.begin([PLANNED_TRAJECTORY, ERRORS_DEFINED], aside=True)
+            identified = workers.begin(timed, "laws", identify_samples, sampling, geometry)
+            figures.begin([PLANNED_TRAJECTORY, ERRORS_DEFINED])
             report = Report(
                 title="Slip of a tracked robot: the paper and its simulation",
                 command=command_line("reproduce"),
@@ -82,16 +76,18 @@ def run(config: ReproduceConfig) -> None:
                 grid_logs=grid_logs,
                 seen=sightings(grid_logs),
             )
-            figures.begin(figures_of(report), aside=True)
+            figures.begin(figures_of(report))
             found, times = identified()
             watch.add(times)
-            laws = {name: one.law for name, one in found.comparison.laws.items()}
+        laws = {name: fitted.law for name, fitted in found.comparison.laws.items()}
+        with busy("closed loops"):
+            loops = Loops(config, {name: laws[name] for name in IDENTIFIED if name in laws}, workers)
+            published = workers.begin(timed, "report", published_runs, loops.starts, geometry)
             report = replace(report, identification=found)
-            figures.begin(figures_of(report), aside=True)
+            figures.begin(figures_of(report))
             grid = grid_summary(config, names, grid_logs, sampling.samples, geometry, watch, driven.measured)
             report = replace(report, radius=grid.radius)
-            figures.begin(figures_of(report), aside=True)
-            published = workers.begin(timed, "report", published_runs, loops.starts, geometry, aside=True)
+            figures.begin(figures_of(report))
             try:
                 tracking_logs = loops.logs(watch)
             except RunFailedError as failure:

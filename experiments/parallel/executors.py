@@ -14,7 +14,6 @@ from typing import Any, TypeVar
 from experiments.parallel.workers import copies, deaf_children, processes
 from trackslip.errors import TrackslipError, first_line
 
-_LAST = 19  # the lowest priority of a process
 _AHEAD = 2  # submitted tasks per worker, so that no worker waits for its next one
 _PATIENCE = 10  # how long a scheduler may take to answer [s]
 _IMPORT_PATIENCE = 20  # how long a worker may take to import the simulator [s]
@@ -51,16 +50,10 @@ class Workers:
                     yield future.result()
                     pending |= self._submitted(do, islice(left, 1))
 
-    def begin(self, do: Callable[..., Result], *arguments: Any, aside: bool = False) -> Callable[[], Result]:
-        """Let a worker do a task; call what is returned for its result, which raises WorkersFailedError, too.
-
-        A worker that does a task `aside` leaves the processors to whatever else wants them, from then on.
-        """
+    def begin(self, do: Callable[..., Result], *arguments: Any) -> Callable[[], Result]:
+        """Let a worker do a task; call what is returned for its result, which raises WorkersFailedError, too."""
         with self._starting():
-            if aside and not self.inline:
-                future = self.executor.submit(_do_aside, do, *arguments)
-            else:
-                future = self.executor.submit(do, *arguments)
+            future = self.executor.submit(do, *arguments)
 
         def result() -> Result:
             with _named_failures():
@@ -88,12 +81,6 @@ def _named_failures() -> Iterator[None]:
         if not type(error).__module__.startswith("distributed"):
             raise
         raise WorkersFailedError(f"the cluster fails ({type(error).__name__})") from error
-
-
-def _do_aside(do: Callable[..., Result], *arguments: Any) -> Result:
-    if hasattr(os, "nice"):
-        os.nice(_LAST)
-    return do(*arguments)
 
 
 class InlineExecutor(Executor):

@@ -17,15 +17,12 @@ class Figures:
         self._workers, self._pdf = workers, pdf
         self._begun: dict[str, Callable[[], tuple[Drawn | None, dict[str, float]]]] = {}
 
-    def begin(self, sketches: Iterable[Sketch], aside: bool = False) -> None:
-        """Begin to draw those that were not begun before; where nothing runs beside this, it waits until the end.
-
-        For `aside` see `Workers.begin`.
-        """
+    def begin(self, sketches: Iterable[Sketch]) -> None:
+        """Begin to draw those that were not begun before; where nothing runs beside this, it waits until the end."""
+        begin = partial if self._workers.inline else self._workers.begin
         for name, make in sketches:
             if name not in self._begun:
-                task = timed, "report", draw, name, make, self._pdf
-                self._begun[name] = partial(*task) if self._workers.inline else self._workers.begin(*task, aside=aside)
+                self._begun[name] = begin(timed, "report", draw, name, make, self._pdf)
 
     def drawn(self, watch: Stopwatch) -> dict[str, Drawn]:
         """All of them by name, when they are drawn; `watch` gets the work of all workers together."""

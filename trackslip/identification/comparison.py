@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -51,28 +50,11 @@ class Comparison:
         return tuple(sorted(self.laws, key=lambda name: (aicc[name], self.laws[name].scatter)))
 
 
-def fit_laws(samples: SlipSamples, geometry: RobotGeometry, names: Iterable[str]) -> dict[str, FittedLaw]:
-    """The fits of those laws that `compare_laws` would fit, too, which is the slower the more laws there are."""
-    fitted = {}
-    for name in names:
-        with contextlib.suppress(LogError):
-            fitted[name] = _fitted(name, samples, geometry)
-    return fitted
-
-
-def _fitted(name: str, samples: SlipSamples, geometry: RobotGeometry) -> FittedLaw:
-    return fit_law(name, samples, geometry, vague=name in BASELINES)
-
-
-def compare_laws(
-    samples: SlipSamples, geometry: RobotGeometry, fitted: Mapping[str, FittedLaw] | None = None
-) -> Comparison:
+def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> Comparison:
     """Fit all families that the samples determine, and the baselines in any case, and compare them.
 
-    `fitted` are laws that `fit_laws` fitted to the same samples. Raises LogError if the samples determine no law that
-    tells of turns.
+    Raises LogError if the samples determine no law that tells of turns.
     """
-    fitted = fitted or {}
     laws: dict[str, FittedLaw] = {}
     warnings: list[str] = []
     sides = np.sign(samples.omega[:, 1] - samples.omega[:, 0]) * np.sign(samples.omega.sum(axis=1))
@@ -82,7 +64,7 @@ def compare_laws(
         if family.loaded and (samples.load is None or np.ptp(samples.load) < _MIN_LOADS):
             continue
         try:
-            laws[name] = fitted.get(name) or _fitted(name, samples, geometry)
+            laws[name] = fit_law(name, samples, geometry, vague=name in BASELINES)
             warnings += laws[name].notes
         except LogError as error:
             warnings.append(str(error))

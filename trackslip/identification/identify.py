@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from trackslip.errors import InvalidValueError, LogError
@@ -11,14 +11,12 @@ from trackslip.identification.comparison import compare_laws
 from trackslip.identification.drive.comparison import DriveComparison, compare_drives
 from trackslip.identification.drive.drives import drives_of
 from trackslip.identification.drive.estimate import DRIVE_LAWS
-from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.outliers import split_outliers
 from trackslip.identification.result import Identification, Method, SteadyLaws
-from trackslip.identification.samples import Sampling, SlipSamples
+from trackslip.identification.samples import Sampling
 from trackslip.identification.sensor import Sensor, with_sensor
 from trackslip.identification.source import Reading, Source, read_source, source_of_runs
 from trackslip.kinematics import RobotGeometry
-from trackslip.logs.refused import Refused
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.constant_speed import SETTLE
 from trackslip.ros.choice import AUTOMATIC, BagChoice
@@ -123,39 +121,12 @@ def identify_samples(
 
     `sensor` and `estimate_sensor` are those of `with_sensor`; by default the sensor is at the robot's centre.
     """
-    return identify_kept(kept_samples(sampling, geometry, sensor, estimate_sensor), geometry, logs)
-
-
-@dataclass(frozen=True)
-class KeptSamples:
-    """The samples that laws are fitted to."""
-
-    samples: SlipSamples
-    left_out: tuple[Refused, ...]
-    """Runs that gave no sample, and outliers."""
-    notes: tuple[str, ...]
-    """What a reader should know of the samples, one line each."""
-
-
-def kept_samples(
-    sampling: Sampling, geometry: RobotGeometry, sensor: Sensor | None = None, estimate_sensor: bool | None = False
-) -> KeptSamples:
-    """Leave out outliers; `sensor` and `estimate_sensor` are those of `with_sensor`."""
     centred, _, notes = with_sensor(sampling.samples, geometry, sensor, estimate_sensor)
     samples, outliers = split_outliers(centred, geometry)
-    return KeptSamples(samples, (*sampling.refused, *outliers), (*sampling.notes, *notes))
-
-
-def identify_kept(
-    kept: KeptSamples,
-    geometry: RobotGeometry,
-    logs: tuple[RunLog, ...] = (),
-    fitted: Mapping[str, FittedLaw] | None = None,
-) -> Identification:
-    """Fit and compare the laws; raises LogError if the samples determine none. For `fitted` see `compare_laws`."""
-    comparison = compare_laws(kept.samples, geometry, fitted)
-    warnings = (*kept.notes, *map(str, kept.left_out), *comparison.warnings)
-    return Identification(geometry, "steady", SteadyLaws(kept.samples, comparison), None, kept.left_out, warnings, logs)
+    left_out = (*sampling.refused, *outliers)
+    comparison = compare_laws(samples, geometry)
+    warnings = (*sampling.notes, *notes, *map(str, left_out), *comparison.warnings)
+    return Identification(geometry, "steady", SteadyLaws(samples, comparison), None, left_out, warnings, logs)
 
 
 def _drive(
