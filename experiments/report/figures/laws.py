@@ -89,10 +89,7 @@ def residuals(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
     band, meaning = residual_band(runs, comparison)
     largest = max(float(np.abs(runs.residual(law)).max()) for law in laws.values())
     threshold = 10.0 ** np.floor(np.log10(max(band, 1e-4 * largest, 1e-9)))
-    for axis, (key, law) in zip(axes, laws.items(), strict=False):
-        _residual_panel(axis, runs, runs.residual(law))
-        axis.axhspan(-band, band, color=BAND, lw=0, zorder=0)
-        axis.set_title(_title(key, comparison), fontsize=8.5)
+    # Limits come first: each line would have those of all panels found again.
     axes[0].set_yscale("symlog", linthresh=threshold, linscale=0.6)
     print_plain_powers(axes[0].yaxis)
     axes[0].set_ylim(-2 * largest, 2 * largest)
@@ -102,6 +99,10 @@ def residuals(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
     for axis in axes[: len(laws)][-_COLUMNS:]:  # the lowest of each column
         show_radii(axis, runs)
         axis.tick_params(labelbottom=True)
+    for axis, (key, law) in zip(axes, laws.items(), strict=False):
+        _residual_panel(axis, runs, runs.residual(law))
+        axis.axhspan(-band, band, color=BAND, lw=0, zorder=0)
+        axis.set_title(_title(key, comparison), fontsize=8.5)
     for axis in axes[::_COLUMNS]:
         axis.set_ylabel("measured − law [–]")
     handles = [
