@@ -71,8 +71,8 @@ def require_poses(usable: np.ndarray, least: int, log: RunLog, window: tuple[flo
 def long_run_covariance(series: Array, share: float | None = None) -> Array:
     """Covariance (K, K) of the sum of a series (T, K) of mean zero, over T, accounting for correlation in time.
 
-    Uses a Bartlett window, after Newey and West (1987): the covariance at a lag l has the weight 1 - |l| / (L + 1). This
-    is the same as the mean square of all sums of L + 1 successive values, with zeros before and after the series, over
+    Uses a Bartlett window, after Newey and West (1987): the covariance at a lag l has the weight 1 - |l| / (L + 1),
+    which is the mean square of the sums of any L + 1 successive values, with zeros before and after the series, over
     L + 1. L is a `share` of the series or, by default, Andrews' (1991) for a first-order autoregression: the largest of
     the K, at most a quarter of the series.
     """
