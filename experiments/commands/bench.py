@@ -153,8 +153,9 @@ def _pipeline(config: BenchConfig, _: Robot) -> _Measured:
 def _scale(config: BenchConfig, _: Robot) -> _Measured:
     from experiments.speed.pipeline import scale  # late: only this needs processes
 
-    with _progress(len(scale.CASES)) as step:
-        cases = scale.measure_cases(scale.CASES, config.seed, step)
+    chosen = scale.cases_of(config.scale_long)
+    with _progress(len(chosen)) as step:
+        cases = scale.measure_cases(chosen, config.seed, step)
     header = ("robots", "duration [s]", "wall [s]", "per robot and second [ms]", "peak memory [MB]", "file [MB]")
     rows: list[_Cells] = []
     for one in cases:

@@ -82,12 +82,12 @@ def run(config: ReproduceConfig) -> None:
         laws = {name: fitted.law for name, fitted in found.comparison.laws.items()}
         with busy("closed loops"):
             loops = Loops(config, {name: laws[name] for name in IDENTIFIED if name in laws}, workers)
+            published = workers.begin(timed, "report", published_runs, loops.starts, geometry)
             report = replace(report, identification=found)
-            figures.begin(figures_of(report), aside=True)
+            figures.begin(figures_of(report))
             grid = grid_summary(config, names, grid_logs, sampling.samples, geometry, watch, driven.measured)
             report = replace(report, radius=grid.radius)
-            figures.begin(figures_of(report), aside=True)
-            published = workers.begin(timed, "report", published_runs, loops.starts, geometry)
+            figures.begin(figures_of(report))
             try:
                 tracking_logs = loops.logs(watch)
             except RunFailedError as failure:

@@ -12,6 +12,7 @@ MAX_GPU_ROBOTS = 1_000_000
 MAX_REPEATS = 1000
 _SHEAR_SIZES = (32, 64, 256)
 _GPU_SIZES = (1024, 4096, 16_384, 65_536)
+_SCALE_SIZES = (1, 16, 256, 4096)
 _CHOICES = ("env", "grid", "terrain", "shear", "gpu", "pipeline", "scale")
 
 
@@ -57,6 +58,8 @@ class BenchConfig:
     """Measure each stage, from physics to report, and compare it with its bound; takes minutes."""
     scale: bool = False
     """Measure how time and memory grow with the number of robots and the length of runs; takes minutes."""
+    scale_long: tuple[int, ...] = (1, 16)
+    """Numbers of robots that also drive for 30 min: 256 take 8 minutes, 4096 two hours; needs --scale."""
     seed: int = 0
     """Seed of all random numbers."""
     out: Path = Path("out/bench")
@@ -64,6 +67,7 @@ class BenchConfig:
 
     def __post_init__(self) -> None:
         sizes = MAX_GPU_ROBOTS if self.gpu else MAX_ROBOTS
+        checks.require_distinct("scale_long", self.scale_long, "number")
         for name, most in (("sizes", sizes), ("thread_counts", MAX_THREADS), ("terrain_sizes", MAX_ROBOTS)):
             checks.require_distinct(name, getattr(self, name), "number")
             for value in getattr(self, name):
@@ -88,6 +92,11 @@ class BenchConfig:
             checks.refuse_unused(self, ("sizes",), "with --env, --grid and --terrain")
         if self.grid:
             checks.refuse_unused(self, ("seconds", "repeats"), "with --grid")
+        for value in self.scale_long:
+            if value not in _SCALE_SIZES:
+                raise InvalidValueError("scale_long", value, f"one of {', '.join(map(str, _SCALE_SIZES))}")
+        if not self.scale:
+            checks.refuse_unused(self, ("scale_long",), "without --scale")
         if self.gpu:
             checks.refuse_unused(self, ("thread_counts", "seconds"), "with --gpu")
         if self.pipeline or self.scale:

@@ -35,8 +35,7 @@ class Loops:
             for name, start in self.starts.items()
             for law in laws
         ]
-        # two processors for a fleet: robots cost little more than one, and half of the time nothing but physics runs
-        count = min(max(1, workers.count // 2), len(runs))
+        count = min(workers.count, len(runs))
         own = replace(config, threads=max(1, workers.count // count))
         self._places = np.array_split(range(len(runs)), count)  # by controller, if there are two
         self._results = [workers.begin(_drive_share, own, laws, [runs[k] for k in at]) for at in self._places]

@@ -51,10 +51,15 @@ _MIN_SCANS_CLOSED_LOOP = 6
 
 def bare_batch(fleet: Fleet) -> batch.Batch:
     """Robots in the fleet's present state, their belts at its present speeds, stepped by MuJoCo alone."""
-    bare = batch.Batch(fleet.robot.model, fleet.size, nthread=fleet.batch.nthread)
+    return bare_copy(fleet.batch, fleet.batch.nthread)
+
+
+def bare_copy(source: batch.Batch, threads: int) -> batch.Batch:
+    """The same simulations in the same state, on some threads."""
+    bare = batch.Batch(source.model, source.nsim, nthread=threads)
     for name in ("geom_surfacevel", "pair_friction"):
-        bare.expand(name)[:] = fleet.batch.expand(name)
-    bare.state[:] = fleet.batch.state
+        bare.expand(name)[:] = source.expand(name)
+    bare.state[:] = source.state
     return bare
 
 

@@ -33,7 +33,7 @@ class View(Rows):
         return cls(plate, cos * x + sin * y, cos * y - sin * x, cos, sin)
 
     def slid(self, offset: Array, sideways: bool = False) -> View:
-        """Of plates slid along themselves, or sideways, by `offset` (M, K) [m]: arrays of (M, K), or (M, 1) if equal."""
+        """Of plates slid along themselves, or sideways, by `offset` (M, K) [m]: arrays (M, K), or (M, 1) if equal."""
         along, across = self.along[:, None], self.across[:, None]
         along, across = (along, across + offset) if sideways else (along + offset, across)
         return View(self.plate, along, across, self.cos[:, None], self.sin[:, None])

@@ -6,7 +6,7 @@ include what happens once however long the runs are: until the robots drive at t
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 
 import numpy as np
 
@@ -20,13 +20,9 @@ from experiments.sweep.plan import plan
 Case = tuple[int, float, int]
 """Number of robots, duration of their runs [s], and how many times they are driven: short runs more often."""
 
-CASES: tuple[Case, ...] = (
-    *((1, 30.0, 50), (1, 1800.0, 1)),
-    *((16, 30.0, 12), (16, 1800.0, 1)),
-    *((256, 30.0, 1), (256, 120.0, 1)),
-    (4096, 30.0, 1),
-)
-"""Those of `bench --scale`."""
+_TIMES = {1: 50, 16: 12, 256: 1, 4096: 1}  # how often robots are driven for a short time
+_SHORT, _LONG = 30.0, 1800.0  # [s]
+_LONG_ENOUGH = {256: 120.0}  # [s]
 _QUICK_CASES: tuple[Case, ...] = (  # of `bench --pipeline`; those of many robots are recorded in two whole parts
     *((1, 30.0, 60), (1, 600.0, 3)),
     *((16, 30.0, 4), (16, 120.0, 1)),
@@ -49,6 +45,18 @@ def measure(seed: int, repeats: int, step: Callable[[str], None]) -> tuple[Check
     checks = checks_of(measure_cases(_QUICK_CASES, seed, lambda label, _: step(label)))
     step("planning")
     return (*checks, planning(repeats))
+
+
+def cases_of(long: Collection[int]) -> list[Case]:
+    """The cases of `bench --scale`, with long runs of 30 min for `long` numbers of robots."""
+    cases: list[Case] = []
+    for robots, times in _TIMES.items():
+        cases.append((robots, _SHORT, times))
+        if robots in long:
+            cases.append((robots, _LONG, 1))
+        elif robots in _LONG_ENOUGH:
+            cases.append((robots, _LONG_ENOUGH[robots], 1))
+    return cases
 
 
 def measure_cases(cases: Sequence[Case], seed: int, step: Callable[[str, float], None]) -> list[ScaleCase]:

@@ -194,7 +194,7 @@ NOT_RUN = {
     "drive": {"teleop", "video", "pictures"},  # need a display, PyAV, OpenGL
     "view": {"web"},  # opens a browser
     "validate": {"terrain", "shear"},  # take minutes; tests of their own run them
-    "bench": {"gpu", "pipeline", "scale"},  # needs a GPU; the same
+    "bench": {"gpu", "pipeline", "scale", "scale_long"},  # needs a GPU; the same
     "train": {field.name for field in dataclasses.fields(COMMANDS["train"])},  # needs PyTorch
 }
 SLOW = ("plan", "calibrate", "validate", "coverage", "sensitivity", "reproduce")
@@ -337,6 +337,8 @@ REFUSED = [
     ),
     (("bench", "--env-size", "3"), "env_size = 3: must be left out without --env"),
     (("bench", "--grid-runs", "50"), "grid_runs = 50: must be left out without --grid"),
+    (("bench", "--scale-long", "1"), "scale_long = (1,): must be left out without --scale"),
+    (("bench", "--scale", "--scale-long", "3"), "scale_long = 3: must be one of 1, 16, 256, 4096"),
     (("bench", "--env", "--sizes", "3"), "sizes = (3,): must be left out with --env"),
     (("bench", "--grid", "--seconds", "3"), "seconds = 3.0: must be left out with --grid"),
     (("bench", "--pipeline", "--seconds", "3"), "seconds = 3.0: must be left out with --pipeline and --scale"),

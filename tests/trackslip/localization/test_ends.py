@@ -59,7 +59,9 @@ def test_lost_beams_are_counted_and_returns_are_walls(scan_rectangle):
     rng = np.random.default_rng(0)
     poses, lost = seen_at((5, 90), rng, 200, (1.5, 3.0)), rng.integers(0, 3, (200, 2))
     ends = ends_of(cut(scan_rectangle(poses, rng, noise=0.0), lost))
-    np.testing.assert_allclose(ends.cost(View.of(PLATE, poses).slid(np.zeros((200, 1))))[:, 0], -np.log(0.2) * lost.sum(axis=1))
+    np.testing.assert_allclose(
+        ends.cost(View.of(PLATE, poses).slid(np.zeros((200, 1))))[:, 0], -np.log(0.2) * lost.sum(axis=1)
+    )
 
 
 @pytest.mark.parametrize(("sideways", "angle"), [(False, (20, 90)), (True, (2, 20))])

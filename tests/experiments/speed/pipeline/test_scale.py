@@ -4,7 +4,8 @@ from experiments.speed.memory import peak_memory
 from experiments.speed.pipeline import scale
 from experiments.speed.scale_case import ScaleCase
 
-LINEAR = {(robots, duration): duration * (1e-3 + 2e-3 * robots) for robots, duration, _ in scale.CASES}
+CASES = scale.cases_of((1, 16))
+LINEAR = {(robots, duration): duration * (1e-3 + 2e-3 * robots) for robots, duration, _ in CASES}
 
 
 def cases(times, memory=lambda robots, duration: 150.0 + 0.01 * robots):
@@ -40,12 +41,18 @@ def test_memory_that_grows_with_the_duration_does_not_hold():
     assert failing(found)[-1] == "4096 robots: memory, whole run over half"
 
 
+def test_long_runs_of_any_number_of_robots_can_be_driven():
+    chosen = [(robots, duration) for robots, duration, _ in scale.cases_of((1, 16, 256, 4096))]
+    assert chosen == [(robots, duration) for robots in (1, 16, 256, 4096) for duration in (30.0, 1800.0)]
+    assert (256, 1800.0) not in [case[:2] for case in CASES]
+
+
 def test_bench_prints_the_cases_and_the_checks(trackslip, monkeypatch):
     monkeypatch.setattr(scale, "measure_cases", lambda chosen, seed, step: cases(LINEAR))
     result = trackslip("bench", "--scale", "--repeats", "1")
     assert "4096" in result.printed
     assert "deviation from a + b N" in result.printed
-    assert len(result.summary["rows"]) == len(scale.CASES)
+    assert len(result.summary["rows"]) == len(CASES)
     assert result.summary["checks"][-1]["name"] == "10,000 runs: planning"
     assert all(one["holds"] for one in result.summary["checks"][:-1])
 
