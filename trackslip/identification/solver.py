@@ -51,13 +51,14 @@ def least_squares(
     bend: Array | None = None,
     tolerance: Array | float = CONVERGED,
     iterations: int = ITERATIONS,
+    first: Array | None = None,
 ) -> Minimum:
     """Minimise the sums of squares of M problems, from starting values (M, p) within the limits `low`, `high` (p,).
 
     `scale` (p,) are the sizes of significant changes; parameters where `held` (M, p) is true are kept fixed.
     Without a `jacobian`, derivatives are taken by differences. A `bend` (M, p, p) known from a similar problem, as of
-    Minimum, saves steps. `tolerance` (M,) is the relative decrease of the cost at
-    convergence.
+    Minimum, saves steps, and residuals `first` (M, K) known at the start a call. `tolerance` (M,) is the relative
+    decrease of the cost at convergence.
     """
     problems, parameters = start.shape
     held = np.zeros((problems, parameters), bool) if held is None else held
@@ -65,9 +66,9 @@ def least_squares(
     rows = np.arange(problems)
 
     def finite(values: Array, rows: np.ndarray) -> Array:
-        return np.nan_to_num(residual(values, rows), nan=1e8, posinf=1e8, neginf=-1e8)
+        return _finite(residual(values, rows))
 
-    current = finite(values, rows)
+    current = finite(values, rows) if first is None else _finite(first)
     cost = np.sum(current**2, axis=1)
     slopes = np.zeros((*current.shape, parameters))
     hessian = np.tile(np.eye(parameters), (problems, 1, 1))
@@ -124,6 +125,11 @@ def least_squares(
         if not rows.size:
             break
     return Minimum(values, cost, hessian, bend)
+
+
+def _finite(residual: Array) -> Array:
+    """Residuals (m, K), large where there are none."""
+    return np.nan_to_num(residual, nan=1e8, posinf=1e8, neginf=-1e8)
 
 
 def _square(matrix: Array, step: Array) -> Array:
