@@ -156,13 +156,16 @@ def _sinc(x: Array) -> Array:
 def arc_quotients(turn: ArrayLike) -> tuple[Array, Array, Array, Array]:
     """sin(t) / t and (1 - cos t) / t of turns (...), and their derivatives."""
     turn = np.asarray(turn, float)
-    along, across, d_along, d_across = polynomial.polyval(turn**2, _QUOTIENTS)
-    along, across, d_along, d_across = map(np.asarray, (along, turn * across, turn * d_along, d_across))
-    large = ~(np.abs(turn) <= _SMALL_TURN)
-    if large.any():
-        t = turn[large]
-        along[large], across[large] = np.sin(t) / t, (1 - np.cos(t)) / t
-        d_along[large], d_across[large] = (np.cos(t) - along[large]) / t, (np.sin(t) - across[large]) / t
+    quotients = np.empty((4, *turn.shape))
+    small = np.abs(turn) <= _SMALL_TURN
+    t = turn[small]
+    along, across, d_along, d_across = polynomial.polyval(t**2, _QUOTIENTS)
+    quotients[:, small] = along, t * across, t * d_along, d_across
+    t = turn[~small]
+    sin, cos = np.sin(t), np.cos(t)
+    along, across = sin / t, (1 - cos) / t
+    quotients[:, ~small] = along, across, (cos - along) / t, (sin - across) / t
+    along, across, d_along, d_across = quotients
     return along, across, d_along, d_across
 
 
