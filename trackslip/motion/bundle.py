@@ -82,4 +82,5 @@ def _slopes(fit: Evaluation, jacobian: Array) -> tuple[Array, Array]:
     """
     fit = fit.in_lrf_frame()
     scores = np.einsum("tki,tk->ti", jacobian, fit.gradient)
-    return scores, np.einsum("tki,tkl,tlj->ij", jacobian, fit.hessian, jacobian)
+    weighted = fit.hessian[..., None] * jacobian[:, :, None]  # (T, 3, 3, 6)
+    return scores, np.einsum("tkli,tlj->ij", weighted, jacobian)
