@@ -140,6 +140,8 @@ def _square(matrix: Array, step: Array) -> Array:
 def _curved(normal: Array, bend: Array, free: np.ndarray) -> Array:
     """The Hessians (m, p, p) of half the costs for the free parameters (m, p), convex in any case."""
     both = free[:, :, None] & free[:, None, :]
+    if not bend.any():
+        return normal * both
     normal, whole = normal * both, (normal + bend) * both
     root = np.sqrt(np.where(free, np.maximum(np.einsum("mii->mi", normal), 1e-300), 1.0))
     scaled = whole / root[:, :, None] / root[:, None, :] + ~free[:, :, None] * np.eye(free.shape[1])
@@ -153,6 +155,8 @@ def _bend(bend: Array, step: Array, of_slopes: Array, of_gradient: Array) -> Arr
     `of_slopes` (m, p) is the change of the gradient that the change of the slopes causes, `of_gradient` the whole
     (Dennis, Gay and Welsch, 1981, NL2SOL).
     """
+    if not step.any():
+        return bend
     along = np.einsum("mi,mi->m", step, of_gradient)
     with np.errstate(divide="ignore", invalid="ignore"):
         size = np.abs(np.einsum("mi,mi->m", step, of_slopes)) / np.abs(_square(bend, step))
