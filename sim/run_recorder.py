@@ -27,6 +27,7 @@ FAILURE = "failure"
 _WITH_ICR = (ConstantIcr, IcrLoad)  # laws whose ICRs are recorded
 _ENERGY, _SATURATED = 4, 5  # places in what is recorded of the truth
 _TIPPED = 0.5  # roll or pitch from which a robot lies on its side [rad]
+_UPRIGHT = float(np.cos(_TIPPED))
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,7 @@ class RunRecorder:
 
     def _require_upright(self, k: int) -> None:
         """Raise RunFailedError if a robot has tipped over in row k."""
-        if (self._fleet.upright() > np.cos(_TIPPED)).all():  # neither roll nor pitch exceeds the tilt
+        if (self._fleet.upright() > _UPRIGHT).all():  # neither roll nor pitch exceeds the tilt
             return
         upright = (np.abs(self._fleet.attitude()[:, 1:]) < _TIPPED).all(axis=1)
         if not upright.all():

@@ -18,4 +18,6 @@ class Feedforward(ControlLaw):
 
     def twist(self, time: float, pose: ArrayLike, reference: Reference) -> Array:
         """The twist of the reference for each of the poses (..., 3), (..., 2)."""
-        return np.broadcast_to(reference.twist(time), (*np.shape(pose)[:-1], 2)).copy()
+        twist = np.empty((*np.shape(pose)[:-1], 2))
+        twist[...] = reference.twist(time)
+        return twist

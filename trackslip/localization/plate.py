@@ -8,6 +8,7 @@ is not normal, pose and covariance are the mean and covariance of the posterior:
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -73,7 +74,7 @@ class PlateLocator:
     max_position_error: float = 0.05
     """Maximum standard error of the position of a valid pose [m]."""
 
-    @property
+    @functools.cached_property
     def _likelihood(self) -> PlateLikelihood:
         return PlateLikelihood(self.plate, self.huber)
 

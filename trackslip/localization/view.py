@@ -40,9 +40,8 @@ class View(Rows):
 
     def corners(self) -> Array:
         """Coordinates (2, 2, M, ...) of the outermost corners, right and left, less those of the centres [m]."""
-        beyond = (_ENDS * self.plate.length).searchsorted(self.along)
-        beside = (_ENDS * self.plate.thickness).searchsorted(self.across)
-        return _outermost(self.plate).take(3 * beyond + beside, axis=2)
+        along, across, corners = _outermost(self.plate)
+        return corners.take(3 * along.searchsorted(self.along) + across.searchsorted(self.across), axis=2)
 
     def silhouette(self, ahead: Array) -> Array:
         """The outermost corners, right and left, seen in the directions `ahead` (M, 2).
@@ -85,12 +84,12 @@ def in_axes(heading: Array) -> Array:
 
 
 @functools.lru_cache(maxsize=64)
-def _outermost(plate: Plate) -> Array:
-    """Coordinates (2, 2, 9) of the outermost corners, right and left, less those of the centre [m].
+def _outermost(plate: Plate) -> tuple[Array, Array, Array]:
+    """Ends (2,) of the long and of the short side, and coordinates (2, 2, 9) of the outermost corners, right and left.
 
-    The last axis tells whether the centre is behind, within or ahead of the LRF along and, fastest, across the plate:
-    by more than half its length or thickness, or not. A plate with the LRF inside has no such corners, whatever the
-    table says.
+    Both are less those of the centre [m]. The last axis tells whether the centre is behind, within or ahead of the LRF
+    along and, fastest, across the plate: by more than half its length or thickness, or not. A plate with the LRF inside
+    has no such corners, whatever the table says.
     """
     corners = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)]) * (plate.length / 2, plate.thickness / 2)
     table = np.empty((2, 2, 9))
@@ -99,4 +98,4 @@ def _outermost(plate: Plate) -> Array:
         c_x, c_y = x + corners[:, 0], y + corners[:, 1]
         bearing = np.arctan2(x * c_y - y * c_x, x * c_x + y * c_y)
         table[:, 0, k], table[:, 1, k] = corners[bearing.argmin()], corners[bearing.argmax()]
-    return table
+    return _ENDS * plate.length, _ENDS * plate.thickness, table
