@@ -82,5 +82,6 @@ def _slopes(fit: Evaluation, jacobian: Array) -> tuple[Array, Array]:
     """
     fit = fit.in_lrf_frame()
     scores = np.einsum("tki,tk->ti", jacobian, fit.gradient)
-    weighted = fit.hessian[..., None] * jacobian[:, :, None]  # (T, 3, 3, 6)
-    return scores, np.einsum("tkli,tlj->ij", weighted, jacobian)
+    parameters = jacobian.shape[-1]
+    weighted = (fit.hessian[..., None] * jacobian[:, :, None]).reshape(-1, parameters)  # of all pairs of coordinates
+    return scores, np.einsum("ri,rj->ij", weighted, jacobian.repeat(3, axis=0).reshape(-1, parameters))
