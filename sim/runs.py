@@ -145,7 +145,9 @@ class _Scans:
         self._fleet, self._record, self._feed, self._watch = fleet, record, feed, watch
         self._follower = Follower(locator, Tracker(fleet.pose(), fleet.robot.geometry))
         self._block = _block(fleet.size)
-        self._waiting: list[Array] = []  # true ranges (N, B) each
+        # true ranges of the scans that wait to be localized: the first `_waiting` rows
+        self._true = np.empty((self._block + EVERY, fleet.size, len(feed.bearings)))
+        self._waiting = 0
         self._located = 0  # rows of the record
         self._taken = 0  # scans of each robot
         self._begun = False
@@ -164,8 +166,9 @@ class _Scans:
     def take(self) -> None:
         """Scan the robots where they are."""
         with self._watch.stage("scans"):
-            self._waiting.append(self._feed.true_ranges())
-        if len(self._waiting) >= self._block and self._taken % EVERY == 0:
+            self._feed.true_ranges(self._true[self._waiting])
+        self._waiting += 1
+        if self._waiting >= self._block and self._taken % EVERY == 0:
             self._locate()
         self._taken += 1
 
@@ -181,10 +184,10 @@ class _Scans:
         """Measure and localize the scans that are waiting."""
         feed, record, first = self._feed, self._record, self._located
         with self._watch.stage("scans"):
-            ranges = feed.measure(np.stack(self._waiting, axis=1)).ranges  # (N, block, B)
+            ranges = feed.measure(self._true[: self._waiting].swapaxes(0, 1)).ranges  # (N, block, B)
             if feed.kept:
                 record.scanned(ranges)
-        self._waiting.clear()
+        self._waiting = 0
         self._located += ranges.shape[1]
         with self._watch.stage("localization"):
             rows = slice(first, self._located)
@@ -269,5 +272,5 @@ def _flat(array: np.ndarray) -> np.ndarray:
 
 def _by_robot(clusters: Sequence[Cluster], robots: int) -> list[Cluster]:
     """The clusters of each robot in order of time, from blocks of scans (N, T) that follow one another."""
-    parts = [(block, np.arange(len(block.count)).reshape(robots, -1)) for block in clusters]
-    return [Cluster.joined([block.take(rows[k]) for block, rows in parts]) for k in range(robots)]
+    parts = [(block, len(block.count) // robots) for block in clusters]
+    return [Cluster.joined([block.between(k * rows, (k + 1) * rows) for block, rows in parts]) for k in range(robots)]

@@ -27,7 +27,8 @@ _TERMS = np.arange(7)  # of these series: the rest is less than their rounding
 _SIGNS = (-1.0) ** _TERMS
 _ALONG = _SIGNS / np.array([math.factorial(2 * k + 1) for k in _TERMS])
 _ACROSS = _SIGNS / np.array([math.factorial(2 * k + 2) for k in _TERMS])
-_QUOTIENTS = (_ALONG, _ACROSS, 2 * _TERMS[1:] * _ALONG[1:], (2 * _TERMS + 1) * _ACROSS)  # in the turn's square
+_D_ALONG = np.append(2 * _TERMS[1:] * _ALONG[1:], 0.0)
+_QUOTIENTS = np.column_stack([_ALONG, _ACROSS, _D_ALONG, (2 * _TERMS + 1) * _ACROSS])  # in the turn's square
 
 
 @dataclass(frozen=True)
@@ -155,13 +156,16 @@ def _sinc(x: Array) -> Array:
 def arc_quotients(turn: ArrayLike) -> tuple[Array, Array, Array, Array]:
     """sin(t) / t and (1 - cos t) / t of turns (...), and their derivatives."""
     turn = np.asarray(turn, float)
-    along, across, d_along, d_across = (polynomial.polyval(turn**2, series) for series in _QUOTIENTS)
-    along, across, d_along, d_across = map(np.asarray, (along, turn * across, turn * d_along, d_across))
-    large = ~(np.abs(turn) <= _SMALL_TURN)
-    if large.any():
-        t = turn[large]
-        along[large], across[large] = np.sin(t) / t, (1 - np.cos(t)) / t
-        d_along[large], d_across[large] = (np.cos(t) - along[large]) / t, (np.sin(t) - across[large]) / t
+    quotients = np.empty((4, *turn.shape))
+    small = np.abs(turn) <= _SMALL_TURN
+    t = turn[small]
+    along, across, d_along, d_across = polynomial.polyval(t**2, _QUOTIENTS)
+    quotients[:, small] = along, t * across, t * d_along, d_across
+    t = turn[~small]
+    sin, cos = np.sin(t), np.cos(t)
+    along, across = sin / t, (1 - cos) / t
+    quotients[:, ~small] = along, across, (cos - along) / t, (sin - across) / t
+    along, across, d_along, d_across = quotients
     return along, across, d_along, d_across
 
 

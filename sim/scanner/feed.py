@@ -80,17 +80,20 @@ class ScannerFeed:
         for robot, g in zip(robots, generators, strict=True):
             self._noise[robot], self._dropout[robot] = g.spawn(2)
 
-    def true_ranges(self) -> Array:
-        """Ranges (N, B) without measurement errors, NaN where nothing is within reach [m]."""
+    def true_ranges(self, out: Array | None = None) -> Array:
+        """Ranges (N, B) without measurement errors, NaN where nothing is within reach [m].
+
+        They overwrite `out` (N, B), a contiguous array, if there is one.
+        """
         aim = self._aimed()
         plate = self._to_plates(aim)
+        ranges = np.empty((self._fleet.size, len(self._rays))) if out is None else out
         if self._standing is None:
-            ranges = np.empty((self._fleet.size, len(self._rays)))
             ranges.fill(np.nan)
         else:
             around = np.fmin(self._standing, self._to_obstacles(self._walking, self._fleet.time))
             plate = np.fmin(plate, around[aim.beams])
-            ranges = np.tile(echo(around), (self._fleet.size, 1))
+            ranges[:] = echo(around)
         ranges.ravel()[aim.place] = echo(plate)
         return ranges
 
@@ -124,11 +127,11 @@ class ScannerFeed:
     def measure(self, true_ranges: Array) -> Scan:
         """Add measurement errors to true ranges (N, T, B) [m]: the next T scans of each robot."""
         scanner, scans = self._scanner, true_ranges.shape[1:]
-        ranges = np.empty_like(true_ranges)
-        for of_robot, noise in zip(ranges, self._noise, strict=True):  # each robot has its own random numbers
+        ranges = np.empty(true_ranges.shape)
+        for of_robot, true, noise in zip(ranges, true_ranges, self._noise, strict=True):  # each has its own numbers
             noise.standard_normal(out=of_robot)
-        ranges *= scanner.noise
-        ranges += true_ranges
+            of_robot *= scanner.noise
+            of_robot += true
         if scanner.range_bias != 0:
             ranges += scanner.range_bias
         if scanner.quantisation > 0:

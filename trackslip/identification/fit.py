@@ -32,17 +32,27 @@ class Fits:
     hessian: Array  # (M, p, p) of half of it, from the slopes of the twists
     bend: Array  # (M, p, p) what the curvature of the twists adds to it, roughly
 
-    @property
+    @cached_property
     def law(self) -> SlipLaw:
         """The M laws, with parameters (M, 1)."""
         return self.family.law(self.values[:, None, :], self.runs.geometry)
+
+    @cached_property
+    def twist(self) -> Array:
+        """Twists (M, n, 2), or (n, 2) if they have no parameters, that the laws predict."""
+        return self.law.twist(self.runs.omega, self.runs.geometry)
+
+    @cached_property
+    def deviation(self) -> Array:
+        """Residuals (M, n, 2) along the eigenvectors, relative to the speed of the faster sprocket."""
+        return self.runs.missed(self.twist)
 
     @property
     def freedom(self) -> int:
         """Degrees of freedom."""
         return 2 * self.runs.runs - self.values.shape[1]
 
-    @property
+    @cached_property
     def covariance(self) -> Array:
         """Covariances (M, p, p) of the values: the inverse of the Hessian, scaled beforehand; infinite if singular."""
         root = np.sqrt(np.maximum(np.einsum("mii->mi", self.hessian), 1e-300))
@@ -83,7 +93,7 @@ class Fits:
         w, j = self._weighted_jacobian.reshape(pair), self.jacobian.reshape(pair)
         regular = np.asarray(np.isfinite(bread).all(axis=(1, 2)))
         leverage = np.einsum("mkai,mij,mkbj->mkab", j, np.where(regular[:, None, None], bread, 0.0), w)
-        residual = self.runs.deviation(self.law)
+        residual = self.deviation
         freed = np.linalg.solve(np.eye(2) * (1 + 1e-9) - leverage, residual[..., None])[..., 0]
         scores = np.einsum("mkai,mka->mki", w, freed)
         robust = np.full(bread.shape, np.inf)
@@ -99,21 +109,23 @@ def fit(
     scatter: Array | None = None,
     bend: Array | None = None,
     tolerance: float = CONVERGED,
+    twist: Array | None = None,
 ) -> Fits:
     """Minimise the squared residuals of the runs, in units of their standard deviations (see `weighting`).
 
     By default, the best of the fits from the family's own starting values is kept, and tau (M,) is estimated,
-    alternating with the values. For `bend` (M, p, p) and `tolerance` see `least_squares`.
+    alternating with the values. For `bend` (M, p, p) and `tolerance` see `least_squares`. The `twist` that the laws
+    predict at the start, as of Fits, need not be computed again if it is known.
     """
     family = family.under(runs.load)
     sets = max(len(runs.speeds), len(runs.weight))
     if scatter is not None:
-        return _at(family, runs, np.broadcast_to(scatter, (sets,)), start, bend, tolerance)
-    found = _at(family, runs, np.full(sets, _FIRST_SCATTER), start, bend, _ROUGHLY)
+        return _at(family, runs, np.broadcast_to(scatter, (sets,)), start, bend, tolerance, twist)
+    found = _at(family, runs, np.full(sets, _FIRST_SCATTER), start, bend, _ROUGHLY, twist)
     for _ in range(_ROUNDS):
-        scatter = runs.scatter(runs.deviation(found.law), found.freedom)
+        scatter = runs.scatter(found.deviation, found.freedom)
         change = np.abs(scatter - found.scatter) / np.maximum(np.maximum(scatter, found.scatter), 1e-12)
-        found = _at(family, runs, scatter, found.values, found.bend, tolerance)
+        found = _at(family, runs, scatter, found.values, found.bend, tolerance, found.twist)
         if change.max(initial=0.0) < _SETTLED:
             break
     return found
@@ -129,15 +141,22 @@ def minimise(
     bend: Array | None = None,
     tolerance: Array | float = CONVERGED,
     iterations: int = ITERATIONS,
+    twist: Array | None = None,
 ) -> Minimum:
-    """Solve m problems from `start` (m, p), problem k being a fit to set `sets[k]` of the runs; see `least_squares`."""
+    """Solve m problems from `start` (m, p), problem k being a fit to set `sets[k]` of the runs; see `least_squares`.
+
+    For `twist` see `fit`.
+    """
     low, high, scale = family.limits(runs.geometry.half_gauge)
     last = np.empty((len(start), *runs.omega.shape))  # twists
 
-    def residual(values: Array, rows: np.ndarray) -> Array:
+    def whitened(rows: np.ndarray) -> Array:
         chosen = sets[rows]
-        last[rows] = family.law(values[:, None, :], runs.geometry).twist(runs.omega, runs.geometry)
         return runs.whiten(runs.missed(last[rows], chosen), scatter[chosen], chosen)
+
+    def residual(values: Array, rows: np.ndarray) -> Array:
+        last[rows] = family.law(values[:, None, :], runs.geometry).twist(runs.omega, runs.geometry)
+        return whitened(rows)
 
     def jacobian(values: Array, rows: np.ndarray) -> Array:
         chosen = sets[rows]
@@ -147,7 +166,11 @@ def minimise(
     if not family.names:
         cost = np.sum(residual(start, np.arange(len(start))) ** 2, axis=1)
         return Minimum(start, cost, *np.zeros((2, len(start), 0, 0)))
-    return least_squares(residual, start, low, high, scale, held, jacobian, bend, tolerance, iterations)
+    first = None
+    if twist is not None:
+        last[:] = twist
+        first = whitened(np.arange(len(start)))
+    return least_squares(residual, start, low, high, scale, held, jacobian, bend, tolerance, iterations, first)
 
 
 def _at(
@@ -157,6 +180,7 @@ def _at(
     start: Array | None,
     bend: Array | None,
     tolerance: float,
+    twist: Array | None,
 ) -> Fits:
     """The fits at scatters (M,), from `start` or from the best that the starting values of the family reach."""
     sets = np.arange(len(scatter))
@@ -168,5 +192,5 @@ def _at(
         best = reached.cost.reshape(-1, k).argmin(axis=1) + k * sets
         found = Minimum(*(each[best] for each in (reached.values, reached.cost, reached.hessian, reached.bend)))
     else:
-        found = minimise(family, runs, scatter, start, sets, bend=bend, tolerance=tolerance)
+        found = minimise(family, runs, scatter, start, sets, bend=bend, tolerance=tolerance, twist=twist)
     return Fits(family, runs, found.values, scatter, found.cost, found.hessian, found.bend)

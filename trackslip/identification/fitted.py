@@ -122,7 +122,7 @@ def fit_law(
 
 def _likelihood(fits: Fits) -> float:
     """-2 log likelihood of the measured motions, without constants, at the most likely scatter."""
-    eigenvalues, squares = fits.runs.eigenvalues, fits.runs.deviation(fits.law)[0] ** 2
+    eigenvalues, squares = fits.runs.eigenvalues, fits.deviation[0] ** 2
     low, high, least = np.log(MIN_SCATTER), 1.0, np.inf
     for _ in range(_REFINED):
         tried = np.linspace(low, high, _TRIED)

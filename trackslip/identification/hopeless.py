@@ -57,9 +57,8 @@ def unfollowed(name: str, fits: Fits) -> tuple[str, ...]:
     law, runs = fits.law, fits.runs
     if type(law).twist is not SlipLaw.twist:
         return ()
-    twist = law.twist(runs.omega, runs.geometry)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        missed = np.abs(law.sprocket_speeds(twist, runs.geometry) - runs.omega).max(axis=-1)
+        missed = np.abs(law.sprocket_speeds(fits.twist, runs.geometry) - runs.omega).max(axis=-1)
     solved = missed < _MISSED * np.abs(runs.omega).max(axis=-1)
     without = int((~(solved | law.turns_in_place(runs.omega, runs.geometry)[0])).sum())
     if without > _MAX_WITHOUT * runs.runs:

@@ -111,7 +111,7 @@ def bootstrap_intervals(fits: Fits, count: int, rng: np.random.Generator) -> Arr
     drawn = rng.multinomial(n, np.full(n, 1 / n), size=count).astype(float)
     factor = 1 / np.sqrt(fits.runs.eigenvalues + fits.scatter[0] ** 2)  # (n, 2)
     jacobian = fits.jacobian[0].reshape(n, 2, parameters) * factor[..., None]
-    residual = fits.runs.deviation(fits.law)[0] * factor
+    residual = fits.deviation[0] * factor
     normal = np.einsum("kn,nij->kij", drawn, np.einsum("nai,naj->nij", jacobian, jacobian))
     gradient = np.einsum("kn,ni->ki", drawn, np.einsum("nai,na->ni", jacobian, residual))
     low, high, scale = fits.family.limits(fits.runs.geometry.half_gauge)

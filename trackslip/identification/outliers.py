@@ -76,14 +76,14 @@ def _robust_deviation(name: str, runs: WeightedRuns) -> tuple[Array, float]:
     found = fit(family, runs, scatter=scatter, tolerance=_ROUGHLY)
     weight = np.zeros(runs.runs)
     for _ in range(_ROUNDS):
-        deviation = runs.deviation(found.law)[0]
+        deviation = found.deviation[0]
         spread = _spread(deviation)
         reach = np.abs(deviation).max(axis=1) / (_TUKEY * max(spread, _WORTH_MENTIONING / _FAR))
         before, weight = weight, np.where(reach < 1, (1 - reach**2) ** 2, 1e-9)
         if np.abs(weight - before).max() < _SETTLED:
             break
-        found = fit(family, runs.weighted(weight[None]), found.values, scatter, found.bend, _ROUGHLY)
-    return runs.deviation(found.law)[0], spread
+        found = fit(family, runs.weighted(weight[None]), found.values, scatter, found.bend, _ROUGHLY, found.twist)
+    return found.deviation[0], spread
 
 
 def _spread(deviation: Array) -> float:

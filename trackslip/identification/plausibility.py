@@ -56,7 +56,7 @@ def require_plausible(
             f"run {run[k]!r}: its {('left', 'right')[track]} track moves at {speed[k, track]:+.3g} m/s where its "
             f"sprocket says {says:+.3g} m/s: does its encoder count backwards?"
         )
-    of_faster = np.take_along_axis(slip, size.argmax(axis=1)[:, None], axis=1)[:, 0]
+    of_faster = slip[np.arange(len(slip)), size.argmax(axis=1)]
     wild = (np.abs(of_faster) > _WILD) & suspicious
     opposite = (ideal[:, 1] * twist[:, 1] < 0) & (np.abs(twist[:, 1]) > 0.2 * np.abs(ideal[:, 1]))
     reversed_turn = opposite & wild & (np.abs(twist[:, 1]) < 2 * np.abs(ideal[:, 1]))

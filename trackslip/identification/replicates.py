@@ -111,7 +111,7 @@ def lack_of_fit(fits: Fits, measured: bool) -> list[LackOfFit] | None:
     freedom = fits.freedom
     if not measured or freedom < 1:
         return None
-    squares = np.sum(runs.whiten(runs.deviation(fits.law), np.zeros(len(fits.values))) ** 2, axis=1)
+    squares = np.sum(runs.whiten(fits.deviation, np.zeros(len(fits.values))) ** 2, axis=1)
     chance = scipy.special.chdtrc(freedom, squares)
     none = (1.0,) * fits.values.shape[1]
     return [
@@ -135,7 +135,7 @@ def _by_repeats(fits: Fits, labels: np.ndarray) -> list[LackOfFit] | None:
 
     axes = runs.axes  # (n, 2, 2)
     precision = 1 / (runs.eigenvalues + fits.scatter[:, None, None] ** 2)  # (M, n, 2)
-    deviation = runs.deviation(fits.law)
+    deviation = fits.deviation
     normal = of_groups(np.einsum("mna,nai,naj->mnij", precision, axes, axes))
     right = of_groups(np.einsum("mna,nai->mni", precision * deviation, axes))
     common = np.linalg.solve(normal, right[..., None])[..., 0]  # (M, groups, 2) mean deviation of a group

@@ -51,13 +51,14 @@ def least_squares(
     bend: Array | None = None,
     tolerance: Array | float = CONVERGED,
     iterations: int = ITERATIONS,
+    first: Array | None = None,
 ) -> Minimum:
     """Minimise the sums of squares of M problems, from starting values (M, p) within the limits `low`, `high` (p,).
 
     `scale` (p,) are the sizes of significant changes; parameters where `held` (M, p) is true are kept fixed.
     Without a `jacobian`, derivatives are taken by differences. A `bend` (M, p, p) known from a similar problem, as of
-    Minimum, saves steps. `tolerance` (M,) is the relative decrease of the cost at
-    convergence.
+    Minimum, saves steps, and residuals `first` (M, K) known at the start a call. `tolerance` (M,) is the relative
+    decrease of the cost at convergence.
     """
     problems, parameters = start.shape
     held = np.zeros((problems, parameters), bool) if held is None else held
@@ -65,9 +66,9 @@ def least_squares(
     rows = np.arange(problems)
 
     def finite(values: Array, rows: np.ndarray) -> Array:
-        return np.nan_to_num(residual(values, rows), nan=1e8, posinf=1e8, neginf=-1e8)
+        return _finite(residual(values, rows))
 
-    current = finite(values, rows)
+    current = finite(values, rows) if first is None else _finite(first)
     cost = np.sum(current**2, axis=1)
     slopes = np.zeros((*current.shape, parameters))
     hessian = np.tile(np.eye(parameters), (problems, 1, 1))
@@ -126,6 +127,11 @@ def least_squares(
     return Minimum(values, cost, hessian, bend)
 
 
+def _finite(residual: Array) -> Array:
+    """Residuals (m, K), large where there are none."""
+    return np.nan_to_num(residual, nan=1e8, posinf=1e8, neginf=-1e8)
+
+
 def _square(matrix: Array, step: Array) -> Array:
     """Quadratic forms (m,) of matrices (m, p, p)."""
     return np.einsum("mi,mij,mj->m", step, matrix, step)
@@ -134,6 +140,8 @@ def _square(matrix: Array, step: Array) -> Array:
 def _curved(normal: Array, bend: Array, free: np.ndarray) -> Array:
     """The Hessians (m, p, p) of half the costs for the free parameters (m, p), convex in any case."""
     both = free[:, :, None] & free[:, None, :]
+    if not bend.any():
+        return normal * both
     normal, whole = normal * both, (normal + bend) * both
     root = np.sqrt(np.where(free, np.maximum(np.einsum("mii->mi", normal), 1e-300), 1.0))
     scaled = whole / root[:, :, None] / root[:, None, :] + ~free[:, :, None] * np.eye(free.shape[1])
@@ -147,6 +155,8 @@ def _bend(bend: Array, step: Array, of_slopes: Array, of_gradient: Array) -> Arr
     `of_slopes` (m, p) is the change of the gradient that the change of the slopes causes, `of_gradient` the whole
     (Dennis, Gay and Welsch, 1981, NL2SOL).
     """
+    if not step.any():
+        return bend
     along = np.einsum("mi,mi->m", step, of_gradient)
     with np.errstate(divide="ignore", invalid="ignore"):
         size = np.abs(np.einsum("mi,mi->m", step, of_slopes)) / np.abs(_square(bend, step))

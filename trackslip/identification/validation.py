@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,10 +57,9 @@ class Predictions:
     @classmethod
     def of(cls, law: FittedLaw, samples: SlipSamples, geometry: RobotGeometry) -> Predictions:
         """The predictions of the law's family, refitted without the runs that are predicted."""
-        runs = WeightedRuns.of(samples, geometry)
         of_runs = np.arange(len(samples)) % _PARTS
         groupings = folds(by_command(samples.omega, geometry)), folds(by_speed(samples.omega)), of_runs
-        return cls(*(_predicted(law, runs, labels) for labels in groupings))
+        return cls(*_predicted(law, WeightedRuns.of(samples, geometry), groupings))
 
     def errors(self, samples: SlipSamples, geometry: RobotGeometry) -> CrossValidation:
         """Their root mean square errors."""
@@ -117,13 +116,26 @@ def _as_good(errors: Mapping[str, Array]) -> list[str]:
     return [name for name, squares in errors.items() if not worse(squares)]
 
 
-def _predicted(law: FittedLaw, runs: WeightedRuns, labels: np.ndarray) -> Array | None:
-    """Twists (n, 2) of the runs, each predicted by a fit to the other groups; None if that cannot be."""
-    groups = int(labels.max()) + 1
+def _predicted(law: FittedLaw, runs: WeightedRuns, groupings: Sequence[np.ndarray]) -> list[Array | None]:
+    """Twists (n, 2) of the runs, each predicted by a fit to the other groups, for each way to label them (n,) by group.
+
+    None for a way that leaves too few.
+    """
     family = FAMILIES[law.name].under(runs.load)
-    kept = (labels != np.arange(groups)[:, None]).astype(float)  # (groups, n)
-    if groups < 2 or 2 * kept.sum(axis=1).min() <= len(family.names):
-        return None
-    start = np.tile([law.values[name] for name in family.names], (groups, 1))
-    fits = fit(family, runs.weighted(kept), start.reshape(groups, -1), np.full(groups, law.scatter), tolerance=_ROUGHLY)
-    return family.law(fits.values[labels], runs.geometry).twist(runs.omega, runs.geometry)  # a law for each run
+    kept, chosen, count = [], [], 0  # weights (groups, n) of the fits, and which fit (n,) predicts each run
+    for labels in groupings:
+        weight = (labels != np.arange(labels.max() + 1)[:, None]).astype(float)
+        enough = len(weight) > 1 and 2 * weight.sum(axis=1).min() > len(family.names)
+        chosen.append(count + labels if enough else None)
+        if enough:
+            kept.append(weight)
+            count += len(weight)
+    if not kept:
+        return [None] * len(groupings)
+    start = np.tile([law.values[name] for name in family.names], (count, 1)).reshape(count, -1)
+    weighted = runs.weighted(np.concatenate(kept))
+    fits = fit(family, weighted, start, np.full(count, law.scatter), tolerance=_ROUGHLY)
+    values = fits.values[[rows for rows in chosen if rows is not None]]  # (ways, n, p): a law for each run
+    twists = family.law(values, runs.geometry).twist(runs.omega, runs.geometry)
+    each = iter(np.broadcast_to(twists, (*values.shape[:2], 2)))
+    return [None if rows is None else next(each) for rows in chosen]

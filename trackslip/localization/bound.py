@@ -60,7 +60,7 @@ MIN_ANGLE = np.radians(3.0)
 """The bound means little at smaller angles from edge-on [rad]."""
 _NORMAL = 1e9  # the loss of a normally distributed range is never linear [standard deviations]
 _FLAT = 1e-6  # derivative of a range with respect to the place along the plate; of one on the short face it is over 1
-_AT_ONCE = 1000  # poses, which bounds the memory
+_AT_ONCE = 250  # poses, so that they stay in the cache
 
 
 def pose_bound(
@@ -78,14 +78,16 @@ def pose_bound(
             long face, the pose is undetermined. By default all beams return something, or 1 - dropout of each.
     """
     information = np.zeros((len(pose), 3, 3))
+    directions = directed(bearings)
     told = np.ones(len(pose), bool)
     for start in range(0, len(pose), _AT_ONCE):
         some = pose[start : start + _AT_ONCE]
         if seen is None:
-            jacobian = np.sqrt(1 - dropout) * range_jacobian(some, plate, towards(some, plate, bearings))
+            aimed = directions.take(towards(some, plate, bearings), axis=1)
+            jacobian = np.sqrt(1 - dropout) * range_jacobian(some, plate, aimed)
         else:
             part = slice(start, start + _AT_ONCE)
-            jacobian = seen.hit[part, :, None] * range_jacobian(some, plate, seen.bearing[part])
+            jacobian = seen.hit[part, :, None] * range_jacobian(some, plate, directed(seen.bearing[part]))
             told[part] = _on_long_face(jacobian, some[:, 2]).any(axis=1)
         jacobian /= noise
         edges = _edge_jacobian(some, plate, bearings) / np.sqrt(1 + 12 * dropout / (1 - dropout) ** 2)
@@ -152,8 +154,8 @@ def _lost_ends(pose: Array, covariance: Array, plate: Plate, scan: Scan, seen: C
     return axis.change(variance)
 
 
-def towards(pose: Array, plate: Plate, bearings: Array) -> Array:
-    """The bearings out of (B,) that can meet the plates at poses (S, 3), equally many for all of them: (S, W)."""
+def towards(pose: Array, plate: Plate, bearings: Array) -> np.ndarray:
+    """Which of the bearings (B,) can meet the plates at poses (S, 3), equally many for all of them: (S, W)."""
     distance, sight = np.hypot(pose[:, 0], pose[:, 1]), np.arctan2(pose[:, 1], pose[:, 0])
     radius = np.hypot(plate.length, plate.thickness) / 2
     spread = np.arcsin(np.minimum(radius / np.maximum(distance, radius), 1.0))
@@ -162,14 +164,19 @@ def towards(pose: Array, plate: Plate, bearings: Array) -> Array:
     if np.any(np.abs(sight) + spread > np.pi):  # behind the LRF, where bearings jump
         count = len(bearings)
     first = np.floor((sight - spread - bearings[0]) / step).astype(int)
-    return bearings[np.clip(first, 0, len(bearings) - count)[:, None] + np.arange(count)]
+    return np.clip(first, 0, len(bearings) - count)[:, None] + np.arange(count)
 
 
-def range_jacobian(pose: Array, plate: Plate, bearings: Array) -> Array:
-    """Derivatives (S, W, 3) of ranges at bearings (S, W) with respect to x, y and phi; zero where a beam misses."""
+def directed(bearings: Array) -> Array:
+    """Directions (2, ...) of beams with bearings (...)."""
+    return np.array([np.cos(bearings), np.sin(bearings)])
+
+
+def range_jacobian(pose: Array, plate: Plate, directions: Array) -> Array:
+    """Derivatives (S, W, 3) of ranges in `directions` (2, S, W) by x, y and phi; zero where a beam misses."""
     x, y = pose[:, :1], pose[:, 1:2]
     cos, sin = np.cos(pose[:, 2:]), np.sin(pose[:, 2:])
-    u_x, u_y = np.cos(bearings), np.sin(bearings)
+    u_x, u_y = directions
     enter, leave, along = [], [], []
     for m_x, m_y, size in ((cos, sin, plate.length), (-sin, cos, plate.thickness)):  # the two faces along m are a slab
         m_u, m_c = m_x * u_x + m_y * u_y, m_x * x + m_y * y

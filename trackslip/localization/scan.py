@@ -129,9 +129,16 @@ class Cluster(Rows):
 
     def take(self, rows: np.ndarray) -> Cluster:
         """The clusters `rows`, padded to the widest of them."""
-        width = int(self.padded_width[rows].max(initial=_PADDING))
-        narrow = {name: getattr(self, name)[:, :width] for name in ("bearing", "range", "hit")}
-        return Rows.take(replace(self, **narrow), rows)
+        return Rows.take(self._narrowed(self.padded_width[rows]), rows)
+
+    def between(self, first: int, end: int) -> Cluster:
+        """The clusters from `first` up to, but not including, `end`, padded to the widest of them; no copies."""
+        part = Cluster(*(value[first:end] for value in vars(self).values()))
+        return part._narrowed(part.padded_width)
+
+    def _narrowed(self, widths: np.ndarray) -> Cluster:
+        width = int(widths.max(initial=_PADDING))
+        return replace(self, **{name: getattr(self, name)[:, :width] for name in ("bearing", "range", "hit")})
 
     @classmethod
     def joined(cls, parts: Sequence[Cluster]) -> Cluster:

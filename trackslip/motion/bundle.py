@@ -46,28 +46,23 @@ def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     time = log.time[seen] - centre
     beams = Beams.of(scans.scan, scans.cluster.take(seen))
     likelihood = PlateLikelihood(scans.plate, _HUBER)
-    pose = poses_on_arc(parameters, time)[0]
-    cost = likelihood.evaluate(beams, pose).cost
-    kept = np.flatnonzero((likelihood.misfit(beams, pose) < _MISFIT) & (cost < _COSTLY * (beams.count + 2)))
+    pose, jacobian = poses_on_arc(parameters, time)
+    fit = likelihood.evaluate(beams, pose)
+    fits = (likelihood.misfit(beams, pose) < _MISFIT) & (fit.cost < _COSTLY * (beams.count + 2))
+    kept = np.flatnonzero(fits)
     if kept.size < MIN_ARC_POSES:
         raise LogError(f"run {log.run!r}: its ranges don't fit its poses")
-    time, beams = time[kept], beams.take(kept)
-
-    def evaluate(parameters: Array) -> tuple[Evaluation, Array, Array]:
-        pose, jacobian = poses_on_arc(parameters, time)
-        fit = likelihood.evaluate(beams, pose).in_lrf_frame()
-        scores = np.einsum("tki,tk->ti", jacobian, fit.gradient)
-        hessian = np.einsum("tki,tkl,tlj->ij", jacobian, fit.hessian, jacobian)
-        return fit, scores, hessian
-
-    fit, scores, hessian = evaluate(parameters)
+    if not fits.all():
+        time, beams, fit, jacobian = time[kept], beams.take(kept), fit.take(kept), jacobian[kept]
+    cost, (scores, hessian) = fit.cost.sum(), _slopes(fit, jacobian)
     damping = 1e-3
     for _ in range(_ITERATIONS):
         step = -np.linalg.solve(hessian + damping * np.diag(np.diag(hessian)), scores.sum(axis=0))
-        tried = evaluate(parameters + step)
-        if tried[0].cost.sum() <= fit.cost.sum():
+        pose, jacobian = poses_on_arc(parameters + step, time)
+        fit = likelihood.evaluate(beams, pose)
+        if (tried := fit.cost.sum()) <= cost:
             parameters = parameters + step
-            fit, scores, hessian = tried
+            cost, (scores, hessian) = tried, _slopes(fit, jacobian)
             damping /= 10
             if np.abs(step * np.sqrt(np.diag(hessian))).max() < _CONVERGED:
                 break
@@ -78,3 +73,15 @@ def bundle(log: RunLog, window: tuple[float, float]) -> SteadyTwist:
     excess = np.trace(covariance @ scattered) / len(parameters)  # 1 for uncorrelated ranges as noisy as stated
     inflation = excess if excess > _CHANCE else 1.0
     return SteadyTwist.of_arc(parameters, inflation * covariance)
+
+
+def _slopes(fit: Evaluation, jacobian: Array) -> tuple[Array, Array]:
+    """Derivatives of the costs of scans by the parameters of the arc, (T, 6), and the Hessian of their sum (6, 6).
+
+    `jacobian` (T, 3, 6) are those of the poses.
+    """
+    fit = fit.in_lrf_frame()
+    scores = np.einsum("tki,tk->ti", jacobian, fit.gradient)
+    parameters = jacobian.shape[-1]
+    weighted = (fit.hessian[..., None] * jacobian[:, :, None]).reshape(-1, parameters)  # of all pairs of coordinates
+    return scores, np.einsum("ri,rj->ij", weighted, jacobian.repeat(3, axis=0).reshape(-1, parameters))

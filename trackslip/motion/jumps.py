@@ -47,16 +47,22 @@ def find_jumps(time: Array, pose: Array) -> Jumps:
     glitch = (_magnitude(off) > np.maximum(least, significant)).any(axis=1)
     size[glitch] = off[glitch]
     good = np.flatnonzero(~glitch)
-    lasting = _lasting(time[good], pose[good], period, half) if len(good) > 2 * half else []
+    if len(good) <= 2 * half:
+        return Jumps(glitch, (), size)
+    if len(good) < len(time):
+        path, _, rate = _off_reckoning(time[good], pose[good], half)
+    lasting = _lasting(path, rate, period)
     for row, jump in lasting:
         size[good[row]] = jump
     return Jumps(glitch, tuple(sorted(int(good[row]) for row, _ in lasting)), size)
 
 
-def _lasting(time: Array, pose: Array, period: float, half: int) -> list[tuple[int, Array]]:
-    """First rows after lasting jumps, and their sizes (3,), the largest first."""
-    path, _, rate = _off_reckoning(time, pose, half)
-    count = len(time)
+def _lasting(path: Array, rate: Array, period: float) -> list[tuple[int, Array]]:
+    """First rows after lasting jumps of a path (n, 3) off dead reckoning, and their sizes (3,), the largest first.
+
+    `rate` (2,) are speed and yaw rate.
+    """
+    count = len(path)
     width = max(_AVERAGED, round(min(_COMPARED / period, _MOST_AVERAGED)))
     width = max(1, min(width, count // 8))
     fewest = -(-width // 3)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -49,12 +50,12 @@ class SteadyPart:
     notes: tuple[str, ...]
     """What was excluded from the run besides settling, one line each; the same for all its stretches."""
 
-    @property
+    @cached_property
     def rows(self) -> np.ndarray:
         """(T,) bool: the rows in the window."""
         return within(self.log.time, self.window)
 
-    @property
+    @cached_property
     def omega(self) -> Array:
         """Mean sprocket speeds (2,) in the window [rad/s]."""
         rows = self.rows
@@ -63,7 +64,7 @@ class SteadyPart:
         mean: Array = np.average(self.log.omega[rows], axis=0, weights=step if uneven else None)
         return mean
 
-    @property
+    @cached_property
     def load(self) -> Array | None:
         """Mean tractions per unit load in the window (2,) [-]; None if the run doesn't tell them."""
         if self.log.load is None:

@@ -71,10 +71,12 @@ def require_poses(usable: np.ndarray, least: int, log: RunLog, window: tuple[flo
 def long_run_covariance(series: Array, share: float | None = None) -> Array:
     """Covariance (K, K) of the sum of a series (T, K) of mean zero, over T, accounting for correlation in time.
 
-    Uses a Bartlett window, after Newey and West (1987). Its width is a `share` of the series or, by default, Andrews'
-    (1991) width for a first-order autoregression: the largest of the K, at most a quarter of the series.
+    Uses a Bartlett window, after Newey and West (1987): the covariance at a lag l has the weight 1 - |l| / (L + 1),
+    which is the mean square of the sums of any L + 1 successive values, with zeros before and after the series, over
+    L + 1. L is a `share` of the series or, by default, Andrews' (1991) for a first-order autoregression: the largest of
+    the K, at most a quarter of the series.
     """
-    rows = len(series)
+    rows, width = series.shape
     if share is None:
         power = np.sum(series**2, axis=0)
         memory = np.clip(np.sum(series[:-1] * series[1:], axis=0) / np.where(power > 0, power, 1.0), -0.97, 0.97)
@@ -82,8 +84,8 @@ def long_run_covariance(series: Array, share: float | None = None) -> Array:
         lags = int(min(1.1447 * (spread.max() * rows) ** (1 / 3), rows / 4))
     else:
         lags = int(share * rows)
-    covariance = series.T @ series
-    for lag in range(1, lags + 1):
-        product = series[lag:].T @ series[:-lag]
-        covariance += (1 - lag / (lags + 1)) * (product + product.T)
-    return covariance / rows
+    total = np.zeros((rows + 2 * lags + 1, width))
+    np.cumsum(series, axis=0, out=total[lags + 1 : lags + 1 + rows])
+    total[lags + 1 + rows :] = total[lags + rows]
+    sums = total[lags + 1 :] - total[: -lags - 1]
+    return np.asarray(sums.T @ sums / ((lags + 1) * rows))

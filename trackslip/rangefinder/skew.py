@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.localization.bound import range_jacobian
+from trackslip.localization.bound import directed, range_jacobian
 from trackslip.localization.scan import Plate
 from trackslip.rangefinder.moving import around_plate
 
@@ -30,7 +30,7 @@ def straightened(
     place = np.arange(len(row)) - np.repeat(np.cumsum(width) - width, width)
     bearing = np.zeros((len(pose), int(width.max(initial=1))))
     bearing[row, place] = bearings[beam]
-    gradient = range_jacobian(pose, plate, bearing)[row, place]
+    gradient = range_jacobian(pose, plate, directed(bearing))[row, place]
     change = late * np.einsum("hi,hi->h", gradient, rate[row])
     if np.abs(change).max(initial=0.0) < _WORTH * noise:
         return ranges

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trackslip.errors import InvalidValueError
-from trackslip.kinematics import Array, RobotGeometry, body_twist, curvature, sprocket_speeds
+from trackslip.kinematics import Array, RobotGeometry, curvature, sprocket_speeds, twist_of_tracks
 
 _EDGE = 1e-9  # beyond a jump that is rounding [half its height]
 _CONVERGED = 1e-12  # relative error of the sprocket speeds
@@ -46,20 +46,18 @@ class SlipLaw(ABC):
         """
         omega = np.asarray(omega, float)
         in_place, turning = self.turns_in_place(omega, geometry)
-        commanded = np.broadcast_to(_plane(body_twist(omega, 0.0, geometry), geometry), in_place.shape)
+        commanded = np.broadcast_to(_without_slip(omega, geometry), in_place.shape)
         whole = np.empty(in_place.shape, complex)
         law, rows, real, found = self, np.arange(whole.size).reshape(whole.shape), commanded, in_place
         wrong = turned = np.zeros_like(commanded, dtype=float)
         few = _FEW if self._many() is not None else rows.size
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             for k in range(self.twist_iterations):
-                twist = np.stack([real.real, real.imag / geometry.half_gauge], axis=-1)
-                demanded = _plane(body_twist(law.sprocket_speeds(twist, geometry), 0.0, geometry), geometry)
-                ratio = commanded / demanded
+                demanded = law.sprocket_speeds(_of_plane(real, geometry), geometry)
+                ratio = commanded / _without_slip(demanded, geometry)
                 ratio = np.where(np.isfinite(ratio) & (ratio != 0), ratio, 1.0)
-                missed = np.angle(ratio)
-                slope = np.clip((wrong - missed) / turned, *_SLOPES) if k > 0 else 1.0
-                turned = missed / np.where(np.isfinite(slope), slope, 1.0)
+                missed = np.arctan2(ratio.imag, ratio.real)
+                turned = missed if k == 0 else missed / _limited((wrong - missed) / turned)
                 wrong = missed
                 real = np.where(found, real, real * np.abs(ratio) * np.exp(1j * turned))
                 found = found | (np.abs(ratio - 1) < _CONVERGED)  # kept, as another step might cross a jump
@@ -73,8 +71,7 @@ class SlipLaw(ABC):
                     )
                     law, found = law._of(sought), np.zeros(len(rows), bool)
         whole.flat[rows] = real
-        whole = np.where(in_place, 1j * turning, whole)
-        return np.stack([whole.real, whole.imag / geometry.half_gauge], axis=-1)
+        return _of_plane(np.where(in_place, 1j * turning, whole), geometry)
 
     def _many(self) -> dict[str, Array] | None:
         """The parameters that are arrays, of many laws at once; None if others may be, too, inside of anything else."""
@@ -96,16 +93,33 @@ class SlipLaw(ABC):
         """
         belt = geometry.sprocket_radius * omega
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-            inner, outer = np.moveaxis(self(np.inf), -1, 0)
+            slips = self(np.inf)
+            inner, outer = slips[..., 0], slips[..., 1]
             turning = (2 - inner - outer) / (1 / belt[..., 1] - 1 / belt[..., 0])
             beyond = (1 - turning / belt[..., 1] - (inner + outer) / 2) / ((outer - inner) / 2)
             inside = (belt[..., 0] * belt[..., 1] < 0) & (outer > inner) & (np.abs(beyond) <= 1 + _EDGE)
         return inside, np.where(inside, turning, 0.0)
 
 
-def _plane(twist: Array, geometry: RobotGeometry) -> np.ndarray:
-    """v + i b w (...), complex [m/s], of twists (..., 2)."""
-    return twist[..., 0] + 1j * geometry.half_gauge * twist[..., 1]
+def _without_slip(omega: Array, geometry: RobotGeometry) -> np.ndarray:
+    """v + i b w (...), complex [m/s], of the twists that sprocket speeds omega (..., 2) would produce without slip."""
+    twist = twist_of_tracks(geometry.sprocket_radius * omega, geometry.half_gauge)
+    plane = np.empty(twist.shape[:-1], complex)
+    plane.real, plane.imag = twist[..., 0], geometry.half_gauge * twist[..., 1]
+    return plane
+
+
+def _of_plane(plane: np.ndarray, geometry: RobotGeometry) -> Array:
+    """Twists (..., 2) of complex v + i b w (...) [m/s]."""
+    twist = np.empty((*plane.shape, 2))
+    twist[..., 0], twist[..., 1] = plane.real, plane.imag / geometry.half_gauge
+    return twist
+
+
+def _limited(slope: Array) -> Array:
+    """Slopes (...) within _SLOPES; 1 where they are not known."""
+    slope = np.minimum(np.maximum(slope, _SLOPES[0]), _SLOPES[1])
+    return np.where(np.isnan(slope), 1.0, slope)
 
 
 def by_side(kappa: ArrayLike, inner: Array, outer: Array) -> Array:

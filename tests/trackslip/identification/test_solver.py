@@ -109,6 +109,15 @@ def test_slopes_of_turns_in_place_are_those_of_finite_differences(name):
     assert np.abs(difference[:, 0]).max() > 0.1
 
 
+def test_twists_known_at_the_start_change_no_bit():
+    runs = WeightedRuns.of(grid(PUBLISHED, errors=np.diag([2e-3, 4e-3]) ** 2), GEOMETRY)
+    family, scatter = FAMILIES["exponential"], np.full(1, 0.003)
+    begin = fit(family, runs, scatter=scatter, tolerance=1e-2)
+    plain, told = (fit(family, runs, begin.values, scatter, begin.bend, twist=each) for each in (None, begin.twist))
+    for name in ("values", "cost", "hessian", "twist"):
+        np.testing.assert_array_equal(getattr(told, name), getattr(plain, name))
+
+
 def test_limits_and_held_parameters():
     truth, y = decays(5)
     at_limit = solved(y, low=(-np.inf, -0.2), start=(1.0, -0.1))
