@@ -160,6 +160,8 @@ COMMAND_EXAMPLES = (
 _DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate for it.
 `trackslip COMMAND --help` lists a command's options and examples."""
 _REPEATABLE = (("view", "--run"), ("evaluate", "--law"))
+DRAWING = ("reproduce", "identify", "localize", "drive", "benchmark", "validate", "sensitivity")
+"""Commands whose modules import matplotlib."""
 _BRIEF = ("reproduce",)  # commands that end before their garbage matters: to free figures takes a tenth of drawing them
 _COMPLETION = ("--tyro-print-completion", "--tyro-write-completion")
 _SHELLS = ("bash", "zsh", "fish", "tcsh")
@@ -170,8 +172,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     try:
         options = parse(arguments)
-        runner = importlib.import_module(f"experiments.commands.{arguments[0]}")
         alone = not gc.isenabled()  # in a process of its own, of which nothing so far is garbage
+        if alone and arguments[0] in DRAWING:
+            importlib.import_module("experiments.report.quick_import").import_matplotlib()
+        runner = importlib.import_module(f"experiments.commands.{arguments[0]}")
         if alone:
             gc.freeze()
             if arguments[0] not in _BRIEF:
