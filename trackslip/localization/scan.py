@@ -53,7 +53,8 @@ class Plate:
         x, y = x - p_x, y - p_y
         along = np.abs(cos * x + sin * y) - self.length / 2
         across = np.abs(cos * y - sin * x) - self.thickness / 2
-        return np.hypot(np.maximum(along, 0), np.maximum(across, 0)) + np.minimum(np.maximum(along, across), 0)
+        inside, x, y = np.minimum(np.maximum(along, across), 0), np.maximum(along, 0), np.maximum(across, 0)
+        return np.sqrt(x * x + y * y) + inside
 
 
 @dataclass(frozen=True)
