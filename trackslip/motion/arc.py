@@ -59,9 +59,8 @@ def fit_arc(time: Array, pose: Array) -> tuple[Array, Array, Array, int]:
         spread = np.maximum(1.0, 1.4826 * np.median(np.abs(residual), axis=0))
         weight = np.minimum(1.0, _HUBER * spread / np.maximum(np.abs(residual), 1e-300))
         weighted = jacobian * weight[..., None]
-        by_parameter = weighted.reshape(residual.size, -1).T
-        hessian = by_parameter @ jacobian.reshape(residual.size, -1)
-        step = np.linalg.solve(hessian, -by_parameter @ residual.ravel())
+        hessian = np.einsum("tki,tkj->ij", weighted, jacobian)
+        step = np.linalg.solve(hessian, -np.einsum("tki,tk->i", weighted, residual))
         parameters = parameters + step
         if np.abs(step).max() < _CONVERGED:
             break

@@ -15,7 +15,6 @@ from trackslip.kinematics import Array
 from trackslip.localization.beams import Beams
 from trackslip.localization.climb import Evaluation
 from trackslip.localization.likelihood import PlateLikelihood
-from trackslip.localization.view import in_axes
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.arc import MIN_ARC_POSES, fit_arc, poses_on_arc
 from trackslip.motion.steady_twist import SteadyTwist, long_run_covariance, require_poses, within
@@ -81,7 +80,8 @@ def _slopes(fit: Evaluation, jacobian: Array) -> tuple[Array, Array]:
 
     `jacobian` (T, 3, 6) are those of the poses.
     """
-    along = in_axes(fit.pose[:, 2]) @ jacobian  # of the places along and across the plate, and of the heading
-    scores = np.einsum("tki,tk->ti", along, fit.gradient)
-    parameters = along.shape[-1]
-    return scores, along.reshape(-1, parameters).T @ (fit.hessian @ along).reshape(-1, parameters)
+    fit = fit.in_lrf_frame()
+    scores = np.einsum("tki,tk->ti", jacobian, fit.gradient)
+    parameters = jacobian.shape[-1]
+    weighted = (fit.hessian[..., None] * jacobian[:, :, None]).reshape(-1, parameters)  # of all pairs of coordinates
+    return scores, np.einsum("ri,rj->ij", weighted, jacobian.repeat(3, axis=0).reshape(-1, parameters))
