@@ -128,10 +128,10 @@ class ScannerFeed:
         """Add measurement errors to true ranges (N, T, B) [m]: the next T scans of each robot."""
         scanner, scans = self._scanner, true_ranges.shape[1:]
         ranges = np.empty(true_ranges.shape)
-        for of_robot, true, noise in zip(ranges, true_ranges, self._noise, strict=True):  # each has its own numbers
+        for of_robot, noise in zip(ranges, self._noise, strict=True):  # each robot has its own random numbers
             noise.standard_normal(out=of_robot)
-            of_robot *= scanner.noise
-            of_robot += true
+        ranges *= scanner.noise
+        ranges += true_ranges
         if scanner.range_bias != 0:
             ranges += scanner.range_bias
         if scanner.quantisation > 0:
