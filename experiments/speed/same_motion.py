@@ -16,7 +16,7 @@ from sim.fleet import Fleet
 from trackslip.kinematics import Array
 
 
-class Belts:
+class _BeltSpeeds:
     """The speeds of a fleet's belts, from the present moment on, for some time."""
 
     def __init__(self, fleet: Fleet, duration: float) -> None:
@@ -25,7 +25,7 @@ class Belts:
         self._periods = round(duration / fleet.period)
         self._drive = fleet.drive.of(np.arange(fleet.size))
 
-    def speeds(self) -> Array:
+    def planned(self) -> Array:
         """Speeds (P, N, pads) of the pads' surfaces in the P servo periods [m/s], at the fleet's present set points."""
         robot, drive = self._fleet.robot, self._drive
         drive.command(self._fleet.drive.set_point)
@@ -46,11 +46,11 @@ class SameMotion:
         """Note the present state of the fleet, from which the next repetition starts."""
         self._bare.state[:] = self._fleet.batch.state
         self._friction[:] = self._fleet.batch.expand("pair_friction")
-        self._belts = Belts(self._fleet, self._duration)
+        self._belts = _BeltSpeeds(self._fleet, self._duration)
 
     def repeat(self) -> float:
         """Time that the bare engine takes to drive on from there by the fleet's present set points [s]."""
-        return _drive(self._bare, self._fleet, self._belts.speeds())
+        return _drive(self._bare, self._fleet, self._belts.planned())
 
 
 class WholeMotion:
@@ -61,12 +61,12 @@ class WholeMotion:
         self._fleet, self._duration = fleet, duration
         self._start = bare_batch(fleet)
         self._speeds: list[Array] = []
-        self._belts = Belts(fleet, duration)
+        self._belts = _BeltSpeeds(fleet, duration)
 
     def note(self) -> None:
         """Note what the fleet has done since the last call, or since the beginning."""
-        self._speeds.append(self._belts.speeds())
-        self._belts = Belts(self._fleet, self._duration)
+        self._speeds.append(self._belts.planned())
+        self._belts = _BeltSpeeds(self._fleet, self._duration)
 
     def repeat(self, threads: int) -> float:
         """Time that the bare engine takes for all of it on some threads [s]."""

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from trackslip.kinematics import Array
-from trackslip.localization.rows import Rows
 from trackslip.localization.scan import Plate
 
 _ENDS = np.array([-0.5, 0.5])  # of a side from its middle [its length]
@@ -16,7 +15,7 @@ _TINY = 1e-12  # keeps a corner on the LRF from dividing by zero [m]
 
 
 @dataclass(frozen=True)
-class View(Rows):
+class View:
     """Where plates are along and across their own axes, seen from the LRF: one for each scan, or K, see `slid`."""
 
     plate: Plate

@@ -22,7 +22,7 @@ Case = tuple[int, float, int]
 
 _TIMES = {1: 50, 16: 12, 256: 1, 4096: 1}  # how often robots are driven for a short time
 _SHORT, _LONG = 30.0, 1800.0  # [s]
-_LONG_ENOUGH = {256: 120.0}  # [s]
+_LONG_ENOUGH = {256: 120.0}  # to show whether memory grows, where 30 min would take long [s]
 _QUICK_CASES: tuple[Case, ...] = (  # of `bench --pipeline`; those of many robots are recorded in two whole parts
     *((1, 30.0, 60), (1, 600.0, 3)),
     *((16, 30.0, 4), (16, 120.0, 1)),
