@@ -109,7 +109,8 @@ class RunRecorder:
 
     def _require_upright(self, k: int) -> None:
         """Raise RunFailedError if a robot has tipped over in row k."""
-        if (self._fleet.upright() > _UPRIGHT).all():  # neither roll nor pitch exceeds the tilt
+        leaning = ~(self._fleet.upright() > _UPRIGHT)
+        if not np.count_nonzero(leaning):  # neither roll nor pitch exceeds the tilt
             return
         upright = (np.abs(self._fleet.attitude()[:, 1:]) < _TIPPED).all(axis=1)
         if not upright.all():
@@ -161,7 +162,7 @@ class RunRecorder:
         if twist.shape != (len(robots), 2):
             what = f"twists have the shape {twist.shape}: must be {(len(robots), 2)}, one per pose"
             raise RunFailedError(f"run {self.name(robots[0])!r}: its controller's {what}")
-        if not np.isfinite(twist).all():
+        if np.count_nonzero(np.isfinite(twist)) < twist.size:
             i = int(np.flatnonzero(~np.isfinite(twist).all(axis=1))[0])
             what = f"returns the twist {tuple(twist[i].tolist())} at {self.time[k]:g} s: must be finite"
             raise RunFailedError(f"run {self.name(robots[i])!r}: its controller {what}")

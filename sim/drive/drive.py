@@ -127,7 +127,7 @@ class DriveState:
 
     def command(self, omega: Array) -> None:
         """Set the set points (N, 2) [rad/s], clipped to the top speed."""
-        require(np.isfinite(omega).all(), "omega", omega, "finite")
+        require(np.count_nonzero(np.isfinite(omega)) == omega.size, "omega", omega, "finite")
         limited = np.minimum(np.maximum(omega, -self.limit), self.limit)
         self._error += self.set_point - limited
         self.set_point[:] = limited

@@ -9,6 +9,7 @@ import numpy as np
 from trackslip.kinematics import Array
 from trackslip.localization.rows import Rows
 from trackslip.localization.scan import MIN_NOISE, Cluster, Scan
+from trackslip.localization.view import Points
 
 OUTWARDS = np.array([[-1.0], [1.0]])
 """Signs (2, 1) of bearings outwards from the middle, right and left."""
@@ -19,7 +20,7 @@ _MARGIN = 0.1  # the scanner's reach may cut off returns this close to it [m]
 class Edges(Rows):
     """The edges of the plate's silhouette, right and left, in M scans."""
 
-    ahead: Array  # (M, 2) direction of the middle, half-way between the outermost returns
+    ahead: Points  # (M,) direction of the middle, half-way between the outermost returns
     bearing: Array  # (M, 2) from the middle [rad]
     weight: Array  # (M, 2) reciprocal of their standard deviation, 0 if not an edge of the plate [1/rad]
     slack: Array  # (M, 2) deviation of a hidden edge that costs nothing [rad]
@@ -42,7 +43,7 @@ class Beams:
         """The beams of each cluster of a scan; each has a return."""
         step, count = scan.beam_step, cluster.count
         bearing, distance = cluster.bearing[cluster.hit], cluster.range[cluster.hit]
-        first = np.cumsum(count) - count
+        first = count.cumsum() - count
         low, high = bearing[first], bearing[first + count - 1]
         middle = (low + high) / 2
         lost = np.maximum(cluster.lost / (cluster.lost + count), scan.dropout)  # of the beams inside the cluster
@@ -54,8 +55,8 @@ class Beams:
         spread = step * np.sqrt(1 / 12 + beyond / (1 - lost))
         told &= np.maximum.reduceat(distance, first) < scan.max_range - _MARGIN
         told &= np.array([low > scan.bearings[0] + step / 4, high < scan.bearings[-1] - step / 4])
-        weight, ahead = np.where(told, 1 / spread, 0.0), np.array([np.cos(middle), np.sin(middle)])
-        edges = Edges(ahead.T, (reach * OUTWARDS).T, weight.T, slack.T)
+        weight, ahead = np.where(told, 1 / spread, 0.0), np.exp(1j * middle)
+        edges = Edges(ahead, (reach * OUTWARDS).T, weight.T, slack.T)
         u, u_turned = np.empty((2, len(bearing))), np.empty((2, len(bearing)))
         u[0], u[1] = u_turned[1], u_turned[0] = np.cos(bearing), np.sin(bearing)
         np.negative(u_turned[1], out=u_turned[1])
@@ -85,7 +86,7 @@ class Beams:
 
     def spread(self, of_scans: Array) -> Array:
         """What belongs to the scans, (..., M), for each of their returns (..., H)."""
-        return np.repeat(of_scans, self.count, axis=-1)
+        return of_scans.repeat(self.count, axis=-1)
 
     def sums(self, of_returns: Array) -> Array:
         """Sums (..., M) over the returns (..., H) of each scan."""

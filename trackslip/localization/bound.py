@@ -201,7 +201,7 @@ def range_jacobian(pose: Array, plate: Plate, directions: Array) -> Array:
 def _edge_jacobian(pose: Array, plate: Plate, bearings: Array) -> Array:
     """Derivatives (S, 2, 3) of the edges' bearings over their standard deviation; zero outside the field of view."""
     sight = np.arctan2(pose[:, 1], pose[:, 0])
-    seen = View.of(plate, pose).silhouette(np.stack([np.cos(sight), np.sin(sight)], axis=1))
+    seen = View.of(plate, pose).silhouette(np.exp(1j * sight))
     field = bearings[-1] - bearings[0]
     off = np.angle(np.exp(1j * (sight[:, None] + seen[0].T - (bearings[0] + bearings[-1]) / 2)))
     weight = np.where(np.abs(off) < field / 2, np.sqrt(12) / (field / (len(bearings) - 1)), 0.0)

@@ -87,28 +87,30 @@ def climb(surface: Surface, beams: Any, pose: Array, iterations: int) -> Evaluat
         step, fall = _newton(here, _DAMPING / 10**k)
         there = (fall < _CONVERGED) & climbing
         target = surface.moved(here.pose, part[:, None] * step)
-        if there.any():
+        if np.count_nonzero(there):  # takes a quarter of the time of any()
             np.copyto(here.pose, target, where=there[:, None])
             np.subtract(here.cost, fall, out=here.cost, where=there)
             climbing &= ~there
-        if not climbing.any():
+        left = np.count_nonzero(climbing)
+        if not left:
             break
-        if len(rows) > _FEW and not climbing.all():
+        if len(rows) > _FEW and left < len(rows):
             if fit is not here:
                 fit.put(rows[~climbing], here.take(~climbing))
-            on = np.flatnonzero(climbing)
+            (on,) = climbing.nonzero()
             rows, beams, here, climbing = rows[on], beams.take(on), here.take(on), climbing[on]
             part, target, fall = part[on], target[on], fall[on]
         trial = surface.evaluate(beams, target)
         rise = trial.cost - here.cost
         better = (rise < 0) & climbing
-        if better.all():
+        if np.count_nonzero(better) == len(rows):
             here = trial
         else:
-            here.put_where(better, trial)
-        part[better] = 1.0
+            np.copyto(here.pose, trial.pose, where=better[:, None])
+            np.copyto(here.terms, trial.terms, where=better[:, None])
+        np.copyto(part, 1.0, where=better)
         refused = climbing & ~better
-        if refused.any():
+        if np.count_nonzero(refused):
             promised = 2 * part * np.where(np.isfinite(fall), fall, 0.0)
             shorter = promised / (2 * (rise + promised) + _TINY)
             climbing &= better | (shorter * promised / 2 >= _CONVERGED)  # what the minimum of the parabola promises
@@ -129,7 +131,7 @@ def _newton(here: Evaluation, damping: float) -> tuple[Array, Array]:
     step = -(parts[:, 0] + parts[:, 1] + parts[:, 2])
     falls = step * gradient
     fall = (falls[0] + falls[1] + falls[2]) / -2
-    if not regular.all():
+    if np.count_nonzero(regular) < len(regular):
         step[:, ~regular], fall[~regular] = 0.0, np.inf
     return step.T, fall
 
@@ -148,7 +150,9 @@ def inverses(elements: Array) -> tuple[Array, np.ndarray]:
     xx, xz, xy = elements[0], elements[4], elements[5]
     determinant = xx * cofactor[0] + xy * cofactor[5] + xz * cofactor[4]
     regular = (determinant > 1e-12 * xx * elements[1] * elements[2]) & (xx > 0)
-    cofactor /= np.where(regular, determinant, 1.0)
+    if np.count_nonzero(regular) < len(regular):
+        determinant[~regular] = 1.0
+    cofactor /= determinant
     return cofactor, regular
 
 
@@ -160,6 +164,6 @@ def matrices(elements: Array) -> Array:
 def covariances(fit: Evaluation) -> Array:
     """Inverses (M, 3, 3) of the Hessians; UNKNOWN in every element of one that is not positive definite."""
     inverse, regular = inverses(fit.curvature)
-    if not regular.all():
+    if np.count_nonzero(regular) < len(regular):
         inverse[:, ~regular] = UNKNOWN
     return matrices(inverse)

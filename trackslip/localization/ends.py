@@ -31,7 +31,7 @@ from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.quadrature import moments, quadrature
 from trackslip.localization.rows import Rows
 from trackslip.localization.scan import Cluster, Scan
-from trackslip.localization.view import View
+from trackslip.localization.view import Points, View
 
 _OUTSIDE = 7.0  # cost of a return that a pose leaves nothing to hit: it may be from something else
 _BETWEEN_WALLS = (np.arange(32) + 0.5) / 32  # places along the plate [their distance]
@@ -43,7 +43,7 @@ _TINY = 1e-12  # keeps a beam along the plate from dividing by zero
 class Ends(Rows):
     """The outermost returns of M scans, right and left, and the beams beyond them."""
 
-    ahead: Array  # (M, 2) direction of the middle, half-way between them
+    ahead: Points  # (M,) direction of the middle, half-way between them
     reach: Array  # (M,) angle between the middle and each of them [rad]
     hidden: Array  # (M, 2) angle that something closer hides beyond each [rad]
     room: Array  # (M, 2) number of beams farther out that would tell whether they meet the plate
@@ -93,12 +93,9 @@ class Ends(Rows):
 
         That is at most their length.
         """
-        along, across = view.corners()
-        along, across = view.along + along, view.across + across
-        turn = OUTWARDS * self.reach
-        (x, y), cos, sin = self.ahead.T, np.cos(turn), np.sin(turn)
-        u_x, u_y = x * cos - y * sin, y * cos + x * sin  # of the outermost returns
-        u_along, u_across = u_x * view.cos + u_y * view.sin, u_y * view.cos - u_x * view.sin
+        corner = view.place + view.corners()
+        outermost = self.ahead * np.exp(1j * OUTWARDS * self.reach) * view.axis.conj()  # directions of these returns
+        along, across, u_along, u_across = corner.real, corner.imag, outermost.real, outermost.imag
         if sideways:
             along, across, u_along, u_across = across, along, u_across, u_along
         wall = across * u_along / np.where(u_across == 0, _TINY, u_across) - along

@@ -12,7 +12,7 @@ from trackslip.localization.beams import Beams
 from trackslip.localization.climb import Evaluation, climb
 from trackslip.localization.likelihood import PlateLikelihood
 from trackslip.localization.starts import centre_of_side
-from trackslip.localization.view import View
+from trackslip.localization.view import Points, View
 
 _FIRST, _SECOND = np.array([0, 0, 0, 1, 2, 1]), np.array([0, 1, 2, 1, 2, 2])  # residual or derivative; their products
 
@@ -23,8 +23,7 @@ class TurnedBeams:
 
     beams: Beams
     heading: Array  # (M,) [rad]
-    cos: Array  # (M,) of the heading
-    sin: Array  # (M,)
+    axis: Points  # (M,) direction of the long axis
     u_e: Array  # (H,) directions of the beams along and across the plates
     u_n: Array  # (H,)
     per_along: Array  # (H,) range per distance along and across the plate, 0 for beams across and along it [-]
@@ -33,17 +32,17 @@ class TurnedBeams:
     @classmethod
     def of(cls, beams: Beams, heading: Array) -> TurnedBeams:
         """In the axes of plates with `heading` (M,) [rad]."""
-        of_scans = np.stack([np.cos(heading), np.sin(heading)])
-        cos, sin = beams.spread(of_scans)
+        axis = np.exp(1j * heading)
+        cos, sin = beams.spread(np.stack([axis.real, axis.imag]))
         u_e, u_n = beams.u * cos + beams.u_turned * sin
         per_along, per_across = (np.divide(1.0, u, out=np.zeros(len(u)), where=u != 0) for u in (u_e, u_n))
-        return cls(beams, heading, of_scans[0], of_scans[1], u_e, u_n, per_along, per_across)
+        return cls(beams, heading, axis, u_e, u_n, per_along, per_across)
 
     def take(self, rows: np.ndarray) -> TurnedBeams:
         """Those of the scans `rows` (R,)."""
         kept = self.beams.places(rows)
         of_returns = (part[kept] for part in (self.u_e, self.u_n, self.per_along, self.per_across))
-        of_scans = (part[rows] for part in (self.heading, self.cos, self.sin))
+        of_scans = (part[rows] for part in (self.heading, self.axis))
         return TurnedBeams(self.beams.take(rows), *of_scans, *of_returns)
 
 
@@ -60,9 +59,8 @@ class FixedHeading:
     def touching(self, turned: TurnedBeams, middle: Array) -> Array:
         """Places along and across plates whose near faces touch the returns around `middle` (M, 2), and headings."""
         plate, beams, pose = self.likelihood.plate, turned.beams, np.empty((len(middle), 3))
-        along = turned.cos * middle[:, 0] + turned.sin * middle[:, 1]
-        across = turned.cos * middle[:, 1] - turned.sin * middle[:, 0]
-        sides = (turned.u_e, plate.length, along), (turned.u_n, plate.thickness, across)
+        place = (middle[:, 0] + 1j * middle[:, 1]) * turned.axis.conj()
+        sides = (turned.u_e, plate.length, place.real), (turned.u_n, plate.thickness, place.imag)
         for k, (direction, size, towards) in enumerate(sides):
             coordinate = beams.range * direction
             low, high = (reduce.reduceat(coordinate, beams.first) for reduce in (np.minimum, np.maximum))
@@ -103,7 +101,7 @@ class FixedHeading:
             np.multiply(one, residual, out=terms[1 + k])
             np.multiply(one, slope, out=terms[3 + k])
         sums = beams.sums(terms)  # (5, M)
-        view = View(plate, along, across, turned.cos, turned.sin)
+        view = View(plate, along + 1j * across, turned.axis)
         edges = self.likelihood.edges(beams.edges, view)
         products = edges.take(_FIRST, axis=0) * edges.take(_SECOND, axis=0)
         total = products[:, 0] + products[:, 1]  # (6, M): cost, gradient, and the Hessian's elements xx, yy, xy

@@ -20,6 +20,7 @@ leaves nothing to hit costs as much as if it had been measured at the near or fa
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
@@ -82,11 +83,11 @@ class PlateLikelihood:
     def ranges_sideways(self, beams: Beams, view: View, offset: Array) -> Array:
         """What ranges cost (M, K) if M plates are slid across themselves by `offset` (M, K) [m]."""
         half_length, half_thickness = self.plate.length / 2, self.plate.thickness / 2
-        across = view.across[:, None] + offset  # (M, K)
-        short = view.along - np.minimum(np.maximum(view.along, -half_length), half_length)  # 0 if it points away
+        along, across = view.place.real, view.place.imag[:, None] + offset  # (M,), (M, K)
+        short = along - np.minimum(np.maximum(along, -half_length), half_length)  # 0 if it points away
         long = across - np.minimum(np.maximum(across, -half_thickness), half_thickness)
-        distance, reach = np.hypot(view.along[:, None], across), math.hypot(half_length, half_thickness)
-        cos, sin, short = beams.spread(np.stack([view.cos, view.sin, short]))
+        distance, reach = np.hypot(along[:, None], across), math.hypot(half_length, half_thickness)
+        cos, sin, short = beams.spread(np.stack([view.axis.real, view.axis.imag, short]))
         u_along = beams.u[0] * cos + beams.u[1] * sin
         u_across = beams.u[1] * cos - beams.u[0] * sin
         row = np.repeat(np.arange(len(offset)), beams.count)
@@ -100,32 +101,34 @@ class PlateLikelihood:
     def ranges_along(self, beams: Beams, view: View, offset: Array) -> Array:
         """The part (M, K) of `cost_along` that is due to ranges. Only beams that may leave the long face matter."""
         half_length = self.plate.length / 2
-        along = view.along[:, None] + offset  # (M, K)
         reach = math.hypot(self.plate.length, self.plate.thickness) / 2
+        along, across, cos, sin = view.place.real, view.place.imag, view.axis.real, view.axis.imag
         longest = np.abs(offset).max(axis=1)
-        distance = np.hypot(view.along, view.across)
-        cos, sin = view.cos, view.sin
-        ahead, aside = np.copysign(1.0, view.along), np.copysign(1.0, view.across)
+        distance = np.abs(view.place)
+        ahead, aside = np.copysign(1.0, along), np.copysign(1.0, across)
         of_scans = np.empty((8, len(offset)))
         of_scans[0], of_scans[1], of_scans[2], of_scans[3] = ahead * cos, ahead * sin, -aside * sin, aside * cos
-        of_scans[4] = np.abs(view.along) + longest - half_length
-        of_scans[5] = np.maximum(np.abs(view.across) - self.plate.thickness / 2, 0.0)
+        of_scans[4] = np.abs(along) + longest - half_length
+        of_scans[5] = np.maximum(np.abs(across) - self.plate.thickness / 2, 0.0)
         of_scans[6], of_scans[7] = distance + longest - reach, distance - longest + reach
         e_x, e_y, n_x, n_y, short, long, near, far = beams.spread(of_scans)
         u_x, u_y = beams.u
         u_e = u_x * e_x + u_y * e_y - _TINY
         to_long = long / (u_x * n_x + u_y * n_y - _TINY)
-        matters = np.flatnonzero((short > to_long * u_e) & (u_e > 0) | (to_long < near) | (to_long > far))
+        (matters,) = ((short > to_long * u_e) & (u_e > 0) | (to_long < near) | (to_long > far)).nonzero()
 
-        row = np.repeat(np.arange(len(offset)), beams.count)[matters]
-        distance = np.hypot(along, view.across[:, None])[row]
-        depth = np.maximum(along * ahead[:, None] - half_length, 0.0)[row]
+        row = np.arange(len(offset)).repeat(beams.count)[matters]
+        places = along[:, None] + offset  # (M, K)
+        distance = np.hypot(places, across[:, None])[row]
+        depth = np.maximum(places * ahead[:, None] - half_length, 0.0)[row]
         entered = np.maximum(depth / u_e[matters, None], to_long[matters, None])
         predicted = np.minimum(np.maximum(entered, distance - reach), distance + reach)
         loss = self.loss((predicted - beams.range[matters, None]) / beams.noise)[1]
         cost = np.zeros(offset.shape)
         if row.size:
-            first = np.concatenate([[0], np.flatnonzero(row[1:] != row[:-1]) + 1])
+            begins = np.ones(len(row), bool)
+            np.not_equal(row[1:], row[:-1], out=begins[1:])
+            (first,) = begins.nonzero()
             cost[row[first]] = np.add.reduceat(loss, first, axis=0)
         return cost
 
@@ -154,31 +157,31 @@ class PlateLikelihood:
         That is whether they are on the long face (H,), their derivatives (H,) with respect to the place of the face
         [standard deviations per m], and how far along it they are (H,) [m].
         """
-        place, size = np.array([view.along, view.across]), np.array([[self.plate.length], [self.plate.thickness]])
-        side = np.copysign(1.0, place)
-        distance = np.hypot(view.along, view.across)
-        reach = math.hypot(self.plate.length, self.plate.thickness) / 2
-        scale = 1 / beams.noise
-        of_scans = np.empty((12, len(distance)))
-        of_scans[0], of_scans[1], of_scans[2:4] = view.cos, view.sin, side
-        # of the planes of the short and the long face towards the LRF; 0 if both point away
-        np.maximum(side * place - size / 2, 0.0, out=of_scans[4:6])
-        of_scans[6:8], of_scans[8], of_scans[9], of_scans[10:] = place, distance - reach, distance + reach, 0.0
-        np.divide(side * scale, of_scans[4:6], out=of_scans[10:], where=of_scans[4:6] > 0)
+        half = _half_sides(self.plate)
+        of_scans = np.empty((10, len(view.place)))
+        of_scans[0], of_scans[1] = view.axis.real, view.axis.imag
+        place = of_scans[2:4]  # along and across, as all pairs that follow
+        place[0], place[1] = view.place.real, view.place.imag
+        # signed distances of the planes of the short and the long face towards the LRF; 0 if both point away
+        np.subtract(place, np.minimum(np.maximum(place, -half), half), out=of_scans[4:6])
+        np.copysign(_TINY, place, out=of_scans[6:8])
+        distance, reach = np.abs(view.place), math.hypot(self.plate.length, self.plate.thickness) / 2
+        np.maximum(distance - reach, _TINY, out=of_scans[8])
+        np.add(distance, reach, out=of_scans[9])
         spread = beams.spread(of_scans)
         cos, sin, near, far = spread[0], spread[1], spread[8], spread[9]
-        side, distance, place, per_distance = spread[2:4], spread[4:6], spread[6:8], spread[10:]
-        u = beams.u * cos + beams.u_turned * sin  # along and across the plate
+        u = beams.u * cos + beams.u_turned * sin
         # the range of a face is negative where the beam does not enter the half-plane behind it
-        to_short, to_long = distance / (u * side - _TINY)
+        per_distance: Array = 1 / (u - spread[6:8])
+        to_short, to_long = spread[4:6] * per_distance
         on_long = to_long > to_short
         entered = np.maximum(to_short, to_long)
         predicted = np.minimum(np.maximum(entered, near), far)
+        scale = 1 / beams.noise
         residual = (predicted - beams.range) * scale
-        slope = np.where(on_long, per_distance[1], per_distance[0])  # 1 / (m.u) is the range over the plane's distance
-        slope *= predicted
-        slope *= predicted == entered
-        along, across = predicted * u - place
+        slope = np.where(on_long, per_distance[1], per_distance[0])
+        slope *= (predicted == entered) * scale
+        along, across = predicted * u - spread[2:4]
         return residual, on_long, slope, np.where(on_long, along, -across)
 
     def edges(self, edges: Edges, view: View) -> Array:
@@ -189,13 +192,19 @@ class PlateLikelihood:
         return result
 
 
+@functools.lru_cache(maxsize=64)
+def _half_sides(plate: Plate) -> Array:
+    """Half the length and half the thickness (2, 1) [m]."""
+    return np.array([[plate.length / 2], [plate.thickness / 2]])
+
+
 def _missed(edges: Edges, bearing: Array) -> tuple[Array, Array]:
     """By how much corners at bearings (2, M) or (2, M, K) miss the edges [rad], and the weights of that [1/rad]."""
     told, weight, slack = edges.bearing.T, edges.weight.T, edges.slack.T
     if bearing.ndim > 2:
         told, weight, slack = told[..., None], weight[..., None], slack[..., None]
     residual = bearing - told
-    if slack.any():
+    if np.count_nonzero(slack):
         residual -= np.minimum(np.maximum(residual, -slack), slack)
         weight = np.where((slack == 0) | (residual != 0), weight, 0.0)
     return residual, weight

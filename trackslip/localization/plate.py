@@ -92,15 +92,15 @@ class PlateLocator:
         else:
             near = scan.from_world(predicted)
             found = self._solve(scan, extract_plate(scan, self.plate, near), near)
-            astray = np.flatnonzero(found.misfit > self.max_misfit)
-            doubtful = np.flatnonzero(found.doubtful | (found.misfit > self.max_misfit))
+            strange = found.misfit > self.max_misfit
+            (astray,), (doubtful,) = strange.nonzero(), (found.doubtful | strange).nonzero()
         for gap in FINER_GAPS if astray.size else ():
             found.improve(astray, self._best(replace(scan, ranges=scan.ranges[astray]), gap))
         if doubtful.size:
             self._sort_out(scan, found, doubtful, near)
         valid = self._believed(found)
         covariance = scan.covariance_to_world(found.covariance)
-        if not valid.all():
+        if np.count_nonzero(valid) < len(valid):
             covariance[~valid] = np.nan
         return PoseEstimate(scan.to_world(found.pose), covariance, valid)
 
@@ -149,13 +149,13 @@ class PlateLocator:
         covariance = axes.swapaxes(1, 2) @ covariances(fit) @ axes
         misfit = _misfit(fit, cluster)
         strained = _strained(misfit, cluster.count)
-        if strained.any():
+        if np.count_nonzero(strained):
             covariance[strained] *= (misfit[strained] ** 2)[:, None, None]
         score = _EXPLAINED * cluster.count - fit.cost
         score += np.log(max(scan.dropout, _MIN_DROPOUT)) * cluster.lost
         correct(self._likelihood, scan, cluster, beams, fit.pose, covariance, misfit < self.max_misfit)
         cut = cluster.hidden.max(axis=1) > 0
-        if cut.any():
+        if np.count_nonzero(cut):
             covariance[cut & (cluster.count < _MIN_PLATE_RETURNS)] = UNKNOWN
         return Solution(fit.pose, covariance, misfit, score, strained | cut)
 
@@ -165,7 +165,7 @@ class PlateLocator:
             return self._screened(beams, starts(cluster, self.plate, beam_step, None))
         fit = self._likelihood.climb(beams, near, self.iterations)
         unexplained = _strained(_misfit(fit, cluster), cluster.count) | (cluster.count < _MIN_PLATE_RETURNS)
-        for rows in chunks(cluster, MAX_STARTS, unexplained) if unexplained.any() else ():
+        for rows in chunks(cluster, MAX_STARTS, unexplained) if np.count_nonzero(unexplained) else ():
             first = starts(cluster.take(rows), self.plate, beam_step, near[rows])
             fit.put(rows, self._screened(beams.take(rows), first))
         return fit

@@ -18,6 +18,8 @@ edges determine, so that the posterior is first summed sideways at each heading.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from trackslip.kinematics import Array
@@ -64,10 +66,10 @@ def correct(
     off = viewing_angle(pose)
     few, by_few, grid = _EDGE_ON_BY_FEW_LEFT if scan.dropout > 0 else _EDGE_ON_BY_FEW
     edge_on = fits & (off < np.where(cluster.count > few, _EDGE_ON, by_few))
-    for rows in chunks(cluster, len(grid), edge_on) if edge_on.any() else ():
+    for rows in chunks(cluster, len(grid), edge_on) if np.count_nonzero(edge_on) else ():
         sight = np.arctan2(pose[rows, 1], pose[rows, 0])
         pose[rows], covariance[rows] = _over_heading(likelihood, scan, cluster.take(rows), sight[:, None] + grid)
-    rows = np.flatnonzero(fits if scan.dropout > 0 else fits & (off > _FROM_SIDE))
+    (rows,) = (fits if scan.dropout > 0 else fits & (off > _FROM_SIDE)).nonzero()
     if rows.size and scan.dropout > 0:
         some = beams.take(rows)
         ends = Ends.of(scan, cluster.take(rows), some)
@@ -112,7 +114,7 @@ def _along_plate(likelihood: PlateLikelihood, beams: Beams, pose: Array, covaria
     x, y = at[:, 0], at[:, 1]
     across = np.abs(axis.e[:, 0] * y - axis.e[:, 1] * x)
     edge = (x * x + y * y) / np.maximum(weight * across, 1e-9)
-    doubted = np.flatnonzero((axis.sigma < _CLAIMED * edge / np.sqrt(2)) & (weight > 0))
+    (doubted,) = ((axis.sigma < _CLAIMED / math.sqrt(2) * edge) & (weight > 0)).nonzero()
     if doubted.size == 0:
         return
     if doubted.size < len(rows):
@@ -145,11 +147,8 @@ def _given(likelihood: PlateLikelihood, beams: Beams, middle: Array, heading: Ar
     least = (fit.cost - _TRUSTED * fit.promise()).reshape(heading.shape)
     likely = np.flatnonzero(least < fit.cost.reshape(heading.shape).min(axis=1, keepdims=True) + _HOPELESS)
     fit.put(likely, fixed.climb(turned.take(likely), fit.pose[likely], _ITERATIONS))
-    along, across = fit.pose[:, 0].copy(), fit.pose[:, 1].copy()
-    fit.pose[:, 0], fit.pose[:, 1] = (
-        turned.cos * along - turned.sin * across,
-        turned.sin * along + turned.cos * across,
-    )
+    centre = (fit.pose[:, 0] + 1j * fit.pose[:, 1]) * turned.axis
+    fit.pose[:, 0], fit.pose[:, 1] = centre.real, centre.imag
     return fit
 
 

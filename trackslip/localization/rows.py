@@ -24,9 +24,3 @@ class Rows:
         for mine, others in zip(vars(self).values(), vars(other).values(), strict=True):
             if isinstance(mine, np.ndarray):
                 mine[rows] = others
-
-    def put_where(self, wanted: np.ndarray, other: Self) -> None:
-        """Overwrite the rows that `wanted` (M,) selects with those of `other`, which has as many."""
-        for mine, others in zip(vars(self).values(), vars(other).values(), strict=True):
-            if isinstance(mine, np.ndarray):
-                np.copyto(mine, others, where=wanted.reshape(-1, *[1] * (mine.ndim - 1)))

@@ -168,7 +168,7 @@ def extract_plate(scan: Scan, plate: Plate, near: Array | None = None) -> Cluste
     if near is not None:
         mine = _about(returns, plate, near)
         expected[returns.row[mine]] = True
-    if not expected.all():
+    if np.count_nonzero(expected) < len(expected):
         pieces = returns.split(MAX_GAP)
         fits = pieces.extent < plate.length + plate.thickness + 6 * scan.noise
         score = pieces.count if near is None else -np.hypot(*(returns.centres(pieces) - near[pieces.row, :2]).T)
@@ -210,10 +210,12 @@ def gather(scan: Scan, rows: np.ndarray, cluster: np.ndarray, beam: np.ndarray) 
     clusters, beams = len(rows), scan.ranges.shape[1]
     count = np.bincount(cluster, minlength=clusters)
     end = count.cumsum()
-    if count.all():
+    filled = count > 0
+    whole = np.count_nonzero(filled) == clusters
+    if whole:
         low, high = beam[end - count], beam[end - 1]
     else:
-        low, high, filled = np.zeros(clusters, int), np.full(clusters, -1), count > 0
+        low, high = np.zeros(clusters, int), np.full(clusters, -1)
         low[filled], high[filled] = beam[(end - count)[filled]], beam[end[filled] - 1]
     width = high - low + 1
     widest = max(1, -(-int(width.max(initial=0)) // _PADDING)) * _PADDING
@@ -223,14 +225,14 @@ def gather(scan: Scan, rows: np.ndarray, cluster: np.ndarray, beam: np.ndarray) 
     ranges = scan.ranges[rows[:, None], column]
     distance = np.where(hit, ranges, 1.0)
     lost = np.zeros(clusters, int)
-    gaps = np.flatnonzero(width > count)
+    (gaps,) = (width > count).nonzero()
     if gaps.size:
         inside = np.arange(widest) < width[gaps, None] - 1
         in_front = ranges[gaps] < np.max(distance[gaps], axis=1, where=hit[gaps], initial=0.0)[:, None]
         lost[gaps] = np.sum(inside & ~hit[gaps] & ~in_front, axis=1)
     hidden = _hidden(scan, rows, low, high)
-    if not count.all():
-        hidden[count == 0] = 0.0
+    if not whole:
+        hidden[~filled] = 0.0
     return Cluster(scan.bearings[column], distance, hit, count, lost, hidden)
 
 
@@ -256,7 +258,7 @@ def _hidden(scan: Scan, rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> 
     """
     last = scan.ranges.shape[1] - 1
     beside = scan.ranges[rows, np.maximum(low - 1, 0)], scan.ranges[rows, np.minimum(high + 1, last)]
-    if np.isnan(beside).all():  # nothing is beside any of them, as in an open field
+    if np.count_nonzero(np.isnan(beside)) == 2 * len(rows):  # nothing is beside any of them, as in an open field
         return np.zeros((len(rows), 2))
     way = np.repeat([-1, 1], len(rows))
     rows, edge = np.concatenate([rows, rows]), np.concatenate([low, high])
@@ -284,7 +286,7 @@ def _hidden(scan: Scan, rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> 
 def _about(returns: Returns, plate: Plate, near: Array) -> np.ndarray:
     """Mask (H,) of the returns in pieces that lie mostly around the plates expected at `near` (S, 3)."""
     close = plate.outside(near, returns.row, returns.x, returns.y) < _ABOUT
-    if close.all():  # all pieces do, as in an open field
+    if np.count_nonzero(close) == len(close):  # all pieces do, as in an open field
         return close
     pieces = returns.split(FINER_GAPS[-1])
     share = np.bincount(pieces.label, weights=close, minlength=len(pieces.count)) / np.maximum(pieces.count, 1)

@@ -81,8 +81,8 @@ def chunks(cluster: Cluster, starts_each: int, among: np.ndarray | None = None) 
 
 def portions(cluster: Cluster) -> list[np.ndarray]:
     """Rows of clusters with MIN_RETURNS or more returns, in portions that stay in the cache."""
-    rows = np.flatnonzero(cluster.count >= MIN_RETURNS)
-    total = np.cumsum(cluster.count[rows])
+    (rows,) = (cluster.count >= MIN_RETURNS).nonzero()
+    total = cluster.count[rows].cumsum()
     if not rows.size or total[-1] <= _CHUNK:
         return [rows] if rows.size else []
     return np.split(rows, np.searchsorted(total, np.arange(_CHUNK, total[-1], _CHUNK)))

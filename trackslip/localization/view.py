@@ -6,9 +6,13 @@ import functools
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from trackslip.kinematics import Array
 from trackslip.localization.scan import Plate
+
+Points = NDArray[np.complex128]
+"""Points or directions of the scan plane, x + iy."""
 
 _ENDS = np.array([-0.5, 0.5])  # of a side from its middle [its length]
 _TINY = 1e-12  # keeps a corner on the LRF from dividing by zero [m]
@@ -19,57 +23,56 @@ class View:
     """Where plates are along and across their own axes, seen from the LRF: one for each scan, or K, see `slid`."""
 
     plate: Plate
-    along: Array  # (M,) coordinates of the centre [m]
-    across: Array  # (M,)
-    cos: Array  # (M,) of the heading
-    sin: Array  # (M,)
+    place: Points  # (M,) the centre, along + i across [m]
+    axis: Points  # (M,) direction of the long axis in the LRF's frame
 
     @classmethod
     def of(cls, plate: Plate, pose: Array) -> View:
         """Of plates at poses (M, 3) in the LRF's frame."""
-        x, y = pose[:, 0], pose[:, 1]
-        cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
-        return cls(plate, cos * x + sin * y, cos * y - sin * x, cos, sin)
+        centre, axis = np.empty((2, len(pose)), complex)
+        centre.real, centre.imag = pose[:, 0], pose[:, 1]
+        np.cos(pose[:, 2], out=axis.real)
+        np.sin(pose[:, 2], out=axis.imag)
+        return cls(plate, centre * axis.conj(), axis)
 
     def slid(self, offset: Array, sideways: bool = False) -> View:
         """Of plates slid along themselves, or sideways, by `offset` (M, K) [m]: arrays (M, K), or (M, 1) if equal."""
-        along, across = self.along[:, None], self.across[:, None]
-        along, across = (along, across + offset) if sideways else (along + offset, across)
-        return View(self.plate, along, across, self.cos[:, None], self.sin[:, None])
+        slid = self.place[:, None] + (1j * offset if sideways else offset)
+        return View(self.plate, slid, self.axis[:, None])
 
-    def corners(self) -> Array:
-        """Coordinates (2, 2, M, ...) of the outermost corners, right and left, less those of the centres [m]."""
+    def corners(self) -> Points:
+        """The outermost corners (2, M, ...), right and left, along + i across from the centres [m]."""
         along, across, corners = _outermost(self.plate)
-        return corners.take(3 * along.searchsorted(self.along) + across.searchsorted(self.across), axis=2)
+        place = 3 * along.searchsorted(self.place.real) + across.searchsorted(self.place.imag)
+        return corners.take(place, axis=1)
 
-    def silhouette(self, ahead: Array) -> Array:
-        """The outermost corners, right and left, seen in the directions `ahead` (M, 2).
+    def silhouette(self, ahead: Points) -> Array:
+        """The outermost corners, right and left, seen in the directions `ahead` (M,).
 
         Returns (4, 2, M): their bearings from `ahead` [rad], which thus do not wrap, and the derivatives of these with
         respect to the place along and across the plate's axes and the heading.
         """
-        o_x, o_y = self.corners()
-        x, y = o_x + self.along, o_y + (self.across + _TINY)
-        seen = np.empty((4, *x.shape))
-        self._bearings(x, y, ahead, seen[0])
-        np.negative(y, out=seen[1])
-        seen[2] = x
-        np.add(o_x * x, o_y * y, out=seen[3])
-        seen[1:] /= x * x + y * y
+        from_centre = self.corners()
+        corners = from_centre + self.place
+        seen = np.empty((4, *corners.shape))
+        self._bearings(corners, ahead, seen[0])
+        inverse = np.reciprocal(corners)  # a bearing is the imaginary part of the corner's logarithm
+        seen[1], seen[2] = inverse.imag, inverse.real
+        inverse *= from_centre
+        seen[3] = inverse.real
         return seen
 
-    def bearings(self, ahead: Array) -> Array:
+    def bearings(self, ahead: Points) -> Array:
         """The bearings (2, M) or (2, M, K) alone."""
-        o_x, o_y = self.corners()
-        bearings = np.empty(o_x.shape)
-        self._bearings(o_x + self.along, o_y + (self.across + _TINY), ahead, bearings)
+        corners = self.corners() + self.place
+        bearings = np.empty(corners.shape)
+        self._bearings(corners, ahead, bearings)
         return bearings
 
-    def _bearings(self, x: Array, y: Array, ahead: Array, out: Array) -> None:
-        """Write the bearings (2, M, ...) of corners at (x, y), as many each, from `ahead` (M, 2)."""
-        ahead_x, ahead_y = ahead.T.reshape(2, *self.cos.shape)
-        cos, sin = self.cos * ahead_x + self.sin * ahead_y, self.sin * ahead_x - self.cos * ahead_y
-        np.arctan2(x * sin + y * cos, x * cos - y * sin, out=out)
+    def _bearings(self, corners: Points, ahead: Points, out: Array) -> None:
+        """Write the bearings (2, M, ...) of corners, along + i across, from `ahead` (M,)."""
+        turned = corners * (self.axis * ahead.conj().reshape(self.axis.shape))
+        np.arctan2(turned.imag, turned.real, out=out)
 
 
 def in_axes(heading: Array) -> Array:
@@ -83,18 +86,18 @@ def in_axes(heading: Array) -> Array:
 
 
 @functools.lru_cache(maxsize=64)
-def _outermost(plate: Plate) -> tuple[Array, Array, Array]:
-    """Ends (2,) of the long and of the short side, and coordinates (2, 2, 9) of the outermost corners, right and left.
+def _outermost(plate: Plate) -> tuple[Array, Array, Points]:
+    """Ends (2,) of the long and of the short side, and the outermost corners (2, 9), right and left, along + i across.
 
-    Both are less those of the centre [m]. The last axis tells whether the centre is behind, within or ahead of the LRF
+    Both are seen from the centre [m]. The last axis tells whether the centre is behind, within or ahead of the LRF
     along and, fastest, across the plate: by more than half its length or thickness, or not. A plate with the LRF inside
     has no such corners, whatever the table says.
     """
-    corners = np.array([(1, 1), (1, -1), (-1, 1), (-1, -1)]) * (plate.length / 2, plate.thickness / 2)
-    table = np.empty((2, 2, 9))
+    corners = np.array([1 + 1j, 1 - 1j, -1 + 1j, -1 - 1j])
+    corners.real, corners.imag = corners.real * (plate.length / 2), corners.imag * (plate.thickness / 2)
+    table = np.empty((2, 9), complex)
     for k in range(9):
-        x, y = (k // 3 - 1) * plate.length, (k % 3 - 1) * plate.thickness
-        c_x, c_y = x + corners[:, 0], y + corners[:, 1]
-        bearing = np.arctan2(x * c_y - y * c_x, x * c_x + y * c_y)
-        table[:, 0, k], table[:, 1, k] = corners[bearing.argmin()], corners[bearing.argmax()]
-    return _ENDS * plate.length, _ENDS * plate.thickness, table
+        centre = complex((k // 3 - 1) * plate.length, (k % 3 - 1) * plate.thickness)
+        bearing = np.angle((centre + corners) * np.conj(centre))
+        table[:, k] = corners[bearing.argmin()], corners[bearing.argmax()]
+    return _ENDS * plate.length, _ENDS * plate.thickness, table + 1j * _TINY

@@ -69,7 +69,7 @@ def test_a_plate_slides_until_it_misses_a_return(sideways, angle, scan_rectangle
     rng = np.random.default_rng(0)
     poses = seen_at(angle, rng, 200, (1.5, 3.0))
     ends = ends_of(cut(scan_rectangle(poses, rng, noise=0.0), rng.integers(0, 3, (200, 2))))
-    middle, direction = np.arctan2(ends.ahead[:, 1], ends.ahead[:, 0]), poses[:, 2] + np.pi / 2 * sideways
+    middle, direction = np.angle(ends.ahead), poses[:, 2] + np.pi / 2 * sideways
     for side, wall in zip((-1, 1), ends.walls(View.of(PLATE, poses), sideways), strict=True):
         met = []
         for beside in (-1e-6, 1e-6):
