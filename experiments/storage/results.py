@@ -168,8 +168,7 @@ def write_samples(folder: Path, samples: "SlipSamples") -> None:
 
     columns = np.concatenate([samples.omega, samples.twist, samples.slip], axis=1).T
     numbers = dict(zip((*SAMPLE_COLUMNS, "slip_l", "slip_r"), columns, strict=True))
-    table = pa.table({"run": list(samples.run), **numbers})
-    table = table.cast(pa.schema(with_units(table.schema)))
+    table = with_units(pa.table({"run": list(samples.run), **numbers}))
     with arrow_errors(folder / RUNS_FILE):
         pa.parquet.write_table(table, folder / RUNS_FILE, write_page_checksum=True)
 

@@ -5,7 +5,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import pyarrow as pa
@@ -85,9 +85,10 @@ COLUMNS = {column.name: column for column in _ALL}
 """Columns by name."""
 
 
-def with_units(fields: Sequence[pa.Field]) -> list[pa.Field]:
-    """Fields of a schema with unit and description as metadata."""
-    return [f.with_metadata(COLUMNS[f.name].metadata) if f.name in COLUMNS else f for f in fields]
+def with_units(table: pa.Table) -> pa.Table:
+    """A table whose known columns have unit and description as metadata, but which has none itself."""
+    fields = [f.with_metadata(COLUMNS[f.name].metadata) if f.name in COLUMNS else f for f in table.schema]
+    return pa.Table.from_arrays(table.columns, schema=pa.schema(fields))
 
 
 def markdown(columns: Iterable[Column]) -> str:

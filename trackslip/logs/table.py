@@ -69,7 +69,7 @@ def to_rows(logs: Sequence[RunLog]) -> pa.Table:
         raise LogError(f"run {name!r}: there are {names.count(name)} of it")
     alike = itertools.groupby(map(_Content.of, logs), lambda run: run.columns)
     table = pa.concat_tables([_table(list(runs)) for _, runs in alike], promote_options="default")
-    return table.cast(pa.schema(with_units(table.schema.remove_metadata())))
+    return with_units(table)
 
 
 def runs_metadata(logs: Sequence[RunLog]) -> dict[str, Any]:
