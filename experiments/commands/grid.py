@@ -2,7 +2,7 @@
 
 import functools
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -99,10 +99,9 @@ def _drive_and_gather(config: SweepConfig, runs: Sequence[Run], parts: Parts, fo
     bags = {}
     if config.bag and file.exists():
         names = [row.run for row in rows if row.error is None]
-        run_file = StoredRuns(file)
         with watch.stage("bags"), progress("bags", len(names), "bags") as done:
-            bags = write_bags(folder, names, map(run_file.log, names), done=done)
-    in_full = numbers_in_full(config, runs, rows, lambda: read_runs(file), watch)
+            bags = write_bags(folder, names, _logs(file, rows), done=done)
+    in_full = numbers_in_full(config, runs, rows, lambda: _logs(file, rows), watch)
     made_by = {one.row["made_by"]: one.made_by for one in sorted(stored, key=lambda one: one.row["made_by"])}
     simulated = sum(one.setting.config.duration for one in missing)
     timing = Timing(simulated, driving, watch.stages, len(missing), len(runs) - len(missing), wall_s=0.0)
@@ -135,6 +134,12 @@ def _drive(
             for name, seconds in fleet.stages.items():
                 watch.stages[name] = watch.stages.get(name, 0.0) + seconds
     return unfinished
+
+
+def _logs(file: Path, rows: Sequence[RunRow]) -> Iterator[RunLog]:
+    """The logs of the runs that did not fail, one by one."""
+    stored = StoredRuns(file)
+    return (stored.log(row.run) for row in rows if row.error is None)
 
 
 def _row_of(run: Run, row: RunRow) -> RunRow:

@@ -2,8 +2,8 @@
 
 import contextlib
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Generic, Self, TypeVar
 
@@ -16,8 +16,7 @@ from trackslip.errors import LogError
 from trackslip.identification.samples import MeasuredRuns, SlipSamples, samples_by_method
 from trackslip.identification.true_samples import true_samples
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
-from trackslip.localization.bound import scan_ratio_to_bound
-from trackslip.localization.scan import Cluster
+from trackslip.localization.bound import beside_bound
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import rms
 from trackslip.motion.methods import MOTION_METHODS
@@ -96,11 +95,12 @@ class PoseErrors:
     """Share of the scans that gave a pose [-]."""
 
     @classmethod
-    def of(cls, logs: Sequence[RunLog]) -> "PoseErrors":
+    def of(cls, logs: Iterable[RunLog]) -> "PoseErrors":
         """Of simulated runs."""
-        error = np.concatenate([log.pose - log.truth.pose for log in logs if log.truth is not None])
-        valid = float(np.concatenate([log.is_valid for log in logs]).mean())
-        return PoseErrors(rms(error[:, 0]), rms(error[:, 1]), rms(wrap_angle(error[:, 2])), valid)
+        found = _Poses()
+        for log in logs:
+            found.add(log)
+        return found.errors()
 
 
 @dataclass(frozen=True)
@@ -111,10 +111,12 @@ class LocalizationErrors(PoseErrors):
     """Valid poses per second [1/s]."""
 
     @classmethod
-    def of(cls, logs: Sequence[RunLog]) -> Self:
+    def of(cls, logs: Iterable[RunLog]) -> Self:
         """Of simulated runs with one sampling period."""
-        poses = PoseErrors.of(logs)
-        return cls(**vars(poses), rate_hz=poses.valid_fraction / float(np.median(np.diff(logs[0].time))))
+        found = _Poses()
+        for log in logs:
+            found.add(log)
+        return cls(**vars(found.errors()), rate_hz=found.rate())
 
 
 @dataclass(frozen=True)
@@ -155,7 +157,7 @@ class GridSummary:
 def grid_summary(
     config: GridConfig,
     names: Sequence[str],
-    logs: Sequence[RunLog],
+    logs: Iterable[RunLog],
     samples: SlipSamples,
     geometry: RobotGeometry,
     watch: Stopwatch,
@@ -163,10 +165,20 @@ def grid_summary(
 ) -> GridSummary:
     """Evaluate a grid: `names` of all its runs, radius by radius; `logs` of those that were driven; and `samples`.
 
+    The logs are gone through once, so that there need never be more than one of them, in the order of the names.
     `watch` knows how long localization took; runs may be `measured` by every method already.
     """
-    sampled_logs = [log for log in logs if log.run in samples.run]
-    truth = _true_samples(sampled_logs, geometry, measured)
+    poses, bound = _Poses(), _BesideBound()
+    truths: list[SlipSamples] = []
+    by_method: dict[str, list[Array]] = {name: [] for name in MOTION_METHODS}
+    for log in logs:
+        poses.add(log)
+        bound.add(log)
+        if log.run in samples.run:
+            truths.append(_true_sample(log, geometry, measured))
+            for name, sample in _by_method(log, geometry, measured).items():
+                by_method[name].append(sample.slip - truths[-1].slip)
+    truth = SlipSamples.joined(truths)
     sampled = np.isin(names, samples.run)
     slip, true_slip = (np.full((len(names), 2), np.nan) for _ in range(2))
     radius = np.full(len(names), np.nan)
@@ -187,35 +199,33 @@ def grid_summary(
         slip_rms_vs_published_at_simulated_radii=rms(samples.slip - PUBLISHED(samples.curvature)),
         speed_spread=OuterInner.of(spread, lambda of_radius: float(of_radius.max())),
         localization=GridLocalization(
-            **vars(LocalizationErrors.of(logs)),
-            ratio_to_bound=ratio_to_bound(logs),
-            scans_per_s=sum(len(log.time) for log in logs) / seconds if seconds else None,
+            **vars(poses.errors()),
+            rate_hz=poses.rate(),
+            ratio_to_bound=bound.ratio(),
+            scans_per_s=poses.rows / seconds if seconds else None,
         ),
         slip_error=OuterInner.of(samples.slip - truth.slip, ErrorStatistics.of),
-        slip_error_by_method=_errors_by_method(sampled_logs, truth.slip, geometry, measured),
+        slip_error_by_method={
+            name: OuterInner.of(np.concatenate(parts), ErrorStatistics.of) if parts else None
+            for name, parts in by_method.items()
+        },
     )
 
 
-def _true_samples(logs: Sequence[RunLog], geometry: RobotGeometry, measured: MeasuredRuns) -> SlipSamples:
-    """Samples from the true motion of the runs."""
-    known = [one.truth for log in logs if (one := measured.get(log.run)) is not None and one.truth is not None]
-    return SlipSamples.joined(known) if len(known) == len(logs) else true_samples(logs, geometry)
+def _true_sample(log: RunLog, geometry: RobotGeometry, measured: MeasuredRuns) -> SlipSamples:
+    """The sample from the true motion of a run."""
+    known = measured.get(log.run)
+    return true_samples([log], geometry) if known is None or known.truth is None else known.truth
 
 
-def _errors_by_method(
-    logs: Sequence[RunLog], true_slip: Array, geometry: RobotGeometry, measured: MeasuredRuns
-) -> dict[str, OuterInner[ErrorStatistics] | None]:
-    """Errors of slip (n, 2) with every motion method, over the runs that it suits; None where it suits none."""
-    errors: dict[str, list[Array]] = {name: [] for name in MOTION_METHODS}
-    for log, true in zip(logs, true_slip, strict=True):
-        with contextlib.suppress(LogError):
-            known = measured.get(log.run)
-            for name, sample in (samples_by_method(log, geometry) if known is None else known.by_method).items():
-                errors[name].append(sample.slip - true)
-    return {
-        name: OuterInner.of(np.concatenate(parts), ErrorStatistics.of) if parts else None
-        for name, parts in errors.items()
-    }
+def _by_method(log: RunLog, geometry: RobotGeometry, measured: MeasuredRuns) -> Mapping[str, SlipSamples]:
+    """The samples of a run by each motion method that suits it."""
+    known = measured.get(log.run)
+    if known is not None:
+        return known.by_method
+    with contextlib.suppress(LogError):
+        return samples_by_method(log, geometry)
+    return {}
 
 
 def published_radii(commanded: Sequence[float]) -> Array:
@@ -224,26 +234,63 @@ def published_radii(commanded: Sequence[float]) -> Array:
     return np.array([printed.get(radius, np.nan) for radius in commanded])
 
 
-def ratio_to_bound(logs: Sequence[RunLog]) -> RatioToBound | None:
-    """Errors of the measured poses over their bound, leaving out views close to edge-on; None without scans or noise.
+@dataclass
+class _Poses:
+    """The errors of all poses of some runs, summed up."""
+
+    rows: int = 0
+    valid: int = 0
+    squares: Array = field(default_factory=lambda: np.zeros(3))  # of the errors of x, y and heading
+    period: float = math.nan  # of the rows, the same for all runs
+
+    def add(self, log: RunLog) -> None:
+        """Add the poses of a simulated run."""
+        if log.truth is not None:
+            error = log.pose - log.truth.pose
+            error[:, 2] = wrap_angle(error[:, 2])
+            self.squares += np.sum(error**2, axis=0)
+        self.rows += len(log.time)
+        self.valid += int(np.count_nonzero(log.is_valid))
+        self.period = float(np.median(np.diff(log.time)))
+
+    def errors(self) -> PoseErrors:
+        """Those of all runs that were added."""
+        x, y, heading = np.sqrt(self.squares / self.rows).tolist()
+        return PoseErrors(x, y, heading, self.valid / self.rows)
+
+    def rate(self) -> float:
+        """Valid poses per second [1/s]."""
+        return self.valid / self.rows / self.period
+
+
+@dataclass
+class _BesideBound:
+    """The errors of measured poses and their bound, leaving out views close to edge-on, summed up.
 
     The scanner sees the plate, so the reference is the plate's true place on the leaning robot.
     """
-    estimated, true = [], []
-    for log in logs:
-        if log.scans is None or log.scans.scan.noise == 0 or log.truth is None or log.truth.lean is None:
-            return None
-        phi = log.truth.pose[:, 2]
+
+    unknown: bool = False  # of a run without scans or noise
+    squares: Array = field(default_factory=lambda: np.zeros(3))  # of the errors of x, y and heading
+    variances: Array = field(default_factory=lambda: np.zeros(3))  # the bounds
+
+    def add(self, log: RunLog) -> None:
+        """Add the measured poses of a simulated run."""
+        scans, truth = log.scans, log.truth
+        if scans is None or scans.scan.noise == 0 or truth is None or truth.lean is None:
+            self.unknown = True
+            return
+        phi, valid = truth.pose[:, 2], log.is_valid
         left = np.column_stack([-np.sin(phi), np.cos(phi), np.zeros_like(phi)])
-        estimated.append(log.pose[log.is_valid])
-        true.append((log.truth.pose + log.truth.lean[:, None] * left)[log.is_valid])
-    scans = logs[0].scans
-    assert scans is not None
-    seen = None
-    if scans.scan.dropout > 0:
-        seen = Cluster.joined([log.scans.cluster.take(np.flatnonzero(log.is_valid)) for log in logs if log.scans])
-    ratios = scan_ratio_to_bound(np.concatenate(estimated), np.concatenate(true), scans.plate, scans.scan, seen)
-    return RatioToBound(*ratios.tolist())
+        true = (truth.pose + truth.lean[:, None] * left)[valid]
+        seen = scans.cluster.take(np.flatnonzero(valid)) if scans.scan.dropout > 0 else None
+        error, bound = beside_bound(log.pose[valid], true, scans.plate, scans.scan, seen)
+        self.squares += np.sum(error**2, axis=0)
+        self.variances += np.einsum("sii->i", bound)
+
+    def ratio(self) -> RatioToBound | None:
+        """Errors over their bound; None if that is unknown."""
+        return None if self.unknown else RatioToBound(*np.sqrt(self.squares / self.variances).tolist())
 
 
 def simulated_seconds(logs: Sequence[RunLog]) -> float:

@@ -22,6 +22,8 @@ from trackslip.kinematics import RobotGeometry
 
 _MIN_FLEET, _MAX_FLEET = 64, 128
 """Robots in a fleet: smaller fleets are slow; larger ones hardly gain, and lose more when a worker is stopped."""
+_LONG = 2_000.0
+"""Time that a fleet drives, all robots together, from which on a worker of its own is worth its start [s]."""
 _EACH = 4
 """Minimum number of fleets per worker, so that all end at about the same time, unless fleets would be too small."""
 _AT_ONCE = 16_000.0  # longest time that a fleet drives, all robots together, for its logs to fit into memory [s]
@@ -151,8 +153,10 @@ def fleets(runs: Sequence[Run], workers: int) -> list[tuple[Run, ...]]:
         alike.setdefault(run.setting.fleet, []).append(run)
     found = []
     for same in alike.values():
-        most = max(1, int(_AT_ONCE / same[0].setting.config.duration))  # which is the same for all
+        duration = same[0].setting.config.duration  # which is the same for all
+        most = max(1, int(_AT_ONCE / duration))
         count = -(-len(same) // min(size, most))
+        count = max(count, min(workers, int(len(same) * duration / _LONG)))
         ends = [round(len(same) * k / count) for k in range(count + 1)]
         found += [tuple(same[a:b]) for a, b in itertools.pairwise(ends)]
     return found

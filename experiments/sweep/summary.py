@@ -1,7 +1,7 @@
 """The numbers of a sweep: a few per grid, or all of them if there is only one grid."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -120,10 +120,10 @@ def numbers_in_full(
     config: SweepConfig,
     runs: Sequence[Run],
     rows: Sequence[RunRow],
-    read: Callable[[], Sequence[RunLog]],
+    read: Callable[[], Iterable[RunLog]],
     watch: Stopwatch,
 ) -> GridSummary | None:
-    """All numbers of a sweep that is a single grid, not too large; `read` gives the logs of its runs."""
+    """All numbers of a sweep that is a single grid, not too large; `read` gives the logs of its runs, one by one."""
     measured = [row for row in rows if row.v is not None]
     if len({run.grid for run in runs}) > 1 or len(runs) > IN_FULL or not measured:
         return None

@@ -120,7 +120,16 @@ def ratio_to_bound(error: Array, bound: Array) -> Array:
 
 
 def scan_ratio_to_bound(pose: Array, true_pose: Array, plate: Plate, scan: Scan, seen: Cluster | None = None) -> Array:
-    """Ratios (3,) to the bound of x, y and heading in the world, over scans seen MIN_ANGLE or more from edge-on.
+    """Ratios (3,) to the bound of x, y and heading in the world; of which scans, and arguments, see `beside_bound`."""
+    return ratio_to_bound(*beside_bound(pose, true_pose, plate, scan, seen))
+
+
+def beside_bound(
+    pose: Array, true_pose: Array, plate: Plate, scan: Scan, seen: Cluster | None = None
+) -> tuple[Array, Array]:
+    """Errors (R, 3) in the world and their bounds (R, 3, 3), of the R scans seen MIN_ANGLE or more from edge-on.
+
+    Scans that don't determine the pose are left out.
 
     Args:
         pose: estimated poses (S, 3) in the world, for example those that are valid.
@@ -137,7 +146,7 @@ def scan_ratio_to_bound(pose: Array, true_pose: Array, plate: Plate, scan: Scan,
     bound = pose_bound(local[rows], plate, scan.bearings, scan.noise, scan.dropout, returns)
     bound = scan.covariance_to_world(bound)
     held = np.isfinite(bound).all(axis=(1, 2))
-    return ratio_to_bound(error[held], bound[held])
+    return error[held], bound[held]
 
 
 def _on_long_face(jacobian: Array, heading: Array) -> np.ndarray:

@@ -1,13 +1,15 @@
 """The paper's runs, shared out: the same bits by any number of workers, and what is left when some fail."""
 
+import gc
 import io
 import json
+import weakref
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from experiments.measuring.grid import grid_summary
+from experiments.measuring.grid import LocalizationErrors, _BesideBound, grid_summary
 from experiments.options.reproduce import ReproduceConfig
 from experiments.parallel.executors import copied_workers
 from experiments.reproducing import loops
@@ -17,6 +19,7 @@ from sim.robot.robot import load_robot
 from sim.run_recorder import FAILURE, RunFailedError
 from sim.stopwatch import Stopwatch
 from trackslip.identification.samples import usable_samples
+from trackslip.localization.bound import scan_ratio_to_bound
 from trackslip.logs.logfile import write_parquet
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.icr import ConstantIcr
@@ -66,10 +69,51 @@ def test_what_was_measured_with_the_runs_is_what_they_give():
     assert (known.samples.run, known.refused, known.notes) == (fresh.samples.run, fresh.refused, fresh.notes)
     assert known.steady_share == pytest.approx(fresh.steady_share)
     summary = [
-        grid_summary(CONFIG, fresh.samples.run, grid.logs, fresh.samples, geometry, Stopwatch(), one).to_json()
-        for one in ({}, grid.measured)
+        grid_summary(CONFIG, fresh.samples.run, logs, fresh.samples, geometry, Stopwatch(), one).to_json()
+        for logs, one in ((grid.logs, {}), (grid.logs, grid.measured), (one_at_a_time(grid.logs), {}))
     ]
-    assert summary[0] == summary[1]
+    assert summary[0] == summary[1] == summary[2]
+
+
+def one_at_a_time(logs):
+    """Copies of logs, each of which must be forgotten before the next one is asked for, but for one."""
+    given = []
+    for log in logs:
+        gc.collect()
+        assert sum(one() is not None for one in given) <= 1
+        copy = replace(log)
+        given.append(weakref.ref(copy))
+        yield copy
+        del copy
+
+
+def test_pose_errors_and_bound_of_a_grid_are_those_of_all_its_poses_together():
+    with copied_workers(1) as workers:
+        logs = drive_grid(CONFIG, workers, Stopwatch()).logs
+    error = np.concatenate([log.pose - log.truth.pose for log in logs])
+    error[:, 2] = np.angle(np.exp(1j * error[:, 2]))
+    found, bound = LocalizationErrors.of(iter(logs)), _BesideBound()
+    rmse = np.sqrt(np.mean(error**2, axis=0))
+    np.testing.assert_allclose((found.rmse_x, found.rmse_y, found.rmse_heading), rmse, rtol=1e-12)
+    assert found.valid_fraction == np.mean([log.is_valid.mean() for log in logs])
+    assert found.rate_hz == pytest.approx(20 * found.valid_fraction)
+    for log in logs:
+        bound.add(log)
+    lean = [log.truth.lean[:, None] * axis_left(log.truth.pose[:, 2]) for log in logs]
+    true = [log.truth.pose + off for log, off in zip(logs, lean, strict=True)]
+    valid = [log.is_valid for log in logs]
+    estimated, true = (
+        np.concatenate([pose[rows] for pose, rows in zip(poses, valid, strict=True)])
+        for poses in ([log.pose for log in logs], true)
+    )
+    ratio = scan_ratio_to_bound(estimated, true, logs[0].scans.plate, logs[0].scans.scan)
+    np.testing.assert_allclose(list(vars(bound.ratio()).values()), ratio, rtol=1e-12)
+    bound.add(replace(logs[0], scans=None))
+    assert bound.ratio() is None
+
+
+def axis_left(phi):
+    return np.column_stack([-np.sin(phi), np.cos(phi), 0 * phi])
 
 
 def log(name, rows):

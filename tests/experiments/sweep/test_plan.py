@@ -97,6 +97,14 @@ def test_fleets_are_large_and_yet_every_worker_has_some(workers, count, largest)
     assert max(map(len, parts)) == largest
 
 
+@pytest.mark.parametrize(("duration", "count"), [(30, 1), (79, 1), (160, 2), (300, 2), (3600, 7)])
+def test_every_worker_has_some_of_a_small_grid_if_its_runs_are_long(duration, count):
+    runs = planned("--duration", str(duration))
+    parts = fleets(runs, 2)
+    assert [run for part in parts for run in part] == runs
+    assert len(parts) == count
+
+
 @pytest.mark.parametrize(("duration", "largest"), [(120, 25), (1800, 8), (3600, 4)])
 def test_fleets_of_long_runs_are_small_enough_for_their_memory(duration, largest):
     runs = planned("--duration", str(duration))
