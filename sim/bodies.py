@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from sim.moments import Moments
 from sim.robot.robot import Robot
 from sim.warp.devices import CPU, make_batch
-from trackslip.kinematics import Array, column, columns, in_frame
+from trackslip.kinematics import Array, column, columns
 
 Rows = np.ndarray | slice
 """Indices of robots, or a slice of them."""
@@ -36,24 +37,20 @@ class Bodies:
         """Centres (N, 3) of the robots' plates one physics step ago [m], live."""
         self._fresh = self.batch.state[0].copy()  # of a robot that has not moved yet
         self._heading: Array = np.zeros(size)  # unwrapped
+        self.now = Moments(self._place, self._velocity, self._heading, self._sensors, self._forward)
+        """The robots' states and the forces on them, live."""
 
     def pose(self) -> Array:
         """True poses (N, 3) of the chassis [m, m, rad]; phi unwrapped."""
-        pose = np.empty((self.size, 3))
-        pose[:, :2], pose[:, 2] = self._place[:, :2], self._heading
-        return pose
+        return self.now.pose()
 
     def twist(self) -> Array:
         """True twists (N, 3): forward speed, lateral speed to the left [m/s], yaw rate [rad/s]."""
-        x, y, _, _, _, yaw_rate = columns(self._velocity)
-        twist = np.empty((self.size, 3))
-        twist[:, 0], twist[:, 1] = in_frame(column(self._heading), x, y)
-        twist[:, 2] = yaw_rate
-        return twist
+        return self.now.twist()
 
     def traction(self) -> Array:
         """Longitudinal forces of the ground on the (left, right) tracks in the last physics step, (N, 2) [N]."""
-        return along_robot(self._sensors, self._forward)
+        return self.now.traction()
 
     def load(self) -> Array:
         """Normal forces of the ground on the (left, right) tracks, (N, 2) [N]."""
@@ -74,13 +71,6 @@ class Bodies:
         upright = np.empty(self.size)
         upright[:] = 1 - 2 * (x * x + y * y)
         return upright
-
-    def lean(self) -> Array:
-        """Lateral offset (N,) of the plates from the chassis, at the height of the scan, positive to the left [m]."""
-        w, x, y, z = self._quaternion.T
-        forward, left, up = 2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)  # of the chassis
-        along = (self.robot.lrf_height - self._place[:, 2]) / up
-        return along * (np.cos(self._heading) * left - np.sin(self._heading) * forward)
 
     def _place_at(self, rows: np.ndarray, start: Array, height: float = 0.0) -> None:
         """Reset the robots `rows` (R,) and put them upright at poses (R, 3)."""
@@ -146,9 +136,3 @@ def _heading(quaternion: Array) -> Any:
     """Headings (N,), or a plain number if there is only one, of orientations (N, 4) [rad]."""
     w, x, y, z = columns(quaternion)
     return np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-
-
-def along_robot(forces: Array, forward: Array) -> Array:
-    """Components (..., 2) along `forward` (..., 2) of the forces (..., 6) on the left and the right track."""
-    x, y = forces[..., 0::3], forces[..., 1::3]
-    return x * forward[..., :1] + y * forward[..., 1:]

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.bodies import EVERYONE, Bodies, Rows, along_robot
+from sim.bodies import EVERYONE, Bodies, Rows
 from sim.drawbar import Drawbar
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive, DriveState
 from sim.drive.pull import Pull
@@ -15,6 +15,7 @@ from sim.drive.saturation import SpeedSearch
 from sim.footing import Footing, one_each
 from sim.ground.ground import Ground
 from sim.ground.shear import Shear
+from sim.moments import along_robot
 from sim.parking import require_at_rest, require_held
 from sim.robot.parameters import SINK
 from sim.robot.robot import Robot

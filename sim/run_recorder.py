@@ -10,6 +10,7 @@ import numpy as np
 
 from sim.fleet import Fleet
 from sim.instruments import pad_forces
+from sim.moments import Moments
 from sim.needed_traction import needed_traction
 from sim.scanner.feed import ScannerFeed
 from trackslip.errors import TrackslipError, require
@@ -25,7 +26,8 @@ from trackslip.slip.icr_load import IcrLoad
 FAILURE = "failure"
 """Key of a log's metadata: why the run stopped early."""
 _WITH_ICR = (ConstantIcr, IcrLoad)  # laws whose ICRs are recorded
-_ENERGY, _SATURATED = 4, 5  # places in what is recorded of the truth
+_OF_MOMENT = 5  # arrays of the engine's state in what is recorded of the truth
+_ENERGY, _SATURATED = _OF_MOMENT + 1, _OF_MOMENT + 2  # places in that
 _TIPPED = 0.5  # roll or pitch from which a robot lies on its side [rad]
 _UPRIGHT = float(np.cos(_TIPPED))
 
@@ -83,7 +85,7 @@ class RunRecorder:
         self._icr = np.full((rows, n, 2), np.nan)
         self._covariance = np.zeros((rows, n, 3, 3))
         self._valid = np.zeros((rows, n), bool)
-        # of each row, (N, ...) each: the fields of Truth, with totals instead of their rates
+        # of each row, (N, ...) each: the engine's state, torques, total energy and saturated time, and contacts
         self._truth: list[tuple[Array, ...]] = []
         self._ranges: list[np.ndarray] = []  # (N, rows, B) each
 
@@ -105,7 +107,7 @@ class RunRecorder:
         contact = (pad_forces(fleet).astype(np.float32),) if self._in_detail else ()
         if self._in_detail and fleet.shear is not None:
             contact += (np.linalg.norm(fleet.shear.displacement, axis=-1).astype(np.float32),)
-        self._truth.append((fleet.pose(), fleet.twist(), fleet.traction(), *of_drive, fleet.lean(), *contact))
+        self._truth.append((*fleet.now.copied(), *of_drive, *contact))  # what follows is computed for all rows at once
 
     def _require_upright(self, k: int) -> None:
         """Raise RunFailedError if a robot has tipped over in row k."""
@@ -186,12 +188,13 @@ class RunRecorder:
         """
         if self.complete < 2:
             return []
-        pose, twist, traction, torque, energy, saturated_time, lean, *contact = (
-            np.stack(column) for column in zip(*self._truth[: self.complete], strict=True)
-        )
+        columns = [np.stack(column) for column in zip(*self._truth[: self.complete], strict=True)]
+        moments = Moments(*columns[:_OF_MOMENT])
+        torque, energy, saturated_time, *contact = columns[_OF_MOMENT:]
         before = self._before or self._truth[0]
         rates = (self._rate(total, before[k]) for k, total in ((_ENERGY, energy), (_SATURATED, saturated_time)))
-        truths = (pose, twist, traction, torque, *rates, lean, *contact)
+        lean = moments.lean(self._fleet.robot.lrf_height)
+        truths = (moments.pose(), moments.twist(), moments.traction(), torque, *rates, lean, *contact)
         empty = None if feed is None else feed.scan(np.empty((0, len(feed.bearings))))
         logs = []
         for i in range(self._fleet.size):

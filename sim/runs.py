@@ -184,7 +184,7 @@ class _Scans:
         """Measure and localize the scans that are waiting."""
         feed, record, first = self._feed, self._record, self._located
         with self._watch.stage("scans"):
-            ranges = feed.measure(self._true[: self._waiting].swapaxes(0, 1)).ranges  # (N, block, B)
+            ranges = feed.measured(self._true[: self._waiting].swapaxes(0, 1))  # (N, block, B)
             if feed.kept:
                 record.scanned(ranges)
         self._waiting = 0
@@ -253,10 +253,10 @@ def closed_loop(
                 record.estimate_exactly(k)
             else:
                 predicted = tracker.predict(record.omega[k], period if k > 0 else 0.0)
-                scan = feed.measure(feed.true_ranges()[:, None, :])
+                ranges = feed.measured(feed.true_ranges()[:, None, :])
                 if feed.kept:
-                    record.scanned(scan.ranges)
-                record.estimate(k, tracker.update(locator.locate(feed.scan(scan.ranges[:, 0]), predicted)))
+                    record.scanned(ranges)
+                record.estimate(k, tracker.update(locator.locate(feed.scan(ranges[:, 0]), predicted)))
             fleet.command(limit_sprocket_speeds(steering.omega(k, period), fleet.drive.limit))
             record.command(k)
     except RunFailedError as error:

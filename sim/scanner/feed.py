@@ -126,6 +126,10 @@ class ScannerFeed:
 
     def measure(self, true_ranges: Array) -> Scan:
         """Add measurement errors to true ranges (N, T, B) [m]: the next T scans of each robot."""
+        return self.scan(self.measured(true_ranges))
+
+    def measured(self, true_ranges: Array) -> Array:
+        """The ranges (N, T, B) of these scans alone [m]."""
         scanner, scans = self._scanner, true_ranges.shape[1:]
         ranges = np.empty(true_ranges.shape)
         for of_robot, noise in zip(ranges, self._noise, strict=True):  # each robot has its own random numbers
@@ -139,7 +143,7 @@ class ScannerFeed:
         if scanner.dropout > 0:
             for of_robot, dropout in zip(ranges, self._dropout, strict=True):
                 of_robot[dropout.random(scans) < scanner.dropout] = np.nan
-        return self.scan(ranges)
+        return ranges
 
     def scan(self, ranges: Array) -> Scan:
         """Ranges (..., B) [m] as a Scan of this LRF."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from trackslip.kinematics import Array
 from trackslip.localization.rows import Rows
-from trackslip.localization.view import in_axes
+from trackslip.localization.view import Points, in_axes
 
 UNKNOWN = 1e6
 """Variance of what a scan does not determine."""
@@ -28,6 +28,7 @@ class Evaluation(Rows):
 
     pose: Array  # (M, 3) in the LRF's frame
     terms: Array  # (M, 10): cost, gradient, and the elements of the Hessian in Voigt's order, xx, yy, zz, yz, xz, xy
+    axis: Points  # (M,) directions along the plates, where they were evaluated
 
     @property
     def cost(self) -> Array:
@@ -59,7 +60,7 @@ class Evaluation(Rows):
         back = axes.swapaxes(1, 2)
         terms[:, 1:4] = (back @ self.gradient[..., None])[..., 0]
         terms[:, 4:] = (back @ self.hessian @ axes).reshape(-1, 9).take(_VOIGT, axis=1)
-        return Evaluation(self.pose, terms)
+        return Evaluation(self.pose, terms, self.axis)
 
 
 class Surface(Protocol):
@@ -68,8 +69,8 @@ class Surface(Protocol):
     def evaluate(self, beams: Any, pose: Array) -> Evaluation:
         """Cost and derivatives at poses (M, 3), given what is known about M scans."""
 
-    def moved(self, pose: Array, step: Array) -> Array:
-        """Poses (M, 3) after steps (M, 3) in the coordinates of the derivatives."""
+    def moved(self, here: Evaluation, step: Array) -> Array:
+        """Poses (M, 3) after steps (M, 3) from `here` in the coordinates of the derivatives."""
 
 
 def climb(surface: Surface, beams: Any, pose: Array, iterations: int) -> Evaluation:
@@ -86,7 +87,7 @@ def climb(surface: Surface, beams: Any, pose: Array, iterations: int) -> Evaluat
     for k in range(iterations):
         step, fall = _newton(here, _DAMPING / 10**k)
         there = (fall < _CONVERGED) & climbing
-        target = surface.moved(here.pose, part[:, None] * step)
+        target = surface.moved(here, part[:, None] * step)
         if np.count_nonzero(there):  # takes a quarter of the time of any()
             np.copyto(here.pose, target, where=there[:, None])
             np.subtract(here.cost, fall, out=here.cost, where=there)
@@ -108,6 +109,7 @@ def climb(surface: Surface, beams: Any, pose: Array, iterations: int) -> Evaluat
         else:
             np.copyto(here.pose, trial.pose, where=better[:, None])
             np.copyto(here.terms, trial.terms, where=better[:, None])
+            np.copyto(here.axis, trial.axis, where=better)
         np.copyto(part, 1.0, where=better)
         refused = climbing & ~better
         if np.count_nonzero(refused):

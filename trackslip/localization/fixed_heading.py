@@ -68,9 +68,9 @@ class FixedHeading:
         pose[:, 2] = turned.heading
         return pose
 
-    def moved(self, pose: Array, step: Array) -> Array:
-        """Places along and across the plates, and headings (M, 3), after steps (M, 3)."""
-        return pose + step
+    def moved(self, here: Evaluation, step: Array) -> Array:
+        """Places along and across the plates, and headings (M, 3), after steps (M, 3) from `here`."""
+        return here.pose + step
 
     def evaluate(self, turned: TurnedBeams, pose: Array) -> Evaluation:
         """Cost and derivatives at places along and across the plates, and headings (M, 3), which are fixed."""
@@ -110,4 +110,4 @@ class FixedHeading:
         all_terms = np.zeros((10, len(pose)))
         all_terms[:3], all_terms[4:6], all_terms[9] = total[:3], total[3:5], total[5]
         all_terms[6] = 1.0
-        return Evaluation(pose, all_terms.T)
+        return Evaluation(pose, all_terms.T, turned.axis)

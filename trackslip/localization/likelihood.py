@@ -66,7 +66,7 @@ class PlateLikelihood:
         total = products[:, 0] + products[:, 1]  # (10, M): the same, and the last element
         total[0] /= 2
         total[:9] += sums
-        return Evaluation(pose, total.T)
+        return Evaluation(pose, total.T, view.axis)
 
     def misfit(self, beams: Beams, pose: Array) -> Array:
         """Root mean square residuals (M,) of the ranges at poses (M, 3) [standard deviations]."""
@@ -132,12 +132,14 @@ class PlateLikelihood:
             cost[row[first]] = np.add.reduceat(loss, first, axis=0)
         return cost
 
-    def moved(self, pose: Array, step: Array) -> Array:
-        """Poses (M, 3) after steps (M, 3) along and across their plates."""
-        moved = pose + step
-        cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
-        moved[:, 0] = pose[:, 0] + cos * step[:, 0] - sin * step[:, 1]
-        moved[:, 1] = pose[:, 1] + sin * step[:, 0] + cos * step[:, 1]
+    def moved(self, here: Evaluation, step: Array) -> Array:
+        """Poses (M, 3) after steps (M, 3) from `here` along and across the plates."""
+        moved, shift = here.pose.copy(), np.empty(len(step), complex)
+        shift.real, shift.imag = step[:, 0], step[:, 1]
+        shift *= here.axis
+        moved[:, 0] += shift.real
+        moved[:, 1] += shift.imag
+        moved[:, 2] += step[:, 2]
         return moved
 
     def climb(self, beams: Beams, pose: Array, iterations: int) -> Evaluation:

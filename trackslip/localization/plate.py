@@ -144,10 +144,9 @@ class PlateLocator:
     def _solved(self, scan: Scan, cluster: Cluster, near: Array | None) -> Solution:
         """The same for clusters with MIN_RETURNS or more returns, all at once."""
         beams = Beams.of(scan, cluster)
-        fit = self._fit(beams, cluster, scan.beam_step, near)
+        fit, misfit = self._fit(beams, cluster, scan.beam_step, near)
         axes = in_axes(fit.pose[:, 2])
         covariance = axes.swapaxes(1, 2) @ covariances(fit) @ axes
-        misfit = _misfit(fit, cluster)
         strained = _strained(misfit, cluster.count)
         if np.count_nonzero(strained):
             covariance[strained] *= (misfit[strained] ** 2)[:, None, None]
@@ -159,16 +158,20 @@ class PlateLocator:
             covariance[cut & (cluster.count < _MIN_PLATE_RETURNS)] = UNKNOWN
         return Solution(fit.pose, covariance, misfit, score, strained | cut)
 
-    def _fit(self, beams: Beams, cluster: Cluster, beam_step: float, near: Array | None) -> Evaluation:
-        """The best fit to each cluster; only from the expected pose if that explains the returns."""
+    def _fit(self, beams: Beams, cluster: Cluster, beam_step: float, near: Array | None) -> tuple[Evaluation, Array]:
+        """The best fits and their misfits (S,), only from the expected poses if these explain the returns."""
         if near is None:
-            return self._screened(beams, starts(cluster, self.plate, beam_step, None))
+            fit = self._screened(beams, starts(cluster, self.plate, beam_step, None))
+            return fit, _misfit(fit, cluster)
         fit = self._likelihood.climb(beams, near, self.iterations)
-        unexplained = _strained(_misfit(fit, cluster), cluster.count) | (cluster.count < _MIN_PLATE_RETURNS)
-        for rows in chunks(cluster, MAX_STARTS, unexplained) if np.count_nonzero(unexplained) else ():
+        misfit = _misfit(fit, cluster)
+        unexplained = _strained(misfit, cluster.count) | (cluster.count < _MIN_PLATE_RETURNS)
+        if not np.count_nonzero(unexplained):
+            return fit, misfit
+        for rows in chunks(cluster, MAX_STARTS, unexplained):
             first = starts(cluster.take(rows), self.plate, beam_step, near[rows])
             fit.put(rows, self._screened(beams.take(rows), first))
-        return fit
+        return fit, _misfit(fit, cluster)
 
     def _screened(self, beams: Beams, first: Array) -> Evaluation:
         """The best fits (S,) reached from the poses `first` (S, K, 3)."""

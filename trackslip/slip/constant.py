@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trackslip.kinematics import Array, RobotGeometry, body_twist, twist_of_tracks
+from trackslip.kinematics import Array, RobotGeometry, body_twist, track_speeds, twist_of_tracks
 from trackslip.slip.base import SlipLaw, by_side, require_slips
 
 
@@ -22,6 +22,10 @@ class NoSlip(SlipLaw):
     def slip(self, twist: ArrayLike) -> Array:
         """Zeros (..., 2)."""
         return np.zeros(np.shape(twist))
+
+    def sprocket_speeds(self, twist: ArrayLike, geometry: RobotGeometry) -> Array:
+        """Sprocket speeds (..., 2) [rad/s] that produce a twist (..., 2); Eq. 15."""
+        return track_speeds(twist, geometry.half_gauge) / geometry.sprocket_radius
 
     def twist(self, omega: ArrayLike, geometry: RobotGeometry) -> Array:
         """The twist (..., 2) that sprocket speeds omega (..., 2) [rad/s] produce; Eqs. 2 and 5."""
