@@ -1,5 +1,6 @@
 """The `trackslip` command line: options in, results out; a refused value prints a one-line error and exits with 2."""
 
+import atexit
 import contextlib
 import gc
 import importlib
@@ -35,6 +36,7 @@ from experiments.options.train import TrainConfig
 from experiments.options.validate import ValidateConfig
 from experiments.options.view import ViewConfig
 from experiments.options.wander import WanderConfig
+from experiments.quick_types import quick_types
 from trackslip.errors import InvalidValueError, TrackslipError
 
 COMMANDS: dict[str, Any] = {
@@ -188,6 +190,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.stdout.flush()
         if alone:
             gc.freeze()  # the process ends: no need to look for garbage
+            if arguments[0] in _BRIEF:
+                _leave()
     except TrackslipError as error:
         _fail(str(error), 2)
     except KeyboardInterrupt as interrupt:
@@ -201,6 +205,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _fail(f"can't write ({error.strerror or error})", 2)
 
 
+def _leave() -> None:
+    """End the process as usual, but leave it to the system to take everything apart."""
+    atexit._run_exitfuncs()
+    sys.stderr.flush()
+    os._exit(0)
+
+
 def parse(arguments: Sequence[str]) -> Any:
     """The command's options.
 
@@ -211,7 +222,7 @@ def parse(arguments: Sequence[str]) -> Any:
     _check(arguments)
     explanation, shown = io.StringIO(), HelpBuffer()
     try:
-        with contextlib.redirect_stderr(explanation), contextlib.redirect_stdout(shown):
+        with contextlib.redirect_stderr(explanation), contextlib.redirect_stdout(shown), quick_types():
             return tyro.extras.subcommand_cli_from_dict(
                 COMMANDS,
                 prog="trackslip",
