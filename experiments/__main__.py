@@ -15,7 +15,7 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # not every terminal knows every character
     gc.disable()  # cli restores it, too: what is imported is no garbage
-    from experiments.put_off import put_off
+    from experiments.starting.put_off import put_off
 
     put_off()
     from experiments.cli import main as run

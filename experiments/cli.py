@@ -36,7 +36,7 @@ from experiments.options.train import TrainConfig
 from experiments.options.validate import ValidateConfig
 from experiments.options.view import ViewConfig
 from experiments.options.wander import WanderConfig
-from experiments.quick_types import quick_types
+from experiments.starting.quick_types import quick_types
 from trackslip.errors import InvalidValueError, TrackslipError
 
 COMMANDS: dict[str, Any] = {
@@ -176,7 +176,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         options = parse(arguments)
         alone = not gc.isenabled()  # in a process of its own, of which nothing so far is garbage
         if alone and arguments[0] in DRAWING:
-            importlib.import_module("experiments.report.quick_import").import_matplotlib()
+            importlib.import_module("experiments.starting.quick_matplotlib").import_matplotlib()
         runner = importlib.import_module(f"experiments.commands.{arguments[0]}")
         if alone:
             gc.freeze()

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-PREPARE = "import sys\nfrom experiments.put_off import put_off\nput_off()\n"
+PREPARE = "import sys\nfrom experiments.starting.put_off import put_off\nput_off()\n"
 LOADED = (
     "print(*(name for name in ('glfw.library', 'numpy.f2py.crackfortran', 'unittest.case') if name in sys.modules))"
 )

@@ -26,7 +26,7 @@ def test_commands_that_draw_import_matplotlib(name):
 
 def test_matplotlib_is_as_usual_once_it_is_imported():
     code = """
-from experiments.report.quick_import import import_matplotlib
+from experiments.starting.quick_matplotlib import import_matplotlib
 import_matplotlib()
 from matplotlib.lines import Line2D
 from matplotlib.artist import kwdoc

@@ -8,7 +8,7 @@ import pytest
 import tyro._resolver
 
 from experiments import cli
-from experiments.quick_types import quick_types
+from experiments.starting.quick_types import quick_types
 
 LINES = (
     "reproduce --seed 3 --radii 0.5 1 --ground.across 0.9",
