@@ -239,6 +239,7 @@ class _Poses:
     """The errors of all poses of some runs, summed up."""
 
     rows: int = 0
+    compared: int = 0  # with the truth, where that is known
     valid: int = 0
     squares: Array = field(default_factory=lambda: np.zeros(3))  # of the errors of x, y and heading
     period: float = math.nan  # of the rows, the same for all runs
@@ -249,13 +250,14 @@ class _Poses:
             error = log.pose - log.truth.pose
             error[:, 2] = wrap_angle(error[:, 2])
             self.squares += np.sum(error**2, axis=0)
+            self.compared += len(error)
         self.rows += len(log.time)
         self.valid += int(np.count_nonzero(log.is_valid))
         self.period = float(np.median(np.diff(log.time)))
 
     def errors(self) -> PoseErrors:
         """Those of all runs that were added."""
-        x, y, heading = np.sqrt(self.squares / self.rows).tolist()
+        x, y, heading = np.sqrt(self.squares / self.compared).tolist()
         return PoseErrors(x, y, heading, self.valid / self.rows)
 
     def rate(self) -> float:

@@ -1,6 +1,7 @@
 """Options without typeguard: the same, and tyro is left as it was."""
 
 import contextlib
+import shlex
 import subprocess
 import sys
 
@@ -10,29 +11,14 @@ import tyro._resolver
 from experiments import cli
 from experiments.starting.quick_types import quick_types
 
-LINES = (
-    "reproduce --seed 3 --radii 0.5 1 --ground.across 0.9",
-    "grid --radii 0.5 1 --grounds ice stone --vary scanner.noise=0.005,0.01",
-    "identify out/grid --laws icr exponential",
-    "track --controller linear --law icr",
-    "benchmark --suite paper --seeds 0 1",
-    "drive stairs",
-    "bench --pipeline",
-    "view out/track --run a --run b",
-)
 
-
-@pytest.mark.parametrize("line", LINES)
-def test_options_are_those_that_typeguard_lets_through(line, monkeypatch):
-    def options():
-        try:
-            return repr(cli.parse(line.split()))
-        except SystemExit as stop:
-            return stop.code
-
-    quick = options()
+@pytest.mark.parametrize("command", cli.COMMANDS)
+def test_options_are_those_that_typeguard_lets_through(command, monkeypatch):
+    lines = [shlex.split(line)[1:] for _, line in cli.examples_of(command)]
+    quick = [repr(cli.parse(line)) for line in lines]
     monkeypatch.setattr(cli, "quick_types", contextlib.nullcontext)
-    assert quick == options()
+    assert quick == [repr(cli.parse(line)) for line in lines]
+    assert quick
 
 
 def test_defaults_are_compared_with_the_types_of_their_options():
