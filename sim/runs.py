@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
+from sim.deferred_scans import DeferredScans, scans_in_block
 from sim.fleet import Fleet
 from sim.run_recorder import Description, RunFailedError, RunRecorder
 from sim.scanner.feed import ScannerFeed
@@ -18,8 +19,8 @@ from trackslip.errors import require
 from trackslip.kinematics import Array, limit_sprocket_speeds
 from trackslip.localization.base import Locator
 from trackslip.localization.pose_tracker import Tracker
-from trackslip.localization.recorded import EVERY, Follower
-from trackslip.localization.scan import Cluster, extract_plate
+from trackslip.localization.recorded import EVERY
+from trackslip.localization.scan import extract_plate
 from trackslip.logs.runlog import RunLog
 from trackslip.trajectory.base import Reference
 
@@ -28,7 +29,6 @@ Progress = Callable[[float], None]
 
 PERIOD = LaserScanner().period
 """Time between the rows of a run without a scanner [s]."""
-_SCANS_AT_ONCE, _MOST_AT_ONCE = 5000, 400  # scans localized together offline: of all robots, and of each
 _FEWEST_ROWS, _MOST_ROWS = 32, 300  # of each robot in a part: making logs of fewer rows would take long
 _IN_MEMORY = 32_768  # rows of all robots together in a part, if that leaves each neither few nor many
 
@@ -91,12 +91,17 @@ def open_loop_parts(
     rows = _rows(duration, period)
     least = max(2, rows_at_once or min(max(_FEWEST_ROWS, _IN_MEMORY // fleet.size), _MOST_ROWS))
     scanned = feed is not None and locator is not None
-    most = least + (_block(fleet.size) + EVERY if scanned else 1)
+    most = least + (scans_in_block(fleet.size) + EVERY if scanned else 1)
     record = RunRecorder(fleet, min(rows, most), period, descriptions)
-    scans = None if feed is None or locator is None else _Scans(fleet, record, feed, locator, watch)
+    scans = None
+    if feed is not None and locator is not None:
+        scans = DeferredScans(fleet, np.arange(fleet.size), record, feed, locator, watch, with_plates=True)
 
     def logs(failure: str | None = None) -> list[RunLog]:
-        return record.logs(failure=failure) if scans is None else scans.logs(failure)
+        if scans is None:
+            return record.logs(failure=failure)
+        scans.locate()
+        return record.logs(feed, scans.plates(), failure)
 
     try:
         for left in reversed(range(rows)):
@@ -106,10 +111,12 @@ def open_loop_parts(
                     fleet.advance(period)
                     progress(period)
                 record.measure(k)
-            if scans is None:
+            if feed is None or scans is None:
                 record.estimate_exactly(k)
             else:
-                scans.take()
+                with watch.stage("scans"):
+                    ranges = _next_scans(feed, record)
+                scans.take(ranges)
             fleet.command(omega)
             record.command(k)
             # a log has two rows or more
@@ -129,75 +136,6 @@ def _rows(duration: float, period: float) -> int:
     rows = int(duration / period + 1e-9) + 1
     require(rows >= 2, "duration", duration, f"at least the time between two scans, {period:g} s")
     return rows
-
-
-def _block(robots: int) -> int:
-    """Number of scans of each robot that are localized together."""
-    return min(max(1, _SCANS_AT_ONCE // robots), _MOST_AT_ONCE)
-
-
-class _Scans:
-    """The scans of an open-loop run, localized in blocks: nobody needs the poses before the run is over."""
-
-    def __init__(
-        self, fleet: Fleet, record: RunRecorder, feed: ScannerFeed, locator: Locator, watch: Stopwatch
-    ) -> None:
-        self._fleet, self._record, self._feed, self._watch = fleet, record, feed, watch
-        self._follower = Follower(locator, Tracker(fleet.pose(), fleet.robot.geometry))
-        self._block = _block(fleet.size)
-        # true ranges of the scans that wait to be localized: the first `_waiting` rows
-        self._true = np.empty((self._block + EVERY, fleet.size, len(feed.bearings)))
-        self._waiting = 0
-        self._located = 0  # rows of the record
-        self._taken = 0  # scans of each robot
-        self._begun = False
-        self._clusters: list[Cluster] = []
-
-    @property
-    def located(self) -> bool:
-        """Whether no scan waits to be localized."""
-        return not self._waiting
-
-    def go_on(self) -> None:
-        """Forget the scans, as the record does its rows."""
-        self._located = 0
-        self._clusters.clear()
-
-    def take(self) -> None:
-        """Scan the robots where they are."""
-        with self._watch.stage("scans"):
-            self._feed.true_ranges(self._true[self._waiting])
-        self._waiting += 1
-        if self._waiting >= self._block and self._taken % EVERY == 0:
-            self._locate()
-        self._taken += 1
-
-    def logs(self, failure: str | None) -> list[RunLog]:
-        """See `RunRecorder.logs`."""
-        if self._waiting:
-            self._locate()
-        with self._watch.stage("localization"):
-            plates = _by_robot(self._clusters, self._fleet.size) if self._clusters else None
-            return self._record.logs(self._feed, plates, failure)
-
-    def _locate(self) -> None:
-        """Measure and localize the scans that are waiting."""
-        feed, record, first = self._feed, self._record, self._located
-        with self._watch.stage("scans"):
-            ranges = feed.measured(self._true[: self._waiting].swapaxes(0, 1))  # (N, block, B)
-            if feed.kept:
-                record.scanned(ranges)
-        self._waiting = 0
-        self._located += ranges.shape[1]
-        with self._watch.stage("localization"):
-            rows = slice(first, self._located)
-            angle = record.omega[rows].swapaxes(0, 1) * feed.period
-            if not self._begun:
-                angle[:, 0] = 0.0  # the tracker starts from the pose of the first scan
-                self._begun = True
-            record.estimates(rows, self._follower.follow(feed.scan(ranges), angle))
-            scan, pose = feed.scan(_flat(ranges)), _flat(record.pose[rows].swapaxes(0, 1))
-            self._clusters.append(extract_plate(scan, self._fleet.robot.plate, scan.from_world(pose)))
 
 
 def closed_loop(
@@ -230,10 +168,18 @@ def closed_loop(
     period = PERIOD if feed is None else feed.period
     rows = math.ceil(reference.duration / period - 1e-9) + 1  # the last at the reference's end or just after
     record = RunRecorder(fleet, rows, period, descriptions)
-    tracker = Tracker(fleet.pose(), fleet.robot.geometry)
     steering = Steering(pilots, fleet.pose(), record, reference, fleet.robot.geometry)
+    present = sorted(i for pilot in pilots for i in pilot.robots if pilot.needs_pose)
+    later = sorted(set(range(fleet.size)).difference(present))
+    seeing = np.array(present, int) if later else slice(None)
+    tracker = Tracker(fleet.pose()[seeing], fleet.robot.geometry)
+    scans = None
+    if feed is not None and locator is not None and later:
+        scans = DeferredScans(fleet, np.array(later), record, feed, locator)
 
     def logs(failure: str | None = None) -> list[RunLog]:
+        if scans is not None:
+            scans.locate()
         if feed is None or locator is None or not feed.kept or not record.complete:
             return record.logs(failure=failure)
         plates = []
@@ -252,11 +198,13 @@ def closed_loop(
             if feed is None or locator is None:
                 record.estimate_exactly(k)
             else:
-                predicted = tracker.predict(record.omega[k], period if k > 0 else 0.0)
-                ranges = feed.measured(feed.true_ranges()[:, None, :])
-                if feed.kept:
-                    record.scanned(ranges)
-                record.estimate(k, tracker.update(locator.locate(feed.scan(ranges[:, 0]), predicted)))
+                ranges = _next_scans(feed, record)
+                if scans is not None:
+                    scans.take(ranges[later])
+                if present:
+                    predicted = tracker.predict(record.omega[k, seeing], period if k > 0 else 0.0)
+                    found = locator.locate(feed.scan(ranges[seeing]), predicted)
+                    record.estimate(k, seeing, tracker.update(found))
             fleet.command(limit_sprocket_speeds(steering.omega(k, period), fleet.drive.limit))
             record.command(k)
     except RunFailedError as error:
@@ -265,12 +213,9 @@ def closed_loop(
     return logs()
 
 
-def _flat(array: np.ndarray) -> np.ndarray:
-    """Merge the axes of robots and rows, (N, T, ...), into one."""
-    return array.reshape(-1, *array.shape[2:])
-
-
-def _by_robot(clusters: Sequence[Cluster], robots: int) -> list[Cluster]:
-    """The clusters of each robot in order of time, from blocks of scans (N, T) that follow one another."""
-    parts = [(block, len(block.count) // robots) for block in clusters]
-    return [Cluster.joined([block.between(k * rows, (k + 1) * rows) for block, rows in parts]) for k in range(robots)]
+def _next_scans(feed: ScannerFeed, record: RunRecorder) -> Array:
+    """The ranges (N, B) of the next scan of each robot [m], which are recorded if they are kept."""
+    ranges = feed.measured(feed.true_ranges()[:, None, :])
+    if feed.kept:
+        record.scanned(ranges)
+    return ranges[:, 0]

@@ -11,15 +11,17 @@ import numpy as np
 
 from sim.run_recorder import RunFailedError, RunRecorder
 from trackslip.controllers.base import Controller, SensesSprockets
+from trackslip.controllers.feedforward import Feedforward
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry, advance
 from trackslip.slip.base import SlipLaw
-from trackslip.slip.compensation import Compensation, FixedLaw, SensesLoad
+from trackslip.slip.compensation import Compensation, FixedLaw, LoadedLaw, SensesLoad
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.tabulated import Tabulated
 
 _OURS = frozenset(CONTROLLERS.values())
+_REGARDLESS_OF_POSE = (FixedLaw, LoadedLaw)
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,11 @@ class Pilot:
     compensation: Compensation = field(default_factory=FixedLaw)
     preview: float = 0.0
     """How far ahead the controller looks: set it to the delay between command and motion [s]."""
+
+    @property
+    def needs_pose(self) -> bool:
+        """Whether what it commands depends on the robots' poses."""
+        return type(self.controller) is not Feedforward or type(self.compensation) not in _REGARDLESS_OF_POSE
 
 
 @dataclass(frozen=True)

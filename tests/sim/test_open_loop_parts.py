@@ -27,7 +27,7 @@ def arguments(robot, scanned):
 
 @pytest.mark.parametrize(("rows", "scanned"), [(7, False), (59, False), (1, False), (7, True)])
 def test_parts_are_the_same_runs_to_the_last_bit(robot, tmp_path, monkeypatch, rows, scanned):
-    monkeypatch.setattr("sim.runs._SCANS_AT_ONCE", 20)
+    monkeypatch.setattr("sim.deferred_scans._AT_ONCE", 20)
     whole = open_loop(*arguments(robot, scanned))
     lengths = []
     with RunWriter(tmp_path / "runs.parquet") as file:

@@ -105,6 +105,38 @@ def test_closed_loop_ends_with_the_reference_and_logs_its_twist(robot):
     assert np.abs(log.truth.twist[-1]).max() < 0.075 * 0.1
 
 
+class AnyPose(Feedforward):
+    """Feedforward that is given poses, as far as the simulator knows."""
+
+
+@pytest.mark.parametrize("kept", [False, True])
+def test_poses_that_no_pilot_needs_are_found_afterwards_and_as_well(robot, kept):
+    """The motion is the same to the last bit, and so are a robot's poses in any company."""
+    reference, locator = short_path(), PlateLocator(robot.plate)
+    laws = FixedLaw(), FixedLaw(theoretical_law(robot))
+    found = {}
+    for name, controllers in (
+        ("at once", (AnyPose(), AnyPose())),
+        ("one later", (Feedforward(), AnyPose())),
+        ("later", (Feedforward(), Feedforward())),
+    ):
+        fleet = Fleet(robot, np.tile(reference.pose(0.0), (2, 1)), threads=1)
+        feed = ScannerFeed(LaserScanner(dropout=0.05), fleet, [generator(3, f"{k}") for k in range(2)], kept=kept)
+        pilots = [Pilot(one, [k], laws[k]) for k, one in enumerate(controllers)]
+        assert [pilot.needs_pose for pilot in pilots] == [type(one) is AnyPose for one in controllers]
+        found[name] = closed_loop(fleet, pilots, reference, feed, locator, names(2))
+    for logs in found.values():
+        for log, other in zip(logs, found["at once"], strict=True):
+            np.testing.assert_array_equal(log.truth.pose, other.truth.pose)
+            assert log.is_valid.mean() > 0.95
+            error = (log.pose - log.truth.pose)[log.is_valid]
+            assert np.sqrt(np.mean(error**2, axis=0)) == pytest.approx([0.0] * 3, abs=0.005)
+            assert (log.scans is not None) == kept
+    np.testing.assert_array_equal(found["one later"][0].pose, found["later"][0].pose)
+    np.testing.assert_array_equal(found["one later"][1].pose, found["at once"][1].pose)
+    assert not np.array_equal(found["later"][0].pose, found["at once"][0].pose)
+
+
 def test_each_robot_has_one_pilot(robot):
     fleet, feed = set_up(robot, START)
     for robots in ([0], [0, 0], [0, 2]):
@@ -140,12 +172,12 @@ def test_a_controller_that_fails_leaves_the_rows_before(robot, detail):
     with pytest.raises(RunFailedError, match=r"^run 'run 1': its controller fails at 1 s \(RuntimeError") as failure:
         closed_loop(fleet, pilots, reference, feed, PlateLocator(robot.plate), names(2))
     fleet, feed = set_up(robot, start)
-    pilots = [Pilot(Feedforward(), [0]), Pilot(Feedforward(), [1])]
+    pilots = [Pilot(Feedforward(), [0]), Pilot(FailsAfter(np.inf), [1])]
     whole = closed_loop(fleet, pilots, reference, feed, PlateLocator(robot.plate), names(2))
     for log, expected in zip(failure.value.logs, whole, strict=True):
         assert len(log.time) == 20
         assert log.metadata == {"number": expected.metadata["number"], "failure": str(failure.value)}
-        np.testing.assert_array_equal(log.pose, expected.pose[:20])
+        np.testing.assert_allclose(log.pose, expected.pose[:20], atol=1e-6)  # robot 0 is located afterwards, in blocks
         np.testing.assert_array_equal(log.command, expected.command[:20])
         np.testing.assert_array_equal(log.twist_command, expected.twist_command[:20])
         assert (log.scans is not None) == detail
