@@ -15,8 +15,10 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # not every terminal knows every character
     gc.disable()  # cli restores it, too: what is imported is no garbage
+    from experiments.parallel.early import EARLY
     from experiments.starting.put_off import put_off
 
+    EARLY.start(sys.argv[1:])
     put_off()
     from experiments.cli import main as run
 

@@ -162,8 +162,8 @@ COMMAND_EXAMPLES = (
 _DESCRIPTION = """Slip of tracked robots: simulate it, identify it, compensate for it.
 `trackslip COMMAND --help` lists a command's options and examples."""
 _REPEATABLE = (("view", "--run"), ("evaluate", "--law"))
-DRAWING = ("reproduce", "identify", "localize", "drive", "benchmark", "validate", "sensitivity")
-"""Commands whose modules import matplotlib."""
+DRAWING = ("identify", "localize", "drive", "benchmark", "validate", "sensitivity")
+"""Commands whose modules import matplotlib when they are imported."""
 _BRIEF = ("reproduce",)  # commands that end before their garbage matters: to free figures takes a tenth of drawing them
 _COMPLETION = ("--tyro-print-completion", "--tyro-write-completion")
 _SHELLS = ("bash", "zsh", "fish", "tcsh")

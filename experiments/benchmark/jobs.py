@@ -9,7 +9,8 @@ from experiments.benchmark.setup import Setup
 from experiments.driving.failures import DrivenFleet, drive_isolating, logs_until
 from experiments.driving.lookup import policy_path, reference, user_modules
 from experiments.options.benchmark import BenchmarkConfig, Case
-from experiments.parallel.executors import processors, workers
+from experiments.parallel.executors import workers
+from experiments.parallel.workers import processors
 from experiments.storage.manifest import content, digest
 from experiments.storage.parts import Part
 from experiments.storage.results import SUMMARY_FILE

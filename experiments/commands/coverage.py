@@ -15,7 +15,8 @@ from experiments.measuring.coverage import (
     scanned_again,
 )
 from experiments.options.coverage import CoverageConfig
-from experiments.parallel.executors import processors, workers
+from experiments.parallel.executors import workers
+from experiments.parallel.workers import processors
 from experiments.recording import record_all
 from experiments.report.law_symbols import SYMBOLS
 from experiments.report.terminal import print_table, progress

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from experiments.driving.world import World
 from experiments.options.grid import SweepConfig
-from experiments.parallel.executors import WorkersFailedError, processors, workers
+from experiments.parallel.executors import WorkersFailedError, workers
+from experiments.parallel.workers import processors
 from experiments.recording import record_all
 from experiments.report.formats import stages_text
 from experiments.report.terminal import progress

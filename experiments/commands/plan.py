@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from experiments.options.plan import PlanConfig
-from experiments.parallel.executors import processors, workers
+from experiments.parallel.executors import workers
+from experiments.parallel.workers import processors
 from experiments.report.plan import EXPECTED_HEADER, expected_rows
 from experiments.report.terminal import print_table, progress
 from experiments.storage.manifest import make_manifest

@@ -8,8 +8,8 @@ from typing import Self
 import numpy as np
 
 from experiments.options.coverage import CoverageConfig
-from experiments.parallel.executors import processors, workers
-from experiments.parallel.workers import deaf_children
+from experiments.parallel.executors import workers
+from experiments.parallel.workers import deaf_children, processors
 from sim.seeds import generator
 from trackslip.identification.comparison import Comparison
 from trackslip.identification.coverage import coverage, noise_coverage

@@ -2,16 +2,17 @@
 
 import contextlib
 import logging
-import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent import futures
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
 from itertools import islice
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
-from experiments.parallel.workers import copies, deaf_children, processes
+from experiments.parallel.early import EARLY
+from experiments.parallel.helpers import HelpedExecutor
+from experiments.parallel.workers import deaf_children, processes, processors
 from trackslip.errors import TrackslipError, first_line
 
 _AHEAD = 2  # submitted tasks per worker, so that no worker waits for its next one
@@ -19,11 +20,23 @@ _PATIENCE = 10  # how long a scheduler may take to answer [s]
 _IMPORT_PATIENCE = 20  # how long a worker may take to import the simulator [s]
 
 Task = TypeVar("Task")
-Result = TypeVar("Result")
+Result = TypeVar("Result", covariant=True)
 
 
 class WorkersFailedError(TrackslipError):
     """Workers have died; the results they returned before are kept."""
+
+
+def nothing() -> bool:
+    """There is nothing to do."""
+    return False
+
+
+class Promise(Protocol[Result]):
+    """The result of a task, when it is there."""
+
+    def __call__(self, meanwhile: Callable[[], bool] = nothing) -> Result:
+        """See `Workers.begin`."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +45,7 @@ class Workers:
 
     executor: Executor
     count: int
+    """Including this process where it does tasks, too."""
 
     @property
     def inline(self) -> bool:
@@ -50,16 +64,27 @@ class Workers:
                     yield future.result()
                     pending |= self._submitted(do, islice(left, 1))
 
-    def begin(self, do: Callable[..., Result], *arguments: Any) -> Callable[[], Result]:
-        """Let a worker do a task; call what is returned for its result, which raises WorkersFailedError, too."""
+    def begin(self, do: Callable[..., Result], *arguments: Any) -> Promise[Result]:
+        """Let a worker do a task; call what is returned for its result, which raises WorkersFailedError, too.
+
+        It takes something to do here until the result is there, piece by piece: a callable that returns whether it has
+        done one. Only workers that this process is one of need it.
+        """
         with self._starting():
             future = self.executor.submit(do, *arguments)
 
-        def result() -> Result:
+        def result(meanwhile: Callable[[], bool] = nothing) -> Result:
             with _named_failures():
+                if isinstance(self.executor, HelpedExecutor):
+                    return self.executor.wait(future, meanwhile)
                 return future.result()
 
         return result
+
+    def prepare(self, do: Callable[[], Any]) -> None:
+        """Let helpers of this process, if it has any, do something before their next tasks."""
+        if isinstance(self.executor, HelpedExecutor):
+            self.executor.prepare(do)
 
     def _submitted(self, do: Callable[[Task], Result], tasks: Iterable[Task]) -> set[Future[Result]]:
         with self._starting():
@@ -115,19 +140,14 @@ def workers(name: str, jobs: int) -> Iterator[Workers]:
 
 
 @contextlib.contextmanager
-def copied_workers(threads: int) -> Iterator[Workers]:
-    """As many copies of this process as the option `threads` asks for, 0 for one per processor; see `copies`."""
+def helped(threads: int) -> Iterator[Workers]:
+    """This process and its helpers, as many together as the option `threads` asks for, 0 for one per processor."""
     count = threads or processors()
     if count == 1:
         yield Workers(InlineExecutor(), 1)
     else:
-        with copies(count) as pool:
-            yield Workers(pool, count)
-
-
-def processors() -> int:
-    """Number of processors that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        with EARLY.take(count - 1) or processes(count - 1) as pool, HelpedExecutor(pool, count - 1) as executor:
+            yield Workers(executor, count)
 
 
 @contextlib.contextmanager

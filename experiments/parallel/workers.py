@@ -1,13 +1,11 @@
 """Worker processes that exit with their parent and ignore Ctrl-C, which the parent handles."""
 
+import atexit
 import contextlib
-import gc
 import multiprocessing
 import os
 import signal
-import sys
 import threading
-import warnings
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 
@@ -23,21 +21,9 @@ def processes(count: int) -> Iterator[ProcessPoolExecutor]:
         yield pool
 
 
-@contextlib.contextmanager
-def copies(count: int) -> Iterator[ProcessPoolExecutor]:
-    """The same, of copies of this process, which have loaded what it has; of fresh ones where copying is not safe.
-
-    Copies have no threads but the one that made them, so there must be no engine with threads yet.
-    """
-    if sys.platform != "linux":
-        with processes(count) as pool:
-            yield pool
-        return
-    with _terminated(ProcessPoolExecutor(count, multiprocessing.get_context("fork"), initializer=_begin)) as pool:
-        with deaf_children(), warnings.catch_warnings():
-            warnings.simplefilter("ignore", DeprecationWarning)  # threads of linear algebra, which survive copying
-            pool.submit(os.getpid).result()  # all start with the first task
-        yield pool
+def processors() -> int:
+    """Number of processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @contextlib.contextmanager
@@ -67,7 +53,7 @@ def deaf_children() -> Iterator[None]:
 
 
 def _begin() -> None:
-    gc.freeze()  # what a copy shares is not its own to clean up
+    atexit.register(os._exit, 0)  # leave it to the system to take everything apart
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

@@ -1,35 +1,46 @@
-"""Figures drawn by several workers while others compute."""
+"""Figures drawn while others compute, and by all workers at the end."""
 
-from collections.abc import Callable, Iterable
-from functools import partial
+from collections.abc import Iterable
 
-from experiments.parallel.executors import Workers
+from experiments.parallel.executors import Promise, Workers
 from experiments.report.page import Drawn, draw
 from experiments.report.reproduction import Sketch
 from sim.stopwatch import Stopwatch, timed
 
 
 class Figures:
-    """Figures that workers draw."""
+    """Figures of a report."""
 
     def __init__(self, workers: Workers, pdf: bool) -> None:
         """`pdf` also draws them as PDF."""
         self._workers, self._pdf = workers, pdf
-        self._begun: dict[str, Callable[[], tuple[Drawn | None, dict[str, float]]]] = {}
+        self._waiting: list[Sketch] = []
+        self._begun: dict[str, Promise[tuple[Drawn | None, dict[str, float]]]] = {}
+        self._done: dict[str, tuple[Drawn | None, dict[str, float]]] = {}
 
-    def begin(self, sketches: Iterable[Sketch]) -> None:
-        """Begin to draw those that were not begun before; where nothing runs beside this, it waits until the end."""
-        begin = partial if self._workers.inline else self._workers.begin
-        for name, make in sketches:
-            if name not in self._begun:
-                self._begun[name] = begin(timed, "report", draw, name, make, self._pdf)
+    def add(self, sketches: Iterable[Sketch]) -> None:
+        """Draw those, too, that were not added before."""
+        known = {*self._done, *self._begun, *(name for name, _ in self._waiting)}
+        self._waiting += [sketch for sketch in sketches if sketch[0] not in known]
+
+    def draw_one(self) -> bool:
+        """Draw one of those that wait, here and now; whether there was one."""
+        if not self._waiting:
+            return False
+        name, make = self._waiting.pop(0)
+        self._done[name] = timed("report", draw, name, make, self._pdf)
+        return True
+
+    def share(self) -> None:
+        """Let workers begin to draw those that wait."""
+        for name, make in self._waiting:
+            self._begun[name] = self._workers.begin(timed, "report", draw, name, make, self._pdf)
+        self._waiting.clear()
 
     def drawn(self, watch: Stopwatch) -> dict[str, Drawn]:
-        """All of them by name, when they are drawn; `watch` gets the work of all workers together."""
-        found = {}
-        for name, result in self._begun.items():
-            one, times = result()
+        """All of them by name; workers draw those that wait. `watch` gets the work of all workers together."""
+        self.share()
+        self._done |= {name: result() for name, result in self._begun.items()}
+        for _, times in self._done.values():
             watch.add(times)
-            if one is not None:
-                found[name] = one
-        return found
+        return {name: one for name, (one, _) in self._done.items() if one is not None}

@@ -1,11 +1,12 @@
 """The paper's grid, driven and measured by several workers."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 
-from experiments.driving.grid_runs import Cell, cells_of, drive_cells
+from experiments.driving.grid_runs import cells_of, drive_cells
 from experiments.driving.world import World
 from experiments.options.grid import GridConfig
-from experiments.parallel.executors import Workers
+from experiments.reproducing.grid_shares import GridShares
 from experiments.reproducing.share import Share, whole
 from sim.run_recorder import RunFailedError
 from sim.stopwatch import Stopwatch
@@ -25,26 +26,22 @@ class DrivenGrid:
     """What was found of each steady run."""
 
 
-def drive_grid(config: GridConfig, workers: Workers, watch: Stopwatch) -> DrivenGrid:
-    """Drive and measure the grid; every worker has its share of the runs. Raises RunFailedError as `whole` does.
+def driven_grid(shares: GridShares, watch: Stopwatch) -> DrivenGrid:
+    """The whole grid, when all shares are driven. Raises RunFailedError as `whole` does.
 
     `watch` gets the work of all workers together.
     """
-    cells = cells_of(config)
-    count = min(workers.count, len(cells))
-    places = [range(k, len(cells), count) for k in range(count)]  # the radii of a share as different as those of all
-    own = replace(config, threads=max(1, workers.count // count))
-    results = [workers.begin(_drive_share, own, [cells[k] for k in at]) for at in places]
-    shares = [result() for result in results]
-    for share in shares:
+    found = [result() for result in shares.results]
+    for share in found:
         watch.add(share.stages)
-    logs = whole(shares, places)
-    return DrivenGrid(logs, {run: found for share in shares for run, found in share.measured.items()})
+    logs = whole(found, shares.places)
+    return DrivenGrid(logs, {run: one for share in found for run, one in share.measured.items()})
 
 
-def _drive_share(config: GridConfig, cells: list[Cell]) -> Share:
-    """Drive runs as one fleet and measure them; what a worker does."""
-    watch, world = Stopwatch(), World.of(config)
+def drive_share(config: GridConfig, places: Sequence[int]) -> Share:
+    """Drive some of the grid's runs as one fleet and measure them; what a worker does."""
+    watch, world, all_cells = Stopwatch(), World.of(config), cells_of(config)
+    cells = [all_cells[k] for k in places]
     try:
         logs = drive_cells(cells, [world] * len(cells), watch=watch)
     except RunFailedError as failure:

@@ -1,6 +1,6 @@
 """The paper's closed loops, driven by several workers."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -9,10 +9,11 @@ from experiments.driving.closed_loop import ClosedLoopRun, drive_closed_loops, s
 from experiments.driving.paper_model import KNOWN_LAWS
 from experiments.driving.world import World
 from experiments.options.reproduce import ReproduceConfig
-from experiments.parallel.executors import Workers
+from experiments.parallel.executors import Workers, nothing
 from experiments.reproducing.share import Share, whole
 from sim.run_recorder import RunFailedError
 from sim.stopwatch import Stopwatch
+from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.compensation import FixedLaw
@@ -22,30 +23,35 @@ CONTROLLERS = ("feedforward", "linear")
 """The paper's, in the order of its runs."""
 
 
+def start_poses() -> dict[str, Array]:
+    """Where the runs of each controller begin: poses (3,) [m, m, rad]."""
+    return {name: start_pose(name, "paper", paper_reference()) for name in CONTROLLERS}
+
+
 class Loops:
     """Closed loops that workers drive."""
 
     def __init__(self, config: ReproduceConfig, identified: Mapping[str, SlipLaw], workers: Workers) -> None:
         """Begin to drive both controllers with every compensation along the paper's path (Sec. IV)."""
-        path, laws = paper_reference(), {**KNOWN_LAWS, **identified}
-        self.starts = {name: start_pose(name, "paper", path) for name in CONTROLLERS}
+        laws = {**KNOWN_LAWS, **identified}
         metadata = {"reference": "paper"}
         runs = [
             ClosedLoopRun(f"{name} {law}", f"track {name} {law}", config.seed, name, law, start, metadata=metadata)
-            for name, start in self.starts.items()
+            for name, start in start_poses().items()
             for law in laws
         ]
         count = min(workers.count, len(runs))
         own = replace(config, threads=max(1, workers.count // count))
         self._places = np.array_split(range(len(runs)), count)  # by controller, if there are two
-        self._results = [workers.begin(_drive_share, own, laws, [runs[k] for k in at]) for at in self._places]
+        begun = [workers.begin(_drive_share, own, laws, [runs[k] for k in at]) for at in reversed(self._places)]
+        self._results = begun[::-1]  # begun first are those with feedback, which take longest
 
-    def logs(self, watch: Stopwatch) -> list[RunLog]:
+    def logs(self, watch: Stopwatch, meanwhile: Callable[[], bool] = nothing) -> list[RunLog]:
         """The logs of all runs, when they are driven; raises RunFailedError as `whole` does.
 
-        `watch` gets the work of all workers together.
+        `watch` gets the work of all workers together; `meanwhile` is what to do until then, as in `Workers.begin`.
         """
-        shares = [result() for result in self._results]
+        shares = [result(meanwhile) for result in self._results]
         for share in shares:
             watch.add(share.stages)
         return whole(shares, [at.tolist() for at in self._places])

@@ -10,7 +10,7 @@ import numpy as np
 
 from experiments.measuring.check import Check
 from experiments.measuring.grid import RadiusSummary, published_radii
-from experiments.parallel.executors import copied_workers
+from experiments.parallel.executors import helped
 from experiments.report.figures.localization import sightings
 from experiments.report.reproduction import Report, figures_of, published_beside, render
 from experiments.reproducing.figures import Figures
@@ -33,14 +33,14 @@ def measure(seed: int, repeats: int, step: Callable[[str], None]) -> tuple[Check
     report = _results(seed)
     times = []
     for _ in range(repeats):
-        with copied_workers(0) as workers, tempfile.TemporaryDirectory() as folder:
+        with helped(0) as workers, tempfile.TemporaryDirectory() as folder:
             began = perf_counter()
             figures = Figures(workers, pdf=False)
             beside = workers.begin(published_beside, [log.between(0, 2) for log in report.tracking_logs])
             seen = sightings(report.grid_logs)
-            figures.begin(figures_of(replace(report, seen=seen, tracking_logs=())))
-            whole = replace(report, seen=seen, published=beside())
-            figures.begin(figures_of(whole))
+            figures.add(figures_of(replace(report, seen=seen, tracking_logs=())))
+            whole = replace(report, seen=seen, published=beside(figures.draw_one))
+            figures.add(figures_of(whole))
             render(whole, figures.drawn(Stopwatch())).write(Path(folder))
             times.append(perf_counter() - began)
         step("report")

@@ -14,7 +14,7 @@ from experiments.driving.grid_runs import before_scanner, cells_of
 from experiments.driving.lookup import locator
 from experiments.measuring.check import Check, at_least
 from experiments.options.grid import GridConfig
-from experiments.parallel.executors import processors
+from experiments.parallel.workers import processors
 from experiments.reproducing.loops import CONTROLLERS
 from experiments.speed.pipeline.closed_loop import paper_pilots
 from experiments.speed.same_motion import WholeMotion

@@ -1,0 +1,133 @@
+"""The paper from its grid to its last figure."""
+
+import time
+from dataclasses import replace
+from typing import Any
+
+from experiments.driving.grid_runs import cells_of
+from experiments.driving.paper_model import published_runs
+from experiments.driving.world import World
+from experiments.measuring.grid import grid_summary, saturation_warnings, simulated_seconds
+from experiments.measuring.paper_comparison import compare_with_paper
+from experiments.measuring.tracking import tracking_results
+from experiments.options.reproduce import ReproduceConfig
+from experiments.options.world import IDENTIFIED
+from experiments.parallel.executors import Workers
+from experiments.recording import record_all
+from experiments.recording.failed_runs import results_or_failed_runs
+from experiments.report.figures.localization import sightings
+from experiments.report.formats import for_terminal, stages_text
+from experiments.report.reproduction import (
+    COMPARISON_HEADER,
+    ERRORS_DEFINED,
+    PLANNED_TRAJECTORY,
+    Report,
+    comparison_table,
+    figures_of,
+    render,
+)
+from experiments.report.terminal import busy, print_table
+from experiments.report.tracking import TRACKING_HEADER, tracking_table
+from experiments.reproducing.figures import Figures
+from experiments.reproducing.grid import driven_grid
+from experiments.reproducing.grid_shares import GridShares
+from experiments.reproducing.loops import Loops, start_poses
+from experiments.storage.manifest import command_line
+from experiments.storage.plain_json import plain
+from experiments.storage.results import REPORT_FILE, write_results, write_runs
+from sim.run_recorder import RunFailedError
+from sim.stopwatch import Stopwatch, timed
+from trackslip.identification.identify import identify_samples
+from trackslip.identification.result import identification_to_json
+from trackslip.identification.samples import usable_samples
+from trackslip.logs.runlog import RunLog
+from trackslip.slip.exponential import PUBLISHED
+from trackslip.trajectory.segmented import paper_reference
+
+
+def reproduce(config: ReproduceConfig, workers: Workers, shares: GridShares, began: float) -> None:
+    """Drive the grid, identify the laws, verify them in closed loop, store, report and print.
+
+    A worker that is free draws figures. The times by stage are those of all workers together; `began` is when the
+    command did, by `time.perf_counter`.
+    """
+    watch, world = Stopwatch(), World.of(config)
+    with results_or_failed_runs(config.out, "reproduce", world) as folder:
+        geometry = world.robot.geometry
+        names = [cell.name for cell in cells_of(config)]
+        figures = Figures(workers, config.pdf)
+        with busy(f"{len(names)} runs, scans and poses"):
+            driven = driven_grid(shares, watch)
+        grid_logs = driven.logs
+        with busy("slips and laws"):
+            sampling = usable_samples(grid_logs, geometry, method=config.motion, longest=True, measured=driven.measured)
+            identified = workers.begin(timed, "laws", identify_samples, sampling, geometry)
+            figures.add([PLANNED_TRAJECTORY, ERRORS_DEFINED])
+            report = Report(
+                title="Slip of a tracked robot: the paper and its simulation",
+                command=command_line("reproduce"),
+                manifest={},
+                grid_logs=grid_logs,
+                seen=sightings(grid_logs),
+            )
+            grid = grid_summary(config, names, grid_logs, sampling.samples, geometry, watch, driven.measured)
+            report = replace(report, radius=grid.radius)
+            figures.add(figures_of(report))
+            beside, times = timed("report", published_runs, start_poses(), geometry)
+            watch.add(times)
+            found, times = identified(figures.draw_one)
+            watch.add(times)
+        laws = {name: fitted.law for name, fitted in found.comparison.laws.items()}
+        with busy("closed loops"):
+            loops = Loops(config, {name: laws[name] for name in IDENTIFIED if name in laws}, workers)
+            report = replace(report, identification=found, published=beside)
+            figures.add(figures_of(report))
+            try:
+                tracking_logs = loops.logs(watch, figures.draw_one)
+            except RunFailedError as failure:
+                failure.logs = [*grid_logs, *failure.logs]
+                raise
+        logs = [*grid_logs, *tracking_logs]
+        tracking = tracking_results(tracking_logs, paper_reference())
+        comparison = compare_with_paper(grid, laws, tracking)
+        warnings = saturation_warnings(grid_logs)
+        with busy("report"):
+            report = replace(report, tracking_logs=tracking_logs)
+            figures.add(figures_of(report))
+            figures.share()
+            write_runs(folder, logs)
+            report = replace(
+                report,
+                manifest=world.manifest("reproduce", time.perf_counter() - began),
+                comparison=comparison,
+                tracking=tracking,
+                warnings=warnings,
+            )
+            drawn = figures.drawn(watch)
+            with watch.stage("report"):
+                render(report, drawn).write(folder, config.pdf)
+        wall, simulated = time.perf_counter() - began, simulated_seconds(logs)
+        summary: dict[str, Any] = {
+            **identification_to_json(found),
+            "published": {
+                "outer": {"alpha": PUBLISHED.alpha_outer, "beta": PUBLISHED.beta_outer},
+                "inner": {"alpha": PUBLISHED.alpha_inner, "beta": PUBLISHED.beta_inner},
+            },
+            "warnings": [*warnings, *found.warnings],
+            **grid.to_json(),
+            "tracking": [result.to_json() for result in tracking],
+            "timing": {"wall_s": wall, "simulated_s": simulated, "stages": watch.stages},
+        }
+        write_results(folder, plain(summary), report.manifest)
+        if config.rrd:
+            compared: dict[str, list[RunLog]] = {}
+            for log in tracking_logs:
+                compared.setdefault(f"{log.metadata['controller']} compared", []).append(log)
+            with busy("recordings"):
+                record_all(folder, logs, compared)
+    print_table("Published | simulated", COMPARISON_HEADER, for_terminal(comparison_table(comparison)))
+    print_table("Tracking errors of the true pose", TRACKING_HEADER, tracking_table(tracking))
+    for warning in summary["warnings"]:
+        print(f"warning: {warning}")
+    print(stages_text(watch.stages))
+    print(f"{config.out / REPORT_FILE}: {wall:.1f} s for {simulated:.0f} s of simulated driving")
