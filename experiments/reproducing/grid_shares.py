@@ -15,9 +15,18 @@ class GridShares:
         """Begin to drive; where nothing runs beside this, that waits until results are asked for."""
         cells = len(config.radii) * len(config.speeds)
         count = min(workers.count, cells)
-        self.places = [range(k, cells, count) for k in range(count)]
-        """Which runs are in each share: the radii of a share are as different as those of all."""
+        self.places = places(cells, count)
+        """Which runs are in each share."""
         own = replace(config, threads=max(1, workers.count // count))
         begin = partial if workers.inline else workers.begin
         self.results = [begin(call, "experiments.reproducing.grid:drive_share", own, at) for at in self.places]
         """Each is called for what a worker drove, a Share."""
+
+
+def places(runs: int, workers: int) -> list[list[int]]:
+    """Which of the runs are in each worker's share: their radii are as different as those of all.
+
+    The last share is that of this process, which joins the others late: it is two thirds as large.
+    """
+    turns = [*range(workers), *range(workers), *range(workers - 1)]
+    return [[k for k in range(runs) if turns[k % len(turns)] == worker] for worker in range(workers)]

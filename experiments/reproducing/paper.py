@@ -36,8 +36,9 @@ from experiments.storage.manifest import command_line
 from experiments.storage.plain_json import plain
 from experiments.storage.results import REPORT_FILE, write_results, write_runs
 from sim.run_recorder import RunFailedError
-from sim.stopwatch import Stopwatch, timed
-from trackslip.identification.identify import identify_samples
+from sim.stopwatch import Stopwatch
+from trackslip.identification.comparison import fit_laws
+from trackslip.identification.identify import identify_selected, select_samples
 from trackslip.identification.result import identification_to_json
 from trackslip.identification.samples import usable_samples
 from trackslip.logs.runlog import RunLog
@@ -61,27 +62,28 @@ def reproduce(config: ReproduceConfig, workers: Workers, shares: GridShares, beg
         grid_logs = driven.logs
         with busy("slips and laws"):
             sampling = usable_samples(grid_logs, geometry, method=config.motion, longest=True, measured=driven.measured)
-            identified = workers.begin(timed, "laws", identify_samples, sampling, geometry)
-            figures.add([PLANNED_TRAJECTORY, ERRORS_DEFINED])
+            with watch.stage("laws"):
+                selected = select_samples(sampling, geometry)
+                fitted = fit_laws(IDENTIFIED, selected.samples, geometry)
+        loops = Loops(config, {name: one.law for name, one in fitted.items()}, workers)
+        with busy("slips and laws"):
+            with watch.stage("laws"):
+                found = identify_selected(selected, geometry, fitted=fitted)
+            grid = grid_summary(config, names, grid_logs, sampling.samples, geometry, watch, driven.measured)
+            with watch.stage("report"):
+                beside = published_runs(start_poses(), geometry)
             report = Report(
                 title="Slip of a tracked robot: the paper and its simulation",
                 command=command_line("reproduce"),
                 manifest={},
                 grid_logs=grid_logs,
                 seen=sightings(grid_logs),
+                radius=grid.radius,
+                identification=found,
+                published=beside,
             )
-            grid = grid_summary(config, names, grid_logs, sampling.samples, geometry, watch, driven.measured)
-            report = replace(report, radius=grid.radius)
-            figures.add(figures_of(report))
-            beside, times = timed("report", published_runs, start_poses(), geometry)
-            watch.add(times)
-            found, times = identified(figures.draw_one)
-            watch.add(times)
-        laws = {name: fitted.law for name, fitted in found.comparison.laws.items()}
+            figures.add([PLANNED_TRAJECTORY, ERRORS_DEFINED, *figures_of(report)])
         with busy("closed loops"):
-            loops = Loops(config, {name: laws[name] for name in IDENTIFIED if name in laws}, workers)
-            report = replace(report, identification=found, published=beside)
-            figures.add(figures_of(report))
             try:
                 tracking_logs = loops.logs(watch, figures.draw_one)
             except RunFailedError as failure:
@@ -89,6 +91,7 @@ def reproduce(config: ReproduceConfig, workers: Workers, shares: GridShares, beg
                 raise
         logs = [*grid_logs, *tracking_logs]
         tracking = tracking_results(tracking_logs, paper_reference())
+        laws = {name: one.law for name, one in found.comparison.laws.items()}
         comparison = compare_with_paper(grid, laws, tracking)
         warnings = saturation_warnings(grid_logs)
         with busy("report"):

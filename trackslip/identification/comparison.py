@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import contextlib
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -50,10 +52,22 @@ class Comparison:
         return tuple(sorted(self.laws, key=lambda name: (aicc[name], self.laws[name].scatter)))
 
 
-def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> Comparison:
+def fit_laws(names: Iterable[str], samples: SlipSamples, geometry: RobotGeometry) -> dict[str, FittedLaw]:
+    """Those of some laws that the samples determine, and the baselines in any case, as `compare_laws` fits them."""
+    laws = {}
+    for name in names:
+        with contextlib.suppress(LogError):
+            laws[name] = fit_law(name, samples, geometry, vague=name in BASELINES)
+    return laws
+
+
+def compare_laws(
+    samples: SlipSamples, geometry: RobotGeometry, fitted: Mapping[str, FittedLaw] = MappingProxyType({})
+) -> Comparison:
     """Fit all families that the samples determine, and the baselines in any case, and compare them.
 
-    Raises LogError if the samples determine no law that tells of turns.
+    Some may have been `fitted` to these samples already. Raises LogError if the samples determine no law that tells of
+    turns.
     """
     laws: dict[str, FittedLaw] = {}
     warnings: list[str] = []
@@ -64,7 +78,7 @@ def compare_laws(samples: SlipSamples, geometry: RobotGeometry) -> Comparison:
         if family.loaded and (samples.load is None or np.ptp(samples.load) < _MIN_LOADS):
             continue
         try:
-            laws[name] = fit_law(name, samples, geometry, vague=name in BASELINES)
+            laws[name] = fitted.get(name) or fit_law(name, samples, geometry, vague=name in BASELINES)
             warnings += laws[name].notes
         except LogError as error:
             warnings.append(str(error))
