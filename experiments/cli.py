@@ -9,59 +9,57 @@ import os
 import shutil
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import tyro
 
-from experiments.options.bag import BagConfig
-from experiments.options.bench import BenchConfig
-from experiments.options.benchmark import BenchmarkConfig
-from experiments.options.calibrate import CalibrateConfig
-from experiments.options.coverage import CoverageConfig
-from experiments.options.deploy import DeployConfig
-from experiments.options.drive import DriveConfig
-from experiments.options.evaluate import EvaluateConfig
-from experiments.options.export import ExportConfig
-from experiments.options.grid import SweepConfig
 from experiments.options.help import HelpBuffer, wrapped
-from experiments.options.identify import IdentifyConfig
-from experiments.options.localize import LocalizeConfig
-from experiments.options.plan import PlanConfig
-from experiments.options.predict import PredictConfig
-from experiments.options.reproduce import ReproduceConfig
-from experiments.options.sensitivity import SensitivityConfig
-from experiments.options.track import TrackConfig
-from experiments.options.train import TrainConfig
-from experiments.options.validate import ValidateConfig
-from experiments.options.view import ViewConfig
-from experiments.options.wander import WanderConfig
 from experiments.starting.quick_types import quick_types
 from trackslip.errors import InvalidValueError, TrackslipError
 
-COMMANDS: dict[str, Any] = {
-    "reproduce": ReproduceConfig,
-    "grid": SweepConfig,
-    "wander": WanderConfig,
-    "identify": IdentifyConfig,
-    "plan": PlanConfig,
-    "deploy": DeployConfig,
-    "evaluate": EvaluateConfig,
-    "bag": BagConfig,
-    "localize": LocalizeConfig,
-    "track": TrackConfig,
-    "drive": DriveConfig,
-    "benchmark": BenchmarkConfig,
-    "train": TrainConfig,
-    "predict": PredictConfig,
-    "calibrate": CalibrateConfig,
-    "validate": ValidateConfig,
-    "coverage": CoverageConfig,
-    "sensitivity": SensitivityConfig,
-    "bench": BenchConfig,
-    "export": ExportConfig,
-    "view": ViewConfig,
+_OPTIONS = {
+    "reproduce": "ReproduceConfig",
+    "grid": "SweepConfig",
+    "wander": "WanderConfig",
+    "identify": "IdentifyConfig",
+    "plan": "PlanConfig",
+    "deploy": "DeployConfig",
+    "evaluate": "EvaluateConfig",
+    "bag": "BagConfig",
+    "localize": "LocalizeConfig",
+    "track": "TrackConfig",
+    "drive": "DriveConfig",
+    "benchmark": "BenchmarkConfig",
+    "train": "TrainConfig",
+    "predict": "PredictConfig",
+    "calibrate": "CalibrateConfig",
+    "validate": "ValidateConfig",
+    "coverage": "CoverageConfig",
+    "sensitivity": "SensitivityConfig",
+    "bench": "BenchConfig",
+    "export": "ExportConfig",
+    "view": "ViewConfig",
 }
+
+
+class Commands(Mapping[str, Any]):
+    """Options by command, imported when they are asked for: those of all commands take as long as what parses them."""
+
+    def __getitem__(self, name: str) -> Any:
+        return getattr(importlib.import_module(f"experiments.options.{name}"), _OPTIONS[name])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_OPTIONS)
+
+    def __len__(self) -> int:
+        return len(_OPTIONS)
+
+    def __contains__(self, name: object) -> bool:
+        return name in _OPTIONS
+
+
+COMMANDS = Commands()
 """Options by command; the module experiments.commands.NAME runs it."""
 
 EXAMPLES = (
@@ -220,11 +218,12 @@ def parse(arguments: Sequence[str]) -> Any:
         SystemExit: after help, and for arguments that tyro rejects, once it has explained them.
     """
     _check(arguments)
+    named = [name for name in COMMANDS if arguments[:1] == [name]]
     explanation, shown = io.StringIO(), HelpBuffer()
     try:
         with contextlib.redirect_stderr(explanation), contextlib.redirect_stdout(shown), quick_types():
             return tyro.extras.subcommand_cli_from_dict(
-                COMMANDS,
+                {name: COMMANDS[name] for name in named or COMMANDS},
                 prog="trackslip",
                 args=arguments,
                 description=_DESCRIPTION,

@@ -203,10 +203,21 @@ def test_a_controller_that_fails_at_once_leaves_no_log(robot):
 )
 def test_twists_that_are_none_are_refused(robot, monkeypatch, twist, message):
     reference = short_path()
-    monkeypatch.setattr(Feedforward, "twist", lambda *_: np.array(twist))
+    monkeypatch.setattr(LinearTimeVarying, "twist", lambda *_: np.array(twist))
     with pytest.raises(RunFailedError) as failure:
-        closed_loop(Fleet(robot, reference.pose([0.0])), Feedforward(), reference)
+        closed_loop(Fleet(robot, reference.pose([0.0])), LinearTimeVarying(), reference)
     assert str(failure.value) == message
+
+
+def test_a_reference_that_is_not_finite_is_refused(robot, monkeypatch):
+    reference = short_path()
+    twists = reference.twist
+    monkeypatch.setattr(
+        SegmentedReference, "twist", lambda _, time: np.where(np.asarray(time)[..., None] > 0.07, np.nan, twists(time))
+    )
+    with pytest.raises(RunFailedError, match=r"returns the twist \(nan, nan\) at 0\.1 s: must be finite") as failure:
+        closed_loop(Fleet(robot, reference.pose([0.0])), Feedforward(), reference)
+    assert [len(log.time) for log in failure.value.logs] == [2]
 
 
 def test_runs_without_a_scanner_log_the_true_poses(robot):

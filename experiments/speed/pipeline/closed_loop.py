@@ -37,7 +37,8 @@ _PATH = SegmentedReference(  # the paper's path, in brief
 def measure(seed: int, repeats: int, step: Callable[[str], None]) -> tuple[Check, ...]:
     """Ten robots' time over that of their physics, and one robot's speed; `step` is called after each round.
 
-    Times are wall time on one thread, and medians over all periods and rounds.
+    Times are wall time on one thread. Those of ten robots are sums over a run, as scans of the robots that need no pose
+    are localized in blocks; medians over the rounds. Those of one robot are medians over all periods and rounds.
     """
     robot = load_robot()
     ten, one = Times(), Times()
@@ -49,7 +50,7 @@ def measure(seed: int, repeats: int, step: Callable[[str], None]) -> tuple[Check
     steps = LaserScanner().period / float(robot.model.opt.timestep)
     loop, bare = (steps / float(np.median(parts)) for parts in (one.whole, one.bare))
     return (
-        Check(TEN, "time over that of the physics", ten.ratio, MOST, "x"),
+        Check(TEN, "time over that of the physics", float(np.median(ten.runs)), MOST, "x"),
         Check(ONE, "speed over that of the bare engine", share, at_least(LEAST_SHARE), "x"),
         Check(ONE, "physics steps", loop, at_least(LEAST_SHARE * bare), "steps/s"),
     )
@@ -63,6 +64,8 @@ class Times:
     """Of the closed loop."""
     bare: list[float] = field(default_factory=list)
     """Of the bare engine, with the same robots in the same motion."""
+    runs: list[float] = field(default_factory=list)
+    """Of whole runs, over that of the bare engine [-]."""
 
     @property
     def ratio(self) -> float:
@@ -89,13 +92,14 @@ def drive(robot: Robot, pilots: Sequence[Pilot], seed: int, times: Times) -> Non
     feed = ScannerFeed(LaserScanner(), fleet, [generator(seed, f"bench {k}") for k in range(size)])
     shadow = _Shadow(SameMotion(fleet, feed.period), times)
     closed_loop(fleet, pilots, _PATH, feed, locator("plate", robot), progress=shadow.repeat)
+    shadow.end()
 
 
 class _Shadow:
     """Notes the times of a closed loop's periods, and of the bare engine in the same motion."""
 
     def __init__(self, motion: SameMotion, times: Times) -> None:
-        self._motion, self._times = motion, times
+        self._motion, self._times, self._first = motion, times, len(times.whole)
         self._returned: float | None = None
 
     def repeat(self, _: float) -> None:
@@ -107,3 +111,10 @@ class _Shadow:
             self._times.bare.append(bare)
         self._motion.begin()
         self._returned = perf_counter()
+
+    def end(self) -> None:
+        """Note the time of the run, which is over: what it did after its last period counts, too."""
+        assert self._returned is not None
+        last = perf_counter() - self._returned
+        whole, bare = (sum(part[self._first :]) for part in (self._times.whole, self._times.bare))
+        self._times.runs.append((whole + last) / bare)
