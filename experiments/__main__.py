@@ -18,11 +18,14 @@ def main() -> None:
     from experiments.parallel.early import EARLY
     from experiments.starting.put_off import put_off
 
-    EARLY.start(sys.argv[1:])
+    EARLY.begin(sys.argv[1:])
     put_off()
     from experiments.cli import main as run
 
-    run()
+    try:
+        run()
+    finally:
+        EARLY.end()
 
 
 def _quit(*_: object) -> None:

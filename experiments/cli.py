@@ -9,7 +9,7 @@ import os
 import shutil
 import signal
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 import tyro
@@ -219,11 +219,22 @@ def parse(arguments: Sequence[str]) -> Any:
     """
     _check(arguments)
     named = [name for name in COMMANDS if arguments[:1] == [name]]
+    with contextlib.suppress(_NotParsedError):
+        return _parsed(arguments, named or COMMANDS)
+    return _parsed(arguments, COMMANDS)  # it tells which other commands have the option
+
+
+class _NotParsedError(Exception):
+    """Arguments that options of one command do not explain."""
+
+
+def _parsed(arguments: Sequence[str], commands: Collection[str]) -> Any:
+    """See `parse`; the options of some commands are known. Raises _NotParsedError for what only others may have."""
     explanation, shown = io.StringIO(), HelpBuffer()
     try:
         with contextlib.redirect_stderr(explanation), contextlib.redirect_stdout(shown), quick_types():
             return tyro.extras.subcommand_cli_from_dict(
-                {name: COMMANDS[name] for name in named or COMMANDS},
+                {name: COMMANDS[name] for name in commands},
                 prog="trackslip",
                 args=arguments,
                 description=_DESCRIPTION,
@@ -232,6 +243,8 @@ def parse(arguments: Sequence[str]) -> Any:
     except SystemExit as stop:
         if stop.code and (refused := _refused_value(stop)):
             raise refused from None
+        if stop.code and len(commands) < len(COMMANDS):
+            raise _NotParsedError from None
         sys.stderr.write(explanation.getvalue())
         if stop.code or arguments[0] in _COMPLETION:
             sys.stdout.write(shown.getvalue())

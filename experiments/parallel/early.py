@@ -1,4 +1,4 @@
-"""Helper processes that import what their tasks need while the command that they help is still starting."""
+"""Helper processes that import what their tasks need while the command that they help is itself starting."""
 
 import contextlib
 import gc
@@ -11,38 +11,45 @@ from experiments.starting.put_off import put_off
 from experiments.starting.quick_matplotlib import import_matplotlib
 
 NEEDED = {"reproduce": ("experiments.reproducing.grid", "experiments.reproducing.loops")}
-"""Commands with helpers, and the modules that the helpers' first tasks need."""
+"""Commands with helpers, and the modules that the first tasks need."""
 _THREADS = "--threads"
 
 
 class EarlyHelpers:
-    """Helpers that were started before their command was."""
+    """Helpers that begin before the command does, whose options have yet to be checked."""
 
     def __init__(self) -> None:
         self._kept = contextlib.ExitStack()
         self._pool: ProcessPoolExecutor | None = None
         self._count = 0
 
-    def start(self, arguments: Sequence[str]) -> None:
-        """Start those of a command line, if it has any."""
-        command = arguments[0] if arguments else ""
+    def begin(self, arguments: Sequence[str]) -> None:
+        """Start those that a command line asks for, if there are processors for them."""
         count = helpers_of(arguments)
-        if command not in NEEDED or not count:
+        if not count:
             return
-        self._pool, self._count = self._kept.enter_context(processes(count)), count
-        with deaf_children():
+        with contextlib.suppress(OSError), deaf_children():  # the command tries again, and reports
+            pool = self._kept.enter_context(processes(count))
             for _ in range(count):
-                self._pool.submit(load, NEEDED[command])
+                pool.submit(load, NEEDED[arguments[0]])
+            self._pool, self._count = pool, count
 
     def take(self, count: int) -> contextlib.AbstractContextManager[ProcessPoolExecutor] | None:
-        """So many helpers, if they were started; only once."""
+        """The pool of so many helpers, if that is what was begun: once, for the block that it is used in."""
         if self._pool is None or self._count != count:
             return None
-        pool, self._pool = self._pool, None
-        return self._until_end(pool)
+        return self._taken(self._pool)
+
+    def end(self) -> None:
+        """Terminate them unless they were taken."""
+        if self._pool is not None:
+            self._pool = None
+            with contextlib.suppress(SystemExit), self._kept:
+                raise SystemExit
 
     @contextlib.contextmanager
-    def _until_end(self, pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
+    def _taken(self, pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
+        self._pool = None
         with self._kept.pop_all():
             yield pool
 
@@ -52,30 +59,28 @@ EARLY = EarlyHelpers()
 
 
 def helpers_of(arguments: Sequence[str]) -> int:
-    """The number of processes that a command line asks for besides its own; 0 if it can't be told yet."""
-    if any(one in ("-h", "--help") for one in arguments):
+    """How many helpers a command line asks for; 0 if there are none to begin early."""
+    if not arguments or arguments[0] not in NEEDED or {"-h", "--help"} & {*arguments}:
         return 0
     threads = "0"
-    for k, one in enumerate(arguments):
+    for one, following in zip(arguments, [*arguments[1:], ""], strict=True):
         name, _, value = one.partition("=")
         if name == _THREADS:
-            threads = value or "".join(arguments[k + 1 : k + 2])
-    if not threads.isdecimal():
-        return 0
-    return max(0, (int(threads) or processors()) - 1)
-
-
-def load_drawing() -> None:
-    """Import what draws figures of reports."""
-    import_matplotlib()
-    load(("experiments.report.reproduction",))
+            threads = value or following
+    most = processors()
+    count = int(threads) or most if threads.isdecimal() else 0
+    return count - 1 if 1 < count <= most else 0
 
 
 def load(modules: Sequence[str]) -> None:
-    """Import modules; what they make while they are imported is no garbage."""
+    """Import modules in a helper, which ends before its garbage matters."""
     gc.disable()
     put_off()
     for module in modules:
         importlib.import_module(module)
-    gc.freeze()
-    gc.enable()
+
+
+def load_drawing() -> None:
+    """Import what draws figures of reports in a helper."""
+    import_matplotlib()
+    load(("experiments.report.reproduction",))

@@ -17,6 +17,7 @@ from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.compensation import FixedLaw
+from trackslip.trajectory.base import Reference
 from trackslip.trajectory.segmented import paper_reference
 
 CONTROLLERS = ("feedforward", "linear")
@@ -31,8 +32,14 @@ def start_poses() -> dict[str, Array]:
 class Loops:
     """Closed loops that workers drive."""
 
-    def __init__(self, config: ReproduceConfig, identified: Mapping[str, SlipLaw], workers: Workers) -> None:
-        """Begin to drive both controllers with every compensation along the paper's path (Sec. IV)."""
+    def __init__(
+        self,
+        config: ReproduceConfig,
+        identified: Mapping[str, SlipLaw],
+        workers: Workers,
+        path: Reference | None = None,
+    ) -> None:
+        """Begin to drive both controllers with every compensation along a path, by default the paper's (Sec. IV)."""
         laws = {**KNOWN_LAWS, **identified}
         metadata = {"reference": "paper"}
         runs = [
@@ -43,7 +50,8 @@ class Loops:
         count = min(workers.count, len(runs))
         own = replace(config, threads=max(1, workers.count // count))
         self._places = np.array_split(range(len(runs)), count)  # by controller, if there are two
-        begun = [workers.begin(_drive_share, own, laws, [runs[k] for k in at]) for at in reversed(self._places)]
+        path = path or paper_reference()
+        begun = [workers.begin(_drive_share, own, laws, path, [runs[k] for k in at]) for at in reversed(self._places)]
         self._results = begun[::-1]  # begun first are those with feedback, which take longest
 
     def logs(self, watch: Stopwatch, meanwhile: Callable[[], bool] = nothing) -> list[RunLog]:
@@ -57,9 +65,11 @@ class Loops:
         return whole(shares, [at.tolist() for at in self._places])
 
 
-def _drive_share(config: ReproduceConfig, laws: Mapping[str, SlipLaw], runs: list[ClosedLoopRun]) -> Share:
+def _drive_share(
+    config: ReproduceConfig, laws: Mapping[str, SlipLaw], path: Reference, runs: list[ClosedLoopRun]
+) -> Share:
     """Drive runs as one fleet; what a worker does."""
-    watch, world, path = Stopwatch(), World.of(config), paper_reference()
+    watch, world = Stopwatch(), World.of(config)
     try:
         with watch.stage("closed loops"):
             logs = drive_closed_loops(runs, world, path, config.localization, lambda law: FixedLaw(laws[law]))

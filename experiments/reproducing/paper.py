@@ -70,8 +70,7 @@ def reproduce(config: ReproduceConfig, workers: Workers, shares: GridShares, beg
             with watch.stage("laws"):
                 found = identify_selected(selected, geometry, fitted=fitted)
             grid = grid_summary(config, names, grid_logs, sampling.samples, geometry, watch, driven.measured)
-            with watch.stage("report"):
-                beside = published_runs(start_poses(), geometry)
+            published = workers.begin(timed, "report", published_runs, start_poses(), geometry)
             report = Report(
                 title="Slip of a tracked robot: the paper and its simulation",
                 command=command_line("reproduce"),
@@ -80,7 +79,6 @@ def reproduce(config: ReproduceConfig, workers: Workers, shares: GridShares, beg
                 seen=sightings(grid_logs),
                 radius=grid.radius,
                 identification=found,
-                published=beside,
             )
             figures.add([PLANNED_TRAJECTORY, ERRORS_DEFINED, *figures_of(report)])
         with busy("closed loops"):
@@ -95,7 +93,9 @@ def reproduce(config: ReproduceConfig, workers: Workers, shares: GridShares, beg
         comparison = compare_with_paper(grid, laws, tracking)
         warnings = saturation_warnings(grid_logs)
         with busy("report"):
-            report = replace(report, tracking_logs=tracking_logs)
+            beside, times = published()
+            watch.add(times)
+            report = replace(report, tracking_logs=tracking_logs, published=beside)
             figures.add(figures_of(report))
             figures.share()
             write_runs(folder, logs)

@@ -11,9 +11,10 @@ import pytest
 
 from experiments.measuring.grid import LocalizationErrors, _BesideBound, grid_summary
 from experiments.options.reproduce import ReproduceConfig
-from experiments.parallel.executors import copied_workers
+from experiments.parallel.executors import Workers, helped
 from experiments.reproducing import loops
-from experiments.reproducing.grid import drive_grid
+from experiments.reproducing.grid import driven_grid
+from experiments.reproducing.grid_shares import GridShares, places
 from experiments.reproducing.share import Share, whole
 from sim.robot.robot import load_robot
 from sim.run_recorder import FAILURE, RunFailedError
@@ -34,12 +35,16 @@ def stored(logs):
     return file.getvalue()
 
 
+def drive_grid(workers, watch):
+    return driven_grid(GridShares(CONFIG, workers), watch)
+
+
 def grid_and_loops(threads):
     """Bytes of a small grid and of closed loops, and samples of the grid by every method."""
     watch = Stopwatch()
-    with copied_workers(threads) as workers:
-        grid = drive_grid(CONFIG, workers, watch)
-        driven = loops.Loops(CONFIG, {"icr": ConstantIcr(0.04, half_gauge=0.168)}, workers).logs(watch)
+    with helped(threads) as workers:
+        grid = drive_grid(workers, watch)
+        driven = loops.Loops(CONFIG, {"icr": ConstantIcr(0.04, half_gauge=0.168)}, workers, PATH).logs(watch)
     assert min(watch.stages.values()) > 0
     samples = {
         run: {name: one.slip.tolist() for name, one in known.by_method.items()} for run, known in grid.measured.items()
@@ -49,10 +54,10 @@ def grid_and_loops(threads):
 
 
 LAWS = ("none", "published", "icr")
+PATH = circle(1.0, 0.2, 0.5)
 
 
-def test_any_number_of_workers_gives_the_same_bits(monkeypatch):
-    monkeypatch.setattr(loops, "paper_reference", lambda: circle(1.0, 0.2, 0.5))
+def test_any_number_of_workers_gives_the_same_bits():
     alone = grid_and_loops(1)
     assert len(alone[2]) == 3
     assert grid_and_loops(2) == alone
@@ -60,8 +65,8 @@ def test_any_number_of_workers_gives_the_same_bits(monkeypatch):
 
 
 def test_what_was_measured_with_the_runs_is_what_they_give():
-    with copied_workers(1) as workers:
-        grid = drive_grid(CONFIG, workers, Stopwatch())
+    with helped(1) as workers:
+        grid = drive_grid(workers, Stopwatch())
     geometry = load_robot().geometry
     fresh, known = (usable_samples(grid.logs, geometry, longest=True, measured=one) for one in ({}, grid.measured))
     for name in ("omega", "twist", "slip", "covariance", "lateral", "lateral_stderr"):
@@ -88,8 +93,8 @@ def one_at_a_time(logs):
 
 
 def test_pose_errors_and_bound_of_a_grid_are_those_of_all_its_poses_together():
-    with copied_workers(1) as workers:
-        logs = drive_grid(CONFIG, workers, Stopwatch()).logs
+    with helped(1) as workers:
+        logs = drive_grid(workers, Stopwatch()).logs
     error = np.concatenate([log.pose - log.truth.pose for log in logs])
     error[:, 2] = np.angle(np.exp(1j * error[:, 2]))
     found, bound = LocalizationErrors.of(iter(logs)), _BesideBound()
@@ -156,13 +161,24 @@ def test_the_whole_command_gives_the_same_bits(trackslip, tmp_path):
     assert found[0] == found[1] == found[2]
 
 
-def test_a_run_that_fails_in_a_worker_is_reported_with_its_logs(monkeypatch):
-    monkeypatch.setattr(loops, "paper_reference", lambda: circle(1.0, 0.2, 0.5))
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_run_that_fails_is_reported_with_its_logs(monkeypatch, threads):
+    """In two shares, whose runs end with the one that fails."""
     monkeypatch.setattr(loops, "drive_closed_loops", fail)
-    with copied_workers(2) as workers, pytest.raises(RunFailedError, match="enough") as caught:
-        loops.Loops(replace(CONFIG, threads=1), {}, workers).logs(Stopwatch())
+    with helped(1) as workers, pytest.raises(RunFailedError, match="enough") as caught:
+        loops.Loops(replace(CONFIG, threads=1), {}, Workers(workers.executor, threads), PATH).logs(Stopwatch())
     names = [f"{name} {law}" for name in loops.CONTROLLERS for law in ("none", "published")]
     assert [(one.run, len(one.time)) for one in caught.value.logs] == [(name, 5) for name in names]
+
+
+def test_a_failure_arrives_from_a_helper_with_its_logs():
+    failure = RunFailedError("run 'b': tips over")
+    failure.logs = [log("a", 5), log("b", 5)]
+    with helped(2) as workers:
+        share = workers.begin(Share, failure.logs, {"physics": 1.0}, failure)()
+    with pytest.raises(RunFailedError, match="run 'b': tips over") as caught:
+        whole([share], [[0, 1]])
+    assert [(one.run, len(one.time)) for one in caught.value.logs] == [("a", 5), ("b", 5)]
 
 
 def fail(runs, *_):
@@ -171,3 +187,13 @@ def fail(runs, *_):
         error.logs = [log(run.name, 5) for run in runs]
         raise error
     return [log(run.name, 8) for run in runs]
+
+
+@pytest.mark.parametrize(("runs", "workers"), [(25, 1), (25, 2), (25, 4), (3, 5), (1, 1)])
+def test_every_run_is_in_one_share(runs, workers):
+    shares = places(runs, workers)
+    assert sorted(k for share in shares for k in share) == list(range(runs))
+    sizes = [len(share) for share in shares]
+    assert max(sizes[:-1], default=runs) - min(sizes[:-1], default=runs) <= 1
+    if workers == 2:
+        assert sizes == [15, 10]

@@ -1,0 +1,85 @@
+"""Helpers that begin before their command."""
+
+import multiprocessing
+import subprocess
+import sys
+import time
+
+import pytest
+
+from experiments.parallel import early
+from experiments.parallel.early import EarlyHelpers, helpers_of
+
+
+@pytest.mark.parametrize(
+    ("line", "count"),
+    [
+        ("reproduce", 3),
+        ("reproduce --threads 2 --seed 1", 1),
+        ("reproduce --threads=3", 2),
+        ("reproduce --threads 0", 3),
+        ("reproduce --threads 4", 3),
+        ("reproduce --threads 1", 0),
+        ("reproduce --threads 5", 0),  # more than processors: once the option is known to be allowed
+        ("reproduce --threads 100000", 0),
+        ("reproduce --threads two", 0),
+        ("reproduce --threads", 0),
+        ("reproduce --help", 0),
+        ("reproduce -h", 0),
+        ("grid --threads 2", 0),
+        ("", 0),
+    ],
+)
+def test_as_many_as_the_command_line_asks_for(monkeypatch, line, count):
+    monkeypatch.setattr(early, "processors", lambda: 4)
+    assert helpers_of(line.split()) == count
+
+
+@pytest.fixture
+def helpers(monkeypatch):
+    monkeypatch.setattr(early, "processors", lambda: 2)
+    monkeypatch.setitem(early.NEEDED, "reproduce", ("colorsys",))
+    helpers = EarlyHelpers()
+    yield helpers
+    helpers.end()
+
+
+def test_they_are_taken_once_and_have_imported_what_they_need(helpers):
+    helpers.begin(["reproduce"])
+    assert helpers.take(2) is None  # other than what was begun
+    with helpers.take(1) as pool:
+        assert helpers.take(1) is None
+        assert pool.submit(eval, "'colorsys' in __import__('sys').modules").result()
+        helpers.end()  # they are somebody's
+        assert pool.submit(abs, -1).result() == 1
+    assert multiprocessing.active_children() == []
+
+
+def test_they_end_if_nobody_takes_them(helpers):
+    helpers.begin(["reproduce"])
+    assert len(multiprocessing.active_children()) == 1
+    helpers.end()
+    deadline = time.monotonic() + 10
+    while multiprocessing.active_children() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    assert multiprocessing.active_children() == []
+
+
+def test_a_command_line_that_is_refused_leaves_no_helper():
+    code = """
+import multiprocessing, sys, time
+from experiments.__main__ import main
+sys.argv = ["trackslip", "reproduce", "--radii", "1"]
+try:
+    main()
+except SystemExit as stop:
+    deadline = time.monotonic() + 10
+    while multiprocessing.active_children() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    print(stop.code, len(multiprocessing.active_children()))
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "2 0\n"
+    assert done.stderr.splitlines() == [
+        "trackslip: radii = (1.0,): must be at least two: slip laws are functions of radius"
+    ]
