@@ -6,6 +6,7 @@ import time
 from experiments.options.reproduce import ReproduceConfig
 from experiments.parallel.early import load_drawing
 from experiments.parallel.executors import helped
+from experiments.parallel.interrupts import interrupts_later
 from experiments.reproducing.grid_shares import GridShares
 from experiments.starting.quick_matplotlib import import_matplotlib
 
@@ -19,6 +20,7 @@ def run(config: ReproduceConfig) -> None:
     with helped(config.threads) as workers:
         shares = GridShares(config, workers)
         workers.prepare(load_drawing)
-        import_matplotlib()
-        paper = importlib.import_module("experiments.reproducing.paper")
+        with interrupts_later():  # in a half-imported module they could surface as any other error
+            import_matplotlib()
+            paper = importlib.import_module("experiments.reproducing.paper")
         paper.reproduce(config, workers, shares, began)

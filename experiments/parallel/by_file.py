@@ -2,6 +2,7 @@
 
 import contextlib
 import mmap
+import os
 import pickle
 import tempfile
 from collections.abc import Callable
@@ -33,8 +34,8 @@ class Filed:
         return pickle.loads(parts[0], buffers=parts[1:])
 
 
-def filed(folder: str, do: Callable[[], Any]) -> Any:
-    """What a call returns; if that is large and the folder has room for it, a Filed."""
+def filed(prefix: str, do: Callable[[], Any]) -> Any:
+    """What a call returns; if that is large and there is room for a file whose path begins with `prefix`, a Filed."""
     result = do()
     buffers: list[pickle.PickleBuffer] = []
     parts = [memoryview(pickle.dumps(result, 5, buffer_callback=buffers.append)), *(one.raw() for one in buffers)]
@@ -42,7 +43,8 @@ def filed(folder: str, do: Callable[[], Any]) -> Any:
     if sum(sizes) < _LARGE:
         return result
     try:
-        with tempfile.NamedTemporaryFile(dir=folder, delete=False) as file:
+        folder, name = os.path.split(prefix)
+        with tempfile.NamedTemporaryFile(dir=folder, prefix=name, delete=False) as file:
             for place, part in zip(_places(sizes), parts, strict=True):
                 file.seek(place)
                 file.write(part)

@@ -1,5 +1,7 @@
 """An executor whose tasks this process and its helpers share: whoever waits for a result does tasks meanwhile."""
 
+import contextlib
+import os
 import tempfile
 import threading
 from collections import deque
@@ -7,6 +9,7 @@ from collections.abc import Callable
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 from experiments.parallel.by_file import Filed, filed
@@ -28,7 +31,7 @@ class HelpedExecutor(Executor):
     def __init__(self, pool: ProcessPoolExecutor, helpers: int) -> None:
         """`pool`: of so many processes."""
         self._pool, self._helpers, self._free = pool, helpers, helpers
-        self._folder = tempfile.TemporaryDirectory(prefix="trackslip-", ignore_cleanup_errors=True)
+        self._files = Path(tempfile.gettempdir(), f"trackslip-{os.getpid()}-")  # how the names of files begin
         self._waiting: deque[_Task] = deque()
         self._lock = threading.Lock()  # of both
 
@@ -68,10 +71,12 @@ class HelpedExecutor(Executor):
         return True
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Forget tasks that nobody has begun."""
+        """Forget tasks that nobody has begun, and results that nobody has asked for."""
         with self._lock:
             self._waiting.clear()
-        self._folder.cleanup()
+        for file in self._files.parent.glob(f"{self._files.name}*"):
+            with contextlib.suppress(OSError):
+                file.unlink()
 
     def _hand_out(self) -> None:
         with self._lock:
@@ -80,7 +85,7 @@ class HelpedExecutor(Executor):
             task = self._waiting.popleft()
             self._free -= 1
         try:
-            self._pool.submit(filed, self._folder.name, task.do).add_done_callback(partial(self._returned, task))
+            self._pool.submit(filed, str(self._files), task.do).add_done_callback(partial(self._returned, task))
         except Exception as error:  # the helpers died
             task.future.set_exception(error)
 

@@ -5,9 +5,11 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import resource_tracker
 
 
 @contextlib.contextmanager
@@ -16,6 +18,7 @@ def processes(count: int) -> Iterator[ProcessPoolExecutor]:
 
     Tasks must be submitted within `deaf_children`, as that is when the processes start.
     """
+    _start_tracker()
     # fresh interpreters: forked ones would inherit the state of the engine's threads
     with _terminated(ProcessPoolExecutor(count, multiprocessing.get_context("spawn"), initializer=_begin)) as pool:
         yield pool
@@ -37,6 +40,15 @@ def _terminated(pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
             for child in multiprocessing.active_children():
                 child.terminate()
             raise
+
+
+def _start_tracker() -> None:
+    """Start the process that frees what killed ones leave; it does so without a warning after the error's one line."""
+    sys.warnoptions.append("ignore:resource_tracker:UserWarning")
+    try:
+        resource_tracker.ensure_running()  # it is given these options
+    finally:
+        sys.warnoptions.pop()
 
 
 @contextlib.contextmanager

@@ -1,5 +1,6 @@
 """`trackslip reproduce` beside its own physics, and on two processors beside one; wall time, as users wait for it."""
 
+import os
 import subprocess
 import sys
 import tempfile
@@ -59,11 +60,16 @@ def measure(seed: int, repeats: int, step: Callable[[str], None]) -> tuple[Check
 
 
 def reproduce_seconds(seed: int, threads: int, out: Path | None = None) -> float:
-    """Time that the command takes, start of Python included [s]; its results go to `out`, or are deleted."""
+    """Time that the command takes, start of Python included [s]; its results go to `out`, or are deleted.
+
+    Python keeps the modules that it has compiled, as it does unless PYTHONDONTWRITEBYTECODE is set.
+    """
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     with tempfile.TemporaryDirectory() as folder:
         options = ["--seed", str(seed), "--threads", str(threads), "--out", str(out or Path(folder) / "out")]
         began = perf_counter()
-        subprocess.run([sys.executable, "-m", "experiments", "reproduce", *options], check=True, capture_output=True)
+        command = [sys.executable, "-m", "experiments", "reproduce", *options]
+        subprocess.run(command, check=True, capture_output=True, env=environment)
         return perf_counter() - began
 
 

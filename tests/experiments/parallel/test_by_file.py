@@ -24,9 +24,9 @@ def assert_same(found):
 
 
 def test_a_large_result_is_read_from_its_file_which_is_deleted(tmp_path):
-    answer = filed(str(tmp_path), result)
+    answer = filed(str(tmp_path / "ours-"), result)
     assert isinstance(answer, Filed)
-    (file,) = tmp_path.iterdir()
+    (file,) = tmp_path.glob("ours-*")
     assert file.stat().st_size >= 300_000 * 8
     found = answer.read()
     assert list(tmp_path.iterdir()) == []
@@ -38,12 +38,12 @@ def test_a_large_result_is_read_from_its_file_which_is_deleted(tmp_path):
 
 @pytest.mark.parametrize("small", [None, "text", {"table": np.arange(10.0)}])
 def test_a_small_result_is_returned_as_it_is(tmp_path, small):
-    assert filed(str(tmp_path), lambda: small) is small
+    assert filed(str(tmp_path / "ours-"), lambda: small) is small
     assert list(tmp_path.iterdir()) == []
 
 
 def test_a_result_without_room_for_a_file_is_returned_as_it_is(tmp_path):
-    assert_same(filed(str(tmp_path / "nowhere"), result))
+    assert_same(filed(str(tmp_path / "nowhere" / "ours-"), result))
 
 
 def test_it_arrives_from_a_helper():

@@ -5,6 +5,7 @@ import multiprocessing
 import os
 import time
 
+import numpy as np
 import pytest
 
 from experiments.parallel.executors import InlineExecutor, helped
@@ -113,3 +114,12 @@ def test_helpers_end_with_an_error():
         raise KeyError
     assert gone()
     assert time.monotonic() - began < 30
+
+
+def test_results_that_nobody_asks_for_leave_no_file(monkeypatch, tmp_path):
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    with helped(2) as workers:
+        workers.begin(np.zeros, 300_000)
+        workers.begin(os.getpid)()
+    assert gone()
+    assert list(tmp_path.iterdir()) == []
