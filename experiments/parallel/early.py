@@ -12,6 +12,7 @@ from experiments.starting.quick_matplotlib import import_matplotlib
 
 NEEDED = {"reproduce": ("experiments.reproducing.grid", "experiments.reproducing.loops")}
 """Commands with helpers, and the modules that the first tasks need."""
+_DRAWING = ("experiments.report.page", "experiments.report.figures.laws", "experiments.report.figures.tracking")
 _THREADS = "--threads"
 
 
@@ -83,4 +84,4 @@ def load(modules: Sequence[str]) -> None:
 def load_drawing() -> None:
     """Import what draws figures of reports in a helper."""
     import_matplotlib()
-    load(("experiments.report.reproduction",))
+    load(_DRAWING)
