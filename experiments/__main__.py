@@ -1,10 +1,14 @@
 """Where `trackslip` starts: an interrupt prints one line, even while modules are being imported."""
 
+import contextlib
 import gc
 import io
 import os
 import signal
 import sys
+from collections.abc import Iterator
+
+_HELPED = "reproduce"
 
 
 def main() -> None:
@@ -15,15 +19,26 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # not every terminal knows every character
     gc.disable()  # cli restores it, too: what is imported is no garbage
+    with _helpers():
+        from experiments.starting.put_off import put_off
+
+        put_off()
+        from experiments.cli import main as run
+
+        run()
+
+
+@contextlib.contextmanager
+def _helpers() -> Iterator[None]:
+    """Start helpers of the command that has some; they end with the block if the command doesn't take them."""
+    if sys.argv[1:2] != [_HELPED]:  # what starts processes takes a while to be imported
+        yield
+        return
     from experiments.parallel.early import EARLY
-    from experiments.starting.put_off import put_off
 
     EARLY.begin(sys.argv[1:])
-    put_off()
-    from experiments.cli import main as run
-
     try:
-        run()
+        yield
     finally:
         EARLY.end()
 

@@ -47,7 +47,8 @@ class Commands(Mapping[str, Any]):
     """Options by command, imported when they are asked for: those of all commands take as long as what parses them."""
 
     def __getitem__(self, name: str) -> Any:
-        return getattr(importlib.import_module(f"experiments.options.{name}"), _OPTIONS[name])
+        options = _OPTIONS[name]
+        return getattr(importlib.import_module(f"experiments.options.{name}"), options)
 
     def __iter__(self) -> Iterator[str]:
         return iter(_OPTIONS)

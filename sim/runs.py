@@ -154,7 +154,8 @@ def closed_loop(
         pilots: together they control every robot; or one controller of all robots, without slip compensation.
         reference: the trajectory to follow.
         feed: the scanner in front of the fleet; by default there is none, and a command is given every PERIOD.
-        locator: finds the poses in the scans; by default the controllers are given the true poses.
+        locator: finds the poses in the scans; by default the controllers are given the true poses. Poses that no pilot
+            needs are found later, as in `open_loop`: also from later scans, up to the run's end or failure.
         descriptions, progress: see `open_loop`.
 
     Raises:

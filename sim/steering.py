@@ -80,7 +80,8 @@ class _Plan:
         for pilot, some in zip(pilots, robots, strict=True):
             law, at = pilot.compensation.law(), np.isin(self.robots, some)
             twist = np.asarray(reference.twist(record.time + pilot.preview), float)
-            self.twist[:, at], self.omega[:, at] = twist[:, None], law.sprocket_speeds(twist, geometry)[:, None]
+            self.twist[:, at] = twist[:, None]
+            self.omega[:, at] = law.sprocket_speeds(self.twist[:, at], geometry)
             record.compensated(slice(None), some, law)
         self.finite = bool(np.isfinite(self.twist).all())
 

@@ -42,15 +42,19 @@ def filed(prefix: str, do: Callable[[], Any]) -> Any:
     sizes = tuple(len(part) for part in parts)
     if sum(sizes) < _LARGE:
         return result
+    folder, name = os.path.split(prefix)
+    path = ""
     try:
-        folder, name = os.path.split(prefix)
         with tempfile.NamedTemporaryFile(dir=folder, prefix=name, delete=False) as file:
+            path = file.name
             for place, part in zip(_places(sizes), parts, strict=True):
                 file.seek(place)
                 file.write(part)
     except OSError:
+        with contextlib.suppress(OSError):  # of what could be written
+            os.unlink(path)
         return result
-    return Filed(file.name, sizes)
+    return Filed(path, sizes)
 
 
 def _places(sizes: tuple[int, ...]) -> list[int]:

@@ -12,6 +12,8 @@ from experiments.starting.quick_matplotlib import import_matplotlib
 
 NEEDED = {"reproduce": ("experiments.reproducing.grid", "experiments.reproducing.loops")}
 """Commands with helpers, and the modules that the first tasks need."""
+MOST_TOGETHER = 12
+"""Processes that share the work of a command, at most."""
 _DRAWING = ("experiments.report.page", "experiments.report.figures.laws", "experiments.report.figures.tracking")
 _THREADS = "--threads"
 
@@ -29,11 +31,13 @@ class EarlyHelpers:
         count = helpers_of(arguments)
         if not count:
             return
-        with contextlib.suppress(OSError), deaf_children():  # the command tries again, and reports
-            pool = self._kept.enter_context(processes(count))
-            for _ in range(count):
-                pool.submit(load, NEEDED[arguments[0]])
-            self._pool, self._count = pool, count
+        self._pool, self._count = self._kept.enter_context(processes(count)), count
+        try:
+            with deaf_children():
+                for _ in range(count):
+                    self._pool.submit(load, NEEDED[arguments[0]])
+        except OSError:  # the command tries again, and reports
+            self.end()
 
     def take(self, count: int) -> contextlib.AbstractContextManager[ProcessPoolExecutor] | None:
         """The pool of so many helpers, if that is what was begun: once, for the block that it is used in."""
@@ -68,9 +72,17 @@ def helpers_of(arguments: Sequence[str]) -> int:
         name, _, value = one.partition("=")
         if name == _THREADS:
             threads = value or following
-    most = processors()
-    count = int(threads) or most if threads.isdecimal() else 0
-    return count - 1 if 1 < count <= most else 0
+    if not threads.isdecimal() or int(threads) > processors():
+        return 0
+    return together(int(threads)) - 1
+
+
+def together(threads: int) -> int:
+    """How many processes work together if so many threads are asked for, 0 for one per processor.
+
+    A paper's worth of runs has no work for more than MOST_TOGETHER; the engine has, for the other threads.
+    """
+    return min(threads or processors(), MOST_TOGETHER)
 
 
 def load(modules: Sequence[str]) -> None:

@@ -7,12 +7,13 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent import futures
 from concurrent.futures import Executor, Future
 from dataclasses import dataclass
+from functools import cache, partial
 from itertools import islice
 from typing import Any, Protocol, TypeVar
 
-from experiments.parallel.early import EARLY
-from experiments.parallel.helpers import HelpedExecutor
-from experiments.parallel.workers import deaf_children, processes, processors
+from experiments.parallel.early import EARLY, together
+from experiments.parallel.helpers import HelpedExecutor, result_files
+from experiments.parallel.workers import deaf_children, processes
 from trackslip.errors import TrackslipError, first_line
 
 _AHEAD = 2  # submitted tasks per worker, so that no worker waits for its next one
@@ -67,9 +68,13 @@ class Workers:
     def begin(self, do: Callable[..., Result], *arguments: Any) -> Promise[Result]:
         """Let a worker do a task; call what is returned for its result, which raises WorkersFailedError, too.
 
-        It takes something to do here until the result is there, piece by piece: a callable that returns whether it has
-        done one. Only workers that this process is one of need it.
+        What is returned takes something to do here until the result is there, piece by piece: a callable that returns
+        whether it has done one. Only workers that this process is one of need it. Without other processes, a task waits
+        until its result is asked for.
         """
+        if self.inline:
+            once = cache(partial(do, *arguments))
+            return lambda meanwhile=nothing: once()
         with self._starting():
             future = self.executor.submit(do, *arguments)
 
@@ -82,7 +87,7 @@ class Workers:
         return result
 
     def prepare(self, do: Callable[[], Any]) -> None:
-        """Let helpers of this process, if it has any, do something before their next tasks."""
+        """Let helpers of this process, if it has any, do something as soon as they are free."""
         if isinstance(self.executor, HelpedExecutor):
             self.executor.prepare(do)
 
@@ -141,13 +146,17 @@ def workers(name: str, jobs: int) -> Iterator[Workers]:
 
 @contextlib.contextmanager
 def helped(threads: int) -> Iterator[Workers]:
-    """This process and its helpers, as many together as the option `threads` asks for, 0 for one per processor."""
-    count = threads or processors()
+    """This process and its helpers: as many together as the option `threads` asks for, up to MOST_TOGETHER."""
+    count = together(threads)
     if count == 1:
         yield Workers(InlineExecutor(), 1)
-    else:
-        with EARLY.take(count - 1) or processes(count - 1) as pool, HelpedExecutor(pool, count - 1) as executor:
-            yield Workers(executor, count)
+        return
+    with (
+        result_files() as files,  # until no helper can make any
+        EARLY.take(count - 1) or processes(count - 1) as pool,
+        HelpedExecutor(pool, count - 1, files) as executor,
+    ):
+        yield Workers(executor, count)
 
 
 @contextlib.contextmanager

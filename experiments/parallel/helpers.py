@@ -5,8 +5,8 @@ import os
 import tempfile
 import threading
 from collections import deque
-from collections.abc import Callable
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
@@ -28,12 +28,12 @@ class HelpedExecutor(Executor):
     Only one thread may submit and wait.
     """
 
-    def __init__(self, pool: ProcessPoolExecutor, helpers: int) -> None:
-        """`pool`: of so many processes."""
-        self._pool, self._helpers, self._free = pool, helpers, helpers
-        self._files = Path(tempfile.gettempdir(), f"trackslip-{os.getpid()}-")  # how the names of files begin
+    def __init__(self, pool: ProcessPoolExecutor, helpers: int, files: str) -> None:
+        """`pool`: of so many processes; `files`: how the paths of files begin through which large results come."""
+        self._pool, self._helpers, self._files = pool, helpers, files
+        self._lock = threading.Lock()  # of what follows
+        self._free = helpers
         self._waiting: deque[_Task] = deque()
-        self._lock = threading.Lock()  # of both
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Let a helper that is free do a task, else the first who has time."""
@@ -45,8 +45,11 @@ class HelpedExecutor(Executor):
         return task.future
 
     def prepare(self, do: Callable[[], Any]) -> None:
-        """Let helpers do something before their next tasks, as import what these need."""
-        with deaf_children():
+        """Let helpers do something as soon as they are free, as import what their next tasks need.
+
+        That is done as often as there are helpers; one that is free before the others may do it for them.
+        """
+        with deaf_children(), contextlib.suppress(BrokenExecutor):  # the next result reports it
             for _ in range(self._helpers):
                 self._pool.submit(do)
 
@@ -72,12 +75,9 @@ class HelpedExecutor(Executor):
         return True
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """Forget tasks that nobody has begun, and results that nobody has asked for."""
+        """Forget tasks that nobody has begun."""
         with self._lock:
             self._waiting.clear()
-        for file in self._files.parent.glob(f"{self._files.name}*"):
-            with contextlib.suppress(OSError):
-                file.unlink()
 
     def _hand_out(self) -> None:
         with self._lock:
@@ -86,17 +86,45 @@ class HelpedExecutor(Executor):
             task = self._waiting.popleft()
             self._free -= 1
         try:
-            self._pool.submit(filed, str(self._files), task.do).add_done_callback(partial(self._returned, task))
-        except Exception as error:  # the helpers died
+            answer = self._pool.submit(filed, self._files, task.do)
+        except Exception as error:
+            self._give_up(error)
             task.future.set_exception(error)
+        else:
+            answer.add_done_callback(partial(self._returned, task))
 
     def _returned(self, task: _Task, answer: Future[Any]) -> None:
         """Pass a helper's answer on and give it its next task."""
-        with self._lock:
-            self._free += 1
         try:
             result = answer.result()
             task.future.set_result(result.read() if isinstance(result, Filed) else result)
+        except (BrokenExecutor, CancelledError) as error:  # the pool can't be asked here: it may hold its lock
+            self._give_up(error)
+            task.future.set_exception(error)
+            return
         except BaseException as error:
             task.future.set_exception(error)
+        with self._lock:
+            self._free += 1
         self._hand_out()
+
+    def _give_up(self, error: BaseException) -> None:
+        """No helper is left: tasks that wait fail, too."""
+        with self._lock:
+            self._free = 0
+            waiting = [*self._waiting]
+            self._waiting.clear()
+        for task in waiting:
+            task.future.set_exception(error)
+
+
+@contextlib.contextmanager
+def result_files() -> Iterator[str]:
+    """How the paths of files begin through which results come; those that are left when the block ends are deleted."""
+    folder, name = Path(tempfile.gettempdir()), f"trackslip-{os.getpid()}-"
+    try:
+        yield str(folder / name)
+    finally:
+        for file in folder.glob(f"{name}*"):
+            with contextlib.suppress(OSError):
+                file.unlink()

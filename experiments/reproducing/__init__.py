@@ -1,1 +1,1 @@
-"""The paper's runs, shared out among the copies of a process."""
+"""The paper, from its runs to its report, shared out among processes."""

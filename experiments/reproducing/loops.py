@@ -10,6 +10,7 @@ from experiments.driving.paper_model import KNOWN_LAWS
 from experiments.driving.world import World
 from experiments.options.reproduce import ReproduceConfig
 from experiments.parallel.executors import Workers, nothing
+from experiments.parallel.workers import processors
 from experiments.reproducing.share import Share, whole
 from sim.run_recorder import RunFailedError
 from sim.stopwatch import Stopwatch
@@ -48,7 +49,7 @@ class Loops:
             for law in laws
         ]
         count = min(workers.count, len(runs))
-        own = replace(config, threads=max(1, workers.count // count))
+        own = replace(config, threads=max(1, (config.threads or processors()) // count))
         self._places = np.array_split(range(len(runs)), count)  # by controller, if there are two
         path = path or paper_reference()
         begun = [workers.begin(_drive_share, own, laws, path, [runs[k] for k in at]) for at in reversed(self._places)]

@@ -49,8 +49,8 @@ from trackslip.trajectory.segmented import paper_reference
 def reproduce(config: ReproduceConfig, workers: Workers, shares: GridShares, began: float) -> None:
     """Drive the grid, identify the laws, verify them in closed loop, store, report and print.
 
-    A worker that is free draws figures. The times by stage are those of all workers together; `began` is when the
-    command did, by `time.perf_counter`.
+    While others drive, this process fits laws and draws figures. The times by stage are those of all workers together;
+    `began` is when the command did, by `time.perf_counter`.
     """
     watch, world = Stopwatch(), World.of(config)
     with results_or_failed_runs(config.out, "reproduce", world) as folder:
@@ -65,8 +65,7 @@ def reproduce(config: ReproduceConfig, workers: Workers, shares: GridShares, beg
             with watch.stage("laws"):
                 selected = select_samples(sampling, geometry)
                 fitted = fit_laws(IDENTIFIED, selected.samples, geometry)
-        loops = Loops(config, {name: one.law for name, one in fitted.items()}, workers)
-        with busy("slips and laws"):
+            loops = Loops(config, {name: one.law for name, one in fitted.items()}, workers)
             with watch.stage("laws"):
                 found = identify_selected(selected, geometry, fitted=fitted)
             grid = grid_summary(config, names, grid_logs, sampling.samples, geometry, watch, driven.measured)

@@ -1,7 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from sim.fleet import Fleet
+from sim.ground.named import load_ground
 from sim.robot.robot import load_robot
 from sim.run_recorder import Description, RunFailedError
 from sim.runs import closed_loop, open_loop
@@ -15,8 +18,9 @@ from trackslip.errors import InvalidValueError
 from trackslip.localization.plate import PlateLocator
 from trackslip.metrics import tracking_errors
 from trackslip.skid_theory import line_contact, steady_twist
-from trackslip.slip.compensation import FixedLaw
+from trackslip.slip.compensation import FixedLaw, LoadedLaw
 from trackslip.slip.icr import ConstantIcr
+from trackslip.slip.icr_load import IcrLoad
 from trackslip.trajectory.segmented import Segment, SegmentedReference
 
 START = np.array([[-1.5, 0.0, 0.0]] * 2)
@@ -135,6 +139,40 @@ def test_poses_that_no_pilot_needs_are_found_afterwards_and_as_well(robot, kept)
     np.testing.assert_array_equal(found["one later"][0].pose, found["later"][0].pose)
     np.testing.assert_array_equal(found["one later"][1].pose, found["at once"][1].pose)
     assert not np.array_equal(found["later"][0].pose, found["at once"][0].pose)
+
+
+def test_a_plan_is_what_a_pilot_would_have_commanded(robot):
+    """With a law for each robot, and a preview."""
+    reference = short_path()
+    law = ConstantIcr(np.array([0.03, 0.09]), robot.geometry.half_gauge)
+    found = []
+    for controller in (Feedforward(), AnyPose()):
+        fleet = Fleet(robot, np.tile(reference.pose(0.0), (2, 1)), threads=1)
+        pilot = Pilot(controller, [0, 1], FixedLaw(law), preview=0.075)
+        assert pilot.plans == (type(controller) is Feedforward)
+        found.append(closed_loop(fleet, [pilot], reference, descriptions=names(2)))
+    for planned, asked in zip(*found, strict=True):
+        np.testing.assert_array_equal(planned.command, asked.command)
+        np.testing.assert_array_equal(planned.twist_command, asked.twist_command)
+        np.testing.assert_array_equal(planned.icr, asked.icr)
+        np.testing.assert_array_equal(planned.truth.pose, asked.truth.pose)
+    assert not np.array_equal(found[0][0].command, found[0][1].command)
+
+
+def test_laws_under_load_need_no_pose_but_are_not_planned(robot):
+    reference, locator = short_path(), PlateLocator(robot.plate)
+    law = IcrLoad(0.04, robot.geometry.half_gauge, 0.0, 0.02, 0.02)
+    found = []
+    for controller in (Feedforward(), AnyPose()):
+        ground = replace(load_ground("stone"), slope=0.1)
+        fleet = Fleet(robot, reference.pose([0.0]), [ground], threads=1)
+        pilot = Pilot(controller, [0], LoadedLaw(law))
+        assert (pilot.needs_pose, pilot.plans) == (type(controller) is AnyPose, False)
+        feed = ScannerFeed(LaserScanner(), fleet, [generator(3, "0")])
+        found.append(closed_loop(fleet, [pilot], reference, feed, locator, names(1))[0])
+    np.testing.assert_array_equal(found[0].command, found[1].command)
+    np.testing.assert_array_equal(found[0].truth.pose, found[1].truth.pose)
+    np.testing.assert_allclose(found[0].pose, found[1].pose, atol=0.02)
 
 
 def test_each_robot_has_one_pilot(robot):

@@ -53,7 +53,7 @@ class Comparison:
 
 
 def fit_laws(names: Iterable[str], samples: SlipSamples, geometry: RobotGeometry) -> dict[str, FittedLaw]:
-    """Those of some laws that the samples determine, and the baselines in any case, as `compare_laws` fits them."""
+    """Those of some laws that the samples determine, and baselines among them in any case, for `compare_laws`."""
     laws = {}
     for name in names:
         with contextlib.suppress(LogError):

@@ -1,6 +1,7 @@
 """Large results of helpers, which come through a file."""
 
 import os
+import tempfile
 
 import numpy as np
 import pytest
@@ -44,6 +45,22 @@ def test_a_small_result_is_returned_as_it_is(tmp_path, small):
 
 def test_a_result_without_room_for_a_file_is_returned_as_it_is(tmp_path):
     assert_same(filed(str(tmp_path / "nowhere" / "ours-"), result))
+
+
+def test_a_file_that_can_not_be_written_whole_is_deleted(monkeypatch, tmp_path):
+    opened = tempfile.NamedTemporaryFile
+
+    def full(**options):
+        file = opened(**options)
+        monkeypatch.setattr(file, "write", fail)
+        return file
+
+    def fail(_part):
+        raise OSError("no space left")
+
+    monkeypatch.setattr(tempfile, "NamedTemporaryFile", full)
+    assert_same(filed(str(tmp_path / "ours-"), result))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_it_arrives_from_a_helper():

@@ -1,9 +1,12 @@
 """Helpers that begin before their command."""
 
 import multiprocessing
+import os
+import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -83,3 +86,20 @@ except SystemExit as stop:
     assert done.stderr.splitlines() == [
         "trackslip: radii = (1.0,): must be at least two: slip laws are functions of radius"
     ]
+
+
+@pytest.mark.parametrize(("after", "number"), [(0.1, signal.SIGINT), (0.6, signal.SIGINT), (2.0, signal.SIGTERM)])
+def test_an_interrupt_leaves_one_line_no_process_and_no_file(tmp_path, after, number):
+    """While helpers start, while modules are imported, and while runs are driven."""
+    command = [sys.executable, "-m", "experiments", "reproduce", "--threads", "2", "--duration", "300", "--out", "out"]
+    environment = {**os.environ, "TMPDIR": str(tmp_path), "PYTHONPATH": str(Path(__file__).parents[3])}
+    with subprocess.Popen(
+        command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
+    ) as process:
+        time.sleep(after)
+        process.send_signal(number)
+        said = process.communicate(timeout=30)[1].decode()  # no helper holds its end of the pipe any more
+    if process.returncode != -number:  # before it handled the signal
+        assert process.returncode == 130
+        assert [line for line in said.splitlines() if not line.endswith(" s")] == ["trackslip: interrupted"]
+    assert list(tmp_path.iterdir()) == []

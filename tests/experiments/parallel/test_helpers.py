@@ -8,6 +8,7 @@ import time
 import numpy as np
 import pytest
 
+from experiments.parallel.early import together
 from experiments.parallel.executors import InlineExecutor, helped
 from experiments.parallel.helpers import HelpedExecutor
 from experiments.parallel.workers import processors
@@ -33,7 +34,11 @@ def gone():
 def test_one_thread_needs_no_helper():
     with helped(1) as workers:
         assert isinstance(workers.executor, InlineExecutor)
-        assert workers.begin(os.getpid)() == os.getpid()
+        begun = workers.begin(KNOWN.append, "asked for")
+        assert KNOWN == []
+        assert begun() is begun() is None
+        assert KNOWN.pop() == "asked for"
+        assert KNOWN == []
         workers.prepare(refuse)  # nobody to be prepared
         assert workers.begin(os.getpid)(lambda: pytest.fail("there is nothing to wait for")) == os.getpid()
 
@@ -98,6 +103,20 @@ def test_a_helper_that_dies_is_reported():
     assert gone()
 
 
+def test_tasks_that_wait_for_a_helper_that_dies_fail_too():
+    with helped(2) as workers:
+        begun = [workers.begin(os._exit, 1), workers.begin(os.getpid), workers.begin(os.getpid)]
+        deadline = time.monotonic() + 10
+        while multiprocessing.active_children() and time.monotonic() < deadline:
+            time.sleep(0.01)
+        workers.prepare(os.getpid)
+        for one in begun:
+            with pytest.raises(TrackslipError, match="a worker died"):
+                one()
+        assert workers.begin(os.getpid)() == os.getpid()  # there is still this process
+    assert gone()
+
+
 @pytest.mark.parametrize("threads", [1, 2])
 def test_what_a_task_raises_arrives(threads):
     with helped(threads) as workers:
@@ -114,6 +133,11 @@ def test_helpers_end_with_an_error():
         raise KeyError
     assert gone()
     assert time.monotonic() - began < 30
+
+
+def test_more_threads_than_there_is_work_for_are_the_engines():
+    assert [together(threads) for threads in (1, 2, 12, 13, 1024)] == [1, 2, 12, 12, 12]
+    assert together(0) == min(processors(), 12)
 
 
 def test_results_that_nobody_asks_for_leave_no_file(monkeypatch, tmp_path):
