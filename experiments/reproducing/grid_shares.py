@@ -25,7 +25,7 @@ class GridShares:
 def places(runs: int, workers: int) -> list[list[int]]:
     """Which of the runs are in each worker's share: their radii are as different as those of all.
 
-    The last one is two thirds as large as the others: as a rule it is that of this process, which joins them late.
+    The last one is three quarters as large as the others: as a rule it is that of this process, which joins them late.
     """
-    turns = [*range(workers), *range(workers), *range(workers - 1)]
+    turns = [*range(workers)] * 3 + [*range(workers - 1)]
     return [[k for k in range(runs) if turns[k % len(turns)] == worker] for worker in range(workers)]

@@ -196,4 +196,4 @@ def test_every_run_is_in_one_share(runs, workers):
     sizes = [len(share) for share in shares]
     assert max(sizes[:-1], default=runs) - min(sizes[:-1], default=runs) <= 1
     if workers == 2:
-        assert sizes == [15, 10]
+        assert sizes == [14, 11]
