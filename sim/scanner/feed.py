@@ -80,14 +80,11 @@ class ScannerFeed:
         for robot, g in zip(robots, generators, strict=True):
             self._noise[robot], self._dropout[robot] = g.spawn(2)
 
-    def true_ranges(self, out: Array | None = None) -> Array:
-        """Ranges (N, B) without measurement errors, NaN where nothing is within reach [m].
-
-        They overwrite `out` (N, B), a contiguous array, if there is one.
-        """
+    def true_ranges(self) -> Array:
+        """Ranges (N, B) without measurement errors, NaN where nothing is within reach [m]."""
         aim = self._aimed()
         plate = self._to_plates(aim)
-        ranges = np.empty((self._fleet.size, len(self._rays))) if out is None else out
+        ranges = np.empty((self._fleet.size, len(self._rays)))
         if self._standing is None:
             ranges.fill(np.nan)
         else:

@@ -24,15 +24,6 @@ def test_rays_are_those_of_a_rectangle(robot, scan_rectangle):
     np.testing.assert_allclose(ranges, expected.ranges, atol=2e-5)  # the plate leans by microradians
 
 
-def test_ranges_are_written_where_they_are_wanted(robot):
-    scans = np.zeros((2, 4, 721))
-    assert feed(robot).true_ranges(scans[1]) is not None
-    np.testing.assert_array_equal(scans[1], feed(robot).true_ranges())
-    assert not scans[0].any()
-    measured = [feed(robot).measure(true).ranges for true in (scans.swapaxes(0, 1), scans.swapaxes(0, 1).copy())]
-    np.testing.assert_array_equal(*measured)
-
-
 def test_poses_from_simulated_scans(robot):
     scans = feed(robot).measure(np.repeat(feed(robot).true_ranges()[:, None], 50, axis=1))
     for k in range(3):  # the last is edge-on
