@@ -1,52 +1,62 @@
-"""Where `trackslip` starts: an interrupt prints one line, even while modules are being imported."""
+"""Where `trackslip` starts: runs the command line; an interrupt prints one line, whenever it comes."""
 
-import contextlib
-import gc
 import io
-import os
 import signal
 import sys
-from collections.abc import Iterator
+from types import FrameType
+from typing import NoReturn
 
-_HELPED = "reproduce"
+_AGAIN = 2.0  # when an interrupt is repeated that a library has swallowed [s]
+
+
+class _Interrupts:
+    """Turns Ctrl-C and SIGTERM into KeyboardInterrupts."""
+
+    def __init__(self) -> None:
+        self.received = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            if signal.getsignal(number) is not signal.SIG_IGN:
+                signal.signal(number, self._interrupt)
+        if hasattr(signal, "SIGALRM"):
+            signal.signal(signal.SIGALRM, self._interrupt)
+
+    def ignore(self) -> None:
+        """From now on, the process ends by itself."""
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
+        if hasattr(signal, "SIGALRM"):
+            signal.setitimer(signal.ITIMER_REAL, 0)
+
+    def _interrupt(self, number: int, frame: FrameType | None) -> NoReturn:
+        self.received = True
+        if hasattr(signal, "SIGALRM"):
+            signal.setitimer(signal.ITIMER_REAL, _AGAIN)
+        raise KeyboardInterrupt
 
 
 def main() -> None:
     """Load the command line and run it."""
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        signal.signal(signal.SIGINT, _quit)  # cli restores it when the command's modules are there
+    interrupts = _Interrupts()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # not every terminal knows every character
-    gc.disable()  # cli restores it, too: what is imported is no garbage
-    with _helpers():
-        from experiments.starting.put_off import put_off
-
-        put_off()
-        from experiments.cli import main as run
+    try:
+        from experiments.cli import main as run  # here, as an interrupt may come while modules are imported
 
         run()
-
-
-@contextlib.contextmanager
-def _helpers() -> Iterator[None]:
-    """Start helpers of the command that has some; they end with the block if the command doesn't take them."""
-    if sys.argv[1:2] != [_HELPED]:  # what starts processes takes a while to be imported
-        yield
-        return
-    from experiments.parallel.early import EARLY
-
-    EARLY.begin(sys.argv[1:])
-    try:
-        yield
+    except Exception:
+        if not interrupts.received:
+            raise
+        sys.exit(_interrupted())  # in a half-imported module, an interrupt may surface as any other error
+    except KeyboardInterrupt:
+        sys.exit(_interrupted())
     finally:
-        EARLY.end()
+        interrupts.ignore()
 
 
-def _quit(*_: object) -> None:
-    """Leave at once: KeyboardInterrupt in a half-imported module could surface as any other error."""
-    os.write(2, b"trackslip: interrupted\n")
-    os._exit(130)
+def _interrupted() -> int:
+    print("trackslip: interrupted", file=sys.stderr)
+    return 130
 
 
 if __name__ == "__main__":

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from sim.robot.robot import load_robot
     from sim.robot.tracked import Flipper, TrackedRobot, load_tracked
     from sim.robot.tracked_model import TrackedModel, build_tracked
-    from sim.run_recorder import Description, RunFailedError
+    from sim.run_recorder import Description
     from sim.runs import closed_loop, open_loop, open_loop_parts
     from sim.scanner.feed import ScannerFeed
     from sim.scanner.named_obstacles import load_obstacles
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from sim.traverse.reflex import Reflex
     from sim.traverse.scripted import Scripted
     from sim.traverse.world import Command, Traverse
+    from trackslip.errors import RunFailedError
 
 __all__ = [
     "Command",

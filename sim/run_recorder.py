@@ -13,7 +13,7 @@ from sim.instruments import pad_forces
 from sim.moments import Moments
 from sim.needed_traction import needed_traction
 from sim.scanner.feed import ScannerFeed
-from trackslip.errors import TrackslipError, require
+from trackslip.errors import RunFailedError, require
 from trackslip.kinematics import Array
 from trackslip.localization.base import PoseEstimate
 from trackslip.localization.scan import Cluster
@@ -38,15 +38,6 @@ class Description:
 
     run: str
     metadata: Mapping[str, Any] = field(default_factory=dict)
-
-
-class RunFailedError(TrackslipError):
-    """A run that stopped before its end: a robot tipped over, or a controller failed."""
-
-    def __init__(self, message: str) -> None:
-        super().__init__(message)
-        self.logs: list[RunLog] = []
-        """Logs of the fleet until then, with the message as "failure" in the metadata; none for less than two rows."""
 
 
 class RunRecorder:

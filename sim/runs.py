@@ -9,13 +9,13 @@ import numpy as np
 
 from sim.deferred_scans import DeferredScans, scans_in_block
 from sim.fleet import Fleet
-from sim.run_recorder import Description, RunFailedError, RunRecorder
+from sim.run_recorder import Description, RunRecorder
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from sim.steering import Pilot, Steering
 from sim.stopwatch import Stopwatch
 from trackslip.controllers.base import Controller
-from trackslip.errors import require
+from trackslip.errors import RunFailedError, require
 from trackslip.kinematics import Array, limit_sprocket_speeds
 from trackslip.localization.base import Locator
 from trackslip.localization.pose_tracker import Tracker

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.run_recorder import RunFailedError, RunRecorder
+from sim.run_recorder import RunRecorder
 from trackslip.controllers.base import Controller, SensesSprockets
 from trackslip.controllers.feedforward import Feedforward
 from trackslip.controllers.named import CONTROLLERS
-from trackslip.errors import TrackslipError
+from trackslip.errors import RunFailedError, TrackslipError
 from trackslip.kinematics import Array, RobotGeometry, advance
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.compensation import Compensation, FixedLaw, LoadedLaw, SensesLoad

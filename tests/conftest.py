@@ -28,14 +28,6 @@ def pytest_collection_finish():
     gc.set_threshold(10_000)
 
 
-@pytest.fixture(scope="session", autouse=True)
-def _what_tyro_learns_is_kept():
-    """Keep what tyro reads from options' classes and their source; between commands, it would read all of it again."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tyro._unsafe_cache.clear_cache", lambda: None, raising=False)
-        yield
-
-
 @pytest.fixture(scope="session")
 def robot() -> Robot:
     return load_robot()

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from trackslip.logs.runlog import RunLog
 
 
 class TrackslipError(Exception):
@@ -45,6 +49,15 @@ class ReferenceFileError(TrackslipError, ValueError):
 
 class OutputError(TrackslipError, OSError):
     """A result that cannot be written."""
+
+
+class RunFailedError(TrackslipError):
+    """A run that stopped before its end: a robot tipped over, or a controller failed."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message)
+        self.logs: list[RunLog] = []
+        """Logs of the fleet until then, with the message as "failure" in the metadata; none for less than two rows."""
 
 
 def require(allowed: object, field: str, value: object, what: str) -> None:

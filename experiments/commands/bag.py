@@ -1,65 +1,16 @@
 """`trackslip bag`: what is in a bag, what trackslip takes of it, and the log that this makes."""
 
-import shlex
-from pathlib import Path
+from experiments.options.bag import BagConfig as Config
 
-from experiments.options.bag import BagConfig
-from experiments.report.formats import MISSING, for_terminal, number
-from experiments.report.terminal import print_table
-from experiments.storage.whole_file import write_output
-from trackslip.errors import OutputError
-from trackslip.logs.logfile import write_csv, write_parquet
-from trackslip.ros.bag import Bag, open_bags
-from trackslip.ros.choice import BagChoice
-from trackslip.ros.drive_log import read_bags
-from trackslip.ros.overview import overview
-from trackslip.ros.record import short_type
-
-_HEADER = ("topic", "type", "messages", "rate [Hz]", "longest gap [s]", "use (*: taken)")
+EXAMPLES = (
+    ("topics, and what is taken for what", "trackslip bag run.mcap"),
+    ("as a log with units", "trackslip bag run.mcap --export log.parquet"),
+    ("with other poses", "trackslip bag old.bag --poses tf:map:base_link --export log.csv"),
+)
 
 
-def run(config: BagConfig) -> None:
+def run(config: Config) -> None:
     """Print the topics of each bag, or write the log."""
-    choice = config.bag.choice()
-    if config.export is not None:
-        _export(config.path, choice, config.export, config.overwrite)
-        return
-    for bag in open_bags(config.path):
-        _print(bag, choice)
+    from experiments.work.bag import run as work
 
-
-def _export(path: Path, choice: BagChoice, file: Path, overwrite: bool) -> None:
-    """Write the log, and print what was taken."""
-    if file.exists() and not overwrite:
-        raise OutputError(f"{file}: exists already; --overwrite replaces it")
-    read = read_bags(path, choice)
-    write = write_parquet if file.suffix.lower() == ".parquet" else write_csv
-    write_output(file, lambda draft: write(read.runs, draft))
-    for line in (*read.taken, *(f"warning: {line}" for line in read.warnings)):
-        print(line)
-    print(f"{file}: {len(read.runs)} run(s), {sum(len(log.time) for log in read.runs)} rows")
-    print(f"trackslip identify {shlex.quote(str(file))} --half-gauge … --sprocket-radius …")
-
-
-def _print(bag: Bag, choice: BagChoice) -> None:
-    """Print the topics and what they are used for."""
-    found = overview(bag, choice)
-    rows = [
-        (
-            topic.name,
-            short_type(topic.type),
-            str(topic.count),
-            number(topic.rate, 1),
-            number(topic.longest_gap, 2),
-            found.uses.get(topic.name, ""),
-        )
-        for topic in bag.topics.values()
-    ]
-    frames = [name for name in found.uses if name not in bag.topics]
-    rows += [(name, "transforms", MISSING, MISSING, MISSING, found.uses[name]) for name in frames]
-    begin, end = bag.span
-    print_table(f"{bag.path}: {(end - begin) / 1e9:.1f} s", _HEADER, for_terminal(rows))
-    for line in found.taken:
-        print(line)
-    for line in (*bag.notes, *found.doubts):
-        print(f"warning: {line}")
+    work(config)

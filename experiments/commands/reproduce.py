@@ -1,26 +1,19 @@
 """`trackslip reproduce`: the paper from its first run to its last figure."""
 
-import importlib
-import time
+from experiments.options.reproduce import ReproduceConfig as Config
 
-from experiments.options.reproduce import ReproduceConfig
-from experiments.parallel.early import load_drawing
-from experiments.parallel.executors import helped
-from experiments.parallel.interrupts import interrupts_later
-from experiments.reproducing.grid_shares import GridShares
-from experiments.starting.quick_matplotlib import import_matplotlib
+EXAMPLES = (
+    ("the whole paper", "trackslip reproduce"),
+    ("with other random numbers", "trackslip reproduce --seed 1 --out out/reproduce-1"),
+    ("on another ground", "trackslip reproduce --ground.across 0.9 --scanner.noise 0.01"),
+)
 
 
-def run(config: ReproduceConfig) -> None:
+def run(config: Config) -> None:
     """Drive the grid, identify the laws, verify them in closed loop, store, report and print.
 
     This process and its helpers do all that is independent; helpers drive while the rest is being imported here.
     """
-    began = time.perf_counter()
-    with helped(config.threads) as workers:
-        shares = GridShares(config, workers)
-        workers.prepare(load_drawing)
-        with interrupts_later():  # in a half-imported module they could surface as any other error
-            import_matplotlib()
-            paper = importlib.import_module("experiments.reproducing.paper")
-        paper.reproduce(config, workers, shares, began)
+    from experiments.work.reproduce import run as work
+
+    work(config)

@@ -5,8 +5,7 @@ from dataclasses import dataclass, field
 from typing import TypeVar
 
 from experiments.storage.parts import Part
-from sim.run_recorder import RunFailedError
-from trackslip.errors import TrackslipError
+from trackslip.errors import RunFailedError, TrackslipError
 from trackslip.logs.runlog import RunLog
 
 RunT = TypeVar("RunT")

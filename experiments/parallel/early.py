@@ -7,8 +7,6 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 
 from experiments.parallel.workers import deaf_children, processes, processors
-from experiments.starting.put_off import put_off
-from experiments.starting.quick_matplotlib import import_matplotlib
 
 NEEDED = {"reproduce": ("experiments.reproducing.grid", "experiments.reproducing.loops")}
 """Commands with helpers, and the modules that the first tasks need."""
@@ -88,12 +86,10 @@ def together(threads: int) -> int:
 def load(modules: Sequence[str]) -> None:
     """Import modules in a helper, which ends before its garbage matters."""
     gc.disable()
-    put_off()
     for module in modules:
         importlib.import_module(module)
 
 
 def load_drawing() -> None:
     """Import what draws figures of reports in a helper."""
-    import_matplotlib()
     load(_DRAWING)

@@ -9,8 +9,7 @@ from experiments.driving.world import World
 from experiments.recording import record_all
 from experiments.storage.plain_json import write_json
 from experiments.storage.results import MANIFEST_FILE, results_folder, write_runs
-from sim.run_recorder import RunFailedError
-from trackslip.errors import TrackslipError
+from trackslip.errors import RunFailedError, TrackslipError
 
 
 @contextlib.contextmanager

@@ -8,9 +8,8 @@ from experiments.driving.world import World
 from experiments.options.grid import GridConfig
 from experiments.reproducing.grid_shares import GridShares
 from experiments.reproducing.share import Share, whole
-from sim.run_recorder import RunFailedError
 from sim.stopwatch import Stopwatch
-from trackslip.errors import LogError
+from trackslip.errors import LogError, RunFailedError
 from trackslip.identification.samples import MeasuredRun, MeasuredRuns, part_by_method, steadily_driven
 from trackslip.identification.true_samples import true_sample
 from trackslip.logs.runlog import RunLog

@@ -12,8 +12,8 @@ from experiments.options.reproduce import ReproduceConfig
 from experiments.parallel.executors import Workers, nothing
 from experiments.parallel.workers import processors
 from experiments.reproducing.share import Share, whole
-from sim.run_recorder import RunFailedError
 from sim.stopwatch import Stopwatch
+from trackslip.errors import RunFailedError
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.base import SlipLaw

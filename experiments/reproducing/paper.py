@@ -35,8 +35,8 @@ from experiments.reproducing.loops import Loops, start_poses
 from experiments.storage.manifest import command_line
 from experiments.storage.plain_json import plain
 from experiments.storage.results import REPORT_FILE, write_results, write_runs
-from sim.run_recorder import RunFailedError
 from sim.stopwatch import Stopwatch, timed
+from trackslip.errors import RunFailedError
 from trackslip.identification.comparison import fit_laws
 from trackslip.identification.identify import identify_selected, select_samples
 from trackslip.identification.result import identification_to_json

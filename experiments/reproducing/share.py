@@ -5,7 +5,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from sim.run_recorder import FAILURE, RunFailedError
+from sim.run_recorder import FAILURE
+from trackslip.errors import RunFailedError
 from trackslip.identification.samples import MeasuredRuns
 from trackslip.logs.runlog import RunLog
 

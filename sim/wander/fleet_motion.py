@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from sim.fleet import Fleet
-from sim.run_recorder import Description, RunFailedError, RunRecorder
+from sim.run_recorder import Description, RunRecorder
 from sim.runs import Progress
+from trackslip.errors import RunFailedError
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 

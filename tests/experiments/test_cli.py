@@ -9,7 +9,7 @@ import sys
 
 import pytest
 
-from experiments.cli import COMMANDS, examples_of, parse
+from experiments.cli import command_modules, parse
 
 PLAN = ("plan", "--half-gauge", "0.168", "--sprocket-radius", "0.06")
 SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8")
@@ -18,7 +18,7 @@ SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8")
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("paint",), "COMMAND = 'paint': must be one of reproduce, grid, wander, identify, "),
+        (("paint",), "COMMAND = 'paint': must be one of bag, bench, benchmark, calibrate, "),
         (("grid", "--out", ""), "--out = '': must be non-empty"),
         (("grid", "--out="), "--out = '': must be non-empty"),
         (("grid", "--out", "\udcff"), "--out = '\\udcff': must be valid UTF-8"),
@@ -94,7 +94,7 @@ def test_a_refused_value_prints_one_line(refused, arguments, message):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ((), "Expected one of {reproduce, grid,"),
+        ((), "Expected one of {bag, bench,"),
         (("grid", "--colour", "red"), "Unrecognized options: --colour"),
         (("coverage", "--motion", "arc"), "--motion (applied to trackslip coverage)"),
         (("coverage", "--random-phase"), "--random-phase (applied to trackslip coverage)"),
@@ -114,9 +114,8 @@ def test_tyro_explains_what_it_rejects(rejected, arguments, message):
 
 
 def test_every_command_has_a_runner_and_examples_that_parse():
-    for name, options in COMMANDS.items():
-        assert examples_of(name), name
-        assert isinstance(parse(shlex.split(examples_of(name)[0][1])[1:]), options)
+    for name, module in command_modules().items():
+        assert isinstance(parse(shlex.split(module.EXAMPLES[0][1])[1:]), module.Config), name
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")

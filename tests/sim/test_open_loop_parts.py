@@ -2,12 +2,11 @@ import numpy as np
 import pytest
 
 from sim.fleet import Fleet
-from sim.run_recorder import RunFailedError
 from sim.runs import open_loop, open_loop_parts
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, RunFailedError
 from trackslip.localization.plate import PlateLocator
 from trackslip.logs.logfile import StoredRuns
 from trackslip.logs.run_writer import RunWriter

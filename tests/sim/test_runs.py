@@ -6,7 +6,7 @@ import pytest
 from sim.fleet import Fleet
 from sim.ground.named import load_ground
 from sim.robot.robot import load_robot
-from sim.run_recorder import Description, RunFailedError
+from sim.run_recorder import Description
 from sim.runs import closed_loop, open_loop
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
@@ -14,7 +14,7 @@ from sim.seeds import generator
 from sim.steering import Pilot
 from trackslip.controllers.feedforward import Feedforward
 from trackslip.controllers.linear import LinearTimeVarying
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, RunFailedError
 from trackslip.localization.plate import PlateLocator
 from trackslip.metrics import tracking_errors
 from trackslip.skid_theory import line_contact, steady_twist

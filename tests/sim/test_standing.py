@@ -9,12 +9,12 @@ from sim.fleet import Fleet
 from sim.ground.ground import Ground, Patch
 from sim.robot.parameters import SINK, RobotParameters
 from sim.robot.robot import load_robot
-from sim.run_recorder import Description, RunFailedError
+from sim.run_recorder import Description
 from sim.runs import open_loop
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
-from trackslip.errors import InvalidValueError
+from trackslip.errors import InvalidValueError, RunFailedError
 from trackslip.localization.plate import PlateLocator
 from trackslip.skid_theory import line_contact, steady_twist
 

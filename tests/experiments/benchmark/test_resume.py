@@ -15,10 +15,10 @@ from experiments.benchmark.jobs import drive_group, ids
 from experiments.benchmark.measure import measure
 from experiments.benchmark.setup import Setup
 from experiments.cli import main
-from experiments.commands.benchmark import PARTS
 from experiments.options.benchmark import BenchmarkConfig, Case
 from experiments.storage.manifest import digest, made_by
 from experiments.storage.parts import Parts
+from experiments.work.benchmark import PARTS
 
 SMALL = ("--controllers", "feedforward", "linear", "--compensations", "none", "online", "--grounds", "stone", "gravel")
 ROOT = Path(__file__).parents[3]

@@ -10,7 +10,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from experiments.cli import main
-from experiments.commands import grid
+from experiments.work import grid
 from trackslip import load
 from trackslip.logs.logfile import read_runs
 

@@ -8,9 +8,9 @@ from browser import assert_fits
 
 from experiments.benchmark.jobs import groups
 from experiments.benchmark.setup import Setup, start
-from experiments.commands.benchmark import PARTS
 from experiments.options.benchmark import BenchmarkConfig, Case
 from experiments.options.choices import CONTROLLER_NAMES, REFERENCE_NAMES
+from experiments.work.benchmark import PARTS
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.logs.logfile import read_runs
 from trackslip.metrics import tracking_errors

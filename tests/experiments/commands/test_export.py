@@ -11,8 +11,8 @@ from identified import driven
 
 import trackslip as package
 from experiments.cli import main, parse
-from experiments.commands.identify import source_of
 from experiments.storage.results import write_samples
+from experiments.work.identify import source_of
 from trackslip.errors import LogError
 from trackslip.logs.logfile import RUNS, write_parquet
 from trackslip.logs.schema import COLUMNS
@@ -121,7 +121,7 @@ def test_a_full_disk_leaves_the_file_and_its_columns_as_they_were(grid, tmp_path
         path.write_text("run,")
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("experiments.commands.export.write_csv", full)
+    monkeypatch.setattr("experiments.work.export.write_csv", full)
     for old in ({}, {"log.csv": "old", "log.columns.csv": "old"}):
         for name, text in old.items():
             (tmp_path / name).write_text(text)

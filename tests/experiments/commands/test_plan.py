@@ -11,8 +11,8 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from experiments.cli import main
-from experiments.commands import plan as command
 from experiments.measuring import plan_trials
+from experiments.work import plan as command
 from trackslip.identification.drive.estimate import fit_drives
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.logfile import read_runs

@@ -5,8 +5,8 @@ import re
 import pytest
 from browser import assert_fits
 
-from experiments.commands import sensitivity
 from experiments.measuring.sensitivity import DISTURBANCES, Disturbance
+from experiments.work import sensitivity
 
 SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "8")
 

@@ -11,8 +11,8 @@ from rrd import component, verify
 
 from experiments import recording
 from experiments.cli import main
-from experiments.commands.view import choose, free_port, put_time
 from experiments.recording.robot_mesh import parameters_of
+from experiments.work.view import choose, free_port, put_time
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import LogError
 from trackslip.logs.logfile import write_csv

@@ -17,8 +17,9 @@ from experiments.reproducing.grid import driven_grid
 from experiments.reproducing.grid_shares import GridShares, places
 from experiments.reproducing.share import Share, whole
 from sim.robot.robot import load_robot
-from sim.run_recorder import FAILURE, RunFailedError
+from sim.run_recorder import FAILURE
 from sim.stopwatch import Stopwatch
+from trackslip.errors import RunFailedError
 from trackslip.identification.samples import usable_samples
 from trackslip.localization.bound import scan_ratio_to_bound
 from trackslip.logs.logfile import write_parquet

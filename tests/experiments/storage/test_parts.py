@@ -7,11 +7,11 @@ import shutil
 import pytest
 
 from experiments.cli import main, parse
-from experiments.commands.grid import PARTS
 from experiments.storage.lock import locked
 from experiments.storage.parts import Part, Parts
 from experiments.sweep.plan import plan
 from experiments.sweep.rows import RunRow, is_row
+from experiments.work.grid import PARTS
 from trackslip.errors import OutputError, TrackslipError
 
 LIKE = ("grid", "--radii", "1.5", "--duration", "4", "--executor", "inline")
@@ -120,7 +120,7 @@ def test_a_run_that_is_taken_under_another_name_is_noted_under_it(trackslip):
 
 
 def test_files_that_change_while_it_drives_are_recorded_as_driven(trackslip, tmp_path, monkeypatch):
-    from experiments.commands import grid as command
+    from experiments.work import grid as command
 
     ground, real = tmp_path / "ground.toml", command.drive
     ground.write_text("along = 0.5\nacross = 0.6\n")

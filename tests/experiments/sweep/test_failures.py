@@ -7,7 +7,7 @@ import pytest
 
 from experiments.cli import main
 from experiments.driving.grid_runs import drive_cells
-from sim.run_recorder import RunFailedError
+from trackslip.errors import RunFailedError
 from trackslip.logs.logfile import read_runs
 
 SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")

@@ -3,10 +3,10 @@
 import pytest
 
 from experiments.cli import main
-from experiments.commands.grid import PARTS
 from experiments.driving.grid_runs import drive_cells
 from experiments.parallel.executors import WorkersFailedError
 from experiments.storage.manifest import made_by
+from experiments.work.grid import PARTS
 from trackslip.logs.logfile import read_runs
 
 SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
@@ -92,7 +92,7 @@ def test_what_fails_anew_is_not_taken_from_before(trackslip, monkeypatch):
 
 
 def test_an_interrupted_grid_goes_on(trackslip, tmp_path, monkeypatch, capsys):
-    from experiments.commands import grid as command
+    from experiments.work import grid as command
 
     arguments = ("grid", *SHORT, "--vary", "scanner.noise=0.001,0.002,0.003,0.004")
     whole = trackslip(*arguments, "--out", str(tmp_path / "whole")).folder

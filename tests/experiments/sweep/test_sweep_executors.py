@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from experiments.commands.grid import PARTS
+from experiments.work.grid import PARTS
 
 SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from experiments.commands import bench
 from experiments.options.bench import BenchConfig
+from experiments.work import bench
 from sim.fleet import Fleet
 from sim.warp import devices
 from trackslip.errors import InvalidValueError, TrackslipError

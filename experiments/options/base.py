@@ -1,0 +1,204 @@
+"""The base of every command's options: bounds of single options and exclusions between options, both as data."""
+
+import dataclasses
+import typing
+from collections.abc import Iterator, Sequence
+from typing import Any, ClassVar
+
+from trackslip.errors import InvalidValueError, require_at_most, require_non_negative, require_positive
+
+
+@dataclasses.dataclass(frozen=True)
+class Bound:
+    """What an option may be, as metadata of its type: `speed: Annotated[float, Within(0.1, 2.0, "m/s")] = 0.3`.
+
+    None is an option that isn't given. Each number of a tuple is checked.
+    """
+
+    def check(self, name: str, value: Any) -> None:
+        """Raise InvalidValueError, which names the option, its value and what is allowed."""
+        for number in value if isinstance(value, tuple) else (value,):
+            if number is not None:
+                self._check_number(name, number)
+
+    def _check_number(self, name: str, number: Any) -> None:
+        raise NotImplementedError
+
+
+@dataclasses.dataclass(frozen=True)
+class Within(Bound):
+    """Numbers from `least` to `most`, in `unit`."""
+
+    least: float
+    most: float
+    unit: str = ""
+
+    def _check_number(self, name: str, number: float) -> None:
+        if not self.least <= number <= self.most:
+            raise InvalidValueError(name, number, f"from {self.least:g} to {self.most:g} {self.unit}".strip())
+
+
+@dataclasses.dataclass(frozen=True)
+class Positive(Bound):
+    """Finite numbers greater than 0, up to `most`, in `unit`."""
+
+    most: float = float("inf")
+    unit: str = ""
+
+    def _check_number(self, name: str, number: float) -> None:
+        require_positive(name, number)
+        require_at_most(name, number, self.most, self.unit)
+
+
+@dataclasses.dataclass(frozen=True)
+class NonNegative(Bound):
+    """Finite numbers from 0, up to `most`, in `unit`."""
+
+    most: float = float("inf")
+    unit: str = ""
+
+    def _check_number(self, name: str, number: float) -> None:
+        require_non_negative(name, number)
+        require_at_most(name, number, self.most, self.unit)
+
+
+@dataclasses.dataclass(frozen=True)
+class Whole(Bound):
+    """Integers from `least`, up to `most` if there is a limit."""
+
+    least: int = 0
+    most: int | None = None
+
+    def _check_number(self, name: str, number: int) -> None:
+        if number < self.least or (self.most is not None and number > self.most):
+            allowed = (
+                f"an integer >= {self.least}" if self.most is None else f"an integer from {self.least} to {self.most}"
+            )
+            raise InvalidValueError(name, number, allowed)
+
+
+@dataclasses.dataclass(frozen=True)
+class Distinct(Bound):
+    """At least one `item`, all of them different."""
+
+    item: str = "value"
+
+    def check(self, name: str, value: Sequence[Any] | None) -> None:
+        """See Bound."""
+        if value is None:
+            return
+        if not value:
+            raise InvalidValueError(name, value, f"at least one {self.item}")
+        if len(set(value)) < len(value):
+            raise InvalidValueError(name, value, "all different")
+
+
+@dataclasses.dataclass(frozen=True)
+class Exclusion:
+    """Options `names` that have no effect, and so must keep their defaults, depending on another `option`.
+
+    That option has one of `values`, or, without values, is not at its default.
+    """
+
+    names: tuple[str, ...]
+    option: str
+    values: tuple[Any, ...] = ()
+
+    def check(self, options: "Options") -> None:
+        """Raise InvalidValueError for the first of the names that is given in vain."""
+        if self.applies(options):
+            for name in self.names:
+                refuse_changed(name, getattr(options, name), defaults_of(options)[name], self.reason(options))
+
+    def matches(self, options: "Options") -> bool:
+        """Whether the option has one of the values."""
+        value = getattr(options, self.option)
+        return value in self.values if self.values else value != defaults_of(options)[self.option]
+
+    def applies(self, options: "Options") -> bool:
+        """Whether the names have no effect."""
+        raise NotImplementedError
+
+    def reason(self, options: "Options") -> str:
+        """Why, in the words of the command line."""
+        raise NotImplementedError
+
+    def _on_command_line(self, value: Any = None) -> str:
+        flag = f"--{self.option.replace('_', '-')}"
+        return flag if value is None or isinstance(value, bool) else f"{flag} {value}"
+
+
+class Excludes(Exclusion):
+    """The names have no effect where the option matches."""
+
+    def applies(self, options: "Options") -> bool:
+        """See Exclusion."""
+        return self.matches(options)
+
+    def reason(self, options: "Options") -> str:
+        """See Exclusion."""
+        return f"with {self._on_command_line(getattr(options, self.option) if self.values else None)}"
+
+
+class Needs(Exclusion):
+    """The names have no effect where the option does not match."""
+
+    def applies(self, options: "Options") -> bool:
+        """See Exclusion."""
+        return not self.matches(options)
+
+    def reason(self, options: "Options") -> str:
+        """See Exclusion."""
+        return f"without {' or '.join(map(self._on_command_line, self.values)) or self._on_command_line()}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """Base of a command's options, which checks bounds and exclusions.
+
+    A subclass adds exclusions of its own, and in `__post_init__` the checks that are neither.
+    """
+
+    exclusions: ClassVar[tuple[Exclusion, ...]] = ()
+
+    def __post_init__(self) -> None:
+        for name, bound in bounds_of(self.__class__):
+            bound.check(name, getattr(self, name))
+        for exclusion in exclusions_of(type(self)):
+            exclusion.check(self)
+
+
+def bounds_of(options: type) -> tuple[tuple[str, Bound], ...]:
+    """The bounds of a class of options, with the option's name."""
+    hints = typing.get_type_hints(options, include_extras=True)
+    names = [field.name for field in dataclasses.fields(options)]
+    return tuple(
+        (name, bound)
+        for name in names
+        for bound in getattr(hints[name], "__metadata__", ())
+        if isinstance(bound, Bound)
+    )
+
+
+def exclusions_of(options: type) -> Iterator[Exclusion]:
+    """The exclusions of a class of options and of its bases."""
+    for one in options.__mro__:
+        yield from vars(one).get("exclusions", ())
+
+
+def defaults_of(options: Options) -> dict[str, Any]:
+    """The defaults of the options that have one."""
+    missing = dataclasses.MISSING
+    fields = dataclasses.fields(options)
+    plain = {field.name: field.default for field in fields if field.default is not missing}
+    return plain | {field.name: field.default_factory() for field in fields if field.default_factory is not missing}
+
+
+def refuse_changed(name: str, value: Any, default: Any, reason: str) -> None:
+    """Refuse an option, or the first of a group, that would have no effect but is not at its default."""
+    if dataclasses.is_dataclass(value):
+        for field in dataclasses.fields(value):
+            inner = f"{name}.{field.name}".removesuffix(".source")
+            refuse_changed(inner, getattr(value, field.name), getattr(default, field.name), reason)
+    elif value != default:
+        raise InvalidValueError(name, value, f"left out {reason}")

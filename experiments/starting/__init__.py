@@ -1,1 +1,0 @@
-"""Starting commands in less time: libraries that import, check or document more than a command needs."""

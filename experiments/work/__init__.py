@@ -1,0 +1,1 @@
+"""What commands do, until it has moved to its room."""
