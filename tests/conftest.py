@@ -5,7 +5,6 @@ from __future__ import annotations
 import gc
 import signal
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -78,18 +77,3 @@ def scan_rectangle():
 def few_resamples(monkeypatch):
     """Identify with few resamples of the runs: they take most of the time, and not every test is about their number."""
     monkeypatch.setattr("trackslip.identification.comparison.fit_law", partial(fit_law, bootstraps=20))
-
-
-@pytest.fixture
-def undrawn(monkeypatch):
-    """Leave figures empty: drawing takes most of a report's time, and has tests of its own."""
-
-    def save(figure, file, **_):
-        if isinstance(file, Path):
-            file.touch()
-        else:
-            file.write(b"%PDF")
-
-    monkeypatch.setattr("experiments.report.page.svg_of", lambda figure, salt: "<svg></svg>")
-    monkeypatch.setattr("matplotlib.figure.Figure.savefig", save)
-    monkeypatch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda engine, figure: None)

@@ -15,8 +15,6 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from experiments.report.formats import MISSING, percent, significant
-from experiments.report.quick_drawing import quick_drawing
-from experiments.report.svg import Canvas, svg_of
 from experiments.storage.manifest import relative
 from experiments.storage.results import FIGURES_FOLDER, REPORT_FILE
 
@@ -37,7 +35,7 @@ class Drawn:
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure and its name, drawn when its files are needed: all of them after one layout."""
+    """A figure and its name, drawn when its files are needed."""
 
     name: str
     figure: Figure
@@ -45,17 +43,18 @@ class Drawing:
     @functools.cached_property
     def svg(self) -> str:
         """See Drawn."""
-        with quick_drawing():
-            _lay_out(self.figure)
-            return svg_of(self.figure, self.name)
+        with matplotlib.rc_context({"svg.hashsalt": self.name, "svg.fonttype": "path"}):
+            return self._saved("svg", Date=None).decode()
 
     @property
     def pdf(self) -> bytes:
         """See Drawn."""
+        with matplotlib.rc_context({"pdf.fonttype": 42}):
+            return self._saved("pdf", CreationDate=None)
+
+    def _saved(self, file_format: str, **metadata: None) -> bytes:
         buffer = io.BytesIO()
-        with quick_drawing(), matplotlib.rc_context({"pdf.fonttype": 42}):
-            _lay_out(self.figure)
-            self.figure.savefig(buffer, format="pdf", metadata={"CreationDate": None})
+        self.figure.savefig(buffer, format=file_format, metadata=metadata)
         return buffer.getvalue()
 
     @property
@@ -76,14 +75,6 @@ def draw(name: str, make: Callable[[], Figure | None], pdf: bool) -> Drawn | Non
         return None
     drawing = Drawing(name, figure)
     return Drawn(name, drawing.svg, drawing.inline, drawing.pdf if pdf else b"")
-
-
-def _lay_out(figure: Figure) -> None:
-    """Place what a figure shows, once: its layout engine would draw everything another time for each file."""
-    if (engine := figure.get_layout_engine()) is not None:
-        Canvas(figure)
-        engine.execute(figure)
-        figure.set_layout_engine(None)
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ def ids(page):
 
 
 @pytest.fixture
-def workplace(tmp_path, monkeypatch, undrawn):
+def workplace(tmp_path, monkeypatch):
     """An empty folder to run a page in, whose modules are forgotten afterwards."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])

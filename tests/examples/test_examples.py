@@ -35,7 +35,7 @@ def test_drive_a_fleet(run, tmp_path):
     assert 0.9 < radii[0] < radii[1]
 
 
-def test_identify_from_python(run, tmp_path, undrawn):
+def test_identify_from_python(run, tmp_path):
     printed = run("identify_from_python", tmp_path)
     assert printed.startswith("Slip laws from 8 steady samples")
     ((low, high),) = re.findall(r"offset is between (\S+) and (\S+)", printed)

@@ -142,7 +142,7 @@ def install(tmp_path, monkeypatch, entry_point):
     monkeypatch.syspath_prepend(tmp_path)
 
 
-def test_reports_are_drawn_by_whoever_offers_to(found, tmp_path, monkeypatch, undrawn):
+def test_reports_are_drawn_by_whoever_offers_to(found, tmp_path, monkeypatch):
     entry_point = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["entry-points"]["trackslip.reports"]
     install(tmp_path, monkeypatch, entry_point["identification"])
     file = found.report(tmp_path)

@@ -60,7 +60,7 @@ def slip_over_slope(run: CourseRun) -> Figure:
 @styled
 def over_time(run: CourseRun) -> Figure:
     """Attitude, flippers, slip, load and penetration over time."""
-    figure, panels = subplots(8.2, 5, 1, sharex=True)
+    figure, panels = subplots(8.2, 5, down=0.35, sharex=True)
     shown = thin(len(run.time), 2000)
     time, state = run.time[shown], run.state
     for values, colour, name in (

@@ -9,7 +9,7 @@ from matplotlib.lines import Line2D
 
 from experiments.report.colours import BLUE, GREY, RED
 from experiments.report.drives import longest, title_of
-from experiments.report.figures.style import law_line, styled, subplots, thin
+from experiments.report.figures.style import law_line, legend_below, styled, subplots, thin
 from trackslip.identification.drive.comparison import DriveComparison
 from trackslip.identification.drive.fit import Fit
 from trackslip.identification.drive.prediction import Predictions
@@ -33,7 +33,7 @@ def path_and_predictions(found: DriveComparison) -> Figure:
     low, high = _limits(state[:, :2], pose[used, :2])
     height, width = high[1] - low[1], high[0] - low[0]
     figure, (left, right) = subplots(
-        float(np.clip(4.2 * height / width, 1.6, 6.2)) + 1.0, 1, 2, sharex=True, sharey=True
+        float(np.clip(4.2 * height / width, 1.6, 6.2)) + 0.8, 1, 2, sharex=True, sharey=True, across=0.3
     )
     left.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     seen = np.flatnonzero(used)[thin(int(used.sum()), _POINTS)]
@@ -52,7 +52,7 @@ def path_and_predictions(found: DriveComparison) -> Figure:
     _draw_pieces(right, found, names, rows)
     handles = [*left.get_legend_handles_labels()[0]]
     handles += [Line2D([], [], lw=1.8, label=title_of(name), **law_line(name)) for name in names]
-    figure.legend(handles=handles, ncols=3, loc="outside lower center", handlelength=3.2)
+    legend_below(figure, handles, handlelength=3.2)
     return figure
 
 

@@ -12,7 +12,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 from experiments.report.colours import BLUE, GREEN, GREY, ORANGE, RED
 from experiments.report.drives import title_of
 from experiments.report.figures.laws import draw_matrix
-from experiments.report.figures.style import BAND, law_line, styled, subplots
+from experiments.report.figures.style import BAND, law_line, legend_below, styled, subplots
 from experiments.report.law_symbols import EXTRA_SYMBOLS, SYMBOLS
 from trackslip.identification.drive.comparison import DriveComparison
 from trackslip.identification.drive.estimate import DriveFit
@@ -40,7 +40,7 @@ def residuals_over_time(law: DriveFit) -> Figure:
     if headings:
         panels.append(("heading [°]", np.degrees(pose[:, 2:]), kept, time, np.degrees(law.noise["heading"])))
     panels.append(("slip of a step [–]", step, linked, (time[1:] + time[:-1]) / 2, 1.0))
-    figure, axes = subplots(1.9 * len(panels) + 0.6, len(panels), 1, sharex=True)
+    figure, axes = subplots(1.9 * len(panels) + 0.4, len(panels), sharex=True, down=0.4)
     for axis, (label, values, used, at, deviation) in zip(axes, panels, strict=True):
         names = ("forwards", "sideways", "in turning") if label.startswith("slip") else ("x", "y")
         _residual_panel(axis, at, values, used, names if values.shape[1] > 1 else ("",))
@@ -56,7 +56,7 @@ def residuals_over_time(law: DriveFit) -> Figure:
     handles = [Line2D([], [], color=BAND, lw=7, label="95 % of normal residuals")]
     if not (kept.all() and linked.all()):
         handles.append(Line2D([], [], ls="none", marker="x", ms=5, color=RED, label="left out (at the edge if beyond)"))
-    figure.legend(handles=handles, ncols=2, loc="outside lower center")
+    legend_below(figure, handles, ncols=2)
     return figure
 
 
@@ -116,7 +116,7 @@ def clock_offset(found: DriveComparison) -> Figure:
     axis.axvspan(low, high, color=BAND, lw=0, zorder=0, label="95 % interval, wider where slip lasts")
     axis.set(xlabel="encoder clock − pose clock τ [ms]", ylabel="rise of −2 log L [–]", title="Clock offset")
     axis.set_ylim(bottom=0)
-    figure.legend(ncols=2, loc="outside lower center")
+    legend_below(figure, axis.get_legend_handles_labels()[0], ncols=2)
     return figure
 
 
@@ -136,7 +136,7 @@ def prediction_errors(found: DriveComparison) -> Figure:
     kinds = [("position_rms", 1.0, "Position", "rms error [m]")]
     if any(drive.has_heading for drive in found.drives):
         kinds.append(("heading_rms", np.degrees(1.0), "Heading", "rms error [°]"))
-    figure, axes = subplots(4.0, 1, len(kinds), squeeze=False)
+    figure, axes = subplots(3.6, 1, len(kinds), squeeze=False)
     for axis, (key, factor, title, label) in zip(axes[0], kinds, strict=True):
         for name in reversed(found.ranking):
             points = [(h, factor * value) for h, e in found.errors[name].items() if (value := getattr(e, key))]
@@ -149,7 +149,7 @@ def prediction_errors(found: DriveComparison) -> Figure:
         axis.yaxis.set_major_formatter("{x:g}")
         axis.yaxis.set_minor_formatter(NullFormatter())
     handles = [Line2D([], [], **_look(name, found)) for name in found.ranking]
-    figure.legend(handles=handles, ncols=4, loc="outside lower center", handlelength=3.2)
+    legend_below(figure, handles, ncols=4, handlelength=3.2)
     return figure
 
 

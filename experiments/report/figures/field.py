@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from experiments.report.colours import BLACK, BLUE, GREY
-from experiments.report.figures.style import styled, thin
+from experiments.report.figures.style import styled, subplots, thin
 from trackslip.kinematics import Array
 from trackslip.ros.scanned import ScannedDrive
 
@@ -17,8 +17,7 @@ _ROOM = 0.6  # around the ways, within which the background is drawn [m]
 @styled
 def field(drives: Sequence[ScannedDrive]) -> Figure:
     """All drives in the frame of their poses."""
-    figure = Figure(figsize=(6.0, 5.4), layout="constrained")
-    axes = figure.subplots()
+    figure, axes = subplots(6.0)
     ways, stands = [], []
     for drive in drives:
         valid = drive.log.is_valid

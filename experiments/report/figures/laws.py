@@ -13,8 +13,7 @@ from experiments.measuring.inner_outer import TRACKS, InnerOuterSamples
 from experiments.measuring.value_groups import repeated
 from experiments.report.colours import COLOURS, GREEN, LABELS
 from experiments.report.figures.axes import bar_factor, bar_key, curve_radii, draw_bars, show_radii, with_bars
-from experiments.report.figures.powers import print_plain_powers
-from experiments.report.figures.style import BAND, INNER, OUTER, law_line, limits_around, styled, subplots
+from experiments.report.figures.style import BAND, INNER, OUTER, law_line, legend_below, limits_around, styled, subplots
 from experiments.report.law_symbols import SYMBOLS
 from trackslip.identification.comparison import Comparison
 from trackslip.identification.fitted import FittedLaw
@@ -44,7 +43,7 @@ def shown_laws(comparison: Comparison) -> dict[str, SlipLaw]:
 @styled
 def fitted_laws(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
     """Fig. 6: slip against observed radius with every law; thick: the best, the paper's, and icr_radius."""
-    figure, axes = subplots(5.4, 1, 2)
+    figure, axes = subplots(4.6, 1, 2)
     laws = shown_laws(comparison)
     radius = curve_radii(runs)
     factor = bar_factor(runs)
@@ -71,7 +70,7 @@ def fitted_laws(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
         *bar_key(factor),
         *(Line2D([], [], **look) for look in looks.values()),
     ]
-    figure.legend(handles=handles, ncols=4, loc="outside lower center", handlelength=3.2)
+    legend_below(figure, handles, ncols=4, handlelength=3.2)
     return figure
 
 
@@ -84,14 +83,15 @@ def residuals(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
     """Residuals of every run, one panel per law on a common scale that is linear within the band of errors."""
     laws = shown_laws(comparison)
     rows = -(-len(laws) // _COLUMNS)
-    figure, axes = subplots(0.7 + 1.75 * rows, rows, _COLUMNS, sharex=True, sharey=True, squeeze=False)
+    figure, axes = subplots(
+        0.6 + 1.75 * rows, rows, _COLUMNS, across=0.3, down=0.35, sharex=True, sharey=True, squeeze=False
+    )
     axes = axes.ravel()
     band, meaning = residual_band(runs, comparison)
     largest = max(float(np.abs(runs.residual(law)).max()) for law in laws.values())
     threshold = 10.0 ** np.floor(np.log10(max(band, 1e-4 * largest, 1e-9)))
     # Limits come first: each line would have those of all panels found again.
     axes[0].set_yscale("symlog", linthresh=threshold, linscale=0.6)
-    print_plain_powers(axes[0].yaxis)
     axes[0].set_ylim(-2 * largest, 2 * largest)
     axes[0].set_yticks(_ticks(threshold, largest))
     for axis in axes[len(laws) :]:
@@ -109,7 +109,7 @@ def residuals(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
         *(Line2D([], [], ls="none", label=f"{name} track", **_TRACK_STYLE[name]) for name in reversed(TRACKS)),
         Line2D([], [], color=BAND, lw=7, label=f"±{band:.1g}: {meaning}"),
     ]
-    figure.legend(handles=handles, ncols=3, loc="outside lower center")
+    legend_below(figure, handles)
     return figure
 
 
@@ -144,7 +144,7 @@ def _ticks(threshold: float, largest: float) -> list[float]:
 def criteria(comparison: Comparison) -> Figure:
     """AICc above the smallest, and errors of predicting left-out radii and speeds; one row per law, the best on top."""
     names = comparison.ranking
-    figure, axes = subplots(1.7 + 0.27 * len(names), 1, 4, sharey=True)
+    figure, axes = subplots(1.1 + 0.27 * len(names), 1, 4, left=2.3, across=0.3, sharey=True)
     aicc = np.array([comparison.aicc[name] for name in names], float)  # NaN where it is not known
     errors = [comparison.validation[name] for name in names]
     radius, speed, yaw_rate = np.array([(e.radius, e.speed, e.yaw_rate) for e in errors], float).T
@@ -160,12 +160,10 @@ def criteria(comparison: Comparison) -> Figure:
         if axis is axes[0]:
             axis.axvspan(0, _INDISTINCT, color=BAND, lw=0, zorder=0)
             axis.set_xscale("symlog", linthresh=_DECIDED)
-            print_plain_powers(axis.xaxis)
             axis.set_xlim(-0.8, None)
         elif (values > 0).any():
             axis.set_xscale("log")
             axis.xaxis.set_major_locator(LogLocator(numticks=_POWERS))
-            print_plain_powers(axis.xaxis)
             axis.margins(x=0.12)
     axes[0].set_yticks(range(len(names)), [LABELS.get(name, name) for name in names])
     axes[0].set_ylim(len(names) - 0.4, -0.6)
@@ -175,7 +173,7 @@ def criteria(comparison: Comparison) -> Figure:
         Line2D([], [], marker="o", ls="none", mfc="none", color="#555555", label="of the runs fitted"),
         Line2D([], [], color=BAND, lw=7, label="indistinguishable from the best"),
     ]
-    figure.legend(handles=handles, ncols=3, loc="outside lower center")
+    legend_below(figure, handles)
     return figure
 
 

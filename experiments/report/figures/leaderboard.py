@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from experiments.benchmark.rows import BenchmarkRow, settled_error
 from experiments.driving.lookup import reference
 from experiments.report.colours import BLACK, BLUE, GREEN, GREY, LABELS, ORANGE, RED
-from experiments.report.figures.style import law_line, styled, subplots
+from experiments.report.figures.style import law_line, legend_below, styled, subplots
 from experiments.report.figures.tracking import draw_paths
 from experiments.storage.manifest import relative
 from trackslip.logs.runlog import RunLog
@@ -38,7 +38,9 @@ def board(rows: Sequence[BenchmarkRow]) -> Figure:
         list(dict.fromkeys(getattr(row, key) for row in rows)) for key in ("ground", "compensation", "start")
     )
     lines = list(dict.fromkeys((row.controller, row.start) for row in rows))
-    figure, axes = subplots(1.6 + 0.42 * len(lines), 1, len(grounds), sharey=True, sharex=True, squeeze=False)
+    figure, axes = subplots(
+        1.2 + 0.42 * len(lines), 1, len(grounds), left=1.6, across=0.3, sharey=True, sharex=True, squeeze=False
+    )
     panels = axes[0]
     for axis, ground in zip(panels, grounds, strict=True):
         axis.set(title=f"on {relative(ground)}", xscale="log", xlabel="rms position error [mm], log scale")
@@ -55,7 +57,7 @@ def board(rows: Sequence[BenchmarkRow]) -> Figure:
     for k, compensation in enumerate(compensations):
         look = law_line(compensation, marker=_MARKERS[k % len(_MARKERS)], label=compensation_name(compensation))
         panels[0].plot([], [], ms=5, **look | {"linestyle": "none"})
-    figure.legend(handles=panels[0].get_legend_handles_labels()[0], ncols=4, loc="outside lower center")
+    legend_below(figure, panels[0].get_legend_handles_labels()[0], ncols=4)
     return figure
 
 
@@ -76,5 +78,5 @@ def paths(name: str, lines: Mapping[str, tuple[RunLog, dict[str, Any]]]) -> Figu
     distance.axhline(1e3 * LOST, color=GREY, lw=0.8, ls=":")
     place = (0.99, 1e3 * LOST)
     distance.annotate("lost", place, xycoords=("axes fraction", "data"), ha="right", va="bottom", fontsize=8)
-    figure.legend(handles=plane.get_legend_handles_labels()[0], ncols=4, loc="outside lower center")
+    legend_below(figure, plane.get_legend_handles_labels()[0], ncols=4)
     return figure

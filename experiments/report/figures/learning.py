@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from experiments.measuring.crossing import POLICY, SCRIPTED, CrossingRate
 from experiments.report.colours import BLUE, GREY, ORANGE
-from experiments.report.figures.style import styled
+from experiments.report.figures.style import styled, subplots
 from trackslip.kinematics import Array
 
 _SMOOTH = 7  # points of the curve in a running mean
@@ -19,8 +19,7 @@ _APART = 0.004  # of two markers from their difficulty [-]
 @styled
 def learning_curve(curve: Sequence[Mapping[str, float]], rates: Sequence[CrossingRate] = ()) -> Figure:
     """Reward over the training's steps; with `rates`, also the share of courses crossed, in training and afterwards."""
-    figure = Figure(figsize=(9.0, 2.9), layout="constrained")
-    panels = figure.subplots(1, 3 if rates else 1, squeeze=False)[0]
+    figure, ((*panels,),) = subplots(2.9, 1, 3 if rates else 1, across=0.5, squeeze=False)
     steps = np.array([point["steps"] for point in curve]) / 1000
     _line(panels[0], steps, np.array([point["reward"] for point in curve]))
     panels[0].set(title="reward per step", xlabel="steps of all robots [thousand]")

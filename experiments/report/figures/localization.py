@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from experiments.report.colours import BLUE, GREEN, ORANGE
-from experiments.report.figures.style import mark_span, styled, subplots
+from experiments.report.figures.style import legend_below, mark_span, styled, subplots
 from sim.scanner.scanner import LaserScanner
 from trackslip.kinematics import Array, wrap_angle
 from trackslip.localization.bound import MIN_ANGLE, pose_bound, viewing_angle
@@ -99,7 +99,7 @@ def _turned(angle: Array) -> Array:
 @styled
 def error_against_viewing_angle(seen: Sightings) -> Figure:
     """Root mean square errors of position and heading in bins of the viewing angle, with the bound."""
-    figure, (position, heading) = subplots(4.3, 1, 2)
+    figure, (position, heading) = subplots(3.9, 1, 2)
     which = np.clip(np.digitize(seen.angle, _EDGES) - 1, 0, _EDGES.size - 2)
     held = seen.measured & np.isfinite(seen.bound).all(axis=1)
     bins = [rows for k in range(_EDGES.size - 1) if (rows := np.flatnonzero((which == k) & held)).size >= _MIN_POSES]
@@ -119,5 +119,5 @@ def error_against_viewing_angle(seen: Sightings) -> Figure:
         axis.yaxis.set_minor_formatter(NullFormatter())
         mark_span(axis, 0, float(np.degrees(MIN_ANGLE)))
     handles = [*position.get_legend_handles_labels()[0], *heading.get_legend_handles_labels()[0]]
-    figure.legend(handles=handles, ncols=3, loc="outside lower center")
+    legend_below(figure, handles)
     return figure

@@ -11,7 +11,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from experiments.measuring.odometry import Evaluated
 from experiments.report.colours import GREY
-from experiments.report.figures.style import law_line, styled, subplots, thin
+from experiments.report.figures.style import law_line, legend_below, styled, subplots, thin
 from trackslip.kinematics import Array
 from trackslip.odometry.trajectory_errors import Trajectory
 
@@ -29,7 +29,7 @@ def longest(found: Sequence[Evaluated], law: int = 0) -> Trajectory:
 @styled
 def paths(found: Sequence[Evaluated]) -> Figure:
     """The longest drive: paths from its first measured pose on the left, their errors over the way on the right."""
-    figure, (left, right) = subplots(4.6, 1, 2)
+    figure, (left, right) = subplots(4.0, 1, 2)
     drive = longest(found)
     shown = thin(len(drive.time), _POINTS)
     left.plot(*drive.measured[shown, :2].T, ".", color=GREY, ms=4, mew=0)
@@ -52,7 +52,7 @@ def paths(found: Sequence[Evaluated]) -> Figure:
 def errors_over_way(found: Sequence[Evaluated]) -> Figure:
     """Relative errors over the length of the stretches: of position, and of heading where it was measured."""
     headings = longest(found).has_heading
-    figure, axes = subplots(4.0, 1, 2 if headings else 1, squeeze=False)
+    figure, axes = subplots(3.5, 1, 2 if headings else 1, squeeze=False)
     kinds = [("position_per_way", 100.0, "Position", "mean error [% of the way]")]
     if headings:
         kinds.append(("heading_per_way", np.degrees(1.0), "Heading", "mean error [°/m]"))
@@ -95,4 +95,4 @@ def _look(found: Sequence[Evaluated], law: int) -> dict[str, Any]:
 
 def _legend(figure: Figure, found: Sequence[Evaluated], first: list[Line2D]) -> None:
     laws = [Line2D([], [], label=one.label, **_look(found, k)) for k, one in enumerate(found)]
-    figure.legend(handles=[*first, *laws], ncols=3, loc="outside lower center", handlelength=3.2)
+    legend_below(figure, [*first, *laws], handlelength=3.2)

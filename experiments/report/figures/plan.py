@@ -6,17 +6,14 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from experiments.report.colours import BLUE, GREEN, GREY, ORANGE
-from experiments.report.figures.style import BAND, make_room, styled
+from experiments.report.figures.style import BAND, make_room, styled, subplots
 from trackslip.planning.plan import DrivePlan
-
-_SIZE = (9.0, 3.6)  # [in]
 
 
 @styled
 def draw_plan(plan: DrivePlan) -> Figure:
     """Draw a plan."""
-    figure = Figure(figsize=_SIZE, layout="constrained")
-    place, speeds = figure.subplots(1, 2, width_ratios=(1, 1.6))
+    figure, (place, speeds) = subplots(3.6, 1, 2, width_ratios=(1, 1.6))
     length, width = plan.limits.area
     place.add_patch(Rectangle((-length / 2, -width / 2), length, width, fill=False, ec=GREY, lw=1.2, label="area"))
     low, (across, up) = plan.places.low, plan.places.size

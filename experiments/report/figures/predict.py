@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from experiments.report.colours import BLACK
-from experiments.report.figures.style import RADII_SHADES, shade, styled
+from experiments.report.figures.style import RADII_SHADES, shade, styled, subplots
 from trackslip.errors import InvalidValueError
 from trackslip.skid_theory import Contact, Load, Turns, steady_turns
 
@@ -19,8 +19,7 @@ _WIDEST = 3.5  # radius to which the lines go, at least [m]
 @styled
 def draw_prediction(turns: Turns, contact: Contact, shear: float, load: Load) -> Figure:
     """Draw the turns on ground with modulus `shear` [m], and the same on other ground."""
-    figure = Figure(figsize=(9.0, 3.8), layout="constrained")
-    offset, slip = figure.subplots(1, 2)
+    figure, (offset, slip) = subplots(3.8, 1, 2)
     radius = np.geomspace(min(turns.radius.min(), 2 * turns.half_gauge), max(_WIDEST, turns.radius.max()), _RADII)
     moduli = sorted({*MODULI, shear})
     for k, modulus in enumerate(moduli):

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -20,6 +19,7 @@ from experiments.report.figures.style import (
     POINTS,
     RADII_SHADES,
     SPEED_SHADES,
+    legend_below,
     limits_around,
     shade,
     styled,
@@ -134,7 +134,7 @@ def published_and_simulated(radius: RadiusSummary, runs: InnerOuterSamples) -> F
 @styled
 def slip_against_speed_and_radius(runs: InnerOuterSamples, best: FittedLaw) -> Figure:
     """Fig. 5: slip of the inner (top) and outer track (bottom) against speed (left) and radius (right)."""
-    figure, axes = subplots(6.8, 2, 2, sharey="row", sharex="col")
+    figure, axes = subplots(6.2, 2, 2, across=0.4, sharey="row", sharex="col")
     curve = curve_radii(runs)
     by_radius, by_speed = value_groups(runs.radius), value_groups(runs.speed)
     factor = bar_factor(runs)
@@ -175,8 +175,11 @@ def slip_against_speed_and_radius(runs: InnerOuterSamples, best: FittedLaw) -> F
     dashed = Line2D([], [], color="#777777", ls="--", lw=0.9, label="Eq. 11 at the paper's radii")
     curve_line = Line2D([], [], color=BLACK, ls="--", lw=1.2, label="Eq. 11")
     by_speed_lines, by_radius_lines = [*best_line, dashed], [curve_line, *bar_key(factor)]
-    _legend_below(figure, axes[0, 0], by_speed_lines, title="Left: observed R", ncols=3, loc="outside lower left")
-    _legend_below(figure, axes[0, 1], by_radius_lines, title="Right: measured v", ncols=4, loc="outside lower right")
+    legends = [
+        [*axis.get_legend_handles_labels()[0], *lines]
+        for axis, lines in zip(axes[0], (by_speed_lines, by_radius_lines), strict=True)
+    ]
+    legend_below(figure, *legends, titles=("Left: observed R", "Right: measured v"), columnspacing=1.2)
     return figure
 
 
@@ -185,9 +188,3 @@ def _shade(radius: float, runs: InnerOuterSamples) -> tuple[float, float, float,
     least, most = float(runs.radius[runs.radius > 0].min(initial=min(OBSERVED_RADII))), float(runs.radius.max())
     share = np.log(max(radius, least) / least) / np.log(max(most, max(OBSERVED_RADII)) / least)
     return shade(RADII_SHADES, float(share))
-
-
-def _legend_below(figure: Figure, axis: Axes, more: Sequence[Line2D], **style: Any) -> None:
-    """Put a legend of `axis` and further lines below the axes."""
-    handles = [*axis.get_legend_handles_labels()[0], *more]
-    figure.legend(handles=handles, columnspacing=1.2, alignment="left", **style)

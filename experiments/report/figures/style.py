@@ -1,8 +1,11 @@
 """The look of all figures: one colour and one line style per slip law everywhere."""
 
+import itertools
+from collections.abc import Sequence
 from typing import Any
 
 import matplotlib
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
@@ -36,24 +39,70 @@ DESIRED: dict[str, Any] = {"color": "#e3e3e3", "lw": 3.6, "solid_capstyle": "rou
 RECIPE: dict[str, Any] = {"color": BLUE, "marker": "o"}  # the model's contacts in the figures of a validation
 DEFAULT: dict[str, Any] = {"color": RED, "marker": "^"}  # MuJoCo's default contact
 THEORY: dict[str, Any] = {"color": BLACK, "lw": 1.0}
+_RIGHT, _BOTTOM, _TOP = 0.15, 0.5, 0.32  # margins around axes [in]
+_LEGEND_ROW = 0.172  # height of a legend's row [in]
 POINTS = 500  # of a line that can be told apart at the figures' width
 
 Panels = tuple[Figure, ...]  # parts of a figure, drawn separately so that they stack on a narrow page
 styled = matplotlib.rc_context(STYLE)
 
 
-def subplots(height: float, *grid: int, **more: Any) -> tuple[Figure, Any]:
-    """A figure as wide as the page and `height` high [in], and its axes; `grid` and `more` as for Figure.subplots."""
-    figure = Figure(figsize=(9.0, height), layout="constrained")
-    return figure, figure.subplots(*grid, **more)
+def subplots(
+    height: float,
+    rows: int = 1,
+    columns: int = 1,
+    *,
+    left: float = 0.8,
+    across: float = 0.8,
+    down: float = 0.6,
+    **more: Any,
+) -> tuple[Figure, Any]:
+    """A figure as wide as the page and `height` high [in], and its axes in rows and columns.
+
+    `left` is the margin beside the axes, `across` and `down` are the gaps between them [in]; `more` is as for
+    Figure.subplots.
+    """
+    figure = Figure(figsize=(9.0, height))
+    axes = figure.subplots(rows, columns, **more)
+    _place(figure, rows, columns, left, across, down)
+    return figure, axes
 
 
 def panel(title: str, xlabel: str, ylabel: str) -> tuple[Figure, Axes]:
     """A figure with one set of axes, about as wide as a phone."""
-    figure = Figure(figsize=(4.6, 3.6), layout="constrained")
+    figure = Figure(figsize=(4.6, 3.6))
     axes = figure.subplots()
     axes.set(title=title, xlabel=xlabel, ylabel=ylabel)
+    _place(figure, 1, 1, 0.8, 0.0, 0.0)
     return figure, axes
+
+
+def _place(figure: Figure, rows: int, columns: int, left: float, across: float, down: float) -> None:
+    """Place axes by margins around them and gaps between them [in]."""
+    width, height = figure.get_size_inches()
+    inner_width, inner_height = width - left - _RIGHT, height - _BOTTOM - _TOP
+    figure.subplots_adjust(
+        left=left / width,
+        right=1 - _RIGHT / width,
+        bottom=_BOTTOM / height,
+        top=1 - _TOP / height,
+        wspace=columns * across / (inner_width - (columns - 1) * across),  # shares of the size of one set of axes
+        hspace=rows * down / (inner_height - (rows - 1) * down),
+    )
+
+
+def legend_below(
+    figure: Figure, *legends: Sequence[Artist], ncols: int = 3, titles: Sequence[str] = (), **look: Any
+) -> None:
+    """Put a legend of these handles below the axes, or two beside each other; the figure grows, the axes don't."""
+    rows = max(-(-len(handles) // ncols) for handles in legends) + bool(titles)
+    height, extra = figure.get_figheight(), _LEGEND_ROW * rows + 0.1
+    bottom, top = (edge * height + extra for edge in (figure.subplotpars.bottom, figure.subplotpars.top))
+    figure.set_figheight(height + extra)
+    figure.subplots_adjust(bottom=bottom / (height + extra), top=top / (height + extra))
+    places = ("lower center",) if len(legends) == 1 else ("lower left", "lower right")
+    for handles, place, title in itertools.zip_longest(legends, places, titles):
+        figure.legend(handles=handles, **{"loc": place, "ncols": ncols, "title": title, "alignment": "left", **look})
 
 
 def thin(rows: int, most: int = POINTS) -> slice:

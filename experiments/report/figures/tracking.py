@@ -11,8 +11,7 @@ from matplotlib.patches import Arc
 
 from experiments.driving.paper_model import geometry_of
 from experiments.report.colours import BLACK, BLUE, COLOURS, GREEN, GREY, LABELS, ORANGE
-from experiments.report.figures.powers import print_plain_powers
-from experiments.report.figures.style import DESIRED, law_line, mark_span, styled, subplots, thin
+from experiments.report.figures.style import DESIRED, law_line, legend_below, mark_span, styled, subplots, thin
 from trackslip.identification.fitted import FittedLaw
 from trackslip.kinematics import Array, curvature, track_slip
 from trackslip.logs.runlog import RunLog
@@ -76,9 +75,8 @@ def planned_trajectory() -> Figure:
 
 def draw_paths(reference: Reference, runs: Mapping[str, tuple[RunLog, Mapping[str, Any]]]) -> tuple[Figure, Axes, Axes]:
     """Paths beside the reference, and distances from it over time; `runs` are logs with line keywords, by label."""
-    figure, (plane, distance) = subplots(4.6, 1, 2, width_ratios=(1.2, 1))
+    figure, (plane, distance) = subplots(4.2, 1, 2, width_ratios=(1.2, 1))
     distance.set_yscale("log")
-    print_plain_powers(distance.yaxis)
     desired = reference.pose(np.linspace(0, reference.duration, 600))
     plane.plot(desired[:, 0], desired[:, 1], label="desired", **DESIRED)
     for label, (log, style) in runs.items():
@@ -113,7 +111,7 @@ def paths(runs: Mapping[str, RunLog], published: Mapping[str, RunLog]) -> Figure
         distance.plot(log.time[rows][seen], 1e3 * norm[seen], **_crosses(name))
     distance.set_ylim(bottom=1e3 * _CLOSEST)
     mark_span(distance, TRANSIENT, _arc_end())
-    figure.legend(handles=plane.get_legend_handles_labels()[0], ncols=3, loc="outside lower center")
+    legend_below(figure, plane.get_legend_handles_labels()[0])
     return figure
 
 
@@ -134,7 +132,7 @@ def _arc_end() -> float:
 def tracking_errors_over_time(runs: Mapping[str, RunLog], published: Mapping[str, RunLog]) -> Figure:
     """Fig. 11: body-frame position errors and their norm, right from 12 s on; crosses: `published`, by equations."""
     reference = paper_reference()
-    figure, axes = subplots(6.0, 3, 2, sharex="col", width_ratios=(1, 1.35))
+    figure, axes = subplots(5.4, 3, 2, down=0.3, sharex="col", width_ratios=(1, 1.35))
     for name in [n for n in ("none", "published", "icr_radius") if n in runs] or list(runs):
         log = runs[name]
         traces = _error_traces(log, reference)
@@ -160,7 +158,7 @@ def tracking_errors_over_time(runs: Mapping[str, RunLog], published: Mapping[str
     axes[0, 1].set(title=f"From {TRANSIENT:g} s on (grey: the arc)", xlim=(TRANSIENT, reference.duration))
     for axis in axes[2]:
         axis.set_xlabel("time [s]")
-    figure.legend(handles=axes[0, 0].get_legend_handles_labels()[0], ncols=3, loc="outside lower center")
+    legend_below(figure, axes[0, 0].get_legend_handles_labels()[0])
     return figure
 
 
@@ -184,7 +182,7 @@ def slip_during_tracking(
     names = [n for n in names if runs[n].twist_command is not None][:2]
     if not names:
         return None
-    figure, axes = subplots(2.4 + 1.9 * len(names), len(names), 1, sharex=True, squeeze=False)
+    figure, axes = subplots(1.5 + 1.9 * len(names), len(names), 1, sharex=True, squeeze=False)
     column = axes[:, 0]
     for axis, name in zip(column, names, strict=True):
         _slip_panel(axis, runs[name], known[name], published.get(name))
@@ -195,7 +193,7 @@ def slip_during_tracking(
         for track, side in ((1, "right"), (0, "left"))
         for kind, look in (("from the law", _LAW), ("true", _TRUE), ("by the paper's equations", _CROSS))
     ]
-    figure.legend(handles=handles, ncols=2, loc="outside lower center")
+    legend_below(figure, handles, ncols=2)
     return figure
 
 

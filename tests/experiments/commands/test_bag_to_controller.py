@@ -25,7 +25,6 @@ def heading_errors(controller, log):
     return np.array(errors)
 
 
-@pytest.mark.usefixtures("undrawn")
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(9))
 def test_odometry_with_deployed_parameters_turns_as_the_robot_does_on_another_drive(

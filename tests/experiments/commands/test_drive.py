@@ -24,10 +24,7 @@ SHORT = ("--course", "step10", "--preset", "fast", "--speed", "0.5", "--duration
 def stored(tmp_path_factory):
     """A drive of the rescue robot over a step, made once."""
     out = tmp_path_factory.mktemp("drive")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("experiments.report.page.svg_of", lambda figure, salt: "<svg></svg>")
-        patch.setattr("experiments.report.page.Page.write", lambda page, folder, pdf=False: None)
-        main(["drive", *SHORT, "--out", str(out)])
+    main(["drive", *SHORT, "--out", str(out)])
     return out
 
 
@@ -115,7 +112,6 @@ def test_view_shows_its_recording(stored, tmp_path, capsys):
     assert "must be left out" in capsys.readouterr().err
 
 
-@pytest.mark.drawn
 def test_a_users_robot_and_course_with_a_report(trackslip, tmp_path):
     course = tmp_path / "course.toml"
     course.write_text('friction = 0.9\n[[pieces]]\nkind = "ramp"\nangle = 0.2\nlength = 1.0\n')

@@ -21,11 +21,6 @@ from trackslip.slip.law_file import save_laws
 OPTIONS = ("--half-gauge", "0.168", "--sprocket-radius", "0.06")
 
 
-@pytest.fixture(autouse=True)
-def quick(undrawn):
-    """No drawing, which has tests of its own."""
-
-
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """The results of an identification."""

@@ -18,7 +18,7 @@ SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8")
 GEOMETRY = RobotGeometry(half_gauge=0.168, sprocket_radius=0.06)
 
 
-@pytest.mark.usefixtures("few_resamples", "undrawn")
+@pytest.mark.usefixtures("few_resamples")
 def test_small_grid_then_identify_then_csv(trackslip, tmp_path, capsys):
     grid = trackslip("grid", *SMALL, "--seed", "3")
     assert {path.name for path in grid.folder.iterdir()} == {
@@ -55,7 +55,7 @@ def test_small_grid_then_identify_then_csv(trackslip, tmp_path, capsys):
     capsys.readouterr()
 
 
-@pytest.mark.usefixtures("few_resamples", "undrawn")
+@pytest.mark.usefixtures("few_resamples")
 def test_every_motion_method_is_an_option_and_has_its_errors(trackslip):
     assert set(typing.get_args(Motion)) == set(MOTION_METHODS)
     result = trackslip("grid", *SMALL[:-1], "20", "--motion", "butterworth")

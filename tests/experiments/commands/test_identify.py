@@ -7,7 +7,7 @@ GEOMETRY = ("--half-gauge", "0.168", "--sprocket-radius", "0.06")
 TRACE = "run,t,omega_l,omega_r,x,y,phi\n" + "".join(f"a,{k / 20},2,3,{k / 100},0,0\n" for k in range(200))
 
 
-@pytest.mark.usefixtures("few_resamples", "undrawn")
+@pytest.mark.usefixtures("few_resamples")
 def test_steady_samples_of_a_real_robot(trackslip, tmp_path):
     twist = np.column_stack([np.full(6, 0.2), 0.2 * np.array([1.5, 0.8, 0.4, -0.5, -1.0, 0.1])])
     surface = twist[:, :1] + np.array([-1, 1]) * (0.3 + 0.06) * twist[:, 1:]
@@ -20,7 +20,7 @@ def test_steady_samples_of_a_real_robot(trackslip, tmp_path):
     assert (result.folder / "runs.parquet").is_file()
 
 
-@pytest.mark.usefixtures("few_resamples", "undrawn")
+@pytest.mark.usefixtures("few_resamples")
 def test_laws_whose_fit_ends_at_a_limit_are_told_of(trackslip, tmp_path):
     rows = "".join(f"{3 - k / 2},{3 + k / 2},0.2,{0.07 * k}\n" for k in (1, -1, 2, -2, 3, 4))
     (tmp_path / "samples.csv").write_text("omega_l,omega_r,v,w\n" + rows)

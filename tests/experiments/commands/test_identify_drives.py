@@ -13,9 +13,8 @@ OPTIONS = ("--half-gauge", "0.168", "--sprocket-radius", "0.06")
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch):
-    """Few laws, and no drawing, which has tests of its own."""
+    """Fit few laws."""
     monkeypatch.setattr("trackslip.identification.identify.DRIVE_LAWS", LAWS)
-    monkeypatch.setattr("experiments.report.page.svg_of", lambda figure, salt: "<svg></svg>")
 
 
 def written(path, *logs, phi=True):

@@ -51,7 +51,6 @@ def values_of(found, name="icr_radius"):
     return found.comparison.laws[name].values
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_turns_either_way_forwards_backwards_and_in_place(trackslip, tmp_path):
     backwards = [(-0.4, 0.3), (-0.3, -0.2)]
     in_place = [(0.0, 0.5), (0.0, -0.8)]

@@ -26,7 +26,6 @@ def bag(tmp_path_factory, driven):
     return write_session(tmp_path_factory.mktemp("scanned") / "run", "foxglove", driven, other_poses(driven))
 
 
-@pytest.mark.drawn
 def test_the_plate_is_located_and_its_poses_are_stored(bag, driven, tmp_path, capsys):
     main(["localize", str(bag), *PLATE, "--scan", "/scan", "--mount", *map(str, driven.mount), "--out", str(tmp_path)])
     printed = capsys.readouterr().out

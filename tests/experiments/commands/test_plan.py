@@ -23,7 +23,7 @@ SHORT = (*ROBOT, "--duration", "30", "--threads", "1")
 
 
 @pytest.fixture(autouse=True)
-def quick(request, monkeypatch, undrawn):
+def quick(request, monkeypatch):
     """Few drives are tried, and the paper's runs are two."""
     monkeypatch.setattr(planning, "_EVALUATIONS", 30)
     monkeypatch.setattr(planning, "_FEWEST", 30)

@@ -37,7 +37,6 @@ def test_mistakes_get_one_line(refused, arguments, message):
     assert message in refused("predict", *arguments)
 
 
-@pytest.mark.drawn
 def test_on_ground_that_shears_slip_depends_on_radius_and_load(trackslip):
     result = trackslip("predict", "--shear", "0.01", "--slope", "0.174533", "--radii", "0.606", "2.938")
     summary = result.summary

@@ -60,7 +60,6 @@ def test_where_nothing_can_be_seen_the_row_says_so(trackslip, monkeypatch, tmp_p
     assert "<li>blind: none of the 2 runs can be used" in page
 
 
-@pytest.mark.drawn
 def test_the_page_needs_no_other_file_and_shows_the_table(trackslip, monkeypatch):
     monkeypatch.setattr(sensitivity, "DISTURBANCES", DISTURBANCES[:2])
     found = trackslip("sensitivity", *SMALL)

@@ -36,7 +36,7 @@ def test_track(trackslip, controller, localization):
     assert row["rms_position_after_12s"] > 0
 
 
-@pytest.mark.usefixtures("few_resamples", "undrawn")
+@pytest.mark.usefixtures("few_resamples")
 def test_track_takes_a_start_and_laws(trackslip):
     identified = trackslip("identify", str(trackslip("grid", *SMALL).folder)).folder
     result = trackslip(

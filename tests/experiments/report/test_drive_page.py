@@ -52,7 +52,6 @@ def test_it_fits_phone_and_desk(page):
     assert_fits(page)
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_without_headings(without_headings):
     page = identification_page(without_headings)
     words = text_of(page)
@@ -63,7 +62,6 @@ def test_without_headings(without_headings):
     assert "the first half of the drive" in words
 
 
-@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("method", ["steady", "drive"])
 def test_both_stand_on_one_page(two_drives, method):
     steady = identified(driven(grid()), outliers=[("run 9", "it is 0.3 off")])
@@ -77,7 +75,6 @@ def test_both_stand_on_one_page(two_drives, method):
     assert words.count(f"{LABELS['icr_radius']} best") >= 2
 
 
-@pytest.mark.usefixtures("undrawn")
 def test_what_was_left_out_and_warnings_are_listed_once(two_drives):
     warning = "3 step(s) of the poses are left out"
     words = text_of(identification_page(replace(two_drives, warnings=(warning,))))

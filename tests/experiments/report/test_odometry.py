@@ -99,7 +99,7 @@ def test_the_page_says_what_was_found(found, blind):
     assert "Heading error" not in without
 
 
-def test_a_drive_of_moments_has_a_page_without_stretches(undrawn):
+def test_a_drive_of_moments_has_a_page_without_stretches():
     short = found_on(drive_log(2, 0.5, EXACT, STILL))
     page = render(short, [*short[0].errors.notes], [], MANIFEST, "trackslip evaluate x", "x")
     assert [drawing.name for drawing in page.drawings] == ["odometry_paths"]

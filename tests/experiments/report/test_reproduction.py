@@ -88,7 +88,7 @@ def test_words_carry_the_numbers_of_the_data(page):
     assert "law power: the samples don't determine beta_outer." in words
 
 
-def test_samples_without_errors_say_so(undrawn):
+def test_samples_without_errors_say_so():
     words = text_of(page_of(identified(driven(grid(), errors=False))))
     assert "There are no error bars because the samples came without errors of measurement." in words
     assert "twice the scatter about the best law" in words
@@ -126,7 +126,7 @@ def test_straight_runs_alone_have_tables_but_no_axis_of_radii():
 
 
 @pytest.mark.parametrize("twists", [grid(), [(0.1, 0.1 / radius) for radius in (0.5, 1.0, 2.0, 3.0)]])
-def test_published_and_simulated_says_how_far_runs_are_apart(twists, undrawn):
+def test_published_and_simulated_says_how_far_runs_are_apart(twists):
     found = identified(driven(twists))
     radius = RadiusSummary((0.5, 1.0), np.array([0.63, np.nan]), np.array([0.62, 1.34]), 0.01)
     rows = [Quantity("slip minus Eq. 11, rms", (), (0.01,)), Quantity("  at other radii", (), (0.02,))]

@@ -88,7 +88,7 @@ def test_seeds_beyond_64_bits_are_text(trackslip):
     assert set(table["seed"].to_pylist()) == {"1", str(large)}
 
 
-@pytest.mark.usefixtures("few_resamples", "undrawn")
+@pytest.mark.usefixtures("few_resamples")
 def test_a_law_is_identified_from_runs_of_one_setting(trackslip, refused, tmp_path):
     arguments = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8", "--friction-ratio", "1.0", "1.2")
     folder = str(trackslip("grid", *arguments, "--seeds", "0", "1", "--executor", "inline").folder)
