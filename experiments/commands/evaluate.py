@@ -1,16 +1,112 @@
 """`trackslip evaluate`: how far odometry by slip laws is off on a log."""
 
-from experiments.options.evaluate import EvaluateConfig as Config
+import math
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from experiments.options.bag_choice import Bag, BagOptions
+from experiments.options.base import Distinct, Options, Positive, Within
+from experiments.options.help import default_is
+from trackslip.errors import InvalidValueError
 
 EXAMPLES = (
     ("a law and no compensation", "trackslip evaluate out/wander --law out/identify --law none"),
     ("on a robot's log", "trackslip evaluate log.csv --law out/mine --law none"),
     ("of two laws, on a ROS bag", "trackslip evaluate run.mcap --law out/mine:icr --law out/mine:turn_loss"),
 )
+_LOGS = default_is("the log's, or the laws'", "FLOAT")
+_LAWS = "as identified with the laws"
+_MAX_LEVER = 100.0  # [m]
+_MAX_OFFSET = 3600.0  # [s]
+
+
+@dataclass(frozen=True)
+class Config(Options):
+    """Measure how far odometry by slip laws is off on a log: absolute errors, and relative ones per metre and second.
+
+    The log is one that identify reads; it should not be the one that the laws were identified from.
+    """
+
+    path: tyro.conf.Positional[Path]
+    """Folder of a stored drive or grid, a .csv or .parquet log, or a ROS bag (.bag, .mcap, .db3, or their folder)."""
+    law: Annotated[
+        tuple[str, ...],
+        tyro.conf.UseAppendAction,
+        tyro.conf.arg(metavar="LAW", help_behavior_hint="(default: none; may be repeated)"),
+    ] = ()
+    """A law to reckon with: none, an identification's folder (its best law), a file of laws, or either with :NAME."""
+    where: Annotated[tuple[str, ...] | None, Distinct("NAME=VALUE"), default_is("all", "NAME=VALUE ...")] = None
+    """Which runs of a sweep to use: ground=ice friction_ratio=1.2."""
+    half_gauge: Annotated[float | None, Positive(100.0, "m"), _LOGS] = None
+    """Half the distance between the tracks [m]."""
+    sprocket_radius: Annotated[float | None, Positive(100.0, "m"), _LOGS] = None
+    """Radius of the sprockets [m]."""
+    gear: Annotated[float, Positive(1e4)] = 1.0
+    """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
+    sensor: Annotated[tuple[float, float, float] | None, default_is(_LAWS, "X Y YAW")] = None
+    """Place of the poses' sensor, ahead and to the left of the turning centre, and its heading there [m, m, rad]."""
+    clock_offset: Annotated[float | None, Within(-_MAX_OFFSET, _MAX_OFFSET, "s"), default_is(_LAWS, "FLOAT")] = None
+    """Encoder clock minus pose clock [s]."""
+    bag: Bag = field(default_factory=BagOptions)
+    """What to take from a bag."""
+    tum: bool = True
+    """Whether to write measured and estimated trajectories to OUT/trajectories, in the TUM format that evo reads."""
+    out: Path = Path("out/evaluate")
+    """Folder for the results."""
+    pdf: bool = False
+    """Also write the figures as PDF."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(set(self.law)) < len(self.law):
+            raise InvalidValueError("law", self.law, "all different")
+        if self.sensor is not None:
+            for value, where in zip(self.sensor, ("ahead of", "left of"), strict=False):
+                Within(-_MAX_LEVER, _MAX_LEVER, f"m, {where} the turning centre").check("sensor", value)
+            Within(-math.pi, math.pi, "rad, counter-clockwise").check("sensor", self.sensor[2])
 
 
 def run(config: Config) -> None:
     """Evaluate the laws, store and print their errors."""
-    from experiments.work.evaluate import run as work
+    from experiments import odometry
+    from experiments.report.odometry import print_errors, sensing_lines
+    from experiments.report.odometry_page import render
+    from experiments.run import Run
+    from experiments.storage.manifest import command_line
+    from experiments.storage.results import REPORT_FILE, TABLE_FILE, TRAJECTORIES_FOLDER, arrow_errors
+    from trackslip.identification.source import origin
+    from trackslip.odometry.mounting import Mounting
 
-    work(config)
+    specs = odometry.law_files(config)
+    with Run(config) as run, run.progress("odometry", 2 + len(specs), "stages") as step:
+        source = odometry.read_drives(config, specs)
+        for line in source.taken:
+            print(line)
+        laws = odometry.labelled_laws(specs, source.geometry)
+        step(1.0)
+        sensor = None if config.sensor is None else Mounting(*config.sensor)
+        found = odometry.evaluated(laws, source.logs, sensor, config.clock_offset, step)
+        sensing = sensing_lines(found, config.sensor is not None, config.clock_offset is not None)
+        notes = [*source.notes, *map(str, source.refused), *found[0].errors.notes]
+        notes += odometry.identified_from(config.path, specs)
+        notes += odometry.clock_doubt(found, source.logs) or odometry.pose_doubts(found)
+        summary = {
+            "geometry": asdict(source.geometry),
+            "laws": {one.label: odometry.summary_of(one) for one in found},
+            "drives": {one.label: one.errors.drives for one in found},
+            "warnings": notes,
+        }
+        manifest = run.manifest(**origin(source.logs))
+        run.write(summary, manifest=manifest)
+        with arrow_errors(run.folder / TABLE_FILE):
+            odometry.write_error_table(found, run.folder / TABLE_FILE)
+        if config.tum:
+            odometry.write_trajectories(found, run.folder / TRAJECTORIES_FOLDER)
+        name = config.path.name or str(config.path)
+        render(found, notes, sensing, manifest, command_line("evaluate"), name).write(run.folder, config.pdf)
+        step(1.0)
+    print_errors(found, notes, sensing)
+    print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s")

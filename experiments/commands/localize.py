@@ -1,16 +1,92 @@
 """`trackslip localize`: poses of a robot's plate from the scans of a laser range finder beside the field."""
 
-from experiments.options.localize import LocalizeConfig as Config
+import shlex
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from experiments.options.bag_choice import BagOptions, plate_of
+from experiments.options.base import Options
+from experiments.options.help import default_is
+from trackslip.ros.choice import BagChoice
 
 EXAMPLES = (
     ("a plate of 0.5 m by 2 cm", "trackslip localize run.mcap --plate 0.5x0.02"),
     ("a scanner whose place is known", "trackslip localize run.mcap --plate 0.5x0.02 --mount -1.5 -1.5 1.57"),
     ("by other poses", "trackslip localize run.mcap --plate 0.5x0.02 --poses /amcl_pose"),
 )
+_CLEAR = "where the bag leaves no doubt"
+
+
+@dataclass(frozen=True)
+class Config(Options):
+    """Find the plate on a robot in the scans of a laser range finder beside the field, and write its poses as a log."""
+
+    path: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="BAG")]
+    """A .bag, .mcap or .db3 file, or a folder of bags."""
+    plate: Annotated[str, tyro.conf.arg(metavar="LENGTHxTHICKNESS")]
+    """Size of the plate, as in 0.5x0.02 [m]."""
+    scan: Annotated[str | None, default_is("the only one", "TOPIC")] = None
+    """Topic of sensor_msgs/LaserScan of the scanner."""
+    mount: Annotated[tuple[float, float, float] | None, default_is("by transforms, else 0 0 0", "X Y YAW")] = None
+    """Pose of the scanner in the frame of the poses [m, m, rad]."""
+    noise: Annotated[float | None, default_is("found", "FLOAT")] = None
+    """Standard deviation of the scanner's ranges [m]."""
+    poses: Annotated[str | None, default_is("none", "TOPIC")] = None
+    """Topic of other poses, or tf:PARENT:CHILD, by which to find the pose of the scanner in their frame."""
+    encoders: Annotated[str | None, default_is(_CLEAR, "TOPIC")] = None
+    """Topic of sensor_msgs/JointState with the wheels or sprockets."""
+    left: Annotated[str | None, default_is("by their names", "NAMES")] = None
+    """Names of the joints on the left, separated by commas; their mean is used."""
+    right: Annotated[str | None, default_is("by their names", "NAMES")] = None
+    """The same on the right."""
+    reversed: Annotated[Literal["left", "right", "both"] | None, default_is("none", "{left,right,both}")] = None
+    """Which encoders count backwards."""
+    out: Path = Path("out/localize")
+    """Folder for the results."""
+    pdf: bool = False
+    """Also write the figure as PDF."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        plate_of(self.plate)
+        self.choice()
+
+    def choice(self) -> BagChoice:
+        """What to take from the bag."""
+        names = ("encoders", "left", "right", "reversed", "poses", "plate", "scan", "mount", "noise")
+        return BagOptions(**{name: getattr(self, name) for name in names}).choice()
 
 
 def run(config: Config) -> None:
     """Locate, store and print."""
-    from experiments.work.localize import run as work
+    from experiments.localization import described, place_lines, print_drives, stand_line
+    from experiments.report.figures.field import field
+    from experiments.report.page import Drawing
+    from experiments.run import Run
+    from experiments.storage.results import FIGURES_FOLDER, RUNS_FILE
+    from trackslip.ros.scanned import read_scanned
 
-    work(config)
+    with Run(config) as run:
+        with run.busy("localization"):
+            found = read_scanned(config.path, config.choice())
+        drives = found.drives
+        warnings = (*found.notes, *map(str, found.refused))
+        run.write({"drives": [described(drive) for drive in drives], "warnings": warnings}, [one.log for one in drives])
+        drawing, figures = Drawing("field", field(drives)), run.folder / FIGURES_FOLDER
+        figures.mkdir()
+        (figures / "field.svg").write_text(drawing.svg, encoding="utf-8")
+        if config.pdf:
+            (figures / "field.pdf").write_bytes(drawing.pdf)
+    print(drives[0].taken)
+    print_drives(f"The plate of {config.plate} m in scans", drives)
+    for line in dict.fromkeys(stand_line(drive.stand) for drive in drives):
+        print(line)
+    if len(drives) == 1:
+        for line in place_lines(drives[0].place):
+            print(line)
+    for line in warnings:
+        print(f"warning: {line}")
+    print(f"{config.out / RUNS_FILE}: {run.wall:.1f} s; next: trackslip identify {shlex.quote(str(config.out))}")

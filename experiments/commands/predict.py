@@ -1,16 +1,188 @@
 """`trackslip predict`: slip from theory, without simulating."""
 
-from experiments.options.predict import PredictConfig as Config
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+
+from experiments.options.base import Exclusion, Needs, Options, Positive, refuse_changed
+from experiments.options.help import default_is
+from experiments.options.world import MAX_RADIUS, MIN_FRICTION_RATIO, MIN_RADIUS, RADIUS_ERROR
+from sim.drive.pull import Pull
+from sim.ground.ground import MAX_FRICTION, Ground
+from sim.robot.file import load_robot_file
+from sim.robot.parameters import RobotParameters
+from trackslip.errors import InvalidValueError
+from trackslip.kinematics import Array
+from trackslip.paper import OBSERVED_RADII
+from trackslip.skid_theory import Contact, Load, line_contact, steady_turns, steady_twist
+from trackslip.slip.icr import ConstantIcr
 
 EXAMPLES = (
     ("the shipped robot", "trackslip predict"),
     ("uphill on ground that shears", "trackslip predict --shear 0.01 --slope 0.17"),
     ("a robot of another size", "trackslip predict --half-gauge 0.25 --contact-length 0.6 --friction-ratio 1.2"),
 )
+_HEADER = ("radius driven [m]", "outer slip", "inner slip", "D [mm]", "ICRs, left | right [mm]")
+_GRAVITY = 9.81  # [m/s^2]
+_ROBOTS = default_is("the robot's", "FLOAT")
+
+
+@dataclass(frozen=True)
+class Config(Options):
+    """Predict slip from quasi-static theory, without simulating: on Coulomb ground a law, on other ground its slips.
+
+    With --shear, --slope or --pull, slips depend on radius and load; the law is then that of the mean over the radii.
+    """
+
+    robot: Annotated[Path | None, default_is("the shipped robot", "FILE")] = None
+    """Robot file that supplies the values not given below."""
+    half_gauge: Annotated[float | None, Positive(100.0), _ROBOTS] = None
+    """Half the distance between the tracks [m]."""
+    contact_length: Annotated[float | None, Positive(100.0), _ROBOTS] = None
+    """Length of a track on the ground [m]."""
+    friction_ratio: Annotated[float | None, Positive(100.0), _ROBOTS] = None
+    """Friction across the track over friction along it; without a load, slip depends on no other friction [-]."""
+    friction: Annotated[float | None, Positive(MAX_FRICTION), default_is("the robot's ground's", "FLOAT")] = None
+    """Friction coefficient along the track; needs --slope or --pull [-]."""
+    shear: Annotated[float | None, default_is("the robot's ground's", "FLOAT")] = None
+    """Shear modulus of ground that gives way before it slides, 0 for Coulomb friction [m]."""
+    slope: float = 0.0
+    """Angle of the ground to the horizontal [rad]."""
+    uphill: float = 0.0
+    """Direction of uphill as the robot sees it, 0 straight ahead, positive to the left; needs --slope [rad]."""
+    pull: float = 0.0
+    """Drawbar force, backwards along the robot [N]."""
+    pull_height: float = Pull.height
+    """Height of the hitch above the ground; needs --pull [m]."""
+    com_x: Annotated[float | None, _ROBOTS] = None
+    """Centre of mass, forward of the middle of the tracks [m]."""
+    sprocket_radius: Annotated[float | None, Positive(100.0), _ROBOTS] = None
+    """Radius of the sprockets, stored with the law; slip does not depend on it [m]."""
+    radius_error: Annotated[float, RADIUS_ERROR] = 0.0
+    """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
+    radii: Annotated[tuple[float, ...], Positive(MAX_RADIUS, "m")] = OBSERVED_RADII
+    """Radii driven that the table lists [m]."""
+    out: Path = Path("out/predict")
+    """Folder for the results."""
+
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (
+        Needs(("uphill",), "slope"),
+        Needs(("pull_height",), "pull"),
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        Ground(shear=self.shear or 0.0, slope=self.slope, uphill=self.uphill)
+        Pull(self.pull, self.pull_height)
+        if self.slope == 0 and self.pull == 0:
+            refuse_changed("friction", self.friction, None, "without --slope and --pull")
+        if not self.radii:
+            raise InvalidValueError("radii", self.radii, "at least one number")
+        if min(self.radii) < MIN_RADIUS:
+            raise InvalidValueError("radii", min(self.radii), f"at least {MIN_RADIUS:g} m")
+        if self.friction_ratio is not None and self.friction_ratio < MIN_FRICTION_RATIO:
+            raise InvalidValueError("friction_ratio", self.friction_ratio, f"at least {MIN_FRICTION_RATIO:g}")
 
 
 def run(config: Config) -> None:
     """Compute the slips, store and print them."""
-    from experiments.work.predict import run as work
+    from experiments.report.terminal import print_table
+    from experiments.run import Run
+    from trackslip.logs.file_format import FORMAT
 
-    work(config)
+    robot, ground = predicted_world(config)
+    load = predicted_load(config, robot)
+    turns = contact = None
+    more: dict[str, Any] = {}
+    if ground.shear == 0 and load == Load():
+        law = predict(config)
+        slip = law(1 / np.array(config.radii))
+    else:
+        contact = _contact(robot, ground)
+        turns = steady_turns(config.radii, contact, ground.shear, load)
+        error = (1 + config.radius_error) * (1 - float(turns.loss.mean())) - 1
+        law = ConstantIcr(float(turns.offset.mean()), robot.half_gauge, error)
+        slip = _nominal(turns.slip, config.radius_error)
+        ahead = 1 - steady_twist([1.0, 1.0], contact, shear=ground.shear, load=load)[0]
+        more = {
+            "offset": turns.offset,
+            "icr": {"left": turns.icr[:, 0], "right": turns.icr[:, 1]},
+            "straight_slip": float(_nominal(ahead, config.radius_error)),
+            "shear": ground.shear,
+            "load": load,
+            "friction": [ground.along, ground.across],
+        }
+    with Run(config) as run:
+        summary = {
+            "format": FORMAT,
+            "geometry": {"half_gauge": robot.half_gauge, "sprocket_radius": robot.sprocket_radius},
+            "slip_laws": {"icr_radius": {"values": {"offset": law.offset, "radius_error": law.radius_error}}},
+            "radius": list(config.radii),
+            "slip": {"outer": slip[:, 1], "inner": slip[:, 0]},
+            **more,
+        }
+        run.write(summary)
+        if turns is not None and contact is not None:
+            from experiments.report.figures.predict import draw_prediction  # here: matplotlib
+
+            figures = run.folder / "figures"
+            figures.mkdir()
+            draw_prediction(turns, contact, ground.shear, load).savefig(figures / "predict.svg")
+    rows = [(f"{r:g}", f"{s[1]:+.4f}", f"{s[0]:+.4f}") for r, s in zip(config.radii, slip, strict=True)]
+    if turns is None:
+        print_table("Slip by quasi-static Coulomb theory", _HEADER[:3], rows)
+        print(f"D = {1e3 * law.offset:.2f} mm; use it with --laws {config.out}")
+        return
+    icrs = [f"{1e3 * left:+.1f} | {1e3 * right:+.1f}" for left, right in turns.icr]
+    wide = [(*row, f"{1e3 * d:.2f}", icr) for row, d, icr in zip(rows, turns.offset, icrs, strict=True)]
+    wide.append(("straight", f"{more['straight_slip']:+.4f}", f"{more['straight_slip']:+.4f}", "", ""))
+    print_table(f"Slip by quasi-static theory, K = {1e3 * ground.shear:g} mm", _HEADER, wide)
+    print(f"mean D = {1e3 * law.offset:.2f} mm; use it with --laws {config.out}")
+
+
+def predicted_world(config: Config) -> tuple[RobotParameters, Ground]:
+    """The robot, its centre of mass midway between the tracks, and the ground."""
+    robot, ground = load_robot_file(config.robot)
+    given = {name: getattr(config, name) for name in ("half_gauge", "contact_length", "com_x", "sprocket_radius")}
+    robot = replace(robot, com_y=0.0, **{name: value for name, value in given.items() if value is not None})
+    along = ground.along if config.friction is None else config.friction
+    ratio = ground.across / ground.along if config.friction_ratio is None else config.friction_ratio
+    shear = ground.shear if config.shear is None else config.shear
+    return robot, Ground(along, ratio * along, shear=shear)
+
+
+def predicted_robot(config: Config) -> tuple[RobotParameters, float]:
+    """The robot, its centre of mass midway between the tracks, and the ratio of friction across to along [-]."""
+    robot, _ = predicted_world(config)
+    _, ground = load_robot_file(config.robot)
+    return robot, ground.across / ground.along if config.friction_ratio is None else config.friction_ratio
+
+
+def predicted_load(config: Config, robot: RobotParameters) -> Load:
+    """The load, whose centre of mass is as high as the robot's."""
+    if config.slope == 0 and config.pull == 0:
+        return Load()
+    return Load(config.slope, config.uphill, config.pull / (robot.mass * _GRAVITY), config.pull_height)
+
+
+def predict(config: Config) -> ConstantIcr:
+    """The constant ICR of Coulomb theory; raises InvalidValueError where the centre of mass would lift a track."""
+    robot, ratio = predicted_robot(config)
+    contact = line_contact(
+        robot.half_gauge, robot.contact_length / 2, along=1.0, across=ratio, centre_of_mass=(robot.com_x, 0.0, 0.0)
+    )
+    left, right = 1.0, 1.4  # the result does not depend on the turn
+    yaw_rate = steady_twist([left, right], contact)[2]
+    return ConstantIcr((right - left) / (2 * yaw_rate) - robot.half_gauge, robot.half_gauge, config.radius_error)
+
+
+def _contact(robot: RobotParameters, ground: Ground) -> Contact:
+    centre = (robot.com_x, 0.0, robot.com_height)
+    return line_contact(robot.half_gauge, robot.contact_length / 2, ground.along, ground.across, centre)
+
+
+def _nominal(slip: Array, radius_error: float) -> Array:
+    """Slips (...) with respect to the nominal sprocket radius."""
+    return 1 - (1 - slip) * (1 + radius_error)

@@ -1,6 +1,12 @@
 """`trackslip train`: train a policy with PPO from Stable-Baselines3 on the vector environment."""
 
-from experiments.options.train import TrainConfig as Config
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+from experiments.options.base import Excludes, Exclusion, Needs, Options, Positive, Whole
+from experiments.options.world import MAX_THREADS
+from trackslip.errors import InvalidValueError
 
 EXAMPLES = (
     ("two million steps", "trackslip train"),
@@ -8,10 +14,115 @@ EXAMPLES = (
     ("to cross courses", "trackslip train --env traverse --out out/traverse"),
     ("a quick try", "trackslip train --steps 100000 --robots 16 --batch 512 --out out/try"),
 )
+PATH_TRACKING, TRAVERSE = ENVIRONMENTS = ("path_tracking", "traverse")
+MAX_ROBOTS = MAX_LAYER = 4096
+MAX_TRIALS = 10_000
+MAX_AUTHORITY = 10.0  # [m/s], [rad/s]
+MAX_SEED = 2**32 - 1  # the largest that PyTorch and NumPy's legacy generators accept
+
+
+@dataclass(frozen=True)
+class Config(Options):
+    """Train a policy with PPO that corrects the reference's twist, for `benchmark --controllers ppo:OUT`.
+
+    With --env traverse, train one that corrects the scripted controller of a robot that crosses courses. The defaults
+    are the tuned configuration behind the documented results in path tracking.
+    """
+
+    env: str = PATH_TRACKING
+    """Environment: path_tracking or traverse."""
+    steps: Annotated[int, Whole(1)] = 2_000_000
+    """Total number of control periods, summed over all robots."""
+    robots: Annotated[int, Whole(1, MAX_ROBOTS)] = 64
+    """Number of robots in the vector environment."""
+    references: tuple[str, ...] = ("paper", "figure_eight", "slalom", "clothoid", "spiral", "stop_and_go")
+    """Paths to train on; each episode draws one."""
+    grounds: tuple[str, ...] = ("stone",)
+    """Grounds to train on; each episode draws one."""
+    compensation: str = "icr_radius"
+    """Slip compensation between twist and sprocket speeds: none, published, or one of the shipped laws."""
+    authority: Annotated[tuple[float, float], Positive(MAX_AUTHORITY)] = (0.12, 0.6)
+    """Largest correction of the reference's twist [m/s, rad/s]."""
+    robot: str = "rescue"
+    """Name of a tracked robot, or its .toml file; needs --env traverse."""
+    difficulty: tuple[float, float] = (0.7, 1.0)
+    """Range of the courses' difficulty, from 0 to 1; needs --env traverse [-]."""
+    trials: Annotated[int, Whole(1, MAX_TRIALS)] = 300
+    """Number of unseen courses, of each of three difficulties, to try the policy on; needs --env traverse."""
+    network: tuple[int, ...] = (64, 64)
+    """Sizes of the hidden layers."""
+    learning_rate: Annotated[float, Positive(1.0)] = 6e-4
+    """Initial learning rate; it falls linearly to a twentieth [-]."""
+    horizon: Annotated[int, Whole(1)] = 128
+    """Number of control periods of each robot between two updates."""
+    batch: Annotated[int, Whole(1)] = 2048
+    """Number of control periods in a minibatch."""
+    epochs: Annotated[int, Whole(1)] = 6
+    """Number of passes over the collected data in each update."""
+    discount: float = 0.97
+    """Discount of the reward per control period [-]."""
+    seed: Annotated[int, Whole(0, MAX_SEED)] = 0
+    """Seed of all random numbers."""
+    threads: Annotated[int, Whole(0, MAX_THREADS)] = 0
+    """Number of the simulator's worker threads, 0 for one per processor."""
+    resume: bool = False
+    """Resume from the last checkpoint in OUT instead of starting again."""
+    rrd: bool = False
+    """Also record the trained policy driving each path, for the rerun viewer, in OUT/recordings."""
+    out: Path = Path("out/train")
+    """Folder for the policy, its checkpoints and the training curve."""
+
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (
+        Needs(("robot", "difficulty", "trials"), "env", (TRAVERSE,)),
+        Excludes(("references", "grounds", "compensation", "authority", "rrd"), "env", (TRAVERSE,)),
+    )
+
+    def __post_init__(self) -> None:
+        if self.env not in ENVIRONMENTS:
+            raise InvalidValueError("env", self.env, f"one of {', '.join(ENVIRONMENTS)}")
+        super().__post_init__()
+        low, high = self.difficulty
+        if not 0 <= low <= high <= 1:
+            raise InvalidValueError("difficulty", self.difficulty, "two ascending numbers from 0 to 1")
+        if self.robots * self.horizon % self.batch:
+            raise InvalidValueError("batch", self.batch, f"a factor of robots * horizon = {self.robots * self.horizon}")
+        for name in ("references", "grounds", "network"):
+            if not getattr(self, name):
+                raise InvalidValueError(name, getattr(self, name), "at least one")
+        for size in self.network:
+            if not 1 <= size <= MAX_LAYER:
+                raise InvalidValueError("network", size, f"integers from 1 to {MAX_LAYER}")
+        if not 0 < self.discount < 1:
+            raise InvalidValueError("discount", self.discount, "between 0 and 1")
 
 
 def run(config: Config) -> None:
     """Train, store the policy, draw its curve, and print the reward before and after."""
-    from experiments.work.train import run as work
+    from experiments.learning.training import CHECKPOINT, POLICY, driven, learn, model_of, training_of
+    from experiments.recording import record_all
+    from experiments.report.figures.learning import learning_curve
+    from experiments.run import Run
 
-    work(config)
+    with Run(config) as run:
+        training = training_of(config)
+        model = model_of(config, training)
+        before = model.num_timesteps
+        try:
+            curve = learn(model, config, training, run.folder)
+        except KeyboardInterrupt:
+            if not (config.out / CHECKPOINT).is_file():
+                raise
+            raise KeyboardInterrupt("interrupted; --resume continues from the last checkpoint") from None
+        training.save(model, run.folder / POLICY)
+        found = training.finish(run.folder / POLICY)
+        rate = (model.num_timesteps - before) / run.wall
+        run.write({"steps": model.num_timesteps, "steps_per_s": rate, "curve": curve, **found}, seed=config.seed)
+        learning_curve(curve, found.get("rates", ())).savefig(run.folder / "curve.png", dpi=160)
+        if config.rrd:
+            policy = run.folder / POLICY
+            record_all(run.folder, [log for name in config.references for log in driven(config, policy, name)])
+    of = " of 1" if config.env == PATH_TRACKING else ""
+    for point in curve[:1] + curve[-1:]:
+        print(f"{point['steps']:>10,} steps: {point['reward']:.3f}{of} per step")
+    training.show(found)
+    print(f"{config.out / POLICY}: {model.num_timesteps:,} steps in {run.wall:.0f} s")

@@ -1,6 +1,31 @@
 """`trackslip wander`: teleoperated drives, and logs of them as labs have."""
 
-from experiments.options.wander import WanderConfig as Config
+import shlex
+from dataclasses import dataclass, field, fields, replace
+from math import degrees
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+import tyro
+
+from experiments.options.base import (
+    Excludes,
+    Exclusion,
+    Needs,
+    NonNegative,
+    Options,
+    Positive,
+    Whole,
+    Within,
+    refuse_changed,
+)
+from experiments.options.checks import require_speed
+from experiments.options.help import default_is
+from experiments.options.world import MAX_DURATION, RADIUS_ERROR, GroundOptions, PullOptions, Repeatable, Simulation
+from sim.drive.drive import Drive
+from sim.scanner.scanner import LaserScanner
+from sim.wander.pose_source import SOURCES, PoseSource
+from trackslip.errors import InvalidValueError
 
 EXAMPLES = (
     ("two minutes of teleoperation, poses as from SLAM", "trackslip wander"),
@@ -9,10 +34,206 @@ EXAMPLES = (
     ("a minute as a ROS 2 bag, with scans", "trackslip wander --duration 60 --source scanner --bag"),
     ("exactly by a law, to check an estimate", "trackslip wander --motion law --law.offset 0.04"),
 )
+MAX_DRIVES = 1000
+_HEADER = ("drive", "rows", "poses", "way [m]", "left [deg]", "right [deg]", "at rest")
+_MOST_ROWS = 20  # of the table
+_MIN_RATE, _MAX_RATE = 5.0, 1000.0  # of encoders and poses [Hz]
+_MAX_ACCELERATION = 100.0  # [m/s^2]
+_FLOAT = default_is("the source's", "FLOAT")
+_COUNT = default_is("the source's", "INT")
+
+
+@dataclass(frozen=True)
+class SourceOptions:
+    """The source of the poses, and properties that differ from the named one's."""
+
+    source: Annotated[Literal["scanner", "mocap", "slam", "gnss", "odometry"], tyro.conf.arg(name="")] = "slam"
+    """Poses as from the scanner, motion capture, SLAM, GNSS (no headings), or odometry that drifts."""
+    rate: Annotated[float | None, _FLOAT] = None
+    """Poses per second [Hz]."""
+    position_noise: Annotated[float | None, _FLOAT] = None
+    """Standard deviation of x and of y [m]."""
+    heading_noise: Annotated[float | None, _FLOAT] = None
+    """Standard deviation of the heading [rad]."""
+    heading: Annotated[bool | None, default_is("the source's", "{True,False}")] = None
+    """Whether the heading is measured."""
+    delay: Annotated[float | None, _FLOAT] = None
+    """Time stamp of a pose minus the encoders' of the same moment [s]."""
+    jitter: Annotated[float | None, _FLOAT] = None
+    """Standard deviation of the time stamps [s]."""
+    outliers: Annotated[float | None, _FLOAT] = None
+    """Share of the poses that are wrong [-]."""
+    outlier_size: Annotated[float | None, _FLOAT] = None
+    """Largest error of those, in x and in y [m]."""
+    outlier_turn: Annotated[float | None, _FLOAT] = None
+    """Largest error of their headings [rad]."""
+    dropouts: Annotated[float | None, _FLOAT] = None
+    """Share of the poses that are missing, one by one [-]."""
+    gaps: Annotated[int | None, _COUNT] = None
+    """Number of stretches without poses."""
+    gap_duration: Annotated[float | None, _FLOAT] = None
+    """Length of each of them [s]."""
+    jumps: Annotated[int | None, _COUNT] = None
+    """Number of lasting jumps of the poses."""
+    jump_size: Annotated[float | None, _FLOAT] = None
+    """Length of each of them [m]."""
+    jump_turn: Annotated[float | None, _FLOAT] = None
+    """Turn of each of them, to a random side [rad]."""
+    drift: Annotated[float | None, _FLOAT] = None
+    """Drift of odometry, a random walk of the position: its error at the end over the way [-]."""
+    heading_drift: Annotated[float | None, _FLOAT] = None
+    """Drift of its heading, a random walk as well [rad/sqrt(m)]."""
+    scale_error: Annotated[float | None, _FLOAT] = None
+    """Relative error of all ways and turns [-]."""
+    ahead: Annotated[float | None, _FLOAT] = None
+    """Place of the sensor forward of the robot's origin [m]."""
+    left: Annotated[float | None, _FLOAT] = None
+    """Place of the sensor to the left of it [m]."""
+    mounting: Annotated[float | None, _FLOAT] = None
+    """Heading of the sensor in the robot, counter-clockwise [rad]."""
+
+    def __post_init__(self) -> None:
+        Within(0.1, _MAX_RATE, "Hz").check("rate", self.poses().rate)
+
+    def poses(self) -> PoseSource:
+        """The named source with the properties that are given here."""
+        given = {option.name: getattr(self, option.name) for option in fields(PoseSource)}
+        return replace(SOURCES[self.source], **{name: value for name, value in given.items() if value is not None})
+
+
+@dataclass(frozen=True)
+class LawOptions(Options):
+    """Motion by a law of constant ICRs instead of MuJoCo's; needs --motion law."""
+
+    offset: Annotated[float, Within(0, 10, "m")] = 0.045
+    """D: distance of the ICRs outside the tracks [m]."""
+    radius_error: Annotated[float, RADIUS_ERROR] = 0.0066
+    """Relative error of the effective sprocket radius [-]."""
+    slip: Literal["white", "lasting", "none"] = "white"
+    """Slip that varies: 2 mm, 2 mm and 5 mrad per sqrt(m), or 2 % of each track's speed for 3 s, or none."""
+    turning_centre: Annotated[float, Within(-10, 10, "m")] = 0.0
+    """Forward place of the point without lateral speed [m]."""
+    drift: Annotated[float, Within(-10, 10, "s")] = 0.0
+    """Lateral speed outwards over forward speed times yaw rate [s]."""
+    lag: Annotated[float, NonNegative(1.0, "s")] = 0.0
+    """Time constant of the motion behind the belts [s]."""
+
+
+@dataclass(frozen=True)
+class Config(Repeatable):
+    """Drive as people do, teleoperated, and store logs as labs have them: encoders and poses, each on its own clock."""
+
+    driving: Literal["random", "eights", "stop_and_go", "loop"] = "random"
+    """Commands: both hands at random, figure eights, constant speeds with stops, or rounds of a square."""
+    drives: Annotated[int, Whole(1, MAX_DRIVES)] = 1
+    """Number of drives."""
+    duration: Annotated[float, Positive(MAX_DURATION, "s")] = 120.0
+    """Length of each drive [s]."""
+    max_speed: float = 0.3
+    """Largest speed of a track [m/s]."""
+    acceleration: Annotated[float, Positive(_MAX_ACCELERATION, "m/s^2")] = 0.5
+    """Largest acceleration of a track [m/s^2]."""
+    encoder_rate: Annotated[float, Within(_MIN_RATE, _MAX_RATE, "Hz")] = 50.0
+    """Readings of the encoders per second [Hz]."""
+    source: SourceOptions = field(default_factory=SourceOptions)
+    """The source of the poses, and properties that differ from the named one's."""
+    motion: Literal["mujoco", "law"] = "mujoco"
+    """What moves the robot: the simulated ground, or a slip law exactly."""
+    law: LawOptions = field(default_factory=LawOptions)
+    """Motion by a law of constant ICRs instead of MuJoCo's; needs --motion law."""
+    robot: Annotated[Path | None, default_is("the shipped robot", "FILE")] = None
+    """Robot file as written by calibrate: the robot's parameters and its ground."""
+    radius_error: Annotated[float | None, RADIUS_ERROR, default_is("the robot's", "FLOAT")] = None
+    """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
+    drive: Drive = field(default_factory=Drive)
+    """Servo and motor of a sprocket. Only the top speed is the paper's; everything else is assumed."""
+    ground: GroundOptions = field(default_factory=GroundOptions)
+    """The ground, and properties that differ from the named one's."""
+    pull: PullOptions = field(default_factory=PullOptions, metadata={"stored_unless": PullOptions()})
+    """What the robot tows."""
+    rrd: bool = False
+    """Also write recordings for the rerun viewer to OUT/recordings."""
+    bag: bool = False
+    """Also write a ROS 2 bag of each drive to OUT/bags, with scans from --source scanner."""
+    out: Path = Path("out/wander")
+    """Folder for the results."""
+
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (
+        Excludes(("ground", "pull", "radius_error"), "motion", ("law",)),
+        Needs(("law",), "motion", ("law",)),
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        require_speed("max_speed", self.max_speed, self.drive.top_speed)
+        if self.duration < 2 / self.encoder_rate:
+            raise InvalidValueError("duration", self.duration, f"at least {2 / self.encoder_rate:g} s, two readings")
+        if self.motion == "law":
+            used = replace(Drive(), top_speed=self.drive.top_speed, encoder_counts=self.drive.encoder_counts)
+            refuse_changed("drive", self.drive, used, "with --motion law")
+            return
+        periods = 1 / (self.encoder_rate * self.drive.period)
+        if abs(periods - round(periods)) > 1e-6 or periods < 0.5:
+            allowed = f"a rate whose period is a multiple of drive.period = {self.drive.period} s"
+            raise InvalidValueError("encoder_rate", self.encoder_rate, allowed)
+        self.simulation()
+
+    def simulation(self) -> Simulation:
+        """The world to drive in."""
+        return Simulation(
+            robot=self.robot,
+            radius_error=self.radius_error,
+            drive=self.drive,
+            scanner=LaserScanner(rate=self.encoder_rate),  # unused
+            rrd=self.rrd,
+            ground=self.ground,
+            pull=self.pull,
+            seed=self.seed,
+            threads=self.threads,
+        )
 
 
 def run(config: Config) -> None:
     """Drive, store and print."""
-    from experiments.work.wander import run as work
+    from experiments.driving.wander import DriveContents, bag_contents, wander
+    from experiments.driving.world import World
+    from experiments.recording import record_all
+    from experiments.report.terminal import print_table
+    from experiments.run import Run
+    from experiments.storage.bags import bags_text, write_bags
+    from experiments.storage.results import RUNS_FILE
+    from trackslip.ros.decode import require_rosbags
 
-    work(config)
+    if config.bag:
+        require_rosbags()
+    world, simulated = World.of(config.simulation()), config.drives * config.duration
+    with Run(config) as run:
+        with run.progress(f"{config.driving}, {config.drives} drives", simulated) as report:
+            logs = wander(config, world, report)
+        contents = [DriveContents.of(log) for log in logs]
+        summary: dict[str, Any] = {"drives": contents}
+        if config.bag:
+            with run.busy("bags"):
+                names = [log.run for log in logs]
+                summary["bags"] = write_bags(run.folder, names, logs, lambda log: bag_contents(config, world, log))
+        run.write(summary, logs, simulated, **world.about)
+        if config.rrd:
+            with run.busy("recording"):
+                record_all(run.folder, logs)
+    source = config.source.poses()
+    headings = "" if source.heading else ", without headings"
+    title = f"Drives, with poses of {config.source.source} at {source.rate:g} Hz{headings}"
+    rows = [
+        (
+            *(one.run, str(one.readings), str(one.poses), f"{one.way:.1f}"),
+            *(f"{degrees(turned):.0f}" for turned in (one.turned_left, one.turned_right)),
+            f"{one.standing:.0%}",
+        )
+        for one in contents[:_MOST_ROWS]
+    ]
+    print_table(title, _HEADER, rows)
+    if len(contents) > _MOST_ROWS:
+        print(f"and {len(contents) - _MOST_ROWS} more")
+    if config.bag:
+        print(bags_text(config.out, summary["bags"]))
+    print(f"{config.out / RUNS_FILE}: {run.wall:.1f} s; next: trackslip identify {shlex.quote(str(config.out))}")

@@ -1,14 +1,15 @@
 """Teleoperated drives as the options describe them: commands, motion, and the logs of encoders and poses."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from experiments.driving.lookup import REACH
 from experiments.driving.world import World
-from experiments.options.wander import LawOptions, WanderConfig
 from experiments.storage.plain_json import plain
 from sim.run_recorder import Description
 from sim.runs import Progress
@@ -20,18 +21,23 @@ from sim.wander.law_motion import LASTING, WHITE, LawMotion, SlipVariation
 from sim.wander.log import encoder_log, joined_log, quantised
 from sim.wander.motion import Motion
 from sim.wander.plate_scans import plate_scans
+from trackslip.errors import LogError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.icr import ConstantIcr
 
+if TYPE_CHECKING:
+    from experiments.commands.wander import Config, LawOptions
+
 SLIPS: Mapping[str, SlipVariation] = {"white": WHITE, "lasting": LASTING, "none": SlipVariation()}
 """Slip that varies, by name."""
 _POSE_MESSAGES = {"mocap": "PoseStamped", "odometry": "Odometry"}
+_AT_REST = 1e-3  # mean speed of the tracks below which a robot stands [m/s]
 _IN_FRONT = 3.0  # of the scanner: most drives of a minute stay in its view from there [m]
 _ON_TIME = 1e-6  # of a period: difference of a reading's time from a multiple of it, by rounding
 
 
-def wander(config: WanderConfig, world: World, progress: Progress = lambda seconds: None) -> list[RunLog]:
+def wander(config: Config, world: World, progress: Progress = lambda seconds: None) -> list[RunLog]:
     """Drive all drives, at once in MuJoCo; `progress` is called with the seconds simulated of all together.
 
     Raises:
@@ -62,7 +68,7 @@ def wander(config: WanderConfig, world: World, progress: Progress = lambda secon
     return [joined_log(log, *source.measure(motion, _random(config, log.run, "poses"))) for log, motion in moved]
 
 
-def bag_contents(config: WanderConfig, world: World, log: RunLog) -> dict[str, Any]:
+def bag_contents(config: Config, world: World, log: RunLog) -> dict[str, Any]:
     """What a drive's bag has besides its log, as arguments of `write_bag`.
 
     The encoders' readings are marked, and the poses come as messages of the kind that such a source publishes. With the
@@ -88,7 +94,7 @@ def law_motion(options: LawOptions, geometry: RobotGeometry) -> LawMotion:
     return LawMotion(law, geometry, SLIPS[options.slip], options.turning_centre, options.drift, options.lag)
 
 
-def _start(config: WanderConfig, world: World) -> Array:
+def _start(config: Config, world: World) -> Array:
     """Where drives start (3,): at the origin, or in front of the scanner if that is the source of the poses."""
     if config.source.source != "scanner":
         return np.zeros(3)
@@ -97,7 +103,7 @@ def _start(config: WanderConfig, world: World) -> Array:
 
 
 def _by_law(
-    config: WanderConfig,
+    config: Config,
     geometry: RobotGeometry,
     start: Array,
     names: Sequence[str],
@@ -115,6 +121,44 @@ def _by_law(
     return moved
 
 
-def _random(config: WanderConfig, name: str, what: str) -> np.random.Generator:
+def _random(config: Config, name: str, what: str) -> np.random.Generator:
     """Random numbers for a part of a drive, the same however many drives there are."""
     return generator(config.seed, f"wander {name} {what}")
+
+
+@dataclass(frozen=True)
+class DriveContents:
+    """The true motion of a drive, and what was measured of it."""
+
+    run: str
+    readings: int
+    """Rows of its log."""
+    poses: int
+    """Rows with a pose."""
+    way: float
+    """Length of the true path [m]."""
+    turned_left: float
+    """Sum of all turns to the left [rad]."""
+    turned_right: float
+    """Sum of all turns to the right [rad]."""
+    standing: float
+    """Share of the time at rest [-]."""
+
+    @classmethod
+    def of(cls, log: RunLog) -> Self:
+        """Sum up a log with truth; raises LogError for one without."""
+        if log.truth is None:
+            raise LogError(f"run {log.run!r}: has no truth")
+        step = np.diff(log.truth.pose, axis=0)
+        duration, turn = np.diff(log.time), step[:, 2]
+        way = np.hypot(step[:, 0], step[:, 1])
+        resting = (way + np.abs(turn)) < _AT_REST * duration
+        return cls(
+            run=log.run,
+            readings=len(log.time),
+            poses=int(log.is_valid.sum()),
+            way=float(way.sum()),
+            turned_left=float(turn[turn > 0].sum()),
+            turned_right=float(-turn[turn < 0].sum()),
+            standing=float(duration[resting].sum() / duration.sum()),
+        )

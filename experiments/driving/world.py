@@ -100,14 +100,18 @@ class World(Specification):
             }
         )
 
+    @property
+    def about(self) -> dict[str, Any]:
+        """What the manifest of a command says of the world."""
+        more = {"ground": self.ground, "obstacles": self.obstacles, "robot": self.parameters, **self._towed}
+        return {"seed": self.config.seed, "model_sha256": self.robot.digest, **more}
+
     def manifest(self, command: str, wall_s: float, config: Any = None) -> dict[str, Any]:
         """The manifest of a command that simulated in this world and took `wall_s` [s].
 
         `config` is the command's configuration if it isn't that of the world.
         """
-        more = {"ground": self.ground, "obstacles": self.obstacles, "robot": self.parameters, **self._towed}
-        seed, digest = self.config.seed, self.robot.digest
-        return make_manifest(command, config or self.config, wall_s, seed=seed, model_sha256=digest, **more)
+        return make_manifest(command, config or self.config, wall_s, **self.about)
 
     @property
     def _towed(self) -> dict[str, Pull]:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from experiments.learning.training import network_of
-from experiments.options.train import TrainConfig
+from experiments.learning.network import network_of
 from sim.path_tracking.config import Reward
 from sim.path_tracking.randomization import Randomization
 from sim.policy import Policy
+
+if TYPE_CHECKING:
+    from experiments.commands.train import Config
 
 _RANDOMIZATION = Randomization(start_distance=(0.0, 0.2), start_heading=(-0.4, 0.4), friction_ratio=(0.9, 1.4))
 _REWARD = Reward(weight_position=0.8, weight_heading=0.2, weight_change=4.0, position_scale=0.02, heading_scale=0.2)
@@ -21,7 +23,7 @@ class PathTrackingTraining:
 
     initial_deviation = -1.2
 
-    def __init__(self, config: TrainConfig) -> None:
+    def __init__(self, config: Config) -> None:
         self._config = config
 
     def robots(self) -> Any:

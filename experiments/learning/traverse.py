@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.learning.training import network_of
+from experiments.learning.network import network_of
 from experiments.measuring.crossing import compare
-from experiments.options.train import TrainConfig
 from experiments.report.crossing import CROSSING_HEADER, crossing_row, gain_text
 from experiments.report.terminal import print_table
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import OPTIONS, CrossingPolicy
+
+if TYPE_CHECKING:
+    from experiments.commands.train import Config
 
 _HARD = ("step up", "stairs up", "beams")
 """Kinds of obstacles that the scripted controller does not always cross, which training draws."""
@@ -27,7 +29,7 @@ class TraverseTraining:
 
     initial_deviation = -1.0
 
-    def __init__(self, config: TrainConfig) -> None:
+    def __init__(self, config: Config) -> None:
         self._config = config
 
     def robots(self) -> Any:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated
 
 from experiments.options import checks
+from experiments.options.base import Distinct, Positive, Within
 from experiments.options.help import default_is
 from experiments.options.world import MAX_DURATION, MAX_JOBS, MAX_RADIUS, MIN_DURATION, Localization, Method, Simulation
 from trackslip.errors import InvalidValueError
@@ -16,24 +17,19 @@ from trackslip.paper import COMMANDED_RADII, SPEEDS
 class RunsConfig(Simulation):
     """Runs of constant command, radius x speed, in front of the scanner."""
 
-    radii: tuple[float, ...] = COMMANDED_RADII
+    radii: Annotated[tuple[float, ...], Distinct("number"), Positive(MAX_RADIUS)] = COMMANDED_RADII
     """Commanded radii, to the left, as if nothing slipped [m]."""
-    speeds: tuple[float, ...] = SPEEDS
+    speeds: Annotated[tuple[float, ...], Distinct("number")] = SPEEDS
     """Commanded speeds, as if nothing slipped [m/s]."""
     localization: Localization = "plate"
     """How a pose is estimated from a scan: maximum likelihood with the known plate, or the paper's line fit."""
-    duration: float = 30.0
+    duration: Annotated[float, Within(MIN_DURATION, MAX_DURATION, "s")] = 30.0
     """Length of each run [s]."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        checks.require_distinct("radii", self.radii, "number")
-        for radius in self.radii:
-            checks.require_positive_up_to("radii", radius, MAX_RADIUS)
-        checks.require_distinct("speeds", self.speeds, "number")
         for speed in self.speeds:
             checks.require_speed("speeds", speed, self.drive.top_speed)
-        checks.require_between("duration", self.duration, MIN_DURATION, MAX_DURATION, "s")
 
 
 @dataclass(frozen=True)

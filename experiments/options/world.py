@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 import tyro
 
-from experiments.options.checks import require_between, require_integer
+from experiments.options.base import Options, Whole, Within
 from experiments.options.help import default_is
 from sim.drive.drive import MAX_RADIUS_ERROR, Drive
 from sim.drive.pull import Pull
@@ -31,6 +31,7 @@ MIN_DURATION, MAX_DURATION = 4.0, 3600.0
 MIN_RADIUS, MAX_RADIUS = 1e-3, 1000.0  # [m]
 MIN_FRICTION_RATIO = 0.01  # across the track over along it [-]
 MAX_COORDINATE = 100.0  # of a start [m]
+RADIUS_ERROR = Within(-MAX_RADIUS_ERROR, MAX_RADIUS_ERROR)
 LINEAR_START = (0.3, -0.2, math.pi / 3)
 """Where the paper starts its linear controller: (x, y, phi) (Sec. IV-C) [m, m, rad]."""
 
@@ -86,26 +87,22 @@ class PullOptions:
 
 
 @dataclass(frozen=True)
-class Repeatable:
+class Repeatable(Options):
     """The options of every command that simulates."""
 
-    seed: int = 0
+    seed: Annotated[int, Whole()] = 0
     """Seed of all random numbers."""
-    threads: int = 0
+    threads: Annotated[int, Whole(0, MAX_THREADS)] = 0
     """Number of worker threads, 0 for one per processor; the results don't depend on it."""
-
-    def __post_init__(self) -> None:
-        require_integer("seed", self.seed)
-        require_integer("threads", self.threads, 0, MAX_THREADS)
 
 
 @dataclass(frozen=True)
-class Equipment:
+class Equipment(Options):
     """The robot, its scanner and the field, without the ground."""
 
     robot: Annotated[Path | None, default_is("the shipped robot", "FILE")] = None
     """Robot file as written by calibrate: the robot's parameters and its ground."""
-    radius_error: Annotated[float | None, default_is("the robot's", "FLOAT")] = None
+    radius_error: Annotated[float | None, RADIUS_ERROR, default_is("the robot's", "FLOAT")] = None
     """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
     drive: Drive = field(default_factory=Drive)
     """Servo and motor of a sprocket. Only the top speed is the paper's; everything else is assumed."""
@@ -119,8 +116,7 @@ class Equipment:
     """Also write recordings for the rerun viewer to OUT/recordings."""
 
     def __post_init__(self) -> None:
-        if self.radius_error is not None:
-            require_between("radius_error", self.radius_error, -MAX_RADIUS_ERROR, MAX_RADIUS_ERROR)
+        super().__post_init__()
         scan_periods = self.scanner.period / self.drive.period
         if abs(scan_periods - round(scan_periods)) > 1e-6 or scan_periods < 0.5:
             allowed = f"a rate whose period is a multiple of drive.period = {self.drive.period} s"
@@ -133,7 +129,3 @@ class Simulation(Repeatable, Equipment):
 
     ground: GroundOptions = field(default_factory=GroundOptions)
     """The ground, and properties that differ from the named one's."""
-
-    def __post_init__(self) -> None:
-        Repeatable.__post_init__(self)
-        Equipment.__post_init__(self)

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from experiments.measuring.odometry import Evaluated
-from experiments.report.formats import MISSING, number, pair, significant
+from experiments.odometry import Evaluated
+from experiments.report.formats import MISSING, for_terminal, number, pair, significant
+from experiments.report.terminal import print_table
 from trackslip.odometry.evaluation import LENGTHS, PoseErrors, RelativeErrors
 from trackslip.odometry.mounting import Mounting
 from trackslip.slip.stored_laws import NO_SLIP
@@ -129,3 +130,15 @@ def _ratio(what: str, without: float, with_law: float) -> str:
 def _small(value: float) -> str:
     """Two significant digits, but no more than three decimals."""
     return number(value, 3) if value < _LEAST else significant(value)
+
+
+def print_errors(found: Sequence[Evaluated], notes: Sequence[str], sensing: Sequence[str]) -> None:
+    """Print the tables, what was sensed where, warnings, and how much the best law gains."""
+    for key, rows in tables(found).items():
+        print_table(TITLES[key], HEADERS[key], for_terminal(rows))
+    for line in sensing:
+        print(line)
+    for note in notes:
+        print(f"warning: {note}")
+    if told := gain(found):
+        print(told)

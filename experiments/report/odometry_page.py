@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from experiments.measuring.odometry import Evaluated
+from experiments.odometry import Evaluated
 from experiments.report.figures import odometry as figures
 from experiments.report.odometry import HEADERS, TITLES, gain, tables
 from experiments.report.page import Drawing, Page, render_page

@@ -22,7 +22,6 @@ from mujoco import batch
 from experiments.driving.grid_runs import before_scanner
 from experiments.driving.lookup import locator
 from experiments.options.bench import BenchConfig
-from experiments.options.track import TrackConfig
 from sim.fleet import Fleet
 from sim.robot.robot import Robot
 from sim.run_recorder import Description
@@ -41,7 +40,7 @@ BARE, FLEET, SCANNER, CLOSED_LOOP = CASES = ("bare", "fleet", "scanner", "closed
 Rates = Mapping[tuple[str, int, int], Array]
 """Physics steps per second (R, T) in R rounds of T turns, by case, number of robots and number of threads."""
 
-_RADIUS, _SPEED = TrackConfig.circle_radius, TrackConfig.circle_speed  # of the circle that all cases drive [m], [m/s]
+_RADIUS, _SPEED = 1.25, 0.15  # of the circle that all cases drive [m], [m/s]
 _TURNS = 4  # per round; the closed loop has one
 _STEADY = 2.0  # time after which the sprockets turn at their set points to the last bit [s]
 _CLOSED_LOOP_SHARE = 0.1  # of the simulated time: localization takes so much longer

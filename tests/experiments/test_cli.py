@@ -52,7 +52,10 @@ SMALL = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8")
         (("grid", "--duration", "1e9"), "duration = 1000000000.0: must be from 4 to 3600 s"),
         (("grid", "--scanner.resolution", "1e-9"), "scanner.resolution = 1e-09: must be at least"),
         (("grid", "--radii", "1e6"), "radii = 1000000.0: must be at most 1000"),
-        (("track", "--circle-speed", "1e-9"), "circle_speed = 1e-09: must be at least 0.001 m/s"),
+        (
+            ("track", "--reference", "circle", "--circle-speed", "1e-9"),
+            "circle_speed = 1e-09: must be at least 0.001",
+        ),
         (("identify", "x" * 300), "path = 'xxx"),
         (("grid", "--scanner.rate", "2"), "scanner.rate = 2.0: must be at least 5 Hz"),
         (("grid", "--radius-error", "9"), "radius_error = 9.0: must be from -0.5 to 0.5"),

@@ -80,6 +80,8 @@ def another(default, hint):
     if isinstance(default, int | float):
         return type(default)(default + 1)
     choices = typing.get_args(hint)
+    if float in choices:
+        return 0.01
     if typing.get_origin(hint) is typing.Literal:
         return next(choice for choice in choices if choice != default)
     return Path("x") if Path in (hint, *choices) else "x"

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from experiments.measuring.odometry import Evaluated
+from experiments.odometry import Evaluated
 from experiments.report.colours import GREY
 from experiments.report.figures.style import law_line, legend_below, styled, subplots, thin
 from trackslip.kinematics import Array

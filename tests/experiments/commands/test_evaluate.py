@@ -248,6 +248,6 @@ def test_names_of_drives_become_names_of_files(trackslip, tmp_path):
     write_parquet([replace(log, run=name) for name in ("../a b", "a_b", "é")], tmp_path / "log.parquet")
     result = trackslip("evaluate", str(tmp_path / "log.parquet"), *OPTIONS, "--out", str(tmp_path / "out"))
     names = sorted(file.name for file in (result.folder / "trajectories").iterdir())
-    expected = [f"{name}_{what}.tum" for name in ("a_b", "a_b_2", "drive") for what in ("measured", "none")]
+    expected = [f"{name}_{what}.tum" for name in ("a_b", "a_b_2", "é") for what in ("measured", "none")]
     assert names == sorted(expected)
     assert np.isfinite(np.loadtxt(result.folder / "trajectories" / names[0])).all()

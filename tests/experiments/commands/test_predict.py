@@ -1,7 +1,7 @@
 import pytest
 
-from experiments.options.predict import PredictConfig
-from experiments.work.predict import predict, predicted_robot
+from experiments.commands.predict import Config as PredictConfig
+from experiments.commands.predict import predict, predicted_robot
 from sim.ground.ground import Ground
 from trackslip.slip.law_file import load_laws
 

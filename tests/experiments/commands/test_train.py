@@ -69,7 +69,7 @@ def test_an_interrupted_training_says_how_to_go_on_and_leaves_its_checkpoint(tra
     def interrupt(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("experiments.work.train._save", interrupt)
+    monkeypatch.setattr("experiments.learning.training._save", interrupt)
     with pytest.raises(SystemExit) as stop:
         main(["train", *TINY, "--steps", "256", "--resume", "--out", str(folder)])
     assert stop.value.code == 130

@@ -184,5 +184,5 @@ def test_recordings_are_replaced_whole(driven, trackslip):
 
 
 def test_driving_without_a_recording_needs_no_rerun():
-    code = "import sys, experiments.work.track, experiments.work.view; sys.exit('rerun' in sys.modules)"
+    code = "import sys, experiments.commands.track, experiments.commands.view; sys.exit('rerun' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0

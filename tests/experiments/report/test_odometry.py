@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from drives import EXACT, GEOMETRY, ICR, STILL, drive_log
 
-from experiments.measuring.odometry import clock_doubt, evaluated
+from experiments.odometry import clock_doubt, evaluated
 from experiments.report.colours import COLOURS, GREY
 from experiments.report.figures import odometry as figures
 from experiments.report.formats import MISSING

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.measuring.wander import DriveContents
+from experiments.driving.wander import DriveContents
 from sim.wander.motion import Motion, arc_steps, joined
 from trackslip.errors import LogError
 from trackslip.logs.runlog import RunLog, Truth

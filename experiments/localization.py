@@ -1,58 +1,24 @@
-"""`trackslip localize`: poses of a robot's plate from the scans of a laser range finder beside the field."""
+"""Drives that a laser range finder beside the field has seen: as results, and on the terminal."""
 
-import shlex
-import time
 from collections.abc import Sequence
 from math import degrees
 from typing import Any
 
-import matplotlib
-
-from experiments.options.localize import LocalizeConfig
-from experiments.report.figures.field import field
 from experiments.report.formats import for_terminal, number, percent
-from experiments.report.page import Drawing
-from experiments.report.terminal import busy, print_table
-from experiments.storage.manifest import make_manifest
-from experiments.storage.results import FIGURES_FOLDER, RUNS_FILE, results_folder, write_results
+from experiments.report.terminal import print_table
 from trackslip.rangefinder.place import PlatePlace
-from trackslip.ros.scanned import ScannedDrive, Stand, read_scanned
+from trackslip.ros.scanned import ScannedDrive, Stand
 
 _HEADER = ("run", "scans", "located", "noise [mm]", "on the plate [mm]", "background", "others move")
 _MOST_ROWS = 30  # of the table
 _SIDES = {"x": ("ahead of", "behind", "the turning centre"), "y": ("to the left of", "to the right of", "the middle")}
 
 
-def run(config: LocalizeConfig) -> None:
-    """Locate, store and print."""
-    began = time.perf_counter()
-    with results_folder(config.out) as folder:
-        with busy("localization"):
-            found = read_scanned(config.path, config.choice())
-        drives = found.drives
-        wall = time.perf_counter() - began
-        warnings = (*found.notes, *map(str, found.refused))
-        summary = {"drives": [_described(drive) for drive in drives], "warnings": warnings, "timing": {"wall_s": wall}}
-        write_results(folder, summary, make_manifest("localize", config, wall), [drive.log for drive in drives])
-        (folder / FIGURES_FOLDER).mkdir()
-        drawing = Drawing("field", field(drives))
-        file = folder / FIGURES_FOLDER / drawing.name
-        file.with_suffix(".svg").write_text(drawing.svg, encoding="utf-8")
-        if config.pdf:
-            with matplotlib.rc_context({"pdf.fonttype": 42}):
-                drawing.figure.savefig(file.with_suffix(".pdf"), metadata={"CreationDate": None})
-    print(drives[0].taken)
-    print_table(f"The plate of {config.plate} m in scans", _HEADER, for_terminal(_rows(drives[:_MOST_ROWS])))
+def print_drives(title: str, drives: Sequence[ScannedDrive]) -> None:
+    """Print a row per drive, for the first of them."""
+    print_table(title, _HEADER, for_terminal(_rows(drives[:_MOST_ROWS])))
     if len(drives) > _MOST_ROWS:
         print(f"and {len(drives) - _MOST_ROWS} more")
-    for line in dict.fromkeys(_stand_line(drive.stand) for drive in drives):
-        print(line)
-    if len(drives) == 1:
-        for line in _place_lines(drives[0].place):
-            print(line)
-    for line in warnings:
-        print(f"warning: {line}")
-    print(f"{config.out / RUNS_FILE}: {wall:.1f} s; next: trackslip identify {shlex.quote(str(config.out))}")
 
 
 def _rows(drives: Sequence[ScannedDrive]) -> list[tuple[str, ...]]:
@@ -71,7 +37,7 @@ def _rows(drives: Sequence[ScannedDrive]) -> list[tuple[str, ...]]:
     ]
 
 
-def _stand_line(stand: Stand) -> str:
+def stand_line(stand: Stand) -> str:
     """Where the scanner stands."""
     x, y, yaw = stand.mount
     if stand.aligned is None:
@@ -81,7 +47,7 @@ def _stand_line(stand: Stand) -> str:
     return f"scanner: {place}, {stand.source}"
 
 
-def _place_lines(place: PlatePlace | None) -> list[str]:
+def place_lines(place: PlatePlace | None) -> list[str]:
     """Where the plate sits on the robot."""
     if place is None:
         return ["plate: its place on the robot does not show in this driving"]
@@ -97,7 +63,7 @@ def _place_lines(place: PlatePlace | None) -> list[str]:
     return [f"plate: {', '.join(parts)}, if both tracks slip alike"]
 
 
-def _described(drive: ScannedDrive) -> dict[str, Any]:
+def described(drive: ScannedDrive) -> dict[str, Any]:
     """What the summary says of a drive, in SI units."""
     seen, stand, place = drive.seen, drive.stand, drive.place
     aligned = stand.aligned

@@ -1,65 +1,21 @@
-"""`trackslip calibrate`: tune the simulated robot to published or measured slips and radii."""
+"""Calibration of the simulated robot: its targets, and its fits as results and as a table."""
 
-import time
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from experiments.driving.grid_runs import sample_runs
-from experiments.options.calibrate import CalibrateConfig
-from experiments.recording import record_all
-from experiments.report.terminal import busy, print_table, progress
-from experiments.storage.manifest import command_line, make_manifest
-from experiments.storage.results import results_folder, write_results
-from sim.calibration.calibration import Candidate, Fit, calibrate, floor, simulated_twist, starts
+from experiments.report.terminal import print_table
+from sim.calibration.calibration import Candidate, Fit, calibrate
 from sim.calibration.target import MeasuredTurns, Target, TurnTable
-from sim.ground.ground import Ground
-from sim.robot.file import load_robot_file, robot_file_text
-from sim.seeds import generator
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.source import Reading, read_source
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.logfile import read_table
 from trackslip.logs.table import read_columns
 
-ROBOT = "robot.toml"
 TABLE_COLUMNS = ("radius", "speed", "observed_radius", "slip_outer", "slip_inner")
-
-
-def run(config: CalibrateConfig) -> None:
-    """Fit, store and print."""
-    began = time.perf_counter()
-    with results_folder(config.out) as folder:
-        robot, ground = load_robot_file(config.robot)
-        base = Candidate(robot, ground.across / ground.along, ground.shear)
-        target = read_target(config.target, base.geometry)
-        twist = partial(simulated_twist, along=ground.along, threads=config.threads)
-        further = starts(config.free, config.starts, generator(config.seed, "calibrate"))
-        with progress(f"calibration to {config.target}", 3 + config.starts, "fits") as report:
-            best = calibrate(base, config.free, target, twist, further, report)
-            centred = centred_fit(base, config.free, target, twist)
-            report(1)
-            lowest = floor(best, target)
-            report(1)
-        wall = time.perf_counter() - began
-        summary = fit_summary(best) | {
-            "floor": {"slip_rms": lowest.slip_rms, "values": values(lowest, lowest.candidate)},
-            "centred": None if centred is None else fit_summary(centred),
-            "starts": [{"cost": cost, "values": values(best, end)} for end, cost in best.ends],
-            "wall_s": wall,
-            "timing": {"wall_s": wall},
-        }
-        made = Ground(ground.along, ground.along * best.candidate.friction_ratio, shear=best.candidate.shear)
-        comment = f"made by: {command_line('calibrate')}"
-        (folder / ROBOT).write_text(robot_file_text(best.candidate.robot, made, comment), encoding="utf-8")
-        write_results(folder, summary, make_manifest("calibrate", config, wall, seed=config.seed))
-        if config.rrd:
-            with busy("recordings"):
-                record_all(folder, sample_runs(folder / ROBOT, config))
-    _print(config, best, centred, lowest, wall)
 
 
 def read_target(name: str, geometry: RobotGeometry) -> Target:
@@ -128,13 +84,14 @@ def _value(fit: Fit, name: str) -> str:
     return f"{value:.{digits}f} ± {error:.{digits}f}{unit}"
 
 
-def _print(config: CalibrateConfig, best: Fit, centred: Fit | None, lowest: Fit, wall: float) -> None:
+def print_fits(title: str, best: Fit, centred: Fit | None, lowest: Fit) -> None:
+    """Print the parameters and misfits of the fit, of that with a centred mass, and of theory alone."""
     columns = {"fit": best} | ({} if centred is None else {"com_y = 0": centred}) | {"theory, slips alone": lowest}
-    rows = [(name, *(_value(fit, name) for fit in columns.values())) for name in config.free]
+    rows = [(name, *(_value(fit, name) for fit in columns.values())) for name in best.free]
     rows.append(("slip, rms", *(f"{fit.slip_rms:.4f}" for fit in columns.values())))
     if best.radius_rms is not None:
         rows.append(("radius, rms", *(f"{fit.radius_rms:.2%}" for fit in columns.values())))
-    print_table(f"Calibrated to {config.target}", ("parameter", *columns), rows)
+    print_table(title, ("parameter", *columns), rows)
     for name, others in best.correlation.items():
         if name == "shear" and others:
             print("correlation of shear with", ", ".join(f"{other} {value:+.2f}" for other, value in others.items()))
@@ -144,4 +101,3 @@ def _print(config: CalibrateConfig, best: Fit, centred: Fit | None, lowest: Fit,
         ends = [[end.value(name) for name in best.stderr] for end, _ in best.ends]
         apart = np.abs(np.subtract(ends, ends[0])) / list(best.stderr.values())
         print(f"{len(ends)} starts end within {apart.max(initial=0.0):.1g} standard errors of each other")
-    print(f"{config.out / ROBOT}: {wall:.1f} s; use it with --robot {config.out / ROBOT}")

@@ -1,0 +1,237 @@
+"""Odometry by several laws on the same log: the drives, the laws, their errors and the files of both."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pyarrow as pa
+import pyarrow.parquet
+
+from experiments.storage.file_names import file_names
+from experiments.storage.manifest import relative
+from experiments.storage.results import MANIFEST_FILE, RUNS_FILE, SUMMARY_FILE
+from experiments.sweep.table import chosen
+from trackslip.errors import InvalidValueError, LogError
+from trackslip.identification.source import Reading, Source, read_source
+from trackslip.kinematics import RobotGeometry
+from trackslip.logs.runlog import RunLog
+from trackslip.logs.schema import NO_UNIT, PURE, Column
+from trackslip.odometry.clock_check import better_clock_offset
+from trackslip.odometry.evaluation import OdometryErrors, PoseErrors, odometry_errors
+from trackslip.odometry.identified import LawInUse, identified_law, no_slip
+from trackslip.odometry.mounting import Mounting
+from trackslip.odometry.pose_check import jumps
+from trackslip.odometry.slip_odometry import SlipOdometry
+from trackslip.odometry.tum import write_tum
+from trackslip.slip.families import FAMILIES
+from trackslip.slip.stored_laws import NO_SLIP
+
+if TYPE_CHECKING:
+    from experiments.commands.evaluate import Config
+
+LawFile = tuple[Path | None, str | None]
+"""A file with laws and the name of one; no file for odometry without slip."""
+_KINDS = ("rms", "mean", "median", "largest")
+COLUMNS = (
+    Column("law", NO_UNIT, "label of the law"),
+    Column("kind", NO_UNIT, "aligned or from_first (absolute), metres or seconds (relative)"),
+    Column("length", NO_UNIT, "length of the stretches, in m or s"),
+    Column("count", PURE, "number of stretches"),
+    *(Column(f"position_{kind}", "m", f"{kind} error of position") for kind in _KINDS),
+    *(Column(f"heading_{kind}", "rad", f"{kind} error of heading") for kind in _KINDS),
+    Column("position_per_way", PURE, "sum of the errors of position over that of the ways driven"),
+    Column("heading_per_way", "rad/m", "sum of the errors of heading over that of the ways driven"),
+)
+"""Columns of the table; empty where there is nothing."""
+_TEXTS = ("law", "kind")
+_MANY = 0.005  # share of outlying poses that is told
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """A law and the errors of odometry by it."""
+
+    label: str  # the law's name, with its file where others have the same name
+    used: LawInUse
+    mounting: Mounting  # of the sensor that measured the poses
+    clock_offset: float  # encoder clock minus pose clock [s]
+    errors: OdometryErrors
+
+
+def evaluated(
+    laws: Sequence[tuple[str, LawInUse]],
+    logs: Sequence[RunLog],
+    mounting: Mounting | None = None,
+    clock_offset: float | None = None,
+    step: Callable[[float], None] = lambda _: None,
+) -> list[Evaluated]:
+    """Errors of laws, by their labels, on the same logs; `step(1.0)` is called after each law.
+
+    Unless given, sensor and clock are as identified with each law, for laws shift and turn them differently; for laws
+    that come without, as with the first law that has them. Raises LogError if no log has poses to compare with.
+    """
+    first = next((used for _, used in laws if used.mounting is not None), None)
+    found = []
+    for label, used in laws:
+        known = first if used.mounting is None else used
+        place = mounting or (known.mounting if known else None) or Mounting()
+        offset = ((known.clock_offset if known else None) or 0.0) if clock_offset is None else clock_offset
+        found.append(Evaluated(label, used, place, offset, odometry_errors(logs, _odometry(used), place, offset)))
+        step(1.0)
+    return found
+
+
+def clock_doubt(found: Sequence[Evaluated], logs: Sequence[RunLog]) -> list[str]:
+    """A line if another offset between the clocks fits clearly better."""
+    one = next((one for one in found if one.used.name != NO_SLIP), found[0])
+    better = better_clock_offset(logs, _odometry(one.used), one.mounting, one.clock_offset)
+    if better is None:
+        return []
+    told = f"{round(1e3 * better)} ms ahead of the poses', not {round(1e3 * one.clock_offset)} ms"
+    return [f"the encoders' clock seems to be {told}: try --clock-offset {round(better, 3) + 0.0:.3f}"]
+
+
+def pose_doubts(found: Sequence[Evaluated]) -> list[str]:
+    """A line for each drive whose measured poses jump away and back, or lastingly, by the law that fits them best."""
+    best = min(found, key=_misfit)
+    doubts = []
+    for drive in best.errors.trajectories:
+        outlying, lasting = jumps(drive)
+        what = [f"{outlying} outlying pose(s)"] if outlying > _MANY * len(drive.time) else []
+        what += [f"{lasting} lasting jump(s) of the poses"] if lasting else []
+        if what:
+            told = f"run {drive.name!r}: {' and '.join(what)} count in all errors"
+            doubts.append(f"{told}; medians tell more of the law")
+    return doubts
+
+
+def summary_of(one: Evaluated) -> dict[str, Any]:
+    """A law and its errors as content of a summary.json."""
+    errors = one.errors
+    return {
+        "law": one.used.name,
+        "sensor": one.mounting,
+        "clock_offset": one.clock_offset,
+        "aligned": errors.aligned,
+        "from_first": errors.from_first,
+        "after_metres": {f"{length:g}": found for length, found in errors.after_metres.items()},
+        "after_seconds": {f"{length:g}": found for length, found in errors.after_seconds.items()},
+    }
+
+
+def _misfit(one: Evaluated) -> float:
+    """Median error of positions that are aligned [m]."""
+    position = one.errors.aligned.position
+    return float("inf") if position is None else position.median
+
+
+def _odometry(used: LawInUse) -> SlipOdometry:
+    """Odometry without the covariance, which takes longer."""
+    return SlipOdometry(used.law, used.geometry, drift=used.drift)
+
+
+def law_files(config: Config) -> list[LawFile]:
+    """The laws that the options name; raises InvalidValueError for others, and for results that would replace them."""
+    specs = [_law_file(spec) for spec in config.law or (NO_SLIP,)]
+    read = [path.resolve() for path in (config.path, *(path for path, _ in specs)) if path]
+    if config.out.resolve() in [path.parent if path.name in (RUNS_FILE, SUMMARY_FILE) else path for path in read]:
+        raise InvalidValueError("out", str(config.out), "another folder than those of the log and the laws")
+    return specs
+
+
+def _law_file(spec: str) -> LawFile:
+    """File and name of a law; no file for none. Raises InvalidValueError for what is neither."""
+    if spec == NO_SLIP:
+        return None, NO_SLIP
+    if Path(spec).exists():
+        return Path(spec), None
+    file, colon, name = spec.rpartition(":")
+    if colon and name in FAMILIES and Path(file).exists():
+        return Path(file), name
+    allowed = f"{NO_SLIP}, or a folder or file with laws, and :NAME for one of {', '.join(FAMILIES)}"
+    raise InvalidValueError("law", spec, allowed)
+
+
+def read_drives(config: Config, specs: Sequence[LawFile]) -> Source:
+    """The drives; for a robot of the size that the laws were identified for, if the log does not state it."""
+    select = partial(chosen, where=config.where) if config.where else None
+    reading = Reading(config.half_gauge, config.sprocket_radius, config.gear, bag=config.bag.choice())
+    known = next((identified_law(path, name).geometry for path, name in specs if path is not None), None)
+    try:
+        source = read_source(config.path, reading, select)
+    except InvalidValueError as error:
+        if known is None or error.field not in asdict(known) or error.value is not None:
+            raise
+        b, r = config.half_gauge or known.half_gauge, config.sprocket_radius or known.sprocket_radius
+        source = read_source(config.path, replace(reading, half_gauge=b, sprocket_radius=r), select)
+    if not source.logs:
+        raise LogError(f"{source.name}: holds steady samples; odometry needs drives with times and poses")
+    return source
+
+
+def labelled_laws(specs: Sequence[LawFile], robot: RobotGeometry) -> list[tuple[str, LawInUse]]:
+    """The laws with their labels: their names, with the file where several have the same name."""
+    laws = [no_slip(robot) if path is None else identified_law(path, name, robot) for path, name in specs]
+    names = [one.name for one in laws]
+    labels = [
+        one.name if names.count(one.name) == 1 or path is None else f"{relative(str(path))}:{one.name}"
+        for one, (path, _) in zip(laws, specs, strict=True)
+    ]
+    return list(zip(labels, laws, strict=True))
+
+
+def identified_from(log: Path, specs: Sequence[LawFile]) -> list[str]:
+    """Warnings about laws that were identified from this very log."""
+    told = []
+    for path, _ in specs:
+        with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
+            about = json.loads((path / MANIFEST_FILE).read_text(encoding="utf-8")) if path is not None else {}
+            if about["command"] == "identify" and Path(about["config"]["path"]).resolve() == log.resolve():
+                told.append(f"{path}: identified from this log; on other driving its laws' errors may be larger")
+    return list(dict.fromkeys(told))
+
+
+def write_trajectories(found: Sequence[Evaluated], folder: Path) -> None:
+    """Write a file for each drive and law, and one for the measured poses."""
+    folder.mkdir()
+    drives = found[0].errors.trajectories
+    labels = file_names([one.label for one in found])
+    for drive, name in zip(drives, file_names([drive.name for drive in drives]), strict=True):
+        write_tum(folder / f"{name}_measured.tum", drive.time, drive.measured)
+        for one, label in zip(found, labels, strict=True):
+            estimate = next(each for each in one.errors.trajectories if each.name == drive.name)
+            write_tum(folder / f"{name}_{label}.tum", estimate.time, estimate.placed)
+
+
+def write_error_table(found: Sequence[Evaluated], path: Path) -> None:
+    """Write the errors of laws to a Parquet file, with units and meanings in the columns' metadata."""
+    rows = [row for one in found for row in _rows(one)]
+    arrays = [
+        pa.array([row.get(column.name) for row in rows], pa.string() if column.name in _TEXTS else pa.float64())
+        for column in COLUMNS
+    ]
+    pairs = zip(COLUMNS, arrays, strict=True)
+    fields = [pa.field(column.name, array.type, metadata=column.metadata) for column, array in pairs]
+    pa.parquet.write_table(pa.table(arrays, schema=pa.schema(fields)), path, write_page_checksum=True)
+
+
+def _rows(one: Evaluated) -> Iterator[dict[str, Any]]:
+    errors = one.errors
+    for kind, absolute in (("aligned", errors.aligned), ("from_first", errors.from_first)):
+        yield {"law": one.label, "kind": kind} | _statistics(absolute)
+    for kind, by_length in (("metres", errors.after_metres), ("seconds", errors.after_seconds)):
+        for length, ahead in by_length.items():
+            ratios = {name: getattr(ahead, name) for name in ("position_per_way", "heading_per_way")}
+            about = {"law": one.label, "kind": kind, "length": length, "count": ahead.count}
+            yield about | _statistics(ahead) | {key: value for key, value in ratios.items() if value == value}
+
+
+def _statistics(errors: PoseErrors) -> dict[str, float]:
+    parts = (("position", errors.position), ("heading", errors.heading))
+    return {f"{name}_{kind}": getattr(part, kind) for name, part in parts if part is not None for kind in _KINDS}
