@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +15,6 @@ import pyarrow.parquet
 from experiments.storage.file_names import file_names
 from experiments.storage.manifest import relative
 from experiments.storage.results import MANIFEST_FILE, RUNS_FILE, SUMMARY_FILE
-from experiments.sweep.table import chosen
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.source import Reading, Source, read_source
 from trackslip.kinematics import RobotGeometry
@@ -158,9 +156,8 @@ def _law_file(spec: str) -> LawFile:
     raise InvalidValueError("law", spec, allowed)
 
 
-def read_drives(config: Config, specs: Sequence[LawFile]) -> Source:
+def read_drives(config: Config, specs: Sequence[LawFile], select: Callable[[Path], Collection[str]] | None) -> Source:
     """The drives; for a robot of the size that the laws were identified for, if the log does not state it."""
-    select = partial(chosen, where=config.where) if config.where else None
     reading = Reading(config.half_gauge, config.sprocket_radius, config.gear, bag=config.bag.choice())
     known = next((identified_law(path, name).geometry for path, name in specs if path is not None), None)
     try:

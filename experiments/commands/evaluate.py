@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -77,12 +78,14 @@ def run(config: Config) -> None:
     from experiments.run import Run
     from experiments.storage.manifest import command_line
     from experiments.storage.results import REPORT_FILE, TABLE_FILE, TRAJECTORIES_FOLDER, arrow_errors
+    from experiments.sweep.table import chosen
     from trackslip.identification.source import origin
     from trackslip.odometry.mounting import Mounting
 
     specs = odometry.law_files(config)
     with Run(config) as run, run.progress("odometry", 2 + len(specs), "stages") as step:
-        source = odometry.read_drives(config, specs)
+        select = partial(chosen, where=config.where) if config.where else None
+        source = odometry.read_drives(config, specs, select)
         for line in source.taken:
             print(line)
         laws = odometry.labelled_laws(specs, source.geometry)
