@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from experiments.measuring.plan_trials import PAPER, PLAN, Trials
 from experiments.report.formats import for_terminal, number, significant
-from experiments.report.law_symbols import SYMBOLS, unit_of
+from experiments.report.laws import SYMBOLS, unit_of
 
 TRIED_HEADER = ("parameter", "predicted", "real", "real / predicted", "paper predicted", "paper real")
 

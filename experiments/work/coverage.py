@@ -18,7 +18,7 @@ from experiments.options.coverage import CoverageConfig
 from experiments.parallel.executors import workers
 from experiments.parallel.workers import processors
 from experiments.recording import record_all
-from experiments.report.law_symbols import SYMBOLS
+from experiments.report.laws import SYMBOLS
 from experiments.report.terminal import print_table, progress
 from experiments.storage.results import SUMMARY_FILE, results_folder, write_results
 from trackslip.identification.comparison import compare_laws
