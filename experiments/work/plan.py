@@ -27,7 +27,7 @@ from trackslip.planning.plan import DrivePlan, evaluations, expected_of_paper, p
 from trackslip.ros.decode import has_rosbags
 
 if TYPE_CHECKING:
-    from experiments.measuring.plan_trials import Trials
+    from experiments.studies.plan_trials import Trials
 
 PLAN_FILE = "plan.csv"
 BAG_FILE = "cmd_vel.mcap"
@@ -142,7 +142,7 @@ def _knowledge(config: PlanConfig, geometry: RobotGeometry, before: Before | Non
 
 
 def _tried(config: PlanConfig, plan: DrivePlan, paper: Expectation | None) -> "Trials":
-    from experiments.measuring.plan_trials import DRIVES, try_plan  # late: plans need none of it
+    from experiments.studies.plan_trials import DRIVES, try_plan  # late: plans need none of it
 
     jobs = config.threads or processors()
     simulated = None
@@ -186,9 +186,9 @@ def _print(plan: DrivePlan, paper: Expectation | None, trials: "Trials | None") 
 
 
 def _print_trials(trials: "Trials") -> None:
-    from experiments.measuring.plan_trials import PAPER, PLAN, sampling_error
-    from experiments.report.drive_checks import CHECKS_HEADER, checks_table  # late, as above
     from experiments.report.plan_trials import TRIED_HEADER, tried_rows
+    from experiments.report.studies import print_checks, print_failures  # late, as above
+    from experiments.studies.plan_trials import PAPER, PLAN, sampling_error
 
     checks = trials.checks()
     if trials.simulated:
@@ -201,10 +201,8 @@ def _print_trials(trials: "Trials") -> None:
         counts = {source: len(trials.of(source)) for source in (PLAN, PAPER)}
         known = [f"{source} {sampling_error(count):.0%}" for source, count in counts.items() if count]
         print(f"so many drives leave real errors uncertain by: {', '.join(known)}")
-    print_table("Checks", CHECKS_HEADER, checks_table(checks))
-    for line in trials.failures:
-        print(f"a fit failed: {line}")
-    print(f"{sum(check.holds for check in checks)} of {len(checks)} checks hold")
+    print_checks("Checks", checks)
+    print_failures(trials.failures, checks)
 
 
 def _sizes(plan: DrivePlan) -> str:

@@ -79,6 +79,8 @@ def another(default, hint):
         return not default
     if isinstance(default, int | float):
         return type(default)(default + 1)
+    if isinstance(default, tuple):
+        return default[:-1]
     choices = typing.get_args(hint)
     if float in choices:
         return 0.01

@@ -11,7 +11,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from experiments.cli import main
-from experiments.measuring import plan_trials
+from experiments.studies import plan_trials
 from experiments.work import plan as command
 from trackslip.identification.drive.estimate import fit_drives
 from trackslip.kinematics import RobotGeometry

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from experiments.measuring.drive_bound import drive_bound
+from experiments.studies.drive_bound import drive_bound
 from sim.wander.law_motion import LawMotion, SlipVariation
 from sim.wander.motion import steps_between
 from trackslip.identification.drive.model import DriveModel

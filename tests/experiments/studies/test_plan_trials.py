@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from experiments.measuring.plan_trials import truth_of
+from experiments.studies.plan_trials import truth_of
 from trackslip.kinematics import RobotGeometry
 from trackslip.odometry.uncertainty import LawErrors
 from trackslip.planning.limits import first_knowledge

@@ -1,4 +1,4 @@
-"""The cases that the drive estimator is tried in, and what it has to reach in each."""
+"""The cases that the estimator of laws from drives is tried in, with bounds on its errors and intervals."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -71,7 +71,9 @@ SIMULATED = Case(
     "20 mm, 1 deg, 10 Hz; MuJoCo's own motion", COARSE, None, {D: 0.0005, EPSILON: 0.001}, coverage=(0.9, 1.0)
 )
 """Errors from the law of steady circles, coverage of the same drive's fit without noise."""
-CASES = (
+NOISE_FREE = Case("MuJoCo's own motion, exact poses", PoseSource(rate=20.0), None)
+"""Instead of the truth, which a drive in MuJoCo doesn't have."""
+_CASES = (
     Case("20 mm, 1 deg, 10 Hz; white slip", COARSE, over_bound=1.15, over_model=1.5),
     Case("2 mm, 0.25 deg, 20 Hz; white slip", FINE, rms={D: 0.0002, EPSILON: 0.0006}),
     Case("2 mm, 0.25 deg, 20 Hz; slip that lasts", FINE, LASTING, {D: 0.0022, EPSILON: 0.0055}),
@@ -93,4 +95,5 @@ CASES = (
         covered=(D, EPSILON, *EXTRAS),
     ),
 )
-"""All cases, in the order of the table."""
+CASES: Mapping[str, Case] = {case.name: case for case in _CASES}
+"""All cases by name, in the order of the table."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from experiments.measuring.drive_bound import drive_bound
+from experiments.studies.drive_bound import drive_bound
 from sim.wander.motion import arc_steps, joined
 from trackslip.kinematics import RobotGeometry
 from trackslip.slip.icr import ConstantIcr

@@ -11,9 +11,9 @@ import numpy as np
 
 from experiments.driving.plan import Driven, SimulatedDrives, driven_by_law, paper_by_law
 from experiments.measuring.check import Check
-from experiments.measuring.drive_cases import TRUE_LAW
-from experiments.measuring.prediction_ahead import ahead
 from experiments.parallel.executors import Workers
+from experiments.studies.drive_cases import TRUE_LAW
+from experiments.studies.prediction_ahead import ahead
 from sim.drive.drive import Drive
 from sim.robot.parameters import RobotParameters
 from sim.seeds import generator

@@ -1,0 +1,174 @@
+"""How often intervals of laws cover the truth: for samples drawn from every law, and for grids scanned repeatedly."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.driving.grid_runs import cells_of, drive_grid
+from experiments.driving.world import World
+from experiments.studies.trials import Outcome, Trial, run_trials
+from sim.seeds import generator
+from trackslip.identification.comparison import Comparison, compare_laws
+from trackslip.identification.coverage import coverage, noise_coverage
+from trackslip.identification.fitted import fit_law
+from trackslip.identification.samples import SlipSamples
+from trackslip.identification.true_samples import true_samples
+from trackslip.kinematics import RobotGeometry
+from trackslip.logs.runlog import RunLog
+from trackslip.motion.methods import MOTION_METHODS
+from trackslip.motion.steady import steady_part
+from trackslip.slip.families import FAMILIES
+
+if TYPE_CHECKING:
+    from experiments.commands.coverage import Config
+    from experiments.run import Run
+
+RUN_LAW = "icr_radius"
+"""The law that is fitted to runs scanned repeatedly."""
+DRAWN_LAWS = tuple(name for name, family in FAMILIES.items() if family.names and not family.loaded)
+"""The laws that samples are drawn from; on level ground, none is of slip under load."""
+_MOTION = "bundle"  # takes ranges, to which noise can be added again and again
+_GRID = "grid"
+
+Values = Mapping[str, float]  # by parameter
+
+
+@dataclass(frozen=True)
+class RunCoverage:
+    """Coverage with grids scanned repeatedly."""
+
+    repeats: int
+    law: str
+    noise: Values
+    """Share of the repeats with intervals from the measurement noise alone that cover each parameter [-]."""
+    interval95: Values
+    """The same with the whole 95 % intervals."""
+    bias_by_lean: Values
+    """How much larger each parameter is when fitted to the plate's true motion instead of the robot's [SI]."""
+
+
+@dataclass(frozen=True)
+class SteadyCoverage:
+    """Coverage of the 95 % intervals of laws fitted to steady samples."""
+
+    repeats: int
+    """Sets of samples drawn from each law."""
+    values: Mapping[str, Values]
+    """Law -> the parameters that samples are drawn with."""
+    laws: Mapping[str, Values]
+    """Law -> share of the repeats that cover each parameter where the fits know the errors of measurement [-]."""
+    laws_errors_unknown: Mapping[str, Values]
+    """The same where they estimate the scatter from the samples."""
+    runs: RunCoverage
+
+    def to_json(self) -> dict[str, Any]:
+        """The content of summary.json."""
+        return {name: value for name, value in vars(self).items() if name != "values"}
+
+
+def steady_coverage(config: Config, world: World, run: Run) -> SteadyCoverage:
+    """Drive grids without noise, repeat what is random, and count what the intervals cover."""
+    geometry = world.robot.geometry
+    with run.progress(f"a grid of {len(cells_of(config))} runs", config.duration) as report:
+        logs = drive_grid(config.grid(0), world, report)
+    (design,) = scanned_again(logs, geometry, config.scanner.noise, config.seed, 1)
+    fitted = compare_laws(design, geometry)
+    values = {name: generating_values(name, fitted) for name in DRAWN_LAWS}
+    grids = [Trial(f"{_GRID} {k}", given=k) for k in range(config.grids)]
+    known = {name: Trial(f"{name} True", given=(name, True)) for name in values}
+    unknown = {name: Trial(f"{name} False", given=(name, False)) for name in values}
+    do = partial(_covered, config=config, design=design, values=values, geometry=geometry)
+    outcomes = run_trials(run, do, [*known.values(), *unknown.values(), *grids], "coverage {case}", world.about)
+
+    def shares(trials: Mapping[str, Trial]) -> dict[str, Values]:
+        return {name: outcomes[trial.case][0].numbers for name, trial in trials.items()}
+
+    scanned = [outcomes[grid.case][0].numbers for grid in grids]
+    counts = [_repeats(config, k) for k in range(config.grids)]
+
+    def mean(kind: str) -> Values:
+        return {
+            name: float(np.average([one[f"{kind} {name}"] for one in scanned], weights=counts))
+            for name in FAMILIES[RUN_LAW].names
+        }
+
+    runs = RunCoverage(config.run_repeats, RUN_LAW, mean("noise"), mean("interval95"), mean("lean"))
+    return SteadyCoverage(config.repeats, values, shares(known), shares(unknown), runs)
+
+
+def _covered(
+    trial: Trial,
+    rng: np.random.Generator,
+    config: Config,
+    design: SlipSamples,
+    values: Mapping[str, Values],
+    geometry: RobotGeometry,
+) -> Outcome:
+    """Shares of a law's repeats that cover each parameter, or those of a grid's."""
+    if trial.case.startswith(_GRID):
+        return Outcome(numbers=_grid_coverage(config, trial.given, int(rng.integers(2**62)), design, geometry))
+    name, known = trial.given
+    return Outcome(numbers=coverage(name, values[name], design, geometry, config.repeats, rng, known))
+
+
+def _grid_coverage(
+    config: Config, number: int, seed: int, design: SlipSamples, geometry: RobotGeometry
+) -> dict[str, float]:
+    """Drive a grid, scan it again and again, and compare the law with the one fitted to the true motion."""
+    grid = replace(config.grid(number), threads=1)
+    logs = drive_grid(grid, World.of(grid))
+    plate, robot = true_samples(logs, geometry, of_plate=True), true_samples(logs, geometry)
+    repeats = scanned_again(logs, geometry, config.scanner.noise, seed, _repeats(config, number))
+    noise, whole = noise_coverage(RUN_LAW, [(samples, plate) for samples in repeats], geometry)
+    of_plate, of_robot = (
+        fit_law(RUN_LAW, replace(design, twist=true.twist, slip=true.slip), geometry, bootstraps=0).values
+        for true in (plate, robot)
+    )
+    lean = {name: of_plate[name] - of_robot[name] for name in of_plate}
+    kinds = {"noise": noise, "interval95": whole, "lean": lean}
+    return {f"{kind} {name}": value for kind, found in kinds.items() for name, value in found.items()}
+
+
+def _repeats(config: Config, number: int) -> int:
+    """How often a grid is scanned."""
+    return len(range(number, config.run_repeats, config.grids))
+
+
+def generating_values(name: str, fitted: Comparison) -> Values:
+    """Parameters to draw with: those of the grid, or for a two-sided law, which left turns leave open, the ICR's."""
+    if name in fitted.laws:
+        return fitted.laws[name].values
+    both = fitted.laws[RUN_LAW].values
+    return {key: both[key.rsplit("_", 1)[0]] for key in FAMILIES[name].names}
+
+
+def scanned_again(
+    logs: Sequence[RunLog], geometry: RobotGeometry, noise: float, seed: int, repeats: int
+) -> list[SlipSamples]:
+    """Samples of runs whose true ranges get new noise [m] in each repeat."""
+    omega = np.array([steady_part(log, geometry).omega for log in logs])
+    found = [_twists(log, geometry, noise, generator(seed, f"coverage {log.run}"), repeats) for log in logs]
+    names = [log.run for log in logs]
+    by_repeat = (np.stack(arrays, axis=1) for arrays in zip(*found, strict=True))
+    return [SlipSamples.of(omega, twist, geometry, names, errors) for twist, errors in zip(*by_repeat, strict=True)]
+
+
+def _twists(
+    log: RunLog, geometry: RobotGeometry, noise: float, rng: np.random.Generator, repeats: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Twists (repeats, 2) of a run and their covariances (repeats, 2, 2), with new noise in each repeat."""
+    part = steady_part(log, geometry)
+    clean = part.log.scans
+    assert clean is not None
+    cluster = clean.cluster
+    found = []
+    for _ in range(repeats):
+        ranges = np.where(cluster.hit, cluster.range + rng.normal(0.0, noise, cluster.range.shape), 1.0)
+        scans = replace(clean, scan=replace(clean.scan, noise=noise), cluster=replace(cluster, range=ranges))
+        found.append(MOTION_METHODS[_MOTION](replace(part.log, scans=scans), part.window))
+    return np.array([one.twist for one in found]), np.array([one.covariance for one in found])

@@ -1,0 +1,109 @@
+"""The checks of the estimator of laws from drives can fail, and its trials are drives whose law is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.measuring.check import Check
+from experiments.studies.drive_cases import CASES, SIMULATED, TRUE_LAW, Case
+from experiments.studies.drive_coverage import checks_of, fitted_drive, steady_laws, unit_of
+from experiments.studies.trials import Estimate, Outcome, Trial
+from trackslip.kinematics import RobotGeometry
+from trackslip.logs.runlog import RunLog
+
+GEOMETRY = RobotGeometry(0.168, 0.06)
+NORMAL = 1.959964
+FIRST = next(iter(CASES))
+CASE = Case(
+    "a case", CASES[FIRST].source, rms={"offset": 0.00112}, covered=("offset",), over_model=1.5, standard_errors=5.0
+)
+"""Errors of 1 mm are allowed 12 % of room, five standard errors of the rms of 1000 repeats."""
+EXACT = Estimate(TRUE_LAW["radius_error"], 0.001, 0.0, 1.0)
+FAILED = Outcome(notes=("why",))
+
+
+def estimated(bias: float = 0.0, stderr: float = 0.001, count: int = 1000) -> list[Outcome]:
+    """Estimates of D with errors of 1 mm."""
+    values = TRUE_LAW["offset"] + np.random.default_rng(0).normal(bias, 0.001, count)
+    estimates = [Estimate(x, stderr, x - NORMAL * stderr, x + NORMAL * stderr) for x in values.tolist()]
+    return [Outcome({"offset": one, "radius_error": EXACT}) for one in estimates]
+
+
+def checked(outcomes: list[Outcome], case: Case = CASE) -> dict[str, Check]:
+    return {check.what: check for check in checks_of(case, outcomes, [TRUE_LAW] * len(outcomes))}
+
+
+def test_honest_estimates_hold():
+    checks = checked(estimated())
+    assert all(check.holds for check in checks.values())
+    assert checks["rms error of offset"].value == pytest.approx(0.001, rel=0.1)
+    assert checks["coverage of offset"].value == pytest.approx(0.95, abs=0.02)
+    assert checks["half width of offset over the model's"].value == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("found", "broken"),
+    [
+        (estimated(bias=0.001), {"rms error of offset", "coverage of offset"}),
+        (estimated(stderr=0.0003), {"coverage of offset", "largest error of offset in standard errors"}),
+        (estimated(stderr=0.01), {"coverage of offset"}),
+        ([*estimated()[1:], FAILED], {"fits without D or epsilon"}),
+        ([*estimated()[1:], Outcome({"offset": EXACT})], {"fits without D or epsilon"}),
+        ([FAILED] * 3, "all"),
+    ],
+)
+def test_dishonest_ones_do_not(found, broken):
+    checks = checked(found)
+    assert {what for what, check in checks.items() if not check.holds} == (set(checks) if broken == "all" else broken)
+
+
+def test_intervals_that_are_too_wide_are_found():
+    unlimited = {"offset": replace(EXACT, low=0.0, high=1.0)}
+    wide = [Outcome(one.estimates | unlimited) for one in estimated()]
+    assert not checked(wide)["half width of offset over the model's"].holds
+
+
+def test_the_cramer_rao_bound_is_the_measure_where_it_is_asked_for():
+    case = replace(CASE, rms={}, over_bound=1.15)
+    for bound, holds in ((0.001, True), (0.0008, False)):
+        found = [replace(one, numbers=dict.fromkeys(TRUE_LAW, bound)) for one in estimated()]
+        assert checked(found, case)["rms error of offset"].holds == holds
+
+
+def test_errors_are_measured_from_the_aim_and_intervals_from_the_truth_of_each_drive():
+    aim = {"offset": TRUE_LAW["offset"] + 0.01, "radius_error": 0.0}
+    found = estimated()
+    checks = {check.what: check for check in checks_of(CASE, found, [TRUE_LAW] * len(found), aim)}
+    assert checks["rms error of offset"].value == pytest.approx(0.01, rel=0.01)
+    assert checks["coverage of offset"].holds
+
+
+def test_a_drive_by_the_law_is_fitted_within_its_bound():
+    outcome = fitted_drive(Trial(FIRST), np.random.default_rng(0), GEOMETRY)
+    assert set(outcome.numbers) == set(TRUE_LAW)
+    for name, true in TRUE_LAW.items():
+        assert abs(outcome.estimates[name].value - true) < 4 * outcome.numbers[name]
+        assert outcome.estimates[name].stderr > 0.8 * outcome.numbers[name]
+
+
+def test_a_drive_that_tells_nothing_is_recorded():
+    time = np.arange(501) / 50
+    rest = RunLog("rest", time, np.zeros((501, 2)), np.zeros((501, 3)))
+    outcome = fitted_drive(Trial(SIMULATED.name, given=rest), np.random.default_rng(0), GEOMETRY)
+    assert outcome.estimates == {}
+    assert len(outcome.notes) == 1
+
+
+def test_units_are_those_of_the_parameters():
+    units = {name: unit_of(name) for name in ("offset", "radius_error", "sensor_x", "sensor_yaw", "clock_offset")}
+    assert units == {"offset": "m", "radius_error": "1", "sensor_x": "m", "sensor_yaw": "rad", "clock_offset": "s"}
+
+
+def test_steady_circles_of_the_same_speeds_have_icrs_farther_out(robot):
+    """The tracks slip faster at a higher yaw rate, and the simulated friction grows a little with the speed of slip."""
+    same, paper = steady_laws(robot, 1)
+    assert 0.044 < paper["offset"] < same["offset"] < 0.047
+    assert paper["radius_error"] == pytest.approx(0.0066, abs=5e-4)
