@@ -9,6 +9,10 @@ from typing import NoReturn
 _AGAIN = 2.0  # when an interrupt is repeated that a library has swallowed [s]
 
 
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C or SIGTERM: a class of its own, as Python ends by a signal after a plain one in the code of a text."""
+
+
 class _Interrupts:
     """Turns Ctrl-C and SIGTERM into KeyboardInterrupts."""
 
@@ -21,17 +25,15 @@ class _Interrupts:
             signal.signal(signal.SIGALRM, self._interrupt)
 
     def ignore(self) -> None:
-        """From now on, the process ends by itself."""
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)
-        if hasattr(signal, "SIGALRM"):
-            signal.setitimer(signal.ITIMER_REAL, 0)
+        """From now on, the process ends by itself, with its own exit code."""
+        if hasattr(signal, "pthread_sigmask"):
+            signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM, signal.SIGALRM))
 
     def _interrupt(self, number: int, frame: FrameType | None) -> NoReturn:
         self.received = True
         if hasattr(signal, "SIGALRM"):
             signal.setitimer(signal.ITIMER_REAL, _AGAIN)
-        raise KeyboardInterrupt
+        raise Interrupted
 
 
 def main() -> None:
@@ -47,16 +49,16 @@ def main() -> None:
     except Exception:
         if not interrupts.received:
             raise
-        sys.exit(_interrupted())  # in a half-imported module, an interrupt may surface as any other error
+        _interrupted()  # in a half-imported module, an interrupt may surface as any other error
     except KeyboardInterrupt:
-        sys.exit(_interrupted())
+        _interrupted()
     finally:
         interrupts.ignore()
 
 
-def _interrupted() -> int:
+def _interrupted() -> NoReturn:
     print("trackslip: interrupted", file=sys.stderr)
-    return 130
+    sys.exit(130)
 
 
 if __name__ == "__main__":

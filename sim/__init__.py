@@ -115,7 +115,7 @@ with contextlib.suppress(ImportError):  # sim.tracks and sim.terrain do without 
     gymnasium.register(
         id="trackslip/PathTracking-v0",
         entry_point="sim.env:PathTrackingEnv",
-        vector_entry_point="sim.vector_env:PathTrackingVectorEnv",
+        vector_entry_point="sim.env:PathTrackingVectorEnv",
     )
     gymnasium.register(
         id="trackslip/Traverse-v0",

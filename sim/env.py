@@ -1,14 +1,11 @@
-"""The gymnasium environment trackslip/PathTracking-v0: path tracking of one robot."""
-
-from __future__ import annotations
-
-from typing import Any
+"""The gymnasium environment trackslip/PathTracking-v0: path tracking, with one robot and with N in one batch."""
 
 from sim.path_tracking.config import PERIOD, EnvConfig
 from sim.path_tracking.renderer import Renderer
 from sim.path_tracking.tracking import PathTracking
-from sim.task_env import TaskEnv, metadata, require_render_mode
-from sim.task_options import from_options
+from sim.task_env import TaskEnv, TaskKind, TaskVectorEnv, metadata
+
+_KIND = TaskKind(EnvConfig, PathTracking, Renderer)
 
 
 class PathTrackingEnv(TaskEnv):
@@ -20,13 +17,12 @@ class PathTrackingEnv(TaskEnv):
     reference's end.
     """
 
-    metadata = metadata(PERIOD)
+    kind, metadata = _KIND, metadata(PERIOD)
+    task: PathTracking
 
-    def __init__(self, render_mode: str | None = None, **options: Any) -> None:
-        """Build the simulator; `render_mode` is None, "rgb_array" or "human", `options` are the fields of `EnvConfig`.
 
-        Raises InvalidValueError for options that are unknown or out of range.
-        """
-        require_render_mode(render_mode)
-        self.tracking = PathTracking(from_options(EnvConfig, options), 1, threads=1)
-        super().__init__(self.tracking, render_mode, lambda: Renderer(self.tracking))
+class PathTrackingVectorEnv(TaskVectorEnv):
+    """N robots, each with its own ground and reference: `PathTrackingEnv` in every row."""
+
+    kind, metadata = _KIND, metadata(PERIOD)
+    task: PathTracking

@@ -9,10 +9,10 @@ import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
+from sim.env import PathTrackingVectorEnv
 from sim.policy import corrected, features
-from sim.task_vector_env import TaskVectorEnv
+from sim.task_env import TaskVectorEnv
 from sim.traverse.env import TraverseVectorEnv
-from sim.vector_env import PathTrackingVectorEnv
 from trackslip.errors import InvalidValueError, TrackslipError
 
 try:

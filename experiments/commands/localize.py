@@ -63,7 +63,7 @@ class Config(Options):
 def run(config: Config) -> None:
     """Locate, store and print."""
     from experiments.localization import described, place_lines, print_drives, stand_line
-    from experiments.report.figures.field import field
+    from experiments.report.figures.localization import field
     from experiments.report.page import Drawing
     from experiments.run import Run
     from experiments.storage.results import FIGURES_FOLDER, RUNS_FILE

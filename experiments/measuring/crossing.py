@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from sim.seeds import generator
-from sim.task_options import from_options
+from sim.task_env import from_options
 from sim.traverse.config import TraverseConfig
 from sim.traverse.outcome import Outcome
 from sim.traverse.policy import CrossingPolicy

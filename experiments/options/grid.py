@@ -63,8 +63,8 @@ class SweepConfig(GridConfig):
     """Any other options, each with its values: scanner.noise=0.005,0.01 robot.half_gauge=0.15,0.2."""
     sweep: Annotated[Path | None, default_is("none", "FILE")] = None
     """A .toml file of lists of values by name: radius, speed, ground, friction_ratio, slope, seed, or as for --vary."""
-    executor: Annotated[str, default_is("processes", "{processes,inline,mpi,dask://HOST:PORT}")] = "processes"
-    """Where the runs are driven: in worker processes, in this process, with MPI, or on a Dask cluster."""
+    executor: Annotated[str, default_is("processes", "{processes,inline,dask://HOST:PORT}")] = "processes"
+    """Where the runs are driven: in worker processes, in this process, or on a Dask cluster."""
     jobs: int = 0
     """Number of processes, 0 for one per processor."""
     bag: bool = False
@@ -78,8 +78,8 @@ class SweepConfig(GridConfig):
         super().__post_init__()
         for name in ("grounds", "friction_ratio", "slope", "seeds", "vary"):
             checks.require_distinct(name, getattr(self, name))
-        if self.executor not in ("processes", "inline", "mpi") and not re.fullmatch(r"dask://.+:\d+", self.executor):
-            raise InvalidValueError("executor", self.executor, "processes, inline, mpi or dask://HOST:PORT")
+        if self.executor not in ("processes", "inline") and not re.fullmatch(r"dask://.+:\d+", self.executor):
+            raise InvalidValueError("executor", self.executor, "processes, inline or dask://HOST:PORT")
         checks.require_integer("jobs", self.jobs, 0, MAX_JOBS)
         if self.executor != "processes":
             checks.refuse_unused(self, ("jobs",), f"with --executor {self.executor}")

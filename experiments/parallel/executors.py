@@ -1,4 +1,4 @@
-"""`concurrent.futures` executors by name: this process, worker processes, MPI, Dask."""
+"""`concurrent.futures` executors by name: this process, worker processes, Dask."""
 
 import contextlib
 import logging
@@ -140,7 +140,7 @@ def workers(name: str, jobs: int) -> Iterator[Workers]:
         with processes(jobs) as pool:
             yield Workers(pool, jobs)
     else:
-        with _mpi() if name == "mpi" else _dask(name) as found:
+        with _dask(name) as found:
             yield found
 
 
@@ -157,24 +157,6 @@ def helped(threads: int) -> Iterator[Workers]:
         HelpedExecutor(pool, count - 1, files) as executor,
     ):
         yield Workers(executor, count)
-
-
-@contextlib.contextmanager
-def _mpi() -> Iterator[Workers]:
-    try:
-        from mpi4py import MPI
-        from mpi4py.futures import MPIPoolExecutor
-    except (ImportError, RuntimeError) as error:
-        raise TrackslipError(f'--executor mpi: {error}; pip install "trackslip[mpi]"') from error
-    if MPI.COMM_WORLD.Get_size() < 2:  # some MPIs would wait for workers for ever
-        how = "mpiexec -n N python -m mpi4py.futures -m experiments grid ..."
-        raise TrackslipError(f"--executor mpi: there are no workers; start it with {how}")
-    with MPIPoolExecutor() as pool:
-        try:
-            yield Workers(pool, pool.num_workers)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
 
 
 @contextlib.contextmanager

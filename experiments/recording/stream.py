@@ -11,7 +11,8 @@ from experiments.recording.blueprint import begin_of_loop, blueprint
 from experiments.recording.robot_mesh import looks, parameters_of
 from experiments.recording.series import compared_series, panels, series_of
 from experiments.recording.traces import Traces, traces_of
-from experiments.report.colours import BLUE, COLOURS
+from experiments.report.colours import BLUE
+from experiments.report.laws import LAWS, shown
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 
@@ -80,9 +81,9 @@ def telling_names(names: Sequence[str]) -> list[str]:
 def run_colours(logs: Sequence[RunLog]) -> list[str]:
     """One colour per run: that of its compensation, if no two are the same."""
     names = [str(log.metadata.get("compensation")) for log in logs]
-    if len(set(names)) == len(names) and set(names) <= set(COLOURS):
+    if len(set(names)) == len(names) and set(names) <= set(LAWS):
         on_dark = {"published": "#e6e6e6"}
-        return [on_dark.get(name, COLOURS[name]) for name in names]
+        return [on_dark.get(name, shown(name).colour) for name in names]
     return [_DISTINCT[k % len(_DISTINCT)] for k in range(len(logs))]
 
 

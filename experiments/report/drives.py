@@ -7,15 +7,14 @@ from typing import Self
 
 import numpy as np
 
-from experiments.report.colours import LABELS
 from experiments.report.formats import MISSING, number, pair, significant
-from experiments.report.law_rows import LawRow
-from experiments.report.law_symbols import (
+from experiments.report.laws import (
     EXTRA_SYMBOLS,
     EXTRA_TITLES,
-    FORMULAS,
     SYMBOLS,
+    LawRow,
     digits_for,
+    shown,
     unit_of,
     unit_of_extra,
 )
@@ -119,15 +118,13 @@ def longest(found: DriveComparison) -> int:
 
 def title_of(name: str) -> str:
     """Name of a law among those compared by prediction."""
-    return NO_SLIP if name == "none" else LABELS.get(name, name)
+    return NO_SLIP if name == "none" else shown(name).title
 
 
 def law_rows(found: DriveComparison) -> list[LawRow]:
     """The laws with their parameters, the best predictions first."""
     return [
-        LawRow(
-            name, title_of(name), FORMULAS.get(name, (MISSING,)), _parameters(found.laws[name]), best=name == found.best
-        )
+        LawRow(name, title_of(name), shown(name).formula, _parameters(found.laws[name]), best=name == found.best)
         for name in found.ranking
     ]
 

@@ -9,12 +9,10 @@ import numpy as np
 from experiments.measuring.grid import OuterInner
 from experiments.measuring.inner_outer import InnerOuterSamples
 from experiments.measuring.value_groups import is_narrow, repeated, value_groups
-from experiments.report.colours import LABELS
-from experiments.report.figures.axes import bar_factor
 from experiments.report.figures.laws import residual_band
+from experiments.report.figures.steady_runs import bar_factor
 from experiments.report.formats import MISSING, number, significant
-from experiments.report.law_rows import LawRow
-from experiments.report.law_symbols import FORMULAS, SYMBOLS, digits_for, unit_of
+from experiments.report.laws import SYMBOLS, LawRow, digits_for, shown, unit_of
 from trackslip.identification.comparison import Comparison
 from trackslip.identification.fitted import FittedLaw
 from trackslip.identification.replicates import LackOfFit
@@ -108,13 +106,13 @@ class Facts:
             scattered=not all(is_narrow(turns.radius[group]) for group in value_groups(turns.radius)),
             errors=_errors(turns),
             band=(f"{band:.1g}", meaning) if len(turns) else None,
-            best=LABELS.get(comparison.best, comparison.best),
+            best=shown(comparison.best).title,
             best_law=comparison.laws[comparison.best],
             criterion=comparison.criterion,
             predictions=_predictions(comparison),
             laws=law_rows(comparison),
             criteria=criteria_rows(found),
-            lacking=_listed(LABELS.get(name, name) for name in lacking) if lacking else None,
+            lacking=_listed(shown(name).title for name in lacking) if lacking else None,
             inflation=_range(np.array(factors), ".2g") if factors else None,
             tests={lack.test for lack in lacks.values()},
         )
@@ -124,13 +122,13 @@ def law_rows(comparison: Comparison) -> list[LawRow]:
     """The fitted laws with their parameters, simple ones first, and the published one."""
     rows = []
     for name, law in comparison.laws.items():
-        formula, parameters = FORMULAS.get(name, (MISSING,)), [_parameter(law, key) for key in law.values]
-        rows.append(LawRow(name, LABELS.get(name, name), formula, parameters, best=name == comparison.best))
+        formula, parameters = shown(name).formula, [_parameter(law, key) for key in law.values]
+        rows.append(LawRow(name, shown(name).title, formula, parameters, best=name == comparison.best))
     published = [
         (SYMBOLS[key], f"{value:g} {unit_of('exponential', key)[1]}".rstrip().replace("-", "−"), MISSING, MISSING)
         for key, value in vars(PUBLISHED).items()
     ]
-    return [*rows, LawRow("published", LABELS["published"], FORMULAS["exponential"], published)]
+    return [*rows, LawRow("published", shown("published").title, shown("published").formula, published)]
 
 
 def criteria_rows(found: Identification) -> list[CriteriaRow]:
@@ -153,10 +151,10 @@ def criteria_rows(found: Identification) -> list[CriteriaRow]:
         )
         verdict = "unknown" if law.lack_of_fit is None else "misses" if law.lacks_fit else "fits"
         best = name == comparison.best
-        rows.append(CriteriaRow(name, LABELS.get(name, name), numbers, verdict, _test(law.lack_of_fit), best))
+        rows.append(CriteriaRow(name, shown(name).title, numbers, verdict, _test(law.lack_of_fit), best))
     predicted = PUBLISHED.twist(samples.omega, found.geometry)
     residual = number(rms(relative_errors(predicted, samples, found.geometry)), 5)
-    return [*rows, CriteriaRow("published", LABELS["published"], ("0", residual, *[MISSING] * 7), MISSING, "")]
+    return [*rows, CriteriaRow("published", shown("published").title, ("0", residual, *[MISSING] * 7), MISSING, "")]
 
 
 def criteria_table(rows: Sequence[CriteriaRow]) -> list[tuple[str, ...]]:
@@ -204,7 +202,7 @@ def _predictions(comparison: Comparison) -> list[Prediction]:
             errors = comparison.validation[name]
             yaw_rate = None if errors.yaw_rate is None else 1e3 * errors.yaw_rate
             sizes = map(_size, (comparison.laws[name].rms, errors.radius, errors.speed, yaw_rate))
-            rows.append(Prediction(LABELS.get(name, name), *sizes))
+            rows.append(Prediction(shown(name).title, *sizes))
     return rows
 
 

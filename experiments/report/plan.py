@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from experiments.report.formats import for_terminal, number, percent, significant
-from experiments.report.law_symbols import SYMBOLS, unit_of
+from experiments.report.laws import SYMBOLS, unit_of
 from trackslip.planning.information import Expectation
 from trackslip.planning.plan import DrivePlan
 

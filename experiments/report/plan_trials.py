@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from experiments.report.formats import for_terminal, number, significant
-from experiments.report.law_symbols import SYMBOLS, unit_of
+from experiments.report.laws import SYMBOLS, unit_of
 from experiments.studies.plan_trials import PAPER, PLAN, Trials
 
 TRIED_HEADER = ("parameter", "predicted", "real", "real / predicted", "paper predicted", "paper real")

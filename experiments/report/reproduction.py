@@ -11,14 +11,14 @@ from experiments.driving.paper_model import geometry_of, published_runs
 from experiments.measuring.grid import RadiusSummary
 from experiments.measuring.inner_outer import InnerOuterSamples
 from experiments.measuring.paper_comparison import Quantity, Values
+from experiments.measuring.sightings import Sightings, sightings
 from experiments.measuring.tracking import TrackingResult
 from experiments.report.drives import DriveFacts
 from experiments.report.figures import drives as drive_figures
 from experiments.report.figures import laws as law_figures
 from experiments.report.figures import steady_runs as steady_figures
 from experiments.report.figures import tracking as tracking_figures
-from experiments.report.figures.drive_path import path_and_predictions
-from experiments.report.figures.localization import Sightings, error_against_viewing_angle, sightings
+from experiments.report.figures.localization import error_against_viewing_angle
 from experiments.report.figures.slip_under_load import slip_under_load
 from experiments.report.formats import MISSING, number, pair
 from experiments.report.identification import Facts
@@ -160,7 +160,7 @@ def _tracking_figures(
 def _drive_figures(drive: DriveComparison) -> Iterator[Sketch]:
     """Figures of laws identified from whole drives."""
     best = drive.laws[drive.best]
-    yield "drive_path", partial(path_and_predictions, drive)
+    yield "drive_path", partial(drive_figures.path_and_predictions, drive)
     yield "drive_prediction_errors", partial(drive_figures.prediction_errors, drive)
     yield "drive_residuals", partial(drive_figures.residuals_over_time, best)
     if drive.clock is not None:

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from experiments.measuring.sensitivity import SensitivityRow, SlipErrors
 from experiments.report.colours import BLUE, ORANGE
-from experiments.report.figures.style import legend_below, styled, subplots
+from experiments.report.figures.style import legend_below, margin_for, styled, subplots
 from experiments.report.formats import MISSING, number
 from experiments.report.page import Drawing, Page, render_page
 
@@ -51,7 +51,7 @@ def _cells(errors: SlipErrors) -> list[str]:
 @styled
 def slip_errors(rows: Sequence[SensitivityRow]) -> Figure:
     """Root mean square and largest error of slip over the runs, one line per row, on a logarithmic axis."""
-    figure, axis = subplots(0.9 + 0.32 * len(rows), left=2.0)
+    figure, axis = subplots(0.9 + 0.32 * len(rows), left=margin_for([row.effect for row in rows]))
     for track, (colour, marker, beside) in _LOOKS.items():
         seen = [(k, getattr(row.slip_error, track)) for k, row in enumerate(rows) if row.slip_error is not None]
         place = np.array([k for k, _ in seen]) + beside

@@ -1,19 +1,16 @@
 """The tables of Monte-Carlo studies: coverage of intervals, checks of the drive estimator."""
 
 from collections.abc import Sequence
-from itertools import groupby
 
 from experiments.measuring.check import Check
+from experiments.report.drive_checks import CHECKS_HEADER, checks_table
 from experiments.report.formats import for_terminal, number
-from experiments.report.law_symbols import SYMBOLS
+from experiments.report.laws import SYMBOLS
 from experiments.report.terminal import print_table
 from experiments.studies.drive_cases import EPSILON, D
 from experiments.studies.drive_coverage import DriveStudy, SimulatedDrives
 from experiments.studies.steady_coverage import SteadyCoverage
 from trackslip.slip.families import FAMILIES
-
-_CHECKS = ("case", "value", "bound", "unit", "")
-_SHOWN = {"m": (1e3, "mm"), "s": (1e3, "ms"), "rad": (1e3, "mrad")}
 
 
 def print_steady_coverage(found: SteadyCoverage) -> None:
@@ -36,25 +33,10 @@ def print_steady_coverage(found: SteadyCoverage) -> None:
 
 def print_drive_study(found: DriveStudy) -> None:
     """Print the checks of the drive estimator, and the laws of MuJoCo's own drives."""
-    print_checks(f"{found.repeats} drives in each case", found.checks)
+    print_table(f"{found.repeats} drives in each case", CHECKS_HEADER, checks_table(found.checks))
     title = "MuJoCo's drives without noise, and steady circles"
     print_table(title, ("", "D [mm]", "epsilon [1e-3]"), _simulated_rows(found.simulated))
     print_failures(found.failures, found.checks)
-
-
-def print_checks(title: str, checks: Sequence[Check]) -> None:
-    """Print a row per check, below one with the name of its case."""
-    rows: list[tuple[str, ...]] = []
-    for case, group in groupby(checks, key=lambda check: check.case):
-        rows.append((case, "", "", "", ""))
-        for check in group:
-            scale, unit = _SHOWN.get(check.unit, (1.0, ""))
-            digits = 4 if scale == 1 else 3
-            ends = check.bound if isinstance(check.bound, tuple) else (check.bound,)
-            bound = " to ".join(number(scale * end, digits) for end in ends)
-            holds = "holds" if check.holds else "does not hold"
-            rows.append((f"  {check.what}", number(scale * check.value, digits), bound, unit, holds))
-    print_table(title, _CHECKS, for_terminal(rows))
 
 
 def print_failures(failures: Sequence[str], checks: Sequence[Check]) -> None:

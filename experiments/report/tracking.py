@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from math import degrees
 
 from experiments.measuring.tracking import TrackingResult
-from experiments.report.colours import LABELS
 from experiments.report.formats import for_terminal, number
+from experiments.report.laws import shown
 
 TRACKING_HEADER = ("controller", "compensation", "rms [mm]", "> 12 s [mm]", "max [mm]", "end [mm]", "end [deg]")
 
@@ -17,7 +17,7 @@ def tracking_table(results: Sequence[TrackingResult]) -> list[tuple[str, ...]]:
 
 def tracking_rows(results: Sequence[TrackingResult]) -> list[tuple[str, ...]]:
     """One row per run for a page: controller, compensation, localization, and the errors in mm and degrees."""
-    return [(r.controller, LABELS.get(r.compensation, r.compensation), r.localization, *_errors(r)) for r in results]
+    return [(r.controller, shown(r.compensation).title, r.localization, *_errors(r)) for r in results]
 
 
 def _errors(result: TrackingResult) -> list[str]:

@@ -9,13 +9,13 @@ from experiments.driving.paper_model import published_runs
 from experiments.driving.world import World
 from experiments.measuring.grid import grid_summary, saturation_warnings, simulated_seconds
 from experiments.measuring.paper_comparison import compare_with_paper
+from experiments.measuring.sightings import sightings
 from experiments.measuring.tracking import tracking_results
 from experiments.options.reproduce import ReproduceConfig
 from experiments.options.world import IDENTIFIED
 from experiments.parallel.executors import Workers
 from experiments.recording import record_all
 from experiments.recording.failed_runs import results_or_failed_runs
-from experiments.report.figures.localization import sightings
 from experiments.report.formats import for_terminal, stages_text
 from experiments.report.reproduction import (
     COMPARISON_HEADER,

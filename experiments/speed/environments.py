@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from experiments.options.bench import BenchConfig
 from experiments.speed.simulator import BARE, CaseSpeed, Rates, bare_batch, case_speeds, timed
+from sim.env import PathTrackingVectorEnv
 from sim.path_tracking.config import PERIOD
-from sim.vector_env import PathTrackingVectorEnv
 from trackslip.kinematics import Array
 
 VECTOR, _, SINGLE = ENV_CASES = ("vector env", BARE, "SyncVectorEnv")
@@ -49,7 +49,7 @@ class EnvRig:
         self._native = PathTrackingVectorEnv(size, threads=threads, **OPTIONS)
         self._singles = gymnasium.make_vec(ENV, num_envs=size, vectorization_mode="sync", **OPTIONS)
         self._seen = {VECTOR: self._native.reset(seed=seed)[0], SINGLE: self._singles.reset(seed=seed)[0]}
-        fleet = self._native.tracking.fleet
+        fleet = self._native.task.fleet
         self._fleet = fleet
         self._bare = bare_batch(fleet)
         self._surface = self._bare.expand("geom_surfacevel")[:, fleet.robot.pads, 2]  # live

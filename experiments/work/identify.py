@@ -7,7 +7,7 @@ from experiments.options.identify import IdentifyConfig
 from experiments.report import drives as drive_tables
 from experiments.report import identification as steady_tables
 from experiments.report.formats import for_terminal
-from experiments.report.law_rows import law_table
+from experiments.report.laws import law_table
 from experiments.report.reproduction import Report, render
 from experiments.report.terminal import print_table, progress
 from experiments.storage.manifest import command_line, make_manifest

@@ -186,8 +186,9 @@ def _print(plan: DrivePlan, paper: Expectation | None, trials: "Trials | None") 
 
 
 def _print_trials(trials: "Trials") -> None:
+    from experiments.report.drive_checks import CHECKS_HEADER, checks_table  # late, as above
     from experiments.report.plan_trials import TRIED_HEADER, tried_rows
-    from experiments.report.studies import print_checks, print_failures  # late, as above
+    from experiments.report.studies import print_failures
     from experiments.studies.plan_trials import PAPER, PLAN, sampling_error
 
     checks = trials.checks()
@@ -201,7 +202,7 @@ def _print_trials(trials: "Trials") -> None:
         counts = {source: len(trials.of(source)) for source in (PLAN, PAPER)}
         known = [f"{source} {sampling_error(count):.0%}" for source, count in counts.items() if count]
         print(f"so many drives leave real errors uncertain by: {', '.join(known)}")
-    print_checks("Checks", checks)
+    print_table("Checks", CHECKS_HEADER, checks_table(checks))
     print_failures(trials.failures, checks)
 
 

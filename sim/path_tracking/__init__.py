@@ -1,1 +1,1 @@
-"""Path tracking as a learning task: the parts of the environments in `sim.env` and `sim.vector_env`."""
+"""Path tracking as a learning task: the parts of the environments in `sim.env`."""

@@ -128,7 +128,6 @@ b = 2
 # a comment
 trackslip grid --radii 1 \\
     --speeds 0.1
-mpiexec -n 3 python -m mpi4py.futures -m experiments grid --executor mpi
 ```
 
 ```text
@@ -149,7 +148,6 @@ def test_blocks_are_found_with_what_is_said_about_them():
     assert found[1].text == "b = 2\n"
     assert [arguments(command) for command in commands(found[2].text)] == [
         ["grid", "--radii", "1", "--speeds", "0.1"],
-        ["grid", "--executor", "mpi"],
     ]
 
 

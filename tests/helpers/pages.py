@@ -26,7 +26,6 @@ DIRECTIVES = ("slow", "needs", "parsed only", "not run", "refused", "file")
 
 _FENCE = re.compile(r"^(```+|~~~+)\s*(\S*)\s*$")
 _COMMENT = re.compile(r"^<!-- ([a-z ]+?)(?:: (.+))? -->$")
-_MPI = re.compile(r"mpiexec -n \d+ python -m mpi4py\.futures -m experiments (.*)")
 
 
 @dataclass(frozen=True)
@@ -101,8 +100,7 @@ def commands(text: str) -> list[str]:
 
 def arguments(command: str) -> list[str]:
     """What follows `trackslip` in a command; raises ValueError for any other program."""
-    match = _MPI.fullmatch(command)
-    name, *rest = shlex.split(f"trackslip {match[1]}" if match else command, comments=True)
+    name, *rest = shlex.split(command, comments=True)
     if name != "trackslip":
         raise ValueError(f"{command!r}: not a trackslip command")
     return rest

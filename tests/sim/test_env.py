@@ -17,7 +17,7 @@ from sim.runs import closed_loop
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from sim.steering import Pilot
-from sim.task_options import from_options
+from sim.task_env import from_options
 from trackslip.controllers.linear import LinearTimeVarying
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import wrap_angle
@@ -146,7 +146,7 @@ def test_actions_that_are_no_actions_are_refused(bad):
 def test_episodes_differ_within_their_ranges():
     drawn = Randomization.typical()
     env = PathTrackingEnv(reference=("paper", "circle"), ground=("stone", "ice"), randomization=drawn)
-    episodes = [env.tracking.draw(np.random.default_rng(seed), {}) for seed in range(200)]
+    episodes = [env.task.draw(np.random.default_rng(seed), {}) for seed in range(200)]
     settings = [episode.setting for episode in episodes]
     for name, low, high in (("radius_error", *drawn.radius_error), ("lag", *drawn.lag)):
         values = [getattr(setting, name) for setting in settings]
@@ -158,7 +158,7 @@ def test_episodes_differ_within_their_ranges():
     assert {setting.ground.along for setting in settings} == {0.70, 0.12}
     assert max(setting.ground.slope for setting in settings) > 0.08
     for setting, episode in zip(settings, episodes, strict=True):
-        start = env.tracking.table.path(episode.reference)[0]
+        start = env.task.table.path(episode.reference)[0]
         assert np.hypot(*(np.array(setting.start) - start)[:2]) <= 0.2
         assert abs(wrap_angle(setting.start[2] - start[2])) <= 0.3
 
@@ -231,7 +231,7 @@ def test_another_robot_and_pictures_of_it():
     config = from_options(EnvConfig, {"robot": RobotParameters(half_gauge=0.2), "reference": ["paper", "circle"]})
     assert config.references == ("paper", "circle")
     env = PathTrackingEnv(robot=RobotParameters(half_gauge=0.2))
-    assert env.tracking.fleet.robot.geometry.half_gauge == 0.2
+    assert env.task.fleet.robot.geometry.half_gauge == 0.2
 
 
 def test_a_controller_keeps_the_path_as_it_does_elsewhere(robot):

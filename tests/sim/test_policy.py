@@ -76,7 +76,7 @@ def test_on_the_benchmark_a_policy_sees_what_it_saw_in_the_environment():
     rng = np.random.default_rng(1)
     policy = Policy(network(rng), AUTHORITY, OPTIONS)
     env = PathTrackingEnv(**OPTIONS)
-    controller = PolicyController(policy, env.tracking.fleet.drive.limit)
+    controller = PolicyController(policy, env.task.fleet.drive.limit)
     assert isinstance(controller, SensesSprockets)
     reference = paper_reference()
     observation, info = env.reset(seed=0, options={"start_error": (0.02, -0.05, 0.1)})

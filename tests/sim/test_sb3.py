@@ -11,8 +11,8 @@ with warnings.catch_warnings():
 
 from stable_baselines3.common.env_checker import check_env
 
+from sim.env import PathTrackingVectorEnv
 from sim.sb3 import PathTrackingVecEnv, TraverseVecEnv
-from sim.vector_env import PathTrackingVectorEnv
 from trackslip.errors import InvalidValueError
 
 OPTIONS = {"reference": ("paper", "slalom"), "randomization": "typical", "off_path": 0.21}

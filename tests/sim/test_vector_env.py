@@ -4,10 +4,10 @@ import pytest
 from gymnasium.utils.env_checker import data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
+from sim.env import PathTrackingVectorEnv
 from sim.ground.ground import Ground
 from sim.ground.named import NAMED_GROUNDS
 from sim.path_tracking.randomization import Randomization
-from sim.vector_env import PathTrackingVectorEnv
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.trajectory.named import REFERENCES
 

@@ -1,4 +1,4 @@
-"""Figures of laws identified from whole drives: residuals over time, the clock, correlations, prediction errors."""
+"""Figures of laws identified from whole drives: path and predictions, residuals, the clock, correlations."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,56 +6,134 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from matplotlib.ticker import LogLocator, NullFormatter
 
 from experiments.report.colours import BLUE, GREEN, GREY, ORANGE, RED
-from experiments.report.drives import title_of
+from experiments.report.drives import longest, title_of
 from experiments.report.figures.laws import draw_matrix
-from experiments.report.figures.style import BAND, law_line, legend_below, styled, subplots
-from experiments.report.law_symbols import EXTRA_SYMBOLS, SYMBOLS
+from experiments.report.figures.style import BAND, key, law_line, legend_below, log_ticks, plane, styled, subplots, thin
+from experiments.report.laws import EXTRA_SYMBOLS, SYMBOLS
 from trackslip.identification.drive.comparison import DriveComparison
 from trackslip.identification.drive.estimate import DriveFit
 from trackslip.identification.drive.fit import Fit
-from trackslip.identification.drive.prediction import HORIZONS
+from trackslip.identification.drive.prediction import HORIZONS, Predictions
+from trackslip.identification.drive.reckoning import rotated
 from trackslip.identification.drive.residuals import Nodes
 from trackslip.kinematics import Array, wrap_angle
 
-_POINTS = 1200  # of a panel
+_PIECES = 5  # of a drive that are predicted
+_POSES = 1500  # drawn of a path
+_POINTS = 1200  # of a panel of residuals
+_LINE = "#555555"
 _WITHIN = 1.96  # standard deviations of 95 % of normal residuals
 _RISE = 3.84  # of -2 log likelihood at the ends of a 95 % interval
+
+
+@styled
+def path_and_predictions(found: DriveComparison) -> Figure:
+    """The longest drive: measured poses and trajectory on the left, predicted pieces on the right."""
+    fit, which = found.laws[found.best].fit, longest(found)
+    rows = slice(fit.nodes.first[which], fit.nodes.first[which + 1])
+    state, pose = fit.states[rows, :2], fit.nodes.pose[rows, :2]
+    used = fit.nodes.weight[rows, 0] > 0
+    out = (Nodes.of(fit.nodes.drives).weight[rows, 0] > 0) & ~used
+    every = np.concatenate([state, pose[used]])
+    room = 0.06 * float(np.ptp(every, axis=0).max()) + 0.02
+    low, high = every.min(axis=0) - room, every.max(axis=0) + room
+    width, height = high - low
+    size = float(np.clip(4.2 * height / width, 1.6, 6.2)) + 0.8
+    figure, (left, right) = subplots(size, 1, 2, across=0.3, sharex=True, sharey=True)
+    left.plot(*pose[used][thin(int(used.sum()), _POSES)].T, ".", color=GREY, ms=5, mew=0, label="measured poses")
+    jump = np.append(1.0, fit.nodes.link)[rows] == 0  # lasting, on the way to a node: the robot did not drive there
+    jump[0] = False
+    line = np.where(jump[:, None], np.nan, state)[thin(len(state), _POSES)]
+    for axis, colour in ((left, BLUE), (right, _LINE)):
+        axis.plot(*line.T, color=colour, lw=1.0, label="estimated trajectory")
+        plane(axis, xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    if out.any():
+        left.plot(*pose[out].T, "x", color=RED, ms=5, mew=1.0, label="left out as outlying")
+    left.set_title("Measured and estimated")
+    right.set_ylabel("")
+    names = compared(found)
+    _draw_pieces(right, found, names, rows)
+    laws = [key(title_of(name), **law_line(name, lw=1.8)) for name in names]
+    legend_below(figure, [*left.get_legend_handles_labels()[0], *laws], handlelength=3.2)
+    return figure
+
+
+def compared(found: DriveComparison) -> list[str]:
+    """Laws whose predictions are drawn: the best, one of constant ICRs, and none."""
+    return [name for name in dict.fromkeys([found.best, "icr_radius", "none"]) if name in found.laws]
+
+
+def predicted_path(fit: Fit, predictions: Predictions, k: int) -> Array:
+    """Positions (m, 2) of the sensor at the nodes from the start of prediction `k` to its end [m]."""
+    nodes = fit.nodes
+    start, horizon = int(predictions.start[k]), float(predictions.horizon[k])
+    which = int(np.searchsorted(nodes.first, start, side="right")) - 1
+    drive, node = nodes.drives[which], start - int(nodes.first[which])
+    end = int(np.searchsorted(drive.time, drive.time[node] + horizon - drive.interval / 2))
+    path = fit.model.sensor_path(predictions.values[predictions.part[k]], drive)[node : end + 1]
+    turned = np.full(len(path), predictions.heading[k] - path[0, 2])
+    return np.asarray(nodes.pose[start, :2] + rotated(turned, path[:, :2] - path[0, :2]))
+
+
+def _draw_pieces(axes: Axes, found: DriveComparison, names: Sequence[str], rows: slice) -> None:
+    """Draw predictions from a few starts in the rows of a drive, over the longest horizon there is."""
+    first, nodes = found.predictions[names[0]], found.laws[names[0]].fit.nodes
+    there = (first.start >= rows.start) & (first.start < rows.stop)
+    if not there.any():
+        axes.set_title("No prediction: the drive is too short")
+        return
+    horizon = float(first.horizon[there].max())
+    starts = first.start[there & (first.horizon == horizon)]
+    time = nodes.time
+    chosen: list[int] = []
+    for wanted in np.linspace(time[starts[0]], time[starts[-1]], _PIECES):
+        near = int(starts[np.abs(time[starts] - wanted).argmin()])
+        if not chosen or time[near] - time[chosen[-1]] >= horizon:
+            chosen.append(near)
+    for name in reversed(names):
+        predictions, look = found.predictions[name], law_line(name)
+        for k in np.flatnonzero(np.isin(predictions.start, chosen) & (predictions.horizon == horizon)):
+            path = predicted_path(found.laws[name].fit, predictions, int(k))
+            axes.plot(*path.T, lw=1.8, **look)
+            axes.plot(*path[-1], "s", ms=4, color=look["color"])
+    axes.plot(*nodes.pose[chosen, :2].T, "ok", ms=4, zorder=6)
+    axes.set_title(f"Predicted {horizon:g} s ahead, from the dots")
 
 
 @styled
 def residuals_over_time(law: DriveFit) -> Figure:
     """Residuals of poses and steps, drive after drive."""
     fit = law.fit
-    time, begins = _joined_time(fit)
+    lengths = [drive.time[-1] - drive.time[0] for drive in fit.nodes.drives]
+    begins = np.cumsum([0.0, *lengths])
+    joined = zip(fit.nodes.drives, begins, strict=False)
+    time = np.concatenate([drive.time - drive.time[0] + begin for drive, begin in joined])
     pose, kept = pose_residuals(fit)
     step, linked = step_residuals(fit)
-    headings = bool(np.isfinite(pose[:, 2]).any())
+    noise = law.noise
     panels: list[tuple[str, Array, np.ndarray, Array, float]] = [
-        ("position [mm]", 1e3 * pose[:, :2], kept, time, 1e3 * law.noise["position"]),
+        ("position [mm]", 1e3 * pose[:, :2], kept, time, 1e3 * noise["position"])
     ]
-    if headings:
-        panels.append(("heading [°]", np.degrees(pose[:, 2:]), kept, time, np.degrees(law.noise["heading"])))
-    panels.append(("slip of a step [–]", step, linked, (time[1:] + time[:-1]) / 2, 1.0))
-    figure, axes = subplots(1.9 * len(panels) + 0.4, len(panels), sharex=True, down=0.4)
+    if np.isfinite(pose[:, 2]).any():
+        panels.append(("heading [°]", np.degrees(pose[:, 2:]), kept, time, np.degrees(noise["heading"])))
+    # slips are smoothed: their scatter is much smaller than their standard deviation, so they have no band
+    panels.append(("slip of a step [–]", step, linked, (time[1:] + time[:-1]) / 2, 0.0))
+    figure, axes = subplots(1.9 * len(panels) + 0.4, len(panels), down=0.4, sharex=True)
     for axis, (label, values, used, at, deviation) in zip(axes, panels, strict=True):
         names = ("forwards", "sideways", "in turning") if label.startswith("slip") else ("x", "y")
         _residual_panel(axis, at, values, used, names if values.shape[1] > 1 else ("",))
-        if used is kept:  # slips are smoothed: their scatter is much smaller than their standard deviation
-            axis.axhspan(-_WITHIN * deviation, _WITHIN * deviation, color=BAND, lw=0, zorder=0)
-        for begin in begins[1:]:
+        axis.axhspan(-_WITHIN * deviation, _WITHIN * deviation, color=BAND, lw=0, zorder=0)
+        for begin in begins[1:-1]:
             axis.axvline(begin, color=GREY, lw=0.8, ls=":")
         axis.set_ylabel(label)
-    axes[0].set_title("Poses: trajectory − measured")
+    axes[0].set(title="Poses: trajectory − measured", xlim=(0, time[-1]))
     axes[-1].set_title("Steps: motion − law, in standard deviations")
-    axes[-1].set_xlabel("time, drive after drive [s]" if len(begins) > 1 else "time [s]")
-    axes[0].set_xlim(0, time[-1])
-    handles = [Line2D([], [], color=BAND, lw=7, label="95 % of normal residuals")]
+    axes[-1].set_xlabel("time, drive after drive [s]" if len(lengths) > 1 else "time [s]")
+    handles = [key("95 % of normal residuals", color=BAND, lw=7)]
     if not (kept.all() and linked.all()):
-        handles.append(Line2D([], [], ls="none", marker="x", ms=5, color=RED, label="left out (at the edge if beyond)"))
+        handles.append(key("left out (at the edge if beyond)", ls="none", marker="x", ms=5, color=RED))
     legend_below(figure, handles, ncols=2)
     return figure
 
@@ -75,32 +153,22 @@ def step_residuals(fit: Fit) -> tuple[Array, np.ndarray]:
     return np.where(measured.link[:, None] > 0, scaled, np.nan), fit.nodes.link == measured.link
 
 
-def _joined_time(fit: Fit) -> tuple[Array, list[float]]:
-    """Times (K,) of the nodes as if each drive began where the one before ended, and those beginnings [s]."""
-    times, begins, end = [], [], 0.0
-    for drive in fit.nodes.drives:
-        begins.append(end)
-        times.append(end + drive.time - drive.time[0])
-        end = float(times[-1][-1])
-    return np.concatenate(times), begins
-
-
-def _residual_panel(axis: Axes, time: Array, values: Array, used: np.ndarray, names: Sequence[str]) -> None:
+def _residual_panel(axes: Axes, time: Array, values: Array, used: np.ndarray, names: Sequence[str]) -> None:
     """Draw residuals (n, m), thinned out; those left out as crosses, at the edge where they lie beyond."""
     finite = np.isfinite(values).all(axis=1)
     rows = np.flatnonzero(finite & used)
-    rows = rows[:: max(1, len(rows) * len(names) // _POINTS)]
+    rows = rows[thin(len(rows) * len(names), _POINTS)]
     for column, (name, colour) in enumerate(zip(names, (BLUE, ORANGE, GREEN), strict=False)):
-        axis.plot(time[rows], values[rows, column], ".", color=colour, ms=2.6, mew=0, label=name)
+        axes.plot(time[rows], values[rows, column], ".", color=colour, ms=2.6, mew=0, label=name)
     edge = 1.15 * float(np.abs(values[finite & used]).max(initial=1e-9))
     out = np.flatnonzero(finite & ~used)[:_POINTS]
     if len(out):
         worst = values[out, np.abs(values[out]).argmax(axis=1)]
-        axis.plot(time[out], np.clip(worst, -edge, edge), "x", color=RED, ms=4.5, mew=1.0, zorder=5)
-    axis.set_ylim(-1.1 * edge, 1.1 * edge)
+        axes.plot(time[out], np.clip(worst, -edge, edge), "x", color=RED, ms=4.5, mew=1.0, zorder=5)
+    axes.set_ylim(-1.1 * edge, 1.1 * edge)
     if len(names) > 1:
-        style: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1, 0.98), "borderaxespad": 0}
-        axis.legend(ncols=3, markerscale=3.0, handletextpad=0.1, columnspacing=1.0, **style)
+        beside: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1, 0.98), "borderaxespad": 0}
+        axes.legend(ncols=3, markerscale=3.0, handletextpad=0.1, columnspacing=1.0, **beside)
 
 
 @styled
@@ -108,15 +176,14 @@ def clock_offset(found: DriveComparison) -> Figure:
     """Rise of -2 log likelihood with the clock offset, and the 95 % interval; raises ValueError if it was held."""
     if found.clock is None:
         raise ValueError("the clock offset was held")
-    law = found.laws[found.best]
-    figure, axis = subplots(3.2)
-    axis.plot(1e3 * found.clock.offset, np.maximum(found.clock.rise, 0.0), "o-", color=BLUE, ms=4)
-    axis.axhline(_RISE, color=RED, ls="--", lw=1.2, label=f"rise of {_RISE}: 95 % by the likelihood")
-    low, high = (1e3 * end for end in law.interval95["clock_offset"])
-    axis.axvspan(low, high, color=BAND, lw=0, zorder=0, label="95 % interval, wider where slip lasts")
-    axis.set(xlabel="encoder clock − pose clock τ [ms]", ylabel="rise of −2 log L [–]", title="Clock offset")
-    axis.set_ylim(bottom=0)
-    legend_below(figure, axis.get_legend_handles_labels()[0], ncols=2)
+    figure, axes = subplots(3.2)
+    axes.plot(1e3 * found.clock.offset, np.maximum(found.clock.rise, 0.0), "o-", color=BLUE, ms=4)
+    axes.axhline(_RISE, color=RED, ls="--", lw=1.2, label=f"rise of {_RISE}: 95 % by the likelihood")
+    low, high = found.laws[found.best].interval95["clock_offset"]
+    axes.axvspan(1e3 * low, 1e3 * high, color=BAND, lw=0, zorder=0, label="95 % interval, wider where slip lasts")
+    axes.set(xlabel="encoder clock − pose clock τ [ms]", ylabel="rise of −2 log L [–]", title="Clock offset")
+    axes.set_ylim(bottom=0)
+    legend_below(figure, axes.get_legend_handles_labels()[0], ncols=2)
     return figure
 
 
@@ -124,9 +191,8 @@ def clock_offset(found: DriveComparison) -> Figure:
 def drive_correlations(law: DriveFit) -> Figure:
     """Correlation matrix of all parameters fitted."""
     symbols = SYMBOLS | EXTRA_SYMBOLS
-    figure, axis = subplots(1.2 + 0.38 * len(law.free))
-    draw_matrix(axis, law.correlation, [symbols[name] for name in law.free])
-    axis.set_title(f"Correlations [–], {title_of(law.name)}")
+    figure, axes = subplots(1.2 + 0.38 * len(law.free))
+    draw_matrix(axes, law.correlation, [symbols[name] for name in law.free], title_of(law.name))
     return figure
 
 
@@ -137,22 +203,17 @@ def prediction_errors(found: DriveComparison) -> Figure:
     if any(drive.has_heading for drive in found.drives):
         kinds.append(("heading_rms", np.degrees(1.0), "Heading", "rms error [°]"))
     figure, axes = subplots(3.6, 1, len(kinds), squeeze=False)
-    for axis, (key, factor, title, label) in zip(axes[0], kinds, strict=True):
+    looks = {name: law_line(name, lw=2.2 if name == found.best else 1.2) for name in found.ranking}
+    for axis, (error, factor, title, label) in zip(axes[0], kinds, strict=True):
         for name in reversed(found.ranking):
-            points = [(h, factor * value) for h, e in found.errors[name].items() if (value := getattr(e, key))]
+            points = [(h, factor * value) for h, e in found.errors[name].items() if (value := getattr(e, error))]
             if points:
-                axis.plot(*np.transpose(points), marker="o", ms=3.5, **_look(name, found))
+                axis.plot(*np.transpose(points), marker="o", ms=3.5, **looks[name])
         axis.set(title=title, xlabel="time ahead [s]", ylabel=label, xscale="log", yscale="log")
         axis.set_xticks(HORIZONS, [f"{horizon:g}" for horizon in HORIZONS])
         axis.set_xticks([], minor=True)
-        axis.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axis.yaxis.set_major_formatter("{x:g}")
-        axis.yaxis.set_minor_formatter(NullFormatter())
-    handles = [Line2D([], [], **_look(name, found)) for name in found.ranking]
+        log_ticks(axis.yaxis)
+    best = {found.best: " – best"}
+    handles = [key(title_of(name) + best.get(name, ""), **look) for name, look in looks.items()]
     legend_below(figure, handles, ncols=4, handlelength=3.2)
     return figure
-
-
-def _look(name: str, found: DriveComparison) -> dict[str, Any]:
-    best = name == found.best
-    return law_line(name, label=title_of(name) + (" – best" if best else ""), lw=2.2 if best else 1.2)

@@ -9,9 +9,10 @@ from matplotlib.figure import Figure
 
 from experiments.benchmark.rows import BenchmarkRow, settled_error
 from experiments.driving.lookup import reference
-from experiments.report.colours import BLACK, BLUE, GREEN, GREY, LABELS, ORANGE, RED
-from experiments.report.figures.style import law_line, legend_below, styled, subplots
+from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE, RED
+from experiments.report.figures.style import law_line, legend_below, margin_for, styled, subplots
 from experiments.report.figures.tracking import draw_paths
+from experiments.report.laws import shown
 from experiments.storage.manifest import relative
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import LOST
@@ -28,7 +29,7 @@ def controller_line(number: int, **more: Any) -> dict[str, Any]:
 
 def compensation_name(name: str) -> str:
     """Name of a compensation in figures."""
-    return LABELS.get(name, relative(name))
+    return shown(relative(name)).title
 
 
 @styled
@@ -38,9 +39,9 @@ def board(rows: Sequence[BenchmarkRow]) -> Figure:
         list(dict.fromkeys(getattr(row, key) for row in rows)) for key in ("ground", "compensation", "start")
     )
     lines = list(dict.fromkeys((row.controller, row.start) for row in rows))
-    figure, axes = subplots(
-        1.2 + 0.42 * len(lines), 1, len(grounds), left=1.6, across=0.3, sharey=True, sharex=True, squeeze=False
-    )
+    labels = [relative(name) if len(starts) == 1 else f"{relative(name)}, start {start}" for name, start in lines]
+    shared: dict[str, Any] = {"sharex": True, "sharey": True, "squeeze": False}
+    figure, axes = subplots(1.2 + 0.42 * len(lines), 1, len(grounds), left=margin_for(labels), across=0.3, **shared)
     panels = axes[0]
     for axis, ground in zip(panels, grounds, strict=True):
         axis.set(title=f"on {relative(ground)}", xscale="log", xlabel="rms position error [mm], log scale")
@@ -51,7 +52,6 @@ def board(rows: Sequence[BenchmarkRow]) -> Figure:
                 wanted = (ground, *line, compensation)
                 some = [row for row in rows if (row.ground, row.controller, row.start, row.compensation) == wanted]
                 _dots(axis, some, n + place, colour, marker)
-    labels = [relative(name) if len(starts) == 1 else f"{relative(name)}, start {start}" for name, start in lines]
     panels[0].set_yticks(range(len(lines)), labels)
     panels[0].set_ylim(len(lines) - 0.5, -0.5)
     for k, compensation in enumerate(compensations):

@@ -1,123 +1,63 @@
-"""Localization error against the angle at which the scanner sees the plate, with the Cramér-Rao bound."""
+"""Figures of localization: errors against the angle at which the scanner sees the plate, and the field seen by it."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
-from typing import Any
+from collections.abc import Sequence
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
 
-from experiments.report.colours import BLUE, GREEN, ORANGE
-from experiments.report.figures.style import legend_below, mark_span, styled, subplots
-from sim.scanner.scanner import LaserScanner
-from trackslip.kinematics import Array, wrap_angle
-from trackslip.localization.bound import MIN_ANGLE, pose_bound, viewing_angle
-from trackslip.localization.scan import Plate, Scan
-from trackslip.logs.runlog import RunLog
+from experiments.measuring.sightings import Sightings
+from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE
+from experiments.report.figures.style import legend_below, log_ticks, mark_span, plane, styled, subplots, thin
+from trackslip.localization.bound import MIN_ANGLE
 from trackslip.metrics import rms
+from trackslip.ros.scanned import ScannedDrive
 
-_MAX_POSES = 5000  # poses that are evaluated
 _EDGES = np.radians([0, 1, 2, 3, 5, 8, 12, 18, 26, 34, 42, 50, 58, 66, 74, 82, 90])
 _MIN_POSES = 10  # poses per bin, at least
-_COMPONENTS = (
-    ("along the line of sight", BLUE, "o"),
-    ("across the line of sight", ORANGE, "s"),
-    ("heading", GREEN, "^"),
-)
-
-
-@dataclass(frozen=True)
-class Sightings:
-    """Poses of the plate seen by one scanner, rotated so that the first axis is the line of sight."""
-
-    angle: Array  # (n,) between plate and line of sight, 0 to pi/2 [rad]
-    error: Array  # (n, 3) along and across the line of sight [m], heading [rad]; NaN where nothing was measured
-    bound: Array  # (n, 3) smallest possible standard deviations; NaN where unbounded
-
-    @property
-    def measured(self) -> np.ndarray:
-        """Whether a pose was measured, (n,) bool."""
-        return np.asarray(np.isfinite(self.error).all(axis=1))
-
-    def facts(self) -> dict[str, str]:
-        """Facts for the caption: poses evaluated and missed, their errors over the bound, and where the bound ends."""
-        missed = self.angle[~self.measured]
-        clear = self.measured & np.isfinite(self.bound).all(axis=1) & (self.angle > MIN_ANGLE)
-        ratio = [rms(self.error[clear, k]) / rms(self.bound[clear, k]) for k in range(3)] if clear.any() else []
-        return {
-            "looked": str(self.angle.size),
-            "missed": str(missed.size),
-            "missed_below": f"half of them below {np.degrees(np.median(missed)):.2g}°" if missed.size else "",
-            "ratio": " | ".join(f"{value:.2f}" for value in ratio),
-            "least_angle": f"{np.degrees(MIN_ANGLE):g}°",
-        }
-
-
-def sightings(logs: Sequence[RunLog]) -> Sightings | None:
-    """About _MAX_POSES poses of the runs whose truth, plate, scanner and mount are known; None without any."""
-    known = [(log, seen) for log in logs if log.truth is not None and (seen := _seen_by(log.metadata)) is not None]
-    if not known:
-        return None
-    step = max(1, sum(len(log.time) for log, _ in known) // _MAX_POSES)
-    return Sightings(*map(np.concatenate, zip(*(_of(log, *seen, step) for log, seen in known), strict=True)))
-
-
-def _seen_by(metadata: Mapping[str, Any]) -> tuple[Plate, Scan] | None:
-    """The plate, and a scan without ranges of the scanner that saw it; None where either isn't known."""
-    if "source" in metadata:  # of poses, as teleoperated drives have
-        return None
-    plate, scanner, lrf = (metadata.get(key) for key in ("plate", "scanner", "lrf"))
-    if not (isinstance(plate, Mapping) and isinstance(scanner, Mapping) and isinstance(lrf, Mapping)):
-        return None
-    known = {field.name for field in fields(LaserScanner)}  # others are an older version's
-    device = LaserScanner(**{name: value for name, value in scanner.items() if name in known})
-    mount = np.array(lrf["mount"], float)
-    return Plate(**plate), Scan(device.bearings, np.empty((0, device.bearings.size)), device.noise, mount)
-
-
-def _of(log: RunLog, plate: Plate, scan: Scan, step: int) -> tuple[Array, Array, Array]:
-    """Angle, error and bound, as in Sightings, of every `step`-th pose of a run."""
-    assert log.truth is not None
-    true = scan.from_world(log.truth.pose[::step])
-    estimated = scan.from_world(log.pose[::step])
-    sight = np.arctan2(true[:, 1], true[:, 0])
-    turn = _turned(-sight)
-    error = np.einsum("nij,nj->ni", turn, estimated - true)
-    error[:, 2] = wrap_angle(error[:, 2])
-    error[~log.is_valid[::step]] = np.nan
-    bound = turn @ pose_bound(true, plate, scan.bearings, scan.noise) @ turn.swapaxes(1, 2)
-    return viewing_angle(true), error, np.sqrt(np.einsum("nii->ni", bound))
-
-
-def _turned(angle: Array) -> Array:
-    """Matrices (n, 3, 3) that rotate the first two of (x, y, phi) by angles (n,) [rad]."""
-    cos, sin, nil, one = np.cos(angle), np.sin(angle), np.zeros_like(angle), np.ones_like(angle)
-    return np.stack([cos, -sin, nil, sin, cos, nil, nil, nil, one], axis=-1).reshape(-1, 3, 3)
+_POINTS = 3000  # poses drawn of a drive
+_ROOM = 0.6  # around the paths, within which the background is drawn [m]
 
 
 @styled
 def error_against_viewing_angle(seen: Sightings) -> Figure:
-    """Root mean square errors of position and heading in bins of the viewing angle, with the bound."""
+    """Root mean square errors of position and heading in bins of the viewing angle, with the Cramér-Rao bound."""
     figure, (position, heading) = subplots(3.9, 1, 2)
     which = np.clip(np.digitize(seen.angle, _EDGES) - 1, 0, _EDGES.size - 2)
     held = seen.measured & np.isfinite(seen.bound).all(axis=1)
     bins = [rows for k in range(_EDGES.size - 1) if (rows := np.flatnonzero((which == k) & held)).size >= _MIN_POSES]
-    angle = np.degrees([seen.angle[rows].mean() for rows in bins])
-    bounded = angle > np.degrees(MIN_ANGLE)
-    for column, (name, colour, marker) in enumerate(_COMPONENTS):
-        axis, factor = (heading, np.degrees(1)) if name == "heading" else (position, 1e3)
-        error = factor * np.array([rms(seen.error[rows, column]) for rows in bins])
-        bound = factor * np.array([rms(seen.bound[rows, column]) for rows in bins])
+    angle, least = np.degrees([seen.angle[rows].mean() for rows in bins]), float(np.degrees(MIN_ANGLE))
+    for column, (axis, factor, name, colour, marker) in enumerate((
+        (position, 1e3, "along the line of sight", BLUE, "o"),
+        (position, 1e3, "across the line of sight", ORANGE, "s"),
+        (heading, np.degrees(1), "heading", GREEN, "^"),
+    )):  # fmt: skip
+        error, bound = (factor * np.array([rms(v[rows, column]) for rows in bins]) for v in (seen.error, seen.bound))
         axis.plot(angle, error, marker, color=colour, ms=5, label=f"{name}: error")
-        axis.plot(angle[bounded], bound[bounded], color=colour, lw=1.4, label=f"{name}: bound")
+        axis.plot(angle[angle > least], bound[angle > least], color=colour, lw=1.4, label=f"{name}: bound")
     for axis, name, unit in ((position, "position", "mm"), (heading, "heading", "°")):
         axis.set(xlabel="angle between plate and line of sight [°]", xlim=(0, 90), xticks=range(0, 91, 15))
         axis.set(ylabel=f"error of {name}, rms [{unit}]", title=name.capitalize(), yscale="log")
-        axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-        axis.yaxis.set_major_formatter("{x:g}")
-        axis.yaxis.set_minor_formatter(NullFormatter())
-        mark_span(axis, 0, float(np.degrees(MIN_ANGLE)))
-    handles = [*position.get_legend_handles_labels()[0], *heading.get_legend_handles_labels()[0]]
-    legend_below(figure, handles)
+        log_ticks(axis.yaxis)
+        mark_span(axis, 0, least)
+    legend_below(figure, [handle for axis in (position, heading) for handle in axis.get_legend_handles_labels()[0]])
+    return figure
+
+
+@styled
+def field(drives: Sequence[ScannedDrive]) -> Figure:
+    """The plate's path in all drives, in the frame of their poses, and the background that the scanner saw."""
+    figure, axes = subplots(6.0)
+    mounts = np.array([drive.stand.mount for drive in drives])
+    shown = [mounts[:, :2]]
+    for drive, (x, y, phi) in zip(drives, mounts, strict=True):
+        direction, level = phi + drive.seen.series.bearings, drive.seen.background.level
+        axes.plot(x + level * np.cos(direction), y + level * np.sin(direction), ".", color=GREY, ms=2, mew=0)
+        shown.append(drive.log.pose[drive.log.is_valid, :2])
+        axes.plot(*shown[-1][thin(len(shown[-1]), _POINTS)].T, ".", color=BLUE, ms=3, mew=0)
+    axes.plot(*mounts[:, :2].T, "^", color=BLACK, ms=7)
+    axes.quiver(*mounts[:, :2].T, np.cos(mounts[:, 2]), np.sin(mounts[:, 2]), color=BLACK, width=0.004, scale=12)
+    every = np.concatenate(shown)
+    low, high = every.min(axis=0) - _ROOM, every.max(axis=0) + _ROOM
+    plane(axes, xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    axes.set_title("Path of the plate (blue), background (grey), scanner (triangle)")
     return figure

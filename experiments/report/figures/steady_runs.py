@@ -1,9 +1,10 @@
-"""Figures of steady runs: pose and velocity, slip against speed and radius (Figs. 4 and 5), and radii driven."""
+"""Figures of steady runs: pose and velocity (Fig. 4), slip against speed and radius (Fig. 5), and radii driven."""
 
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
@@ -12,19 +13,21 @@ from experiments.measuring.grid import RadiusSummary
 from experiments.measuring.inner_outer import TRACKS, InnerOuterSamples, slip_at
 from experiments.measuring.value_groups import group_label, is_narrow, value_groups
 from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE, RED
-from experiments.report.figures.axes import bar_factor, bar_key, curve_radii, draw_bars, show_radii, with_bars
 from experiments.report.figures.style import (
     INNER,
     OUTER,
     POINTS,
     RADII_SHADES,
     SPEED_SHADES,
+    key,
     legend_below,
     limits_around,
+    log_ticks,
     shade,
     styled,
     subplots,
     thin,
+    zero_line,
 )
 from trackslip.identification.fitted import FittedLaw
 from trackslip.kinematics import Array
@@ -33,10 +36,16 @@ from trackslip.motion.filtered import butterworth_motion
 from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII
 from trackslip.slip.exponential import PUBLISHED
 
+BARS: dict[str, Any] = {"fmt": "none", "ecolor": "#777777", "elinewidth": 0.7, "zorder": 4}
+"""Look of error bars."""
+_WIDE = 8.0  # ratio of the largest to the smallest radius above which the axis is logarithmic
+_MIN_RADIUS = 1e-3  # radius at which curves begin [m]
+_MIN_SPAN = 0.5  # smallest upper end of the axis [m]
+_MIN_SEEN = 0.03  # share of the range of slips: shorter error bars are drawn enlarged
 _MARKERS = "osD^vP*X"
+_LINE = "#777777"
 _PAPER: dict[str, Any] = {"color": BLACK, "marker": "x", "ms": 7, "mew": 1.6}
-_BY_PAPER: dict[str, Any] = {"color": RED, "lw": 1.4, "ls": "--", "label": "by Eq. 11"}  # the circle of the paper's law
-_TRUE: dict[str, Any] = {"color": BLACK, "lw": 0.8, "label": "truth"}
+_EQ_11: dict[str, Any] = {"color": BLACK, "ls": "--", "lw": 1.2}
 
 
 def typical_run(logs: Sequence[RunLog], radius: float = 1.5, speed: float = 0.15) -> RunLog:
@@ -55,32 +64,37 @@ def typical_run(logs: Sequence[RunLog], radius: float = 1.5, speed: float = 0.15
 def pose_and_velocity(log: RunLog) -> Figure:
     """Fig. 4: pose of one run over time and its smoothed derivatives, in the world frame."""
     motion = butterworth_motion(log)
-    v, w = motion.twist.T
-    phi = motion.pose[:, 2]
-    figure, axes = subplots(4.8, 2, 2, sharex=True)
-    position, velocity, heading, turning = axes.ravel()
-    rows, fine, smooth = thin(len(log.time), 45), thin(len(log.time)), thin(len(v), 2 * POINTS)
     pose = np.where(log.is_valid[:, None], log.pose, np.nan)
-    marked = ((position, 0, BLUE, "o", "x"), (position, 1, ORANGE, "s", "y"), (heading, 2, GREEN, "^", "φ"))
-    for axis, column, colour, marker, name in marked:
-        axis.plot(log.time[rows], pose[rows, column], marker, ms=3.6, mew=0, color=colour, label=name)
-    dx, dy = v * np.cos(phi), v * np.sin(phi)
-    derived = ((velocity, dx, BLUE, "dx/dt"), (velocity, dy, ORANGE, "dy/dt"), (turning, w, GREEN, "dφ/dt"))
-    for axis, values, colour, name in derived:
-        axis.plot(motion.time[smooth], values[smooth], color=colour, lw=0.8, label=name)
-    lines = [] if log.truth is None else [(_true_traces(log), _TRUE)]
+    v, w, phi = *motion.twist.T, motion.pose[:, 2]
+    lines: list[tuple[Array, dict[str, Any]]] = []
+    if log.truth is not None:
+        forward, left, w_true = log.truth.twist.T
+        true = _near(log.truth.pose, log)
+        cos, sin = np.cos(true[:, 2]), np.sin(true[:, 2])
+        derivatives = np.column_stack([forward * cos - left * sin, forward * sin + left * cos, w_true])
+        lines.append((np.column_stack([true, derivatives]), {"color": BLACK, "lw": 0.8, "label": "truth"}))
     if geometry_of(log.metadata) is not None:
-        published = _near(published_poses(log), log)
-        lines.append((np.column_stack([published, np.gradient(published, log.time, axis=0)]), _BY_PAPER))
-    for axis, columns, label, title in (
-        (position, (0, 1), "position [m]", "Position"),
-        (velocity, (3, 4), "velocity [m/s]", "Velocity"),
-        (heading, (2,), "heading φ [rad]", "Heading"),
-        (turning, (5,), "yaw rate [rad/s]", "Yaw rate"),
+        circle = _near(published_poses(log), log)
+        derivatives = np.gradient(circle, log.time, axis=0)
+        look: dict[str, Any] = {"color": RED, "lw": 1.4, "ls": "--", "label": "by Eq. 11"}
+        lines.append((np.column_stack([circle, derivatives]), look))
+    figure, axes = subplots(4.8, 2, 2, down=0.4, sharex=True)
+    rows, fine, smooth = thin(len(log.time), 45), thin(len(log.time)), thin(len(v), 2 * POINTS)
+    for axis, title, label, columns in (
+        (axes[0, 0], "Position", "position [m]", {0: ("x", "o", BLUE), 1: ("y", "s", ORANGE)}),
+        (axes[1, 0], "Heading", "heading φ [rad]", {2: ("φ", "^", GREEN)}),
+        (axes[0, 1], "Velocity", "velocity [m/s]", {3: ("dx/dt", "", BLUE), 4: ("dy/dt", "", ORANGE)}),
+        (axes[1, 1], "Yaw rate", "yaw rate [rad/s]", {5: ("dφ/dt", "", GREEN)}),
     ):
-        for traces, style in lines:
-            axis.plot(log.time[fine], traces[fine][:, columns], **{**style, "label": None})
-        handles = [*axis.get_legend_handles_labels()[0], *(Line2D([], [], **style) for _, style in lines)]
+        for column, (name, marker, colour) in columns.items():
+            if marker:
+                axis.plot(log.time[rows], pose[rows, column], marker, ms=3.6, mew=0, color=colour, label=name)
+            else:
+                derived = (v * np.cos(phi), v * np.sin(phi), w)[column - 3]
+                axis.plot(motion.time[smooth], derived[smooth], color=colour, lw=0.8, label=name)
+        handles = axis.get_legend_handles_labels()[0]
+        for traces, look in lines:
+            handles += axis.plot(log.time[fine], traces[fine][:, [*columns]], **look)[:1]
         axis.set(ylabel=label, title=title)
         # beside the title, because the traces of a turning robot visit every corner of the axes
         beside: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1, 0.98), "borderaxespad": 0}
@@ -88,15 +102,6 @@ def pose_and_velocity(log: RunLog) -> Figure:
     for axis in axes[1]:
         axis.set_xlabel("time [s]")
     return figure
-
-
-def _true_traces(log: RunLog) -> Array:
-    """True poses and their derivatives in the world frame, (T, 6)."""
-    assert log.truth is not None
-    pose = _near(log.truth.pose, log)
-    forward, left, w = log.truth.twist.T
-    cos, sin = np.cos(pose[:, 2]), np.sin(pose[:, 2])
-    return np.column_stack([pose, forward * cos - left * sin, forward * sin + left * cos, w])
 
 
 def _near(pose: Array, log: RunLog) -> Array:
@@ -119,12 +124,12 @@ def published_and_simulated(radius: RadiusSummary, runs: InnerOuterSamples) -> F
     curve = curve_radii(runs)
     published = slip_at(PUBLISHED, np.array(OBSERVED_RADII), 1.0)
     for track, (name, colour, marker) in enumerate(zip(TRACKS, (INNER, OUTER), "so", strict=True)):
-        slips.plot(curve, slip_at(PUBLISHED, curve, 1.0)[:, track], color=BLACK, ls="--", lw=1.3)
+        slips.plot(curve, slip_at(PUBLISHED, curve, 1.0)[:, track], **_EQ_11)
         slips.plot(OBSERVED_RADII, published[:, track], ls="none", **_PAPER)
         label = f"{name} track, simulated"
         slips.plot(runs.radius, runs.slip[:, track], marker, color=colour, ms=6, mfc="none", label=label)
     slips.plot([], [], ls="--", lw=1.3, label="Eq. 11, published", **_PAPER)
-    slips.axhline(0, color=GREY, lw=0.8, zorder=1)
+    zero_line(slips)
     slips.set(ylabel="slip i [–]", title="Because the tracks slip", ylim=limits_around(np.append(runs.slip, published)))
     show_radii(slips, runs)
     slips.legend(loc="lower right")
@@ -134,52 +139,46 @@ def published_and_simulated(radius: RadiusSummary, runs: InnerOuterSamples) -> F
 @styled
 def slip_against_speed_and_radius(runs: InnerOuterSamples, best: FittedLaw) -> Figure:
     """Fig. 5: slip of the inner (top) and outer track (bottom) against speed (left) and radius (right)."""
-    figure, axes = subplots(6.2, 2, 2, across=0.4, sharey="row", sharex="col")
+    figure, axes = subplots(6.0, 2, 2, across=0.4, down=0.4, sharey="row", sharex="col")
     curve = curve_radii(runs)
     by_radius, by_speed = value_groups(runs.radius), value_groups(runs.speed)
     factor = bar_factor(runs)
-    for row, name in enumerate(TRACKS):
-        against_speed, against_radius = axes[row]
-        slip = runs.slip[:, row]
-        at_observed = slip_at(PUBLISHED, np.array(OBSERVED_RADII), 1.0)[:, row]
-        for radius, value in zip(OBSERVED_RADII, at_observed, strict=True):
+    published = slip_at(PUBLISHED, np.array(OBSERVED_RADII), 1.0)
+    for track, (name, (against_speed, against_radius)) in enumerate(zip(TRACKS, axes, strict=True)):
+        slip = runs.slip[:, track]
+        for radius, value in zip(OBSERVED_RADII, published[:, track], strict=True):
             against_speed.axhline(value, color=_shade(radius, runs), ls="--", lw=0.8)
         for marker, group in zip(_MARKERS, by_radius, strict=False):
-            colour = _shade(float(runs.radius[group].mean()), runs)
-            label = group_label(runs.radius[group], "m")
-            against_speed.plot(runs.speed[group], slip[group], marker, color=colour, ms=4.5, label=label)
-            if is_narrow(runs.radius[group]) and runs.radius[group].min() > 0:
-                speeds = np.linspace(0.8 * runs.speed[group].min(), 1.1 * runs.speed[group].max(), 30)
-                at = np.full(speeds.size, runs.radius[group].mean())
+            radii, speeds = runs.radius[group], runs.speed[group]
+            colour = _shade(float(radii.mean()), runs)
+            against_speed.plot(speeds, slip[group], marker, color=colour, ms=4.5, label=group_label(radii, "m"))
+            if is_narrow(radii) and radii.min() > 0:
+                line = np.linspace(0.8 * speeds.min(), 1.1 * speeds.max(), 30)
                 left = bool(runs.left[group].mean() >= 0.5)
-                against_speed.plot(speeds, slip_at(best.law, at, speeds, left=left)[:, row], color=colour, lw=1.0)
-        against_radius.plot(curve, slip_at(PUBLISHED, curve, 1.0)[:, row], color=BLACK, ls="--", lw=1.2)
+                by_law = slip_at(best.law, np.full(line.size, radii.mean()), line, left=left)
+                against_speed.plot(line, by_law[:, track], color=colour, lw=1.0)
+        against_radius.plot(curve, slip_at(PUBLISHED, curve, 1.0)[:, track], **_EQ_11)
         for number, (marker, group) in enumerate(zip(_MARKERS, by_speed, strict=False)):
-            colour = shade(SPEED_SHADES, number / max(len(by_speed) - 1, 1))
-            size = 9.0 - 1.1 * min(number, 4)  # runs at one radius nearly coincide: draw the first ones larger
+            look: dict[str, Any] = {"color": shade(SPEED_SHADES, number / max(len(by_speed) - 1, 1)), "mfc": "none"}
+            look["ms"] = 9.0 - 1.1 * min(number, 4)  # runs at one radius nearly coincide: draw the first ones larger
             label = group_label(runs.speed[group], "m/s")
-            look: dict[str, Any] = {"color": colour, "ms": size, "mfc": "none", "mew": 1.1, "label": label}
-            against_radius.plot(runs.radius[group], slip[group], marker, **look)
+            against_radius.plot(runs.radius[group], slip[group], marker, mew=1.1, label=label, **look)
         if runs.errors is not None:
-            of_slip = factor * runs.errors.slip[:, row]
-            draw_bars(against_speed, runs.speed, slip, factor * runs.errors.speed, of_slip)
-            draw_bars(against_radius, runs.radius, slip, factor * runs.errors.radius, of_slip)
+            bars = factor * runs.errors.slip[:, track]
+            against_speed.errorbar(runs.speed, slip, bars, factor * runs.errors.speed, **BARS)
+            against_radius.errorbar(runs.radius, slip, bars, factor * runs.errors.radius, **BARS)
         against_speed.set(ylabel=f"slip of the {name} track  i [–]", title=f"{name.capitalize()} track, against speed")
         against_radius.set_title(f"{name.capitalize()} track, against radius")
-        against_speed.set_ylim(limits_around(np.append(with_bars(runs, row, factor), at_observed)))
+        against_speed.set_ylim(limits_around(np.append(with_bars(runs, track, factor), published[:, track])))
     fastest = 1.1 * float(runs.speed.max()) + 0.01
     axes[1, 0].set(xlabel="measured speed v [m/s]", xlim=(-0.03 * fastest, fastest))
     show_radii(axes[1, 1], runs)
-    lines = any(is_narrow(runs.radius[group]) for group in by_radius)
-    best_line = [Line2D([], [], color="#777777", lw=1.0, label="best law")] if lines else []
-    dashed = Line2D([], [], color="#777777", ls="--", lw=0.9, label="Eq. 11 at the paper's radii")
-    curve_line = Line2D([], [], color=BLACK, ls="--", lw=1.2, label="Eq. 11")
-    by_speed_lines, by_radius_lines = [*best_line, dashed], [curve_line, *bar_key(factor)]
-    legends = [
-        [*axis.get_legend_handles_labels()[0], *lines]
-        for axis, lines in zip(axes[0], (by_speed_lines, by_radius_lines), strict=True)
-    ]
-    legend_below(figure, *legends, titles=("Left: observed R", "Right: measured v"), columnspacing=1.2)
+    left, right = (axis.get_legend_handles_labels()[0] for axis in axes[0])
+    if any(is_narrow(runs.radius[group]) for group in by_radius):
+        left.append(key("best law", color=_LINE, lw=1.0))
+    left.append(key("Eq. 11 at the paper's radii", color=_LINE, ls="--", lw=0.9))
+    right += [key("Eq. 11", **_EQ_11), *bar_key(factor)]
+    legend_below(figure, left, right, titles=("Left: observed R", "Right: measured v"), columnspacing=1.2)
     return figure
 
 
@@ -188,3 +187,52 @@ def _shade(radius: float, runs: InnerOuterSamples) -> tuple[float, float, float,
     least, most = float(runs.radius[runs.radius > 0].min(initial=min(OBSERVED_RADII))), float(runs.radius.max())
     share = np.log(max(radius, least) / least) / np.log(max(most, max(OBSERVED_RADII)) / least)
     return shade(RADII_SHADES, float(share))
+
+
+def is_wide(runs: InnerOuterSamples) -> bool:
+    """Whether the radii need a logarithmic axis, which excludes turns on the spot, of radius zero."""
+    return bool(0 < float(runs.radius.min()) < float(runs.radius.max()) / _WIDE)
+
+
+def curve_radii(runs: InnerOuterSamples) -> Array:
+    """Radii (m,) [m] for the curves of laws, reaching a little beyond the runs."""
+    least = max(0.85 * float(runs.radius.min()), _MIN_RADIUS)
+    most = max(1.08 * float(runs.radius.max()), _MIN_SPAN)
+    return np.geomspace(least, most, 300) if is_wide(runs) else np.linspace(least, most, 300)
+
+
+def show_radii(axes: Axes, runs: InnerOuterSamples) -> None:
+    """Set scale, limits, ticks and label: linear from zero, or logarithmic where the radii differ much."""
+    radius = curve_radii(runs)
+    axes.set_xlabel("observed radius R [m]")
+    if is_wide(runs):
+        axes.set(xscale="log", xlim=(radius[0], radius[-1]))
+        log_ticks(axes.xaxis)
+    else:
+        on_the_spot = float(runs.radius.min()) < _MIN_RADIUS
+        axes.set_xlim(-0.04 * radius[-1] if on_the_spot else 0.0, radius[-1])
+
+
+def bar_factor(runs: InnerOuterSamples) -> int:
+    """Factor 1, 2, 5, 10, 20, ... that makes the error bars visible; 0 where the errors are not known."""
+    if runs.errors is None:
+        return 0
+    typical = float(np.median(runs.errors.slip))
+    needed = _MIN_SEEN * float(np.ptp(runs.slip, axis=0).max()) / max(typical, 1e-300)
+    factors = [step * 10**power for power in range(6) for step in (1, 2, 5)]
+    return next((factor for factor in factors if factor >= needed), factors[-1])
+
+
+def with_bars(runs: InnerOuterSamples, track: int, factor: int) -> Array:
+    """Slips of a track and the ends of their bars, (n,) or (2 n,) [-], from which the limits of an axis follow."""
+    slip = runs.slip[:, track]
+    if runs.errors is None:
+        return slip
+    bar = factor * runs.errors.slip[:, track]
+    return np.concatenate([slip - bar, slip + bar])
+
+
+def bar_key(factor: int) -> list[Line2D]:
+    """The legend's entry for the error bars; empty where there are none."""
+    label = "bars: standard error" + (f" × {factor}" if factor > 1 else "")
+    return [key(label, marker="+", ms=8, ls="none", color=BARS["ecolor"])] if factor else []

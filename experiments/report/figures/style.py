@@ -7,10 +7,14 @@ from typing import Any
 import matplotlib
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from matplotlib.patheffects import withStroke
+from matplotlib.ticker import LogLocator, NullFormatter
 
-from experiments.report.colours import BLACK, BLUE, COLOURS, DASHES, GREEN, GREY, ORANGE, RED, SHADE
+from experiments.report.colours import BLACK, BLUE, GREY, ORANGE, RED, SHADE
+from experiments.report.laws import shown
 from trackslip.kinematics import Array
 
 INNER, OUTER = ORANGE, BLUE  # tracks
@@ -20,7 +24,6 @@ STYLE: dict[Any, Any] = {
     "axes.titlesize": 9.5,
     "axes.titleweight": "bold",
     "axes.titlelocation": "left",
-    "axes.titley": 1.0,  # as nothing is above the axes; matplotlib would measure all labels to find out
     "axes.spines.top": False,
     "axes.spines.right": False,
     "axes.grid": True,
@@ -30,7 +33,6 @@ STYLE: dict[Any, Any] = {
     "lines.linewidth": 1.5,
     "legend.frameon": False,
     "legend.fontsize": 8.0,
-    "path.simplify_threshold": 0.3,
 }
 RADII_SHADES, SPEED_SHADES = ("viridis", 0.6), ("plasma", 0.6)  # colour maps, and the share dark enough to be seen
 _EDGES = [withStroke(linewidth=5.2, foreground=GREY)]
@@ -40,6 +42,7 @@ RECIPE: dict[str, Any] = {"color": BLUE, "marker": "o"}  # the model's contacts 
 DEFAULT: dict[str, Any] = {"color": RED, "marker": "^"}  # MuJoCo's default contact
 THEORY: dict[str, Any] = {"color": BLACK, "lw": 1.0}
 _RIGHT, _BOTTOM, _TOP = 0.15, 0.5, 0.32  # margins around axes [in]
+_LETTER = 0.073  # width of a letter, on average [in]
 _LEGEND_ROW = 0.172  # height of a legend's row [in]
 POINTS = 500  # of a line that can be told apart at the figures' width
 
@@ -91,6 +94,11 @@ def _place(figure: Figure, rows: int, columns: int, left: float, across: float, 
     )
 
 
+def margin_for(labels: Sequence[str]) -> float:
+    """Width beside the axes that the labels of rows need [in]."""
+    return 0.25 + _LETTER * max(map(len, labels), default=0)
+
+
 def legend_below(
     figure: Figure, *legends: Sequence[Artist], ncols: int = 3, titles: Sequence[str] = (), **look: Any
 ) -> None:
@@ -136,4 +144,27 @@ def mark_span(axis: Axes, begin: float, end: float) -> None:
 
 def law_line(name: str, **more: Any) -> dict[str, Any]:
     """Keywords of the line of the slip law or compensation `name`."""
-    return {"color": COLOURS.get(name, GREEN), "linestyle": DASHES.get(name, "-"), **more}
+    law = shown(name)
+    return {"color": law.colour, "linestyle": law.dashes, **more}
+
+
+def key(label: str, **look: Any) -> Line2D:
+    """An entry of a legend."""
+    return Line2D([], [], label=label, **look)
+
+
+def zero_line(axes: Axes) -> None:
+    """Mark the value zero."""
+    axes.axhline(0, color="#888888", lw=0.8, zorder=1)
+
+
+def log_ticks(axis: Axis, steps: Sequence[float] = (1.0, 2.0, 5.0)) -> None:
+    """Label a logarithmic axis with plain numbers, several in a decade."""
+    axis.set_major_locator(LogLocator(subs=steps))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_formatter(NullFormatter())
+
+
+def plane(axes: Axes, **more: Any) -> None:
+    """Make axes a map of the ground; `more` is as for Axes.set."""
+    axes.set(aspect="equal", **{"xlabel": "x [m]", "ylabel": "y [m]", **more})

@@ -44,7 +44,7 @@ class _SingleEnvironment:
     def __init__(self, seed: int) -> None:
         self._env = gymnasium.make(ENV, **OPTIONS)
         self._seen = self._env.reset(seed=seed)[0]
-        fleet = self._env.unwrapped.tracking.fleet  # type: ignore[attr-defined]
+        fleet = self._env.unwrapped.task.fleet  # type: ignore[attr-defined]
         self._motion = SameMotion(fleet, PERIOD)
         self.shares(_UNDER_WAY)
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from experiments.measuring.check import Check
 from experiments.measuring.grid import RadiusSummary, published_radii
+from experiments.measuring.sightings import sightings
 from experiments.parallel.early import load_drawing
 from experiments.parallel.executors import helped
-from experiments.report.figures.localization import sightings
 from experiments.report.reproduction import Report, figures_of, published_beside, render
 from experiments.reproducing.figures import Figures
 from experiments.speed.pipeline.reproduce import reproduce_seconds

@@ -123,24 +123,6 @@ def test_what_is_tied_together_is_told(trackslip, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--target", "nowhere.csv"), "nowhere.csv: no such file"),
-        (("--target", ""), "--target = '': must be non-empty"),
-        (("--free", "com_y", "com_y"), "free = ('com_y', 'com_y'): must be all different"),
-        (("--starts", "-1"), "starts = -1"),
-        (("--robot", "nowhere.toml"), "nowhere.toml: No such file"),
-    ],
-)
-def test_mistakes_get_one_line(refused, arguments, message):
-    assert message in refused("calibrate", *arguments)
-
-
-def test_a_parameter_that_does_not_exist_is_rejected(rejected):
-    assert "invalid choice 'mass'" in rejected("calibrate", "--free", "mass")
-
-
-@pytest.mark.parametrize(
     ("row", "message"),
     [
         ("0,0.1,0.6,0.05,-0.1", "row 1, column radius: 0 must be > 0"),

@@ -61,26 +61,3 @@ def test_the_same_seed_gives_the_same_file(trackslip, tmp_path, motion):
         files.append((result.folder / "runs.parquet").read_bytes())
     assert files[0] == files[1]
     assert files[0] != files[2]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--drives", "0"), "drives = 0: must be an integer from 1 to 1000"),
-        (("--duration", "0.03"), "duration = 0.03: must be at least 0.04 s, two readings"),
-        (("--max-speed", "0.4"), "max_speed = 0.4: must be at most drive.top_speed = 0.3 m/s"),
-        (("--acceleration", "0"), "acceleration = 0.0: must be a finite number > 0"),
-        (("--encoder-rate", "30"), "encoder_rate = 30.0: must be a rate whose period is a multiple of drive.period"),
-        (("--source.rate", "-1"), "source.rate = -1.0: must be a finite number > 0"),
-        (("--source.jitter", "0.1"), "source.jitter = 0.1: must be at most 0.02 s, 0.2 of a period"),
-        (("--source.outliers", "1"), "source.outliers = 1.0: must be at least 0 and less than 1"),
-        (("--law.offset", "0.1"), "law.offset = 0.1: must be left out without --motion law"),
-        (("--law.lag", "2"), "law.lag = 2.0: must be at most 1 s"),
-        (("--motion", "law", "--ground", "ice"), "ground = 'ice': must be left out with --motion law"),
-        (("--motion", "law", "--radius-error", "0.1"), "radius_error = 0.1: must be left out with --motion law"),
-        (("--motion", "law", "--drive.lag", "0.1"), "drive.lag = 0.1: must be left out with --motion law"),
-        (("--robot", "none.toml"), "none.toml"),
-    ],
-)
-def test_mistakes(refused, arguments, message):
-    assert message in refused("wander", *arguments)

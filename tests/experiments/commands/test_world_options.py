@@ -62,26 +62,29 @@ def test_predict_takes_a_robot_file(trackslip, tmp_path):
     ] == pytest.approx(2 * law)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--ground", "mud"), "ground = 'mud': must be one of stone, concrete"),
-        (("--ground", ""), "ground = ''"),
-        (("--ground", "nowhere.toml"), "nowhere.toml: No such file"),
-        (("--ground.across", "-1"), "ground.across = -1.0: must be a finite number > 0"),
-        (("--ground.slope", "0.9"), "slope = 0.9: must be less than the friction angle"),
-        (("--ground.slope", "-0.1"), "ground.slope = -0.1"),
-        (("--ground.slope", "10"), "ground.slope = 10.0: must be at most 1.5 rad"),
-        (("--robot", "nowhere.toml"), "nowhere.toml: No such file"),
-        (("--drive.motor.gear", "0"), "gear = 0.0"),
-        (("--drive.torque-limit", "0.1"), "drive.torque_limit = 0.1: must be more than motor.friction"),
-    ],
-)
-def test_mistakes_get_one_line(refused, arguments, message):
-    assert message in refused("grid", *SHORT, *arguments)
+def test_a_robot_too_heavy_for_its_motors_is_told_so(trackslip, tmp_path):
+    """It drives, but not as it should: the summary says which run, and for how long."""
+    path = tmp_path / "heavy.toml"
+    path.write_text("mass = 100\n")
+    result = trackslip("grid", "--radii", "1.0", "--speeds", "0.1", "--duration", "6", "--robot", str(path))
+    (warning,) = result.summary["warnings"]
+    assert warning.startswith("run 'radius=1.0 speed=0.1': a motor is at its limit for ")
+    assert warning in result.printed
+    assert result.manifest["robot"]["mass"] == 100.0
 
 
-def test_bad_files_get_one_line(refused, tmp_path):
-    (tmp_path / "bad.toml").write_text("along = [")
-    for option in ("--ground", "--robot"):
-        assert "bad.toml: not TOML" in refused("grid", *SHORT, option, str(tmp_path / "bad.toml"))
+def test_a_grid_among_posts_remembers_them(trackslip):
+    found = trackslip("grid", *SHORT, "--obstacles", "posts", "--scanner.quantisation", "0.01")
+    assert len(found.manifest["obstacles"]["posts"]) == 5
+    assert found.manifest["obstacles"]["walls"] == []
+    assert found.manifest["config"]["obstacles"] == "posts"
+    assert found.manifest["config"]["scanner"]["quantisation"] == 0.01
+    assert found.summary["localization"]["valid_fraction"] > 0.5
+
+
+def test_closed_loop_with_walls_from_a_file(trackslip, tmp_path):
+    path = tmp_path / "field.toml"
+    path.write_text("[[walls]]\nx0 = -9\ny0 = 9\nx1 = 9\ny1 = 9\n")
+    circle = ("--reference", "circle", "--circle-duration", "5")
+    found = trackslip("track", *circle, "--obstacles", str(path), "--scanner.scan-duration", "0.0133")
+    assert found.manifest["obstacles"]["walls"] == [{"x0": -9.0, "y0": 9.0, "x1": 9.0, "y1": 9.0}]

@@ -6,7 +6,7 @@ from identified import GEOMETRY, driven, grid
 
 from experiments.measuring.inner_outer import InnerOuterSamples, slip_at
 from experiments.measuring.value_groups import group_label, repeated, value_groups
-from experiments.report.figures.axes import bar_factor, bar_key
+from experiments.report.figures.steady_runs import bar_factor, bar_key
 from trackslip.slip.exponential import PUBLISHED
 from trackslip.slip.icr import IcrSides
 

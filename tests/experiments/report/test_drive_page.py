@@ -8,7 +8,7 @@ import pytest
 from browser import assert_fits
 from identified import driven, grid, identified
 
-from experiments.report.colours import LABELS
+from experiments.report.laws import shown
 from experiments.report.library import identification_page
 from experiments.report.reproduction import Report, render
 
@@ -72,7 +72,7 @@ def test_both_stand_on_one_page(two_drives, method):
     assert words.count("run 9 : it is 0.3 off.") == 1
     assert words.count("half the distance between the tracks' centre lines") == 1
     assert ("the laws above are the result" in words) == (method == "steady")
-    assert words.count(f"{LABELS['icr_radius']} best") >= 2
+    assert words.count(f"{shown('icr_radius').title} best") >= 2
 
 
 def test_what_was_left_out_and_warnings_are_listed_once(two_drives):

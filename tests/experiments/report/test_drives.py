@@ -8,7 +8,7 @@ from wandered import LAWS, compared, wandered
 
 from experiments.report import drives as tables
 from experiments.report.formats import MISSING
-from experiments.report.law_rows import law_table
+from experiments.report.laws import law_table
 
 
 def test_laws_with_errors_and_intervals_the_best_predictions_first(two_drives):

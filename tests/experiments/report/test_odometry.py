@@ -1,17 +1,18 @@
 """The page of odometry's errors: what its figures show is what was found, and they draw without a warning."""
 
-import io
 import re
 import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
 from drives import EXACT, GEOMETRY, ICR, STILL, drive_log
+from figures import assert_readable
 
 from experiments.odometry import clock_doubt, evaluated
-from experiments.report.colours import COLOURS, GREY
+from experiments.report.colours import GREY
 from experiments.report.figures import odometry as figures
 from experiments.report.formats import MISSING
+from experiments.report.laws import shown
 from experiments.report.odometry import gain, tables
 from experiments.report.odometry_page import render
 from sim.wander.pose_source import PoseSource
@@ -46,13 +47,8 @@ def blind():
     return found_on(drive_log(1, 50.0, PoseSource(rate=5.0, heading=False), STILL))
 
 
-def drawn(figure):
-    figure.savefig(io.BytesIO(), format="svg")
-    return figure
-
-
 def test_paths_of_the_longest_drive(found):
-    left, right = drawn(figures.paths(found)).axes
+    left, right = assert_readable(figures.paths(found)).axes
     measured, *laws = left.lines
     assert measured.get_color() == GREY
     drive = found[0].errors.trajectories[1]
@@ -61,7 +57,7 @@ def test_paths_of_the_longest_drive(found):
         placed = one.errors.trajectories[1].placed
         np.testing.assert_array_equal(line.get_ydata(), placed[:, 1])
         np.testing.assert_array_equal(placed[0], drive.measured[0])
-        assert line.get_color() == COLOURS[one.used.name]
+        assert line.get_color() == shown(one.used.name).colour
     widths = [line.get_linewidth() for line in laws]
     assert widths[0] == widths[1] != widths[2]
     worst = [np.nanmax(line.get_ydata()) for line in right.lines]
@@ -72,20 +68,20 @@ def test_logarithmic_axes_have_several_labels(found, alike):
     assert alike
     for some in (found, alike):
         for figure in (figures.paths(some), figures.errors_over_way(some)):
-            for axis in [axis for axis in drawn(figure).axes if axis.get_yscale() == "log"]:
+            for axis in [axis for axis in assert_readable(figure).axes if axis.get_yscale() == "log"]:
                 low, high = axis.get_ylim()
                 assert 2 <= sum(low <= at <= high for at in axis.get_yticks()) <= 12
 
 
 def test_errors_over_the_way(found, blind):
-    position, heading = drawn(figures.errors_over_way(found)).axes
+    position, heading = assert_readable(figures.errors_over_way(found)).axes
     for line, one in zip(position.lines, found, strict=True):
         expected = [100 * errors.position_per_way for errors in one.errors.after_metres.values()]
         np.testing.assert_allclose(line.get_ydata(), expected)
         np.testing.assert_array_equal(line.get_xdata(), [*one.errors.after_metres])
     assert heading.get_ylabel() == "mean error [°/m]"
-    assert len(drawn(figures.errors_over_way(blind)).axes) == 1
-    drawn(figures.paths(blind))
+    assert len(assert_readable(figures.errors_over_way(blind)).axes) == 1
+    assert_readable(figures.paths(blind))
 
 
 def test_the_page_says_what_was_found(found, blind):

@@ -11,9 +11,9 @@ from spin import spun_before_the_scanner
 from experiments.measuring.grid import RadiusSummary
 from experiments.measuring.inner_outer import InnerOuterSamples
 from experiments.measuring.paper_comparison import Quantity
-from experiments.report.colours import LABELS
 from experiments.report.figures.laws import fitted_laws
 from experiments.report.figures.steady_runs import slip_against_speed_and_radius
+from experiments.report.laws import shown
 from experiments.report.reproduction import Report, render
 from trackslip.slip.exponential import PUBLISHED
 
@@ -66,7 +66,7 @@ def test_every_figure_is_there(page):
 def test_tables_show_every_law_with_errors_intervals_and_criteria(page):
     words = text_of(page)
     for name in ("none", "constant", "exponential", "icr", "icr_radius", "published"):
-        assert words.count(LABELS[name]) >= 2
+        assert words.count(shown(name).title) >= 2
     assert re.search(r"D \d+\.\d+ ± \d\.\d+ mm \d+\.\d+ to \d+\.\d+", words)
     assert re.search(r"ε 0\.\d+ ± 0\.\d+ % 0\.\d+ to", words)
     assert "constant ICR with ε best" in words

@@ -138,7 +138,7 @@ def test_fleets_of_long_runs_are_small_enough_for_their_memory(duration, largest
         (("--grounds", "\udcff.toml"), "must be valid UTF-8"),
         (("--grounds", "moon"), "ground = 'moon': must be one of stone"),
         (("--seeds", "-1"), "seed = -1: must be an integer >= 0"),
-        (("--executor", "cloud"), "executor = 'cloud': must be processes, inline, mpi or dask://HOST:PORT"),
+        (("--executor", "cloud"), "executor = 'cloud': must be processes, inline or dask://HOST:PORT"),
         (("--executor", "dask://:"), "executor = 'dask://:': must be processes"),
         (
             ("--vary", "motion=arc", "--vary", "duration=4,6"),

@@ -10,7 +10,7 @@ from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode
 
 from sim.network import Network
-from sim.task_options import from_options
+from sim.task_env import from_options
 from sim.terrain import Course, Flat, Rough, Step
 from sim.traverse.config import Reward, TraverseConfig
 from sim.traverse.outcome import Limits, Outcome

@@ -1,34 +1,25 @@
-"""Figures of whole drives: what they show is what was found, and they draw without a warning."""
-
-import io
+"""Figures of whole drives: what they show is what was found."""
 
 import numpy as np
 import pytest
+from figures import assert_readable
 from wandered import compared, wandered
 
-from experiments.report.colours import COLOURS, RED
-from experiments.report.figures import drive_path, drives
-
-UNITS = {"mm", "m", "s", "ms", "°", "–"}
-
-
-def drawn(figure):
-    figure.savefig(io.BytesIO(), format="svg")
-    named = [text for axis in figure.axes for text in (axis.get_xlabel(), axis.get_ylabel()) if text]
-    assert all(text[text.rindex("[") + 1 : -1] in UNITS for text in named)
-    return figure
+from experiments.report.colours import RED
+from experiments.report.figures import drives
+from experiments.report.laws import shown
 
 
 def test_the_path_with_outlying_poses_and_predictions(two_drives):
     found = two_drives.drive
-    figure = drawn(drive_path.path_and_predictions(found))
+    figure = assert_readable(drives.path_and_predictions(found))
     left, right = figure.axes
     (crosses,) = [line for line in left.lines if line.get_marker() == "x"]
     assert crosses.get_color() == RED
     assert len(crosses.get_xdata()) >= 4
     assert right.get_title(loc="left") == "Predicted 10 s ahead, from the dots"
     colours = {line.get_color() for line in right.lines}
-    assert all(COLOURS[name] in colours for name in drive_path.compared(found))
+    assert all(shown(name).colour in colours for name in drives.compared(found))
 
 
 @pytest.mark.parametrize("headings", [True, False])
@@ -36,7 +27,7 @@ def test_predicted_paths_end_where_the_errors_say(two_drives, without_headings, 
     found = (two_drives if headings else without_headings).drive
     fit, predictions = found.laws["icr"].fit, found.predictions["icr"]
     for k in np.linspace(0, len(predictions.start) - 1, 7).astype(int):
-        path = drive_path.predicted_path(fit, predictions, int(k))
+        path = drives.predicted_path(fit, predictions, int(k))
         start = predictions.start[k]
         turn = predictions.heading[k]
         forwards, left = predictions.error[k, :2]
@@ -51,10 +42,10 @@ def test_residuals_of_poses_are_of_the_noise_s_size(two_drives):
     assert np.std(error[kept, 0]) == pytest.approx(law.noise["position"], rel=0.25)
     assert np.std(error[kept, 2]) == pytest.approx(law.noise["heading"], rel=0.25)
     assert np.hypot(*error[~kept, :2].T).max() > 0.5
-    assert len(drawn(drives.residuals_over_time(law)).axes) == 3
+    assert len(assert_readable(drives.residuals_over_time(law)).axes) == 3
 
 
-def test_steps_between_drives_are_not_drawn(two_drives):
+def test_steps_between_drives_are_not_assert_readable(two_drives):
     law = two_drives.drive.laws["icr_radius"]
     slip, linked = drives.step_residuals(law.fit)
     between = law.fit.nodes.first[1] - 1
@@ -65,34 +56,34 @@ def test_steps_between_drives_are_not_drawn(two_drives):
 
 def test_without_headings_a_panel_less(without_headings):
     law = without_headings.drive.laws["icr_radius"]
-    assert len(drawn(drives.residuals_over_time(law)).axes) == 2
-    assert len(drawn(drives.prediction_errors(without_headings.drive)).axes) == 1
+    assert len(assert_readable(drives.residuals_over_time(law)).axes) == 2
+    assert len(assert_readable(drives.prediction_errors(without_headings.drive)).axes) == 1
 
 
 def test_prediction_errors_of_every_law(two_drives):
     found = two_drives.drive
-    figure = drawn(drives.prediction_errors(found))
+    figure = assert_readable(drives.prediction_errors(found))
     assert [axis.get_ylabel() for axis in figure.axes] == ["rms error [m]", "rms error [°]"]
     (legend,) = figure.legends
     assert len(legend.get_texts()) == len(found.laws)
-    assert [text.get_text() for text in legend.get_texts() if "best" in text.get_text()] != []
+    assert legend.get_texts()[0].get_text().endswith("best")
 
 
 def test_the_clock_offset_lies_in_the_valley(two_drives):
     found = two_drives.drive
-    (axis,) = drawn(drives.clock_offset(found)).axes
+    (axis,) = assert_readable(drives.clock_offset(found)).axes
     offset, rise = axis.lines[0].get_data()
     assert offset[np.argmin(rise)] == pytest.approx(1e3 * found.laws[found.best].extras["clock_offset"], abs=0.5)
 
 
 def test_correlations_have_a_cell_for_each_pair(two_drives):
     law = two_drives.drive.laws["icr_radius"]
-    (axis,) = drawn(drives.drive_correlations(law)).axes
+    (axis,) = assert_readable(drives.drive_correlations(law)).axes
     assert len(axis.texts) == len(law.free) ** 2
 
 
 def test_a_drive_too_short_to_predict():
     found = compared(wandered(duration=3.0), names=("icr_radius",))
-    figure = drawn(drive_path.path_and_predictions(found))
+    figure = assert_readable(drives.path_and_predictions(found))
     assert figure.axes[1].get_title(loc="left").startswith(("Predicted", "No prediction"))
-    drawn(drives.prediction_errors(found))
+    assert_readable(drives.prediction_errors(found))

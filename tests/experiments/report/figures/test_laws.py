@@ -1,25 +1,23 @@
-"""Figures of an identification: every law in them, units on the axes, error bars where errors are known."""
+"""Figures of an identification from steady runs: every law in them, error bars where errors are known."""
 
+import numpy as np
 import pytest
+from figures import assert_readable, legend_texts
 from identified import GEOMETRY, driven, grid, identified
+from matplotlib.container import ErrorbarContainer
+from spin import spun_before_the_scanner
 
+from experiments.measuring.grid import RadiusSummary
 from experiments.measuring.inner_outer import InnerOuterSamples
-from experiments.report.colours import COLOURS, DASHES, LABELS
-from experiments.report.figures import laws as law_figures
-from experiments.report.figures import steady_runs as figures
-from experiments.report.figures.axes import BARS
-from experiments.report.law_symbols import FORMULAS, SYMBOLS, unit_of
+from experiments.report.figures import laws as figures
+from experiments.report.figures import steady_runs
+from experiments.report.laws import LAWS, SYMBOLS, shown, unit_of
 from trackslip.slip.families import FAMILIES
 
 
-@pytest.fixture(scope="module")
-def known():
-    return identified(driven(grid()))
-
-
-@pytest.fixture(scope="module")
-def unknown():
-    return identified(driven(grid(), errors=False))
+@pytest.fixture(scope="module", params=[True, False], ids=["errors known", "errors unknown"])
+def found(request):
+    return identified(driven(grid(), errors=request.param))
 
 
 def turns_of(found):
@@ -27,101 +25,93 @@ def turns_of(found):
 
 
 def bars(figure):
-    """Lines of error bars in all axes of a figure."""
-    return sum(line.get_color() == BARS["color"] for axis in figure.axes for line in axis.lines)
+    """Sets of error bars in all axes of a figure."""
+    return sum(isinstance(part, ErrorbarContainer) for axes in figure.axes for part in axes.containers)
 
 
-def labels(figure):
-    legends = [*figure.legends, *(axis.get_legend() for axis in figure.axes if axis.get_legend())]
-    return [text.get_text() for legend in legends for text in legend.get_texts()]
-
-
-def assert_units(figure):
-    """Every label of an axis ends in a unit in brackets."""
-    named = [text for axis in figure.axes for text in (axis.get_xlabel(), axis.get_ylabel()) if text]
-    assert named
-    assert all(text.endswith("]") for text in named)
-
-
-def test_every_family_has_a_look_a_name_and_a_formula():
+def test_every_family_is_shown_with_its_formula_and_symbols():
     for name, family in FAMILIES.items():
-        assert name in COLOURS
-        assert name in LABELS
-        assert name in FORMULAS
+        assert name in LAWS
+        assert shown(name).formula != shown("a law of the user").formula
         for parameter in family.names:
             assert parameter in SYMBOLS
             assert unit_of(name, parameter)[1] in ("", "mm", "%", "1/m", "s/m")
-    looks = {(COLOURS[name], str(DASHES[name])) for name in COLOURS}
-    assert len(looks) == len(COLOURS) == len(LABELS) == len(DASHES)
 
 
-def test_slip_against_speed_and_radius(known, unknown):
-    for found, drawn in ((known, 4), (unknown, 0)):
-        best = found.comparison.laws["icr_radius"]
-        figure = figures.slip_against_speed_and_radius(turns_of(found), best)
-        assert bars(figure) == drawn
-        assert_units_of_outer_axes(figure)
-        assert {"0.60 m", "best law", "Eq. 11"} <= set(labels(figure))
+def test_pose_velocity_and_truth_of_a_run():
+    log = spun_before_the_scanner(400)
+    figure = assert_readable(steady_runs.pose_and_velocity(log))
+    position = figure.axes[0]
+    x, y, *true = position.lines
+    assert [line.get_label() for line in (x, y)] == ["x", "y"]
+    np.testing.assert_allclose(true[0].get_ydata(), log.truth.pose[:, 0])
+    assert "truth" in legend_texts(figure)
 
 
-def assert_units_of_outer_axes(figure):
-    assert [axis.get_xlabel() for axis in figure.axes[2:]] == ["measured speed v [m/s]", "observed radius R [m]"]
-    assert all("[–]" in axis.get_ylabel() for axis in figure.axes[::2])
+def test_slip_against_speed_and_radius(found):
+    turns = turns_of(found)
+    figure = assert_readable(steady_runs.slip_against_speed_and_radius(turns, found.comparison.laws["icr_radius"]))
+    assert bars(figure) == (4 if turns.errors is not None else 0)
+    assert {"0.60 m", "best law", "Eq. 11"} <= set(legend_texts(figure))
 
 
-def test_all_laws_are_drawn_through_the_samples(known, unknown):
-    for found, drawn in ((known, 2), (unknown, 0)):
-        figure = law_figures.fitted_laws(turns_of(found), found.comparison)
-        assert_units(figure)
-        assert bars(figure) == drawn
-        laws = law_figures.shown_laws(found.comparison)
-        assert next(iter(laws)) == found.comparison.ranking[0]
-        assert list(laws)[-1] == "published"
-        for axis in figure.axes:
-            colours = [line.get_color() for line in axis.lines]
-            assert all(COLOURS[name] in colours for name in laws)
-        shown = labels(figure)
-        assert all(any(text.startswith(LABELS[name]) for text in shown) for name in laws)
-        assert f"{LABELS['icr_radius']} – best" in shown
+def test_published_and_simulated(found):
+    radius = RadiusSummary((0.5, 1.0), np.array([0.63, np.nan]), np.array([0.62, 1.34]), 0.01)
+    driven_radii, _ = assert_readable(steady_runs.published_and_simulated(radius, turns_of(found))).axes
+    np.testing.assert_array_equal(driven_radii.lines[-1].get_ydata(), radius.observed)
 
 
-def test_residuals_have_a_panel_for_each_law(known, unknown):
-    for found, meaning in ((known, "standard errors"), (unknown, "scatter")):
-        figure = law_figures.residuals(turns_of(found), found.comparison)
-        shown = [axis.get_title(loc="left") for axis in figure.axes if axis.get_visible()]
-        assert len(shown) == len(found.comparison.laws) + 1
-        assert_units(figure)
-        assert len({axis.get_ylim() for axis in figure.axes}) == 1
-        assert meaning in labels(figure)[-1]
+def test_all_laws_are_drawn_through_the_samples(found):
+    turns = turns_of(found)
+    figure = assert_readable(figures.fitted_laws(turns, found.comparison))
+    assert bars(figure) == (2 if turns.errors is not None else 0)
+    laws = figures.shown_laws(found.comparison)
+    assert list(laws) == [*found.comparison.ranking, "published"]
+    for axes in figure.axes:
+        assert {shown(name).colour for name in laws} <= {line.get_color() for line in axes.lines}
+    assert f"{shown('icr_radius').title} – best" in legend_texts(figure)
 
 
-def test_criteria_stand_side_by_side(known):
-    figure = law_figures.criteria(known.comparison)
+def test_wide_radii_have_a_logarithmic_axis():
+    found = identified(driven([(0.1, 0.1 / radius) for radius in np.geomspace(0.4, 14, 10)]), ("icr", "icr_radius"))
+    figure = assert_readable(figures.fitted_laws(turns_of(found), found.comparison))
+    assert all(axes.get_xscale() == "log" for axes in figure.axes)
+
+
+@pytest.mark.parametrize("count", [3, 5], ids=["free cells", "no free cell"])
+def test_residuals_have_a_panel_for_each_law(found, count):
+    some = identified(found.samples, ("icr_radius", "icr", "constant", "none", "exponential")[:count])
+    figure = assert_readable(figures.residuals(turns_of(some), some.comparison))
+    panels = [axes for axes in figure.axes if axes.axison]
+    assert [axes.get_title(loc="left").removesuffix(" – best") for axes in panels] == [
+        shown(name).title for name in figures.shown_laws(some.comparison)
+    ]
+    assert len({axes.get_ylim() for axes in panels}) == 1
+    meaning = "scatter" if turns_of(found).errors is None else "standard errors"
+    assert meaning in legend_texts(figure)[-1]
+
+
+def test_criteria_stand_side_by_side(found):
+    figure = assert_readable(figures.criteria(found.comparison))
     assert len(figure.axes) == 4
-    assert_units(figure)
-    names = [text.get_text() for text in figure.axes[0].get_yticklabels()]
-    assert names == [LABELS[name] for name in known.comparison.ranking]
-    bold = [text.get_text() for text in figure.axes[0].get_yticklabels() if text.get_fontweight() == "bold"]
-    assert bold == [LABELS["icr_radius"]]
+    names = figure.axes[0].get_yticklabels()
+    assert [text.get_text() for text in names] == [shown(name).title for name in found.comparison.ranking]
+    bold = [text.get_text() for text in names if text.get_fontweight() == "bold"]
+    assert bold == [shown("icr_radius").title]
 
 
 def test_criteria_that_are_not_known_are_said_to_be():
     found = identified(driven(grid()[:4], errors=False), ("constant", "icr", "icr_radius"), determined=False)
-    figure = law_figures.criteria(found.comparison)
-    said = [text.get_text() for axis in figure.axes for text in axis.texts]
-    assert said == ["not known"] * 12
+    figure = figures.criteria(found.comparison)
+    assert [text.get_text() for axes in figure.axes for text in axes.texts] == ["not known"] * 12
 
 
-def test_correlations_of_the_best_law_and_the_paper_s(known):
-    laws = law_figures.correlated_laws(known.comparison)
+def test_correlations_of_the_best_law_and_the_paper_s(found):
+    laws = figures.correlated_laws(found.comparison)
     assert [law.name for law in laws] == ["icr_radius", "exponential"]
-    figure = law_figures.correlations(laws)
-    written = [[text.get_text() for text in axis.texts] for axis in figure.axes]
+    figure = assert_readable(figures.correlations(laws))
+    written = [[text.get_text() for text in axes.texts] for axes in figure.axes]
     assert [len(texts) for texts in written] == [4, 16]
-    assert written[0][0] == "1"
-    assert f"{laws[0].correlation[0, 1]:+.2f}".replace("-", "−") == written[0][1]
-
-
-def test_a_law_of_one_parameter_has_no_correlations():
-    found = identified(driven(grid()), ("icr",), best="icr")
-    assert law_figures.correlated_laws(found.comparison) == []
+    assert written[0][:2] == ["1", f"{laws[0].correlation[0, 1]:+.2f}".replace("-", "−")]
+    one = identified(driven(grid()), ("icr",), best="icr")
+    assert figures.correlated_laws(one.comparison) == []

@@ -6,13 +6,14 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 import pytest
+from figures import assert_readable
 from matplotlib.colors import to_rgb
 
 import experiments
 from experiments.report import colours
-from experiments.report.colours import COLOURS, DASHES, LABELS
 from experiments.report.figures.leaderboard import controller_line
-from experiments.report.figures.style import RADII_SHADES, SPEED_SHADES, shade
+from experiments.report.figures.style import RADII_SHADES, SPEED_SHADES, key, legend_below, shade, styled, subplots
+from experiments.report.laws import LAWS
 
 MIN_CONTRAST = 3.0  # WCAG 2.1, success criterion 1.4.11: graphical objects
 TEMPLATE = (Path(experiments.__file__).parent / "report" / "templates" / "base.html.j2").read_text(encoding="utf-8")
@@ -51,7 +52,7 @@ def test_a_figures_white_becomes_the_dark_cards_colour():
     "colour",
     [
         *(value for name in ("BLUE", "ORANGE", "GREEN", "RED", "BLACK", "GREY") if (value := vars(colours)[name])),
-        *COLOURS.values(),
+        *(law.colour for law in LAWS.values()),
         *(controller_line(k)["color"] for k in range(10)),
         *(shade(shades, share) for shades in (RADII_SHADES, SPEED_SHADES) for share in np.linspace(0, 1, 9)),
     ],
@@ -63,8 +64,7 @@ def test_lines_and_symbols_stand_out_from_the_page(colour):
 
 
 def test_laws_differ_without_colour():
-    assert set(COLOURS) == set(DASHES) == set(LABELS)
-    assert len({str(dash) for dash in DASHES.values()}) == len(DASHES)
+    assert len({str(law.dashes) for law in LAWS.values()}) == len(LAWS)
     looks = [controller_line(k) for k in range(70)]
     assert len({(look["color"], str(look["linestyle"])) for look in looks}) == 70
     assert len({str(look["linestyle"]) for look in looks[:7]}) == 7
@@ -80,3 +80,26 @@ def test_no_figure_has_a_colour_of_its_own_too_pale_to_see():
 def test_shades_end_where_they_still_can_be_seen():
     name, top = RADII_SHADES
     assert shade(RADII_SHADES, 1.0) == matplotlib.colormaps[name](top)
+
+
+def test_margins_and_gaps_are_as_asked_for():
+    figure, axes = subplots(4.0, 2, 3, left=1.0, across=0.4, down=0.5)
+    size = figure.get_size_inches()
+    boxes = [axis.get_position() for axis in axes.ravel()]
+    assert boxes[0].x0 * size[0] == pytest.approx(1.0)
+    assert (boxes[1].x0 - boxes[0].x1) * size[0] == pytest.approx(0.4)
+    assert (boxes[0].y0 - boxes[3].y1) * size[1] == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("entries", [1, 3, 4, 12])
+def test_a_legend_below_makes_the_figure_higher_and_leaves_the_axes_alone(entries):
+    @styled
+    def draw(entries):
+        figure, axes = subplots(3.0)
+        axes.set_xlabel("time [s]")
+        if entries:
+            legend_below(figure, [key(f"law {k}") for k in range(entries)])
+        return assert_readable(figure)
+
+    without, figure = (draw(count).axes[0].get_window_extent() for count in (0, entries))
+    assert (figure.width, figure.height) == pytest.approx((without.width, without.height))

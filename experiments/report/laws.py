@@ -1,0 +1,134 @@
+"""Slip laws as reports show them: title, colour, line, formula, and the symbols and units of their parameters."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE, RED
+from experiments.report.formats import MISSING
+from trackslip.identification.drive.model import EXTRAS
+from trackslip.slip.families import FAMILIES
+
+
+@dataclass(frozen=True)
+class ShownLaw:
+    """How a slip law, or a compensation by one, is shown."""
+
+    title: str
+    colour: str = GREEN
+    dashes: Any = "-"
+    """Its line style in matplotlib."""
+    formula: Sequence[str] = (MISSING,)
+    """Lines."""
+
+
+_EXPONENTIAL = ("i = α exp(β R)",)
+LAWS = {
+    "none": ShownLaw("no slip assumed", RED, (0, (12, 1.5)), ("i = 0",)),
+    "published": ShownLaw("published law (Eq. 11)", BLACK, "--", _EXPONENTIAL),
+    "constant": ShownLaw("constant slip", GREY, (0, (6, 2)), ("i the same at every radius",)),
+    "exponential": ShownLaw("exponential", "#CC79A7", "-.", _EXPONENTIAL),
+    "exponential_speed": ShownLaw(
+        "exponential with speed", ORANGE, (0, (6, 1.5, 1, 1.5, 1, 1.5)), ("i = (α + γ v) exp(β R)",)
+    ),
+    "power": ShownLaw("power of radius", GREEN, (0, (3, 1.5)), ("i = α (1 + R / b)ᵝ",)),
+    "hyperbola": ShownLaw("hyperbola", "#8C510A", (0, (4, 1.5, 1, 1.5)), ("outer: a / (R + p)", "inner: −a / (R − p)")),
+    "icr": ShownLaw("constant ICR", "#3A93C9", (0, (2, 1)), ("outer: D / (R + b + D)", "inner: −D / (R − b − D)")),
+    "icr_radius": ShownLaw(
+        "constant ICR with ε",
+        BLUE,
+        "-",
+        ("outer: 1 − (1 + ε)(R + b) / (R + b + D)", "inner: 1 − (1 + ε)(R − b) / (R − b − D)"),
+    ),
+    "turn_loss": ShownLaw(
+        "constant ICR with turn loss",
+        "#A63D6F",
+        (0, (8, 2, 2, 2)),
+        ("w as above, v = s (1 − g sin²θ)", "s: the belts' mean speed, tan θ = (b + D) w / s"),
+    ),
+    "icr_load": ShownLaw(
+        "constant ICR with slip under load",
+        "#2B7A78",
+        (0, (10, 2, 2, 2, 2, 2)),
+        ("as icr_radius, with v + t √((C v)² + (S w)²) for v", "t: traction over load"),
+    ),
+    "icr_sides": ShownLaw(
+        "constant ICR, two-sided",
+        "#6A3D9A",
+        (0, (2, 2.5)),
+        ("as icr_radius, with D and ε", "of the left and the right track"),
+    ),
+    "online": ShownLaw("online", "#117733", (0, (5, 1))),
+    "online_load": ShownLaw("online, with slip under load", "#4B6A1E", (0, (5, 1, 2, 1))),
+    "online_cold": ShownLaw("online, from nothing", "#999933", (0, (5, 1, 1, 1))),
+}
+"""By name in files and options. Colours follow Okabe and Ito's palette, with a contrast of at least 3 : 1 on the light
+page and on the dark one, where the style sheet inverts figures; all dashes differ, to be told apart without colour."""
+
+_LETTERS = {
+    "alpha": "α", "beta": "β", "gamma": "γ", "slip": "i", "size": "a", "pole": "p", "offset": "D", "radius_error": "ε",
+    "turn_loss": "g", "compliance": "C", "turn_compliance": "S"
+}  # fmt: skip
+_TRACKS = ("", " outer", " inner", " left", " right")
+SYMBOLS = {
+    f"{name}{track.replace(' ', '_')}": f"{letter}{track}" for name, letter in _LETTERS.items() for track in _TRACKS
+}
+"""Parameter -> its symbol, such as "α outer" for alpha_outer."""
+EXTRA_SYMBOLS = {
+    "sensor_x": "X", "sensor_y": "Y", "drift": "c", "clock_offset": "τ", "sensor_yaw": "ψ", "lag": "T"
+}  # fmt: skip
+"""The same for parameters of a drive that aren't its law's."""
+EXTRA_TITLES = {
+    "sensor_x": "sensor ahead of the turning centre",
+    "sensor_y": "sensor to the left",
+    "drift": "outward drift in turns",
+    "clock_offset": "encoder clock minus pose clock",
+    "sensor_yaw": "heading of the sensor in the robot",
+    "lag": "lag of the motion behind the belts",
+}
+"""The meaning of these parameters."""
+_PRINTED = {"m": (1e3, "mm"), "s": (1e3, "ms"), "rad": (math.degrees(1.0), "°")}
+_MAX_DIGITS = 7
+_UNKNOWN_DIGITS = 2
+
+
+@dataclass(frozen=True)
+class LawRow:
+    """A law and its parameters, as printed in a report's table and on the terminal."""
+
+    law: str  # its name in files and options
+    title: str
+    formula: Sequence[str]  # lines
+    parameters: Sequence[tuple[str, ...]]  # symbol; value with standard error and unit; 95 % intervals
+    best: bool = False
+
+
+def shown(name: str) -> ShownLaw:
+    """How a law or compensation is shown; a law of the user's by its name."""
+    return LAWS.get(name) or ShownLaw(name)
+
+
+def law_table(rows: Sequence[LawRow]) -> list[tuple[str, ...]]:
+    """One line per parameter."""
+    return [(row.law if k == 0 else "", *cells) for row in rows for k, cells in enumerate(row.parameters)]
+
+
+def unit_of(law: str, parameter: str) -> tuple[float, str]:
+    """Factor from SI and unit in which a parameter is printed: mm for lengths, % for errors of the radius."""
+    if parameter.startswith("radius_error"):
+        return 1e2, "%"
+    unit = FAMILIES[law].parameters[parameter].unit
+    return (1e3, "mm") if unit == "m" else (1.0, unit)
+
+
+def unit_of_extra(name: str) -> tuple[float, str]:
+    """Factor from SI and unit in which another parameter of a drive is printed."""
+    return _PRINTED[EXTRAS[name].unit]
+
+
+def digits_for(error: float) -> int:
+    """Decimals that show two digits of an error; few where a law is not determined."""
+    if math.isinf(error):
+        return _UNKNOWN_DIGITS
+    return min(_MAX_DIGITS, max(0, 1 - math.floor(math.log10(error)))) if error > 0 else _MAX_DIGITS

@@ -1,0 +1,27 @@
+"""What every figure of a report must satisfy."""
+
+import itertools
+
+_TOUCHING = 1.0  # overlap that can't be seen [pixels]
+
+
+def assert_readable(figure):
+    """Nothing lies beyond the edges, panels and legends don't overlap, and labels of axes name a unit; the figure."""
+    figure.draw_without_rendering()
+    around = figure.get_tightbbox()  # [in]
+    width, height = figure.get_size_inches()
+    assert 0 <= around.x0 < around.x1 <= width
+    assert 0 <= around.y0 < around.y1 <= height
+    panels = [axes for axes in figure.axes if axes.get_visible() and axes.axison]
+    keys = [axes.get_legend() for axes in figure.axes if not axes.axison and axes.get_legend()]
+    boxes = [part.get_tightbbox().padded(-_TOUCHING) for part in (*panels, *keys, *figure.legends)]
+    assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
+    labels = [text for axes in panels for text in (axes.get_xlabel(), axes.get_ylabel()) if text]
+    assert all("[" in text for text in labels), labels
+    return figure
+
+
+def legend_texts(figure):
+    """The texts of all legends."""
+    legends = [*figure.legends, *(axes.get_legend() for axes in figure.axes if axes.get_legend())]
+    return [text.get_text() for legend in legends for text in legend.get_texts()]
