@@ -1,7 +1,6 @@
 """Figures of laws identified from whole drives: path and predictions, residuals, the clock, correlations."""
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -9,8 +8,8 @@ from matplotlib.figure import Figure
 
 from experiments.report.colours import BLUE, GREEN, GREY, ORANGE, RED
 from experiments.report.drives import longest, title_of
+from experiments.report.figures import style
 from experiments.report.figures.laws import draw_matrix
-from experiments.report.figures.style import BAND, key, law_line, legend_below, log_ticks, plane, styled, subplots, thin
 from experiments.report.laws import EXTRA_SYMBOLS, SYMBOLS
 from trackslip.identification.drive.comparison import DriveComparison
 from trackslip.identification.drive.estimate import DriveFit
@@ -28,7 +27,7 @@ _WITHIN = 1.96  # standard deviations of 95 % of normal residuals
 _RISE = 3.84  # of -2 log likelihood at the ends of a 95 % interval
 
 
-@styled
+@style.styled
 def path_and_predictions(found: DriveComparison) -> Figure:
     """The longest drive: measured poses and trajectory on the left, predicted pieces on the right."""
     fit, which = found.laws[found.best].fit, longest(found)
@@ -41,22 +40,22 @@ def path_and_predictions(found: DriveComparison) -> Figure:
     low, high = every.min(axis=0) - room, every.max(axis=0) + room
     width, height = high - low
     size = float(np.clip(4.2 * height / width, 1.6, 6.2)) + 0.8
-    figure, (left, right) = subplots(size, 1, 2, across=0.3, sharex=True, sharey=True)
-    left.plot(*pose[used][thin(int(used.sum()), _POSES)].T, ".", color=GREY, ms=5, mew=0, label="measured poses")
+    figure, (left, right) = style.subplots(size, 1, 2, across=0.3, sharex=True, sharey=True)
+    left.plot(*pose[used][style.thin(int(used.sum()), _POSES)].T, ".", color=GREY, ms=5, mew=0, label="measured poses")
     jump = np.append(1.0, fit.nodes.link)[rows] == 0  # lasting, on the way to a node: the robot did not drive there
     jump[0] = False
-    line = np.where(jump[:, None], np.nan, state)[thin(len(state), _POSES)]
+    line = np.where(jump[:, None], np.nan, state)[style.thin(len(state), _POSES)]
     for axis, colour in ((left, BLUE), (right, _LINE)):
         axis.plot(*line.T, color=colour, lw=1.0, label="estimated trajectory")
-        plane(axis, xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+        style.plane(axis, xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     if out.any():
         left.plot(*pose[out].T, "x", color=RED, ms=5, mew=1.0, label="left out as outlying")
     left.set_title("Measured and estimated")
     right.set_ylabel("")
     names = compared(found)
     _draw_pieces(right, found, names, rows)
-    laws = [key(title_of(name), **law_line(name, lw=1.8)) for name in names]
-    legend_below(figure, [*left.get_legend_handles_labels()[0], *laws], handlelength=3.2)
+    laws = [style.key(title_of(name), **style.law_line(name, lw=1.8)) for name in names]
+    style.legend_below(figure, [*left.get_legend_handles_labels()[0], *laws], handlelength=3.2)
     return figure
 
 
@@ -93,7 +92,7 @@ def _draw_pieces(axes: Axes, found: DriveComparison, names: Sequence[str], rows:
         if not chosen or time[near] - time[chosen[-1]] >= horizon:
             chosen.append(near)
     for name in reversed(names):
-        predictions, look = found.predictions[name], law_line(name)
+        predictions, look = found.predictions[name], style.law_line(name)
         for k in np.flatnonzero(np.isin(predictions.start, chosen) & (predictions.horizon == horizon)):
             path = predicted_path(found.laws[name].fit, predictions, int(k))
             axes.plot(*path.T, lw=1.8, **look)
@@ -102,7 +101,7 @@ def _draw_pieces(axes: Axes, found: DriveComparison, names: Sequence[str], rows:
     axes.set_title(f"Predicted {horizon:g} s ahead, from the dots")
 
 
-@styled
+@style.styled
 def residuals_over_time(law: DriveFit) -> Figure:
     """Residuals of poses and steps, drive after drive."""
     fit = law.fit
@@ -120,21 +119,21 @@ def residuals_over_time(law: DriveFit) -> Figure:
         panels.append(("heading [°]", np.degrees(pose[:, 2:]), kept, time, np.degrees(noise["heading"])))
     # slips are smoothed: their scatter is much smaller than their standard deviation, so they have no band
     panels.append(("slip of a step [–]", step, linked, (time[1:] + time[:-1]) / 2, 0.0))
-    figure, axes = subplots(1.9 * len(panels) + 0.4, len(panels), down=0.4, sharex=True)
+    figure, axes = style.subplots(1.9 * len(panels) + 0.4, len(panels), down=0.4, sharex=True)
     for axis, (label, values, used, at, deviation) in zip(axes, panels, strict=True):
         names = ("forwards", "sideways", "in turning") if label.startswith("slip") else ("x", "y")
         _residual_panel(axis, at, values, used, names if values.shape[1] > 1 else ("",))
-        axis.axhspan(-_WITHIN * deviation, _WITHIN * deviation, color=BAND, lw=0, zorder=0)
+        axis.axhspan(-_WITHIN * deviation, _WITHIN * deviation, color=style.BAND, lw=0, zorder=0)
         for begin in begins[1:-1]:
             axis.axvline(begin, color=GREY, lw=0.8, ls=":")
         axis.set_ylabel(label)
     axes[0].set(title="Poses: trajectory − measured", xlim=(0, time[-1]))
     axes[-1].set_title("Steps: motion − law, in standard deviations")
     axes[-1].set_xlabel("time, drive after drive [s]" if len(lengths) > 1 else "time [s]")
-    handles = [key("95 % of normal residuals", color=BAND, lw=7)]
+    handles = [style.key("95 % of normal residuals", color=style.BAND, lw=7)]
     if not (kept.all() and linked.all()):
-        handles.append(key("left out (at the edge if beyond)", ls="none", marker="x", ms=5, color=RED))
-    legend_below(figure, handles, ncols=2)
+        handles.append(style.key("left out (at the edge if beyond)", ls="none", marker="x", ms=5, color=RED))
+    style.legend_below(figure, handles, ncols=2)
     return figure
 
 
@@ -157,7 +156,7 @@ def _residual_panel(axes: Axes, time: Array, values: Array, used: np.ndarray, na
     """Draw residuals (n, m), thinned out; those left out as crosses, at the edge where they lie beyond."""
     finite = np.isfinite(values).all(axis=1)
     rows = np.flatnonzero(finite & used)
-    rows = rows[thin(len(rows) * len(names), _POINTS)]
+    rows = rows[style.thin(len(rows) * len(names), _POINTS)]
     for column, (name, colour) in enumerate(zip(names, (BLUE, ORANGE, GREEN), strict=False)):
         axes.plot(time[rows], values[rows, column], ".", color=colour, ms=2.6, mew=0, label=name)
     edge = 1.15 * float(np.abs(values[finite & used]).max(initial=1e-9))
@@ -167,43 +166,42 @@ def _residual_panel(axes: Axes, time: Array, values: Array, used: np.ndarray, na
         axes.plot(time[out], np.clip(worst, -edge, edge), "x", color=RED, ms=4.5, mew=1.0, zorder=5)
     axes.set_ylim(-1.1 * edge, 1.1 * edge)
     if len(names) > 1:
-        beside: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1, 0.98), "borderaxespad": 0}
-        axes.legend(ncols=3, markerscale=3.0, handletextpad=0.1, columnspacing=1.0, **beside)
+        style.legend_beside_title(axes, axes.get_legend_handles_labels()[0], markerscale=3.0)
 
 
-@styled
+@style.styled
 def clock_offset(found: DriveComparison) -> Figure:
     """Rise of -2 log likelihood with the clock offset, and the 95 % interval; raises ValueError if it was held."""
     if found.clock is None:
         raise ValueError("the clock offset was held")
-    figure, axes = subplots(3.2)
+    figure, axes = style.subplots(3.2)
     axes.plot(1e3 * found.clock.offset, np.maximum(found.clock.rise, 0.0), "o-", color=BLUE, ms=4)
     axes.axhline(_RISE, color=RED, ls="--", lw=1.2, label=f"rise of {_RISE}: 95 % by the likelihood")
     low, high = found.laws[found.best].interval95["clock_offset"]
-    axes.axvspan(1e3 * low, 1e3 * high, color=BAND, lw=0, zorder=0, label="95 % interval, wider where slip lasts")
+    axes.axvspan(1e3 * low, 1e3 * high, color=style.BAND, lw=0, zorder=0, label="95 % interval, wider where slip lasts")
     axes.set(xlabel="encoder clock − pose clock τ [ms]", ylabel="rise of −2 log L [–]", title="Clock offset")
     axes.set_ylim(bottom=0)
-    legend_below(figure, axes.get_legend_handles_labels()[0], ncols=2)
+    style.legend_below(figure, axes.get_legend_handles_labels()[0], ncols=2)
     return figure
 
 
-@styled
+@style.styled
 def drive_correlations(law: DriveFit) -> Figure:
     """Correlation matrix of all parameters fitted."""
     symbols = SYMBOLS | EXTRA_SYMBOLS
-    figure, axes = subplots(1.2 + 0.38 * len(law.free))
+    figure, axes = style.subplots(1.2 + 0.38 * len(law.free))
     draw_matrix(axes, law.correlation, [symbols[name] for name in law.free], title_of(law.name))
     return figure
 
 
-@styled
+@style.styled
 def prediction_errors(found: DriveComparison) -> Figure:
     """Errors of prediction against the horizon, by law; position, and heading where it was measured."""
     kinds = [("position_rms", 1.0, "Position", "rms error [m]")]
     if any(drive.has_heading for drive in found.drives):
         kinds.append(("heading_rms", np.degrees(1.0), "Heading", "rms error [°]"))
-    figure, axes = subplots(3.6, 1, len(kinds), squeeze=False)
-    looks = {name: law_line(name, lw=2.2 if name == found.best else 1.2) for name in found.ranking}
+    figure, axes = style.subplots(3.6, 1, len(kinds), squeeze=False)
+    looks = {name: style.law_line(name, lw=2.2 if name == found.best else 1.2) for name in found.ranking}
     for axis, (error, factor, title, label) in zip(axes[0], kinds, strict=True):
         for name in reversed(found.ranking):
             points = [(h, factor * value) for h, e in found.errors[name].items() if (value := getattr(e, error))]
@@ -212,8 +210,8 @@ def prediction_errors(found: DriveComparison) -> Figure:
         axis.set(title=title, xlabel="time ahead [s]", ylabel=label, xscale="log", yscale="log")
         axis.set_xticks(HORIZONS, [f"{horizon:g}" for horizon in HORIZONS])
         axis.set_xticks([], minor=True)
-        log_ticks(axis.yaxis)
+        style.log_ticks(axis.yaxis)
     best = {found.best: " – best"}
-    handles = [key(title_of(name) + best.get(name, ""), **look) for name, look in looks.items()]
-    legend_below(figure, handles, ncols=4, handlelength=3.2)
+    handles = [style.key(title_of(name) + best.get(name, ""), **look) for name, look in looks.items()]
+    style.legend_below(figure, handles, ncols=4, handlelength=3.2)
     return figure

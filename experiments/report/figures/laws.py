@@ -10,20 +10,8 @@ from matplotlib.ticker import LogLocator
 
 from experiments.measuring.inner_outer import TRACKS, InnerOuterSamples
 from experiments.measuring.value_groups import repeated
+from experiments.report.figures import style
 from experiments.report.figures.steady_runs import BARS, bar_factor, bar_key, curve_radii, show_radii, with_bars
-from experiments.report.figures.style import (
-    BAND,
-    INNER,
-    OUTER,
-    key,
-    law_line,
-    legend_below,
-    limits_around,
-    margin_for,
-    styled,
-    subplots,
-    zero_line,
-)
 from experiments.report.laws import SYMBOLS, shown
 from trackslip.identification.comparison import Comparison
 from trackslip.identification.fitted import FittedLaw
@@ -39,8 +27,8 @@ _DECIDED = 10.0  # difference of AICc up to which the axis is linear
 _DARK = 0.6  # correlation whose cell is too dark for black text
 _RUN, _DOT = "#444444", "#555555"
 _TRACK_STYLE: dict[str, dict[str, Any]] = {
-    "outer": {"color": OUTER, "marker": "o", "ms": 3.6},
-    "inner": {"color": INNER, "marker": "s", "ms": 3.6, "mfc": "none"},
+    "outer": {"color": style.OUTER, "marker": "o", "ms": 3.6},
+    "inner": {"color": style.INNER, "marker": "s", "ms": 3.6, "mfc": "none"},
 }
 
 
@@ -53,19 +41,21 @@ def _title(name: str, comparison: Comparison) -> str:
     return shown(name).title + (" – best" if name == comparison.best else "")
 
 
-@styled
+@style.styled
 def fitted_laws(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
     """Fig. 6: slip against observed radius with every law; thick: the best, the paper's, and icr_radius."""
-    figure, axes = subplots(4.6, 1, 2)
+    figure, axes = style.subplots(4.6, 1, 2)
     laws, radius, factor = shown_laws(comparison), curve_radii(runs), bar_factor(runs)
     strong = {*_STRONG, comparison.best}
-    looks = {name: law_line(name, label=_title(name, comparison), lw=2.0 if name in strong else 1.0) for name in laws}
+    looks = {
+        name: style.law_line(name, label=_title(name, comparison), lw=2.0 if name in strong else 1.0) for name in laws
+    }
     for axis, side in zip(axes, reversed(TRACKS), strict=True):
         track = TRACKS.index(side)
         slip = runs.slip[:, track]
         near = [slip - runs.residual(law)[:, track] for name, law in laws.items() if name in strong]
         known = [value[np.abs(value) < _POLE] for value in near]  # the laws at the runs' radii
-        low, high = limits_around(np.concatenate([with_bars(runs, track, factor), *known]))
+        low, high = style.limits_around(np.concatenate([with_bars(runs, track, factor), *known]))
         for name, law in laws.items():
             for curve in runs.curves(law, radius):
                 beyond = (curve <= 2 * low - high) | (curve >= 2 * high - low)  # far outside the axes, near a pole
@@ -76,12 +66,12 @@ def fitted_laws(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
         axis.set(title=f"{side.capitalize()} track", ylim=(low, high))
         show_radii(axis, runs)
     axes[0].set_ylabel("slip i [–]")
-    handles = [key("runs", color=_RUN, marker="o", ms=4, ls="none"), *bar_key(factor)]
-    legend_below(figure, [*handles, *(key(**look) for look in looks.values())], ncols=4, handlelength=3.2)
+    handles = [style.key("runs", color=_RUN, marker="o", ms=4, ls="none"), *bar_key(factor)]
+    style.legend_below(figure, [*handles, *(style.key(**look) for look in looks.values())], ncols=4, handlelength=3.2)
     return figure
 
 
-@styled
+@style.styled
 def residuals(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
     """Residuals of every run, one panel per law on a common scale that is linear within the band of errors."""
     laws = shown_laws(comparison)
@@ -92,36 +82,36 @@ def residuals(runs: InnerOuterSamples, comparison: Comparison) -> Figure:
     powers = threshold * 10.0 ** np.arange(1, max(1.0, np.log10(1.5 * largest / threshold)) + 1e-9)
     rows = -(-len(laws) // _COLUMNS)
     shared = {"sharex": True, "sharey": True, "squeeze": False}
-    figure, panels = subplots(0.8 + 1.75 * rows, rows, _COLUMNS, across=0.3, down=0.35, **shared)
+    figure, panels = style.subplots(0.8 + 1.75 * rows, rows, _COLUMNS, across=0.3, down=0.35, **shared)
     axes, free = panels.ravel()[: len(laws)], panels.ravel()[len(laws) :]
     axes[0].set_yscale("symlog", linthresh=threshold, linscale=0.6)
     axes[0].set(ylim=(-2 * largest, 2 * largest), yticks=[*(-powers[::-1]), 0.0, *powers])
     for axis, (name, residual) in zip(axes, off.items(), strict=True):
-        zero_line(axis)
-        axis.axhspan(-band, band, color=BAND, lw=0, zorder=0)
+        style.zero_line(axis)
+        axis.axhspan(-band, band, color=style.BAND, lw=0, zorder=0)
         axis.set_title(_title(name, comparison), fontsize=8.5)
         for track, side in enumerate(TRACKS):
-            style = _TRACK_STYLE[side]
+            look = _TRACK_STYLE[side]
             if runs.errors is not None:
-                look = BARS | {"ecolor": style["color"], "zorder": 2}
-                axis.errorbar(runs.radius, residual[:, track], runs.errors.slip[:, track], **look)
-            axis.plot(runs.radius, residual[:, track], ls="none", mew=0.8, zorder=2.1, **style)
+                bars = BARS | {"ecolor": look["color"], "zorder": 2}
+                axis.errorbar(runs.radius, residual[:, track], runs.errors.slip[:, track], **bars)
+            axis.plot(runs.radius, residual[:, track], ls="none", mew=0.8, zorder=2.1, **look)
             means = [(runs.radius[group].mean(), residual[group, track].mean()) for group in repeated(runs.radius)]
             if means:
-                axis.plot(*np.transpose(means), color=style["color"], lw=0.8)
+                axis.plot(*np.transpose(means), color=look["color"], lw=0.8)
     for axis in axes[-_COLUMNS:]:  # the lowest of each column
         show_radii(axis, runs)
         axis.tick_params(labelbottom=True)
     for axis in panels[:, 0]:
         axis.set_ylabel("measured − law [–]")
-    handles = [key(f"{side} track", ls="none", **_TRACK_STYLE[side]) for side in reversed(TRACKS)]
-    handles.append(key(f"±{band:.1g}: {meaning}", color=BAND, lw=7))
+    handles = [style.key(f"{side} track", ls="none", **_TRACK_STYLE[side]) for side in reversed(TRACKS)]
+    handles.append(style.key(f"±{band:.1g}: {meaning}", color=style.BAND, lw=7))
     for axis in free:
         axis.set_axis_off()
     if len(free):
         free[0].legend(handles=handles, loc="center left")
     else:
-        legend_below(figure, handles)
+        style.legend_below(figure, handles)
     return figure
 
 
@@ -132,12 +122,14 @@ def residual_band(runs: InnerOuterSamples, comparison: Comparison) -> tuple[floa
     return 2 * max(comparison.laws[comparison.best].scatter, 1e-9), "twice the scatter about the best law"
 
 
-@styled
+@style.styled
 def criteria(comparison: Comparison) -> Figure:
     """AICc above the smallest, and errors of predicting left-out radii and speeds; one row per law, the best on top."""
     names = comparison.ranking
     titles = [shown(name).title for name in names]
-    figure, axes = subplots(0.95 + 0.27 * len(names), 1, 4, left=margin_for(titles), across=0.3, sharey=True)
+    figure, axes = style.subplots(
+        0.95 + 0.27 * len(names), 1, 4, left=style.margin_for(titles), across=0.3, sharey=True
+    )
     aicc = np.array([comparison.aicc[name] for name in names], float)  # NaN where it is not known
     errors = [comparison.validation[name] for name in names]
     radius, speed, yaw_rate = np.array([(e.radius, e.speed, e.yaw_rate) for e in errors], float).T
@@ -156,7 +148,7 @@ def criteria(comparison: Comparison) -> Figure:
         for row in places[np.isnan(values)]:
             axis.text(0.5, row, "not known", transform=axis.get_yaxis_transform(), va="center", ha="center", color=_DOT)
         if axis is axes[0]:
-            axis.axvspan(0, _INDISTINCT, color=BAND, lw=0, zorder=0)
+            axis.axvspan(0, _INDISTINCT, color=style.BAND, lw=0, zorder=0)
             axis.set_xscale("symlog", linthresh=_DECIDED)
             axis.set_xlim(-0.8, None)
         elif (values > 0).any():
@@ -167,11 +159,11 @@ def criteria(comparison: Comparison) -> Figure:
     axes[0].set_ylim(len(names) - 0.4, -0.6)
     axes[0].get_yticklabels()[names.index(comparison.best)].set_fontweight("bold")
     handles = [
-        key("of runs left out of the fit", marker="o", ls="none", color=_DOT),
-        key("of the runs fitted", marker="o", ls="none", mfc="none", color=_DOT),
-        key("indistinguishable from the best", color=BAND, lw=7),
+        style.key("of runs left out of the fit", marker="o", ls="none", color=_DOT),
+        style.key("of the runs fitted", marker="o", ls="none", mfc="none", color=_DOT),
+        style.key("indistinguishable from the best", color=style.BAND, lw=7),
     ]
-    legend_below(figure, handles)
+    style.legend_below(figure, handles)
     return figure
 
 
@@ -182,10 +174,10 @@ def correlated_laws(comparison: Comparison) -> list[FittedLaw]:
     return [law for law in known if len(law.values) > 1][:2]
 
 
-@styled
+@style.styled
 def correlations(laws: Sequence[FittedLaw]) -> Figure:
     """Correlation matrices of the parameters of up to two laws."""
-    figure, axes = subplots(3.7, 1, 2)
+    figure, axes = style.subplots(3.7, 1, 2)
     axes[1].set_visible(len(laws) > 1)
     for axis, law in zip(axes, laws, strict=False):
         draw_matrix(axis, law.correlation, [SYMBOLS.get(name, name) for name in law.values], shown(law.name).title)

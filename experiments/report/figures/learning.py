@@ -1,4 +1,4 @@
-"""Figures of a training: what was learnt over time, and what the policy crosses beside the scripted controller."""
+"""Figure of a training: reward over its steps, and the share of courses that policy and scripted controller cross."""
 
 from collections.abc import Mapping, Sequence
 

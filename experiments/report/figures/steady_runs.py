@@ -13,24 +13,9 @@ from experiments.measuring.grid import RadiusSummary
 from experiments.measuring.inner_outer import TRACKS, InnerOuterSamples, slip_at
 from experiments.measuring.value_groups import group_label, is_narrow, value_groups
 from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE, RED
-from experiments.report.figures.style import (
-    INNER,
-    OUTER,
-    POINTS,
-    RADII_SHADES,
-    SPEED_SHADES,
-    key,
-    legend_below,
-    limits_around,
-    log_ticks,
-    shade,
-    styled,
-    subplots,
-    thin,
-    zero_line,
-)
+from experiments.report.figures import style
 from trackslip.identification.fitted import FittedLaw
-from trackslip.kinematics import Array
+from trackslip.kinematics import Array, in_frame
 from trackslip.logs.runlog import RunLog
 from trackslip.motion.filtered import butterworth_motion
 from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII
@@ -60,45 +45,38 @@ def typical_run(logs: Sequence[RunLog], radius: float = 1.5, speed: float = 0.15
     return min(logs, key=distance)
 
 
-@styled
+@style.styled
 def pose_and_velocity(log: RunLog) -> Figure:
     """Fig. 4: pose of one run over time and its smoothed derivatives, in the world frame."""
     motion = butterworth_motion(log)
-    pose = np.where(log.is_valid[:, None], log.pose, np.nan)
     v, w, phi = *motion.twist.T, motion.pose[:, 2]
-    lines: list[tuple[Array, dict[str, Any]]] = []
+    lines: list[tuple[Array, dict[str, Any]]] = []  # positions, heading and their derivatives (T, 6), and their look
     if log.truth is not None:
-        forward, left, w_true = log.truth.twist.T
-        true = _near(log.truth.pose, log)
-        cos, sin = np.cos(true[:, 2]), np.sin(true[:, 2])
-        derivatives = np.column_stack([forward * cos - left * sin, forward * sin + left * cos, w_true])
-        lines.append((np.column_stack([true, derivatives]), {"color": BLACK, "lw": 0.8, "label": "truth"}))
+        true, (forward, left, turning) = _near(log.truth.pose, log), log.truth.twist.T
+        traces = np.column_stack([true, *in_frame(-true[:, 2], forward, left), turning])
+        lines.append((traces, {"color": BLACK, "lw": 0.8, "label": "truth"}))
     if geometry_of(log.metadata) is not None:
         circle = _near(published_poses(log), log)
-        derivatives = np.gradient(circle, log.time, axis=0)
-        look: dict[str, Any] = {"color": RED, "lw": 1.4, "ls": "--", "label": "by Eq. 11"}
-        lines.append((np.column_stack([circle, derivatives]), look))
-    figure, axes = subplots(4.8, 2, 2, down=0.4, sharex=True)
-    rows, fine, smooth = thin(len(log.time), 45), thin(len(log.time)), thin(len(v), 2 * POINTS)
-    for axis, title, label, columns in (
-        (axes[0, 0], "Position", "position [m]", {0: ("x", "o", BLUE), 1: ("y", "s", ORANGE)}),
-        (axes[1, 0], "Heading", "heading φ [rad]", {2: ("φ", "^", GREEN)}),
-        (axes[0, 1], "Velocity", "velocity [m/s]", {3: ("dx/dt", "", BLUE), 4: ("dy/dt", "", ORANGE)}),
-        (axes[1, 1], "Yaw rate", "yaw rate [rad/s]", {5: ("dφ/dt", "", GREEN)}),
+        traces = np.column_stack([circle, np.gradient(circle, log.time, axis=0)])
+        lines.append((traces, {"color": RED, "lw": 1.4, "ls": "--", "label": "by Eq. 11"}))
+    figure, axes = style.subplots(4.8, 2, 2, down=0.4, sharex=True)
+    rows, fine, smooth = style.thin(len(log.time), 45), style.thin(len(log.time)), style.thin(len(v), 2 * style.POINTS)
+    time, pose = log.time[rows], np.where(log.is_valid[:, None], log.pose, np.nan)[rows]
+    marks, curves = {"ls": "none", "ms": 3.6, "mew": 0}, {"lw": 0.8}
+    x, y, heading = ((time, column, marks) for column in pose.T)
+    dx, dy, rate = ((motion.time[smooth], part[smooth], curves) for part in (v * np.cos(phi), v * np.sin(phi), w))
+    for axis, title, label, columns, measured in (
+        (axes[0, 0], "Position", "position [m]", [0, 1], {"x": (x, BLUE, "o"), "y": (y, ORANGE, "s")}),
+        (axes[1, 0], "Heading", "heading φ [rad]", [2], {"φ": (heading, GREEN, "^")}),
+        (axes[0, 1], "Velocity", "velocity [m/s]", [3, 4], {"dx/dt": (dx, BLUE, ""), "dy/dt": (dy, ORANGE, "")}),
+        (axes[1, 1], "Yaw rate", "yaw rate [rad/s]", [5], {"dφ/dt": (rate, GREEN, "")}),
     ):
-        for column, (name, marker, colour) in columns.items():
-            if marker:
-                axis.plot(log.time[rows], pose[rows, column], marker, ms=3.6, mew=0, color=colour, label=name)
-            else:
-                derived = (v * np.cos(phi), v * np.sin(phi), w)[column - 3]
-                axis.plot(motion.time[smooth], derived[smooth], color=colour, lw=0.8, label=name)
+        for name, ((at, values, look), colour, marker) in measured.items():
+            axis.plot(at, values, color=colour, marker=marker, label=name, **look)
         handles = axis.get_legend_handles_labels()[0]
-        for traces, look in lines:
-            handles += axis.plot(log.time[fine], traces[fine][:, [*columns]], **look)[:1]
+        handles += [axis.plot(log.time[fine], traces[fine][:, columns], **look)[0] for traces, look in lines]
         axis.set(ylabel=label, title=title)
-        # beside the title, because the traces of a turning robot visit every corner of the axes
-        beside: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1, 0.98), "borderaxespad": 0}
-        axis.legend(handles=handles, ncols=4, columnspacing=1.0, handlelength=1.5, handletextpad=0.5, **beside)
+        style.legend_beside_title(axis, handles, handlelength=1.5)
     for axis in axes[1]:
         axis.set_xlabel("time [s]")
     return figure
@@ -110,36 +88,38 @@ def _near(pose: Array, log: RunLog) -> Array:
     return np.add(pose, [0, 0, 2 * np.pi * turns])
 
 
-@styled
+@style.styled
 def published_and_simulated(radius: RadiusSummary, runs: InnerOuterSamples) -> Figure:
     """Radius driven against radius commanded, and slip against radius, published and simulated."""
-    figure, (driven, slips) = subplots(3.7, 1, 2, width_ratios=(1, 1.35))
+    figure, (driven, slips) = style.subplots(3.7, 1, 2, width_ratios=(1, 1.35))
     most = 1.08 * max(*radius.commanded, *COMMANDED_RADII)
     driven.plot([0, most], [0, most], color=GREY, lw=1.0, label="without slip")
     driven.plot(COMMANDED_RADII, OBSERVED_RADII, ls="none", label="published", **_PAPER)
-    driven.plot(radius.commanded, radius.observed, "o", color=OUTER, ms=6, label="simulated")
+    driven.plot(radius.commanded, radius.observed, "o", color=style.OUTER, ms=6, label="simulated")
     driven.set(xlabel="radius commanded [m]", ylabel="radius driven [m]", title="Wider than commanded")
     driven.set(xlim=(0, None), ylim=(0, None))
     driven.legend(loc="upper left")
     curve = curve_radii(runs)
     published = slip_at(PUBLISHED, np.array(OBSERVED_RADII), 1.0)
-    for track, (name, colour, marker) in enumerate(zip(TRACKS, (INNER, OUTER), "so", strict=True)):
+    for track, (name, colour, marker) in enumerate(zip(TRACKS, (style.INNER, style.OUTER), "so", strict=True)):
         slips.plot(curve, slip_at(PUBLISHED, curve, 1.0)[:, track], **_EQ_11)
         slips.plot(OBSERVED_RADII, published[:, track], ls="none", **_PAPER)
         label = f"{name} track, simulated"
         slips.plot(runs.radius, runs.slip[:, track], marker, color=colour, ms=6, mfc="none", label=label)
     slips.plot([], [], ls="--", lw=1.3, label="Eq. 11, published", **_PAPER)
-    zero_line(slips)
-    slips.set(ylabel="slip i [–]", title="Because the tracks slip", ylim=limits_around(np.append(runs.slip, published)))
+    style.zero_line(slips)
+    slips.set(
+        ylabel="slip i [–]", title="Because the tracks slip", ylim=style.limits_around(np.append(runs.slip, published))
+    )
     show_radii(slips, runs)
     slips.legend(loc="lower right")
     return figure
 
 
-@styled
+@style.styled
 def slip_against_speed_and_radius(runs: InnerOuterSamples, best: FittedLaw) -> Figure:
     """Fig. 5: slip of the inner (top) and outer track (bottom) against speed (left) and radius (right)."""
-    figure, axes = subplots(6.0, 2, 2, across=0.4, down=0.4, sharey="row", sharex="col")
+    figure, axes = style.subplots(6.0, 2, 2, across=0.4, down=0.4, sharey="row", sharex="col")
     curve = curve_radii(runs)
     by_radius, by_speed = value_groups(runs.radius), value_groups(runs.speed)
     factor = bar_factor(runs)
@@ -159,7 +139,10 @@ def slip_against_speed_and_radius(runs: InnerOuterSamples, best: FittedLaw) -> F
                 against_speed.plot(line, by_law[:, track], color=colour, lw=1.0)
         against_radius.plot(curve, slip_at(PUBLISHED, curve, 1.0)[:, track], **_EQ_11)
         for number, (marker, group) in enumerate(zip(_MARKERS, by_speed, strict=False)):
-            look: dict[str, Any] = {"color": shade(SPEED_SHADES, number / max(len(by_speed) - 1, 1)), "mfc": "none"}
+            look: dict[str, Any] = {
+                "color": style.shade(style.SPEED_SHADES, number / max(len(by_speed) - 1, 1)),
+                "mfc": "none",
+            }
             look["ms"] = 9.0 - 1.1 * min(number, 4)  # runs at one radius nearly coincide: draw the first ones larger
             label = group_label(runs.speed[group], "m/s")
             against_radius.plot(runs.radius[group], slip[group], marker, mew=1.1, label=label, **look)
@@ -169,16 +152,16 @@ def slip_against_speed_and_radius(runs: InnerOuterSamples, best: FittedLaw) -> F
             against_radius.errorbar(runs.radius, slip, bars, factor * runs.errors.radius, **BARS)
         against_speed.set(ylabel=f"slip of the {name} track  i [–]", title=f"{name.capitalize()} track, against speed")
         against_radius.set_title(f"{name.capitalize()} track, against radius")
-        against_speed.set_ylim(limits_around(np.append(with_bars(runs, track, factor), published[:, track])))
+        against_speed.set_ylim(style.limits_around(np.append(with_bars(runs, track, factor), published[:, track])))
     fastest = 1.1 * float(runs.speed.max()) + 0.01
     axes[1, 0].set(xlabel="measured speed v [m/s]", xlim=(-0.03 * fastest, fastest))
     show_radii(axes[1, 1], runs)
     left, right = (axis.get_legend_handles_labels()[0] for axis in axes[0])
     if any(is_narrow(runs.radius[group]) for group in by_radius):
-        left.append(key("best law", color=_LINE, lw=1.0))
-    left.append(key("Eq. 11 at the paper's radii", color=_LINE, ls="--", lw=0.9))
-    right += [key("Eq. 11", **_EQ_11), *bar_key(factor)]
-    legend_below(figure, left, right, titles=("Left: observed R", "Right: measured v"), columnspacing=1.2)
+        left.append(style.key("best law", color=_LINE, lw=1.0))
+    left.append(style.key("Eq. 11 at the paper's radii", color=_LINE, ls="--", lw=0.9))
+    right += [style.key("Eq. 11", **_EQ_11), *bar_key(factor)]
+    style.legend_below(figure, left, right, titles=("Left: observed R", "Right: measured v"), columnspacing=1.2)
     return figure
 
 
@@ -186,7 +169,7 @@ def _shade(radius: float, runs: InnerOuterSamples) -> tuple[float, float, float,
     """A colour for a radius [m], on a logarithmic scale from the smallest to the largest."""
     least, most = float(runs.radius[runs.radius > 0].min(initial=min(OBSERVED_RADII))), float(runs.radius.max())
     share = np.log(max(radius, least) / least) / np.log(max(most, max(OBSERVED_RADII)) / least)
-    return shade(RADII_SHADES, float(share))
+    return style.shade(style.RADII_SHADES, float(share))
 
 
 def is_wide(runs: InnerOuterSamples) -> bool:
@@ -207,7 +190,7 @@ def show_radii(axes: Axes, runs: InnerOuterSamples) -> None:
     axes.set_xlabel("observed radius R [m]")
     if is_wide(runs):
         axes.set(xscale="log", xlim=(radius[0], radius[-1]))
-        log_ticks(axes.xaxis)
+        style.log_ticks(axes.xaxis)
     else:
         on_the_spot = float(runs.radius.min()) < _MIN_RADIUS
         axes.set_xlim(-0.04 * radius[-1] if on_the_spot else 0.0, radius[-1])
@@ -235,4 +218,4 @@ def with_bars(runs: InnerOuterSamples, track: int, factor: int) -> Array:
 def bar_key(factor: int) -> list[Line2D]:
     """The legend's entry for the error bars; empty where there are none."""
     label = "bars: standard error" + (f" × {factor}" if factor > 1 else "")
-    return [key(label, marker="+", ms=8, ls="none", color=BARS["ecolor"])] if factor else []
+    return [style.key(label, marker="+", ms=8, ls="none", color=BARS["ecolor"])] if factor else []

@@ -55,34 +55,19 @@ def subplots(
     rows: int = 1,
     columns: int = 1,
     *,
+    width: float = 9.0,
     left: float = 0.8,
     across: float = 0.8,
     down: float = 0.6,
     **more: Any,
 ) -> tuple[Figure, Any]:
-    """A figure as wide as the page and `height` high [in], and its axes in rows and columns.
+    """A figure of this size [in], by default as wide as the page, and its axes in rows and columns.
 
     `left` is the margin beside the axes, `across` and `down` are the gaps between them [in]; `more` is as for
     Figure.subplots.
     """
-    figure = Figure(figsize=(9.0, height))
+    figure = Figure(figsize=(width, height))
     axes = figure.subplots(rows, columns, **more)
-    _place(figure, rows, columns, left, across, down)
-    return figure, axes
-
-
-def panel(title: str, xlabel: str, ylabel: str) -> tuple[Figure, Axes]:
-    """A figure with one set of axes, about as wide as a phone."""
-    figure = Figure(figsize=(4.6, 3.6))
-    axes = figure.subplots()
-    axes.set(title=title, xlabel=xlabel, ylabel=ylabel)
-    _place(figure, 1, 1, 0.8, 0.0, 0.0)
-    return figure, axes
-
-
-def _place(figure: Figure, rows: int, columns: int, left: float, across: float, down: float) -> None:
-    """Place axes by margins around them and gaps between them [in]."""
-    width, height = figure.get_size_inches()
     inner_width, inner_height = width - left - _RIGHT, height - _BOTTOM - _TOP
     figure.subplots_adjust(
         left=left / width,
@@ -92,6 +77,14 @@ def _place(figure: Figure, rows: int, columns: int, left: float, across: float, 
         wspace=columns * across / (inner_width - (columns - 1) * across),  # shares of the size of one set of axes
         hspace=rows * down / (inner_height - (rows - 1) * down),
     )
+    return figure, axes
+
+
+def panel(title: str, xlabel: str, ylabel: str) -> tuple[Figure, Axes]:
+    """A figure with one set of axes, about as wide as a phone."""
+    figure, axes = subplots(3.6, width=4.6)
+    axes.set(title=title, xlabel=xlabel, ylabel=ylabel)
+    return figure, axes
 
 
 def margin_for(labels: Sequence[str]) -> float:
@@ -111,6 +104,12 @@ def legend_below(
     places = ("lower center",) if len(legends) == 1 else ("lower left", "lower right")
     for handles, place, title in itertools.zip_longest(legends, places, titles):
         figure.legend(handles=handles, **{"loc": place, "ncols": ncols, "title": title, "alignment": "left", **look})
+
+
+def legend_beside_title(axes: Axes, handles: Sequence[Artist], **look: Any) -> None:
+    """Put a legend in the line of the title, where the data can't be in its way."""
+    place: dict[str, Any] = {"loc": "lower right", "bbox_to_anchor": (1, 0.98), "borderaxespad": 0}
+    axes.legend(handles=handles, ncols=4, columnspacing=1.0, handletextpad=0.5, **place, **look)
 
 
 def thin(rows: int, most: int = POINTS) -> slice:

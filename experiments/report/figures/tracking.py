@@ -10,18 +10,7 @@ from matplotlib.patches import Arc
 
 from experiments.driving.paper_model import geometry_of
 from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE
-from experiments.report.figures.style import (
-    DESIRED,
-    key,
-    law_line,
-    legend_below,
-    mark_span,
-    plane,
-    styled,
-    subplots,
-    thin,
-    zero_line,
-)
+from experiments.report.figures import style
 from experiments.report.laws import LAWS, shown
 from trackslip.identification.fitted import FittedLaw
 from trackslip.kinematics import Array, curvature, track_slip
@@ -69,18 +58,18 @@ def _arc() -> tuple[float, float]:
     return float(turning[0]), float(turning[-1])
 
 
-@styled
+@style.styled
 def planned_trajectory() -> Figure:
     """Fig. 7: the reference's position and heading over time."""
     reference = paper_reference()
     time = np.linspace(0, reference.duration, 460)
     pose = reference.pose(time)
-    figure, (position, heading) = subplots(3.6, 1, 2)
+    figure, (position, heading) = style.subplots(3.6, 1, 2)
     position.plot(time, pose[:, 0], color=BLUE, label="x$_d$")
     position.plot(time, pose[:, 1], color=ORANGE, ls="--", label="y$_d$")
     heading.plot(time, pose[:, 2], color=GREEN, label="φ$_d$")
     for axis in (position, heading):
-        mark_span(axis, *_arc())
+        style.mark_span(axis, *_arc())
         axis.text(np.mean(_arc()), 0.03, "arc", transform=axis.get_xaxis_transform(), ha="center", color="#666666")
         axis.set(xlabel="time [s]", xlim=(0, reference.duration))
     position.set(ylabel="desired position [m]", title="Position")
@@ -92,28 +81,30 @@ def planned_trajectory() -> Figure:
 
 def draw_paths(reference: Reference, runs: Mapping[str, tuple[RunLog, Mapping[str, Any]]]) -> tuple[Figure, Axes, Axes]:
     """Paths beside the reference, and distances from it over time; `runs` are logs with line keywords, by label."""
-    figure, (ground, distance) = subplots(4.2, 1, 2, width_ratios=(1.2, 1))
+    figure, (ground, distance) = style.subplots(4.2, 1, 2, width_ratios=(1.2, 1))
     desired = reference.pose(np.linspace(0, reference.duration, 600))
-    ground.plot(*desired[:, :2].T, label="desired", **DESIRED)
+    ground.plot(*desired[:, :2].T, label="desired", **style.DESIRED)
     for label, (log, look) in runs.items():
-        pose, rows = driven(log), thin(len(log.time))
+        pose, rows = driven(log), style.thin(len(log.time))
         norm = np.hypot(*body_errors(pose, reference.pose(log.time))[:, :2].T)
         ground.plot(*pose[rows, :2].T, label=label, lw=1.2, **look)
         distance.plot(log.time[rows], 1e3 * np.maximum(norm[rows], _CLOSEST), lw=1.2, **look)
     start = driven(next(iter(runs.values()))[0])[0]
     ground.plot(*start[:2], "o", ms=8, mfc="white", mec=BLACK, mew=1.5, zorder=6)
     ground.annotate("start", start[:2], xytext=(12, -3), textcoords="offset points", annotation_clip=False)
-    plane(ground, adjustable="datalim", title="Path")
+    style.plane(ground, adjustable="datalim", title="Path")
     distance.set(xlabel="time [s]", xlim=(0, reference.duration), title="Position error (log scale)", yscale="log")
     distance.set_ylabel("distance from the desired position [mm]")
     return figure, ground, distance
 
 
-@styled
+@style.styled
 def paths(runs: Mapping[str, RunLog], published: Mapping[str, RunLog]) -> Figure:
     """Figs. 8 and 10: paths with each compensation, and distances over time; crosses: `published`, by equations."""
     reference = paper_reference()
-    figure, ground, distance = draw_paths(reference, {shown(n).title: (log, law_line(n)) for n, log in runs.items()})
+    figure, ground, distance = draw_paths(
+        reference, {shown(n).title: (log, style.law_line(n)) for n, log in runs.items()}
+    )
     for name, log in runs.items():
         ground.plot(*driven(log)[-1, :2], "s", ms=4, color=shown(name).colour)
     for name, log in published.items():
@@ -122,8 +113,8 @@ def paths(runs: Mapping[str, RunLog], published: Mapping[str, RunLog]) -> Figure
         ground.plot(*pose[:, :2].T, **_crosses(name))
         distance.plot(time, 1e3 * np.where(norm > _CLOSEST, norm, np.nan), **_crosses(name))
     distance.set_ylim(bottom=1e3 * _CLOSEST)
-    mark_span(distance, TRANSIENT, _arc()[1])
-    legend_below(figure, ground.get_legend_handles_labels()[0])
+    style.mark_span(distance, TRANSIENT, _arc()[1])
+    style.legend_below(figure, ground.get_legend_handles_labels()[0])
     return figure
 
 
@@ -134,16 +125,17 @@ def _crosses(name: str) -> dict[str, Any]:
     return look | {"color": law.colour, "label": f"{law.title}: by the paper's equations"}
 
 
-@styled
+@style.styled
 def tracking_errors_over_time(runs: Mapping[str, RunLog], published: Mapping[str, RunLog]) -> Figure:
     """Fig. 11: body-frame position errors and their norm, right from 12 s on; crosses: `published`, by equations."""
     reference = paper_reference()
     chosen = [name for name in ("none", "published", "icr_radius") if name in runs] or list(runs)
     lines = [
-        (runs[name], thin(len(runs[name].time)), law_line(name, lw=1.2, label=shown(name).title)) for name in chosen
+        (runs[name], style.thin(len(runs[name].time)), style.law_line(name, lw=1.2, label=shown(name).title))
+        for name in chosen
     ]
     lines += [(log, slice(None, None, _EVERY), _crosses(name)) for name, log in published.items()]
-    figure, axes = subplots(5.4, 3, 2, down=0.3, sharex="col", width_ratios=(1, 1.35))
+    figure, axes = style.subplots(5.4, 3, 2, down=0.3, sharex="col", width_ratios=(1, 1.35))
     for log, rows, look in lines:
         error = body_errors(driven(log), reference.pose(log.time))[:, :2]
         late = np.flatnonzero(log.time >= TRANSIENT)[rows]
@@ -153,17 +145,17 @@ def tracking_errors_over_time(runs: Mapping[str, RunLog], published: Mapping[str
     for pair, symbol in zip(axes, ("e$_x$", "e$_y$", "‖e‖"), strict=True):
         for axis, unit in zip(pair, ("m", "mm"), strict=True):
             axis.set_ylabel(f"{symbol} [{unit}]")
-            mark_span(axis, TRANSIENT, _arc()[1])
-            zero_line(axis)
+            style.mark_span(axis, TRANSIENT, _arc()[1])
+            style.zero_line(axis)
     axes[0, 0].set(title="Whole run", xlim=(0, reference.duration))
     axes[0, 1].set(title=f"From {TRANSIENT:g} s on (grey: the arc)", xlim=(TRANSIENT, reference.duration))
     for axis in axes[2]:
         axis.set_xlabel("time [s]")
-    legend_below(figure, axes[0, 0].get_legend_handles_labels()[0])
+    style.legend_below(figure, axes[0, 0].get_legend_handles_labels()[0])
     return figure
 
 
-@styled
+@style.styled
 def slip_during_tracking(
     runs: Mapping[str, RunLog], laws: Mapping[str, FittedLaw], published: Mapping[str, RunLog]
 ) -> Figure | None:
@@ -177,12 +169,12 @@ def slip_during_tracking(
     names = [n for n in names if runs[n].twist_command is not None][:2]
     if not names:
         return None
-    figure, axes = subplots(1.2 + 1.9 * len(names), len(names), down=0.4, sharex=True, squeeze=False)
+    figure, axes = style.subplots(1.2 + 1.9 * len(names), len(names), down=0.4, sharex=True, squeeze=False)
     for axis, name in zip(axes[:, 0], names, strict=True):
         log, beside = runs[name], published.get(name)
-        mark_span(axis, TRANSIENT, _arc()[1])
-        zero_line(axis)
-        slip, true, rows = _slip_by(known[name], log), _true_slip(log), thin(len(log.time), 1000)
+        style.mark_span(axis, TRANSIENT, _arc()[1])
+        style.zero_line(axis)
+        slip, true, rows = _slip_by(known[name], log), _true_slip(log), style.thin(len(log.time), 1000)
         for track, colour in _SIDES.items():
             axis.plot(log.time[rows], np.where(np.abs(slip) < _POLE, slip, np.nan)[rows, track], color=colour, **_LAW)
             if true is not None:
@@ -194,11 +186,11 @@ def slip_during_tracking(
     axes[-1, 0].set(xlabel="time [s]", xlim=(0, paper_reference().duration))
     kinds = {"from the law": _LAW, "true": _TRUE, "by the paper's equations": _CROSS}
     handles = [
-        key(f"{side} track, {kind}", color=_SIDES[track], **look)
+        style.key(f"{side} track, {kind}", color=_SIDES[track], **look)
         for track, side in ((1, "right"), (0, "left"))
         for kind, look in kinds.items()
     ]
-    legend_below(figure, handles, ncols=2)
+    style.legend_below(figure, handles, ncols=2)
     return figure
 
 
@@ -220,13 +212,13 @@ def _true_slip(log: RunLog) -> Array | None:
     return np.where(np.abs(smooth[:, :2]) > _MIN_SPROCKET_SPEED, slip, np.nan)
 
 
-@styled
+@style.styled
 def errors_defined() -> Figure:
     """Fig. 9: the errors of Eq. 18 between a robot and its desired pose, in the robot's frame."""
     e_x, e_y, e_phi = body_errors(_ROBOT, _DESIRED)
     forward, left = _rotation(_ROBOT[2]).T
     corner = _ROBOT[:2] + e_x * forward
-    figure, axes = subplots(3.6)
+    figure, axes = style.subplots(3.6)
     for pose, colour, label in ((_ROBOT, BLACK, "robot (x, y, φ)"), (_DESIRED, GREY, "desired (x$_d$, y$_d$, φ$_d$)")):
         turn, place = _rotation(pose[2]), pose[:2]
         body = np.array([[0.2, 0.17], [-0.2, 0.17], [-0.2, -0.17], [0.2, -0.17], [0.2, 0.17]]) @ turn.T + place
@@ -245,7 +237,7 @@ def errors_defined() -> Figure:
         ("e$_φ$", _DESIRED[:2] + 0.56 * _rotation(np.radians(angles.mean()))[:, 0], (0, 0), GREEN),
     ):
         axes.annotate(text, place, xytext=offset, textcoords="offset points", color=colour)
-    plane(axes, xlim=(-1.2, 3.0), ylim=(-0.3, 1.9))
+    style.plane(axes, xlim=(-1.2, 3.0), ylim=(-0.3, 1.9))
     return figure
 
 
