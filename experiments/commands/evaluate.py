@@ -73,8 +73,7 @@ class Config(Options):
 def run(config: Config) -> None:
     """Evaluate the laws, store and print their errors."""
     from experiments import odometry
-    from experiments.report.odometry import print_errors, sensing_lines
-    from experiments.report.odometry_page import render
+    from experiments.report.odometry import page, print_errors, sensing_lines
     from experiments.run import Run
     from experiments.storage.manifest import command_line
     from experiments.storage.results import REPORT_FILE, TABLE_FILE, TRAJECTORIES_FOLDER, arrow_errors
@@ -109,7 +108,7 @@ def run(config: Config) -> None:
         if config.tum:
             odometry.write_trajectories(found, run.folder / TRAJECTORIES_FOLDER)
         name = config.path.name or str(config.path)
-        render(found, notes, sensing, manifest, command_line("evaluate"), name).write(run.folder, config.pdf)
+        page(found, notes, sensing, manifest, command_line("evaluate"), name).write(run.folder, config.pdf)
         step(1.0)
     print_errors(found, notes, sensing)
     print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s")

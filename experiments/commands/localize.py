@@ -64,7 +64,7 @@ def run(config: Config) -> None:
     """Locate, store and print."""
     from experiments.localization import described, place_lines, print_drives, stand_line
     from experiments.report.figures.localization import field
-    from experiments.report.page import Drawing
+    from experiments.report.page import drawn
     from experiments.run import Run
     from experiments.storage.results import FIGURES_FOLDER, RUNS_FILE
     from trackslip.ros.scanned import read_scanned
@@ -75,11 +75,9 @@ def run(config: Config) -> None:
         drives = found.drives
         warnings = (*found.notes, *map(str, found.refused))
         run.write({"drives": [described(drive) for drive in drives], "warnings": warnings}, [one.log for one in drives])
-        drawing, figures = Drawing("field", field(drives)), run.folder / FIGURES_FOLDER
+        figures = run.folder / FIGURES_FOLDER
         figures.mkdir()
-        (figures / "field.svg").write_text(drawing.svg, encoding="utf-8")
-        if config.pdf:
-            (figures / "field.pdf").write_bytes(drawing.pdf)
+        drawn("field", field(drives), config.pdf).write(figures)
     print(drives[0].taken)
     print_drives(f"The plate of {config.plate} m in scans", drives)
     for line in dict.fromkeys(stand_line(drive.stand) for drive in drives):

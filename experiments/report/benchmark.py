@@ -12,7 +12,8 @@ from experiments.benchmark.table import BOARD_HEADER, WHOLE_HEADER, board_text, 
 from experiments.options.benchmark import Case
 from experiments.report.figures import leaderboard as figures
 from experiments.report.figures.style import law_line
-from experiments.report.page import Drawing, Page, file_name, render_page
+from experiments.report.page import file_name
+from experiments.report.template_page import Drawing, Page, render_page
 from experiments.storage.manifest import relative
 from trackslip.logs.table_reader import runs_from_table
 

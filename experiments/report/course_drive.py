@@ -8,7 +8,7 @@ from experiments.driving.course_run import CourseRun
 from experiments.measuring.course_drive import DriveResult
 from experiments.report.figures import course_drive as figures
 from experiments.report.formats import number, percent
-from experiments.report.page import Drawing, Page, render_page
+from experiments.report.template_page import Drawing, Page, render_page
 from sim.terrain import Course
 
 TRACKS_HEADER = ("track", "slip", "slip, p95", "touching", "penetration [mm]", "work [J]")

@@ -1,51 +1,45 @@
-"""Tables of odometry's errors, and what to say of them."""
+"""The errors of odometry: tables, sentences, and their page."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from math import degrees
 from typing import Any
 
 import numpy as np
+from markupsafe import Markup
 
 from experiments.odometry import Evaluated
-from experiments.report.formats import MISSING, for_terminal, number, pair, significant
-from experiments.report.terminal import print_table
-from trackslip.odometry.evaluation import LENGTHS, PoseErrors, RelativeErrors
+from experiments.report.figures import odometry as figures
+from experiments.report.formats import MISSING, number, pair, significant
+from experiments.report.page import Bullets, Note, Page, Plot, Section
+from experiments.report.table import Table
+from trackslip.odometry.evaluation import LENGTHS, OdometryErrors, PoseErrors, RelativeErrors
 from trackslip.odometry.mounting import Mounting
 from trackslip.slip.stored_laws import NO_SLIP
 
-_METRES, _SECONDS = (tuple(f"{length:g} {unit}" for length in LENGTHS) for unit in ("m", "s"))
-ABSOLUTE_HEADER = ("law", "aligned [m]", "heading [deg]", "from first pose [m]", "heading [deg]")
-METRES_HEADER = ("law", *_METRES)
-SECONDS_HEADER = ("law", *_SECONDS)
-TITLES = {
-    "absolute": "Absolute errors, rms | largest",
-    "way_position": "Position error by way, mean [%] | rms [m]",
-    "way_heading": "Heading error by way, mean [deg/m] | rms [deg]",
-    "time_position": "Position error by time, rms | median [m]",
-    "time_heading": "Heading error by time, rms | median [deg]",
-}
-HEADERS = {
-    "absolute": ABSOLUTE_HEADER,
-    "way_position": METRES_HEADER,
-    "way_heading": METRES_HEADER,
-    "time_position": SECONDS_HEADER,
-    "time_heading": SECONDS_HEADER,
-}
 _MOST = 1000  # ratio of errors that is told
 _LEAST = 0.01  # below which an error has three decimals
-Rows = list[tuple[str, ...]]
+_ABSOLUTE = ("law", "aligned [m]", "heading [deg]", "from first pose [m]", "heading [deg]")
+_INTRO = (
+    "Odometry turns encoder readings into poses by a slip law, without looking at anything else. Here it is compared "
+    "with measured poses"
+)
 
 
-def tables(found: Sequence[Evaluated]) -> dict[str, Rows]:
-    """The rows under each of HEADERS; those of headings are left out if none was measured."""
-    rows: dict[str, Rows] = {
-        "absolute": [(one.label, *_absolute(one.errors.aligned), *_absolute(one.errors.from_first)) for one in found],
-        "way_position": [_row(one.label, one.errors.after_metres, _way_position) for one in found],
-        "way_heading": [_row(one.label, one.errors.after_metres, _way_heading) for one in found],
-        "time_position": [_row(one.label, one.errors.after_seconds, _time_position) for one in found],
-        "time_heading": [_row(one.label, one.errors.after_seconds, _time_heading) for one in found],
-    }
-    return {name: lines for name, lines in rows.items() if any(set(line[1:]) != {MISSING} for line in lines)}
+def tables(found: Sequence[Evaluated]) -> dict[str, Table]:
+    """The tables by what they show; those of headings are left out if none was measured."""
+    metres, seconds = (("law", *(f"{length:g} {unit}" for length in LENGTHS)) for unit in ("m", "s"))
+    absolute = [(one.label, *_absolute(one.errors.aligned), *_absolute(one.errors.from_first)) for one in found]
+    made = {"absolute": Table("Absolute errors, rms | largest", _ABSOLUTE, absolute)}
+    for name, title, header, cell in (
+        ("way_position", "Position error by way, mean [%] | rms [m]", metres, _way_position),
+        ("way_heading", "Heading error by way, mean [deg/m] | rms [deg]", metres, _way_heading),
+        ("time_position", "Position error by time, rms | median [m]", seconds, _time_position),
+        ("time_heading", "Heading error by time, rms | median [deg]", seconds, _time_heading),
+    ):
+        ahead = [one.errors.after_metres if header is metres else one.errors.after_seconds for one in found]
+        rows = [(one.label, *_cells(errors, cell)) for one, errors in zip(found, ahead, strict=True)]
+        made[name] = Table(title, header, rows)
+    return {name: table for name, table in made.items() if any(set(row[1:]) != {MISSING} for row in table.rows)}
 
 
 def gain(found: Sequence[Evaluated]) -> str:
@@ -92,8 +86,8 @@ def _absolute(errors: PoseErrors) -> tuple[str, str]:
     )
 
 
-def _row(label: str, errors: Mapping[float, RelativeErrors], cell: Any) -> tuple[str, ...]:
-    return (label, *(cell(errors[length]) if length in errors else MISSING for length in LENGTHS))
+def _cells(errors: Mapping[float, RelativeErrors], cell: Callable[[RelativeErrors], str]) -> list[str]:
+    return [cell(errors[length]) if length in errors else MISSING for length in LENGTHS]
 
 
 def _way_position(errors: RelativeErrors) -> str:
@@ -134,11 +128,85 @@ def _small(value: float) -> str:
 
 def print_errors(found: Sequence[Evaluated], notes: Sequence[str], sensing: Sequence[str]) -> None:
     """Print the tables, what was sensed where, warnings, and how much the best law gains."""
-    for key, rows in tables(found).items():
-        print_table(TITLES[key], HEADERS[key], for_terminal(rows))
+    for table in tables(found).values():
+        table.print()
     for line in sensing:
         print(line)
     for note in notes:
         print(f"warning: {note}")
     if told := gain(found):
         print(told)
+
+
+def page(
+    found: Sequence[Evaluated],
+    notes: Sequence[str],
+    sensing: Sequence[str],
+    manifest: Mapping[str, Any],
+    command: str,
+    name: str,
+) -> Page:
+    """The page of odometry on the log `name`."""
+    errors = found[0].errors
+    drive, told = figures.longest(found), gain(found)
+    along = "Every path begins at the first measured pose, with its heading."
+    if not drive.has_heading:
+        along = "As no heading was measured, every path is moved so that it fits the measured positions best."
+    blind = (
+        " Without headings, each motion starts with the heading at which odometry fits the positions of the last 10 s."
+    )
+    way = (
+        Plot(
+            "odometry_errors_over_way",
+            figures.errors_over_way(found),
+            "Errors over the way driven",
+            "Mean error after a way, over that way, from every measured pose. A line that falls like 1 / way is the "
+            "noise of the measured poses; one that stays level is an error of the law; slip that varies lies between.",
+        )
+        if errors.after_metres
+        else None
+    )
+    return Page(
+        title=f"Odometry by slip laws on {name}",
+        command=command,
+        manifest=manifest,
+        intro=[
+            " ".join([_driven(errors, drive.has_heading), *sensing]),
+            told and Markup("<strong>{}.</strong>").format(told),
+        ],
+        sections=[
+            Section(
+                "Along a drive",
+                [
+                    Plot(
+                        "odometry_paths",
+                        figures.paths(found),
+                        f"Path of {drive.name}",
+                        f"{along} Right: how far its positions are from those measured.",
+                    )
+                ],
+            ),
+            Section(
+                "Per metre and second",
+                [
+                    way,
+                    *tables(found).values(),
+                    Note(
+                        "Relative errors compare the motion from every measured pose to the one nearest to the given "
+                        "way or time ahead. They contain the noise of the measured poses at both ends. The way is that "
+                        f"of the middle of the tracks by the encoders.{'' if drive.has_heading else blind}"
+                    ),
+                ],
+            ),
+            Section("Warnings", [Bullets(notes)]) if notes else None,
+        ],
+    )
+
+
+def _driven(errors: OdometryErrors, headings: bool) -> str:
+    """What odometry was compared with."""
+    drives = errors.drives
+    count = "a drive" if len(drives) == 1 else f"{len(drives)} drives"
+    way, duration = sum(drive.way for drive in drives), sum(drive.duration for drive in drives)
+    poses = f"{sum(drive.poses for drive in drives):,} poses{'' if headings else ' without headings'}"
+    return f"{_INTRO} of {count}: {way:.0f} m by the encoders in {duration:.0f} s, {poses}."

@@ -1,4 +1,6 @@
-"""Pages: templates, figures as inline SVG and as files, and how the results were made."""
+"""Pages of a report: sections of text, tables and plots, as one HTML file that needs no other."""
+
+from __future__ import annotations
 
 import functools
 import io
@@ -7,14 +9,15 @@ import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import jinja2
 import matplotlib
 from markupsafe import Markup
 from matplotlib.figure import Figure
 
-from experiments.report.formats import MISSING, percent, significant
+from experiments.report.formats import MISSING
+from experiments.report.table import Table
 from experiments.storage.manifest import relative
 from experiments.storage.results import FIGURES_FOLDER, REPORT_FILE
 
@@ -27,39 +30,12 @@ class Drawn:
     """Descriptive, of letters, digits and underscores."""
     svg: str
     """The text of an SVG file, reproducible, with letters as outlines so that it needs no font."""
-    inline: Markup
-    """An <svg> element whose ids are unique on the page."""
     pdf: bytes = b""
     """A PDF file, if one was wanted."""
 
-
-@dataclass(frozen=True)
-class Drawing:
-    """A figure and its name, drawn when its files are needed."""
-
-    name: str
-    figure: Figure
-
-    @functools.cached_property
-    def svg(self) -> str:
-        """See Drawn."""
-        with matplotlib.rc_context({"svg.hashsalt": self.name, "svg.fonttype": "path"}):
-            return self._saved("svg", Date=None).decode()
-
-    @property
-    def pdf(self) -> bytes:
-        """See Drawn."""
-        with matplotlib.rc_context({"pdf.fonttype": 42}):
-            return self._saved("pdf", CreationDate=None)
-
-    def _saved(self, file_format: str, **metadata: None) -> bytes:
-        buffer = io.BytesIO()
-        self.figure.savefig(buffer, format=file_format, metadata=metadata)
-        return buffer.getvalue()
-
     @property
     def inline(self) -> Markup:
-        """See Drawn."""
+        """An <svg> element whose ids are unique on the page."""
         text = self.svg[self.svg.index("<svg") :]
         text = re.sub(r"<metadata>.*?</metadata>|<!--.*?-->", "", text, flags=re.DOTALL)
         for reference in (' id="', 'xlink:href="#', "url(#"):
@@ -67,62 +43,173 @@ class Drawing:
         text = re.sub(r"\n\s*", "\n", text)
         return Markup(text.replace("<svg ", '<svg aria-hidden="true" ', 1))
 
+    def write(self, folder: Path) -> None:
+        """Write folder/NAME.svg and, if there is one, NAME.pdf."""
+        (folder / f"{self.name}.svg").write_text(self.svg, encoding="utf-8")
+        if self.pdf:
+            (folder / f"{self.name}.pdf").write_bytes(self.pdf)
+
+
+def drawn(name: str, figure: Figure, pdf: bool = False) -> Drawn:
+    """Draw a figure, with `pdf` also as PDF."""
+    with matplotlib.rc_context({"svg.hashsalt": name, "svg.fonttype": "path", "pdf.fonttype": 42}):
+        svg = _saved(figure, "svg", Date=None).decode()
+        return Drawn(name, svg, _saved(figure, "pdf", CreationDate=None) if pdf else b"")
+
+
+def _saved(figure: Figure, file_format: str, **metadata: None) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format=file_format, metadata=metadata)
+    return buffer.getvalue()
+
 
 def draw(name: str, make: Callable[[], Figure | None], pdf: bool) -> Drawn | None:
     """Make and draw a figure, wherever this is called; None if there is none to be made."""
     figure = make()
-    if figure is None:
-        return None
-    drawing = Drawing(name, figure)
-    return Drawn(name, drawing.svg, drawing.inline, drawing.pdf if pdf else b"")
+    return None if figure is None else drawn(name, figure, pdf)
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A figure on a page, and its file."""
+
+    name: str
+    """Of the file and of the element on the page."""
+    figure: Figure | Drawn | Sequence[Figure]
+    """Panels are shown side by side where there is room, each with a file named after its first title."""
+    heading: str
+    caption: str = ""
+    """Text, or Markup."""
+    conditions: str | None = None
+    """In small print below the caption; by default seed, ground and command."""
+
+    kind: ClassVar[str] = "plot"
+
+    def drawn(self, pdf: bool) -> tuple[Drawn, ...]:
+        """The files' contents."""
+        if isinstance(self.figure, Drawn):
+            return (self.figure,)
+        if isinstance(self.figure, Figure):
+            return (drawn(self.name, self.figure, pdf),)
+        return tuple(drawn(f"{self.name}_{_title(panel)}", panel, pdf) for panel in self.figure)
+
+
+def _title(panel: Figure) -> str:
+    return file_name(panel.axes[0].get_title(loc="left"))
+
+
+@dataclass(frozen=True)
+class Note:
+    """A paragraph of less weight."""
+
+    text: str
+
+    kind: ClassVar[str] = "note"
+
+
+@dataclass(frozen=True)
+class Bullets:
+    """A list."""
+
+    items: Sequence[str]
+
+    kind: ClassVar[str] = "bullets"
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """Files beside the page, as thumbnails."""
+
+    files: Sequence[str]
+    description: str
+
+    kind: ClassVar[str] = "pictures"
+
+
+@dataclass(frozen=True)
+class Section:
+    """A heading and what is below it, in order; a section in a section has a smaller heading."""
+
+    heading: str
+    blocks: Sequence[Block | None]
+    """None is left out, and so is a section of nothing. A str is a paragraph; Markup keeps its tags."""
+
+    kind: ClassVar[str] = "section"
+
+    def __bool__(self) -> bool:
+        return any(self.blocks)
+
+
+Block = str | Table | Plot | Note | Bullets | Pictures | Section
+
+
+def warnings(lines: Sequence[str]) -> Section | None:
+    """A section of warnings, if there are any."""
+    return Section("Warnings", [Bullets([f"{line}." for line in lines])]) if lines else None
 
 
 @dataclass(frozen=True)
 class Page:
-    """A self-contained HTML page and its figures, which are also written as files."""
+    """A page, which is written with its figures."""
 
-    html: str
-    drawings: Sequence[Drawing | Drawn]
+    title: str
+    command: str
+    """The command line that made it."""
+    manifest: Mapping[str, Any]
+    """Configuration, versions, seed: anything that fits into JSON; listed at the end."""
+    sections: Sequence[Section | None]
+    intro: Sequence[Block | None] = ()
+    """Below the title."""
 
     def write(self, folder: Path, pdf: bool = False) -> None:
         """Write the page and each figure as figures/NAME.svg, with `pdf` also as NAME.pdf."""
-        (folder / REPORT_FILE).write_text(self.html, encoding="utf-8")
+        figures = self._figures(pdf)
+        (folder / REPORT_FILE).write_text(self._html(figures), encoding="utf-8")
         (folder / FIGURES_FOLDER).mkdir()
-        for drawing in self.drawings:
-            file = folder / FIGURES_FOLDER / drawing.name
-            file.with_suffix(".svg").write_text(drawing.svg, encoding="utf-8")
-            if pdf:
-                file.with_suffix(".pdf").write_bytes(drawing.pdf)
+        for several in figures.values():
+            for figure in several:
+                figure.write(folder / FIGURES_FOLDER)
+
+    def html(self) -> str:
+        """The page alone."""
+        return self._html(self._figures(pdf=False))
+
+    @property
+    def blocks(self) -> Iterator[Block]:
+        """Everything on the page, in order; a section is followed by its blocks."""
+        return _all((*self.intro, *self.sections))
+
+    def _figures(self, pdf: bool) -> dict[str, tuple[Drawn, ...]]:
+        return {block.name: block.drawn(pdf) for block in self.blocks if isinstance(block, Plot)}
+
+    def _html(self, figures: Mapping[str, Sequence[Drawn]]) -> str:
+        return _template().render(
+            title=self.title,
+            command=relative_command(self.command),
+            intro=self.intro,
+            sections=[section for section in self.sections if section],
+            figures=figures,
+            conditions=conditions(self.manifest, self.command),
+            manifest=list(flatten(self.manifest)),
+        )
 
 
-def render_page(
-    template: str,
-    drawings: Sequence[Drawing | Drawn],
-    *,
-    title: str,
-    command: str,
-    manifest: Mapping[str, Any],
-    **context: Any,
-) -> Page:
-    """Fill in a template that extends base.html.j2; the manifest, which must fit into JSON, is listed at its end."""
-    inline = {drawing.name: drawing.inline for drawing in drawings}
-    context = {"figures": inline, "conditions": conditions(manifest, command)} | context
-    made = {"title": title, "command": relative_command(command), "manifest": list(_flatten(manifest))}
-    return Page(_environment().get_template(template).render(made, **context), drawings)
+def _all(blocks: Sequence[Block | None]) -> Iterator[Block]:
+    for block in blocks:
+        if block:
+            yield block
+            if isinstance(block, Section):
+                yield from _all(block.blocks)
 
 
 @functools.cache
-def _environment() -> jinja2.Environment:
-    """Templates, each compiled once."""
+def _template() -> jinja2.Template:
+    """The template of all pages, compiled once."""
+    loader = jinja2.PackageLoader("experiments.report", "templates")
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("experiments.report", "templates"),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
+        loader=loader, autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
-    environment.filters |= {"percent": percent, "significant": significant}
-    return environment
+    return environment.get_template("page.html.j2")
 
 
 def relative_command(command: str) -> str:
@@ -164,14 +251,14 @@ def file_name(text: str) -> str:
     return re.sub(r"[^a-z0-9]+", "_", text.lower()).strip("_")
 
 
-def _flatten(value: Any, path: str = "") -> Iterator[tuple[str, str]]:
+def flatten(value: Any, path: str = "") -> Iterator[tuple[str, str]]:
     """Dotted names and printed values of everything in nested mappings; a list of plain values is one value."""
     if isinstance(value, Mapping) and value:
         for key, item in value.items():
-            yield from _flatten(item, f"{path}.{relative(str(key))}" if path else str(key))
+            yield from flatten(item, f"{path}.{relative(str(key))}" if path else str(key))
     elif isinstance(value, list | tuple) and any(isinstance(item, Mapping) for item in value):
         for index, item in enumerate(value):
-            yield from _flatten(item, f"{path}[{index}]")
+            yield from flatten(item, f"{path}[{index}]")
     elif isinstance(value, list | tuple):
         yield path, ", ".join(relative(str(item)) for item in value) or MISSING
     elif path:

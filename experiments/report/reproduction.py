@@ -22,7 +22,8 @@ from experiments.report.figures.localization import error_against_viewing_angle
 from experiments.report.figures.slip_under_load import slip_under_load
 from experiments.report.formats import MISSING, number, pair
 from experiments.report.identification import Facts
-from experiments.report.page import Drawing, Drawn, Page, render_page
+from experiments.report.page import Drawn
+from experiments.report.template_page import Drawing, Page, render_page
 from experiments.report.tracking import tracking_rows
 from trackslip.identification.drive.comparison import DriveComparison
 from trackslip.identification.fitted import FittedLaw

@@ -11,7 +11,7 @@ from experiments.measuring.sensitivity import SensitivityRow, SlipErrors
 from experiments.report.colours import BLUE, ORANGE
 from experiments.report.figures.style import legend_below, margin_for, styled, subplots
 from experiments.report.formats import MISSING, number
-from experiments.report.page import Drawing, Page, render_page
+from experiments.report.template_page import Drawing, Page, render_page
 
 _OF_SLIP = ("", "outer bias", "std", "largest", "inner bias", "std", "largest")
 HEADER = (*_OF_SLIP, "x [mm]", "y [mm]", "phi [deg]", "valid", "runs")

@@ -8,7 +8,8 @@ from markupsafe import Markup
 from experiments.measuring.check import Check
 from experiments.report.drive_checks import CHECKS_HEADER, checks_table
 from experiments.report.figures import shear as figures
-from experiments.report.page import Drawing, Page, file_name, render_page
+from experiments.report.page import file_name
+from experiments.report.template_page import Drawing, Page, render_page
 from experiments.validation.shear.findings import ShearFindings
 
 TITLE = "Ground that shears compared with theory"

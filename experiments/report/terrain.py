@@ -9,7 +9,8 @@ from markupsafe import Markup
 from experiments.measuring.check import Check
 from experiments.report.figures import terrain as figures
 from experiments.report.formats import MISSING, number, percent, significant
-from experiments.report.page import Drawing, Page, file_name, render_page
+from experiments.report.page import file_name
+from experiments.report.template_page import Drawing, Page, render_page
 from experiments.validation.terrain.findings import ByDefault, Findings, TerrainValidation
 
 TITLE = "Tracks on terrain compared with theory"

@@ -14,7 +14,8 @@ from experiments.report.figures import validation as figures
 from experiments.report.figures import validation_turning as turning_figures
 from experiments.report.figures.validation_turning import expected_twist, nearest_ratio, own
 from experiments.report.formats import MISSING, pair, percent, significant, span
-from experiments.report.page import Drawing, Page, file_name, relative_command, render_page
+from experiments.report.page import file_name, relative_command
+from experiments.report.template_page import Drawing, Page, render_page
 from experiments.validation import convergence, energy
 from experiments.validation.results import Validation, ValidationSummary
 from experiments.validation.standing import ANGLES, REFERENCE_ANGLE

@@ -1,7 +1,6 @@
 """The page of odometry's errors: what its figures show is what was found, and they draw without a warning."""
 
 import re
-import xml.etree.ElementTree as ET
 
 import numpy as np
 import pytest
@@ -13,8 +12,9 @@ from experiments.report.colours import GREY
 from experiments.report.figures import odometry as figures
 from experiments.report.formats import MISSING
 from experiments.report.laws import shown
-from experiments.report.odometry import gain, tables
-from experiments.report.odometry_page import render
+from experiments.report.odometry import gain, page, tables
+from experiments.report.page import Plot
+from experiments.report.table import Table
 from sim.wander.pose_source import PoseSource
 from trackslip.odometry.identified import LawInUse, no_slip
 from trackslip.slip.icr import ConstantIcr
@@ -84,28 +84,28 @@ def test_errors_over_the_way(found, blind):
     assert_readable(figures.paths(blind))
 
 
-def test_the_page_says_what_was_found(found, blind):
-    page = render(found, ["a note"], ["The sensor sits here."], MANIFEST, "trackslip evaluate x", "x")
-    for drawing in page.drawings:
-        assert ET.fromstring(drawing.svg).tag.endswith("svg")
-    for text in ("a note", "The sensor sits here.", "2 drives", "Heading error by way", gain(found), "icr"):
-        assert text in page.html
-    without = render(blind, [], [], MANIFEST, "trackslip evaluate x", "x").html
-    assert "without headings" in without
-    assert "Heading error" not in without
+def test_the_page_holds_figures_tables_and_notes(found, blind):
+    made = page(found, ["a note"], ["The sensor sits here."], MANIFEST, "trackslip evaluate x", "x")
+    blocks = list(made.blocks)
+    assert [block.name for block in blocks if isinstance(block, Plot)] == ["odometry_paths", "odometry_errors_over_way"]
+    assert [block for block in blocks if isinstance(block, Table)] == list(tables(found).values())
+    text = made.html()
+    assert all(part in text for part in ("a note", "The sensor sits here.", "2 drives", gain(found)))
+    assert "way_heading" not in tables(blind)
+    assert "without headings" in page(blind, [], [], MANIFEST, "trackslip evaluate x", "x").html()
 
 
 def test_a_drive_of_moments_has_a_page_without_stretches():
     short = found_on(drive_log(2, 0.5, EXACT, STILL))
-    page = render(short, [*short[0].errors.notes], [], MANIFEST, "trackslip evaluate x", "x")
-    assert [drawing.name for drawing in page.drawings] == ["odometry_paths"]
-    assert "no stretch of 1, 2, 5, 10 m" in page.html
+    made = page(short, [*short[0].errors.notes], [], MANIFEST, "trackslip evaluate x", "x")
+    assert [block.name for block in made.blocks if isinstance(block, Plot)] == ["odometry_paths"]
+    assert "no stretch of 1, 2, 5, 10 m" in made.html()
     assert gain(short) == ""
     assert [*tables(short)] == ["absolute"]
 
 
 def test_tables_have_a_row_for_each_law(found):
-    shown = tables(found)
+    shown = {name: table.rows for name, table in tables(found).items()}
     assert all([row[0] for row in rows] == ["icr", "none", "other:icr"] for rows in shown.values())
     errors = found[1].errors
     assert shown["time_position"][1][1].split(" | ")[0] == f"{errors.after_seconds[1.0].position.rms:.3f}"

@@ -1,11 +1,13 @@
 """A page's figures as files, and what its captions say of how it was made."""
 
+import re
 import xml.etree.ElementTree as ET
 
 import pytest
 from matplotlib.figure import Figure
 
-from experiments.report.page import Drawing, Page, conditions, file_name, relative_command, render_page
+from experiments.report.page import Bullets, Page, Plot, Section, conditions, file_name, relative_command, warnings
+from experiments.report.table import Cell, Table
 from experiments.storage.plain_json import write_json
 from experiments.storage.results import FIGURES_FOLDER, MANIFEST_FILE, REPORT_FILE, results_folder
 from trackslip.errors import OutputError
@@ -19,7 +21,7 @@ def drawn() -> Figure:
 
 def write(out, *names, pdf=False):
     with results_folder(out) as folder:
-        Page("<p>a page</p>", [Drawing(name, drawn()) for name in names]).write(folder, pdf)
+        Page("A page", "", {}, [Section("Figures", [Plot(name, drawn(), name) for name in names])]).write(folder, pdf)
         write_json(folder / MANIFEST_FILE, {})
 
 
@@ -35,7 +37,8 @@ def test_figures_are_files_of_their_own_and_the_same_each_time(tmp_path):
         text = (tmp_path / "a" / FIGURES_FOLDER / name).read_text(encoding="utf-8")
         assert ET.fromstring(text).tag.endswith("svg")
         assert text == (tmp_path / "b" / FIGURES_FOLDER / name).read_text(encoding="utf-8")
-    assert (tmp_path / "a" / REPORT_FILE).read_text(encoding="utf-8") == "<p>a page</p>"
+    pages = [(tmp_path / name / REPORT_FILE).read_text(encoding="utf-8") for name in ("a", "b")]
+    assert pages[0] == pages[1]
 
 
 def test_pdf_is_written_when_asked_for(tmp_path):
@@ -78,6 +81,71 @@ def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path):
         write(tmp_path, "slip")
 
 
+HOSTILE = "<script>alert('1')</script> & \"name\""
+LAWS = Table(
+    HOSTILE,
+    ("law", "parameter", "value"),
+    [(Cell("constant ICR", "icr", ("a / b",), "best"), "D", "−43 ± 2 mm"), ("", "ε", "nan"), (HOSTILE, "–", "1")],
+    "llr",
+    note="a note",
+)
+
+
+def elements(text):
+    """A page as a tree, which it is only if all its elements are closed."""
+    page = text.partition("<body>")[2].partition("</body>")[0]
+    return ET.fromstring(re.sub(r"<svg.*?</svg>", "", f"<body>{page}</body>", flags=re.DOTALL))
+
+
+def test_a_page_is_sections_of_blocks():
+    blocks = [
+        "a paragraph",
+        LAWS,
+        None,
+        Bullets(["one", "two"]),
+        Plot("slip", [drawn(), drawn()], "Slip", "As driven."),
+    ]
+    empty = Section("Nothing", [None, ""])
+    page = elements(
+        Page("A page", "trackslip", {"seed": 1}, [Section("Slip", [*blocks, Section("Inner", ["x"])]), empty]).html()
+    )
+    assert [heading.text for heading in page.iter("h2")] == ["Slip", "How it was made"]
+    assert [heading.text for heading in page.iter("h3")] == ["Inner"]
+    assert [item.text for item in page.iter("li")] == ["one", "two"]
+    assert page.find(".//figure").get("id") == "slip"
+    assert " ".join("".join(page.find(".//figcaption").itertext()).split()) == "Slip. As driven. seed 1 · trackslip"
+
+
+def test_a_table_has_its_rows_on_the_page():
+    page = elements(Page("A page", "", {}, [Section("Laws", [LAWS])]).html())
+    first, second = page.iter("tbody")
+    assert (first.get("class"), second.get("class")) == ("chosen", None)
+    assert first.find("tr/th").get("rowspan") == "2"
+    assert [cell.text for cell in first.iter("td")] == ["D", "−43 ± 2 mm", "ε", "–"]
+    assert [cell.get("class") for cell in second.iter("td")] == ["l", "r"]
+    assert page.find(".//caption").text == second.find("tr/th").text == HOSTILE
+
+
+def test_the_same_table_on_the_terminal(capsys):
+    LAWS.print()
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    for row in (["icr", "D", "-43", "±", "2", "mm"], ["ε", "-"], [*HOSTILE.split(), "-", "1"], HOSTILE.split()):
+        assert row in lines
+
+
+def test_names_are_escaped_everywhere():
+    blocks = [HOSTILE, LAWS, Bullets([HOSTILE]), Plot("slip", drawn(), HOSTILE, HOSTILE), Section(HOSTILE, [HOSTILE])]
+    text = Page(HOSTILE, "", {HOSTILE: HOSTILE}, [Section(HOSTILE, blocks), warnings([HOSTILE])], [HOSTILE]).html()
+    assert "<script" not in text
+    assert text.count("&lt;script&gt;") == 17
+    elements(text)
+
+
+def test_a_page_needs_no_other_file():
+    text = Page("A page", "", {}, [Section("Laws", [LAWS, Plot("slip", drawn(), "Slip")])]).html()
+    assert re.findall(r"(?:src|href)=\"(?!#)[^\"]*|url\((?!#)|@import|<link|<script", text) == []
+
+
 def test_captions_state_seed_ground_and_command():
     stone = {"along": 0.7, "across": 0.778, "slope": 0.0, "patches": [], "changes": []}
     assert conditions({"seed": 3, "ground": stone}, "trackslip grid --seed 3") == (
@@ -106,18 +174,7 @@ def test_paths_are_relative_to_where_the_command_was_run(tmp_path, monkeypatch):
         "seed": 0,
     }
     assert str(tmp_path) not in conditions(manifest, command)
-    page = render_page(
-        "sensitivity.html.j2",
-        [],
-        title="A page",
-        command=command,
-        manifest=manifest,
-        figures={"slip_errors": ""},
-        conditions=conditions(manifest, command),
-        header=("",),
-        table=(),
-        warnings=(),
-    ).html
+    page = Page("A page", command, manifest, [Section("Slip", [Plot("slip", drawn(), "Slip")])]).html()
     assert "--laws=laws.json" in page
     assert str(tmp_path) not in page
 
