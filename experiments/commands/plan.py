@@ -1,6 +1,19 @@
-"""`trackslip plan`: the shortest experiment, and how well it does."""
+"""`trackslip plan`: the shortest experiment to identify a slip law from, and trials of it."""
 
-from experiments.options.plan import PlanConfig as Config
+import re
+import shlex
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+import tyro
+
+from experiments.options.base import Exclusion, Needs, Positive, Whole, Within
+from experiments.options.help import default_is
+from experiments.options.world import Repeatable
+from trackslip.errors import InvalidValueError, require_finite
+from trackslip.planning.limits import DriveLimits
 
 EXAMPLES = (
     ("the best minute in 3 x 3 m", "trackslip plan --half-gauge 0.168 --sprocket-radius 0.06"),
@@ -8,10 +21,111 @@ EXAMPLES = (
     ("where the law is least known", "trackslip plan --after out/identify --duration 30"),
     ("tried a hundred times", "trackslip plan --after out/identify --drive --repeats 100"),
 )
+PLAN_FILE = "plan.csv"
+BAG_FILE = "cmd_vel.mcap"
+_AREA = re.compile(r"(\d+(?:\.\d*)?|\.\d+)x(\d+(?:\.\d*)?|\.\d+)")
+_OF_AFTER = default_is("that of --after", "FLOAT")
+
+
+@dataclass(frozen=True)
+class Config(Repeatable):
+    """Plan the shortest experiment: a drive within limits that determines a slip law as well as possible."""
+
+    half_gauge: Annotated[float | None, Positive(10.0, "m"), _OF_AFTER] = None
+    """Half the distance between the tracks [m]."""
+    sprocket_radius: Annotated[float | None, Positive(10.0, "m"), _OF_AFTER] = None
+    """Radius of the sprockets [m]."""
+    max_speed: float = 0.3
+    """Largest speed of a belt [m/s]."""
+    acceleration: float = 0.5
+    """Largest acceleration of a belt [m/s^2]."""
+    area: Annotated[str, tyro.conf.arg(metavar="LENGTHxWIDTH")] = "3x3"
+    """Area that the middle of the robot may not leave, in metres."""
+    clearance: float = 0.0
+    """Distance that the middle of the robot keeps from the area's edge, such as half the robot's diagonal [m]."""
+    duration: float = 60.0
+    """Length of the drive [s]."""
+    poses: Literal["slam", "mocap", "gnss", "scanner"] = "slam"
+    """Where the poses will come from: SLAM, motion capture, GNSS (no headings), or a scanner beside the field."""
+    law: Literal["icr", "icr_radius", "icr_sides", "turn_loss", "exponential", "power"] = "icr_radius"
+    """Slip law that is to be identified."""
+    offset: Annotated[float | None, default_is("that of --after, else 0.3 half gauges", "FLOAT")] = None
+    """D that is expected: distance of the ICRs outside the tracks [m]."""
+    doubt: Annotated[float | None, Within(0, 0.9), default_is("that of --after, else 0.15", "FLOAT")] = None
+    """Largest relative error of half gauge + D that the area allows for [-]."""
+    after: Annotated[Path | None, default_is("none", "FOLDER")] = None
+    """Results of identify to go on from: the drive targets what they left uncertain."""
+    drive: bool = False
+    """Also drive it, and the paper's 25 runs, identify the law from each, and compare the errors."""
+    repeats: Annotated[int, Whole(1, 10_000)] = 1
+    """Number of times, with different random numbers; with --motion mujoco, of measurements of the same drives."""
+    motion: Literal["law", "mujoco"] = "law"
+    """What moves the robot then: a law with random slip, or the simulated ground."""
+    bag: bool = True
+    """Also write the commands as a ROS 2 bag to OUT/bags, if the package rosbags is installed."""
+    pdf: bool = False
+    """Also write the figure as PDF."""
+    out: Path = Path("out/plan")
+    """Folder for the results."""
+
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (Needs(("repeats", "motion"), "drive"),)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.offset is not None:
+            require_finite("offset", self.offset)
+        for name in ("half_gauge", "sprocket_radius"):
+            if self.after is None and getattr(self, name) is None:
+                raise InvalidValueError(name, None, f"given (--{name.replace('_', '-')} on the command line)")
+        self.limits()
+
+    def limits(self) -> DriveLimits:
+        """Limits of the drive."""
+        sides = _AREA.fullmatch(self.area.strip().lower())
+        if sides is None:
+            raise InvalidValueError("area", self.area, "length x width in metres, such as 3x3 or 4.5x2")
+        area = (float(sides[1]), float(sides[2]))
+        return DriveLimits(self.max_speed, self.acceleration, area, self.duration, self.clearance)
 
 
 def run(config: Config) -> None:
     """Plan, try, store and print."""
-    from experiments.work.plan import run as work
+    from experiments.driving.plan import plan_to_json, planned, write_plan
+    from experiments.report.figures.plan import draw_plan
+    from experiments.report.plan import print_plan, print_plan_trials
+    from experiments.run import Run
+    from experiments.storage.results import BAGS_FOLDER, FIGURES_FOLDER
+    from experiments.studies.plan_trials import try_plan
+    from experiments.studies.trials import forget_trials
+    from trackslip.planning.plan import expected_of_paper
+    from trackslip.ros.command_bag import write_commands
+    from trackslip.ros.decode import has_rosbags
 
-    work(config)
+    bag = config.bag and has_rosbags()
+    with Run(config, partial(forget_trials, config.out)) as run:
+        plan = planned(config, run)
+        paper = expected_of_paper(plan)
+        trials = try_plan(config, plan, paper, run) if config.drive else None
+        write_plan(run.folder / PLAN_FILE, plan)
+        figures = run.folder / FIGURES_FOLDER
+        figures.mkdir()
+        for ending in ("svg", "pdf") if config.pdf else ("svg",):
+            draw_plan(plan).savefig(figures / f"plan.{ending}")
+        if bag:
+            write_commands(run.folder / BAGS_FOLDER / BAG_FILE, plan.time, plan.twist)
+        summary, logs = plan_to_json(plan, paper), []
+        if trials:
+            summary |= {"trials": trials.to_json(), "checks": [check.to_json() for check in trials.checks()]}
+            logs = [trials.log]
+        run.write(summary, logs, seed=config.seed)
+    print_plan(plan, paper)
+    if trials:
+        print_plan_trials(trials)
+    print(f"{config.out / PLAN_FILE}: {run.wall:.1f} s")
+    if bag:
+        print(f"{config.out / BAGS_FOLDER / BAG_FILE}: commands as a ROS 2 bag")
+    elif config.bag:
+        print("no ROS 2 bag of the commands: that needs the package rosbags, pip install 'trackslip[ros]'")
+    robot = plan.knowledge.geometry
+    sizes = f"--half-gauge {shlex.quote(f'{robot.half_gauge:g}')} --sprocket-radius {robot.sprocket_radius:g}"
+    print(f"next: drive it, then trackslip identify LOG {sizes}")

@@ -1,124 +1,84 @@
-"""Planned drives driven: by a law with random slip, or in MuJoCo, beside the paper's runs; and what is measured."""
+"""Plans of drives as the options ask for them, and as files."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import csv
+import math
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.driving.world import Specification, World
-from experiments.options.world import Simulation
-from experiments.storage.plain_json import plain
-from sim.drive.drive import Drive
-from sim.robot.parameters import RobotParameters
-from sim.run_recorder import Description
-from sim.runs import Progress
-from sim.seeds import generator
-from sim.wander.commands import Driver, track_commands
-from sim.wander.fleet_motion import drive_fleet
-from sim.wander.law_motion import LawMotion, SlipVariation
-from sim.wander.log import encoder_log, joined_log, quantised
-from sim.wander.motion import Motion
-from sim.wander.pose_source import PoseSource
-from trackslip.identification.drive.reckoning import rotated
-from trackslip.kinematics import Array
-from trackslip.logs.runlog import RunLog
-from trackslip.planning.plan import PAPER_DURATION, DrivePlan, paper_runs
-from trackslip.planning.strokes import RATE
-from trackslip.slip.families import family
+from sim.wander.pose_source import SOURCES
+from trackslip.errors import InvalidValueError
+from trackslip.kinematics import RobotGeometry
+from trackslip.planning.after import Before, read_identification
+from trackslip.planning.information import Expectation, PoseQuality
+from trackslip.planning.limits import first_knowledge
+from trackslip.planning.plan import DrivePlan, evaluations, plan_drive
 
-OTHER_DRIVES = 4
-"""Drives in MuJoCo that the laws predict."""
-_OTHER_DURATION = 60.0  # [s]
-_PAPER_RATE = 10.0  # of the encoders in the paper's runs, whose speeds are constant [Hz]
+if TYPE_CHECKING:
+    from experiments.commands.plan import Config
+    from experiments.run import Run
+
+_COLUMNS = ("t", "omega_l", "omega_r", "v", "w")
 
 
-@dataclass(frozen=True)
-class Driven:
-    """A log of encoders, and the true motion in the area."""
-
-    log: RunLog
-    motion: Motion
-
-    def measured(self, source: PoseSource, rng: np.random.Generator) -> RunLog:
-        """The log as a source of poses sees it."""
-        return joined_log(self.log, *source.measure(self.motion, rng))
-
-
-def driven_by_law(plan: DrivePlan, truth: Array, rng: np.random.Generator) -> Driven:
-    """The planned drive by the law with the parameters `truth` (q,), with white slip."""
-    motion = _law_motion(plan, truth)
-    return _driven("plan", _readings(plan.omega), RATE, motion, plan.start, rng)
-
-
-def paper_by_law(plan: DrivePlan, truth: Array, rng: np.random.Generator) -> list[Driven]:
-    """The paper's runs by the same law."""
-    motion, radius = _law_motion(plan, truth), plan.knowledge.geometry.sprocket_radius
-    rows = round(PAPER_DURATION * _PAPER_RATE) + 1
-    return [
-        _driven(f"circle {k + 1}", np.tile(speeds / radius, (rows, 1)), _PAPER_RATE, motion, np.zeros(3), rng)
-        for k, speeds in enumerate(paper_runs(plan.knowledge.geometry))
-    ]
-
-
-@dataclass(frozen=True)
-class SimulatedDrives:
-    """The planned drive, the paper's runs and other drives in MuJoCo."""
-
-    plan: Driven
-    paper: list[Driven]
-    others: list[Driven]
-
-
-def driven_in_mujoco(plan: DrivePlan, seed: int, threads: int, progress: Progress) -> SimulatedDrives:
-    """Drive on the shipped ground, with the shipped robot but for gauge and sprockets.
-
-    `progress` is called with the simulated seconds; raises RunFailedError when a robot tips over.
-    """
-    geometry, limits = plan.knowledge.geometry, plan.limits
-    top_speed = max(limits.max_speed, Drive().top_speed, *(float(np.abs(v).max()) for v in paper_runs(geometry)))
-    config = Simulation(seed=seed, threads=threads, drive=Drive(top_speed=top_speed))
-    given = Specification.of(config)
-    parameters: RobotParameters = replace(
-        given.parameters, half_gauge=geometry.half_gauge, sprocket_radius=geometry.sprocket_radius
+def planned(config: Config, run: Run) -> DrivePlan:
+    """The plan that the options ask for; raises LogError for results that can't be read, InvalidValueError."""
+    before = None if config.after is None else read_identification(config.after, config.law)
+    geometry = _geometry(config, before)
+    knowledge = first_knowledge(geometry) if before is None else before.knowledge
+    knowledge = replace(
+        knowledge,
+        offset=knowledge.offset if config.offset is None else config.offset,
+        reach_doubt=knowledge.reach_doubt if config.doubt is None else config.doubt,
     )
-    world = World.of(config, replace(given, parameters=parameters))
-    driver = Driver(limits.max_speed, limits.acceleration, plan.knowledge.reach)
-    others = [
-        track_commands("random", _OTHER_DURATION, RATE, driver, generator(seed, f"plan other {k}"))
-        for k in range(OTHER_DRIVES)
-    ]
-    circles = [np.tile(speeds, (round(PAPER_DURATION * RATE) + 1, 1)) for speeds in paper_runs(geometry)]
-
-    def drive(name: str, speeds: list[Array]) -> list[Driven]:
-        fleet = world.fleet(np.zeros((len(speeds), 3)))
-        about = [Description(f"{name} {k + 1}", world.metadata("truth")) for k in range(len(speeds))]
-        omega = np.stack(speeds, axis=1) / geometry.sprocket_radius
-        return [Driven(log, Motion(log.time, log.pose)) for log in drive_fleet(fleet, omega, RATE, about, progress)]
-
-    planned = drive("plan", [plan.speeds])[0]
-    motion = Motion(planned.motion.time, placed(planned.motion.pose, plan.start))
-    log = replace(planned.log, pose=motion.pose)
-    return SimulatedDrives(Driven(log, motion), drive("circle", circles) if circles else [], drive("other", others))
+    source, limits = SOURCES[config.poses], config.limits()
+    poses = PoseQuality(source.rate, source.position_noise, source.heading_noise if source.heading else None)
+    values, known = (None, None) if before is None else (before.values, before.known)
+    with run.progress("drives", evaluations(limits, config.law), "drives") as step:
+        return plan_drive(geometry, limits, poses, config.law, knowledge, values, known, config.seed, step)
 
 
-def placed(pose: Array, start: Array) -> Array:
-    """Poses (F, 3) from the origin, as seen from where the robot starts at `start` (3,)."""
-    return start + np.column_stack([rotated(start[2], pose[:, :2]), pose[:, 2]])
+def _geometry(config: Config, before: Before | None) -> RobotGeometry:
+    """The robot's geometry; raises InvalidValueError if the identification before was of another robot."""
+    if before is None:
+        assert config.half_gauge is not None
+        assert config.sprocket_radius is not None
+        return RobotGeometry(config.half_gauge, config.sprocket_radius)
+    for name in ("half_gauge", "sprocket_radius"):
+        given, stored = getattr(config, name), getattr(before.geometry, name)
+        if given is not None and not math.isclose(given, stored, rel_tol=1e-6):
+            raise InvalidValueError(name, given, f"that of {config.after}, {stored:g} m, or left out")
+    return before.geometry
 
 
-def _law_motion(plan: DrivePlan, truth: Array) -> LawMotion:
-    geometry = plan.knowledge.geometry
-    return LawMotion(family(plan.law).law(truth, geometry), geometry, SlipVariation(*plan.knowledge.slip))
+def write_plan(file: Path, plan: DrivePlan) -> None:
+    """Write the commands as CSV: times [s], sprocket speeds [rad/s], and the twists [m/s, rad/s] that they mean."""
+    rows = np.column_stack([plan.time, plan.omega, plan.twist])
+    with file.open("w", encoding="utf-8", newline="") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(_COLUMNS)
+        writer.writerows([[f"{value:.6g}" for value in row] for row in rows])
 
 
-def _readings(omega: Array) -> Array:
-    """What encoders read (T, 2): means since the row before, from commands (T, 2) that hold until the next row."""
-    return np.concatenate([omega[:1], omega[:-1]])
-
-
-def _driven(name: str, omega: Array, rate: float, motion: LawMotion, start: Array, rng: np.random.Generator) -> Driven:
-    moved, twist = motion.drive(omega, rate, rng)
-    real = Motion(moved.time, placed(moved.pose, start))
-    log = encoder_log(name, rate, omega, real, twist, {"geometry": plain(motion.geometry)})
-    return Driven(quantised(log, Drive().encoder_counts), real)
+def plan_to_json(plan: DrivePlan, paper: Expectation | None) -> dict[str, Any]:
+    """The content of summary.json on a plan, in SI units."""
+    knowledge = asdict(plan.knowledge)
+    return {
+        "law": plan.law,
+        "values": dict(zip(plan.sizes, plan.values.tolist(), strict=True)),
+        "geometry": knowledge.pop("geometry"),
+        "limits": plan.limits,
+        "knowledge": knowledge,
+        "poses": plan.poses,
+        "relative_to": plan.sizes,
+        "stderr": plan.expectation.stderr,
+        "held": plan.expectation.held,
+        "paper_stderr": None if paper is None else paper.stderr,
+        "start": plan.start,
+        "places": {"low": plan.places.low, "high": plan.places.high},
+        "strokes": {"way": plan.strokes.way, "duration": plan.strokes.duration},
+    }

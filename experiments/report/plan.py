@@ -1,30 +1,77 @@
-"""The table of a planned drive: what it is expected to tell, beside the paper's runs."""
+"""The tables of a planned drive: errors to expect beside those of the paper's runs, and errors in trials."""
 
 from __future__ import annotations
 
+import math
+
+from experiments.report.drive_checks import CHECKS_HEADER, checks_table
 from experiments.report.formats import for_terminal, number, percent, significant
 from experiments.report.laws import SYMBOLS, unit_of
+from experiments.report.studies import print_failures
+from experiments.report.terminal import print_table
+from experiments.studies.plan_trials import PAPER, PLAN, PlanTrials
+from experiments.studies.trials import sampling_error
 from trackslip.planning.information import Expectation
 from trackslip.planning.plan import DrivePlan
 
-EXPECTED_HEADER = ("parameter", "expected value", "standard error", "relative to", "share", "the paper's 25 runs")
+_EXPECTED = ("parameter", "expected value", "standard error", "relative to", "share", "the paper's 25 runs")
+_TRIED = ("parameter", "predicted", "real", "real / predicted", "paper predicted", "paper real")
 
 
-def expected_rows(plan: DrivePlan, paper: Expectation | None) -> list[tuple[str, ...]]:
-    """A row per parameter under EXPECTED_HEADER."""
+def print_plan(plan: DrivePlan, paper: Expectation | None) -> None:
+    """Print what a plan is expected to tell, and where the robot starts and stays."""
+    limits = plan.limits
     rows = []
     for (name, size), value in zip(plan.sizes.items(), plan.values.tolist(), strict=True):
         factor, unit = unit_of(plan.law, name)
         error = plan.expectation.stderr[name]
-        others = None if paper is None else factor * paper.stderr[name]
-        rows.append(
-            (
-                SYMBOLS[name],
-                number(factor * value, 2, unit),
-                significant(factor * error, unit),
-                significant(factor * size, unit, 3),
-                percent(error / size),
-                significant(others, unit),
-            )
+        values = (
+            number(factor * value, 2, unit),
+            significant(factor * error, unit),
+            significant(factor * size, unit, 3),
+            percent(error / size),
+            significant(None if paper is None else factor * paper.stderr[name], unit),
         )
+        rows.append((SYMBOLS[name], *values))
+    title = f"{limits.duration:g} s in {limits.area_text} m: what {plan.law} will be known to"
+    print_table(title, _EXPECTED, for_terminal(rows))
+    x, y, heading = plan.start
+    print(f"start at x = {x:.2f} m, y = {y:.2f} m from the middle of the area, heading {math.degrees(heading):.0f} deg")
+    across, up = plan.places.size
+    print(
+        f"the middle of the robot stays within {across:.2f} x {up:.2f} m while half_gauge + D is "
+        f"{plan.knowledge.reach:.3f} m within {plan.knowledge.reach_doubt:.0%}"
+    )
+    held = [name for name in plan.expectation.held if name not in ("lag", "sensor_yaw")]
+    if held:
+        print(f"not determined by it: {', '.join(held)}")
+
+
+def print_plan_trials(trials: PlanTrials) -> None:
+    """Print errors in trials beside those predicted, and the checks."""
+    counts = {case: len(trials.of(case)) for case in (PLAN, PAPER)}
+    if trials.simulated:
+        title = f"A drive in MuJoCo, measured {trials.repeats} times: standard deviations between measurements"
+    else:
+        driven = f"{counts[PLAN]} drives of the plan, {trials.repeats} times the paper's runs"
+        title = f"{driven}, moved by the law: root mean square errors"
+    print_table(title, _TRIED, _tried_rows(trials))
+    if not trials.simulated:
+        known = [f"{case} {sampling_error(count):.0%}" for case, count in counts.items() if count]
+        print(f"so many drives leave real errors uncertain by: {', '.join(known)}")
+    print_table("Checks", CHECKS_HEADER, checks_table(trials.checks()))
+    print_failures(trials.failures, trials.checks())
+
+
+def _tried_rows(trials: PlanTrials) -> list[tuple[str, ...]]:
+    """A row per parameter: standard errors expected, and root mean square errors."""
+    real = {case: trials.errors(case) for case in (PLAN, PAPER)}
+    rows = []
+    for name in trials.plan.sizes:
+        factor, unit = unit_of(trials.plan.law, name)
+        mine, papers = (trials.predicted[case].get(name) for case in (PLAN, PAPER))
+        ratio = real[PLAN][name].rms / mine if mine else None
+        columns = (mine, real[PLAN][name].rms, papers, real[PAPER][name].rms)
+        printed = [significant(None if error is None else factor * error, unit) for error in columns]
+        rows.append((SYMBOLS[name], *printed[:2], number(ratio, 2), *printed[2:]))
     return for_terminal(rows)

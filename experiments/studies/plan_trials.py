@@ -1,85 +1,193 @@
-"""Planned drives tried: what is identified from them and from the paper's runs, beside truth and prediction."""
+"""Trials of a planned drive: laws identified from it and from the paper's runs, against truth and prediction."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import Any
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.driving.plan import Driven, SimulatedDrives, driven_by_law, paper_by_law
 from experiments.measuring.check import Check
-from experiments.parallel.executors import Workers
 from experiments.studies.drive_cases import TRUE_LAW
-from experiments.studies.prediction_ahead import ahead
+from experiments.studies.planned_drives import (
+    OTHER_DURATIONS,
+    Driven,
+    SimulatedDrives,
+    driven_by_law,
+    driven_in_mujoco,
+    paper_by_law,
+    prediction_errors,
+)
+from experiments.studies.trials import Errors, Estimate, Outcome, Trial, run_trials, sampling_error
 from sim.drive.drive import Drive
 from sim.robot.parameters import RobotParameters
 from sim.seeds import generator
-from sim.wander.pose_source import PoseSource
+from sim.wander.pose_source import SOURCES, PoseSource
 from trackslip.errors import TrackslipError
 from trackslip.identification.drive.estimate import fit_drives
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
-from trackslip.metrics import rms
 from trackslip.planning.information import Expectation
 from trackslip.planning.plan import DrivePlan, expected_alone, paper_runs, usual_values
 from trackslip.planning.strokes import RATE
 from trackslip.slip.families import family
 
+if TYPE_CHECKING:
+    from experiments.commands.plan import Config
+    from experiments.run import Run
+
 MIN_REPEATS = 100
-"""Repeats from which on root mean squares are held against what is predicted."""
+"""Minimum repeats before RMS errors are compared with the prediction."""
 DRIVES = 4
 """Drives of the plan by the law in a repeat: they take a tenth of the time of the paper's runs."""
 PLAN, PAPER = "plan", "paper"
-"""The planned drive, and the paper's runs."""
+"""The cases: the planned drive, and the paper's runs."""
+_KEY = "trial {number} of {case}"
+_REACH, _SPEED = "reach", "speed"
+_AHEAD = ("position", "heading")
 _AGREEMENT = (0.8, 1.2)  # real errors over predicted ones
 _AS_GOOD = 120.0  # duration from which on a plan is as good as the paper's runs [s]
 _OVER_PAPER = {"offset": 1.0, "radius_error": 1.5}  # largest errors over those of the paper's runs
-_ROUNDING = 1e-6  # relative
+_MOST = 1 + 1e-6  # of what is allowed, for rounding [-]
+
+Values = dict[str, float]  # by parameter
 
 
 @dataclass(frozen=True)
-class Trial:
-    """A drive of the plan, or of the paper's runs, to be identified from."""
+class PlanTrials:
+    """All trials of a plan."""
 
-    source: str
-    """PLAN or PAPER."""
-    number: int
     plan: DrivePlan
-    poses: PoseSource
-    seed: int
+    paper: Expectation | None
+    """Standard errors to expect of the paper's runs."""
     truth: Array  # (q,) parameters of the law that moves the robot
-    simulated: SimulatedDrives | None = None
-    """Drives in MuJoCo, to be measured; None for drives by the law."""
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """What came out of a trial."""
-
-    source: str
-    number: int
-    values: Mapping[str, float]
-    """Parameters of the law; empty where the fit failed."""
-    stderr: Mapping[str, float]
-    """Their standard errors as estimated; none of parameters that were held."""
-    reach: float
-    """How far the middle of the robot got from that of the area, as a share of what is allowed; 0 for PAPER [-]."""
-    speed: float
-    """Largest speed of a belt over that allowed; 0 for PAPER [-]."""
-    ahead: tuple[float, float] | None
-    """Root mean square errors of other drives predicted 5 s ahead, position [m] and heading [rad], in MuJoCo."""
-    failure: str | None
-    log: RunLog | None
+    repeats: int
+    outcomes: Mapping[str, list[Outcome]]
+    """By case, PLAN or PAPER."""
+    log: RunLog
     """The log of the first planned drive."""
+    simulated: bool
+    """Whether MuJoCo moved the robot, once: repeats measure the same drives again."""
+
+    def of(self, case: str) -> list[Outcome]:
+        """The outcomes of PLAN or PAPER."""
+        return self.outcomes.get(case, [])
+
+    @property
+    def failures(self) -> list[str]:
+        """Why fits failed, once each."""
+        return sorted({f"{case}: {note}" for case, ones in self.outcomes.items() for one in ones for note in one.notes})
+
+    def errors(self, case: str) -> dict[str, Errors]:
+        """Errors of the parameters identified from PLAN or PAPER.
+
+        In MuJoCo, where the truth isn't known, they are deviations from the mean of the repeats.
+        """
+        found = {}
+        for name, true in self._named(self.truth).items():
+            estimates = [one.estimates[name] for one in self.of(case) if name in one.estimates]
+            values = np.array([one.value for one in estimates if np.isfinite(one.stderr)])
+            found[name] = Errors(values - (values.mean() if self.simulated and len(values) else true))
+        return found
+
+    @property
+    def predicted(self) -> dict[str, Values]:
+        """Standard errors expected of each case, without what was known before; empty where nothing is."""
+        plan = self.plan.expectation if self.plan.known is None else expected_alone(self.plan)
+        return {PLAN: dict(plan.stderr), PAPER: {} if self.paper is None else dict(self.paper.stderr)}
+
+    def ahead(self, case: str) -> tuple[float, ...] | None:
+        """RMS errors of other drives predicted by the laws, position [m] and heading [rad]; None if there are none."""
+        found = [[one.numbers[name] for name in _AHEAD] for one in self.of(case) if _AHEAD[0] in one.numbers]
+        return tuple(Errors(errors).rms for errors in np.array(found).T) if found else None
+
+    def checks(self) -> list[Check]:
+        """Fits, limits of the drive, and errors over those predicted and those of the paper's runs."""
+        case = f"{len(self.of(PLAN))} drives of {self.plan.limits.duration:g} s"
+        failed = sum(bool(one.notes) for ones in self.outcomes.values() for one in ones)
+        reach, speed = (max(one.numbers[name] for one in self.of(PLAN)) for name in (_REACH, _SPEED))
+        rows: list[tuple[str, float, float | tuple[float, float]]] = [
+            ("fits that failed", float(failed), 0.0),
+            ("farthest from the middle, of what the area allows", reach, _MOST),
+            ("largest speed, of what is allowed", speed, _MOST),
+        ]
+        plan, paper = self.ahead(PLAN), self.ahead(PAPER)
+        if plan is not None and paper is not None:
+            for what, mine, theirs in zip(_AHEAD, plan, paper, strict=True):
+                rows.append(
+                    (f"{what} of another drive in 5 s, error over that of the paper's runs", mine / theirs, 1.2)
+                )
+        if not self.simulated and self.repeats >= MIN_REPEATS:
+            real, predicted, bound = self.errors(PLAN), self.predicted[PLAN], self.predicted[PAPER]
+            rows += [
+                (f"real over predicted error of {name}", error.rms / predicted[name], _AGREEMENT)
+                for name, error in real.items()
+                if name in predicted
+            ]
+            rows += [
+                (f"error of {name} over the least that the paper's runs can have", real[name].rms / bound[name], most)
+                for name, most in _OVER_PAPER.items()
+                if name in real and name in bound and self.plan.limits.duration >= _AS_GOOD
+            ]
+        return [Check(case, what, value, limit, "1") for what, value, limit in rows]
+
+    def to_json(self) -> dict[str, Any]:
+        """The entry of summary.json."""
+        cases = (PLAN, PAPER)
+        real = {case: self.errors(case) for case in cases}
+        return {
+            "repeats": self.repeats,
+            "drives": len(self.of(PLAN)),
+            "motion": "mujoco" if self.simulated else "law",
+            "truth": None if self.simulated else self._named(self.truth),
+            "predicted": self.predicted,
+            "real": {case: {name: one.rms for name, one in errors.items()} for case, errors in real.items()},
+            "interval95_of_real": {
+                case: {name: one.interval95 for name, one in errors.items()} for case, errors in real.items()
+            },
+            "uncertainty_of_real": {case: sampling_error(len(ones)) for case, ones in self.outcomes.items()},
+            "mean": {case: self._means(case) for case in cases},
+            "ahead": {case: self.ahead(case) for case in cases},
+            "inside": sum(one.numbers[_REACH] <= _MOST for one in self.of(PLAN)),
+            "failures": self.failures,
+            "checks": [check.to_json() for check in self.checks()],
+        }
+
+    def _named(self, values: Array) -> Values:
+        return dict(zip(family(self.plan.law).names, values.tolist(), strict=True))
+
+    def _means(self, case: str) -> Values:
+        found = [one.estimates for one in self.of(case) if one.estimates]
+        names = family(self.plan.law).names if found else ()
+        return {name: float(np.mean([one[name].value for one in found])) for name in names}
+
+
+def try_plan(config: Config, plan: DrivePlan, paper: Expectation | None, run: Run) -> PlanTrials:
+    """Try a plan and the paper's runs again and again.
+
+    A robot that is too large for the paper's runs, of which `paper` is the expectation, drives the plan alone.
+    """
+    simulated = None
+    if config.motion == "mujoco":
+        with run.progress("drives in MuJoCo", plan.limits.duration + OTHER_DURATIONS) as report:
+            simulated = driven_in_mujoco(plan, config.seed, config.threads, report)
+    truth = truth_of(plan, generator(config.seed, "truth"))
+    counts = {PLAN: config.repeats * (1 if simulated else DRIVES)}
+    if paper_runs(plan.knowledge.geometry):
+        counts[PAPER] = config.repeats
+    trials = [Trial(case, number, simulated) for case, count in counts.items() for number in range(count)]
+    poses = SOURCES[config.poses]
+    outcomes = run_trials(run, partial(tried, plan=plan, poses=poses, truth=truth), trials, _KEY, plan)
+    _, (log,) = _measured(trials[0], generator(config.seed, _KEY.format(case=PLAN, number=0)), plan, poses, truth)
+    return PlanTrials(plan, paper, truth, config.repeats, outcomes, log, simulated is not None)
 
 
 def truth_of(plan: DrivePlan, rng: np.random.Generator) -> Array:
     """Parameters (q,) of the law that moves a robot.
 
-    Like the shipped robot's on stone; after an identification, drawn from what that leaves open.
+    Like the shipped robot's on stone; after an identification, drawn from its uncertainty.
     """
     if plan.known is None:
         size = plan.knowledge.geometry.half_gauge / RobotParameters().half_gauge
@@ -91,192 +199,40 @@ def truth_of(plan: DrivePlan, rng: np.random.Generator) -> Array:
     return truth
 
 
-def tried(trial: Trial) -> Outcome:
-    """Drive, measure and identify; a fit that fails is recorded."""
-    plan, simulated = trial.plan, trial.simulated
-    rng = generator(trial.seed, f"trial {trial.number} of {trial.source}")
-    planned = trial.source == PLAN
-    if simulated is not None:
-        driven = [simulated.plan] if planned else simulated.paper
-    else:
-        driven = [driven_by_law(plan, trial.truth, rng)] if planned else paper_by_law(plan, trial.truth, rng)
-    logs = [one.measured(trial.poses, rng) for one in driven]
-    fit, failure = None, None
+def tried(trial: Trial, rng: np.random.Generator, plan: DrivePlan, poses: PoseSource, truth: Array) -> Outcome:
+    """Drive, measure and identify.
+
+    `numbers` are, for PLAN, how far the middle of the robot got from that of the area and the largest speed of a belt,
+    each as a share of what is allowed; in MuJoCo also errors of other drives predicted 5 s ahead [m], [rad].
+    """
+    driven, logs = _measured(trial, rng, plan, poses, truth)
+    numbers = {_REACH: _reach(plan, driven[0]), _SPEED: _speed(plan, driven[0])} if trial.case == PLAN else {}
     try:
         fit = fit_drives(plan.law, logs, plan.knowledge.geometry)
     except TrackslipError as error:
-        failure = f"{trial.source}: {error}"
+        return Outcome(numbers=numbers, notes=(str(error),))
+    if trial.given is not None:
+        numbers |= zip(_AHEAD, prediction_errors(fit, trial.given.others), strict=True)
+    unknown = (np.nan, np.nan)
     return Outcome(
-        trial.source,
-        trial.number,
-        {} if fit is None else fit.values,
-        {} if fit is None else {key: fit.stderr[key] for key in fit.values if key in fit.stderr},
-        _reach(plan, driven[0]) if planned else 0.0,
-        _speed(plan, driven[0]) if planned else 0.0,
-        ahead(fit, simulated.others) if fit is not None and simulated is not None else None,
-        failure,
-        logs[0] if planned and trial.number == 0 else None,
+        {
+            name: Estimate(value, fit.stderr.get(name, np.nan), *fit.interval95.get(name, unknown))
+            for name, value in fit.values.items()
+        },
+        numbers,
     )
 
 
-def try_plan(
-    plan: DrivePlan,
-    paper: Expectation | None,
-    poses: PoseSource,
-    repeats: int,
-    seed: int,
-    simulated: SimulatedDrives | None,
-    pool: Workers,
-    step: Callable[[float], None],
-) -> Trials:
-    """Try a plan and the paper's runs again and again; `step(1.0)` is called after each of them.
-
-    A robot that is too large for the paper's runs, of which `paper` is what they would tell, drives the plan alone.
-    """
-    truth = truth_of(plan, generator(seed, "truth"))
-    counts = {
-        PLAN: repeats * (1 if simulated else DRIVES),
-        PAPER: repeats if paper_runs(plan.knowledge.geometry) else 0,
-    }
-    tasks = [
-        Trial(source, number, plan, poses, seed, truth, simulated)
-        for source, count in counts.items()
-        for number in range(count)
-    ]
-    found: dict[tuple[str, int], Outcome] = {}
-    for outcome in pool.each(tried, tasks):
-        found[outcome.source, outcome.number] = outcome
-        step(1.0)
-    outcomes = tuple(found[trial.source, trial.number] for trial in tasks)
-    return Trials(plan, paper, truth, repeats, outcomes, simulated is not None)
-
-
-@dataclass(frozen=True)
-class Trials:
-    """All repeats of a plan."""
-
-    plan: DrivePlan
-    paper: Expectation | None
-    """What the paper's runs would tell."""
-    truth: Array
-    repeats: int
-    outcomes: tuple[Outcome, ...]
-    simulated: bool
-    """Whether MuJoCo moved the robot, once: repeats measure the same drives again."""
-
-    def of(self, source: str) -> list[Outcome]:
-        """The outcomes from PLAN or PAPER."""
-        return [one for one in self.outcomes if one.source == source]
-
-    @property
-    def log(self) -> RunLog | None:
-        """The log of the first planned drive."""
-        return self.outcomes[0].log
-
-    @property
-    def failures(self) -> list[str]:
-        """Why fits failed, once each."""
-        return sorted({one.failure for one in self.outcomes if one.failure is not None})
-
-    def errors(self, source: str) -> dict[str, float]:
-        """Root mean square errors of the parameters, identified from PLAN or PAPER, in their units.
-
-        In MuJoCo, where the truth isn't known, these are standard deviations between repeats.
-        """
-        found = {}
-        for name, true in zip(family(self.plan.law).names, self.truth.tolist(), strict=True):
-            values = [one.values[name] for one in self.of(source) if name in one.stderr]
-            centre = float(np.mean(values)) if self.simulated and values else true
-            found[name] = rms(np.array(values) - centre) if values else np.nan
-        return found
-
-    @cached_property
-    def predicted(self) -> dict[str, dict[str, float]]:
-        """Standard errors expected from each, without what was known before; empty where nothing is."""
-        plan = self.plan.expectation if self.plan.known is None else expected_alone(self.plan)
-        return {PLAN: dict(plan.stderr), PAPER: {} if self.paper is None else dict(self.paper.stderr)}
-
-    def ahead(self, source: str) -> tuple[float, float] | None:
-        """Errors of other drives predicted by the laws, position [m] and heading [rad]; None if there are none."""
-        found = [one.ahead for one in self.of(source) if one.ahead is not None]
-        return None if not found else (rms([one[0] for one in found]), rms([one[1] for one in found]))
-
-    def checks(self) -> list[Check]:
-        """What has to hold."""
-        case = f"{len(self.of(PLAN))} drives of {self.plan.limits.duration:g} s"
-        reach, speed = (max(getattr(one, name) for one in self.outcomes) for name in ("reach", "speed"))
-        most = 1 + _ROUNDING
-        found = [
-            Check(case, "fits that failed", float(sum(one.failure is not None for one in self.outcomes)), 0.0, "1"),
-            Check(case, "farthest from the middle, of what the area allows", reach, most, "1"),
-            Check(case, "largest speed, of what is allowed", speed, most, "1"),
-        ]
-        if self.simulated:
-            plan, paper = self.ahead(PLAN), self.ahead(PAPER)
-            if plan is not None and paper is not None:
-                for what, mine, theirs in zip(("position", "heading"), plan, paper, strict=True):
-                    about = f"{what} of another drive in 5 s, error over that of the paper's runs"
-                    found.append(Check(case, about, mine / theirs, 1.2, "1"))
-        elif self.repeats >= MIN_REPEATS:
-            found += self._statistics(case)
-        return found
-
-    def _statistics(self, case: str) -> list[Check]:
-        """Real errors against predicted ones, and against those expected of the paper's runs.
-
-        Unlike the real errors from the paper's runs, what is expected has no sampling error.
-        """
-        real, predicted, bound = self.errors(PLAN), self.predicted[PLAN], self.predicted[PAPER]
-        found = [
-            Check(case, f"real over predicted error of {name}", error / predicted[name], _AGREEMENT, "1")
-            for name, error in real.items()
-            if name in predicted
-        ]
-        if self.plan.limits.duration < _AS_GOOD:
-            return found
-        return found + [
-            Check(
-                case,
-                f"error of {name} over the least that the paper's runs can have",
-                real[name] / bound[name],
-                most,
-                "1",
-            )
-            for name, most in _OVER_PAPER.items()
-            if name in real and name in bound
-        ]
-
-    def to_json(self) -> dict[str, Any]:
-        """What summary.json says of the trials."""
-        sources, drives = (PLAN, PAPER), self.of(PLAN)
-        return {
-            "repeats": self.repeats,
-            "drives": len(drives),
-            "motion": "mujoco" if self.simulated else "law",
-            "truth": None if self.simulated else self._named(self.truth),
-            "predicted": self.predicted,
-            "real": {source: self.errors(source) for source in sources},
-            "uncertainty_of_real": {
-                source: sampling_error(len(self.of(source))) for source in sources if self.of(source)
-            },
-            "mean": {source: self._means(source) for source in sources},
-            "ahead": {source: self.ahead(source) for source in sources},
-            "inside": sum(one.reach <= 1 + _ROUNDING for one in drives),
-            "failures": self.failures,
-            "checks": [check.to_json() for check in self.checks()],
-        }
-
-    def _named(self, values: Array) -> dict[str, float]:
-        return dict(zip(family(self.plan.law).names, values.tolist(), strict=True))
-
-    def _means(self, source: str) -> dict[str, float]:
-        values = [one.values for one in self.of(source) if one.values]
-        return {name: float(np.mean([one[name] for one in values])) for name in family(self.plan.law).names if values}
-
-
-def sampling_error(count: int) -> float:
-    """Relative standard error of a root mean square of so many normal errors, at least one."""
-    return float(1 / np.sqrt(2 * count))
+def _measured(
+    trial: Trial, rng: np.random.Generator, plan: DrivePlan, poses: PoseSource, truth: Array
+) -> tuple[list[Driven], list[RunLog]]:
+    """The drives of a trial, and their logs: drives in MuJoCo if the trial has them, else by the law."""
+    simulated: SimulatedDrives | None = trial.given
+    if simulated is not None:
+        driven = [simulated.plan] if trial.case == PLAN else simulated.paper
+    else:
+        driven = [driven_by_law(plan, truth, rng)] if trial.case == PLAN else paper_by_law(plan, truth, rng)
+    return driven, [one.measured(poses, rng) for one in driven]
 
 
 def _reach(plan: DrivePlan, driven: Driven) -> float:
@@ -284,7 +240,7 @@ def _reach(plan: DrivePlan, driven: Driven) -> float:
 
 
 def _speed(plan: DrivePlan, driven: Driven) -> float:
-    """Largest mean speed of a belt in a period, less what one count of the encoder makes of it."""
+    """Largest mean speed of a belt in a period, less the resolution of the encoders."""
     radius = plan.knowledge.geometry.sprocket_radius
     step = 2 * np.pi / Drive().encoder_counts * RATE
     return float((np.abs(driven.log.omega).max() - step) * radius / plan.limits.max_speed)

@@ -1,37 +1,114 @@
-"""The law that moves the robot in trials of a plan."""
+"""Trials of a plan: the law that moves the robot, and checks that can fail."""
 
-from types import SimpleNamespace
+from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from experiments.studies.plan_trials import truth_of
+from experiments.studies.plan_trials import MIN_REPEATS, PAPER, PLAN, PlanTrials, truth_of
+from experiments.studies.trials import Estimate, Outcome
 from trackslip.kinematics import RobotGeometry
 from trackslip.odometry.uncertainty import LawErrors
-from trackslip.planning.limits import first_knowledge
+from trackslip.planning import plan as planning
+from trackslip.planning.information import Expectation, PoseQuality
+from trackslip.planning.limits import DriveLimits
+from trackslip.planning.plan import plan_drive
+
+PREDICTED = {"offset": 2e-4, "radius_error": 6e-4}
+TRUTH = np.array([0.045, 0.0066])
 
 
-def plan(known=None):
-    knowledge = first_knowledge(RobotGeometry(0.336, 0.06))
-    sizes = {"offset": 0.4, "radius_error": 1.0}
-    return SimpleNamespace(
-        law="icr_radius", values=np.array([0.08, 0.01]), known=known, knowledge=knowledge, sizes=sizes
-    )
+@pytest.fixture(scope="module")
+def plan():
+    """A plan for a robot of twice the gauge, whose errors are said to be PREDICTED."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(planning, "_EVALUATIONS", 30)
+        patch.setattr(planning, "_FEWEST", 30)
+        limits, poses = DriveLimits(0.3, 0.5, (4.0, 4.0), 120.0), PoseQuality(10.0, 0.02, 0.017)
+        found = plan_drive(RobotGeometry(0.336, 0.06), limits, poses, values=[0.08, 0.01])
+    return replace(found, expectation=Expectation(PREDICTED, ()))
 
 
-def test_without_knowledge_it_is_the_shipped_robot_s_to_scale():
-    np.testing.assert_allclose(truth_of(plan(), np.random.default_rng(0)), [0.09, 0.0066])
+def trials(plan, size=1.0, paper=1.0, repeats=MIN_REPEATS, reach=0.9, speed=1.0):
+    """Estimates with errors of `size` times those predicted; the paper's runs are expected to have `paper` times."""
+    errors = size * np.array([*PREDICTED.values()]) * np.random.default_rng(0).standard_normal((4 * repeats, 2))
+    outcomes = [
+        Outcome(
+            {
+                name: Estimate(value, PREDICTED[name], 0.0, 1.0)
+                for name, value in zip(PREDICTED, values.tolist(), strict=True)
+            },
+            {"reach": reach, "speed": speed},
+        )
+        for values in TRUTH + errors
+    ]
+    expected = Expectation({name: paper * value for name, value in PREDICTED.items()}, ())
+    both = {PLAN: outcomes, PAPER: outcomes[:repeats]}
+    return PlanTrials(plan, expected, TRUTH, repeats, both, log=None, simulated=False)
 
 
-def test_after_an_identification_it_is_drawn_from_what_that_leaves_open():
+def broken(found):
+    return {check.what.split(" of ")[0].split(",")[0] for check in found.checks() if not check.holds}
+
+
+def test_honest_trials_hold(plan):
+    found = trials(plan, paper=1.2)
+    assert broken(found) == set()
+    assert len(found.checks()) == 3 + 2 + 2
+    assert found.to_json()["uncertainty_of_real"][PLAN] == pytest.approx(1 / np.sqrt(2 * 400))
+    for case in (PLAN, PAPER):
+        for name, (low, high) in found.to_json()["interval95_of_real"][case].items():
+            assert low < PREDICTED[name] < high
+
+
+@pytest.mark.parametrize(
+    ("change", "what"),
+    [
+        ({"size": 1.5}, {"real over predicted error", "error"}),
+        ({"size": 0.5, "paper": 1.0}, {"real over predicted error"}),
+        ({"paper": 0.5}, {"error"}),
+        ({"reach": 1.01}, {"farthest from the middle"}),
+        ({"speed": 1.01}, {"largest speed"}),
+    ],
+)
+def test_dishonest_ones_do_not(plan, change, what):
+    assert broken(trials(plan, **{"paper": 1.2} | change)) == what
+
+
+def test_few_repeats_say_nothing_of_errors(plan):
+    assert len(trials(plan, repeats=MIN_REPEATS - 1).checks()) == 3
+
+
+def test_failed_fits_are_counted_and_named(plan):
+    found = trials(plan)
+    failed = [replace(found.of(PLAN)[0], estimates={}, notes=("why",)), *found.of(PLAN)[1:]]
+    found = replace(found, outcomes={PLAN: failed, PAPER: found.of(PAPER)})
+    assert found.failures == ["plan: why"]
+    assert broken(found) >= {"fits that failed"}
+
+
+def test_in_mujoco_errors_are_deviations_from_the_mean(plan):
+    by_law, simulated = (replace(trials(plan), simulated=simulated).errors(PLAN) for simulated in (False, True))
+    values = by_law["offset"].errors
+    assert simulated["offset"].rms == pytest.approx(values.std())
+
+
+def test_without_knowledge_the_truth_is_the_shipped_robot_s_to_scale(plan):
+    np.testing.assert_allclose(truth_of(plan, np.random.default_rng(0)), [0.09, 0.0066])
+
+
+def test_after_an_identification_it_is_drawn_from_its_uncertainty(plan):
     covariance = np.array([[4e-6, 1e-6], [1e-6, 1e-6]])
-    known = LawErrors(("offset", "radius_error"), covariance)
-    drawn = np.array([truth_of(plan(known), np.random.default_rng(seed)) for seed in range(2000)])
+    known = replace(plan, known=LawErrors(("offset", "radius_error"), covariance))
+    drawn = np.array([truth_of(known, np.random.default_rng(seed)) for seed in range(2000)])
     np.testing.assert_allclose(drawn.mean(axis=0), [0.08, 0.01], atol=2e-4)
     np.testing.assert_allclose(np.cov(drawn.T), covariance, rtol=0.15)
 
 
-def test_parameters_of_which_nothing_is_known_stay():
-    known = LawErrors(("offset",), np.array([[1e-6]]))
-    offset, radius_error = truth_of(plan(known), np.random.default_rng(0))
+def test_parameters_of_which_nothing_is_known_stay(plan):
+    known = replace(plan, known=LawErrors(("offset",), np.array([[1e-6]])))
+    offset, radius_error = truth_of(known, np.random.default_rng(0))
     assert offset != 0.08
     assert radius_error == 0.01
