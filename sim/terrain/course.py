@@ -55,10 +55,10 @@ class Course:
         require_positive("friction", self.friction)
         require_at_most("friction", self.friction, 10.0)
         require(is_whole(self.seed) and self.seed >= 0, "seed", self.seed, "a whole number >= 0")
-        require_at_most("length of the course", self._placed[-1].x + self.start_length, MAX_COURSE, "m")
+        require_at_most("length of the course", self.placed[-1].x + self.start_length, MAX_COURSE, "m")
 
     @cached_property
-    def _placed(self) -> tuple[Placed, ...]:
+    def placed(self) -> tuple[Placed, ...]:
         """Start platform, pieces and goal platform, in their places."""
         placed = [Placed((), -self.start_length, 0.0)]
         kinds: Counter[str] = Counter()
@@ -75,7 +75,7 @@ class Course:
         """What the course is made of; level blocks that continue each other are one, without an edge between them."""
         solids: list[Solid] = []
         last = 0  # index of the last level block
-        for solid in (solid for placed in self._placed for solid in placed.solids):
+        for solid in (solid for placed in self.placed for solid in placed.solids):
             if isinstance(solid, Level):
                 before = solids[last] if solids else None
                 if isinstance(before, Level) and before.continues(solid):
@@ -104,7 +104,7 @@ class Course:
     @property
     def goal(self) -> float:
         """The course is crossed beyond this x, 1 m behind the last piece [m]."""
-        return self._placed[-2].x + min(_START_BEFORE, self.goal_length / 2)
+        return self.placed[-2].x + min(_START_BEFORE, self.goal_length / 2)
 
     def height(self, x: Array, y: Array) -> Array:
         """Exact heights (...) of the surface at (x, y), arrays that broadcast to (...) [m]."""

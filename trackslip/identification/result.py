@@ -80,12 +80,12 @@ class Identification:
     @property
     def laws(self) -> dict[str, SlipLaw]:
         """The identified laws by name, the best predictions first."""
-        return {name: self._fits()[name].law for name in self._main().ranking}
+        return {name: self.fits()[name].law for name in self._main().ranking}
 
     @property
     def intervals(self) -> dict[str, Mapping[str, tuple[float, float]]]:
         """95 % interval of every fitted parameter by law and parameter, in the parameter's unit."""
-        return {name: self._fits()[name].interval95 for name in self._main().ranking}
+        return {name: self.fits()[name].interval95 for name in self._main().ranking}
 
     def _steady(self) -> SteadyLaws:
         if self.steady is None:
@@ -95,7 +95,8 @@ class Identification:
     def _main(self) -> Comparison | DriveComparison:
         return self.drive if self.method == "drive" and self.drive is not None else self.comparison
 
-    def _fits(self) -> Mapping[str, FittedLaw | DriveFit]:
+    def fits(self) -> Mapping[str, FittedLaw | DriveFit]:
+        """The fits by law, of the method that identified."""
         return self._main().laws
 
     def report(self, path: str | Path) -> Path:
@@ -122,7 +123,7 @@ class Identification:
         rows = [_HEADER, *(row for name in shown for row in self._rows(name))]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
-        more = len(self._fits()) - len(shown)
+        more = len(self.fits()) - len(shown)
         return "\n".join([self._title(), *lines, *([f"and {more} more, see .laws"] if more else []), *self._notes()])
 
     def _repr_html_(self) -> str:
@@ -135,12 +136,12 @@ class Identification:
 
     def _ranking(self) -> list[str]:
         """Names of the laws with parameters, the best first."""
-        fits = self._fits()
+        fits = self.fits()
         return sorted((name for name in self._main().ranking if fits[name].values), key=lambda name: name != self.best)
 
     def _rows(self, name: str) -> list[tuple[str, ...]]:
         """A row per parameter of a law."""
-        fit = self._fits()[name]
+        fit = self.fits()[name]
         rows: list[tuple[str, ...]] = []
         for key, value in fit.values.items():
             ends = fit.interval95.get(key)
@@ -176,7 +177,7 @@ def laws_to_json(laws: Mapping[str, FittedLaw | DriveFit], geometry: RobotGeomet
 def identification_to_json(found: Identification) -> dict[str, Any]:
     """`laws_to_json`, `laws` with everything known of each law, `prediction` of drives, and what was left out."""
     steady, drive = found.steady, found.drive
-    content: dict[str, Any] = laws_to_json(found._fits(), found.geometry) | {"method": found.method, "best": found.best}
+    content: dict[str, Any] = laws_to_json(found.fits(), found.geometry) | {"method": found.method, "best": found.best}
     if steady is not None:
         content |= {"laws": {name: _law_to_json(name, steady.comparison) for name in steady.comparison.laws}}
         content |= {"samples": len(steady.samples)}

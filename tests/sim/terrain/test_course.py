@@ -101,13 +101,13 @@ def test_seams_are_flush():
         Step(),
     )
     course = Course(pieces)
-    seams = np.array([placed.x for placed in course._placed[:-2]])
+    seams = np.array([placed.x for placed in course.placed[:-2]])
     y = np.linspace(-1.5, 1.5, 7)[:, None]
     before, behind = course.height(seams - 1e-13, y), course.height(seams + 1e-13, y)
     level = np.abs(before - behind).max(axis=0)
     assert (level[:5] < 1e-12).all()
     assert (level[5:-1] < 1e-7).all()  # height fields are in single precision
-    heights = [placed.z for placed in course._placed[:-2]]
+    heights = [placed.z for placed in course.placed[:-2]]
     np.testing.assert_allclose(course.height(seams - 1e-9, 0.0), heights, atol=1e-8)
 
 

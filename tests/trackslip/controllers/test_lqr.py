@@ -65,12 +65,3 @@ def test_gains_do_not_fade_towards_the_end():
     assert -last[0, 0] > 0.5
     assert -last[1, 2] > 0.5
     np.testing.assert_allclose(last[[0, 1, 1], [1, 0, 1]], 0.0, atol=1e-12)
-
-
-def test_gains_are_worked_out_once_per_reference():
-    controller = Lqr()
-    first, second = circle(1.0, 0.15, 5.0), circle(-1.0, 0.15, 5.0)
-    kept = controller._gains(controller.gains, first)
-    assert controller._gains(controller.gains, first) is kept
-    assert controller._gains(controller.gains, second) is not kept
-    np.testing.assert_array_equal(controller._gains(controller.gains, first), kept)
