@@ -1,6 +1,12 @@
 """`trackslip sensitivity`: how disturbances of scanner, mounting and field affect the identified slip."""
 
-from experiments.options.sensitivity import SensitivityConfig as Config
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from experiments.options.grid import GridConfig
+from sim.scanner.scanner import MIRROR_PERIOD
+from trackslip.errors import InvalidValueError
 
 EXAMPLES = (
     ("the paper's grid", "trackslip sensitivity"),
@@ -8,8 +14,47 @@ EXAMPLES = (
 )
 
 
+@dataclass(frozen=True)
+class Config(GridConfig):
+    """Drive the grid repeatedly, each time with another disturbance of the scanner, its mounting or the field, and
+    print the slip errors it causes.
+
+    An interrupted study resumes: grids that are already evaluated in OUT are not driven again.
+    """
+
+    out: Path = Path("out/sensitivity")
+    """Folder for the results."""
+    pdf: bool = False
+    """Also write the figures as PDF."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.scanner.period < MIRROR_PERIOD:
+            allowed = f"at most {1 / MIRROR_PERIOD:g} Hz, to leave time for the scan duration that is tried"
+            raise InvalidValueError("scanner.rate", self.scanner.rate, allowed)
+
+
 def run(config: Config) -> None:
     """Drive, evaluate, store and print."""
-    from experiments.work.sensitivity import run as work
+    from experiments.driving.world import World
+    from experiments.recording import record_all
+    from experiments.report.sensitivity import page, table
+    from experiments.run import Run
+    from experiments.storage.manifest import command_line
+    from experiments.storage.results import REPORT_FILE
+    from experiments.studies.sensitivity import examples, sensitivity
+    from experiments.studies.trials import forget_trials
 
-    work(config)
+    with Run(config, partial(forget_trials, config.out)) as run:
+        about = World.of(config).about
+        rows = sensitivity(config, run)
+        page(rows, run.manifest(**about), command_line("sensitivity")).write(run.folder, config.pdf)
+        run.write({"rows": rows}, **about)
+        if config.rrd:
+            with run.busy("recordings"):
+                record_all(run.folder, examples(config))
+    table(rows).print()
+    for row in rows:
+        if row.slip_error is None:
+            print(f"warning: {row.effect}: {row.warnings[-1]}")
+    print(f"{config.out / REPORT_FILE}: {len(rows)} grids in {run.wall:.1f} s")

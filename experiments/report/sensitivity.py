@@ -7,40 +7,49 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from experiments.measuring.sensitivity import SensitivityRow, SlipErrors
 from experiments.report.colours import BLUE, ORANGE
 from experiments.report.figures.style import legend_below, margin_for, styled, subplots
 from experiments.report.formats import MISSING, number
-from experiments.report.template_page import Drawing, Page, render_page
+from experiments.report.page import Bullets, Page, Plot, Section
+from experiments.report.table import Table
+from experiments.studies.sensitivity import SensitivityRow, SlipErrors
 
 _OF_SLIP = ("", "outer bias", "std", "largest", "inner bias", "std", "largest")
-HEADER = (*_OF_SLIP, "x [mm]", "y [mm]", "phi [deg]", "valid", "runs")
+_HEADER = (*_OF_SLIP, "x [mm]", "y [mm]", "phi [deg]", "valid", "runs")
+_INTRO = (
+    "The same grid of steady turns is driven repeatedly, each time with one disturbance of the laser range finder, its "
+    "mounting or its field. Robot, ground and random numbers stay the same, so the rows differ in their disturbance "
+    "and in nothing else. The evaluation knows the size of noise, quantisation and dropouts, but no other error."
+)
+_CAPTION = (
+    "Slip identified from the scans minus the true slip of the same runs. Filled symbols are root mean squares, open "
+    "symbols the largest errors. A disturbance level with the nominal row does no harm."
+)
+_NOTE = (
+    "Slip is dimensionless. Pose errors are root mean squares over all runs, including gaps bridged by odometry. "
+    "“valid” is the share of scans that gave a pose; “runs” counts the runs from which slip could be identified."
+)
 _LOOKS = {"outer": (BLUE, "o", -0.14), "inner": (ORANGE, "s", 0.14)}  # colour, marker, distance from the row's line
 
 
-def render(rows: Sequence[SensitivityRow], manifest: Mapping[str, Any], command: str) -> Page:
-    """Draw the figure and fill in the template."""
-    return render_page(
-        "sensitivity.html.j2",
-        [Drawing("slip_errors", slip_errors(rows))],
-        title="What scanner, mounting and field do to slip",
-        command=command,
-        manifest=manifest,
-        header=HEADER,
-        table=table(rows),
-        warnings=[(row.effect, warning) for row in rows for warning in row.warnings],
-    )
+def page(rows: Sequence[SensitivityRow], manifest: Mapping[str, Any], command: str) -> Page:
+    """The figure and the table."""
+    warnings = [f"{row.effect}: {warning}" for row in rows for warning in row.warnings]
+    seen = any(row.slip_error is not None for row in rows)  # else there is nothing to scale the axis by
+    plot = Plot("slip_errors", slip_errors(rows), "Error of slip over the runs", _CAPTION) if seen else None
+    errors = Section("Errors of slip", [plot, table(rows), Bullets(warnings) if warnings else None])
+    return Page("What scanner, mounting and field do to slip", command, manifest, [errors], [_INTRO])
 
 
-def table(rows: Sequence[SensitivityRow]) -> list[tuple[str, ...]]:
-    """One line per disturbance, under HEADER."""
+def table(rows: Sequence[SensitivityRow]) -> Table:
+    """One line per disturbance."""
     lines = []
     for row in rows:
         slip, errors = row.slip_error, row.localization
         cells = [MISSING] * 6 if slip is None else _cells(slip.outer) + _cells(slip.inner)
         pose = number(1e3 * errors.rmse_x, 1), number(1e3 * errors.rmse_y, 1), number(degrees(errors.rmse_heading), 2)
         lines.append((row.effect, *cells, *pose, f"{errors.valid_fraction:.1%}", f"{row.runs.used}/{row.runs.all}"))
-    return lines
+    return Table("Errors of slip over the runs, and of the poses (rms)", _HEADER, lines, note=_NOTE)
 
 
 def _cells(errors: SlipErrors) -> list[str]:

@@ -15,6 +15,9 @@ _MAX_ERROR = 0.5  # largest error of a range from a single cause [m]
 _MIN_STEP = 1e-6  # finest quantisation of ranges [m]
 _MAX_BEAM = 0.1  # largest divergence of a beam [rad]
 
+MIRROR_PERIOD = 1 / 75
+"""Time from the first beam of a scan to the last of a SICK LMS 200, whose mirror makes 75 revolutions a second [s]."""
+
 
 @dataclass(frozen=True)
 class LaserScanner:

@@ -1,19 +1,29 @@
 """Disturbances of scanner, mounting and field, and the errors of slip and localization under each."""
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Self
+from functools import partial
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from experiments.driving.grid_runs import cells_of, drive_cells, drive_grid
+from experiments.driving.world import Specification, World
 from experiments.measuring.grid import ErrorStatistics, LocalizationErrors, OuterInner
 from experiments.options.grid import GridConfig
-from experiments.options.sensitivity import MIRROR_PERIOD
+from experiments.studies.trials import Outcome, Trial, run_trials
+from sim.scanner.scanner import MIRROR_PERIOD
 from trackslip.errors import LogError
 from trackslip.identification.samples import usable_samples
 from trackslip.identification.true_samples import true_samples
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog
+
+if TYPE_CHECKING:
+    from experiments.commands.sensitivity import Config
+    from experiments.run import Run
 
 
 @dataclass(frozen=True)
@@ -105,12 +115,50 @@ class SensitivityRow:
     """Why runs could not be used."""
 
     @classmethod
-    def of(cls, disturbance: Disturbance, logs: Sequence[RunLog], geometry: RobotGeometry, motion: str | None) -> Self:
-        """Evaluate a disturbed grid of left turns with a motion method, by default the most exact one."""
-        slip, warnings = slip_errors(logs, geometry, motion)
-        errors = OuterInner.of(slip, SlipErrors.of) if len(slip) else None
-        poses, count = LocalizationErrors.of(logs), RunCount(len(slip), len(logs))
-        return cls(disturbance.name, disturbance.settings, errors, poses, count, warnings)
+    def of(cls, disturbance: Disturbance, outcome: Outcome) -> Self:
+        """The row of a disturbance from its trial, as by `disturbed`."""
+        numbers = outcome.numbers
+        counts = RunCount(int(numbers["used"]), int(numbers["all"]))
+        slip = {track: _part(numbers, track) for track in ("outer", "inner")}
+        errors = OuterInner(SlipErrors(**slip["outer"]), SlipErrors(**slip["inner"])) if slip["outer"] else None
+        poses = LocalizationErrors(**_part(numbers, "poses"))
+        return cls(disturbance.name, disturbance.settings, errors, poses, counts, outcome.notes)
+
+
+def sensitivity(config: Config, run: Run) -> list[SensitivityRow]:
+    """One row per disturbance, all with the same random numbers of the grid."""
+    trials = [Trial(disturbance.name, given=disturbance) for disturbance in DISTURBANCES]
+    outcomes = run_trials(run, partial(disturbed, config=config), trials, "{case}", Specification.of(config))
+    return [SensitivityRow.of(disturbance, *outcomes[disturbance.name]) for disturbance in DISTURBANCES]
+
+
+def disturbed(trial: Trial, _: np.random.Generator, config: Config) -> Outcome:
+    """Drive a grid of left turns with a disturbance and evaluate it, by default with the most exact motion method."""
+    disturbance: Disturbance = trial.given
+    grid = replace(disturbance.driven(config), threads=1)
+    world = World.of(grid)
+    logs = [disturbance.evaluated(log) for log in drive_grid(grid, world)]
+    slip, warnings = slip_errors(logs, world.robot.geometry, config.motion)
+    numbers = {"used": float(len(slip)), "all": float(len(logs))}
+    parts: dict[str, Any] = {"poses": LocalizationErrors.of(logs)}
+    if len(slip):
+        parts |= vars(OuterInner.of(slip, SlipErrors.of))
+    numbers |= {f"{part} {name}": value for part, found in parts.items() for name, value in vars(found).items()}
+    return Outcome(numbers=numbers, notes=warnings)
+
+
+def examples(config: Config) -> list[RunLog]:
+    """The first run of the grid under each disturbance."""
+    logs = []
+    for disturbance in DISTURBANCES:
+        grid = disturbance.driven(config)
+        (log,) = drive_cells(cells_of(grid)[:1], [World.of(grid)])
+        logs.append(replace(disturbance.evaluated(log), run=f"{disturbance.name}, {log.run}"))
+    return logs
+
+
+def _part(numbers: Mapping[str, float], part: str) -> dict[str, float]:
+    return {name.removeprefix(f"{part} "): value for name, value in numbers.items() if name.startswith(f"{part} ")}
 
 
 def slip_errors(logs: Sequence[RunLog], geometry: RobotGeometry, motion: str | None) -> tuple[Array, tuple[str, ...]]:

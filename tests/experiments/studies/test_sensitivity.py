@@ -6,8 +6,17 @@ import numpy as np
 import pytest
 from pages import ROOT, shown
 
-from experiments.measuring.sensitivity import DISTURBANCES, Disturbance, SlipErrors, slip_errors
 from experiments.options.grid import GridConfig
+from experiments.report.sensitivity import page
+from experiments.studies.sensitivity import (
+    DISTURBANCES,
+    Disturbance,
+    SensitivityRow,
+    SlipErrors,
+    disturbed,
+    slip_errors,
+)
+from experiments.studies.trials import Trial
 from sim.scanner.named_obstacles import NAMED_OBSTACLES
 from trackslip.kinematics import advance, sprocket_speeds, track_slip
 from trackslip.logs.runlog import RunLog, Truth
@@ -79,3 +88,15 @@ def test_the_users_obstacles_stay_where_the_disturbance_has_none():
     config = GridConfig(obstacles="posts")
     assert Disturbance("", {"noise": 0.01}).driven(config).obstacles == "posts"
     assert Disturbance("", obstacles="room").driven(config).obstacles == "room"
+
+
+def test_where_nothing_can_be_seen_the_row_says_so(tmp_path):
+    path = tmp_path / "blind.toml"
+    path.write_text("[[posts]]\nx = -1.5\ny = -1.1\nradius = 0.38\n")
+    config = GridConfig(radii=(0.6, 1.5), speeds=(0.2,), duration=5.0)
+    blind = Disturbance("blind", obstacles=str(path))
+    row = SensitivityRow.of(blind, disturbed(Trial("blind", given=blind), np.random.default_rng(0), config))
+    assert row.slip_error is None
+    assert vars(row.runs) == {"used": 0, "all": 2}
+    assert row.localization.valid_fraction == 0.0
+    assert "<li>blind: none of the 2 runs can be used" in page([row], {}, "trackslip sensitivity").html()
