@@ -66,13 +66,13 @@ class Run:
         """Write the summary with the times, the manifest and, if there are any, logs.
 
         Args:
-            summary: what is written to summary.json.
+            summary: what is written to summary.json; its times, under "timing", come before those of the run.
             logs: what is written to runs.parquet.
             simulated: how long all robots drove together [s].
             manifest: the manifest if there is one already, as in a report.
             about: more entries of the manifest.
         """
-        timing: dict[str, Any] = {"wall_s": self.wall}
+        timing: dict[str, Any] = {**summary.get("timing", {}), "wall_s": self.wall}
         if simulated is not None:
             timing["simulated_s"] = simulated
         timing["stages"] = dict(self.watch.stages) or {self.command: self.wall}

@@ -6,15 +6,16 @@ from pathlib import Path
 
 from experiments.benchmark.measure import measure
 from experiments.benchmark.setup import Setup
-from experiments.driving.failures import DrivenFleet, drive_isolating, logs_until
 from experiments.driving.lookup import policy_path, reference, user_modules
 from experiments.options.benchmark import BenchmarkConfig, Case
 from experiments.parallel.executors import workers
 from experiments.parallel.workers import processors
 from experiments.storage.manifest import content, digest
-from experiments.storage.parts import Part
 from experiments.storage.results import SUMMARY_FILE
+from experiments.sweep.engine import DrivenFleet, drive_isolating
+from experiments.sweep.parts import Part
 from trackslip.controllers.named import CONTROLLERS
+from trackslip.errors import RunFailedError
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.stored_laws import SHIPPED
 
@@ -89,8 +90,8 @@ def drive_group(config: BenchmarkConfig, wanted: Mapping[Case, str]) -> DrivenFl
     outcomes = drive_isolating(cases, setup.drive)
     rows = [row.to_part(wanted[row.case]) for row in measure(setup, cases, outcomes)]
     part = Part.of(rows, [one for one in outcomes if isinstance(one, RunLog)])
-    unfinished = [log for one in outcomes for log in logs_until(one) if config.rrd]
-    return DrivenFleet(part, unfinished, seconds(cases))
+    unfinished = [log for one in outcomes if config.rrd and isinstance(one, RunFailedError) for log in one.logs]
+    return DrivenFleet(part, unfinished, seconds(cases), {})
 
 
 def seconds(cases: Iterable[Case]) -> float:

@@ -10,10 +10,10 @@ import numpy as np
 
 from experiments.benchmark.rows import CaseRow, Measures
 from experiments.benchmark.setup import Setup
-from experiments.driving.failures import Outcome, failure_text
 from experiments.driving.lookup import reference
 from experiments.options.benchmark import Case
 from experiments.storage.plain_json import plain
+from experiments.sweep.engine import Outcome, failure_text
 from trackslip.controllers.base import SensesSprockets
 from trackslip.kinematics import Array, limit_sprocket_speeds
 from trackslip.localization.base import PoseEstimate

@@ -8,7 +8,6 @@ EXAMPLES = (
     ("the learning environments", "trackslip bench --env"),
     ("tracks on terrain", "trackslip bench --terrain"),
     ("ground that shears", "trackslip bench --shear"),
-    ("a thousand runs, on one process and on two", "trackslip bench --grid"),
     ("fleets on an NVIDIA GPU", "trackslip bench --gpu"),
     ("every stage beside its bound", "trackslip bench --pipeline"),
     ("many robots and long runs", "trackslip bench --scale"),

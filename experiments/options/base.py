@@ -124,7 +124,7 @@ class Exclusion:
         raise NotImplementedError
 
     def _on_command_line(self, value: Any = None) -> str:
-        flag = f"--{self.option.replace('_', '-')}"
+        flag = f"--{'no-' if value is False else ''}{self.option.replace('_', '-')}"
         return flag if value is None or isinstance(value, bool) else f"{flag} {value}"
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from experiments.options import checks
-from experiments.options.world import MAX_DURATION, MAX_THREADS, MIN_DURATION
+from experiments.options.world import MAX_DURATION, MAX_THREADS
 from trackslip.errors import InvalidValueError
 
 MAX_ROBOTS = 10_000
@@ -13,23 +13,22 @@ MAX_REPEATS = 1000
 _SHEAR_SIZES = (32, 64, 256)
 _GPU_SIZES = (1024, 4096, 16_384, 65_536)
 _SCALE_SIZES = (1, 16, 256, 4096)
-_CHOICES = ("env", "grid", "terrain", "shear", "gpu", "pipeline", "scale")
+_CHOICES = ("env", "terrain", "shear", "gpu", "pipeline", "scale")
 
 
 @dataclass(frozen=True)
 class BenchConfig:
     """Measure the speed of the simulation: bare physics, a fleet, a fleet with scanners, and the closed loop.
 
-    With --env, measure the learning environments instead; with --grid, a grid of a thousand runs; with --terrain,
-    robots with tracks on level ground, on ten steps and on rough ground; with --shear, what ground that shears costs;
-    with --gpu, fleets on an NVIDIA GPU; with --pipeline, each stage of the pipeline against its bound; with --scale,
-    many robots and long runs.
+    With --env, measure the learning environments instead; with --terrain, robots with tracks on level ground, on ten
+    steps and on rough ground; with --shear, what ground that shears costs; with --gpu, fleets on an NVIDIA GPU; with
+    --pipeline, each stage of the pipeline against its bound; with --scale, many robots and long runs.
     """
 
     sizes: tuple[int, ...] = (1, 25, 256)
     """Numbers of robots; each is measured with each number of threads."""
     thread_counts: tuple[int, ...] = (1, 2)
-    """Numbers of worker threads, or of processes with --grid."""
+    """Numbers of worker threads."""
     seconds: float = 20.0
     """Simulated time of each measurement, summed over all robots; the closed loop simulates a tenth of it [s]."""
     repeats: int = 5
@@ -38,12 +37,6 @@ class BenchConfig:
     """Measure the gymnasium environments, vectorised natively and one by one, relative to the bare engine."""
     env_size: int = 64
     """Number of robots in the environments; needs --env."""
-    grid: bool = False
-    """Measure a large grid of runs, once for each number of processes, relative to the bare engine."""
-    grid_runs: int = 1000
-    """Number of runs in the grid, a multiple of 25; needs --grid."""
-    grid_duration: float = 30.0
-    """Length of each run of the grid; needs --grid [s]."""
     terrain: bool = False
     """Measure robots with tracks on terrain, with both contact presets, relative to the bare engine."""
     terrain_robot: str = "rescue"
@@ -78,20 +71,13 @@ class BenchConfig:
         chosen = [name for name in _CHOICES if getattr(self, name)]
         if len(chosen) > 1:
             raise InvalidValueError(chosen[-1], True, f"left out with --{chosen[0]}")
-        if not 25 <= self.grid_runs <= MAX_ROBOTS or self.grid_runs % 25:
-            raise InvalidValueError("grid_runs", self.grid_runs, f"a multiple of 25 from 25 to {MAX_ROBOTS}")
-        checks.require_between("grid_duration", self.grid_duration, MIN_DURATION, MAX_DURATION, "s")
         checks.require_integer("seed", self.seed)
         if not self.env:
             checks.refuse_unused(self, ("env_size",), "without --env")
-        if not self.grid:
-            checks.refuse_unused(self, ("grid_runs", "grid_duration"), "without --grid")
         if not self.terrain:
             checks.refuse_unused(self, ("terrain_robot", "terrain_sizes"), "without --terrain")
-        if self.env or self.grid or self.terrain:
-            checks.refuse_unused(self, ("sizes",), "with --env, --grid and --terrain")
-        if self.grid:
-            checks.refuse_unused(self, ("seconds", "repeats"), "with --grid")
+        if self.env or self.terrain:
+            checks.refuse_unused(self, ("sizes",), "with --env and --terrain")
         for value in self.scale_long:
             if value not in _SCALE_SIZES:
                 raise InvalidValueError("scale_long", value, f"one of {', '.join(map(str, _SCALE_SIZES))}")

@@ -1,56 +1,78 @@
-"""The axes of a sweep and their values."""
+"""The axes of a sweep and their values: any option of a grid by its name, and a few axes that are no options."""
 
+from __future__ import annotations
+
+import contextlib
 import dataclasses
+import functools
 import math
-from collections.abc import Mapping
-from typing import Any
+import re
+import types
+import typing
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from experiments.options.checks import require_distinct
-from experiments.options.grid import SweepConfig
-from experiments.sweep.options import ALIASES, converted, hint_of, names, option
+import docstring_parser
+
+from experiments.options.base import Distinct
+from experiments.options.grid import GridConfig
 from sim.robot.parameters import RobotParameters
 from sim.toml_file import read_toml
 from trackslip.errors import InvalidValueError, SettingsFileError, require_at_most, require_positive
+from trackslip.logs.schema import NO_UNIT, PURE
 
+if TYPE_CHECKING:
+    from experiments.commands.grid import Config
+
+ALIASES = {"ground": "ground.source", "slope": "ground.slope"}
+"""Options that are axes under a shorter name; `--vary` takes both."""
 MAX_RUNS = 1_000_000
+_POSITIVE = ("radius", "speed", "friction_ratio")  # axes that are no options
 _PARAMETERS = tuple(f"robot.{f.name}" for f in dataclasses.fields(RobotParameters) if f.name != "radius_error")
-_POSITIVE = ("radius", "speed", "friction_ratio")
-_OWN = (*_POSITIVE, *ALIASES, *_PARAMETERS)
+_NO_AXES = ("radii", "speeds", "threads", "rrd", "out", "robot")
 _MAX_RATIO = 100.0
+_UNIT = re.compile(r"\[([^]]+)\]")
+_FLAGS = {"true": True, "false": False}
+_WORDS = {int: "an integer", float: "a number", bool: "true or false", str: "a name", Path: "a file"}
 
 
-def axes_of(config: SweepConfig) -> dict[str, tuple[Any, ...]]:
+def names() -> list[str]:
+    """The names of all axes; those of nested options contain dots."""
+    options = [name for name in _leaves(GridConfig) if name not in (*_NO_AXES, *ALIASES.values())]
+    return [*_POSITIVE, *ALIASES, *_PARAMETERS, *options]
+
+
+def axes_of(config: Config) -> dict[str, tuple[Any, ...]]:
     """The values of each axis, in the order of the loops: radius and speed are the innermost.
 
     Raises InvalidValueError or SettingsFileError, which name the axis and what is allowed.
     """
     given: dict[str, tuple[Any, ...]] = {}
-    listed_by = {"ground": "grounds", "friction_ratio": "friction_ratio", "slope": "slope", "seed": "seeds"}
-    for name, option_name in listed_by.items():
+
+    def add(name: str, values: Iterable[Any], where: str, called: str) -> None:
+        axis = next((short for short, long in ALIASES.items() if name == long), name)
+        if axis in given:
+            raise InvalidValueError(where, name, "an axis that is given once")
+        given[axis] = _checked(axis, tuple(values), called)
+
+    for axis, option_name in (("ground", "grounds"), ("seed", "seeds")):
         if values := getattr(config, option_name):
-            given[name] = _checked(name, values, option_name)
+            add(axis, values, option_name, option_name)
     for text in config.vary or ():
         name, equals, listed = text.partition("=")
         if not equals:
             raise InvalidValueError("vary", text, "NAME=VALUE,VALUE,...")
-        _require_new(given, name, "vary")
-        given[name] = _checked(name, tuple(part.strip() for part in listed.split(",")), f"vary {name}")
+        add(name, (part.strip() for part in listed.split(",")), "vary", f"vary {name}")
     from_file = {} if config.sweep is None else _flat(read_toml(config.sweep), str(config.sweep))
     if config.sweep is not None and not from_file:
         raise SettingsFileError(f"{config.sweep}: defines no axis")
     for name, values in from_file.items():
-        _require_new(given, name, str(config.sweep))
         try:
-            given[name] = _checked(name, tuple(values) if isinstance(values, list) else (values,), name)
+            add(name, values if isinstance(values, list) else (values,), "axis", name)
         except InvalidValueError as error:
             raise SettingsFileError(f"{config.sweep}: {error}") from error
-    for name in [name for name in given if name not in ("friction_ratio", *_PARAMETERS)]:
-        replaced = {"radius": "radii", "speed": "speeds", **ALIASES}.get(name, name)
-        value = option(config, replaced)
-        if value != option(SweepConfig(), replaced):
-            raise InvalidValueError(replaced.removesuffix(".source"), value, f"left out where {name} is an axis")
-    if "friction_ratio" in given and ("ground.across" in given or config.ground.across is not None):
-        raise InvalidValueError("friction_ratio", given["friction_ratio"], "left out where ground.across is given")
+    _refuse_replaced(config, given)
     drive = {"radius": given.pop("radius", config.radii), "speed": given.pop("speed", config.speeds)}
     axes = {**given, **drive}
     count = math.prod(len(values) for values in axes.values())
@@ -59,32 +81,132 @@ def axes_of(config: SweepConfig) -> dict[str, tuple[Any, ...]]:
     return axes
 
 
-def _checked(name: str, values: tuple[Any, ...], given: str) -> tuple[Any, ...]:
-    """An axis' values, converted to its type; raises InvalidValueError, which calls them `given`."""
-    known = [*_OWN, *(n for n in names() if n not in ("robot", *ALIASES.values()))]
-    if name not in known:
-        raise InvalidValueError("axis", name, f"one of {', '.join(known)}")
-    hint = float if name in _POSITIVE else hint_of(ALIASES.get(name, name))
-    taken = tuple(converted(hint, value, given) for value in values)
-    require_distinct(given, taken)
+def _refuse_replaced(config: Config, given: Mapping[str, Any]) -> None:
+    """Raise InvalidValueError for an option whose value an axis replaces."""
+    defaults = type(config)()
+    for name in given:
+        replaced = {"radius": "radii", "speed": "speeds", **ALIASES}.get(name, name)
+        if name in ("friction_ratio", *_PARAMETERS) or option(config, replaced) == option(defaults, replaced):
+            continue
+        allowed = f"left out where {name} is an axis"
+        raise InvalidValueError(replaced.removesuffix(".source"), option(config, replaced), allowed)
+    if "friction_ratio" in given and ("ground.across" in given or config.ground.across is not None):
+        raise InvalidValueError("friction_ratio", given["friction_ratio"], "left out where ground.across is given")
+
+
+def _checked(name: str, values: tuple[Any, ...], called: str) -> tuple[Any, ...]:
+    """An axis' values, converted to its type; raises InvalidValueError, which calls them `called`."""
+    if name not in names():
+        raise InvalidValueError("axis", name, f"one of {', '.join(names())}")
+    taken = tuple(_converted(hint_of(name), value, called) for value in values)
+    Distinct().check(called, taken)
     for value in taken if name in _POSITIVE else ():
-        require_positive(given, value)
+        require_positive(called, value)
         if name == "friction_ratio":
-            require_at_most(given, value, _MAX_RATIO)
+            require_at_most(called, value, _MAX_RATIO)
     return taken
-
-
-def _require_new(given: Mapping[str, Any], name: str, where: str) -> None:
-    if name in given:
-        raise InvalidValueError(where, name, "an axis that is given once")
 
 
 def _flat(table: Mapping[str, Any], where: str, prefix: str = "") -> dict[str, Any]:
     """A nested table with dotted names."""
     found: dict[str, Any] = {}
     for name, value in table.items():
-        own = {prefix + name: value}
-        for axis, values in (_flat(value, where, f"{prefix}{name}.") if isinstance(value, Mapping) else own).items():
-            _require_new(found, axis, where)
-            found[axis] = values
+        inner = _flat(value, where, f"{prefix}{name}.") if isinstance(value, Mapping) else {prefix + name: value}
+        for axis in found.keys() & inner.keys():
+            raise InvalidValueError(where, axis, "an axis that is given once")
+        found |= inner
     return found
+
+
+def option(config: Any, name: str) -> Any:
+    """The value of the option `name`."""
+    return functools.reduce(getattr, name.split("."), config)
+
+
+def with_option(config: Any, name: str, value: object) -> Any:
+    """`config` with another value of the option `name`; raises InvalidValueError for a value that isn't allowed."""
+    head, _, rest = name.partition(".")
+    if not rest:
+        return dataclasses.replace(config, **{head: value})
+    try:
+        inner = with_option(getattr(config, head), rest, value)
+    except InvalidValueError as error:
+        raise InvalidValueError(f"{head}.{error.field}", error.value, error.allowed) from error
+    return dataclasses.replace(config, **{head: inner})
+
+
+def hint_of(name: str) -> Any:
+    """The type of an axis' values."""
+    if name in _POSITIVE:
+        return float
+    cls, last = _owner(name)
+    return _hints(cls)[last]
+
+
+def explained(name: str) -> tuple[str, str]:
+    """Unit and meaning of an axis: the text that `--help` prints for the option, or of the robot's parameter."""
+    cls, last = _owner(name)
+    hint, text = _hints(cls)[last], _texts(cls)[last].removesuffix(".")
+    unit = _UNIT.search(text)
+    if unit is None:
+        return (PURE if {int, float} & {hint, *typing.get_args(hint)} else NO_UNIT), text
+    about = " ".join(_UNIT.sub("", text).split())
+    return (PURE if unit[1] == "-" else unit[1]), about or last
+
+
+def _converted(hint: Any, value: object, name: str) -> Any:
+    """`value`, text or from TOML, as the type `hint`; raises InvalidValueError where it can't be converted."""
+    kinds = typing.get_args(hint) if typing.get_origin(hint) in (typing.Union, types.UnionType) else (hint,)
+    for kind in kinds:
+        with contextlib.suppress(TypeError, ValueError, OverflowError, KeyError):
+            return _as(kind, value)
+    words = [[_WORDS[kind]] if kind in _WORDS else typing.get_args(kind) for kind in kinds]  # or those of a Literal
+    raise InvalidValueError(name, value, " or ".join(str(word) for several in words for word in several))
+
+
+def _as(kind: Any, value: Any) -> Any:
+    """`value` as one type; raises TypeError, ValueError, OverflowError or KeyError where it can't be converted."""
+    if typing.get_origin(kind) is typing.Literal and value in typing.get_args(kind):
+        return value
+    if kind is bool:
+        return value if isinstance(value, bool) else _FLAGS[value]
+    if kind in (int, float) and not isinstance(value, bool):
+        number = kind(value)
+        if isinstance(value, str) or number == value or number != number:
+            return number
+    if kind in (str, Path) and isinstance(value, str):
+        value.encode()  # an argument may contain surrogates, which can't be stored
+        return kind(value)
+    raise TypeError
+
+
+def _owner(name: str) -> tuple[Any, str]:
+    """The dataclass that has an axis as a field, and the field's name."""
+    cls: Any = GridConfig
+    if name.startswith("robot."):
+        cls, name = RobotParameters, name.removeprefix("robot.")
+    *path, last = ALIASES.get(name, name).split(".")
+    for part in path:
+        cls = _hints(cls)[part]
+    return cls, last
+
+
+def _leaves(cls: Any) -> list[str]:
+    found = []
+    for name, hint in _hints(cls).items():
+        found += [f"{name}.{leaf}" for leaf in _leaves(hint)] if dataclasses.is_dataclass(hint) else [name]
+    return found
+
+
+@functools.cache
+def _hints(cls: Any) -> dict[str, Any]:
+    hints = typing.get_type_hints(cls)
+    return {field.name: hints[field.name] for field in dataclasses.fields(cls)}
+
+
+@functools.cache
+def _texts(cls: Any) -> Mapping[str, str]:
+    """The docstring of each field of a dataclass, read as tyro reads it for `--help`."""
+    documented = [docstring_parser.parse_from_object(own) for own in reversed(cls.__mro__[:-1])]  # without object
+    fields = (field for one in documented for field in one.params)
+    return {field.arg_name: " ".join((field.description or "").split()) for field in fields}

@@ -1,24 +1,28 @@
-"""The runs of a sweep, each with everything that its numbers depend on except code and model."""
+"""The runs of a grid, each with everything that its numbers depend on except code and model."""
+
+from __future__ import annotations
 
 import dataclasses
 import functools
 import itertools
 import math
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from experiments.driving.grid_runs import Cell, require_radius
 from experiments.driving.world import Specification, World, WorldFiles
-from experiments.options.checks import require_integer
-from experiments.options.grid import GridConfig, SweepConfig
+from experiments.options.base import Whole
+from experiments.options.grid import GridConfig
 from experiments.report.terminal import progress
 from experiments.storage.manifest import digest
-from experiments.sweep.axes import axes_of
-from experiments.sweep.options import ALIASES, option, with_option
+from experiments.sweep.axes import ALIASES, axes_of, option, with_option
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry
+
+if TYPE_CHECKING:
+    from experiments.commands.grid import Config
 
 _MIN_FLEET, _MAX_FLEET = 64, 128
 """Robots in a fleet: smaller fleets are slow; larger ones hardly gain, and lose more when a worker is stopped."""
@@ -29,6 +33,7 @@ _EACH = 4
 _AT_ONCE = 16_000.0  # longest time that a fleet drives, all robots together, for its logs to fit into memory [s]
 _DRIVEN = ("radius", "speed")
 _OF_A_RUN = (*_DRIVEN, "seed")  # axes on which the runs of a setting differ
+_IN_COMMON = ("drive", "scanner", "duration", "localization", "motion", "random_phase")  # options that a fleet shares
 _QUICK = 10_000  # runs that are planned in about a second
 
 
@@ -45,7 +50,7 @@ class Setting:
     @functools.cached_property
     def id(self) -> str:
         """Hash of all that the numbers of a run depend on, besides radius, speed and seed."""
-        return digest([_in_common(self.config), self.specification])
+        return digest([self._in_common, self.specification])
 
     @functools.cached_property
     def world_key(self) -> str:
@@ -55,16 +60,20 @@ class Setting:
 
     @functools.cached_property
     def fleet(self) -> str:
-        """Hash of what the runs of a fleet share."""
+        """Hash of what the runs of a fleet share; robots on ground that shears have other pads."""
         world = self.specification
         shape = replace(world.parameters, radius_error=0.0)
-        shared = shape, world.obstacles, world.pull, world.ground.largest_shear > 0  # whose robots have other pads
-        return _fleet_digest(*shared, *_in_common(self.config).items())
+        shared = (shape, world.obstacles, world.pull, world.ground.largest_shear > 0, *self._in_common.items())
+        return _digest_of_hashable(shared)
+
+    @property
+    def _in_common(self) -> dict[str, Any]:
+        return {name: getattr(self.config, name) for name in _IN_COMMON}
 
 
 @dataclass(frozen=True)
-class Run:
-    """One run of a sweep."""
+class PlannedRun:
+    """One run of a grid."""
 
     name: str
     """Its radius and speed, and every axis on which it differs from the options."""
@@ -76,10 +85,15 @@ class Run:
     """Hash of what the run is and of how much of it is recorded, however it was requested."""
 
     @property
-    def cell(self) -> Cell:
-        """What to drive.
+    def duration(self) -> float:
+        """Simulated time [s]."""
+        return self.setting.config.duration
 
-        Its random numbers follow from what is measured (seed, radius, speed and world), not from how the measurements
+    @property
+    def cell(self) -> Cell:
+        """Its command and random numbers.
+
+        The random numbers follow from what is measured (seed, radius, speed and world), not from how the measurements
         are evaluated: runs that differ only in their method of localization or motion share their scans.
         """
         radius, speed = self.axes["radius"], self.axes["speed"]
@@ -101,9 +115,7 @@ def _world_digest(config: GridConfig, specification: Specification) -> str:
     return digest([config.drive, config.scanner, specification])
 
 
-@functools.lru_cache
-def _fleet_digest(*shared: Hashable) -> str:
-    return digest(shared)
+_digest_of_hashable = functools.lru_cache(digest)  # of what most settings have in common
 
 
 @functools.cache
@@ -112,17 +124,10 @@ def _shipped_world_digest() -> str:
     return _world_digest(GridConfig(), Specification.of(GridConfig()))
 
 
-def _in_common(config: GridConfig) -> dict[str, Any]:
-    """Options that the runs of a fleet share."""
-    names = ("drive", "scanner", "duration", "localization", "motion", "random_phase")
-    return {name: getattr(config, name) for name in names}
-
-
-def plan(config: SweepConfig) -> list[Run]:
+def plan(config: Config) -> list[PlannedRun]:
     """Every run; raises TrackslipError for invalid values, before anything is driven. Shows progress of many runs."""
     axes = axes_of(config)
-    for seed in axes.get("seed", ()):
-        require_integer("seed", seed)
+    Whole().check("seed", axes.get("seed", ()))
     base = GridConfig(**{f.name: getattr(config, f.name) for f in dataclasses.fields(GridConfig)})
     base = replace(base, radii=axes["radius"], speeds=axes["speed"])
     files = WorldFiles()
@@ -145,15 +150,15 @@ def plan(config: SweepConfig) -> list[Run]:
     return runs
 
 
-def fleets(runs: Sequence[Run], workers: int) -> list[tuple[Run, ...]]:
+def fleets(runs: Sequence[PlannedRun], workers: int) -> list[tuple[PlannedRun, ...]]:
     """Runs that can be driven as one fleet, sized for that many workers, in order."""
     size = min(max(_MIN_FLEET, -(-len(runs) // (_EACH * workers))), _MAX_FLEET)
-    alike: dict[str, list[Run]] = {}
+    alike: dict[str, list[PlannedRun]] = {}
     for run in runs:
         alike.setdefault(run.setting.fleet, []).append(run)
     found = []
     for same in alike.values():
-        duration = same[0].setting.config.duration  # which is the same for all
+        duration = same[0].duration  # which is the same for all
         most = max(1, int(_AT_ONCE / duration))
         count = -(-len(same) // min(size, most))
         count = max(count, min(workers, int(len(same) * duration / _LONG)))
@@ -162,24 +167,20 @@ def fleets(runs: Sequence[Run], workers: int) -> list[tuple[Run, ...]]:
     return found
 
 
-def _run(taken: Mapping[str, Any], usual: Mapping[str, Any], setting: Setting) -> Run:
+def _run(taken: Mapping[str, Any], usual: Mapping[str, Any], setting: Setting) -> PlannedRun:
     radius, speed, seed = taken["radius"], taken["speed"], taken.get("seed", setting.config.seed)
     unusual = [f"{name}={taken[name]}" for name, value in usual.items() if value != taken[name]]
     name = " ".join([Cell.at(radius, speed).name, *sorted(unusual)])
     recorded = setting.config.rrd, setting.kept
-    return Run(name, taken, seed, setting, digest([setting.id, (radius,), (speed,), seed, recorded]))
+    return PlannedRun(name, taken, seed, setting, digest([setting.id, (radius,), (speed,), seed, recorded]))
 
 
 def _setting(base: GridConfig, taken: Mapping[str, Any], files: WorldFiles, kept: bool) -> Setting:
+    """The options and the world of a run, with its own robot and ratio of friction."""
     config = base
     for name, value in taken.items():
         if name not in (*_OF_A_RUN, "friction_ratio") and not name.startswith("robot."):
             config = with_option(config, ALIASES.get(name, name), value)
-    return Setting(config, _specification(config, taken, files), kept)
-
-
-def _specification(config: GridConfig, taken: Mapping[str, Any], files: WorldFiles) -> Specification:
-    """The world of a setting: that of its options, with its own robot and ratio of friction."""
     given = files.specification(config)
     changed = {name.removeprefix("robot."): value for name, value in taken.items() if name.startswith("robot.")}
     try:
@@ -189,7 +190,7 @@ def _specification(config: GridConfig, taken: Mapping[str, Any], files: WorldFil
     ground = given.ground
     if "friction_ratio" in taken:
         ground = replace(ground, across=taken["friction_ratio"] * ground.along)
-    return replace(given, parameters=parameters, ground=ground)
+    return Setting(config, replace(given, parameters=parameters, ground=ground), kept)
 
 
 def _usual(base: GridConfig, given: Specification, axis: str) -> Any:

@@ -1,20 +1,72 @@
-"""The table of a sweep: one row per run, with units; and the choice of runs by the values of its axes."""
+"""The rows of a grid's runs, the table of them with units, and the choice of runs by the values of its axes."""
 
 import contextlib
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import pyarrow as pa
 import pyarrow.parquet
 
 from experiments.storage.results import TABLE_FILE
-from experiments.sweep.options import explained
-from experiments.sweep.rows import COLUMNS, RunRow
+from experiments.sweep.axes import explained
 from trackslip.errors import InvalidValueError
 from trackslip.logs.logfile import read_table
 from trackslip.logs.schema import NO_UNIT, PURE, Column, markdown
 
+
+def _column(unit: str, meaning: str) -> Any:
+    return field(default=None, metadata={"unit": unit, "meaning": meaning})
+
+
+@dataclass(frozen=True)
+class RunRow:
+    """A run and what was measured of it, in left turns; None for what it doesn't have."""
+
+    run: str = field(metadata={"unit": NO_UNIT, "meaning": "name of the run: its log in runs.parquet"})
+    id: str = field(metadata={"unit": NO_UNIT, "meaning": "hash of all that the run is: options, robot, ground, seed"})
+    axes: Mapping[str, Any]
+    """What varies in the sweep, by name: the run's values."""
+    error: str | None = _column(NO_UNIT, "why there is no run; null where there is one")
+    omega_l: float | None = _column("rad/s", "measured speed of the left sprocket")
+    omega_r: float | None = _column("rad/s", "measured speed of the right sprocket")
+    v: float | None = _column("m/s", "measured forward speed")
+    w: float | None = _column("rad/s", "measured yaw rate")
+    observed_radius: float | None = _column("m", "measured radius, positive to the left")
+    slip_l: float | None = _column(PURE, "measured slip of the left track")
+    slip_r: float | None = _column(PURE, "measured slip of the right track")
+    true_slip_l: float | None = _column(PURE, "true slip of the left track")
+    true_slip_r: float | None = _column(PURE, "true slip of the right track")
+    note: str | None = _column(NO_UNIT, "what of the run could not be used, and why; null where all could")
+    rmse_x: float | None = _column("m", "root mean square error of the poses along x")
+    rmse_y: float | None = _column("m", "root mean square error of the poses along y")
+    rmse_heading: float | None = _column("rad", "root mean square error of the headings")
+    valid_fraction: float | None = _column(PURE, "share of the scans that gave a pose")
+    saturated: float | None = _column(PURE, "share of the time with a motor at its limit, the worse track")
+    made_by: str | None = _column(
+        NO_UNIT, "digest of the code, models and libraries that drove it, listed in summary.json"
+    )
+
+    def to_json(self) -> dict[str, Any]:
+        """As summary.json has it: the axes among the fields; of a run that failed, only what it is and why."""
+        row = {name: getattr(self, name) for name in COLUMNS if self.error is None or name in _OF_FAILED}
+        return {"run": row.pop("run"), "id": row.pop("id"), **self.axes, **row}
+
+    @classmethod
+    def from_json(cls, row: Mapping[str, Any], run: str, axes: Mapping[str, Any]) -> Self:
+        """A stored row of a run that may have had another name in another sweep; its note uses `run`, too."""
+        known: dict[str, Any] = {name: row.get(name) for name in COLUMNS} | {"run": run}
+        if known["note"]:
+            known["note"] = known["note"].replace(repr(row["run"]), repr(run))
+        return cls(axes=axes, **known)
+
+
+COLUMNS = {
+    f.name: Column(f.name, f.metadata["unit"], f.metadata["meaning"]) for f in dataclasses.fields(RunRow) if f.metadata
+}
+"""Besides the axes of the sweep, which come after `id`."""
 AXES = {
     column.name: column
     for column in (
@@ -26,10 +78,17 @@ AXES = {
         Column("seed", NO_UNIT, "root of all random numbers"),
     )
 }
-"""Axes with a name of their own; the others are options, described by their help."""
+"""Axes with a meaning of their own; the others are options, described by their help."""
+_OF_FAILED = ("run", "id", "error", "made_by")
 _SHOWN = 10  # values of an axis in a message
 _MAX_INTEGER = 2**63 - 1
 """Largest integer of a column; larger ones (seeds) become text."""
+
+
+def is_row(row: Mapping[str, Any]) -> bool:
+    """Whether a stored row has numbers where numbers belong, and texts where texts do."""
+    kinds = {name: (str,) if column.unit == NO_UNIT else (int, float) for name, column in COLUMNS.items()}
+    return all(row.get(name) is None or type(row[name]) in kind for name, kind in kinds.items())
 
 
 def write_table(rows: Sequence[RunRow], axes: Sequence[str], path: Path) -> None:

@@ -3,9 +3,7 @@
 import contextlib
 import math
 import os
-import tempfile
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -15,18 +13,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from experiments.measuring.check import Check
 from experiments.options.bench import BenchConfig
-from experiments.options.grid import SweepConfig
 from experiments.report.terminal import print_table
 from experiments.speed.gpu import distance, measure_gpu
-from experiments.speed.grid import measure_grid
 from experiments.speed.memory import peak_memory
 from experiments.speed.shear import measure_shear
 from experiments.speed.simulator import CASES, case_speeds, measure_simulator, thread_speedups
 from experiments.storage.manifest import make_manifest
 from experiments.storage.results import SUMMARY_FILE, results_folder, write_results
-from experiments.sweep.summary import Timing
 from experiments.validation.shear.cost import FEWEST, MOST
-from experiments.work import grid
 from sim.robot.robot import Robot, load_robot
 from sim.warp.devices import GPU, require_available
 
@@ -38,7 +32,6 @@ def run(config: BenchConfig) -> None:
         robot = load_robot()
         chosen = {
             _environments: config.env,
-            _grid: config.grid,
             _terrain: config.terrain,
             _shear: config.shear,
             _gpu: config.gpu,
@@ -54,7 +47,7 @@ def run(config: BenchConfig) -> None:
         write_results(folder, summary, make_manifest("bench", config, wall, **more))
     for table in tables:
         print_table(*table)
-    if memory is not None and not config.grid:
+    if memory is not None:
         print(f"peak memory {memory:.0f} MB")
     print(f"{config.out / SUMMARY_FILE}: {wall:.1f} s")
 
@@ -161,7 +154,7 @@ def _scale(config: BenchConfig, _: Robot) -> _Measured:
     for one in cases:
         times = f"{one.seconds:.3g}", f"{1e3 * one.per_robot_second:.3g}"
         rows.append((str(one.robots), f"{one.duration:g}", *times, f"{one.memory:.0f}", f"{one.file_size:.3g}"))
-    checks = (*scale.checks_of(cases), scale.planning(config.repeats))
+    checks = scale.checks_of(cases)
     tables = [("Runs written to Parquet while they last", header, rows), _check_table("Scale", checks)]
     return {"rows": cases, "checks": [one.to_json() for one in checks]}, tables
 
@@ -183,30 +176,6 @@ def _speed_table(title: str, speeds: Sequence[Any]) -> _Table:
         numbers = f"{one.steps_per_s:,.0f}", f"{one.ratio_to_bare:.2f}", f"{one.real_time_factor:.1f}"
         rows.append((one.case, str(one.n), str(one.threads), *numbers))
     return title, ("case", "robots", "threads", "steps/s", "ratio to bare", "real-time factor"), rows
-
-
-def _grid(config: BenchConfig, robot: Robot) -> _Measured:
-    with _progress(len(config.thread_counts)) as step:
-        speeds = measure_grid(config, _drive_grid, step)
-    single = next((one.wall_s for one in speeds if one.processes == 1), None)
-    header = ("processes", "runs", "wall [s]", "speed-up", "bare [s]", "without scans, poses, slips / bare")
-    rows: list[_Cells] = []
-    for one in speeds:
-        speedup = "-" if single is None else f"{single / one.wall_s:.2f}"
-        times = f"{one.wall_s:.1f}", speedup, f"{one.bare_s:.1f}", f"{one.ratio_to_bare:.2f}"
-        rows.append((str(one.processes), str(one.runs), *times))
-    stages = tuple(dict.fromkeys(name for one in speeds for name in one.stages))
-    work = [(str(one.processes), *(f"{one.stages.get(name, 0.0):.1f}" for name in stages)) for one in speeds]
-    return {"rows": speeds}, [
-        ("Speed of a grid", header, rows),
-        ("Seconds of work by stage, all processes together", ("processes", *stages), work),
-    ]
-
-
-def _drive_grid(sweep: SweepConfig) -> Timing:
-    """Drive a grid into a temporary folder."""
-    with tempfile.TemporaryDirectory() as folder:
-        return grid.drive_and_store(replace(sweep, out=Path(folder) / "grid")).timing
 
 
 @contextlib.contextmanager

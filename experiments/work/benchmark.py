@@ -5,19 +5,19 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from experiments.benchmark.jobs import drive_groups, ids, seconds
+from experiments.benchmark.page import render
 from experiments.benchmark.rows import CaseRow, board, losses, over_seeds
 from experiments.benchmark.setup import Setup, without_missing
 from experiments.benchmark.table import BOARD_HEADER, board_text, leaderboard
 from experiments.options.benchmark import BenchmarkConfig, Case
 from experiments.parallel.executors import WorkersFailedError
 from experiments.recording import record_all
-from experiments.report.benchmark import render
 from experiments.report.formats import stages_text
 from experiments.report.terminal import print_table, progress
 from experiments.storage.manifest import command_line, relative
-from experiments.storage.parts import Parts, resumable
 from experiments.storage.plain_json import plain
 from experiments.storage.results import LEADERBOARD_FILE, REPORT_FILE, RUNS_FILE, results_folder, write_results
+from experiments.sweep.parts import Parts
 from sim.stopwatch import Stopwatch
 from trackslip.logs.logfile import read_runs
 from trackslip.logs.runlog import RunLog
@@ -41,7 +41,7 @@ def run(config: BenchmarkConfig) -> None:
             with watch.stage("driving"):
                 unfinished = _drive(config, parts, wanted)
         except (KeyboardInterrupt, WorkersFailedError) as stop:
-            raise resumable(stop, sum(id in parts for id in wanted.values()), len(wanted)) from None
+            raise _resumable(stop, sum(id in parts for id in wanted.values()), len(wanted)) from None
         with watch.stage("gathering"):
             runs = [CaseRow.from_part(parts[id].row) for id in wanted.values()]
             rows = over_seeds(runs)
@@ -103,3 +103,8 @@ def _record(folder: Path, cases: Sequence[Case], unfinished: Sequence[RunLog]) -
             compared.setdefault(name, []).append(logs[case.run])
     order = [case.run for case in cases]
     record_all(folder, sorted(unfinished, key=lambda log: order.index(log.run)), compared)
+
+
+def _resumable(stop: BaseException, driven: int, runs: int) -> BaseException:
+    said = str(stop) or "interrupted"
+    return type(stop)(f"{said} with {driven} of {runs} runs driven; the same command resumes" if driven else said)

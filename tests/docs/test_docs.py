@@ -21,7 +21,7 @@ def workplace(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "path", [str(tmp_path), *sys.path])
     monkeypatch.setenv("COLUMNS", "200")
-    for module in ("experiments.work.grid", "experiments.benchmark.jobs"):  # others would take longer to start
+    for module in ("experiments.sweep.engine", "experiments.benchmark.jobs"):  # others would take longer to start
         monkeypatch.setattr(f"{module}.processors", lambda: 1)
     importlib.invalidate_caches()
     yield tmp_path

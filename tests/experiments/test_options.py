@@ -15,7 +15,17 @@ import experiments
 import sim
 import trackslip
 from experiments.cli import command_modules, parse
-from experiments.options.base import Distinct, NonNegative, Options, Positive, Whole, Within, bounds_of, exclusions_of
+from experiments.options.base import (
+    Distinct,
+    Excludes,
+    NonNegative,
+    Options,
+    Positive,
+    Whole,
+    Within,
+    bounds_of,
+    exclusions_of,
+)
 from trackslip.errors import InvalidValueError
 
 CONFIGS = {name: module.Config for name, module in command_modules().items()}
@@ -97,12 +107,9 @@ def test_an_option_without_effect_is_refused(name, exclusion, option):
     hints = typing.get_type_hints(config)
     given = {option: another(getattr(base, option), hints[option])}
     if not exclusion.applies(base):
-        value = (
-            exclusion.values[0]
-            if exclusion.values
-            else another(getattr(base, exclusion.option), hints[exclusion.option])
-        )
-        given[exclusion.option] = value
+        by_value = exclusion.values and isinstance(exclusion, Excludes)
+        other = another(getattr(base, exclusion.option), hints[exclusion.option])
+        given[exclusion.option] = exclusion.values[0] if by_value else other
     with pytest.raises(InvalidValueError) as refusal:
         dataclasses.replace(base, **given)
     assert "left out" in refusal.value.allowed or refusal.value.field == option

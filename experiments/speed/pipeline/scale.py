@@ -1,4 +1,4 @@
-"""How time and memory grow with the number of robots and the length of runs, and how long it takes to plan many runs.
+"""How time and memory grow with the number of robots and the length of runs.
 
 The runs are written to Parquet while they last. Each case has a process of its own, whose peak memory is read at its
 end. The cases take turns, so that a machine whose clock changes is as fast for one as for another. The time doesn't
@@ -11,11 +11,8 @@ from collections.abc import Callable, Collection, Sequence
 import numpy as np
 
 from experiments.measuring.check import Check
-from experiments.options.grid import SweepConfig
 from experiments.parallel.turns import take_turns
 from experiments.speed.scale_case import ScaleCase, drive_case
-from experiments.speed.simulator import timed
-from experiments.sweep.plan import plan
 
 Case = tuple[int, float, int]
 """Number of robots, duration of their runs [s], and how many times they are driven: short runs more often."""
@@ -33,18 +30,14 @@ _BUSY = 16  # robots from which all processors have work
 _FULL = 256  # robots from which the time per robot no longer depends on their number
 _MOST_DEVIATION = 10.0  # [%]
 _MOST_MEMORY = 20.0  # by which a longer run may exceed a shorter one [MB]
-_RUNS, _PER_RATIO = 10_000, 25
-_MOST_PLANNING = 1.0  # [s]
 
 
 def measure(seed: int, repeats: int, step: Callable[[str], None]) -> tuple[Check, ...]:
     """The checks of a few cases, in less than a minute; `step` is called with a label from time to time.
 
-    How often a case is driven is fixed, so that `repeats` counts for planning only.
+    How often a case is driven is fixed, whatever `repeats` is.
     """
-    checks = checks_of(measure_cases(_QUICK_CASES, seed, lambda label, _: step(label)))
-    step("planning")
-    return (*checks, planning(repeats))
+    return checks_of(measure_cases(_QUICK_CASES, seed, lambda label, _: step(label)))
 
 
 def cases_of(long: Collection[int]) -> list[Case]:
@@ -93,13 +86,6 @@ def checks_of(cases: Sequence[ScaleCase]) -> tuple[Check, ...]:
     deviation = 100 * _deviation([one for one in cases if one.robots >= _BUSY])
     checks.append(Check(f"{_BUSY} robots and more", "deviation from a + b N", deviation, _MOST_DEVIATION, "%"))
     return tuple(checks)
-
-
-def planning(repeats: int) -> Check:
-    """The time that planning many runs takes, the least of `repeats`."""
-    sweep = SweepConfig(friction_ratio=tuple(np.linspace(0.8, 1.4, _RUNS // _PER_RATIO).tolist()))
-    seconds = min(timed(plan, sweep) for _ in range(repeats))
-    return Check(f"{_RUNS:,} runs", "planning", seconds, _MOST_PLANNING, "s")
 
 
 def _named(robots: int) -> str:

@@ -17,7 +17,7 @@ from experiments.benchmark.setup import Setup
 from experiments.cli import main
 from experiments.options.benchmark import BenchmarkConfig, Case
 from experiments.storage.manifest import digest, made_by
-from experiments.storage.parts import Parts
+from experiments.sweep.parts import Parts
 from experiments.work.benchmark import PARTS
 
 SMALL = ("--controllers", "feedforward", "linear", "--compensations", "none", "online", "--grounds", "stone", "gravel")

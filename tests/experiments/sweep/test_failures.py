@@ -12,7 +12,7 @@ from trackslip.logs.logfile import read_runs
 
 SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
 
-SWEEP = (*SHORT, "--friction-ratio", "1.0", "1.2", "--seeds", "0", "1")
+SWEEP = (*SHORT, "--vary", "friction_ratio=1.0,1.2", "--seeds", "0", "1")
 
 ONE = ("--radii", "0.6", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
 
@@ -41,7 +41,7 @@ def tips_over(cells, worlds, *rest):
 
 def test_failed_runs_are_rows_and_are_driven_again(trackslip, monkeypatch):
     """On a slope steeper than its friction angle a robot can't be parked."""
-    arguments = ("grid", *SHORT, "--slope", "0", "0.9")
+    arguments = ("grid", *SHORT, "--vary", "slope=0,0.9")
     result = trackslip(*arguments)
     rows = pq.read_table(result.folder / "table.parquet").to_pylist()
     assert [row["error"] is None for row in rows] == [True, True, False, False]

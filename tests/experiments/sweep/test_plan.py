@@ -17,7 +17,7 @@ def planned(*arguments):
 
 def test_a_run_is_the_same_however_it_is_asked_for():
     (one,) = planned("--radii", "1", "--speeds", "0.1", "--ground", "ice", "--ground.slope", "0.02", "--seed", "7")
-    (same,) = planned("--radii", "1", "--speeds", "0.1", "--grounds", "ice", "--slope", "0.02", "--seeds", "7")
+    (same,) = planned("--radii", "1", "--speeds", "0.1", "--grounds", "ice", "--vary", "slope=0.02", "--seeds", "7")
     assert (one.id, one.cell.key) == (same.id, same.cell.key)
     assert one.name == "radius=1.0 speed=0.1"
     assert same.name == "radius=1.0 speed=0.1 ground=ice seed=7 slope=0.02"
@@ -65,7 +65,14 @@ def test_each_file_is_read_once(tmp_path, monkeypatch):
         monkeypatch.setattr(module, lambda path: read.append(path.name) or read_toml(path))
     files = {name: str(tmp_path / f"{name}.toml") for name in ("robot", "ground", "field")}
     runs = planned(
-        "--robot", files["robot"], "--obstacles", files["field"], "--grounds", files["ground"], "--slope", "0", "0.1"
+        "--robot",
+        files["robot"],
+        "--obstacles",
+        files["field"],
+        "--grounds",
+        files["ground"],
+        "--vary",
+        "ground.slope=0,0.1",
     )
     assert len(runs) == 50
     assert sorted(read) == ["field.toml", "ground.toml", "robot.toml"]
@@ -90,7 +97,7 @@ def test_many_runs_show_how_far_their_plan_is(monkeypatch):
     ("workers", "count", "largest"), [(1, 8, 125), (2, 8, 125), (3, 12, 84), (4, 16, 63), (64, 16, 63)]
 )
 def test_fleets_are_large_and_yet_every_worker_has_some(workers, count, largest):
-    runs = planned("--friction-ratio", *(str(0.8 + 0.01 * k) for k in range(40)))
+    runs = planned("--vary", f"friction_ratio={','.join(str(0.8 + 0.01 * k) for k in range(40))}")
     parts = fleets(runs, workers)
     assert [run for part in parts for run in part] == runs
     assert len(parts) == count
@@ -130,11 +137,13 @@ def test_fleets_of_long_runs_are_small_enough_for_their_memory(duration, largest
         (("--vary", "localization=gps"), "vary localization = 'gps': must be plate or line"),
         (("--vary", "drive.encoder_counts=1.5"), "vary drive.encoder_counts = '1.5': must be an integer"),
         (("--vary", "random_phase=maybe"), "vary random_phase = 'maybe': must be true or false"),
-        (("--friction-ratio", "1", "1"), "friction_ratio = (1.0, 1.0): must be all different"),
-        (("--friction-ratio", "0"), "friction_ratio = 0.0: must be a finite number > 0"),
-        (("--friction-ratio", "nan"), "friction_ratio = nan: must be a finite number > 0"),
-        (("--slope", "0.1", "--vary", "slope=0.2"), "vary = 'slope': must be an axis that is given once"),
-        (("--slope", "-0.1"), "ground.slope = -0.1: must be"),
+        (("--vary", "friction_ratio=1,1"), "vary friction_ratio = (1.0, 1.0): must be all different"),
+        (("--vary", "friction_ratio=0"), "vary friction_ratio = 0.0: must be a finite number > 0"),
+        (("--vary", "friction_ratio=nan"), "vary friction_ratio = nan: must be a finite number > 0"),
+        (("--vary", "ground.slope=0.1", "slope=0.2"), "vary = 'slope': must be an axis that is given once"),
+        (("--vary", "slope=-0.1"), "ground.slope = -0.1: must be"),
+        (("--slope", "0", "0.1"), "--slope is now --vary slope=VALUE,..."),
+        (("--friction-ratio", "1.2"), "--friction-ratio is now --vary friction_ratio=VALUE,..."),
         (("--grounds", "\udcff.toml"), "must be valid UTF-8"),
         (("--grounds", "moon"), "ground = 'moon': must be one of stone"),
         (("--seeds", "-1"), "seed = -1: must be an integer >= 0"),
@@ -145,8 +154,8 @@ def test_fleets_of_long_runs_are_small_enough_for_their_memory(duration, largest
             "--vary is given twice; give it once, with all its values",
         ),
         (("--vary", "rrd=true,false"), "axis = 'rrd': must be one of"),
-        (("--friction-ratio", "1.2", "--ground.across", "0.5"), "friction_ratio = (1.2,): must be left out where"),
-        (("--friction-ratio", "1.2", "--vary", "ground.across=0.5"), "friction_ratio = (1.2,): must be left out where"),
+        (("--vary", "friction_ratio=1.2", "--ground.across", "0.5"), "friction_ratio = (1.2,): must be left out where"),
+        (("--vary", "friction_ratio=1.2", "ground.across=0.5"), "friction_ratio = (1.2,): must be left out where"),
         (("--jobs", "-1"), "jobs = -1: must be an integer from 0"),
         (("--sweep", "none.toml"), "none.toml: No such file"),
     ],

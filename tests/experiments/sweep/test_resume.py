@@ -3,15 +3,15 @@
 import pytest
 
 from experiments.cli import main
+from experiments.commands.grid import PARTS
 from experiments.driving.grid_runs import drive_cells
 from experiments.parallel.executors import WorkersFailedError
 from experiments.storage.manifest import made_by
-from experiments.work.grid import PARTS
 from trackslip.logs.logfile import read_runs
 
 SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
 
-SWEEP = (*SHORT, "--friction-ratio", "1.0", "1.2", "--seeds", "0", "1")
+SWEEP = (*SHORT, "--vary", "friction_ratio=1.0,1.2", "--seeds", "0", "1")
 
 
 def logs(folder):
@@ -33,7 +33,7 @@ def test_what_is_stored_is_not_driven_again(trackslip, monkeypatch):
         again = trackslip("grid", *SWEEP)
         assert (again.folder / "runs.parquet").read_bytes() == content
         assert again.summary["timing"]["taken"] == 8
-        part = trackslip("grid", *SHORT, "--friction-ratio", "1.0")
+        part = trackslip("grid", *SHORT, "--vary", "friction_ratio=1.0")
         assert len(logs(part.folder)) == 2
     whole = trackslip("grid", *SWEEP)
     assert whole.summary["timing"]["taken"] == 2
@@ -48,7 +48,7 @@ def test_runs_of_other_code_are_refused_but_by_force(trackslip, refused, tmp_pat
     for change, named in (({"code": "0"}, "trackslip's code"), ({"versions": {"mujoco": "9.9"}}, "mujoco (")):
         with monkeypatch.context() as patch:
             changed = now | change | {"versions": now["versions"] | change.get("versions", {})}
-            patch.setattr("experiments.storage.parts.made_by", lambda c=changed: c)
+            patch.setattr("experiments.sweep.parts.made_by", lambda c=changed: c)
             message = refused("grid", *SHORT, *out)
             assert f"2 of these runs were driven before a change of {named}" in message
             forced = trackslip("grid", *SHORT, *out, "--force")
@@ -92,11 +92,11 @@ def test_what_fails_anew_is_not_taken_from_before(trackslip, monkeypatch):
 
 
 def test_an_interrupted_grid_goes_on(trackslip, tmp_path, monkeypatch, capsys):
-    from experiments.work import grid as command
+    from experiments.sweep import drive as command
 
     arguments = ("grid", *SHORT, "--vary", "scanner.noise=0.001,0.002,0.003,0.004")
     whole = trackslip(*arguments, "--out", str(tmp_path / "whole")).folder
-    real, driven = command.drive, []
+    real, driven = command.drive_fleet, []
 
     def twice(*arguments, **options):
         if len(driven) == 2:
@@ -104,13 +104,13 @@ def test_an_interrupted_grid_goes_on(trackslip, tmp_path, monkeypatch, capsys):
         driven.append(1)
         return real(*arguments, **options)
 
-    monkeypatch.setattr(command, "drive", twice)
+    monkeypatch.setattr(command, "drive_fleet", twice)
     with pytest.raises(SystemExit) as stop:
         main([*arguments, "--out", str(tmp_path / "part")])
     assert stop.value.code == 130
     assert "interrupted with 4 of 8 runs driven; the same command resumes" in capsys.readouterr().err
     assert not (tmp_path / "part" / "runs.parquet").exists()
-    monkeypatch.setattr(command, "drive", real)
+    monkeypatch.setattr(command, "drive_fleet", real)
     spoilt = min((tmp_path / "part" / PARTS).glob("*.parquet"))
     spoilt.write_bytes(spoilt.read_bytes()[:5000])
     result = trackslip(*arguments, "--out", str(tmp_path / "part"))
@@ -135,7 +135,7 @@ def test_grids_that_are_stopped_late_say_how_to_go_on(trackslip, tmp_path, monke
         raise stop
 
     with monkeypatch.context() as patch:
-        patch.setattr("experiments.storage.parts.Parts.gather", gather)
+        patch.setattr("experiments.sweep.parts.Parts.gather", gather)
         with pytest.raises(SystemExit):
             main(["grid", *SHORT, *more, "--out", str(tmp_path / "grid")])
     assert said in capsys.readouterr().err

@@ -14,7 +14,7 @@ from trackslip.logs.logfile import read_runs
 
 SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
 
-SWEEP = (*SHORT, "--friction-ratio", "1.0", "1.2", "--seeds", "0", "1")
+SWEEP = (*SHORT, "--vary", "friction_ratio=1.0,1.2", "--seeds", "0", "1")
 
 
 def logs(folder):
@@ -44,8 +44,8 @@ def test_every_combination_is_a_run_with_a_row(trackslip):
 
 
 def test_runs_keep_their_ids_and_bits_when_others_come(trackslip, tmp_path):
-    few = logs(trackslip("grid", *SHORT, "--slope", "0.05").folder)
-    many = trackslip("grid", *SHORT, "--slope", "0", "0.05", "--seeds", "3", "0", "--vary", "drive.lag=0.05,0.08",
+    few = logs(trackslip("grid", *SHORT, "--vary", "slope=0.05").folder)
+    many = trackslip("grid", *SHORT, "--seeds", "3", "0", "--vary", "slope=0,0.05", "drive.lag=0.05,0.08",
                      "--no-resume").folder  # fmt: skip
     more = logs(many)
     assert set(few) < set(more)
@@ -90,10 +90,21 @@ def test_seeds_beyond_64_bits_are_text(trackslip):
 
 @pytest.mark.usefixtures("few_resamples")
 def test_a_law_is_identified_from_runs_of_one_setting(trackslip, refused, tmp_path):
-    arguments = ("--radii", "0.6", "1.5", "--speeds", "0.1", "0.2", "--duration", "8", "--friction-ratio", "1.0", "1.2")
+    arguments = (
+        "--radii",
+        "0.6",
+        "1.5",
+        "--speeds",
+        "0.1",
+        "0.2",
+        "--duration",
+        "8",
+        "--vary",
+        "friction_ratio=1.0,1.2",
+    )
     folder = str(trackslip("grid", *arguments, "--seeds", "0", "1", "--executor", "inline").folder)
     assert "its runs differ in ground (across): choose with --where" in refused("identify", folder)
-    assert "where = 'colour=red': must be NAME=VALUE with one of friction_ratio, seed, radius, speed" in refused(
+    assert "where = 'colour=red': must be NAME=VALUE with one of seed, friction_ratio, radius, speed" in refused(
         "identify", folder, "--where", "colour=red"
     )
     assert "where = 'friction_ratio=1.1': must be friction_ratio=one of 1.0, 1.2" in refused(
@@ -110,7 +121,7 @@ def test_a_law_is_identified_from_runs_of_one_setting(trackslip, refused, tmp_pa
 
 
 def test_choosing_what_is_not_there(trackslip, refused, tmp_path):
-    arguments = (*SHORT, "--slope", "0", "0.9", "--vary", "random_phase=true,false")
+    arguments = (*SHORT, "--vary", "slope=0,0.9", "random_phase=true,false")
     folder = trackslip("grid", *arguments).folder
     assert len(chosen(folder, ["random_phase=true", "slope=0"])) == 2
     assert "none of the 4 chosen run(s) is there: they failed" in refused(

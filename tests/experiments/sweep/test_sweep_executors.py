@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from experiments.work.grid import PARTS
+from experiments.commands.grid import PARTS
 
 SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
 
@@ -49,7 +49,15 @@ def test_two_processes_killed_and_resumed(trackslip, tmp_path):
 @pytest.mark.slow
 def test_a_thousand_runs_killed_ten_times(tmp_path):
     """A minute a kill, about."""
-    arguments = ("grid", "--duration", "8", "--jobs", "2", "--friction-ratio", *(f"{1 + k / 40}" for k in range(40)))
+    arguments = (
+        "grid",
+        "--duration",
+        "8",
+        "--jobs",
+        "2",
+        "--vary",
+        f"friction_ratio={','.join(str(1 + k / 40) for k in range(40))}",
+    )
     killed_and_resumed(arguments, tmp_path / "killed", 10, random.Random(1))
     killed_and_resumed(arguments, tmp_path / "whole", 0, random.Random(1))
     same_bytes(tmp_path / "whole", tmp_path / "killed")

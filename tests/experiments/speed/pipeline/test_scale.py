@@ -53,8 +53,7 @@ def test_bench_prints_the_cases_and_the_checks(trackslip, monkeypatch):
     assert "4096" in result.printed
     assert "deviation from a + b N" in result.printed
     assert len(result.summary["rows"]) == len(CASES)
-    assert result.summary["checks"][-1]["name"] == "10,000 runs: planning"
-    assert all(one["holds"] for one in result.summary["checks"][:-1])
+    assert all(one["holds"] for one in result.summary["checks"])
 
 
 @pytest.mark.slow

@@ -7,10 +7,10 @@ from typing import Any
 
 import pyarrow.parquet
 
+from experiments.benchmark import figures
 from experiments.benchmark.rows import BenchmarkRow, BoardEntry, CaseRow
 from experiments.benchmark.table import BOARD_HEADER, WHOLE_HEADER, board_text, whole_text
 from experiments.options.benchmark import Case
-from experiments.report.figures import leaderboard as figures
 from experiments.report.figures.style import law_line
 from experiments.report.page import file_name
 from experiments.report.template_page import Drawing, Page, render_page

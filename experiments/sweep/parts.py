@@ -10,7 +10,7 @@ import json
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self, TypeVar
+from typing import Any, Self
 
 import pyarrow
 import pyarrow.parquet
@@ -25,8 +25,6 @@ from trackslip.logs.logfile import StoredRuns, join_parquet, write_parquet
 from trackslip.logs.runlog import RunLog
 
 Row = dict[str, Any]
-_Record = tuple[Path, list[Row], dict[str, Any]]  # file of logs, rows, what made them by its digest
-_Stop = TypeVar("_Stop", bound=BaseException)
 
 
 @dataclass(frozen=True)
@@ -39,8 +37,8 @@ class Part:
     """Parquet file of the runs that did not fail, if any."""
 
     @classmethod
-    def of(cls, rows: Iterable[Any], logs: Sequence[RunLog]) -> Self:
-        """Rows, which may be dataclasses, and the logs of those that did not fail."""
+    def of(cls, rows: Iterable[Row], logs: Sequence[RunLog]) -> Self:
+        """Rows, and the logs of those that did not fail."""
         file = io.BytesIO()
         if logs:
             write_parquet(logs, file)
@@ -57,6 +55,16 @@ class Stored:
     """Where its log is, unless it failed."""
     made_by: dict[str, Any]
     """Code, models and libraries that drove it."""
+
+
+@dataclass(frozen=True)
+class _Record:
+    """The content of a JSON file of rows."""
+
+    logs: Path
+    rows: list[Row]
+    made_by: dict[str, Any]
+    """Code, models and libraries by their digest."""
 
 
 class Parts(dict[str, Stored]):
@@ -85,11 +93,10 @@ class Parts(dict[str, Stored]):
 
     def take_current(self, ids: Collection[str]) -> None:
         """Find which of the runs `ids` are among the parts; delete the parts driven by other code, and damaged ones."""
-        records = list(self._records())
         now = digest(made_by())
-        current = {path.stem for path, _, by in records if list(by) == [now]}
+        current = {record.logs.stem: record for record in self._records() if list(record.made_by) == [now]}
         self._delete(lambda file: file.stem not in current)
-        self._find(ids, [record for record in records if record[0].stem in current])
+        self._find(ids, current.values())
 
     def keep(self, part: Part) -> None:
         """Store a part: its logs first, its rows last, each whole or not at all. Failed runs alone aren't stored.
@@ -119,9 +126,14 @@ class Parts(dict[str, Stored]):
         if driven:
             join_parquet(driven, file)
 
+    @property
+    def made_by(self) -> dict[str, Any]:
+        """Code, models and libraries that drove the runs, by their digest."""
+        return {one.row["made_by"]: one.made_by for one in sorted(self.values(), key=lambda one: one.row["made_by"])}
+
     def discard(self, ids: Collection[str] | None = None) -> None:
         """Delete all parts, or those that hold none but the runs `ids`, which are now among the results."""
-        done = {path.stem for path, rows, _ in self._records() if ids and all(row["id"] in ids for row in rows)}
+        done = {one.logs.stem for one in self._records() if ids and all(row["id"] in ids for row in one.rows)}
         self._delete(lambda file: ids is None or file.stem in done)
 
     def _delete(self, which: Callable[[Path], bool]) -> None:
@@ -132,13 +144,13 @@ class Parts(dict[str, Stored]):
             self._parts.rmdir()
 
     def _find(self, ids: Collection[str], records: Iterable[_Record]) -> None:
-        for file, rows, by in records:
-            there = [row for row in rows if row["id"] in ids and row["error"] is None]
-            if there and not _whole(file, {row["run"] for row in there}):
-                if file.parent == self._parts:
+        for record in records:
+            there = [row for row in record.rows if row["id"] in ids and row["error"] is None]
+            if there and not _is_whole(record.logs, {row["run"] for row in there}):
+                if record.logs.parent == self._parts:
                     continue
-                raise LogError(f"{file}: damaged; --no-resume drives all runs again")  # the user decides
-            self.update({row["id"]: Stored(row, file, by[row["made_by"]]) for row in there})
+                raise LogError(f"{record.logs}: damaged; --no-resume drives all runs again")  # the user decides
+            self.update({row["id"]: Stored(row, record.logs, record.made_by[row["made_by"]]) for row in there})
 
     def _require_readable(self) -> None:
         """Raise LogError for results of a newer version, or with a damaged manifest or summary."""
@@ -153,45 +165,36 @@ class Parts(dict[str, Stored]):
             raise LogError(f"{file}: not JSON ({error}); --no-resume drives all runs again") from error
 
     def _results(self) -> Iterable[_Record]:
-        record = self._record(self._out / SUMMARY_FILE)
-        if record is not None and all((self._out / name).exists() for name in (MANIFEST_FILE, RUNS_FILE)):
-            yield self._out / RUNS_FILE, *record
+        if all((self._out / name).exists() for name in (MANIFEST_FILE, RUNS_FILE)):
+            yield from self._record(self._out / SUMMARY_FILE, self._out / RUNS_FILE)
 
     def _records(self) -> Iterable[_Record]:
         for path in sorted(self._parts.glob("*.json")):
             with contextlib.suppress(LogError):
-                record = self._record(path)
-                if record is not None:
-                    yield path.with_suffix(".parquet"), *record
+                yield from self._record(path, path.with_suffix(".parquet"))
 
-    def _record(self, path: Path) -> tuple[list[Row], dict[str, Any]] | None:
-        """Rows and what made them, if this command left them here; raises LogError if they are damaged."""
+    def _record(self, path: Path, logs: Path) -> Iterable[_Record]:
+        """The content of a file, if this command left it; raises LogError if it is damaged."""
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
             rows, by = content["runs"], content["made_by"]
         except (OSError, ValueError, RecursionError, KeyError, TypeError):  # another command's, or none
-            return None
+            return
         try:
-            made_whole = all(isinstance(one["versions"], dict) for one in by.values())
-            rows_whole = isinstance(rows, list) and all(self._is_whole(row, by) for row in rows)
+            whole = all(isinstance(one["versions"], dict) for one in by.values())
+            whole = whole and isinstance(rows, list) and all(self._is_whole_row(row, by) for row in rows)
         except (AttributeError, KeyError, TypeError):  # something else than a mapping, or without an entry
-            made_whole = rows_whole = False
-        if not (made_whole and rows_whole):
+            whole = False
+        if not whole:
             raise LogError(f"{path}: its rows of runs are damaged; --no-resume drives all runs again")
-        return rows, by
+        yield _Record(logs, rows, by)
 
-    def _is_whole(self, row: Row, by: Mapping[str, Any]) -> bool:
+    def _is_whole_row(self, row: Row, by: Mapping[str, Any]) -> bool:
         texts = all(isinstance(row[name], str) for name in ("run", "id", "made_by"))
         return texts and "error" in row and row["made_by"] in by and self._is_row(row)
 
 
-def resumable(stop: _Stop, driven: int, runs: int, command: str = "the same command") -> _Stop:
-    """The exception that stopped a command, with a message that says what is kept."""
-    said = str(stop) or "interrupted"
-    return type(stop)(f"{said} with {driven} of {runs} runs driven; {command} resumes" if driven else said)
-
-
-def _whole(file: Path, names: Iterable[str]) -> bool:
+def _is_whole(file: Path, names: Iterable[str]) -> bool:
     """Whether all of a file can be read, and it has the runs of these names."""
     try:
         with pyarrow.parquet.ParquetFile(file, page_checksum_verification=True) as runs:

@@ -7,11 +7,11 @@ import shutil
 import pytest
 
 from experiments.cli import main, parse
+from experiments.commands.grid import PARTS
 from experiments.storage.lock import locked
-from experiments.storage.parts import Part, Parts
+from experiments.sweep.parts import Part, Parts
 from experiments.sweep.plan import plan
-from experiments.sweep.rows import RunRow, is_row
-from experiments.work.grid import PARTS
+from experiments.sweep.table import RunRow, is_row
 from trackslip.errors import OutputError, TrackslipError
 
 LIKE = ("grid", "--radii", "1.5", "--duration", "4", "--executor", "inline")
@@ -45,7 +45,7 @@ def contents(folder):
 
 def test_a_grid_that_fails_leaves_the_parts_of_another(stopped, refused):
     before = contents(stopped)
-    assert "all 2 runs fail" in refused(*SHORT, "--slope", "0.9", "--out", str(stopped))
+    assert "all 2 runs fail" in refused(*SHORT, "--vary", "slope=0.9", "--out", str(stopped))
     assert contents(stopped) == before
 
 
@@ -112,7 +112,7 @@ def test_a_run_that_is_taken_under_another_name_is_noted_under_it(trackslip):
     """A robot that stands still, nearly, gives no sample."""
     slow = (*LIKE, "--speeds", "0.001")
     first = trackslip(*slow, "--ground.slope", "0.05").summary
-    again = trackslip(*slow, "--slope", "0.05").summary
+    again = trackslip(*slow, "--vary", "slope=0.05").summary
     assert again["timing"]["taken"] == 1
     assert first["runs"][0]["note"].startswith("run 'radius=1.5 speed=0.001' left out: ")
     assert again["runs"][0]["note"].startswith("run 'radius=1.5 speed=0.001 slope=0.05' left out: ")
@@ -120,24 +120,24 @@ def test_a_run_that_is_taken_under_another_name_is_noted_under_it(trackslip):
 
 
 def test_files_that_change_while_it_drives_are_recorded_as_driven(trackslip, tmp_path, monkeypatch):
-    from experiments.work import grid as command
+    from experiments.sweep import drive as command
 
-    ground, real = tmp_path / "ground.toml", command.drive
+    ground, real = tmp_path / "ground.toml", command.drive_fleet
     ground.write_text("along = 0.5\nacross = 0.6\n")
 
     def drive(*arguments, **options):
         ground.unlink()
         return real(*arguments, **options)
 
-    monkeypatch.setattr(command, "drive", drive)
+    monkeypatch.setattr(command, "drive_fleet", drive)
     assert trackslip(*SHORT, "--ground", str(ground)).manifest["ground"]["along"] == 0.5
 
 
 @pytest.mark.parametrize(
     ("step", "says"),
     [
-        ("storage.parts.write_whole", ""),
-        ("commands.grid.write_table", " with 2 of 2 runs driven; the same command resumes"),
+        ("sweep.parts.write_whole", ""),
+        ("sweep.table.write_table", " with 2 of 2 runs driven; the same command resumes"),
     ],
 )
 def test_a_full_disk_leaves_whole_parts_or_nothing(capsys, tmp_path, monkeypatch, step, says):
@@ -160,7 +160,7 @@ def test_a_full_disk_leaves_whole_parts_or_nothing(capsys, tmp_path, monkeypatch
 def test_a_worker_with_other_code_is_refused(tmp_path, monkeypatch):
     parts = Parts(tmp_path, PARTS)
     with monkeypatch.context() as worker:
-        worker.setattr("experiments.storage.parts.made_by", lambda: {"code": "other"})
+        worker.setattr("experiments.sweep.parts.made_by", lambda: {"code": "other"})
         part = Part.of([RunRow("a run", "its id", {})], [])
     with pytest.raises(TrackslipError, match="a worker has other code"):
         parts.keep(part)
