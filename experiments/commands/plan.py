@@ -92,6 +92,7 @@ def run(config: Config) -> None:
     """Plan, try, store and print."""
     from experiments.driving.plan import plan_to_json, planned, write_plan
     from experiments.report.figures.plan import draw_plan
+    from experiments.report.page import drawn
     from experiments.report.plan import print_plan, print_plan_trials
     from experiments.run import Run
     from experiments.storage.results import BAGS_FOLDER, FIGURES_FOLDER
@@ -109,8 +110,7 @@ def run(config: Config) -> None:
         write_plan(run.folder / PLAN_FILE, plan)
         figures = run.folder / FIGURES_FOLDER
         figures.mkdir()
-        for ending in ("svg", "pdf") if config.pdf else ("svg",):
-            draw_plan(plan).savefig(figures / f"plan.{ending}")
+        drawn("plan", draw_plan(plan), config.pdf).write(figures)
         if bag:
             write_commands(run.folder / BAGS_FOLDER / BAG_FILE, plan.time, plan.twist)
         summary, logs = plan_to_json(plan, paper), []

@@ -126,10 +126,11 @@ def run(config: Config) -> None:
         run.write(summary)
         if turns is not None and contact is not None:
             from experiments.report.figures.predict import draw_prediction  # here: matplotlib
+            from experiments.report.page import drawn
 
             figures = run.folder / "figures"
             figures.mkdir()
-            draw_prediction(turns, contact, ground.shear, load).savefig(figures / "predict.svg")
+            drawn("predict", draw_prediction(turns, contact, ground.shear, load)).write(figures)
     rows = [(f"{r:g}", f"{s[1]:+.4f}", f"{s[0]:+.4f}") for r, s in zip(config.radii, slip, strict=True)]
     if turns is None:
         print_table("Slip by quasi-static Coulomb theory", _HEADER[:3], rows)

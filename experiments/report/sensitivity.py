@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from experiments.report.colours import BLUE, ORANGE
-from experiments.report.figures.style import legend_below, margin_for, styled, subplots
+from experiments.report.figures.style import legend_below, log_ticks, margin_for, styled, subplots
 from experiments.report.formats import MISSING, number
 from experiments.report.page import Bullets, Page, Plot, Section
 from experiments.report.table import Table
@@ -73,6 +73,7 @@ def slip_errors(rows: Sequence[SensitivityRow]) -> Figure:
         if row.slip_error is None:
             axis.text(0.02, k, "no usable run", transform=axis.get_yaxis_transform(), va="center", color="#666666")
     axis.set_yticks(range(len(rows)), [row.effect for row in rows])
-    axis.set(xscale="log", ylim=(len(rows) - 0.5, -0.5), xlabel="error of slip [-], logarithmic")
+    axis.set(xscale="log", ylim=(len(rows) - 0.5, -0.5), xlabel="error of slip [–], log scale")
+    log_ticks(axis.xaxis)
     legend_below(figure, axis.get_legend_handles_labels()[0], ncols=4)
     return figure

@@ -6,7 +6,7 @@ _TOUCHING = 1.0  # overlap that can't be seen [pixels]
 
 
 def assert_readable(figure):
-    """Nothing lies beyond the edges, panels and legends don't overlap, and labels of axes name a unit; the figure."""
+    """Nothing lies beyond the edges; panels, legends and ticks don't overlap; labels of axes name a unit."""
     figure.draw_without_rendering()
     around = figure.get_tightbbox()  # [in]
     width, height = figure.get_size_inches()
@@ -15,10 +15,23 @@ def assert_readable(figure):
     panels = [axes for axes in figure.axes if axes.get_visible() and axes.axison]
     keys = [axes.get_legend() for axes in figure.axes if not axes.axison and axes.get_legend()]
     boxes = [part.get_tightbbox().padded(-_TOUCHING) for part in (*panels, *keys, *figure.legends)]
-    assert not any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
+    assert not _collide(*boxes)
+    for axes in panels:
+        assert not _collide(*(text.get_window_extent() for text in _ticks(axes)))
     labels = [text for axes in panels for text in (axes.get_xlabel(), axes.get_ylabel()) if text]
     assert all("[" in text for text in labels), labels
     return figure
+
+
+def _collide(*boxes):
+    return any(a.overlaps(b) for a, b in itertools.combinations(boxes, 2))
+
+
+def _ticks(axes):
+    """The labels that are shown along the horizontal axis."""
+    low, high = sorted(axes.get_xlim())
+    texts = [*axes.get_xticklabels(), *axes.get_xticklabels(minor=True)]
+    return [text for text in texts if text.get_visible() and text.get_text() and low <= text.get_position()[0] <= high]
 
 
 def legend_texts(figure):

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from experiments.measuring.inner_outer import TRACKS, InnerOuterSamples
 from experiments.measuring.value_groups import repeated
@@ -128,7 +128,7 @@ def criteria(comparison: Comparison) -> Figure:
     names = comparison.ranking
     titles = [shown(name).title for name in names]
     figure, axes = style.subplots(
-        0.95 + 0.27 * len(names), 1, 4, left=style.margin_for(titles), across=0.3, sharey=True
+        0.95 + 0.27 * len(names), 1, 4, left=style.margin_for(titles), across=0.45, sharey=True
     )
     aicc = np.array([comparison.aicc[name] for name in names], float)  # NaN where it is not known
     errors = [comparison.validation[name] for name in names]
@@ -152,9 +152,11 @@ def criteria(comparison: Comparison) -> Figure:
             axis.set_xscale("symlog", linthresh=_DECIDED)
             axis.set_xlim(-0.8, None)
         elif (values > 0).any():
-            axis.set_xscale("log")
+            seen = np.log10([value for value in (*values, *(() if hollow is None else hollow)) if value > 0])
+            decades = np.floor(seen.min() - 0.1), np.ceil(seen.max() + 0.1)  # whole, so that few labels suffice
+            axis.set(xscale="log", xlim=10.0 ** np.array(decades))
             axis.xaxis.set_major_locator(LogLocator(numticks=5))
-            axis.margins(x=0.12)
+            axis.xaxis.set_minor_formatter(NullFormatter())
     axes[0].set(yticks=places, yticklabels=titles)
     axes[0].set_ylim(len(names) - 0.4, -0.6)
     axes[0].get_yticklabels()[names.index(comparison.best)].set_fontweight("bold")

@@ -30,7 +30,7 @@ def learning_curve(curve: Sequence[Mapping[str, float]], rates: Sequence[Crossin
             ends = np.abs(100 * np.array([(one.low, one.high) for one in own]).T - middle)
             place = np.array([one.difficulty for one in own]) + beside
             panels[2].errorbar(place, middle, ends, color=colour, marker=marker, ms=5, lw=1.2, capsize=2, label=name)
-        panels[2].set(title="unseen courses crossed [%]", xlabel="difficulty")
+        panels[2].set(title="unseen courses crossed [%]", xlabel="difficulty [–]")
         panels[2].legend(loc="lower left")
     return figure
 

@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from experiments.report.colours import BLUE, GREEN, GREY, ORANGE
-from experiments.report.figures.style import BAND, make_room, styled, subplots
+from experiments.report.figures.style import BAND, legend_below, make_room, plane, styled, subplots
 from trackslip.planning.plan import DrivePlan
 
 
@@ -20,11 +20,11 @@ def draw_plan(plan: DrivePlan) -> Figure:
     place.add_patch(Rectangle(tuple(low), across, up, color=BAND, lw=0, label="where it may get to"))
     place.plot(*plan.path.T, color=BLUE, label="expected path")
     place.plot(*plan.start[:2], "o", color=GREEN, label="start")
-    place.set(title="Path", xlabel="x [m]", ylabel="y [m]", aspect="equal")
-    place.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=2)
+    plane(place, title="Path")
     for values, name, colour in zip(plan.speeds.T, ("left", "right"), (BLUE, ORANGE), strict=True):
         speeds.step(plan.time, values, where="post", color=colour, label=name)
     speeds.set(title="Belts", xlabel="time [s]", ylabel="speed [m/s]", xlim=(0, plan.limits.duration))
     make_room(speeds)
     speeds.legend(loc="upper right", ncols=2)
+    legend_below(figure, place.get_legend_handles_labels()[0], ncols=4)
     return figure

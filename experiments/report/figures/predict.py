@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from experiments.report.colours import BLACK
-from experiments.report.figures.style import RADII_SHADES, shade, styled, subplots
+from experiments.report.figures.style import RADII_SHADES, log_ticks, shade, styled, subplots
 from trackslip.errors import InvalidValueError
 from trackslip.skid_theory import Contact, Load, Turns, steady_turns
 
@@ -37,5 +37,7 @@ def draw_prediction(turns: Turns, contact: Contact, shear: float, load: Load) ->
     offset.set(title="Offset of the tracks' ICRs", xlabel="radius driven [m]", ylabel="D [mm]", xscale="log")
     slip.set(title="Slip: outer track, inner dashed", xlabel="radius driven [m]", ylabel="slip [–]", xscale="log")
     slip.set_ylim(-0.4, 0.4)
+    for axes in (offset, slip):
+        log_ticks(axes.xaxis)
     offset.legend(loc="best")
     return figure

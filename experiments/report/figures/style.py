@@ -41,7 +41,7 @@ DESIRED: dict[str, Any] = {"color": "#e3e3e3", "lw": 3.6, "solid_capstyle": "rou
 RECIPE: dict[str, Any] = {"color": BLUE, "marker": "o"}  # the model's contacts in the figures of a validation
 DEFAULT: dict[str, Any] = {"color": RED, "marker": "^"}  # MuJoCo's default contact
 THEORY: dict[str, Any] = {"color": BLACK, "lw": 1.0}
-_RIGHT, _BOTTOM, _TOP = 0.15, 0.5, 0.32  # margins around axes [in]
+_RIGHT, _TOP = 0.15, 0.32  # margins around axes [in]
 _LETTER = 0.073  # width of a letter, on average [in]
 _LEGEND_ROW = 0.172  # height of a legend's row [in]
 POINTS = 500  # of a line that can be told apart at the figures' width
@@ -57,22 +57,23 @@ def subplots(
     *,
     width: float = 9.0,
     left: float = 0.8,
+    bottom: float = 0.5,
     across: float = 0.8,
     down: float = 0.6,
     **more: Any,
 ) -> tuple[Figure, Any]:
     """A figure of this size [in], by default as wide as the page, and its axes in rows and columns.
 
-    `left` is the margin beside the axes, `across` and `down` are the gaps between them [in]; `more` is as for
+    `left` and `bottom` are margins around the axes, `across` and `down` the gaps between them [in]; `more` is as for
     Figure.subplots.
     """
     figure = Figure(figsize=(width, height))
     axes = figure.subplots(rows, columns, **more)
-    inner_width, inner_height = width - left - _RIGHT, height - _BOTTOM - _TOP
+    inner_width, inner_height = width - left - _RIGHT, height - bottom - _TOP
     figure.subplots_adjust(
         left=left / width,
         right=1 - _RIGHT / width,
-        bottom=_BOTTOM / height,
+        bottom=bottom / height,
         top=1 - _TOP / height,
         wspace=columns * across / (inner_width - (columns - 1) * across),  # shares of the size of one set of axes
         hspace=rows * down / (inner_height - (rows - 1) * down),
@@ -80,9 +81,9 @@ def subplots(
     return figure, axes
 
 
-def panel(title: str, xlabel: str, ylabel: str) -> tuple[Figure, Axes]:
-    """A figure with one set of axes, about as wide as a phone."""
-    figure, axes = subplots(3.6, width=4.6)
+def panel(title: str, xlabel: str, ylabel: str, **more: Any) -> tuple[Figure, Axes]:
+    """A figure with one set of axes, about as wide as a phone; `more` is as for subplots."""
+    figure, axes = subplots(3.6, width=4.6, **more)
     axes.set(title=title, xlabel=xlabel, ylabel=ylabel)
     return figure, axes
 

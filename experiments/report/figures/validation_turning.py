@@ -114,7 +114,7 @@ def _by_ratio(axes: Axes, turns: Turns, rows: np.ndarray, x: Array, y: Array) ->
 
 def _by_shape(turns: Turns, parameters: RobotParameters) -> Figure:
     """Smallest, median and largest error for each centre of mass and contact length."""
-    figure, axes = panel("Half width, by shape of the robot", "centre of mass", "error of b + D [%]")
+    figure, axes = panel("Half width, by shape of the robot", "centre of mass", "error of b + D [%]", bottom=0.65)
     shift = turns.centre_of_mass - [parameters.com_x, parameters.com_y]
     place = np.round(100 * shift / np.column_stack([turns.length, np.full(len(shift), parameters.half_gauge)]))
     places = sorted(np.unique(place, axis=0), key=lambda p: np.abs(p).tolist()[::-1])
