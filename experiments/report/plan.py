@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 from experiments.report.drive_checks import CHECKS_HEADER, checks_table
-from experiments.report.formats import for_terminal, number, percent, significant
+from experiments.report.formats import number, percent, significant
 from experiments.report.laws import SYMBOLS, unit_of
-from experiments.report.studies import print_failures
+from experiments.report.studies import print_verdict
+from experiments.report.table import Table
 from experiments.report.terminal import print_table
 from experiments.studies.plan_trials import PAPER, PLAN, PlanTrials
 from experiments.studies.trials import sampling_error
@@ -34,7 +35,7 @@ def print_plan(plan: DrivePlan, paper: Expectation | None) -> None:
         )
         rows.append((SYMBOLS[name], *values))
     title = f"{limits.duration:g} s in {limits.area_text} m: what {plan.law} will be known to"
-    print_table(title, _EXPECTED, for_terminal(rows))
+    Table(title, _EXPECTED, rows).print()
     x, y, heading = plan.start
     print(f"start at x = {x:.2f} m, y = {y:.2f} m from the middle of the area, heading {math.degrees(heading):.0f} deg")
     across, up = plan.places.size
@@ -49,18 +50,18 @@ def print_plan(plan: DrivePlan, paper: Expectation | None) -> None:
 
 def print_plan_trials(trials: PlanTrials) -> None:
     """Print errors in trials beside those predicted, and the checks."""
-    counts = {case: len(trials.of(case)) for case in (PLAN, PAPER)}
+    counts = {case: len(trials.outcomes.get(case, [])) for case in (PLAN, PAPER)}
     if trials.simulated:
         title = f"A drive in MuJoCo, measured {trials.repeats} times: standard deviations between measurements"
     else:
         driven = f"{counts[PLAN]} drives of the plan, {trials.repeats} times the paper's runs"
         title = f"{driven}, moved by the law: root mean square errors"
-    print_table(title, _TRIED, _tried_rows(trials))
+    Table(title, _TRIED, _tried_rows(trials)).print()
     if not trials.simulated:
         known = [f"{case} {sampling_error(count):.0%}" for case, count in counts.items() if count]
         print(f"so many drives leave real errors uncertain by: {', '.join(known)}")
     print_table("Checks", CHECKS_HEADER, checks_table(trials.checks()))
-    print_failures(trials.failures, trials.checks())
+    print_verdict(trials.checks(), trials.failures)
 
 
 def _tried_rows(trials: PlanTrials) -> list[tuple[str, ...]]:
@@ -74,4 +75,4 @@ def _tried_rows(trials: PlanTrials) -> list[tuple[str, ...]]:
         columns = (mine, real[PLAN][name].rms, papers, real[PAPER][name].rms)
         printed = [significant(None if error is None else factor * error, unit) for error in columns]
         rows.append((SYMBOLS[name], *printed[:2], number(ratio, 2), *printed[2:]))
-    return for_terminal(rows)
+    return rows

@@ -12,7 +12,7 @@ from experiments.report.figures.style import legend_below, log_ticks, margin_for
 from experiments.report.formats import MISSING, number
 from experiments.report.page import Bullets, Page, Plot, Section
 from experiments.report.table import Table
-from experiments.studies.sensitivity import SensitivityRow, SlipErrors
+from experiments.studies.sensitivity import SensitivityRow
 
 _OF_SLIP = ("", "outer bias", "std", "largest", "inner bias", "std", "largest")
 _HEADER = (*_OF_SLIP, "x [mm]", "y [mm]", "phi [deg]", "valid", "runs")
@@ -34,8 +34,8 @@ _LOOKS = {"outer": (BLUE, "o", -0.14), "inner": (ORANGE, "s", 0.14)}  # colour, 
 
 def page(rows: Sequence[SensitivityRow], manifest: Mapping[str, Any], command: str) -> Page:
     """The figure and the table."""
-    warnings = [f"{row.effect}: {warning}" for row in rows for warning in row.warnings]
-    seen = any(row.slip_error is not None for row in rows)  # else there is nothing to scale the axis by
+    warnings = [f"{row.disturbance.name}: {line}" for row in rows for line in row.outcome.notes]
+    seen = any(row.numbers("outer") for row in rows)  # else there is nothing to scale the axis by
     plot = Plot("slip_errors", slip_errors(rows), "Error of slip over the runs", _CAPTION) if seen else None
     errors = Section("Errors of slip", [plot, table(rows), Bullets(warnings) if warnings else None])
     return Page("What scanner, mounting and field do to slip", command, manifest, [errors], [_INTRO])
@@ -45,34 +45,37 @@ def table(rows: Sequence[SensitivityRow]) -> Table:
     """One line per disturbance."""
     lines = []
     for row in rows:
-        slip, errors = row.slip_error, row.localization
-        cells = [MISSING] * 6 if slip is None else _cells(slip.outer) + _cells(slip.inner)
-        pose = number(1e3 * errors.rmse_x, 1), number(1e3 * errors.rmse_y, 1), number(degrees(errors.rmse_heading), 2)
-        lines.append((row.effect, *cells, *pose, f"{errors.valid_fraction:.1%}", f"{row.runs.used}/{row.runs.all}"))
+        cells = [cell for track in ("outer", "inner") for cell in _cells(row.numbers(track))]
+        poses, runs = row.numbers("localization"), row.numbers("runs")
+        cells += [number(1e3 * poses[name], 1) for name in ("rmse_x", "rmse_y")]
+        cells += [number(degrees(poses["rmse_heading"]), 2), f"{poses['valid_fraction']:.1%}"]
+        lines.append((row.disturbance.name, *cells, f"{runs['used']}/{runs['all']}"))
     return Table("Errors of slip over the runs, and of the poses (rms)", _HEADER, lines, note=_NOTE)
 
 
-def _cells(errors: SlipErrors) -> list[str]:
-    bias = number(errors.bias, 5)
-    return [bias if errors.bias < 0 else f"+{bias}", number(errors.std, 5), number(errors.largest, 5)]
+def _cells(errors: Mapping[str, float]) -> list[str]:
+    if not errors:
+        return [MISSING] * 3
+    bias = number(errors["bias"], 5)
+    return [bias if errors["bias"] < 0 else f"+{bias}", number(errors["std"], 5), number(errors["largest"], 5)]
 
 
 @styled
 def slip_errors(rows: Sequence[SensitivityRow]) -> Figure:
     """Root mean square and largest error of slip over the runs, one line per row, on a logarithmic axis."""
-    figure, axis = subplots(0.9 + 0.32 * len(rows), left=margin_for([row.effect for row in rows]))
+    figure, axis = subplots(0.9 + 0.32 * len(rows), left=margin_for([row.disturbance.name for row in rows]))
     for track, (colour, marker, beside) in _LOOKS.items():
-        seen = [(k, getattr(row.slip_error, track)) for k, row in enumerate(rows) if row.slip_error is not None]
+        seen = [(k, errors) for k, row in enumerate(rows) if (errors := row.numbers(track))]
         place = np.array([k for k, _ in seen]) + beside
-        typical = np.array([np.hypot(error.bias, error.std) for _, error in seen])
-        largest = np.array([error.largest for _, error in seen])
+        typical = np.array([np.hypot(errors["bias"], errors["std"]) for _, errors in seen])
+        largest = np.array([errors["largest"] for _, errors in seen])
         axis.hlines(place, typical, largest, color=colour, lw=1.2)
         axis.plot(typical, place, marker, ms=5, color=colour, label=f"{track} track, root mean square")
         axis.plot(largest, place, marker, ms=5, color=colour, mfc="white", label=f"{track} track, largest")
     for k, row in enumerate(rows):
-        if row.slip_error is None:
+        if not row.numbers("outer"):
             axis.text(0.02, k, "no usable run", transform=axis.get_yaxis_transform(), va="center", color="#666666")
-    axis.set_yticks(range(len(rows)), [row.effect for row in rows])
+    axis.set_yticks(range(len(rows)), [row.disturbance.name for row in rows])
     axis.set(xscale="log", ylim=(len(rows) - 0.5, -0.5), xlabel="error of slip [–], log scale")
     log_ticks(axis.xaxis)
     legend_below(figure, axis.get_legend_handles_labels()[0], ncols=4)

@@ -4,12 +4,14 @@ from collections.abc import Sequence
 
 from experiments.measuring.check import Check
 from experiments.report.drive_checks import CHECKS_HEADER, checks_table
-from experiments.report.formats import for_terminal, number
+from experiments.report.formats import number
 from experiments.report.laws import SYMBOLS
+from experiments.report.table import Table
 from experiments.report.terminal import print_table
 from experiments.studies.drive_cases import EPSILON, D
-from experiments.studies.drive_coverage import DriveStudy, SimulatedDrives
+from experiments.studies.drive_coverage import DriveStudy
 from experiments.studies.steady_coverage import SteadyCoverage
+from experiments.studies.trials import Coverage, sampling_error
 from trackslip.slip.families import FAMILIES
 
 
@@ -19,40 +21,48 @@ def print_steady_coverage(found: SteadyCoverage) -> None:
     for name, shares in found.laws.items():
         for k, (key, share) in enumerate(shares.items()):
             symbol = f"{SYMBOLS[key]} [{FAMILIES[name].parameters[key].unit or '-'}]"
-            drawn, unknown = found.values[name][key], found.laws_errors_unknown[name][key]
-            rows.append((name if k == 0 else "", symbol, f"{drawn:+.4f}", f"{share:.3f}", f"{unknown:.3f}"))
+            both = (_share(one, found.repeats) for one in (share, found.laws_errors_unknown[name][key]))
+            rows.append((name if k == 0 else "", symbol, f"{found.values[name][key]:+.4f}", *both))
     title = f"Share of {found.repeats} repeats whose 95 % interval covers the parameter"
-    print_table(title, ("law", "parameter", "drawn from", "errors known", "errors unknown"), rows)
+    Table(title, ("law", "parameter", "drawn from", "errors known", "errors unknown"), rows, "lr").print()
     runs = found.runs
+    rows = [
+        (SYMBOLS[key], *(_share(one[key], runs.repeats) for one in (runs.noise, runs.interval95))) for key in runs.noise
+    ]
     title = f"Share of {runs.repeats} grids whose {runs.law} interval covers the value fitted to the true motion"
-    rows = [(SYMBOLS[key], f"{runs.noise[key]:.3f}", f"{runs.interval95[key]:.3f}") for key in runs.noise]
-    print_table(title, ("parameter", "noise alone", "95 % interval"), rows)
+    Table(title, ("parameter", "noise alone", "95 % interval"), rows).print()
     bias = " and ".join(f"{SYMBOLS[key]} by {value:+.6f}" for key, value in runs.bias_by_lean.items())
     print(f"The true motion here is the plate's, which leans outwards with the robot. This changes {bias}.")
+    print_verdict(found.checks)
 
 
 def print_drive_study(found: DriveStudy) -> None:
     """Print the checks of the drive estimator, and the laws of MuJoCo's own drives."""
     print_table(f"{found.repeats} drives in each case", CHECKS_HEADER, checks_table(found.checks))
-    title = "MuJoCo's drives without noise, and steady circles"
-    print_table(title, ("", "D [mm]", "epsilon [1e-3]"), _simulated_rows(found.simulated))
-    print_failures(found.failures, found.checks)
+    one = found.simulated
+    lines = (
+        ("steady circles of the same speeds", one.steady),
+        ("steady circles, the paper's", one.paper),
+        (f"mean of {one.drives} drives", one.mean),
+        ("scatter between drives", one.scatter),
+    )
+    rows = [(what, *(number(1e3 * values[name], 3) for name in (D, EPSILON))) for what, values in lines]
+    rows.append(("coverage of the steady law", *(number(one.coverage_of_steady[name], 3) for name in (D, EPSILON))))
+    Table("MuJoCo's drives without noise, and steady circles", ("", "D [mm]", "epsilon [1e-3]"), rows).print()
+    print(f"so many drives leave root mean squares uncertain by {sampling_error(found.repeats):.0%}")
+    print_verdict(found.checks, found.failures)
 
 
-def print_failures(failures: Sequence[str], checks: Sequence[Check]) -> None:
-    """Print why fits failed, and how many checks hold."""
+def print_verdict(checks: Sequence[Check], failures: Sequence[str] = ()) -> None:
+    """Print why fits failed, which checks don't hold, and how many do."""
     for line in failures:
         print(f"a fit failed: {line}")
+    for check in checks:
+        if not check.holds:
+            print(f"does not hold: {check.to_json()['name']}")
     print(f"{sum(check.holds for check in checks)} of {len(checks)} checks hold")
 
 
-def _simulated_rows(found: SimulatedDrives) -> list[tuple[str, ...]]:
-    lines = (
-        ("steady circles of the same speeds", found.steady),
-        ("steady circles, the paper's", found.paper),
-        (f"mean of {found.drives} drives", found.mean),
-        ("scatter between drives", found.scatter),
-    )
-    rows = [(what, *(number(1e3 * values[name], 3) for name in (D, EPSILON))) for what, values in lines]
-    shares = (number(found.coverage_of_steady[name], 3) for name in (D, EPSILON))
-    return for_terminal([*rows, ("coverage of the steady law", *shares)])
+def _share(share: float, repeats: int) -> str:
+    low, high = Coverage(round(share * repeats), repeats).interval95
+    return f"{share:.3f} ({low:.2f} to {high:.2f})"

@@ -25,7 +25,7 @@ from experiments.studies.drive_cases import (
     TRUE_LAW,
     Case,
 )
-from experiments.studies.trials import Coverage, Errors, Estimate, Outcome, Trial, run_trials
+from experiments.studies.trials import Estimate, Outcome, Results, Trial, Values, run_trials
 from sim.fleet import Fleet
 from sim.robot.robot import Robot
 from sim.run_recorder import Description
@@ -60,12 +60,10 @@ _LEAST_WAY = 1e-6  # of a step, for a robot at rest [m]
 _CIRCLES = 10.0  # duration of steady circles [s]
 _OUTER, _INNER = (0.1, 0.2, 0.3), (0.1, 0.4, 0.7)  # speeds of the tracks [m/s], and relative to the outer one [-]
 
-Values = Mapping[str, float]  # by parameter
-
 
 @dataclass(frozen=True)
-class SimulatedDrives:
-    """The law of MuJoCo's own drives, without noise."""
+class SimulatedLaws:
+    """Laws of MuJoCo's own drives without noise, and of steady circles."""
 
     drives: int
     steady: Values
@@ -82,17 +80,31 @@ class SimulatedDrives:
 
 @dataclass(frozen=True)
 class DriveStudy:
-    """The checks of all cases."""
+    """The results of all cases."""
 
     repeats: int
-    checks: list[Check]
-    simulated: SimulatedDrives
-    failures: list[str]
-    """Why fits failed, once each."""
+    results: Mapping[str, Results]
+    """By the case's name."""
+    simulated: SimulatedLaws
+
+    @property
+    def checks(self) -> list[Check]:
+        """The checks of all cases."""
+        return [check for name, results in self.results.items() for check in checks_of(CASES[name], results)]
+
+    @property
+    def failures(self) -> list[str]:
+        """Why fits failed, once each."""
+        return sorted({line for results in self.results.values() for line in results.failures})
 
     def to_json(self) -> dict[str, Any]:
         """The content of summary.json."""
-        return vars(self) | {"checks": [check.to_json() for check in self.checks]}
+        statistics = {
+            name: {key: results.errors(key).to_json() | results.coverage(key).to_json() for key in CASES[name].covered}
+            for name, results in self.results.items()
+        }
+        checks = [check.to_json() for check in self.checks]
+        return {**vars(self), "results": statistics, "checks": checks, "failures": self.failures}
 
 
 def drive_study(config: Config, world: World, run: Run) -> DriveStudy:
@@ -104,34 +116,28 @@ def drive_study(config: Config, world: World, run: Run) -> DriveStudy:
         steady, paper = steady_laws(robot, config.threads)
         drives = simulated_drives(robot, count, config.seed, config.threads, lambda s: report(count * s))
     fits = run_trials(run, do, [Trial(NOISE_FREE.name, k, log) for k, log in enumerate(drives)], _KEY)[NOISE_FREE.name]
-    exact = {k: fit.estimates for k, fit in enumerate(fits) if _determined(fit)}
+    exact = {k: {name: one.value for name, one in fit.estimates.items()} for k, fit in enumerate(fits) if fit.estimates}
     if not exact:
         raise LogError("no drive in MuJoCo determines the law, even without noise")
     driven = list(islice(cycle(exact), repeats))  # measured in turn
     trials = [
-        Trial(name, number, drives[driven[number]] if name == SIMULATED.name else None)
+        Trial(name, number, drives[k] if name == SIMULATED.name else None)
         for name in CASES
-        for number in range(repeats)
+        for number, k in enumerate(driven)
     ]
     outcomes = run_trials(run, do, trials, _KEY)
-    truths = [{name: one.value for name, one in exact[k].items()} for k in driven]
-    checks = []
-    for name, case in CASES.items():
-        if case is SIMULATED:
-            checks += checks_of(case, outcomes[name], truths, steady)
-        else:
-            checks += checks_of(case, outcomes[name], [{**TRUE_LAW, **EXTRAS}] * repeats)
-    values = {name: np.array([one[name].value for one in exact.values()]) for name in steady}
-    simulated = SimulatedDrives(
-        len(exact),
-        steady,
-        paper,
-        {name: float(found.mean()) for name, found in values.items()},
-        {name: float(found.std(ddof=1)) if len(found) > 1 else 0.0 for name, found in values.items()},
-        {name: coverage_of(name, outcomes[SIMULATED.name], [steady] * repeats).share for name in steady},
+    results = {name: Results(found, [{**TRUE_LAW, **EXTRAS}] * repeats) for name, found in outcomes.items()}
+    measured = results[SIMULATED.name] = Results(outcomes[SIMULATED.name], [exact[k] for k in driven], steady)
+    values = {name: np.array([one[name] for one in exact.values()]) for name in steady}
+    simulated = SimulatedLaws(
+        drives=len(exact),
+        steady=steady,
+        paper=paper,
+        mean={name: float(found.mean()) for name, found in values.items()},
+        scatter={name: float(found.std(ddof=1)) if len(found) > 1 else 0.0 for name, found in values.items()},
+        coverage_of_steady={name: measured.coverage(name, steady).share for name in steady},
     )
-    failures = sorted({note for ones in outcomes.values() for one in ones for note in one.notes})
-    return DriveStudy(repeats, checks, simulated, failures)
+    return DriveStudy(repeats, results, simulated)
 
 
 def fitted_drive(trial: Trial, rng: np.random.Generator, geometry: RobotGeometry) -> Outcome:
@@ -144,13 +150,10 @@ def fitted_drive(trial: Trial, rng: np.random.Generator, geometry: RobotGeometry
     else:
         log, bound = _driven_by_law(case, case.slip, geometry, rng)
     try:
-        found = fit_drives(LAW, [log], geometry)
+        estimates = Estimate.of(fit_drives(LAW, [log], geometry))
     except TrackslipError as error:
         return Outcome(numbers=bound, notes=(str(error),))
-    values = found.values | found.extras
-    return Outcome(
-        {name: Estimate(values[name], error, *found.interval95[name]) for name, error in found.stderr.items()}, bound
-    )
+    return Outcome(estimates if TRUE_LAW.keys() <= estimates.keys() else {}, bound)
 
 
 def _driven_by_law(
@@ -193,43 +196,25 @@ def _bound(
     return dict(zip(TRUE_LAW, found.tolist(), strict=True))
 
 
-def checks_of(
-    case: Case, outcomes: Sequence[Outcome], truths: Sequence[Values], aim: Values | None = None
-) -> list[Check]:
-    """Checks of a case: intervals must cover the truth of each trial, and errors are measured from `aim`, if given."""
-    good = [(one, aim or truth) for one, truth in zip(outcomes, truths, strict=True) if _determined(one)]
-    checks = [Check(case.name, "fits without D or epsilon", float(len(outcomes) - len(good)), 0.0, "1")]
+def checks_of(case: Case, results: Results) -> list[Check]:
+    """Fits, errors and intervals within the bounds of a case."""
+    failed = float(sum(not one.estimates for one in results.outcomes))
+    rows: list[tuple[str, float, float | tuple[float, float], str]] = [("fits without D or epsilon", failed, 0.0, "1")]
     limits = dict(case.rms)
     if case.over_bound is not None:
-        limits |= {name: case.over_bound * rms([one.numbers[name] for one in outcomes]) for name in TRUE_LAW}
-    for name, limit in limits.items():
-        error = Errors(np.array([one.estimates[name].value - true[name] for one, true in good])).rms
-        checks.append(Check(case.name, f"rms error of {name}", error, limit, unit_of(name)))
+        limits |= {name: case.over_bound * rms([one.numbers[name] for one in results.outcomes]) for name in TRUE_LAW}
+    rows += [(f"rms error of {name}", results.errors(name).rms, most, unit_of(name)) for name, most in limits.items()]
     for name in case.covered:
-        share = coverage_of(name, outcomes, truths).share
-        checks.append(Check(case.name, f"coverage of {name}", share, case.coverage, "1"))
-        found = [(one.estimates[name], true[name]) for one, true in good if name in one.estimates]
+        rows.append((f"coverage of {name}", results.coverage(name).share, case.coverage, "1"))
+        pairs = results.pairs(name)
         if case.over_model is not None:
-            widths = [(one.high - one.low) / 2 / (_NORMAL * one.stderr) for one, _ in found]
+            widths = [(one.high - one.low) / 2 / (_NORMAL * one.stderr) for one, _ in pairs]
             over = float(np.median(widths)) if widths else np.nan
-            checks.append(Check(case.name, f"half width of {name} over the model's", over, case.over_model, "1"))
+            rows.append((f"half width of {name} over the model's", over, case.over_model, "1"))
         if case.standard_errors is not None:
-            largest = max((abs(one.value - true) / one.stderr for one, true in found), default=np.nan)
-            what = f"largest error of {name} in standard errors"
-            checks.append(Check(case.name, what, largest, case.standard_errors, "1"))
-    return checks
-
-
-def coverage_of(name: str, outcomes: Sequence[Outcome], truths: Sequence[Values]) -> Coverage:
-    """How often the intervals of a parameter contain the truth; one that was not estimated doesn't."""
-    pairs = zip(outcomes, truths, strict=True)
-    covered = sum(name in one.estimates and one.estimates[name].covers(truth[name]) for one, truth in pairs)
-    return Coverage(covered, len(outcomes))
-
-
-def _determined(outcome: Outcome) -> bool:
-    """Whether a drive determined the law."""
-    return TRUE_LAW.keys() <= outcome.estimates.keys()
+            largest = max((abs(one.value - aim) / one.stderr for one, aim in pairs), default=np.nan)
+            rows.append((f"largest error of {name} in standard errors", largest, case.standard_errors, "1"))
+    return [Check(case.name, *row) for row in rows]
 
 
 def unit_of(name: str) -> str:

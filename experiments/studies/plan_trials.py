@@ -14,13 +14,13 @@ from experiments.studies.drive_cases import TRUE_LAW
 from experiments.studies.planned_drives import (
     OTHER_DURATIONS,
     Driven,
-    SimulatedDrives,
+    MujocoDrives,
     driven_by_law,
     driven_in_mujoco,
     paper_by_law,
     prediction_errors,
 )
-from experiments.studies.trials import Errors, Estimate, Outcome, Trial, run_trials, sampling_error
+from experiments.studies.trials import Errors, Estimate, Outcome, Results, Trial, Values, run_trials, sampling_error
 from sim.drive.drive import Drive
 from sim.robot.parameters import RobotParameters
 from sim.seeds import generator
@@ -29,10 +29,10 @@ from trackslip.errors import TrackslipError
 from trackslip.identification.drive.estimate import fit_drives
 from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
+from trackslip.metrics import rms
 from trackslip.planning.information import Expectation
 from trackslip.planning.plan import DrivePlan, expected_alone, paper_runs, usual_values
 from trackslip.planning.strokes import RATE
-from trackslip.slip.families import family
 
 if TYPE_CHECKING:
     from experiments.commands.plan import Config
@@ -52,8 +52,6 @@ _AS_GOOD = 120.0  # duration from which on a plan is as good as the paper's runs
 _OVER_PAPER = {"offset": 1.0, "radius_error": 1.5}  # largest errors over those of the paper's runs
 _MOST = 1 + 1e-6  # of what is allowed, for rounding [-]
 
-Values = dict[str, float]  # by parameter
-
 
 @dataclass(frozen=True)
 class PlanTrials:
@@ -71,26 +69,27 @@ class PlanTrials:
     simulated: bool
     """Whether MuJoCo moved the robot, once: repeats measure the same drives again."""
 
-    def of(self, case: str) -> list[Outcome]:
-        """The outcomes of PLAN or PAPER."""
-        return self.outcomes.get(case, [])
+    def results(self, case: str) -> Results:
+        """The outcomes of PLAN or PAPER, in MuJoCo against their mean, as the truth isn't known."""
+        outcomes = self.outcomes.get(case, [])
+        truth = self.means(case) if self.simulated else self._true_values
+        return Results(outcomes, [truth] * len(outcomes))
+
+    def means(self, case: str) -> Values:
+        """Mean estimates of the parameters, of those that were estimated."""
+        found = [one.estimates for one in self.outcomes.get(case, [])]
+        values = {name: [one[name].value for one in found if name in one] for name in self.plan.sizes}
+        return {name: float(np.mean(some)) for name, some in values.items() if some}
+
+    def errors(self, case: str) -> dict[str, Errors]:
+        """Errors of the parameters identified from PLAN or PAPER."""
+        results = self.results(case)
+        return {name: results.errors(name) for name in self.plan.sizes}
 
     @property
     def failures(self) -> list[str]:
         """Why fits failed, once each."""
-        return sorted({f"{case}: {note}" for case, ones in self.outcomes.items() for one in ones for note in one.notes})
-
-    def errors(self, case: str) -> dict[str, Errors]:
-        """Errors of the parameters identified from PLAN or PAPER.
-
-        In MuJoCo, where the truth isn't known, they are deviations from the mean of the repeats.
-        """
-        found = {}
-        for name, true in self._named(self.truth).items():
-            estimates = [one.estimates[name] for one in self.of(case) if name in one.estimates]
-            values = np.array([one.value for one in estimates if np.isfinite(one.stderr)])
-            found[name] = Errors(values - (values.mean() if self.simulated and len(values) else true))
-        return found
+        return [f"{case}: {line}" for case in sorted(self.outcomes) for line in self.results(case).failures]
 
     @property
     def predicted(self) -> dict[str, Values]:
@@ -100,14 +99,14 @@ class PlanTrials:
 
     def ahead(self, case: str) -> tuple[float, ...] | None:
         """RMS errors of other drives predicted by the laws, position [m] and heading [rad]; None if there are none."""
-        found = [[one.numbers[name] for name in _AHEAD] for one in self.of(case) if _AHEAD[0] in one.numbers]
-        return tuple(Errors(errors).rms for errors in np.array(found).T) if found else None
+        found = [one.numbers for one in self.results(case).outcomes if _AHEAD[0] in one.numbers]
+        return tuple(rms([numbers[name] for numbers in found]) for name in _AHEAD) if found else None
 
     def checks(self) -> list[Check]:
         """Fits, limits of the drive, and errors over those predicted and those of the paper's runs."""
-        case = f"{len(self.of(PLAN))} drives of {self.plan.limits.duration:g} s"
+        case = f"{len(self.outcomes[PLAN])} drives of {self.plan.limits.duration:g} s"
         failed = sum(bool(one.notes) for ones in self.outcomes.values() for one in ones)
-        reach, speed = (max(one.numbers[name] for one in self.of(PLAN)) for name in (_REACH, _SPEED))
+        reach, speed = (max(one.numbers[name] for one in self.outcomes[PLAN]) for name in (_REACH, _SPEED))
         rows: list[tuple[str, float, float | tuple[float, float]]] = [
             ("fits that failed", float(failed), 0.0),
             ("farthest from the middle, of what the area allows", reach, _MOST),
@@ -139,29 +138,25 @@ class PlanTrials:
         real = {case: self.errors(case) for case in cases}
         return {
             "repeats": self.repeats,
-            "drives": len(self.of(PLAN)),
+            "drives": len(self.outcomes[PLAN]),
             "motion": "mujoco" if self.simulated else "law",
-            "truth": None if self.simulated else self._named(self.truth),
+            "truth": None if self.simulated else self._true_values,
             "predicted": self.predicted,
             "real": {case: {name: one.rms for name, one in errors.items()} for case, errors in real.items()},
             "interval95_of_real": {
                 case: {name: one.interval95 for name, one in errors.items()} for case, errors in real.items()
             },
             "uncertainty_of_real": {case: sampling_error(len(ones)) for case, ones in self.outcomes.items()},
-            "mean": {case: self._means(case) for case in cases},
+            "mean": {case: self.means(case) for case in cases},
             "ahead": {case: self.ahead(case) for case in cases},
-            "inside": sum(one.numbers[_REACH] <= _MOST for one in self.of(PLAN)),
+            "inside": sum(one.numbers[_REACH] <= _MOST for one in self.outcomes[PLAN]),
             "failures": self.failures,
             "checks": [check.to_json() for check in self.checks()],
         }
 
-    def _named(self, values: Array) -> Values:
-        return dict(zip(family(self.plan.law).names, values.tolist(), strict=True))
-
-    def _means(self, case: str) -> Values:
-        found = [one.estimates for one in self.of(case) if one.estimates]
-        names = family(self.plan.law).names if found else ()
-        return {name: float(np.mean([one[name].value for one in found])) for name in names}
+    @property
+    def _true_values(self) -> Values:
+        return dict(zip(self.plan.sizes, self.truth.tolist(), strict=True))
 
 
 def try_plan(config: Config, plan: DrivePlan, paper: Expectation | None, run: Run) -> PlanTrials:
@@ -213,21 +208,14 @@ def tried(trial: Trial, rng: np.random.Generator, plan: DrivePlan, poses: PoseSo
         return Outcome(numbers=numbers, notes=(str(error),))
     if trial.given is not None:
         numbers |= zip(_AHEAD, prediction_errors(fit, trial.given.others), strict=True)
-    unknown = (np.nan, np.nan)
-    return Outcome(
-        {
-            name: Estimate(value, fit.stderr.get(name, np.nan), *fit.interval95.get(name, unknown))
-            for name, value in fit.values.items()
-        },
-        numbers,
-    )
+    return Outcome(Estimate.of(fit), numbers)
 
 
 def _measured(
     trial: Trial, rng: np.random.Generator, plan: DrivePlan, poses: PoseSource, truth: Array
 ) -> tuple[list[Driven], list[RunLog]]:
     """The drives of a trial, and their logs: drives in MuJoCo if the trial has them, else by the law."""
-    simulated: SimulatedDrives | None = trial.given
+    simulated: MujocoDrives | None = trial.given
     if simulated is not None:
         driven = [simulated.plan] if trial.case == PLAN else simulated.paper
     else:

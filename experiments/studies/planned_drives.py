@@ -70,7 +70,7 @@ def paper_by_law(plan: DrivePlan, truth: Array, rng: np.random.Generator) -> lis
 
 
 @dataclass(frozen=True)
-class SimulatedDrives:
+class MujocoDrives:
     """The planned drive, the paper's runs and other drives in MuJoCo."""
 
     plan: Driven
@@ -78,7 +78,7 @@ class SimulatedDrives:
     others: list[Driven]
 
 
-def driven_in_mujoco(plan: DrivePlan, seed: int, threads: int, progress: Progress) -> SimulatedDrives:
+def driven_in_mujoco(plan: DrivePlan, seed: int, threads: int, progress: Progress) -> MujocoDrives:
     """Drive on the shipped ground, with the shipped robot but for gauge and sprockets.
 
     `progress` is called with the simulated seconds; raises RunFailedError when a robot tips over.
@@ -105,7 +105,7 @@ def driven_in_mujoco(plan: DrivePlan, seed: int, threads: int, progress: Progres
         / geometry.sprocket_radius
         for k in range(OTHER_DRIVES)
     ]
-    return SimulatedDrives(
+    return MujocoDrives(
         Driven(replace(planned.log, pose=motion.pose), motion),
         drive("circle", circles) if circles else [],
         drive("other", others),

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from experiments.driving.grid_runs import cells_of, drive_cells, drive_grid
 from experiments.driving.world import Specification, World
-from experiments.measuring.grid import ErrorStatistics, LocalizationErrors, OuterInner
+from experiments.measuring.grid import LocalizationErrors
 from experiments.options.grid import GridConfig
 from experiments.studies.trials import Outcome, Trial, run_trials
 from sim.scanner.scanner import MIRROR_PERIOD
@@ -78,58 +78,39 @@ DISTURBANCES = (
 
 
 @dataclass(frozen=True)
-class SlipErrors(ErrorStatistics):
-    """The same with the largest error."""
-
-    largest: float
-    """Absolute [-]."""
-
-    @classmethod
-    def of(cls, error: Array) -> Self:
-        """Of errors (n,) [-]."""
-        return cls(float(error.mean()), float(error.std()), float(np.abs(error).max()))
-
-
-@dataclass(frozen=True)
-class RunCount:
-    """Runs of a grid."""
-
-    used: int
-    """Those from which slip could be identified."""
-    all: int
-
-
-@dataclass(frozen=True)
 class SensitivityRow:
     """One disturbance and its consequences."""
 
-    effect: str
-    """Name of the disturbance."""
-    settings: Mapping[str, float | str]
-    slip_error: OuterInner[SlipErrors] | None
-    """None where no run could be used."""
-    localization: LocalizationErrors
-    """Of all runs."""
-    runs: RunCount
-    warnings: tuple[str, ...]
-    """Why runs could not be used."""
+    disturbance: Disturbance
+    outcome: Outcome
 
-    @classmethod
-    def of(cls, disturbance: Disturbance, outcome: Outcome) -> Self:
-        """The row of a disturbance from its trial, as by `disturbed`."""
-        numbers = outcome.numbers
-        counts = RunCount(int(numbers["used"]), int(numbers["all"]))
-        slip = {track: _part(numbers, track) for track in ("outer", "inner")}
-        errors = OuterInner(SlipErrors(**slip["outer"]), SlipErrors(**slip["inner"])) if slip["outer"] else None
-        poses = LocalizationErrors(**_part(numbers, "poses"))
-        return cls(disturbance.name, disturbance.settings, errors, poses, counts, outcome.notes)
+    def numbers(self, part: str) -> dict[str, float]:
+        """Numbers of a part by name.
+
+        `outer` and `inner` are errors of slip over the runs: bias, std and largest [-], empty if no run could be used.
+        `localization` is of all runs, as LocalizationErrors; `runs` are those used and all.
+        """
+        words = (name.split(" ") for name in self.outcome.numbers)
+        return {name: self.outcome.numbers[f"{of} {name}"] for of, name in words if of == part}
+
+    def to_json(self) -> dict[str, Any]:
+        """The row in summary.json."""
+        slip = {track: self.numbers(track) for track in ("outer", "inner")}
+        return {
+            "effect": self.disturbance.name,
+            "settings": self.disturbance.settings,
+            "slip_error": slip if slip["outer"] else None,
+            "localization": self.numbers("localization"),
+            "runs": self.numbers("runs"),
+            "warnings": self.outcome.notes,
+        }
 
 
 def sensitivity(config: Config, run: Run) -> list[SensitivityRow]:
     """One row per disturbance, all with the same random numbers of the grid."""
     trials = [Trial(disturbance.name, given=disturbance) for disturbance in DISTURBANCES]
     outcomes = run_trials(run, partial(disturbed, config=config), trials, "{case}", Specification.of(config))
-    return [SensitivityRow.of(disturbance, *outcomes[disturbance.name]) for disturbance in DISTURBANCES]
+    return [SensitivityRow(disturbance, *outcomes[disturbance.name]) for disturbance in DISTURBANCES]
 
 
 def disturbed(trial: Trial, _: np.random.Generator, config: Config) -> Outcome:
@@ -139,11 +120,11 @@ def disturbed(trial: Trial, _: np.random.Generator, config: Config) -> Outcome:
     world = World.of(grid)
     logs = [disturbance.evaluated(log) for log in drive_grid(grid, world)]
     slip, warnings = slip_errors(logs, world.robot.geometry, config.motion)
-    numbers = {"used": float(len(slip)), "all": float(len(logs))}
-    parts: dict[str, Any] = {"poses": LocalizationErrors.of(logs)}
-    if len(slip):
-        parts |= vars(OuterInner.of(slip, SlipErrors.of))
-    numbers |= {f"{part} {name}": value for part, found in parts.items() for name, value in vars(found).items()}
+    numbers: dict[str, float] = {"runs used": len(slip), "runs all": len(logs)}
+    numbers |= {f"localization {name}": value for name, value in vars(LocalizationErrors.of(logs)).items()}
+    for track, error in zip(("inner", "outer"), slip.T, strict=True) if len(slip) else ():
+        found = {"bias": error.mean(), "std": error.std(), "largest": np.abs(error).max()}
+        numbers |= {f"{track} {name}": float(value) for name, value in found.items()}
     return Outcome(numbers=numbers, notes=warnings)
 
 
@@ -155,10 +136,6 @@ def examples(config: Config) -> list[RunLog]:
         (log,) = drive_cells(cells_of(grid)[:1], [World.of(grid)])
         logs.append(replace(disturbance.evaluated(log), run=f"{disturbance.name}, {log.run}"))
     return logs
-
-
-def _part(numbers: Mapping[str, float], part: str) -> dict[str, float]:
-    return {name.removeprefix(f"{part} "): value for name, value in numbers.items() if name.startswith(f"{part} ")}
 
 
 def slip_errors(logs: Sequence[RunLog], geometry: RobotGeometry, motion: str | None) -> tuple[Array, tuple[str, ...]]:

@@ -11,7 +11,8 @@ import numpy as np
 
 from experiments.driving.grid_runs import cells_of, drive_grid
 from experiments.driving.world import World
-from experiments.studies.trials import Outcome, Trial, run_trials
+from experiments.measuring.check import Check
+from experiments.studies.trials import Outcome, Trial, Values, plausible_shares, run_trials
 from sim.seeds import generator
 from trackslip.identification.comparison import Comparison, compare_laws
 from trackslip.identification.coverage import coverage, noise_coverage
@@ -34,8 +35,6 @@ DRAWN_LAWS = tuple(name for name, family in FAMILIES.items() if family.names and
 """The laws that samples are drawn from; on level ground, none is of slip under load."""
 _MOTION = "bundle"  # takes ranges, to which noise can be added again and again
 _GRID = "grid"
-
-Values = Mapping[str, float]  # by parameter
 
 
 @dataclass(frozen=True)
@@ -66,9 +65,27 @@ class SteadyCoverage:
     """The same where they estimate the scatter from the samples."""
     runs: RunCoverage
 
+    @property
+    def checks(self) -> list[Check]:
+        """Shares near 95 %; intervals that allow for errors of the law may cover more often."""
+        runs = self.runs
+        found: list[Check] = []
+
+        def check(case: str, shares: Values, repeats: int, low: float, high: float) -> None:
+            bound = plausible_shares(low, high, repeats)
+            found.extend(Check(case, f"coverage of {name}", share, bound, "1") for name, share in shares.items())
+
+        for law in self.laws:
+            check(f"{law}, errors known", self.laws[law], self.repeats, 0.94, 0.98)
+            check(f"{law}, errors unknown", self.laws_errors_unknown[law], self.repeats, 0.94, 0.98)
+        check("grids, noise alone", runs.noise, runs.repeats, 0.94, 0.96)
+        check("grids, 95 % interval", runs.interval95, runs.repeats, 0.95, 1.0)
+        return found
+
     def to_json(self) -> dict[str, Any]:
         """The content of summary.json."""
-        return {name: value for name, value in vars(self).items() if name != "values"}
+        content = {name: value for name, value in vars(self).items() if name != "values"}
+        return content | {"checks": [check.to_json() for check in self.checks]}
 
 
 def steady_coverage(config: Config, world: World, run: Run) -> SteadyCoverage:

@@ -23,9 +23,11 @@ from trackslip.metrics import rms
 
 if TYPE_CHECKING:
     from experiments.run import Run
+    from trackslip.identification.drive.estimate import DriveFit
 
 FILE = ".trials.jsonl"
 """File in the folder of results with the trials that a killed study had finished."""
+_CHANCE = 1e-3  # of a false alarm
 _UNSAID = ("out", "threads", "pdf", "rrd")  # options that no trial depends on
 
 
@@ -45,14 +47,16 @@ class Estimate:
 
     value: float
     stderr: float
-    """By the model of the noise; NaN for a parameter that was held."""
+    """By the model of the noise."""
     low: float
     high: float
     """The 95 % interval."""
 
-    def covers(self, truth: float) -> bool:
-        """Whether the interval contains the truth."""
-        return self.low <= truth <= self.high
+    @staticmethod
+    def of(fit: DriveFit) -> dict[str, Estimate]:
+        """The estimates of all fitted parameters, of the law and others."""
+        values = fit.values | fit.extras
+        return {name: Estimate(values[name], error, *fit.interval95[name]) for name, error in fit.stderr.items()}
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,7 @@ class Outcome:
     estimates: Mapping[str, Estimate] = field(default_factory=dict)
     numbers: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
-    """Why something could not be estimated."""
+    """Why something could not be estimated; without estimates, why the fit failed."""
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> Self:
@@ -71,6 +75,7 @@ class Outcome:
         return cls(estimates, content["numbers"], tuple(content["notes"]))
 
 
+Values = Mapping[str, float]  # by parameter
 Do = Callable[[Trial, np.random.Generator], Outcome]
 
 
@@ -160,6 +165,19 @@ class Coverage:
         high = scipy.special.betaincinv(k + 1, n - k, 0.975) if k < n else 1.0
         return float(low), float(high)
 
+    def to_json(self) -> dict[str, Any]:
+        """The share and its interval."""
+        return {"coverage": self.share, "coverage_interval95": self.interval95}
+
+
+def plausible_shares(low: float, high: float, trials: int) -> tuple[float, float]:
+    """The range of shares of so many trials where the probability is from `low` to `high`.
+
+    By chance, one study in a thousand is outside either end.
+    """
+    ends = scipy.stats.binom.ppf([_CHANCE, 1 - _CHANCE], trials, [low, high]) / trials
+    return float(ends[0]), float(ends[1])
+
 
 @dataclass(frozen=True)
 class Errors:
@@ -176,8 +194,47 @@ class Errors:
     def interval95(self) -> tuple[float, float]:
         """The 95 % interval of the root mean square, for normal errors."""
         n = len(self.errors)
+        if n == 0:
+            return np.nan, np.nan
         low, high = (self.rms * np.sqrt(n / scipy.special.chdtri(n, tail)) for tail in (0.025, 0.975))
         return float(low), float(high)
+
+    def to_json(self) -> dict[str, Any]:
+        """The root mean square and its interval."""
+        return {"rms": self.rms, "rms_interval95": self.interval95}
+
+
+@dataclass(frozen=True)
+class Results:
+    """The outcomes of a case against the truth."""
+
+    outcomes: Sequence[Outcome]
+    truths: Sequence[Values]
+    """For each outcome, the values that its intervals must cover."""
+    aim: Values | None = None
+    """Values that errors are measured from, if not the truths."""
+
+    @property
+    def failures(self) -> list[str]:
+        """Why fits failed, once each."""
+        return sorted({note for one in self.outcomes for note in one.notes})
+
+    def pairs(self, name: str) -> list[tuple[Estimate, float]]:
+        """The estimates of a parameter, and the values that errors are measured from."""
+        both = zip(self.outcomes, self.truths, strict=True)
+        return [(one.estimates[name], (self.aim or truth)[name]) for one, truth in both if name in one.estimates]
+
+    def errors(self, name: str) -> Errors:
+        """Errors of a parameter."""
+        return Errors(np.array([one.value - aim for one, aim in self.pairs(name)]))
+
+    def coverage(self, name: str, truth: Values | None = None) -> Coverage:
+        """How often the intervals of a parameter cover its own truth, or another; one not estimated covers nothing."""
+        covered = 0
+        for one, own in zip(self.outcomes, self.truths, strict=True):
+            if name in one.estimates:
+                covered += one.estimates[name].low <= (truth or own)[name] <= one.estimates[name].high
+        return Coverage(covered, len(self.outcomes))
 
 
 def sampling_error(count: int) -> float:

@@ -83,8 +83,8 @@ def test_few_repeats_say_nothing_of_errors(plan):
 
 def test_failed_fits_are_counted_and_named(plan):
     found = trials(plan)
-    failed = [replace(found.of(PLAN)[0], estimates={}, notes=("why",)), *found.of(PLAN)[1:]]
-    found = replace(found, outcomes={PLAN: failed, PAPER: found.of(PAPER)})
+    failed = [replace(found.outcomes[PLAN][0], estimates={}, notes=("why",)), *found.outcomes[PLAN][1:]]
+    found = replace(found, outcomes={PLAN: failed, PAPER: found.outcomes[PAPER]})
     assert found.failures == ["plan: why"]
     assert broken(found) >= {"fits that failed"}
 
