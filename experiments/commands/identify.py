@@ -1,6 +1,18 @@
 """`trackslip identify`: slip laws from a stored grid or from a real robot's log."""
 
-from experiments.options.identify import IdentifyConfig as Config
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+import tyro
+
+from experiments.options.bag_choice import Bag, BagOptions
+from experiments.options.base import Distinct, Excludes, Exclusion, NonNegative, Options, Positive, Within
+from experiments.options.help import default_is
+from experiments.options.world import Method
+from trackslip.errors import InvalidValueError
+from trackslip.motion.constant_speed import SETTLE
 
 EXAMPLES = (
     ("from a stored grid", "trackslip identify out/grid"),
@@ -10,10 +22,89 @@ EXAMPLES = (
     ("from a drive, with a sensor 0.3 m ahead", "trackslip identify out/wander --method drive --sensor 0.3 0 0"),
     ("as in the paper", "trackslip identify out/grid --motion paper --out out/identify-paper"),
 )
+_SHOWN = tyro.conf.arg(help_behavior_hint="(default: where the driving shows it)")
+_MAX_LEVER = 100.0  # [m]
+
+
+@dataclass(frozen=True)
+class Config(Options):
+    """Fit the slip laws to a stored grid or to the log of a real robot, and print and report them.
+
+    A log is a ROS bag, or has the columns run, t, omega_l, omega_r, x, y, phi (any driving) or omega_l, omega_r, v, w
+    (steady samples).
+    """
+
+    path: tyro.conf.Positional[Path]
+    """Folder of a stored grid, a .csv or .parquet log, or a ROS bag (.bag, .mcap, .db3, or a folder of them)."""
+    where: Annotated[tuple[str, ...] | None, Distinct("NAME=VALUE"), default_is("all", "NAME=VALUE ...")] = None
+    """Which runs of a sweep to use: ground=ice friction_ratio=1.2."""
+    half_gauge: Annotated[float | None, Positive(100.0, "m"), default_is("the log's", "FLOAT")] = None
+    """Half the distance between the tracks [m]."""
+    sprocket_radius: Annotated[float | None, Positive(100.0, "m"), default_is("the log's", "FLOAT")] = None
+    """Radius of the sprockets [m]."""
+    gear: Annotated[float, Positive(1e4)] = 1.0
+    """Encoder revolutions per sprocket revolution, if omega is the encoder's speed [-]."""
+    method: Annotated[
+        Literal["steady", "drive"] | None, default_is("steady where most of the driving is", "{steady,drive}")
+    ] = None
+    """What the laws are fitted to: stretches of constant sprocket speeds, or whole drives."""
+    sensor: Annotated[tuple[float, float, float] | None, default_is("estimated", "X Y YAW")] = None
+    """Place of the poses' sensor, ahead of and left of the middle of the tracks, and its heading there [m, m, rad]."""
+    estimate_sensor: Annotated[bool | None, _SHOWN] = None
+    """Whether steady stretches tell where the sensor sits; whole drives always do unless --sensor is given."""
+    motion: Method = None
+    """How a twist is estimated from a run; bundle needs ranges (see grid)."""
+    settle: Annotated[float, NonNegative()] = SETTLE
+    """Time left out of each run after the sprockets have become steady [s]."""
+    bag: Bag = field(default_factory=BagOptions)
+    """What to take from a bag."""
+    out: Path = Path("out/identify")
+    """Folder for the results."""
+    pdf: bool = False
+    """Also write the figures as PDF."""
+
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (
+        Excludes(("motion", "settle", "estimate_sensor"), "method", ("drive",)),
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.sensor is not None:
+            for value, where in zip(self.sensor, ("ahead", "left"), strict=False):
+                Within(-_MAX_LEVER, _MAX_LEVER, f"m, {where} of the middle of the tracks").check("sensor", value)
+            Within(-math.pi, math.pi, "rad, counter-clockwise").check("sensor", self.sensor[2])
+            if self.estimate_sensor:
+                raise InvalidValueError("estimate_sensor", True, "left out where --sensor is given")
 
 
 def run(config: Config) -> None:
     """Fit the laws, store and print them."""
-    from experiments.work.identify import run as work
+    from experiments.identification import print_identification, source_of
+    from experiments.report.identification import page
+    from experiments.run import Run
+    from experiments.storage.manifest import command_line
+    from experiments.storage.results import REPORT_FILE, write_samples
+    from trackslip.identification.drive.estimate import DRIVE_LAWS
+    from trackslip.identification.identify import identify_source
+    from trackslip.identification.result import identification_to_json
+    from trackslip.identification.sensor import Sensor
+    from trackslip.identification.source import origin
 
-    work(config)
+    stages = 3 + len(DRIVE_LAWS)  # reading, steady stretches, each law of whole drives, the report
+    with Run(config) as run, run.progress("identification", stages, "stages") as report:
+        source = source_of(config)
+        for line in source.taken:
+            print(line)
+        report(1)
+        sensor = None if config.sensor is None else Sensor(*config.sensor)
+        with run.watch.stage("identify"):
+            found = identify_source(source, config.method, sensor, config.estimate_sensor, report)
+        manifest = run.manifest(**origin(found.logs))
+        if not found.logs:
+            write_samples(run.folder, found.samples)
+        run.write(identification_to_json(found), found.logs, manifest=manifest)
+        title = f"Slip laws identified from {config.path.name}"
+        page(found, title, command_line("identify"), manifest).write(run.folder, config.pdf)
+        report(1)
+    print_identification(found)
+    print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s")

@@ -74,8 +74,7 @@ def run(config: Config) -> None:
     from experiments.measuring.grid import LocalizationErrors, simulated_seconds
     from experiments.measuring.tracking import tracking_results
     from experiments.recording import record_all
-    from experiments.report.terminal import print_table
-    from experiments.report.tracking import TRACKING_HEADER, tracking_table
+    from experiments.report.tracking import tracking_table
     from experiments.run import Run
     from experiments.storage.bags import bags_text, write_bags
     from experiments.storage.plain_json import plain
@@ -111,7 +110,7 @@ def run(config: Config) -> None:
         if config.rrd:
             with run.busy("recording"):
                 record_all(run.folder, logs)
-    print_table("Tracking errors of the true pose", TRACKING_HEADER, tracking_table(results))
+    tracking_table(results).print()
     print(f"{poses.valid_fraction:.1%} of the scans gave a valid pose; odometry bridged the rest")
     if config.bag:
         print(bags_text(config.out, summary["bags"]))

@@ -5,9 +5,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from markupsafe import Markup
+
 from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE, RED
 from experiments.report.formats import MISSING
+from experiments.report.page import Bullets
+from experiments.report.table import Cell
 from trackslip.identification.drive.model import EXTRAS
+from trackslip.kinematics import RobotGeometry
 from trackslip.slip.families import FAMILIES
 
 
@@ -66,6 +71,7 @@ LAWS = {
 """By name in files and options. Colours follow Okabe and Ito's palette, with a contrast of at least 3 : 1 on the light
 page and on the dark one, where the style sheet inverts figures; all dashes differ, to be told apart without colour."""
 
+NO_SLIP = "no slip compensation"
 _LETTERS = {
     "alpha": "α", "beta": "β", "gamma": "γ", "slip": "i", "size": "a", "pole": "p", "offset": "D", "radius_error": "ε",
     "turn_loss": "g", "compliance": "C", "turn_compliance": "S"
@@ -93,25 +99,54 @@ _MAX_DIGITS = 7
 _UNKNOWN_DIGITS = 2
 
 
-@dataclass(frozen=True)
-class LawRow:
-    """A law and its parameters, as printed in a report's table and on the terminal."""
-
-    law: str  # its name in files and options
-    title: str
-    formula: Sequence[str]  # lines
-    parameters: Sequence[tuple[str, ...]]  # symbol; value with standard error and unit; 95 % intervals
-    best: bool = False
-
-
 def shown(name: str) -> ShownLaw:
     """How a law or compensation is shown; a law of the user's by its name."""
     return LAWS.get(name) or ShownLaw(name)
 
 
-def law_table(rows: Sequence[LawRow]) -> list[tuple[str, ...]]:
-    """One line per parameter."""
-    return [(row.law if k == 0 else "", *cells) for row in rows for k, cells in enumerate(row.parameters)]
+def prediction_title(name: str) -> str:
+    """The title of a law among those compared by prediction, where no law means no compensation."""
+    return NO_SLIP if name == "none" else shown(name).title
+
+
+def law_cell(name: str, best: bool = False, formula: bool = True) -> Cell:
+    """A law in a table: its title and formula on a page, its name in files and options on the terminal."""
+    law = shown(name)
+    return Cell(law.title, name, law.formula if formula else (), "best" if best else "")
+
+
+def parameter_bullets(robot: RobotGeometry) -> Bullets:
+    """The meaning of the laws' parameters."""
+    return Bullets(
+        [
+            Markup(
+                "<strong>α, β</strong>: slip at zero radius and its decay with radius, separately for the outer and "
+                "the inner track. <strong>γ</strong>: growth of slip with speed. The <em>exponential</em> is the "
+                "paper's law; the <em>exponential with speed</em> tests whether speed matters; the <em>power of "
+                "radius</em> decays differently."
+            ),
+            Markup(
+                "<strong>D</strong>: distance from a track's centre line outwards to its <em>instantaneous centre of "
+                "rotation</em> (ICR), the point about which the running track turns over the ground. Dry friction "
+                "keeps this point in place in slow turns of any radius: the <em>constant ICR</em>. <strong>b</strong> "
+                "= {:g} m is half the distance between the tracks' centre lines; it is measured, not fitted."
+            ).format(robot.half_gauge),
+            Markup(
+                "<strong>ε</strong>: relative excess of the sprockets' effective radius over the nominal one. It also "
+                "adds slip on straight paths. <em>Two-sided</em>: separate D and ε for the left and the right track, "
+                "for robots that turn differently to either side."
+            ),
+            Markup(
+                "<strong>g</strong>: share of the belts' mean speed that a robot loses, the more the sharper it turns "
+                "(<em>turn loss</em>), beside D and ε."
+            ),
+            Markup(
+                "<strong>a, p</strong>: size and pole of a <em>hyperbola</em> that assumes nothing about the robot; "
+                "with a = D and p = b + D it is a constant ICR."
+            ),
+            Markup("<em>No slip assumed</em> (no compensation) and <em>constant slip</em> serve as baselines."),
+        ]
+    )
 
 
 def unit_of(law: str, parameter: str) -> tuple[float, str]:

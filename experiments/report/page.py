@@ -6,7 +6,7 @@ import functools
 import io
 import re
 import shlex
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -69,14 +69,18 @@ def draw(name: str, make: Callable[[], Figure | None], pdf: bool) -> Drawn | Non
     return None if figure is None else drawn(name, figure, pdf)
 
 
+Panels = Figure | Sequence[Figure] | None
+"""A figure, several that are shown side by side where there is room, or none."""
+
+
 @dataclass(frozen=True)
 class Plot:
     """A figure on a page, and its file."""
 
     name: str
-    """Of the file and of the element on the page."""
-    figure: Figure | Drawn | Sequence[Figure]
-    """Panels are shown side by side where there is room, each with a file named after its first title."""
+    """Of the file and of the element on the page; files of several panels are named after their titles, too."""
+    figure: Panels | Callable[[], Panels]
+    """Or what makes it, when and where the page is written; a plot of None is left out."""
     heading: str
     caption: str = ""
     """Text, or Markup."""
@@ -85,17 +89,16 @@ class Plot:
 
     kind: ClassVar[str] = "plot"
 
-    def drawn(self, pdf: bool) -> tuple[Drawn, ...]:
-        """The files' contents."""
-        if isinstance(self.figure, Drawn):
-            return (self.figure,)
-        if isinstance(self.figure, Figure):
-            return (drawn(self.name, self.figure, pdf),)
-        return tuple(drawn(f"{self.name}_{_title(panel)}", panel, pdf) for panel in self.figure)
 
-
-def _title(panel: Figure) -> str:
-    return file_name(panel.axes[0].get_title(loc="left"))
+def drawn_plot(plot: Plot, pdf: bool = False) -> tuple[Drawn, ...]:
+    """Draw the figure of a plot, or its panels; nothing if there is no figure."""
+    made = plot.figure() if callable(plot.figure) else plot.figure
+    if made is None:
+        return ()
+    if isinstance(made, Figure):
+        return (drawn(plot.name, made, pdf),)
+    titles = [file_name(panel.axes[0].get_title(loc="left")) for panel in made]
+    return tuple(drawn(f"{plot.name}_{title}", panel, pdf) for title, panel in zip(titles, made, strict=True))
 
 
 @dataclass(frozen=True)
@@ -140,6 +143,7 @@ class Section:
         return any(self.blocks)
 
 
+Draw = Callable[[Callable[[Plot], tuple[Drawn, ...]], Iterable[Plot]], Iterable[tuple[Drawn, ...]]]
 Block = str | Table | Plot | Note | Bullets | Pictures | Section
 
 
@@ -161,9 +165,12 @@ class Page:
     intro: Sequence[Block | None] = ()
     """Below the title."""
 
-    def write(self, folder: Path, pdf: bool = False) -> None:
-        """Write the page and each figure as figures/NAME.svg, with `pdf` also as NAME.pdf."""
-        figures = self._figures(pdf)
+    def write(self, folder: Path, pdf: bool = False, draw: Draw = map) -> None:
+        """Write the page and each figure as figures/NAME.svg, with `pdf` also as NAME.pdf.
+
+        `draw` calls a function with each plot, in order; that of a process pool draws them side by side.
+        """
+        figures = self._drawn(pdf, draw)
         (folder / REPORT_FILE).write_text(self._html(figures), encoding="utf-8")
         (folder / FIGURES_FOLDER).mkdir()
         for several in figures.values():
@@ -172,15 +179,17 @@ class Page:
 
     def html(self) -> str:
         """The page alone."""
-        return self._html(self._figures(pdf=False))
+        return self._html(self._drawn(pdf=False))
 
     @property
     def blocks(self) -> Iterator[Block]:
         """Everything on the page, in order; a section is followed by its blocks."""
         return _all((*self.intro, *self.sections))
 
-    def _figures(self, pdf: bool) -> dict[str, tuple[Drawn, ...]]:
-        return {block.name: block.drawn(pdf) for block in self.blocks if isinstance(block, Plot)}
+    def _drawn(self, pdf: bool, draw: Draw = map) -> dict[str, tuple[Drawn, ...]]:
+        plots = [block for block in self.blocks if isinstance(block, Plot)]
+        figures = draw(functools.partial(drawn_plot, pdf=pdf), plots)
+        return {plot.name: several for plot, several in zip(plots, figures, strict=True)}
 
     def _html(self, figures: Mapping[str, Sequence[Drawn]]) -> str:
         return _template().render(

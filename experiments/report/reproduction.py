@@ -1,191 +1,179 @@
-"""The page of an identification or a reproduction: tables and figures of whatever there is data for."""
+"""The page of a reproduction of the paper: its results beside the simulation's, slip, laws, closed loops."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from matplotlib.figure import Figure
+from markupsafe import Markup
 
-from experiments.driving.paper_model import geometry_of, published_runs
 from experiments.measuring.grid import RadiusSummary
 from experiments.measuring.inner_outer import InnerOuterSamples
 from experiments.measuring.paper_comparison import Quantity, Values
-from experiments.measuring.sightings import Sightings, sightings
+from experiments.measuring.sightings import Sightings
 from experiments.measuring.tracking import TrackingResult
-from experiments.report.drives import DriveFacts
-from experiments.report.figures import drives as drive_figures
-from experiments.report.figures import laws as law_figures
-from experiments.report.figures import steady_runs as steady_figures
-from experiments.report.figures import tracking as tracking_figures
-from experiments.report.figures.localization import error_against_viewing_angle
-from experiments.report.figures.slip_under_load import slip_under_load
+from experiments.report.drives import whole_drives
+from experiments.report.figures import tracking as figures
+from experiments.report.figures.steady_runs import published_and_simulated
 from experiments.report.formats import MISSING, number, pair
-from experiments.report.identification import Facts
-from experiments.report.page import Drawn
-from experiments.report.template_page import Drawing, Page, render_page
-from experiments.report.tracking import tracking_rows
-from trackslip.identification.drive.comparison import DriveComparison
-from trackslip.identification.fitted import FittedLaw
-from trackslip.identification.result import Identification, SteadyLaws
-from trackslip.kinematics import Array, RobotGeometry
+from experiments.report.identification import INTRO, by_paper, measured_slip, remarks, spread
+from experiments.report.page import Page, Plot, Section
+from experiments.report.table import Table
+from experiments.report.tracking import tracking_table
+from trackslip.identification.result import Identification
 from trackslip.logs.runlog import RunLog
 
-COMPARISON_HEADER = ("quantity", "published", "simulated")
-Published = Mapping[str, Mapping[str, RunLog]]
-"""Controller -> compensation -> run by the paper's equations."""
-Sketch = tuple[str, Callable[[], Figure | None]]
-"""The name of a figure, and what makes it, anywhere; it makes none where the data are too few."""
-PLANNED_TRAJECTORY: Sketch = ("fig07_planned_trajectory", tracking_figures.planned_trajectory)
-ERRORS_DEFINED: Sketch = ("fig09_errors_defined", tracking_figures.errors_defined)
+_COMPARISON_NOTE = (
+    "In the laws, R is in metres; slips and their errors are dimensionless. A dash means that the paper gives no "
+    "value. The last rows are position errors by controller and compensation."
+)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Report:
-    """The content of a page. Whatever is empty or None is left out."""
+    """The results of a reproduction."""
 
-    title: str
     command: str  # the command line that made it
     manifest: Mapping[str, Any]  # configuration, versions, seed: anything that fits into JSON
-    comparison: Sequence[Quantity] = ()  # the paper's results beside the simulation's
-    radius: RadiusSummary | None = None  # radii of the grid
-    grid_logs: Sequence[RunLog] = ()  # runs, of which figures show one if they are steady
-    seen: Sightings | None = None  # their poses, if they are known already
-    identification: Identification | None = None
-    tracking: Sequence[TrackingResult] = ()  # errors of the runs along the paper's path
-    tracking_logs: Sequence[RunLog] = ()  # these runs, with `controller` and `compensation` in their metadata
-    published: Published | None = None  # the same runs by the paper's equations, if they are known already
+    comparison: Sequence[Quantity]  # the paper's results beside the simulation's
+    radius: RadiusSummary  # radii of the grid
+    grid_logs: Sequence[RunLog]
+    seen: Sightings | None  # their poses, if truth and scanner are known
+    identification: Identification
+    tracking: Sequence[TrackingResult]  # errors of the runs along the paper's path
+    tracking_logs: Sequence[RunLog]  # these runs, with `controller` and `compensation` in their metadata
+    published: Mapping[str, Mapping[str, RunLog]]  # controller -> compensation -> the same run by the paper's equations
     warnings: Sequence[str] = ()  # other than those of the identification
 
+    def page(self) -> Page:
+        """The page; its figures are drawn when it is written."""
+        found = self.identification
+        sections = [
+            Section("Published and simulated", [self._published_and_simulated(), comparison_table(self.comparison)]),
+            measured_slip(found, self.grid_logs, self.seen),
+            whole_drives(found),
+            self._compensated(),
+            *remarks(found, self.warnings),
+        ]
+        title = "Slip of a tracked robot: the paper and its simulation"
+        return Page(title, self.command, self.manifest, sections, [INTRO])
 
-def render(report: Report, drawn: Mapping[str, Drawn] | None = None) -> Page:
-    """Draw the figures, but for those already `drawn`, and fill in the template.
+    def _published_and_simulated(self) -> Plot | None:
+        found = self.identification
+        turns = InnerOuterSamples.of(found.samples, found.geometry)
+        if not len(turns):
+            return None
+        apart = spread(turns)
+        differ = f". At one radius, runs of different speeds differ by at most {apart}" if apart else ""
+        return Plot(
+            "published_and_simulated",
+            partial(published_and_simulated, self.radius, turns),
+            "The paper's result and the simulation's",
+            "Left: radius driven when the sprockets run at the speeds that a robot without slip would need. Right: "
+            "slip of each track, by the published law (dashed; crosses at the radii that the paper observed) and in "
+            f"every simulated run{differ}.",
+        )
 
-    Without `drawn` all figures are drawn; with it, those that it lacks are left out.
-    """
-    found = report.identification
-    steady = found if found is not None and found.steady is not None else None
-    drive = None if found is None else found.drive
-    seen = report.seen or sightings(report.grid_logs)
-    sketches = figures_of(replace(report, seen=seen))
-    if drawn is None:
-        figures = ((name, make()) for name, make in sketches)
-        drawings: list[Drawing | Drawn] = [Drawing(name, figure) for name, figure in figures if figure is not None]
-    else:
-        drawings = [drawn[name] for name, _ in sketches if name in drawn]
-    return render_page(
-        "report.html.j2",
-        drawings,
-        title=report.title,
-        command=report.command,
-        manifest=report.manifest,
-        comparison=comparison_table(report.comparison),
-        found=None if steady is None else Facts.of(steady),
-        drives=None if found is None or drive is None else DriveFacts.of(drive, main=found.method == "drive"),
-        half_gauge="" if found is None else f"{found.geometry.half_gauge:g} m",
-        outliers=() if found is None else found.outliers,
-        seen=None if seen is None else seen.facts(),
-        warnings=_warnings(report),
-        tracking=tracking_rows(report.tracking),
-        true_grid=bool(report.grid_logs) and report.grid_logs[0].truth is not None,
-        true_tracking=any(log.truth is not None for log in report.tracking_logs),
-        by_paper=any(geometry_of(log.metadata) for log in (*report.grid_logs, *report.tracking_logs)),
-    )
+    def _compensated(self) -> Section | None:
+        """The section of the closed loops."""
+        feedforward, linear = (figures.runs_of(self.tracking_logs, name) for name in ("feedforward", "linear"))
+        if not feedforward and not linear:
+            return None
+        pose = "true" if any(log.truth is not None for log in self.tracking_logs) else "estimated"
+        planned = Plot(
+            "fig07_planned_trajectory",
+            figures.planned_trajectory,
+            "The planned trajectory (the paper's Fig. 7)",
+            "Desired position and heading: 5 s of acceleration, 7 s straight on, the arc (grey) to a heading of "
+            "4π/3, 7 s straight on, 5 s of deceleration.",
+        )
+        return Section(
+            "Compensated slip",
+            [
+                "The robot follows a path of two straight lines and an arc of radius 1.25 m at 0.15 m/s. A slip law "
+                "converts the controller's twist into sprocket speeds; without compensation, slip is assumed to be "
+                f"zero. Paths and errors are those of the {pose} pose.",
+                tracking_table(self.tracking),
+                planned,
+                self._feedforward(feedforward) if feedforward else None,
+                *(self._feedback(linear) if linear else ()),
+            ],
+        )
+
+    def _crosses(self, text: str) -> str:
+        """A sentence on the crosses in the figures, where there are any."""
+        return f" {text}" if by_paper(self.tracking_logs) else ""
+
+    def _feedforward(self, runs: Mapping[str, RunLog]) -> Plot:
+        crosses = (
+            "Crosses, one per second: the paper's own equations, in which the robot slips exactly as in Eq. 11, "
+            "without compensation and compensated by Eq. 11. In the latter case the robot follows the desired path, "
+            "except that commands are held for 50 ms."
+        )
+        return Plot(
+            "fig08_feedforward_paths",
+            partial(figures.paths, runs, self.published.get("feedforward", {})),
+            "Feedforward only (the paper's Fig. 8)",
+            "The robot drives the planned twist without feedback, so that every error of the slip law accumulates. "
+            "Left: paths, with squares at their ends. Right: distance from the desired position at the same time "
+            f"(errors below 0.3 mm are drawn at 0.3 mm; grey: the arc).{self._crosses(crosses)}",
+        )
+
+    def _feedback(self, runs: Mapping[str, RunLog]) -> Sequence[Plot]:
+        published = self.published.get("linear", {})
+        laws = {} if self.identification.steady is None else self.identification.comparison.laws
+        above, same = "Crosses: the paper's own equations, as above.", "Crosses: the same by the paper's own equations."
+        return (
+            Plot(
+                "fig09_errors_defined",
+                figures.errors_defined,
+                "Definition of the errors (the paper's Fig. 9 and Eq. 18)",
+                Markup(
+                    "The desired pose seen from the robot: its distance ahead (e<sub>x</sub>) and to the left "
+                    "(e<sub>y</sub>), and the difference of heading (e<sub>φ</sub>). The controller uses the estimated "
+                    "pose; figures and tables here evaluate the true one."
+                ),
+            ),
+            Plot(
+                "fig10_feedback_paths",
+                partial(figures.paths, runs, published),
+                "Linear feedback controller (the paper's Fig. 10)",
+                "The same with feedback of the estimated pose, from a start beside the path. Feedback corrects part "
+                "of what the slip law misses, so the paths differ less than without it; the distances on the right "
+                f"show the differences.{self._crosses(above)}",
+            ),
+            Plot(
+                "fig11_feedback_errors",
+                partial(figures.tracking_errors_over_time, runs, published),
+                "Errors with feedback (the paper's Fig. 11)",
+                Markup(
+                    "Position error in the robot's frame, forward (e<sub>x</sub>) and to the left (e<sub>y</sub>), and "
+                    "its norm. Left: the whole run, dominated by the start beside the path. Right: from 12 s on, where "
+                    "the arc (grey) begins, in millimetres. The remaining errors come from uncompensated slip, noise "
+                    "and delay.{} The controller's gains vanish with the planned speed, so nothing corrects errors "
+                    "that arise while the robot comes to rest at the end."
+                ).format(self._crosses("Crosses: the paper's own equations, without noise and delay.")),
+            ),
+            Plot(
+                "fig12_slip_during_tracking",
+                partial(figures.slip_during_tracking, runs, laws, published),
+                "Slip during tracking (the paper's Fig. 12)",
+                "Dashed: slip of each track that the law predicts at the commanded curvature."
+                f"{self._crosses(same)} Thin: true slip, smoothed over "
+                "0.5 s, where it is known and the sprocket turns faster than 0.3 rad/s. In the arc (grey), the left "
+                "track is the inner one. The axis is the paper's; the first seconds exceed it, because the robot "
+                "turns sharply towards the path.",
+            ),
+        )
 
 
-def comparison_table(quantities: Sequence[Quantity]) -> list[tuple[str, str, str]]:
-    """One line per quantity, under COMPARISON_HEADER."""
-    return [(q.name, _text(q.published, q), _text(q.simulated, q)) for q in quantities]
+def comparison_table(quantities: Sequence[Quantity]) -> Table:
+    """A row per quantity: the paper's result and the simulation's."""
+    rows = [(one.name, _text(one.published, one), _text(one.simulated, one)) for one in quantities]
+    return Table("Published | simulated", ("quantity", "published", "simulated"), rows, note=_COMPARISON_NOTE)
 
 
 def _text(values: Values | str, quantity: Quantity) -> str:
     if isinstance(values, str):
         return values or MISSING
     return pair([number(value, quantity.digits) for value in values], quantity.unit) if values else MISSING
-
-
-def figures_of(report: Report) -> Iterator[Sketch]:
-    """All figures that the report has data for, in the order of the page; they are made only when they are called."""
-    found = report.identification
-    steady = None if found is None else found.steady
-    turns = None if found is None or steady is None else InnerOuterSamples.of(steady.samples, found.geometry)
-    if report.radius is not None and turns:
-        yield "published_and_simulated", partial(steady_figures.published_and_simulated, report.radius, turns)
-    if report.grid_logs and (found is None or steady is not None):
-        typical = steady_figures.typical_run(report.grid_logs)
-        yield "fig04_pose_and_velocity", partial(steady_figures.pose_and_velocity, typical)
-    if report.seen is not None:
-        yield "localization_error", partial(error_against_viewing_angle, report.seen)
-    if found is not None and steady is not None and turns is not None:
-        yield from _law_figures(found, steady, turns)
-    if found is not None and found.drive is not None:
-        yield from _drive_figures(found.drive)
-    laws = {} if steady is None else steady.comparison.laws
-    yield from _tracking_figures(report.tracking_logs, laws, report.published)
-
-
-def _law_figures(found: Identification, steady: SteadyLaws, turns: InnerOuterSamples) -> Iterator[Sketch]:
-    """Figures of laws identified from steady stretches."""
-    comparison = steady.comparison
-    if len(turns):
-        best = comparison.laws[comparison.best]
-        yield "fig05_slip_over_speed_and_radius", partial(steady_figures.slip_against_speed_and_radius, turns, best)
-        yield "fig06_slip_laws", partial(law_figures.fitted_laws, turns, comparison)
-        yield "residuals_of_laws", partial(law_figures.residuals, turns, comparison)
-    if (loaded := comparison.laws.get("icr_load")) is not None:
-        yield "slip_under_load", partial(slip_under_load, steady.samples, loaded, found.geometry)
-    yield "comparison_of_laws", partial(law_figures.criteria, comparison)
-    if correlated := law_figures.correlated_laws(comparison):
-        yield "correlations_of_parameters", partial(law_figures.correlations, correlated)
-
-
-def _tracking_figures(
-    logs: Sequence[RunLog], laws: Mapping[str, FittedLaw], published: Published | None
-) -> Iterator[Sketch]:
-    """Figures of the closed loops."""
-    runs = {name: tracking_figures.runs_of(logs, name) for name in ("feedforward", "linear")}
-    feedforward, linear = runs.values()
-    if feedforward or linear:
-        yield PLANNED_TRAJECTORY
-        published = published_beside(logs) if published is None else published
-    if published is not None and feedforward:
-        yield "fig08_feedforward_paths", partial(tracking_figures.paths, feedforward, published.get("feedforward", {}))
-    if published is not None and linear:
-        beside = published.get("linear", {})
-        yield ERRORS_DEFINED
-        yield "fig10_feedback_paths", partial(tracking_figures.paths, linear, beside)
-        yield "fig11_feedback_errors", partial(tracking_figures.tracking_errors_over_time, linear, beside)
-        yield "fig12_slip_during_tracking", partial(tracking_figures.slip_during_tracking, linear, laws, beside)
-
-
-def _drive_figures(drive: DriveComparison) -> Iterator[Sketch]:
-    """Figures of laws identified from whole drives."""
-    best = drive.laws[drive.best]
-    yield "drive_path", partial(drive_figures.path_and_predictions, drive)
-    yield "drive_prediction_errors", partial(drive_figures.prediction_errors, drive)
-    yield "drive_residuals", partial(drive_figures.residuals_over_time, best)
-    if drive.clock is not None:
-        yield "drive_clock_offset", partial(drive_figures.clock_offset, drive)
-    if len(best.free) > 1:
-        yield "drive_correlations", partial(drive_figures.drive_correlations, best)
-
-
-def published_beside(logs: Sequence[RunLog]) -> Published:
-    """The same runs by the paper's equations, from the same starts; those of a robot of unknown geometry are left out.
-
-    Runs of robots of different geometries are driven one after another.
-    """
-    starts: dict[RobotGeometry, dict[str, Array]] = {}
-    for name in ("feedforward", "linear"):
-        log = next(iter(tracking_figures.runs_of(logs, name).values()), None)
-        geometry = None if log is None else geometry_of(log.metadata)
-        if log is not None and geometry is not None:
-            starts.setdefault(geometry, {})[name] = tracking_figures.driven(log)[0]
-    return {name: runs for one, of in starts.items() for name, runs in published_runs(of, one).items()}
-
-
-def _warnings(report: Report) -> list[str]:
-    """All warnings but those of runs that were left out, which have a list of their own."""
-    found = report.identification
-    known = [] if found is None else [warning for warning in found.warnings if warning not in map(str, found.outliers)]
-    return [*report.warnings, *known]

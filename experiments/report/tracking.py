@@ -1,26 +1,25 @@
-"""Tables of tracking errors, for the terminal and for pages."""
+"""The table of tracking errors."""
 
 from collections.abc import Sequence
 from math import degrees
 
 from experiments.measuring.tracking import TrackingResult
-from experiments.report.formats import for_terminal, number
+from experiments.report.formats import number
 from experiments.report.laws import shown
+from experiments.report.table import Cell, Table
 
-TRACKING_HEADER = ("controller", "compensation", "rms [mm]", "> 12 s [mm]", "max [mm]", "end [mm]", "end [deg]")
-
-
-def tracking_table(results: Sequence[TrackingResult]) -> list[tuple[str, ...]]:
-    """One line per run, under TRACKING_HEADER."""
-    return for_terminal([(result.controller, result.compensation, *_errors(result)) for result in results])
+_HEADER = ("controller", "compensation", "rms [mm]", "> 12 s [mm]", "max [mm]", "end [mm]", "end [deg]")
 
 
-def tracking_rows(results: Sequence[TrackingResult]) -> list[tuple[str, ...]]:
-    """One row per run for a page: controller, compensation, localization, and the errors in mm and degrees."""
-    return [(r.controller, shown(r.compensation).title, r.localization, *_errors(r)) for r in results]
-
-
-def _errors(result: TrackingResult) -> list[str]:
-    errors = result.errors
-    positions = (errors.rms_position, errors.rms_position_after_12s, errors.max_position, errors.final_position)
-    return [*(number(1e3 * value, 1) for value in positions), number(degrees(errors.final_heading), 2)]
+def tracking_table(results: Sequence[TrackingResult]) -> Table:
+    """A row per run."""
+    rows: list[tuple[str | Cell, ...]] = []
+    for result in results:
+        errors = result.errors
+        positions = (errors.rms_position, errors.rms_position_after_12s, errors.max_position, errors.final_position)
+        cells = [*(number(1e3 * value, 1) for value in positions), number(degrees(errors.final_heading), 2)]
+        compensation = Cell(shown(result.compensation).title, result.compensation)
+        rows.append((result.controller, compensation, *cells))
+    localization = ", ".join(dict.fromkeys(result.localization for result in results))
+    note = f"Errors of position: root mean square of the run and from 12 s on, largest, final. Poses by {localization}."
+    return Table("Tracking errors of the true pose", _HEADER, rows, "llr", note)

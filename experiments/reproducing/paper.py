@@ -1,7 +1,6 @@
 """The paper from its grid to its last figure."""
 
 import time
-from dataclasses import replace
 from typing import Any
 
 from experiments.driving.grid_runs import cells_of
@@ -16,19 +15,10 @@ from experiments.options.world import IDENTIFIED
 from experiments.parallel.executors import Workers
 from experiments.recording import record_all
 from experiments.recording.failed_runs import results_or_failed_runs
-from experiments.report.formats import for_terminal, stages_text
-from experiments.report.reproduction import (
-    COMPARISON_HEADER,
-    ERRORS_DEFINED,
-    PLANNED_TRAJECTORY,
-    Report,
-    comparison_table,
-    figures_of,
-    render,
-)
-from experiments.report.terminal import busy, print_table
-from experiments.report.tracking import TRACKING_HEADER, tracking_table
-from experiments.reproducing.figures import Figures
+from experiments.report.formats import stages_text
+from experiments.report.reproduction import Report, comparison_table
+from experiments.report.terminal import busy
+from experiments.report.tracking import tracking_table
 from experiments.reproducing.grid import driven_grid
 from experiments.reproducing.grid_shares import GridShares
 from experiments.reproducing.loops import Loops, start_poses
@@ -56,7 +46,6 @@ def reproduce(config: ReproduceConfig, workers: Workers, shares: GridShares, beg
     with results_or_failed_runs(config.out, "reproduce", world) as folder:
         geometry = world.robot.geometry
         names = [cell.name for cell in cells_of(config)]
-        figures = Figures(workers, config.pdf)
         with busy(f"{len(names)} runs, scans and poses"):
             driven = driven_grid(shares, watch)
         grid_logs = driven.logs
@@ -70,19 +59,9 @@ def reproduce(config: ReproduceConfig, workers: Workers, shares: GridShares, beg
                 found = identify_selected(selected, geometry, fitted=fitted)
             grid = grid_summary(config, names, grid_logs, sampling.samples, geometry, watch, driven.measured)
             published = workers.begin(timed, "report", published_runs, start_poses(), geometry)
-            report = Report(
-                title="Slip of a tracked robot: the paper and its simulation",
-                command=command_line("reproduce"),
-                manifest={},
-                grid_logs=grid_logs,
-                seen=sightings(grid_logs),
-                radius=grid.radius,
-                identification=found,
-            )
-            figures.add([PLANNED_TRAJECTORY, ERRORS_DEFINED, *figures_of(report)])
         with busy("closed loops"):
             try:
-                tracking_logs = loops.logs(watch, figures.draw_one)
+                tracking_logs = loops.logs(watch, lambda: False)
             except RunFailedError as failure:
                 failure.logs = [*grid_logs, *failure.logs]
                 raise
@@ -94,20 +73,22 @@ def reproduce(config: ReproduceConfig, workers: Workers, shares: GridShares, beg
         with busy("report"):
             beside, times = published()
             watch.add(times)
-            report = replace(report, tracking_logs=tracking_logs, published=beside)
-            figures.add(figures_of(report))
-            figures.share()
             write_runs(folder, logs)
-            report = replace(
-                report,
+            report = Report(
+                command=command_line("reproduce"),
                 manifest=world.manifest("reproduce", time.perf_counter() - began),
                 comparison=comparison,
+                radius=grid.radius,
+                grid_logs=grid_logs,
+                seen=sightings(grid_logs),
+                identification=found,
                 tracking=tracking,
+                tracking_logs=tracking_logs,
+                published=beside,
                 warnings=warnings,
             )
-            drawn = figures.drawn(watch)
             with watch.stage("report"):
-                render(report, drawn).write(folder, config.pdf)
+                report.page().write(folder, config.pdf)
         wall, simulated = time.perf_counter() - began, simulated_seconds(logs)
         summary: dict[str, Any] = {
             **identification_to_json(found),
@@ -127,8 +108,8 @@ def reproduce(config: ReproduceConfig, workers: Workers, shares: GridShares, beg
                 compared.setdefault(f"{log.metadata['controller']} compared", []).append(log)
             with busy("recordings"):
                 record_all(folder, logs, compared)
-    print_table("Published | simulated", COMPARISON_HEADER, for_terminal(comparison_table(comparison)))
-    print_table("Tracking errors of the true pose", TRACKING_HEADER, tracking_table(tracking))
+    comparison_table(comparison).print()
+    tracking_table(tracking).print()
     for warning in summary["warnings"]:
         print(f"warning: {warning}")
     print(stages_text(watch.stages))

@@ -7,10 +7,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.report.colours import BLUE, GREEN, GREY, ORANGE, RED
-from experiments.report.drives import longest, title_of
 from experiments.report.figures import style
 from experiments.report.figures.laws import draw_matrix
-from experiments.report.laws import EXTRA_SYMBOLS, SYMBOLS
+from experiments.report.laws import EXTRA_SYMBOLS, SYMBOLS, prediction_title
 from trackslip.identification.drive.comparison import DriveComparison
 from trackslip.identification.drive.estimate import DriveFit
 from trackslip.identification.drive.fit import Fit
@@ -25,6 +24,11 @@ _POINTS = 1200  # of a panel of residuals
 _LINE = "#555555"
 _WITHIN = 1.96  # standard deviations of 95 % of normal residuals
 _RISE = 3.84  # of -2 log likelihood at the ends of a 95 % interval
+
+
+def longest(found: DriveComparison) -> int:
+    """Index of the drive that lasts longest."""
+    return int(np.argmax([drive.time[-1] - drive.time[0] for drive in found.drives]))
 
 
 @style.styled
@@ -54,7 +58,7 @@ def path_and_predictions(found: DriveComparison) -> Figure:
     right.set_ylabel("")
     names = compared(found)
     _draw_pieces(right, found, names, rows)
-    laws = [style.key(title_of(name), **style.law_line(name, lw=1.8)) for name in names]
+    laws = [style.key(prediction_title(name), **style.law_line(name, lw=1.8)) for name in names]
     style.legend_below(figure, [*left.get_legend_handles_labels()[0], *laws], handlelength=3.2)
     return figure
 
@@ -190,7 +194,7 @@ def drive_correlations(law: DriveFit) -> Figure:
     """Correlation matrix of all parameters fitted."""
     symbols = SYMBOLS | EXTRA_SYMBOLS
     figure, axes = style.subplots(1.2 + 0.38 * len(law.free))
-    draw_matrix(axes, law.correlation, [symbols[name] for name in law.free], title_of(law.name))
+    draw_matrix(axes, law.correlation, [symbols[name] for name in law.free], prediction_title(law.name))
     return figure
 
 
@@ -212,6 +216,6 @@ def prediction_errors(found: DriveComparison) -> Figure:
         axis.set_xticks([], minor=True)
         style.log_ticks(axis.yaxis)
     best = {found.best: " – best"}
-    handles = [style.key(title_of(name) + best.get(name, ""), **look) for name, look in looks.items()]
+    handles = [style.key(prediction_title(name) + best.get(name, ""), **look) for name, look in looks.items()]
     style.legend_below(figure, handles, ncols=4, handlelength=3.2)
     return figure

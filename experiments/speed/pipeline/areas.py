@@ -14,7 +14,6 @@ AREAS = (
     "closed_loop",
     "localization",
     "laws",
-    "report",
     "reproduce",
     "scale",
 )

@@ -1,0 +1,173 @@
+"""The page of an identification: tables, text and figures of whatever there is data for."""
+
+import html
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from identified import driven, grid, identified
+from spin import spun_before_the_scanner
+
+from experiments.measuring.inner_outer import InnerOuterSamples
+from experiments.report.figures.laws import fitted_laws
+from experiments.report.figures.steady_runs import slip_against_speed_and_radius
+from experiments.report.identification import criteria_table, law_table, page
+from experiments.report.library import identification_page
+from experiments.report.page import Plot
+from experiments.report.table import Table
+from trackslip.slip.exponential import PUBLISHED
+
+OF_LAWS = (
+    "fig05_slip_over_speed_and_radius",
+    "fig06_slip_laws",
+    "residuals_of_laws",
+    "comparison_of_laws",
+    "correlations_of_parameters",
+)
+OF_DRIVES = ("drive_path", "drive_prediction_errors", "drive_residuals", "drive_clock_offset", "drive_correlations")
+
+
+def made(found):
+    return page(found, "Laws", "trackslip identify", {})
+
+
+def plots(found):
+    return tuple(block.name for block in made(found).blocks if isinstance(block, Plot))
+
+
+def text_of(found):
+    """The page's words, without figures and tags."""
+    bare = re.sub(r"<svg.*?</svg>|<style>.*?</style>|<[^>]*>", " ", identification_page(found), flags=re.DOTALL)
+    return html.unescape(" ".join(bare.split()))
+
+
+def floats(text):
+    return [float(number.replace("−", "-")) for number in re.findall(r"−?\d+\.\d+", text)]
+
+
+@pytest.fixture(scope="module")
+def found():
+    return identified(driven(grid()), outliers=[("run 9", "it is 0.3 off")])
+
+
+def test_every_figure_and_table_is_there_once(found):
+    assert plots(found) == OF_LAWS
+    seen = replace(found, logs=(spun_before_the_scanner(400),))
+    assert plots(seen) == ("fig04_pose_and_velocity", "localization_error", *OF_LAWS)
+    assert [block for block in made(found).blocks if isinstance(block, Table)] == [
+        law_table(found),
+        criteria_table(found),
+    ]
+
+
+def test_laws_have_values_errors_and_intervals(found):
+    fitted = found.comparison.laws["icr_radius"]
+    for symbol, name, factor in (("D", "offset", 1e3), ("ε", "radius_error", 1e2)):
+        cells = next(cells for _, *cells in groups(law_table(found))["icr_radius"] if cells[0] == symbol)
+        expected = [fitted.values[name], fitted.stderr[name], *fitted.interval95[name]]
+        assert floats(" ".join(cells[1:])) == pytest.approx(factor * np.array(expected), rel=0.06)
+    assert [law.mark for law, *_ in law_table(found).rows if law and law.mark] == ["best"]
+    assert groups(law_table(found)).keys() == {*found.comparison.laws, "published"} - {"none"}
+
+
+def groups(table):
+    """The rows of a table by the name in the first cell of their group."""
+    found, name = {}, ""
+    for row in table.rows:
+        name = row[0].name if row[0] else name
+        found.setdefault(name, []).append(row)
+    return found
+
+
+def test_laws_are_compared_by_rank(found):
+    table = criteria_table(found)
+    assert [row[0].name for row in table.rows] == [*found.comparison.ranking, "published"]
+    best = found.comparison.laws[found.best]
+    (row,) = [row for row in table.rows if row[0].mark]
+    assert row[0].name == found.best
+    assert float(row[table.header.index("rms")]) == pytest.approx(best.rms, abs=1e-5)
+    misses = {row[0].name for row in table.rows[:-1] if row[-1].text == "misses"}
+    assert misses == {name for name, law in found.comparison.laws.items() if law.lacks_fit}
+
+
+def test_words_carry_the_numbers_of_the_data(found):
+    words = text_of(found)
+    assert "Each of 8 runs" in words
+    assert f"leaves a residual of {found.comparison.laws[found.best].rms:.2g}" in words
+    assert words.count("it is 0.3 off") == 1  # not among the warnings as well
+    assert words.count("law power: the samples don't determine beta_outer.") == 1
+
+
+def test_samples_without_errors_have_no_error_bars():
+    words = text_of(identified(driven(grid(), errors=False)))
+    assert "There are no error bars" in words
+    assert "twice the scatter about the best law" in words
+
+
+def test_few_samples_have_no_criteria_bootstrap_or_test():
+    samples = driven([(0.1, 0.1), (0.1, 0.2)], errors=False)
+    words = text_of(identified(samples, ("constant", "icr", "icr_radius"), determined=False))
+    assert "Lack of fit cannot be tested here" in words
+    assert "too few samples for the criterion" in words
+    assert "nan" not in words.lower().split()
+
+
+@pytest.mark.parametrize(
+    "twists",
+    [
+        grid(side=-1),
+        [*grid(), *grid(side=-1), (0.1, 0.0), (0.2, 0.0)],
+        [(0.0, 0.4), (0.0, -0.4), (0.0, 0.6), *grid()[:4]],
+        [(0.1, 0.1 / radius) for radius in (0.5, 0.7, 1, 1.4, 2, 3, 4, 6, 9, 14)],
+    ],
+    ids=["right turns", "both sides and straight", "on the spot", "scattered radii"],
+)
+def test_all_kinds_of_turns_have_a_page(twists):
+    found = identified(driven(twists), ("icr", "icr_radius"))
+    assert re.findall(r'<figure id="(\w+)"', identification_page(found)) == list(OF_LAWS)
+    assert ("the radii are scattered" in text_of(found)) == (len(twists) == 10 and twists[-1][1] < 0.01)
+
+
+def test_straight_runs_alone_have_tables_but_no_axis_of_radii():
+    found = identified(driven([(0.1, 0.0), (0.2, 0.0), (0.15, 0.0)]), ("none",), best="none")
+    assert plots(found) == ("comparison_of_laws",)
+    assert "3 of them were nearly straight" in text_of(found)
+
+
+def test_one_run_has_a_page():
+    found = identified(driven([(0.1, 0.08)]), ("icr",), best="icr", determined=False)
+    assert "at observed radii of 1.25 m and speeds of 0.10 m/s" in text_of(found)
+    turns = InnerOuterSamples.of(found.samples, found.geometry)
+    legends = slip_against_speed_and_radius(turns, found.comparison.laws["icr"]).legends
+    assert "best law" in [text.get_text() for legend in legends for text in legend.get_texts()]
+    for axis, track in zip(fitted_laws(turns, found.comparison).axes, (1, 0), strict=False):
+        low, high = axis.get_ylim()
+        for law in (found.comparison.laws["icr"].law, PUBLISHED):
+            assert low < (turns.slip - turns.residual(law))[0, track] < high
+
+
+def test_a_page_of_drives_alone(two_drives):
+    assert plots(two_drives) == OF_DRIVES
+    words = text_of(two_drives)
+    assert "Measured slip" not in words
+    assert "2 drives counts here (40 s," in words
+    assert f"held: {two_drives.drive.laws[two_drives.best].held['lag']}" in words
+
+
+def test_drives_without_headings(without_headings):
+    words = text_of(without_headings)
+    assert set(plots(without_headings)) <= set(OF_DRIVES)
+    assert "poses without headings" in words
+    assert "prediction of heading" not in words
+    assert "held: no headings were measured" in words
+
+
+@pytest.mark.parametrize("method", ["steady", "drive"])
+def test_drives_follow_steady_runs(found, two_drives, method):
+    both = replace(found, drive=two_drives.drive, method=method)
+    assert plots(both) == OF_LAWS + OF_DRIVES
+    words = text_of(both)
+    assert words.count("run 9 : it is 0.3 off.") == 1
+    assert words.count("half the distance between the tracks' centre lines") == 1
+    assert ("the laws above are the result" in words) == (method == "steady")
