@@ -1,21 +1,61 @@
-"""`trackslip bench`: measure how fast the simulator is, store and print it."""
+"""`trackslip bench`: the speed of the simulator over that of the bare engine."""
 
-from experiments.options.bench import BenchConfig as Config
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from experiments.options.base import Distinct, Positive, Whole
+from experiments.options.world import Repeatable
 
 EXAMPLES = (
-    ("the simulator", "trackslip bench"),
-    ("a quick look", "trackslip bench --sizes 1 64 --thread-counts 1 --seconds 5 --repeats 3"),
-    ("the learning environments", "trackslip bench --env"),
-    ("tracks on terrain", "trackslip bench --terrain"),
-    ("ground that shears", "trackslip bench --shear"),
-    ("fleets on an NVIDIA GPU", "trackslip bench --gpu"),
-    ("every stage beside its bound", "trackslip bench --pipeline"),
-    ("many robots and long runs", "trackslip bench --scale"),
+    ("the simulator, the environments, localization and reproduce", "trackslip bench"),
+    ("a quick look", "trackslip bench --sizes 1 64 --seconds 5 --repeats 3"),
 )
+MAX_ROBOTS = 10_000
+
+
+@dataclass(frozen=True)
+class Config(Repeatable):
+    """Measure how fast the simulator is beside the bare engine, which makes the same steps in turns with it."""
+
+    sizes: Annotated[tuple[int, ...], Distinct("number"), Whole(1, MAX_ROBOTS)] = (1, 25, 256)
+    """Numbers of robots."""
+    threads: Annotated[int, Whole(1, 1024)] = 1
+    """Number of worker threads."""
+    seconds: Annotated[float, Positive(1000.0, "s")] = 20.0
+    """Simulated time of all robots together in a turn [s]."""
+    repeats: Annotated[int, Whole(1, 100)] = 5
+    """Number of rounds of turns, after one that warms up; ratios are medians."""
+    out: Path = Path("out/bench")
+    """Folder for the results."""
 
 
 def run(config: Config) -> None:
     """Measure, store and print."""
-    from experiments.work.bench import run as work
+    from experiments.report.table import Table
+    from experiments.run import Run
+    from experiments.speed import CASES, checks_of, measure
+    from experiments.storage.results import SUMMARY_FILE
+    from sim.robot.robot import load_robot
 
-    work(config)
+    robot = load_robot()
+    with Run(config) as run:
+        with run.progress("bench", 2 + (1 + config.repeats) * len(config.sizes) * len(CASES), "turns") as turn:
+            speeds, costs = measure(config, robot, turn)
+        checks = checks_of(speeds, costs)
+        summary = {
+            "speeds": speeds,
+            "costs": costs,
+            "checks": [check.to_json() for check in checks],
+        }
+        run.write(summary, seed=config.seed, model_sha256=robot.digest)
+    step = float(robot.model.opt.timestep)
+    rows = [
+        (one.case, str(one.robots), f"{one.steps_per_s:,.0f}", f"{one.over_bare:.2f}", f"{one.steps_per_s * step:,.0f}")
+        for one in speeds
+    ]
+    header = ("case", "robots", "physics steps/s", "over the bare engine", "x real time")
+    Table(f"Speed on {config.threads} thread(s)", header, rows).print()
+    for check in checks:
+        print(f"{'holds' if check.holds else 'DOES NOT HOLD'}: {check}")
+    print(f"{config.out / SUMMARY_FILE}: {run.wall:.1f} s")

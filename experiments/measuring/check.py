@@ -28,6 +28,17 @@ class Check:
         low, high = self.ends
         return bool(low <= self.value <= high)
 
+    def __str__(self) -> str:
+        low, high = self.ends
+        allowed = (
+            f"at most {high:g}"
+            if low == -math.inf
+            else f"{low:g} to {high:g}"
+            if high < math.inf
+            else f"at least {low:g}"
+        )
+        return f"{self.case}: {self.what} {self.value:.3g}, {allowed}"
+
     def to_json(self) -> dict[str, Any]:
         """An entry of `checks` in a summary.json, where an end that is infinite becomes null."""
         name = f"{self.case}: {self.what}"

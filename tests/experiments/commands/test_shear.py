@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from rrd import component
 
-from experiments.options.bench import BenchConfig
 from experiments.validation.shear.findings import subjects
 from sim.robot.parameters import RobotParameters
 from trackslip.logs.logfile import read_runs
@@ -42,19 +41,6 @@ def test_recordings_show_how_far_the_ground_gives_way(trackslip):
     _, colours = component(file, "/run/robot/shear", "colors")
     assert colours.shape == (len(log.time), 18)
     assert len(np.unique(colours)) > 10
-
-
-@pytest.mark.slow
-def test_bench_compares_the_same_fleets_on_both_grounds(trackslip):
-    sizes = ("--sizes", "2", "32", "--thread-counts", "1", "--seconds", "3", "--repeats", "1")
-    summary = trackslip("bench", "--shear", *sizes).summary
-    assert [row["n"] for row in summary["rows"]] == [2, 32]
-    for row in summary["rows"]:
-        assert row["cost_ratio"] > 1
-    (check,) = summary["checks"]
-    assert check["name"].startswith("32 robots")
-    assert check["bound"] == 1.5
-    assert BenchConfig(shear=True).shear_sizes == (32, 64, 256)
 
 
 @pytest.mark.slow

@@ -1,1 +1,0 @@
-"""What `trackslip bench` measures."""

@@ -1,0 +1,65 @@
+"""Times of single parts of the pipeline; `pytest tests/benchmarks` prints them, and they are not run by default."""
+
+import numpy as np
+import pytest
+from slip_data import grid
+from wandered import GEOMETRY, LAW, wandered
+
+from experiments.driving.grid_runs import before_scanner
+from sim.fleet import Fleet
+from sim.ground.named import load_ground
+from sim.scanner.feed import ScannerFeed
+from sim.scanner.scanner import LaserScanner
+from sim.traverse.env import TraverseVectorEnv
+from trackslip.identification.comparison import compare_laws
+from trackslip.identification.drive.estimate import fit_drives, prepare
+from trackslip.localization.plate import PlateLocator
+
+pytest.importorskip("pytest_benchmark")
+ROBOTS = 25
+
+
+@pytest.fixture
+def fleet(robot):
+    """Robots that drive on a circle."""
+    return driving(robot)
+
+
+def driving(robot, ground=None):
+    fleet = Fleet(robot, np.tile(before_scanner(robot), (ROBOTS, 1)), ground, threads=1)
+    fleet.command([2.0, 3.0])
+    fleet.advance(2.0)
+    return fleet
+
+
+def test_a_second_of_physics(benchmark, fleet):
+    benchmark(fleet.advance, 1.0)
+
+
+def test_a_second_of_physics_on_ground_that_shears(benchmark, robot):
+    benchmark(driving(robot, load_ground("clay")).advance, 1.0)
+
+
+def test_a_control_period_of_tracks_on_terrain(benchmark):
+    env = TraverseVectorEnv(ROBOTS, threads=1, action="correction")
+    env.reset(seed=0)
+    benchmark(env.step, np.zeros(env.action_space.shape, np.float32))
+
+
+def test_a_scan_of_each_robot(benchmark, fleet):
+    feed = ScannerFeed(LaserScanner(), fleet)
+    benchmark(lambda: feed.measure(feed.true_ranges()[:, None, :]))
+
+
+def test_localization_of_a_scan_of_each_robot(benchmark, robot, fleet):
+    feed = ScannerFeed(LaserScanner(), fleet)
+    scan = feed.scan(feed.measured(feed.true_ranges()[:, None, :])[:, 0])
+    benchmark(PlateLocator(robot.plate).locate, scan, fleet.pose())
+
+
+def test_laws_of_25_steady_runs(benchmark):
+    benchmark(compare_laws, grid(LAW), GEOMETRY)
+
+
+def test_a_law_of_a_drive_of_a_minute(benchmark):
+    benchmark(fit_drives, "icr_radius", prepare([wandered(duration=60.0)]), GEOMETRY)

@@ -1,0 +1,45 @@
+"""The bench: the bare engine does what the simulator did, and bounds can be missed."""
+
+import numpy as np
+import pytest
+
+from experiments.driving.grid_runs import before_scanner
+from experiments.speed import FLEET, LOCALIZATION, LOOPS, REPRODUCE, SCANNER, TRACKING, SameMotion, Speed, checks_of
+from sim.fleet import Fleet
+from sim.runs import closed_loop
+from sim.steering import Pilot
+from trackslip.controllers.linear import LinearTimeVarying
+from trackslip.trajectory.segmented import circle
+
+COSTS = {LOOPS: 2.0, LOCALIZATION: 0.5, REPRODUCE: 5.0}
+
+
+def test_the_bare_engine_repeats_the_motion_of_a_closed_loop(robot):
+    path = circle(1.25, 0.15, 2.0, before_scanner(robot))
+    fleet = Fleet(robot, path.pose(0.0) + np.array([[0, 0, 0], [0.1, 0, 0.1]]), threads=1)
+    motion = SameMotion(fleet)
+    closed_loop(fleet, [Pilot(LinearTimeVarying(), [0, 1])], path, progress=motion.note)
+    assert motion.repeat() > 0
+    np.testing.assert_allclose(motion.bare.qpos, fleet.batch.qpos, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("case", "robots", "over_bare", "holds"),
+    [(FLEET, 25, 0.91, True), (FLEET, 25, 0.89, False), (SCANNER, 25, 0.69, False), (TRACKING, 1, 0.41, True)],
+)
+def test_a_case_that_is_too_slow_misses_its_bound(case, robots, over_bare, holds):
+    first, *rest = checks_of([Speed(case, robots, 1e4, over_bare)], COSTS)
+    assert first.holds == holds
+    assert all(check.holds for check in rest)
+
+
+def test_costs_over_their_bounds_are_missed():
+    assert [check.holds for check in checks_of([], {LOOPS: 2.6, LOCALIZATION: 1.1, REPRODUCE: 6.1})] == [False] * 3
+
+
+@pytest.mark.slow
+def test_the_whole_table(trackslip):
+    result = trackslip("bench", "--sizes", "1", "3", "--seconds", "0.5", "--repeats", "1")
+    assert len(result.summary["speeds"]) == 12
+    assert all(one["over_bare"] > 0 for one in result.summary["speeds"])
+    assert "localization: time over its physics" in [check["name"] for check in result.summary["checks"]]
