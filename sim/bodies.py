@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from mujoco import batch
 
 from sim.moments import Moments
 from sim.robot.robot import Robot
-from sim.warp.devices import CPU, make_batch
 from trackslip.kinematics import Array, column, columns
 
 Rows = np.ndarray | slice
@@ -22,11 +22,11 @@ _TURN = 2 * np.pi
 class Bodies:
     """The bodies of N robots, each in its own world."""
 
-    def __init__(self, robot: Robot, size: int, threads: int, device: str = CPU) -> None:
-        """`size` robots of one model, on `threads` worker threads (0: one per processor), or on another device."""
+    def __init__(self, robot: Robot, size: int, threads: int) -> None:
+        """`size` robots of one model, on `threads` worker threads (0: one per processor)."""
         self.robot = robot
         self.size = size
-        self.batch = make_batch(robot.model, size, threads, device)
+        self.batch = batch.Batch(robot.model, size, nthread=threads)
         self._sensors = self.batch.bind("sensordata")[:, :6]  # (N, 6), live: force on the left and on the right track
         self._place = self.batch.qpos  # (N, 7), live: position and quaternion
         self._velocity = self.batch.qvel  # (N, 6), live: in the world, turning in the robot's frame

@@ -20,7 +20,6 @@ from sim.parking import require_at_rest, require_held
 from sim.robot.parameters import SINK
 from sim.robot.robot import Robot
 from sim.setting import Setting as Setting
-from sim.warp.devices import CPU
 from trackslip.errors import InvalidValueError, require
 from trackslip.kinematics import Array
 
@@ -30,7 +29,7 @@ _RESETTLING = 0.4  # the same for robots that are placed at their sinkage
 
 
 class Fleet(Bodies):
-    """N robots on their grounds. The same arguments give the same bits at any number of threads, but not on a GPU."""
+    """N robots on their grounds. The same arguments give the same bits at any number of threads."""
 
     def __init__(
         self,
@@ -42,18 +41,15 @@ class Fleet(Bodies):
         threads: int = 0,
         pull: Pull | None = None,
         shears: bool = False,
-        device: str = CPU,
     ) -> None:
         """Put N robots on the ground at poses `start` (N, 3) [m, m, rad], at rest.
 
         There is one `ground` for all, or one each, and one relative `radius_error` of the sprockets, or (N,) [-]. All
         sprockets have the same `drive`. The number of worker `threads` may be 0, for one per processor. All robots tow
         the same `pull`. Where a ground shears, or `shears` says that one may later, pads touch the ground at one point
-        each instead of two. The physics runs on a `device`: "cpu", "gpu" (MuJoCo Warp) or "warp-cpu" (Warp without a
-        GPU, for tests).
+        each instead of two.
 
         Raises:
-            TrackslipError: for a device that this computer doesn't have.
             InvalidValueError: for poses that aren't finite, a wrong number of grounds, a slope on which robots would
                 slide or tip over, a pull that drags them backwards, or a servo period that is not a multiple of the
                 physics step.
@@ -64,7 +60,7 @@ class Fleet(Bodies):
         require(threads >= 0, "threads", threads, "0 (one per processor) or more")
         grounds = one_each(ground or Ground(), len(start))
         shears = shears or any(one.largest_shear > 0 for one in grounds)
-        super().__init__(robot.with_single_contacts() if shears else robot, len(start), threads, device)
+        super().__init__(robot.with_single_contacts() if shears else robot, len(start), threads)
         robot = self.robot
         self._radius = robot.geometry.sprocket_radius * (1 + np.broadcast_to(radius_error, (self.size,)))[:, None]
         drive = drive or Drive()
@@ -208,7 +204,7 @@ class Fleet(Bodies):
             if self._drawbar:
                 self._tow(rows)
             self._drive(rows, belts[k])
-            self.batch.record_sensors(into, ids)
+            self.batch.rollout(self._substeps, record=("sensordata",), ids=ids, out={"sensordata": into})
             forward[k] = self._forward[rows]
             self._periods += 1
             if before is not None:

@@ -1,4 +1,4 @@
-"""OpenGL without a display, and MuJoCo's viewer: opened with one-line errors, and closed cleanly."""
+"""MuJoCo's renderer and viewer, with one-line errors where a machine cannot draw."""
 
 from __future__ import annotations
 
@@ -10,32 +10,41 @@ import warnings
 from collections.abc import Callable
 from typing import Any
 
-import mujoco
-
 from trackslip.errors import TrackslipError
 
-_BACKENDS = ("egl", "osmesa")  # which need no display
+
+def has_display() -> bool:
+    """Whether windows can be opened."""
+    return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def prefer_egl() -> None:
+    """Import MuJoCo, where there is no display so that it draws by EGL, unless MUJOCO_GL names another OpenGL.
+
+    Raises TrackslipError if that is not installed. Has no effect once MuJoCo has been imported.
+    """
+    if not has_display():
+        os.environ.setdefault("MUJOCO_GL", "egl")
+    try:
+        import mujoco  # noqa: F401
+    except (AttributeError, OSError, RuntimeError) as error:  # what PyOpenGL and MuJoCo raise
+        chosen = os.environ.get("MUJOCO_GL")
+        raise TrackslipError(f"rendering: MUJOCO_GL = {chosen!r} does not work here ({error})") from error
 
 
 def offscreen(model: Any, width: int, height: int) -> Any:
-    """MuJoCo's renderer of images (height, width, 3), with the OpenGL that MUJOCO_GL names, or the first that works.
+    """MuJoCo's renderer of images (height, width, 3), with the OpenGL that MUJOCO_GL named when MuJoCo was imported.
 
-    Raises TrackslipError if none without a display works.
+    Raises TrackslipError if that does not work.
     """
-    from mujoco.rendering.classic import gl_context
+    import mujoco
 
-    problems = []
-    chosen = gl_context.GLContext
-    for backend in (None,) if os.environ.get("MUJOCO_GL") or sys.platform != "linux" else _BACKENDS:
-        try:
-            if backend is not None:
-                gl_context.GLContext = __import__(f"mujoco.{backend}", fromlist=["GLContext"]).GLContext
-            return mujoco.Renderer(model, height, width)
-        except Exception as error:  # whatever a machine without OpenGL raises
-            problems.append(f"{backend or os.environ.get('MUJOCO_GL')}: {' '.join(str(error).split())}")
-        finally:
-            gl_context.GLContext = chosen
-    raise TrackslipError(f"rendering: no OpenGL works here ({'; '.join(problems)}); set MUJOCO_GL to egl or osmesa")
+    try:
+        return mujoco.Renderer(model, height, width)
+    except Exception as error:  # whatever a machine without OpenGL raises
+        why = " ".join(str(error).split())
+        how = "set the environment variable MUJOCO_GL to egl or osmesa before Python starts"
+        raise TrackslipError(f"rendering: no OpenGL works here ({why}); without a display, {how}") from error
 
 
 class Window:
@@ -46,7 +55,7 @@ class Window:
 
         `on_key` gets the codes of pressed keys, as GLFW numbers them. Raises TrackslipError without a display.
         """
-        if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        if not has_display():
             raise TrackslipError("rendering: a window needs a display, and there is none; pictures need none")
         try:
             import glfw

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-import gc
+import os
 import signal
+import sys
 from functools import partial
+
+if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+    os.environ.setdefault("MUJOCO_GL", "egl")  # MuJoCo reads it when it is imported
 
 import numpy as np
 import pytest
@@ -19,12 +23,6 @@ settings.register_profile("trackslip", deadline=None)  # a busy machine is no er
 settings.load_profile("trackslip")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in a shell's background, which the commands would inherit
     signal.signal(signal.SIGINT, signal.default_int_handler)
-
-
-def pytest_collection_finish():
-    """Leave the modules of all tests out of garbage collection, which would go through them again and again."""
-    gc.freeze()
-    gc.set_threshold(10_000)
 
 
 @pytest.fixture(scope="session")

@@ -12,6 +12,10 @@ EXAMPLES = (
 
 def run(config: Config) -> None:
     """Drive, store the run, and print how it went."""
+    if config.pictures or config.video is not None:
+        from sim.opengl import prefer_egl
+
+        prefer_egl()
     from experiments.work.drive import run as work
 
     work(config)

@@ -111,7 +111,9 @@ class ScannerFeed:
         if self._scanner.scan_duration > 0:
             origins, rays = moved_back(self._origin, rays, fleet.pose(), fleet.twist(), self._lag[aim.beams])
             origins = origins.reshape(fleet.size, -1, 3)
-        distance = fleet.batch.cast(origins, rays.reshape(fleet.size, -1, 3), self._groups, self._lrf)
+        distance, *_ = fleet.batch.ray(
+            origins, rays.reshape(fleet.size, -1, 3), geomgroup=self._groups, bodyexclude=self._lrf
+        )
         distance[(distance < 0) | (distance > self._scanner.max_range)] = np.nan
         return distance.reshape(rays.shape[:-1])
 

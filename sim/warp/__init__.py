@@ -1,1 +1,0 @@
-"""Fleets whose physics MuJoCo Warp steps, on a GPU."""
