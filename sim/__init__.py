@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from sim.robot.tracked import Flipper, TrackedRobot, load_tracked
     from sim.robot.tracked_model import TrackedModel, build_tracked
     from sim.run_recorder import Description
-    from sim.runs import closed_loop, open_loop, open_loop_parts
+    from sim.runs import closed_loop, open_loop
     from sim.scanner.feed import ScannerFeed
     from sim.scanner.named_obstacles import load_obstacles
     from sim.scanner.scanner import LaserScanner
@@ -64,7 +64,6 @@ __all__ = [
     "load_robot",
     "load_tracked",
     "open_loop",
-    "open_loop_parts",
 ]
 
 _MODULE_OF = {
@@ -93,7 +92,6 @@ _MODULE_OF = {
     "load_robot": "robot.robot",
     "load_tracked": "robot.tracked",
     "open_loop": "runs",
-    "open_loop_parts": "runs",
 }
 
 if not TYPE_CHECKING:

@@ -20,11 +20,6 @@ from trackslip.localization.scan import Cluster, extract_plate
 _AT_ONCE, _MOST_AT_ONCE = 2500, 400  # scans in a block: of all robots, and of each
 
 
-def scans_in_block(robots: int) -> int:
-    """Number of scans of each robot that are localized together."""
-    return min(max(1, _AT_ONCE // robots), _MOST_AT_ONCE)
-
-
 class DeferredScans:
     """The scans of R robots of a fleet, one for each row of its record.
 
@@ -54,23 +49,13 @@ class DeferredScans:
         self._robots, self._record, self._feed, self._watch = robots, record, feed, watch
         self._plate = fleet.robot.plate if with_plates else None
         self._follower = Follower(locator, Tracker(fleet.pose()[robots], fleet.robot.geometry))
-        self._block = scans_in_block(len(robots))
+        self._block = min(max(1, _AT_ONCE // len(robots)), _MOST_AT_ONCE)
         self._ranges = np.empty((len(robots), self._block + EVERY, len(feed.bearings)))  # the first `_waiting` wait
         self._waiting = 0
         self._located = 0  # rows of the record
         self._taken = 0  # scans of each robot
         self._begun = False
         self._clusters: list[Cluster] = []
-
-    @property
-    def located(self) -> bool:
-        """Whether no scan waits to be localized."""
-        return not self._waiting
-
-    def go_on(self) -> None:
-        """Forget the scans, as the record does its rows."""
-        self._located = 0
-        self._clusters.clear()
 
     def take(self, ranges: Array) -> None:
         """Take the next scan of each robot, (R, B) [m], that of the record's next row."""

@@ -57,16 +57,9 @@ class RunRecorder:
         self._yields = [ground.largest_shear > 0 for ground in fleet.ground]  # to load
         self._loads = any(self._yields)
         self._in_detail = fleet.robot.contact_sensors
-        self._before: tuple[Array, ...] | None = None  # the truth in the row before the first, as in _truth
-        self._begin(0, rows)
-
-    def _begin(self, first: int, rows: int) -> None:
-        """Make room for rows of which the first is the run's row `first`."""
-        n = self._fleet.size
-        self._first = first
         self.complete = 0
         """Number of rows that have been recorded in full."""
-        self.time = np.arange(first, first + rows) * self._period  # (T,) [s]
+        self.time = np.arange(rows) * period  # (T,) [s]
         self.omega = np.zeros((rows, n, 2))  # [rad/s]
         self.pose = np.zeros((rows, n, 3))  # [m, m, rad]
         self.load = np.zeros((rows, n, 2))
@@ -79,11 +72,6 @@ class RunRecorder:
         # of each row, (N, ...) each: the engine's state, torques, total energy and saturated time, and contacts
         self._truth: list[tuple[Array, ...]] = []
         self._ranges: list[np.ndarray] = []  # (N, rows, B) each
-
-    def go_on(self) -> None:
-        """Forget the rows, all of which are complete: row 0 is now the one after them."""
-        self._before = self._truth[-1]
-        self._begin(self._first + self.complete, len(self.time))
 
     def measure(self, k: int) -> None:
         """Record encoders and truth in row k; raises RunFailedError when a robot tips over."""
@@ -183,7 +171,7 @@ class RunRecorder:
         columns = [np.stack(column) for column in zip(*self._truth[: self.complete], strict=True)]
         moments = Moments(*columns[:_OF_MOMENT])
         torque, energy, saturated_time, *contact = columns[_OF_MOMENT:]
-        before = self._before or self._truth[0]
+        before = self._truth[0]
         rates = (self._rate(total, before[k]) for k, total in ((_ENERGY, energy), (_SATURATED, saturated_time)))
         lean = moments.lean(self._fleet.robot.lrf_height)
         truths = (moments.pose(), moments.twist(), moments.traction(), torque, *rates, lean, *contact)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from sim.deferred_scans import DeferredScans, scans_in_block
+from sim.deferred_scans import DeferredScans
 from sim.fleet import Fleet
 from sim.run_recorder import Description, RunRecorder
 from sim.scanner.feed import ScannerFeed
@@ -19,7 +19,6 @@ from trackslip.errors import RunFailedError, require
 from trackslip.kinematics import Array, limit_sprocket_speeds
 from trackslip.localization.base import Locator
 from trackslip.localization.pose_tracker import Tracker
-from trackslip.localization.recorded import EVERY
 from trackslip.localization.scan import extract_plate
 from trackslip.logs.runlog import RunLog
 from trackslip.trajectory.base import Reference
@@ -29,8 +28,6 @@ Progress = Callable[[float], None]
 
 PERIOD = LaserScanner().period
 """Time between the rows of a run without a scanner [s]."""
-_FEWEST_ROWS, _MOST_ROWS = 32, 300  # of each robot in a part: making logs of fewer rows would take long
-_IN_MEMORY = 32_768  # rows of all robots together in a part, if that leaves each neither few nor many
 
 
 def open_loop(
@@ -44,8 +41,6 @@ def open_loop(
     watch: Stopwatch | None = None,
 ) -> list[RunLog]:
     """Drive every robot at constant sprocket speeds.
-
-    The logs of long runs of many robots need much memory: `open_loop_parts` gives them piece by piece.
 
     Args:
         fleet: N robots.
@@ -61,38 +56,10 @@ def open_loop(
         RunFailedError: when a robot tips over; its `logs` contain what was recorded until then.
         InvalidValueError: for arguments out of range.
     """
-    everything = _rows(duration, PERIOD if feed is None else feed.period)
-    return next(open_loop_parts(fleet, omega, duration, feed, locator, descriptions, progress, watch, everything))
-
-
-def open_loop_parts(
-    fleet: Fleet,
-    omega: Array,
-    duration: float,
-    feed: ScannerFeed | None = None,
-    locator: Locator | None = None,
-    descriptions: Sequence[Description] | None = None,
-    progress: Progress = lambda seconds: None,
-    watch: Stopwatch | None = None,
-    rows_at_once: int | None = None,
-) -> Iterator[list[RunLog]]:
-    """Drive as `open_loop` does, and give the same runs in parts: logs of the rows after those of the part before.
-
-    A part is forgotten once the next one is asked for, so that memory doesn't grow with the duration. Arguments and
-    errors are those of `open_loop`; the logs of a RunFailedError contain what was recorded since the part before.
-
-    Args:
-        fleet, omega, duration, feed, locator, descriptions, progress, watch: see `open_loop`.
-        rows_at_once: about as many rows are in a part; by default as many as suit the number of robots.
-    """
     watch = watch or Stopwatch()
     period = PERIOD if feed is None else feed.period
     omega = limit_sprocket_speeds(np.broadcast_to(np.asarray(omega, float), (fleet.size, 2)), fleet.drive.limit)
-    rows = _rows(duration, period)
-    least = max(2, rows_at_once or min(max(_FEWEST_ROWS, _IN_MEMORY // fleet.size), _MOST_ROWS))
-    scanned = feed is not None and locator is not None
-    most = least + (scans_in_block(fleet.size) + EVERY if scanned else 1)
-    record = RunRecorder(fleet, min(rows, most), period, descriptions)
+    record = RunRecorder(fleet, _rows(duration, period), period, descriptions)
     scans = None
     if feed is not None and locator is not None:
         scans = DeferredScans(fleet, np.arange(fleet.size), record, feed, locator, watch, with_plates=True)
@@ -104,10 +71,9 @@ def open_loop_parts(
         return record.logs(feed, scans.plates(), failure)
 
     try:
-        for left in reversed(range(rows)):
-            k = record.complete
+        for k in range(len(record.time)):
             with watch.stage("physics"):
-                if left < rows - 1:
+                if k > 0:
                     fleet.advance(period)
                     progress(period)
                 record.measure(k)
@@ -119,16 +85,10 @@ def open_loop_parts(
                 scans.take(ranges)
             fleet.command(omega)
             record.command(k)
-            # a log has two rows or more
-            if record.complete >= least and left >= 2 and (scans is None or scans.located):
-                yield logs()
-                record.go_on()
-                if scans is not None:
-                    scans.go_on()
     except RunFailedError as error:
         error.logs = logs(str(error))
         raise
-    yield logs()
+    return logs()
 
 
 def _rows(duration: float, period: float) -> int:

@@ -38,7 +38,6 @@ if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
     from trackslip.localization.base import PoseEstimate as PoseEstimate
     from trackslip.localization.plate import PlateLocator as PlateLocator
     from trackslip.localization.scan import Plate as Plate
-    from trackslip.logs.run_writer import RunWriter as RunWriter
     from trackslip.logs.runlog import RunLog as RunLog
     from trackslip.metrics import TrackingErrors as TrackingErrors
     from trackslip.metrics import body_errors as body_errors
@@ -107,7 +106,6 @@ _NAMES = {
     "localization.base": ("PoseEstimate",),
     "localization.plate": ("PlateLocator",),
     "localization.scan": ("Plate",),
-    "logs.run_writer": ("RunWriter",),
     "logs.runlog": ("RunLog",),
     "metrics": ("TrackingErrors", "body_errors", "expense", "tracking_errors"),
     "odometry.evaluation": ("OdometryErrors", "odometry_errors"),
