@@ -1,55 +1,34 @@
-"""What is known about each run of a benchmark, and the means over seeds."""
+"""The rows of a benchmark: runs, means over seeds, and the leaderboard."""
 
+from __future__ import annotations
+
+import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
 
-from experiments.options.benchmark import Case
+from experiments.benchmark.cases import Case
 from experiments.storage.manifest import relative
 from experiments.storage.plain_json import plain
 from sim.seeds import generator
+from trackslip.metrics import Expense, TrackingErrors
 
-_RESAMPLES = 2000
-
-
-@dataclass(frozen=True)
-class Measures:
-    """Errors and expense of a run, or their means over several; None where there is nothing to measure.
-
-    The first eleven are those of `trackslip.metrics.TrackingErrors`, the next three those of `Expense`, in their units.
-    """
-
-    rms_position: float | None = None
-    rms_position_after_12s: float | None = None
-    rms_position_arc: float | None = None
-    rms_heading: float | None = None
-    cross_track: float | None = None
-    along_track: float | None = None
-    max_position: float | None = None
-    final_position: float | None = None
-    final_heading: float | None = None
-    iae: float | None = None
-    itae: float | None = None
-    effort: float | None = None
-    roughness: float | None = None
-    saturation_s: float | None = None
-    valid_fraction: float | None = None
-    """Share of the scans that gave a pose [-]."""
-    icr_offset: float | None = None
-    """Longitudinal offset of the ICRs that online compensation found, at the end [m]."""
-    icr_radius_error: float | None = None
-    """Error of the sprocket radius that it found, at the end [-]."""
-
-    @classmethod
-    def mean(cls, measured: Sequence[Self]) -> Self:
-        """Means over the runs that have a value."""
-        return cls(**{f.name: _mean(getattr(one, f.name) for one in measured) for f in fields(cls)})
-
-
+Measures = Mapping[str, float | None]
+"""Values of MEASURES by name, in their units; None where there is nothing to measure."""
+_OF_ONLINE = ("icr_offset", "icr_radius_error")
+MEASURES = (
+    *(f.name for f in dataclasses.fields(TrackingErrors) if f.name != "success"),
+    *(f.name for f in dataclasses.fields(Expense)),
+    "valid_fraction",
+    *_OF_ONLINE,
+)
+"""Errors and expense of a run, as in `trackslip.metrics`; the share of the scans that gave a pose [-]; and what online
+compensation found in the end: the longitudinal offset of the ICRs [m] and the error of the sprocket radius [-]."""
 WITH_INTERVAL = ("rms_position", "rms_position_after_12s", "rms_position_arc", "rms_heading")
 """Measures whose means have intervals."""
+_RESAMPLES = 2000
 
 
 @dataclass(frozen=True)
@@ -59,31 +38,29 @@ class CaseRow:
     case: Case
     error: str | None = None
     """Why it failed."""
-    measures: Measures = Measures()
+    measures: Measures = field(default_factory=dict)
     success: bool = False
     """Whether the robot stayed within 0.5 m of where it should be."""
-    compute_ms: tuple[float, ...] = ()
+    compute_ms: Sequence[float] = ()
     """Times of steps of its controller and compensation, if they were measured [ms]."""
 
     def to_json(self) -> dict[str, Any]:
         """As summary.json has it: of a run that failed, only what it is and why; no times."""
-        row: dict[str, Any] = vars(self.case) | {"error": self.error}
+        row: dict[str, Any] = self.case.factors | {"error": self.error}
         if self.error is not None:
             return row
-        optional = ("icr_offset", "icr_radius_error")  # only online compensation finds them
-        measured = {n: value for n, value in plain(self.measures).items() if n not in optional or value is not None}
+        measured = {n: value for n, value in self.measures.items() if n not in _OF_ONLINE or value is not None}
         return row | measured | {"success": self.success}
 
-    def to_part(self, id: str) -> dict[str, Any]:
+    def to_part(self) -> dict[str, Any]:
         """As a part has it."""
-        return {"run": self.case.run, "id": id, "error": self.error, "row": plain(self)}
+        measured = {"measures": self.measures, "success": self.success, "compute_ms": self.compute_ms}
+        return {"run": self.case.name, "id": self.case.id, "error": self.error, **measured}
 
     @classmethod
-    def from_part(cls, stored: Mapping[str, Any]) -> Self:
+    def from_part(cls, case: Case, row: Mapping[str, Any]) -> Self:
         """From what `to_part` gave."""
-        row = stored["row"]
-        case, measures, times = Case(**row["case"]), Measures(**row["measures"]), tuple(row["compute_ms"])
-        return cls(case, row["error"], measures, row["success"], times)
+        return cls(case, row["error"], row["measures"], row["success"], row["compute_ms"])
 
 
 @dataclass(frozen=True)
@@ -129,11 +106,11 @@ class BenchmarkRow(BoardEntry):
         times = [time for run in runs for time in run.compute_ms]
         p50, p99 = (float(np.percentile(times, percent)) if times else None for percent in (50, 99))
         return cls(
-            **{name: value for name, value in vars(runs[0].case).items() if name != "seed"},
+            **{name: value for name, value in runs[0].case.factors.items() if name != "seed"},
             seeds=len(runs),
             failed=len(runs) - len(measured),
-            means=Measures.mean(measured),
-            intervals={name: bootstrap95(_known(getattr(one, name) for one in measured)) for name in WITH_INTERVAL},
+            means=_means(measured),
+            intervals={name: bootstrap95(_known(one.get(name) for one in measured)) for name in WITH_INTERVAL},
             success=float(np.mean([run.success for run in runs])),
             compute_ms_p50=p50,
             compute_ms_p99=p99,
@@ -144,7 +121,7 @@ def over_seeds(runs: Sequence[CaseRow]) -> list[BenchmarkRow]:
     """One row for the runs that differ only in their seeds, in order."""
     found: dict[Case, list[CaseRow]] = {}
     for run in runs:
-        found.setdefault(replace(run.case, seed=0), []).append(run)
+        found.setdefault(replace(run.case, seed=0, id=""), []).append(run)
     return [BenchmarkRow.of(same) for same in found.values()]
 
 
@@ -167,14 +144,14 @@ def board(rows: Sequence[BenchmarkRow]) -> list[BoardEntry]:
         found.setdefault((row.controller, row.compensation, row.start), []).append(row)
     entries = []
     for names, same in found.items():
-        means, success = Measures.mean([row.means for row in same]), float(np.mean([row.success for row in same]))
+        means, success = _means([row.means for row in same]), float(np.mean([row.success for row in same]))
         entries.append(BoardEntry(*names, means, success, _mean(row.compute_ms_p50 for row in same)))
     return sorted(entries, key=lambda entry: (-entry.success, settled_error(entry.means)))
 
 
 def settled_error(means: Measures) -> float:
     """Position error once the transient is over, or that of a shorter run; infinite where there is none [m]."""
-    known = _known((means.rms_position_after_12s, means.rms_position))
+    known = _known((means["rms_position_after_12s"], means["rms_position"]))
     return known[0] if known else float("inf")
 
 
@@ -196,6 +173,11 @@ def losses(rows: Sequence[BenchmarkRow]) -> list[str]:
     if len(lines) < len(found):
         lines.append("all others keep the path in every run" if lines else "every run keeps the path")
     return lines
+
+
+def _means(measured: Sequence[Measures]) -> Measures:
+    """Means over those that have a value."""
+    return {name: _mean(one.get(name) for one in measured) for name in MEASURES}
 
 
 def _known(values: Iterable[float | None]) -> list[float]:

@@ -1,12 +1,15 @@
-"""The leaderboard and the table of all rows, as text."""
+"""The leaderboard and the table of all rows."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from typing import Any
 
 from experiments.benchmark.rows import BenchmarkRow, BoardEntry
+from experiments.report.table import Table
 from experiments.storage.manifest import relative
 
-_TEXT_COLUMNS = ("controller", "compensation", "reference", "ground", "start")
+_FOLDED = 40  # rows from which a page shows the table of all only when asked
+_Columns = dict[str, Callable[[Any], str]]  # the texts of their cells, by header
 
 
 def _number(value: float | None, scale: float, digits: int) -> str:
@@ -14,30 +17,25 @@ def _number(value: float | None, scale: float, digits: int) -> str:
 
 
 def _measure(name: str, scale: float = 1e3, digits: int = 1) -> Callable[[BoardEntry], str]:
-    """The text of one of `Measures`, by default a length in mm."""
-    return lambda row: _number(getattr(row.means, name), scale, digits)
+    """The text of one of MEASURES, by default a length in mm."""
+    return lambda row: _number(row.means[name], scale, digits)
 
 
 def _with_interval(name: str) -> Callable[[BenchmarkRow], str]:
     def text(row: BenchmarkRow) -> str:
         ends = row.intervals[name]
         interval = "" if ends is None else f" [{1e3 * ends[0]:.1f}, {1e3 * ends[1]:.1f}]"
-        return _number(getattr(row.means, name), 1e3, 1) + interval
+        return _number(row.means[name], 1e3, 1) + interval
 
     return text
 
 
-_FIRST: Mapping[str, Callable[[BoardEntry], str]] = {
-    "controller": lambda row: relative(row.controller),
-    "compensation": lambda row: row.compensation,
-}
-_START: Mapping[str, Callable[[BoardEntry], str]] = {
-    "start": lambda row: row.start,
-    "kept [%]": lambda row: f"{100 * row.success:.0f}",
-}
-_BOARD: Mapping[str, Callable[[BoardEntry], str]] = {
-    **_FIRST,
-    **_START,
+_NAMES: _Columns = {"controller": lambda row: relative(row.controller), "compensation": lambda row: row.compensation}
+_PLACES: _Columns = {"reference": lambda row: relative(row.reference), "ground": lambda row: relative(row.ground)}
+_KEPT: _Columns = {"start": lambda row: row.start, "kept [%]": lambda row: f"{100 * row.success:.0f}"}
+_BOARD: _Columns = {
+    **_NAMES,
+    **_KEPT,
     "rms [mm]": _measure("rms_position"),
     "> 12 s [mm]": _measure("rms_position_after_12s"),
     "turning [mm]": _measure("rms_position_arc"),
@@ -46,11 +44,10 @@ _BOARD: Mapping[str, Callable[[BoardEntry], str]] = {
     "heading [deg]": _measure("rms_heading", math.degrees(1), 2),
     "step [ms]": lambda row: _number(row.compute_ms_p50, 1, 2),
 }
-_WHOLE: Mapping[str, Callable[[BenchmarkRow], str]] = {
-    **_FIRST,
-    "reference": lambda row: relative(row.reference),
-    "ground": lambda row: relative(row.ground),
-    **_START,
+_ALL: _Columns = {
+    **_NAMES,
+    **_PLACES,
+    **_KEPT,
     "failed": lambda row: f"{row.failed} of {row.seeds}",
     "rms [mm]": _with_interval("rms_position"),
     "> 12 s [mm]": _with_interval("rms_position_after_12s"),
@@ -67,17 +64,34 @@ _WHOLE: Mapping[str, Callable[[BenchmarkRow], str]] = {
     "poses valid [%]": _measure("valid_fraction", 100),
     "step p50 | p99 [ms]": lambda row: f"{_number(row.compute_ms_p50, 1, 2)} | {_number(row.compute_ms_p99, 1, 2)}",
 }
-BOARD_HEADER, WHOLE_HEADER = tuple(_BOARD), tuple(_WHOLE)
 
 
-def board_text(entries: Sequence[BoardEntry]) -> list[tuple[str, ...]]:
-    """The cells of the leaderboard, under BOARD_HEADER."""
-    return [tuple(cell(entry) for cell in _BOARD.values()) for entry in entries]
+def board_table(entries: Sequence[BoardEntry]) -> Table:
+    """The leaderboard."""
+    return Table(
+        "Position errors, means over references, grounds and seeds",
+        tuple(_BOARD),
+        [[cell(entry) for cell in _BOARD.values()] for entry in entries],
+        align="lllr",
+        note="Sorted by how often the path was kept and then by the error from 12 s on. “turning”: while the reference"
+        " turns. “step”: computing time per step of one robot, compensation included, median over the first ten"
+        " seconds.",
+    )
 
 
-def whole_text(rows: Sequence[BenchmarkRow]) -> list[tuple[str, ...]]:
-    """The cells of all rows, under WHOLE_HEADER."""
-    return [tuple(cell(row) for cell in _WHOLE.values()) for row in rows]
+def whole_table(rows: Sequence[BenchmarkRow]) -> Table:
+    """All rows."""
+    return Table(
+        "All rows: means over seeds [95 % bootstrap interval]",
+        tuple(_ALL),
+        [[cell(row) for cell in _ALL.values()] for row in rows],
+        align="lllllr",
+        note="Position errors are given over the whole run, from 12 s on and while the reference turns; “across” and"
+        " “along” are root mean squares relative to the reference's direction. IAE and ITAE are the integrals of the"
+        " position error and of time times the position error. Effort is the integral of the mean square of both"
+        " sprockets' set points. “saturated” is the time with a motor at its limit or a sprocket at its top speed.",
+        folded=len(rows) > _FOLDED,
+    )
 
 
 def leaderboard(entries: Sequence[BoardEntry], lost: Sequence[str], rows: Sequence[BenchmarkRow]) -> str:
@@ -88,16 +102,16 @@ def leaderboard(entries: Sequence[BoardEntry], lost: Sequence[str], rows: Sequen
             "# Leaderboard\n",
             "Position errors are distances of the true position from where the reference is at the time; means over"
             " references, grounds and seeds. Kept: share of the runs that stayed within 0.5 m.\n",
-            markdown(BOARD_HEADER, board_text(entries)),
+            markdown(board_table(entries)),
             *where,
             "## All rows\n\nMeans over seeds [95 % bootstrap interval].\n",
-            markdown(WHOLE_HEADER, whole_text(rows)),
+            markdown(whole_table(rows)),
         ]
     )
 
 
-def markdown(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table in Markdown; names to the left, numbers to the right."""
-    bar = [":--" if name in _TEXT_COLUMNS else "--:" for name in header]
-    lines = (header, bar, *rows)
-    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines) + "\n"
+def markdown(table: Table) -> str:
+    """A table in Markdown."""
+    bar = [":--" if side == "l" else "--:" for side in table.sides]
+    lines = (table.header, bar, *table.rows)
+    return "\n".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in line) + " |" for line in lines) + "\n"

@@ -1,6 +1,14 @@
-"""`trackslip benchmark`: drive what isn't driven yet, gather, report."""
+"""`trackslip benchmark`: compare controllers and slip compensations; drive what isn't driven yet, gather, report."""
 
-from experiments.options.benchmark import BenchmarkConfig as Config
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from experiments.options.base import Distinct, Whole, Within
+from experiments.options.checks import refuse_unused
+from experiments.options.choices import COMPENSATIONS, CONTROLLERS, REFERENCES, WITHOUT_LAWS
+from experiments.options.help import default_is
+from experiments.options.world import MAX_JOBS, MAX_PREVIEW, Equipment
 
 EXAMPLES = (
     ("every controller on the paper's path", "trackslip benchmark"),
@@ -8,10 +16,112 @@ EXAMPLES = (
     ("two controllers on ice", "trackslip benchmark --controllers linear lqr --grounds ice --seeds 0 1"),
     ("your own controller", "trackslip benchmark --controllers linear my_controller:MyController"),
 )
+PARTS = ".benchmark-parts"
+"""Folder in OUT with the runs of a benchmark that isn't finished."""
+
+Start = Literal["zero", "paper", "random"]
+_GROUNDS = "{stone,concrete,rubber,packed_soil,gravel,wet,ice,sticky,robot,FILE.toml} ..."
+_COMPENSATIONS = default_is("the suite's", f"{COMPENSATIONS} ...")
+
+
+@dataclass(frozen=True)
+class Config(Equipment):
+    """Compare controllers, with and without slip compensation, on paths and grounds, and print a leaderboard.
+
+    --suite chooses the runs; --controllers, --compensations, --references, --grounds, --starts and --seeds replace
+    parts of it. An interrupted benchmark resumes when it is run again with the same options.
+    """
+
+    suite: Literal["paper", "quick", "full"] = "quick"
+    """Runs: Sec. IV of the paper with five seeds, all controllers on one path, or on all paths and three grounds."""
+    controllers: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{CONTROLLERS} ...")] = None
+    """Controllers; ppo:FOLDER is a policy trained by train, MODULE:CLASS a controller of your own."""
+    compensations: Annotated[tuple[str, ...] | None, Distinct(), _COMPENSATIONS] = None
+    """Slip compensations: LAW of --laws; online starts from icr_radius, online_load icr_load, online_cold no slip."""
+    references: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", f"{REFERENCES} ...")] = None
+    """Paths; a .csv file lists way points in the columns x, y [m]."""
+    grounds: Annotated[tuple[str, ...] | None, Distinct(), default_is("the suite's", _GROUNDS)] = None
+    """Grounds; sticky is stone whose friction rises after 20 s, robot is the ground of the --robot file."""
+    starts: Annotated[tuple[Start, ...] | None, Distinct(), default_is("the suite's", "{zero,paper,random} ...")] = None
+    """Start poses: on the path, beside it as in the paper (0.36 m, 30 deg), or at random (up to 0.15 m, 20 deg)."""
+    seeds: Annotated[tuple[int, ...] | None, Distinct(), Whole(), default_is("the suite's", "INT ...")] = None
+    """Seeds of the scanner's noise and of random starts, the same for all controllers and compensations."""
+    localization: Literal["plate", "line", "truth"] = "plate"
+    """How the controllers learn their pose: from scans by the plate or the line method, or the true pose."""
+    preview: Annotated[float, Within(0, MAX_PREVIEW, "s")] = 0.0
+    """Time by which the controllers look ahead on the path; 0.075 s makes up for the lag of servo and sampling [s]."""
+    laws: Annotated[Path | None, default_is("the laws shipped with trackslip", "PATH")] = None
+    """Identified laws: a summary.json, or a folder that contains one."""
+    jobs: Annotated[int, Whole(0, MAX_JOBS)] = 0
+    """Number of processes, 0 for one per processor; the results don't depend on it."""
+    out: Path = Path("out/benchmark")
+    """Folder for the results."""
+    pdf: bool = False
+    """Also write the figures as PDF."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if all(name in WITHOUT_LAWS for name in self.compensations or ("icr_radius",)):
+            refuse_unused(self, ("laws",), f"with --compensations {' '.join(self.compensations or ())}")
 
 
 def run(config: Config) -> None:
-    """Drive, gather, store and print."""
-    from experiments.work.benchmark import run as work
+    """Drive what is missing, gather, store and print."""
+    from functools import partial
 
-    work(config)
+    from experiments.benchmark.cases import cases_of, groups, identified
+    from experiments.benchmark.drive import Setup, drive_group, record_comparisons
+    from experiments.benchmark.page import page
+    from experiments.benchmark.rows import CaseRow, board, losses, over_seeds
+    from experiments.benchmark.table import board_table, leaderboard
+    from experiments.report.formats import stages_text
+    from experiments.run import Run
+    from experiments.storage.manifest import command_line, relative
+    from experiments.storage.plain_json import plain
+    from experiments.storage.results import LEADERBOARD_FILE, REPORT_FILE, RUNS_FILE
+    from experiments.sweep.engine import drive_missing, resumable
+    from experiments.sweep.parts import Parts
+
+    parts = Parts(config.out, PARTS)
+    setup = Setup.of(config)
+    named, notes = cases_of(config)
+    setup.check(named)
+    cases = identified(named, config, setup.world)
+    ids = {case.id for case in cases}
+    with resumable(cases, parts), Run(config, then=lambda: parts.discard(ids)) as run:
+        parts.take_current(ids)
+        drive = partial(drive_group, config=config)
+        with run.watch.stage("driving"):
+            unfinished = drive_missing(cases, parts, groups, drive, "processes", config.jobs)
+        with run.watch.stage("gathering"):
+            runs = [CaseRow.from_part(case, parts[case.id].row) for case in cases]
+            rows = over_seeds(runs)
+            entries, lost = board(rows), [*losses(rows), *notes]
+            parts.gather([(case.id, case.name) for case in cases], run.folder / RUNS_FILE)
+        if config.rrd:
+            with run.watch.stage("recordings"):
+                record_comparisons(run.folder, cases, unfinished)
+        grounds = {relative(name): plain(setup.ground(name)) for name in dict.fromkeys(case.ground for case in cases)}
+        seeds = sorted({case.seed for case in cases})
+        about = run.manifest(**setup.world.about | {"ground": grounds, "seed": seeds})
+        with run.watch.stage("report"):
+            (run.folder / LEADERBOARD_FILE).write_text(leaderboard(entries, lost, rows), encoding="utf-8")
+            report = page(run.folder / RUNS_FILE, entries, lost, rows, runs, about, command_line("benchmark"))
+            report.write(run.folder, config.pdf)
+        failures = [row for row in runs if row.error is not None]
+        summary = {
+            "rows": [row.to_json() for row in rows],
+            "cases": [row.to_json() for row in runs],
+            "failures": [{"run": row.case.name, "error": row.error} for row in failures],
+            "runs": len(runs),
+            "wall_s": run.wall,
+        }
+        run.write(summary, manifest=about)
+    board_table(entries).print()
+    for line in lost:
+        print(line)
+    for failure in failures:
+        print(f"failed: {failure.case.name}: {failure.error}")
+    print(stages_text(run.watch.stages))
+    told = f"{len(runs)} runs in {run.wall:.1f} s; all {len(rows)} rows in {LEADERBOARD_FILE}"
+    print(f"{config.out / REPORT_FILE}: {told}")

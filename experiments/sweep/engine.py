@@ -104,7 +104,7 @@ def drive_missing(
     drive: Drive[PlannedT],
     executor: str,
     jobs: int,
-    watch: Stopwatch,
+    watch: Stopwatch | None = None,
 ) -> list[RunLog]:
     """Drive the runs that `parts` lacks, and keep them there.
 
@@ -115,7 +115,7 @@ def drive_missing(
         drive: drives a fleet; must be picklable.
         executor: name of an executor, as in `workers`.
         jobs: number of processes, 0 for one per processor.
-        watch: takes the work of all workers together.
+        watch: takes the work of all workers together, by stage.
 
     Returns:
         What was recorded of runs until they failed.
@@ -128,7 +128,7 @@ def drive_missing(
     jobs = jobs or processors()
     jobs = min(jobs, len(fleets(missing, jobs)))
     with (
-        progress(f"{len(runs)} runs, scans and poses", total, done=total - left) as report,
+        progress(f"{len(runs)} runs", total, done=total - left) as report,
         workers(executor, jobs) as pool,
     ):
         here = pool.inline
@@ -136,7 +136,8 @@ def drive_missing(
             parts.keep(fleet.part)
             report(0.0 if here else fleet.duration)
             unfinished += fleet.unfinished
-            watch.add(fleet.stages)
+            if watch is not None:
+                watch.add(fleet.stages)
     return unfinished
 
 

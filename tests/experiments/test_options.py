@@ -75,9 +75,10 @@ def outside(bound):
 @pytest.mark.parametrize(("name", "option", "bound"), BOUNDED)
 def test_a_value_out_of_bounds_is_refused(name, option, bound):
     config = example(name)
-    tuples = isinstance(getattr(config, option), tuple) and not isinstance(bound, Distinct)
+    usual, listed = getattr(config, option), (option, Distinct) in {(n, type(b)) for n, b in bounds_of(CONFIGS[name])}
+    tuples = (isinstance(usual, tuple) or listed) and not isinstance(bound, Distinct)
     for value in outside(bound):
-        given = (*getattr(config, option)[:-1], value) if tuples else value
+        given = (*(usual or ())[:-1], value) if tuples else value
         with pytest.raises(InvalidValueError, match=f"{option} = ") as refusal:
             dataclasses.replace(config, **{option: given})
         assert refusal.value.field == option

@@ -11,14 +11,12 @@ from pathlib import Path
 import pyarrow.parquet
 import pytest
 
-from experiments.benchmark.jobs import drive_group, ids
-from experiments.benchmark.measure import measure
-from experiments.benchmark.setup import Setup
+from experiments.benchmark.cases import Case, identified
+from experiments.benchmark.drive import Setup, drive_group
 from experiments.cli import main
-from experiments.options.benchmark import BenchmarkConfig, Case
+from experiments.commands.benchmark import PARTS, Config
 from experiments.storage.manifest import digest, made_by
 from experiments.sweep.parts import Parts
-from experiments.work.benchmark import PARTS
 
 SMALL = ("--controllers", "feedforward", "linear", "--compensations", "none", "online", "--grounds", "stone", "gravel")
 ROOT = Path(__file__).parents[3]
@@ -58,11 +56,11 @@ def test_a_killed_benchmark_resumes(trackslip, short, tmp_path, monkeypatch):
     (tmp_path / "wait").unlink()
     driven = []
 
-    def counted(config, wanted):
-        driven.extend(case.reference for case in wanted)
-        return drive_group(config, wanted)
+    def counted(cases, **options):
+        driven.extend(case.reference for case in cases)
+        return drive_group(cases, **options)
 
-    monkeypatch.setattr("experiments.benchmark.jobs.drive_group", counted)
+    monkeypatch.setattr("experiments.benchmark.drive.drive_group", counted)
     killed, undisturbed = (trackslip(*command, "--out", str(tmp_path / name)) for name in ("killed", "undisturbed"))
     assert driven[:2] == ["bend.csv"] * 2
     assert len(driven) == 2 + 4
@@ -76,13 +74,13 @@ def test_an_interrupted_benchmark_says_how_to_resume(short, tmp_path, monkeypatc
     (tmp_path / "turn.csv").write_text("x,y\n0,0\n0.4,-0.1\n0.8,-0.3\n1.0,-0.6\n")
     measured = []
 
-    def interrupted(*arguments):
+    def interrupted(*arguments, **options):
         if measured:
             raise KeyboardInterrupt
         measured.append(True)
-        return measure(*arguments)
+        return drive_group(*arguments, **options)
 
-    monkeypatch.setattr("experiments.benchmark.jobs.measure", interrupted)
+    monkeypatch.setattr("experiments.benchmark.drive.drive_group", interrupted)
     options = ("benchmark", "--references", "bend.csv", "turn.csv", *short[2:], *SMALL, "--seeds", "0", "--out", "out")
     with pytest.raises(SystemExit) as stop:
         main([*options])
@@ -107,19 +105,18 @@ def test_parts_of_another_benchmark_are_left_but_not_those_of_other_code(tracksl
 
 
 def test_damaged_parts_are_driven_again(tmp_path, short):
-    setup = Setup.of(BenchmarkConfig(references=("bend.csv",), localization="truth", out=tmp_path / "out"))
-    wanted = ids(setup, [Case("linear", "none", "bend.csv", "stone", "zero", 0)])
-    (id,) = wanted.values()
+    config = Config(references=("bend.csv",), localization="truth", out=tmp_path / "out")
+    cases = identified([Case("linear", "none", "bend.csv", "stone", "zero", 0)], config, Setup.of(config).world)
 
     def there():
-        parts = Parts(setup.config.out, PARTS)
-        parts.take_current([id])
-        return id in parts
+        parts = Parts(config.out, PARTS)
+        parts.take_current([cases[0].id])
+        return cases[0].id in parts
 
     assert not there()
-    Parts(setup.config.out, PARTS).keep(drive_group(setup.config, wanted).part)
+    Parts(config.out, PARTS).keep(drive_group(cases, config).part)
     assert there()
-    (rows,), (runs,) = ((setup.config.out / PARTS).glob(f"*.{kind}") for kind in ("json", "parquet"))
+    (rows,), (runs,) = ((config.out / PARTS).glob(f"*.{kind}") for kind in ("json", "parquet"))
     whole = {path: path.read_bytes() for path in (rows, runs)}
     damages = [
         (runs, whole[runs][:1000]),
@@ -143,9 +140,9 @@ def test_parts_depend_on_what_a_users_modules_say(tmp_path, short, monkeypatch):
     (tmp_path / "gains_of_mine.py").write_text("K = 1.0")
     source = "import gains_of_mine\nfrom trackslip.controllers.linear import LinearTimeVarying as Mine"
     (tmp_path / "imports_gains.py").write_text(source)
-    setup = Setup.of(BenchmarkConfig(localization="truth"))
+    setup = Setup.of(Config(localization="truth"))
     cases = (Case("imports_gains:Mine", "none", "bend.csv", "stone", "zero", 0),)
     setup.check(cases)
-    before = ids(setup, cases)
+    before = identified(cases, setup.config, setup.world)
     (tmp_path / "gains_of_mine.py").write_text("K = 2.0")
-    assert ids(setup, cases) != before
+    assert identified(cases, setup.config, setup.world) != before

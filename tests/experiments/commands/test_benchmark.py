@@ -6,16 +6,10 @@ import pyarrow.parquet
 import pytest
 from browser import assert_fits
 
-from experiments.benchmark.jobs import groups
-from experiments.benchmark.setup import Setup, start
-from experiments.options.benchmark import BenchmarkConfig, Case
-from experiments.options.choices import CONTROLLER_NAMES, REFERENCE_NAMES
-from experiments.work.benchmark import PARTS
-from trackslip.controllers.named import CONTROLLERS
+from experiments.commands.benchmark import PARTS
 from trackslip.logs.logfile import read_runs
 from trackslip.metrics import tracking_errors
-from trackslip.trajectory.named import REFERENCES, load_reference
-from trackslip.trajectory.segmented import paper_reference
+from trackslip.trajectory.named import load_reference
 
 MODULE = '''
 import numpy as np
@@ -206,11 +200,6 @@ def test_a_twist_that_is_no_number_fails_its_run_alone(trackslip, short, tmp_pat
         (("--references", "square"), "references = 'square': must be one of paper, circle"),
         (("--references", "none.csv"), "none.csv: "),
         (("--grounds", "lava"), "grounds = 'lava': must be one of stone, concrete"),
-        (("--controllers", "linear", "linear"), "controllers = ('linear', 'linear'): must be all different"),
-        (("--seeds",), "seeds = (): must be at least one"),
-        (("--seeds", "-1"), "seeds = -1: must be integers >= 0"),
-        (("--jobs", "-1"), "jobs = -1: must be an integer from 0"),
-        (("--preview", "3"), "preview = 3.0: must be from 0 to 1 s"),
         (("--laws", "nowhere.json"), "nowhere.json: "),
     ],
 )
@@ -218,65 +207,6 @@ def test_what_makes_no_sense_is_refused_in_a_line(refused, tmp_path, monkeypatch
     (tmp_path / "mine.py").write_text(MODULE.format(robots=1, robot=0))
     monkeypatch.syspath_prepend(tmp_path)
     assert refused("benchmark", "--suite", "paper", *options).startswith(message)
-
-
-def test_suites_know_all_names():
-    assert tuple(CONTROLLERS) == CONTROLLER_NAMES
-    assert tuple(REFERENCES) == REFERENCE_NAMES
-
-
-@pytest.mark.parametrize("suite", ["paper", "quick", "full"])
-def test_runs_that_share_controller_and_reference_are_one_fleet(suite):
-    cases = BenchmarkConfig(suite=suite).cases()
-    fleets = groups(cases)
-    assert sorted(map(repr, sum(fleets, ()))) == sorted(map(repr, set(cases)))
-    for fleet in fleets:
-        assert len({case.reference for case in fleet}) == 1
-    for key in {(case.controller, case.reference) for case in cases}:
-        assert sum(any((c.controller, c.reference) == key for c in fleet) for fleet in fleets) == 1
-
-
-def test_a_run_is_the_same_in_any_company(tmp_path):
-    """Bit for bit, whichever controllers, compensations and grounds share its fleet."""
-    path = tmp_path / "bow.csv"
-    path.write_text("x,y\n-2,1\n-1.6,1.1\n-1.2,1.4\n")
-    setup = Setup.of(BenchmarkConfig())
-    cases = [
-        Case(controller, compensation, str(path), ground, "random", seed)
-        for controller in ("linear", "feedforward")
-        for compensation in ("online", "icr_radius")
-        for ground, seed in (("stone", 0), ("ice", 1))
-    ]
-    logs = {log.run: log for log in setup.drive(cases)}
-    for case in (cases[0], cases[5]):
-        (alone,) = setup.drive([case])
-        np.testing.assert_array_equal(alone.truth.pose, logs[case.run].truth.pose)
-        np.testing.assert_array_equal(alone.pose, logs[case.run].pose)
-        np.testing.assert_array_equal(alone.command, logs[case.run].command)
-
-
-def test_the_papers_start_is_the_papers():
-    case = Case("linear", "none", "paper", "stone", "paper", 0)
-    np.testing.assert_allclose(start(case, paper_reference()), [0.3, -0.2, np.pi / 3], atol=1e-12)
-
-
-def test_random_starts_are_the_same_for_all_controllers():
-    path = paper_reference()
-    starts = [
-        start(Case(c, "none", "paper", "stone", "random", seed), path) for c in ("linear", "lqr") for seed in (0, 1)
-    ]
-    np.testing.assert_array_equal(starts[:2], starts[2:])
-    assert np.hypot(*(starts[0] - starts[1])[:2]) > 0.01
-
-
-def test_noise_is_the_same_for_all_controllers(tmp_path):
-    path = tmp_path / "bow.csv"
-    path.write_text("x,y\n-2,1\n-1.6,1.1\n-1.2,1.4\n")
-    setup = Setup.of(BenchmarkConfig())
-    cases = [Case("feedforward", c, str(path), "stone", "zero", 0) for c in ("none", "icr_radius")]
-    logs = setup.drive(cases)
-    np.testing.assert_array_equal(logs[0].pose[0], logs[1].pose[0])
-    assert np.any(logs[0].pose[0] != logs[0].truth.pose[0])
 
 
 def test_the_documented_controller_compares(trackslip, short, tmp_path):

@@ -1,0 +1,161 @@
+"""The runs of a benchmark: suites, names, ids, starts, and which of them are driven as one fleet."""
+
+from __future__ import annotations
+
+import functools
+import importlib.util
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from experiments.driving.lookup import policy_path, reference, user_modules
+from experiments.driving.world import World
+from experiments.options.choices import CONTROLLER_NAMES, REFERENCE_NAMES
+from experiments.storage.manifest import content, digest
+from experiments.storage.results import SUMMARY_FILE
+from sim.seeds import generator
+from trackslip.controllers.named import CONTROLLERS
+from trackslip.kinematics import Array
+from trackslip.slip.stored_laws import SHIPPED
+
+if TYPE_CHECKING:
+    from experiments.commands.benchmark import Config
+
+FACTORS = ("controller", "compensation", "reference", "ground", "start", "seed")
+"""What the runs of a benchmark differ in: the fields of a Case."""
+_OPTIONS = ("controllers", "compensations", "references", "grounds", "starts", "seeds")  # the values of FACTORS
+GROUP_SIZE = 32
+"""Robots in a fleet: larger fleets hardly gain speed, and smaller ones are shared better between processes."""
+MAX_GROUP = 3 * GROUP_SIZE
+"""Robots of one controller on one reference that are still driven as one fleet."""
+
+_PAPER = ("none", "published", "exponential", "icr_radius", "online")
+_THREE = ("none", "icr_radius", "online")
+_SUITES: Mapping[str, Sequence[Sequence[tuple[Any, ...]]]] = {
+    "paper": [
+        (("feedforward",), _PAPER, ("paper",), ("stone",), ("zero",), (0, 1, 2, 3, 4)),
+        (("linear",), _PAPER, ("paper",), ("stone",), ("paper", "zero"), (0, 1, 2, 3, 4)),
+    ],
+    "quick": [(CONTROLLER_NAMES, ("none", "icr_radius"), ("paper",), ("stone",), ("random",), (0, 1, 2))],
+    "full": [(CONTROLLER_NAMES, _THREE, REFERENCE_NAMES, ("stone", "ice", "sticky"), ("random",), (0, 1, 2))],
+}
+"""Suites by name, each the union of full factorial designs: the values of each of FACTORS, all combined."""
+_IN_COMMON = ("robot", "radius_error", "drive", "scanner", "obstacles", "localization", "preview", "laws")
+_SLOW = {"mpc": 4.0}  # how much longer a robot takes than under most controllers
+_PAPER_OFFSET = (-0.2, -0.3, -np.pi / 6)  # forward, left, heading: Sec. IV-C, (0.3, -0.2, pi/3) from (0, 0, pi/2)
+_MAX_OFFSET, _MAX_ROTATION = 0.15, np.radians(20)  # of a random start [m, rad]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run: the names of its controller, compensation, reference, ground and start, and its seed."""
+
+    controller: str
+    compensation: str
+    reference: str
+    ground: str
+    start: str
+    seed: int
+    id: str = ""
+    """Hash of everything that its numbers depend on, the contents of files included."""
+
+    @property
+    def name(self) -> str:
+        """The run's name."""
+        return " ".join(str(value) for value in self.factors.values())
+
+    @property
+    def factors(self) -> dict[str, Any]:
+        """The values of FACTORS."""
+        return {name: getattr(self, name) for name in FACTORS}
+
+    @property
+    def duration(self) -> float:
+        """Simulated time [s]."""
+        return reference(self.reference).duration
+
+    def start_pose(self) -> Array:
+        """Start pose (3,) [m, m, rad]."""
+        offset, path = np.zeros(3), reference(self.reference)
+        if self.start == "paper":
+            offset = np.array(_PAPER_OFFSET)
+        elif self.start == "random":
+            rng = generator(self.seed, f"start {self.key}")
+            away, bearing = _MAX_OFFSET * np.sqrt(rng.uniform()), rng.uniform(-np.pi, np.pi)
+            turn = rng.uniform(-_MAX_ROTATION, _MAX_ROTATION)
+            offset = np.array([away * np.cos(bearing), away * np.sin(bearing), turn])
+        pose = path.pose(0.0)
+        cos, sin = np.cos(pose[2]), np.sin(pose[2])
+        return pose + np.array([cos * offset[0] - sin * offset[1], sin * offset[0] + cos * offset[1], offset[2]])
+
+    @property
+    def key(self) -> str:
+        """What random numbers depend on besides the seed: the reference's name, without the folder of its file."""
+        return Path(self.reference).stem
+
+
+def cases_of(config: Config) -> tuple[list[Case], list[str]]:
+    """Every run once, and a note on each of a suite's controllers that is left out because its library is missing.
+
+    A controller that is named by an option is not left out; looking it up refuses it.
+    """
+    given = [getattr(config, name) for name in _OPTIONS]
+    found: dict[Case, None] = {}
+    for design in _SUITES[config.suite]:
+        chosen = [own or suites for own, suites in zip(given, design, strict=True)]
+        found |= dict.fromkeys(Case(*values) for values in product(*chosen))
+    rest = [case for case in found if case.controller != "mpc"]
+    if len(rest) == len(found) or "mpc" in (config.controllers or ()) or importlib.util.find_spec("casadi") is not None:
+        return list(found), []
+    return rest, ['mpc is left out: CasADi is not installed; pip install "trackslip[mpc]"']
+
+
+def identified(cases: Sequence[Case], config: Config, world: World) -> list[Case]:
+    """The cases with their ids; a user's controllers must have been imported."""
+    laws = config.laws or SHIPPED
+    common = digest(
+        {name: getattr(config, name) for name in _IN_COMMON}
+        | {
+            "model": world.robot.digest,
+            "world": [world.parameters, world.obstacles, world.radius_error],
+            "laws": content(laws / SUMMARY_FILE if laws.is_dir() else laws),
+        }
+        | ({"pull": world.pull} if world.pull.force > 0 else {})
+    )
+    contents = functools.cache(lambda name: content(Path(name)))
+    modules = set(user_modules())
+
+    def files(case: Case) -> dict[str, str]:
+        names = {case.reference, case.ground, str(policy_path(case.controller) or "")}
+        names |= set() if case.controller in CONTROLLERS else modules
+        return {name: found for name in sorted(names) if (found := contents(name)) is not None}
+
+    return [replace(case, id=digest([common, case.factors, files(case)])) for case in cases]
+
+
+def groups(cases: Sequence[Case], workers: int = 1) -> list[tuple[Case, ...]]:
+    """Fleets of cases on one reference, the longest first: whole controllers, up to about GROUP_SIZE robots."""
+    paths: dict[str, dict[str, list[Case]]] = {}
+    for case in cases:
+        paths.setdefault(case.reference, {}).setdefault(case.controller, []).append(case)
+    found = []
+    for controllers in paths.values():
+        group: tuple[Case, ...] = ()
+        for same in controllers.values():
+            if group and len(group) + len(same) > GROUP_SIZE:
+                found.append(group)
+                group = ()
+            group += tuple(same)
+            while len(group) > MAX_GROUP:
+                found.append(group[:GROUP_SIZE])
+                group = group[GROUP_SIZE:]
+        found.append(group)
+    return sorted(found, key=_work, reverse=True)
+
+
+def _work(group: Sequence[Case]) -> float:
+    return group[0].duration * sum(_SLOW.get(case.controller, 1.0) for case in group)
