@@ -1,6 +1,7 @@
 """The base of every command's options: bounds of single options and exclusions between options, both as data."""
 
 import dataclasses
+import functools
 import typing
 from collections.abc import Iterator, Sequence
 from typing import Any, ClassVar
@@ -202,3 +203,20 @@ def refuse_changed(name: str, value: Any, default: Any, reason: str) -> None:
             refuse_changed(inner, getattr(value, field.name), getattr(default, field.name), reason)
     elif value != default:
         raise InvalidValueError(name, value, f"left out {reason}")
+
+
+def option(config: Any, name: str) -> Any:
+    """The value of the option `name`."""
+    return functools.reduce(getattr, name.split("."), config)
+
+
+def with_option(config: Any, name: str, value: object) -> Any:
+    """`config` with another value of the option `name`; raises InvalidValueError for a value that isn't allowed."""
+    head, _, rest = name.partition(".")
+    if not rest:
+        return dataclasses.replace(config, **{head: value})
+    try:
+        inner = with_option(getattr(config, head), rest, value)
+    except InvalidValueError as error:
+        raise InvalidValueError(f"{head}.{error.field}", error.value, error.allowed) from error
+    return dataclasses.replace(config, **{head: inner})

@@ -33,33 +33,32 @@ def print_steady_coverage(found: SteadyCoverage) -> None:
     Table(title, ("parameter", "noise alone", "95 % interval"), rows).print()
     bias = " and ".join(f"{SYMBOLS[key]} by {value:+.6f}" for key, value in runs.bias_by_lean.items())
     print(f"The true motion here is the plate's, which leans outwards with the robot. This changes {bias}.")
+    for check in found.checks:
+        if not check.holds:
+            print(f"does not hold: {check.to_json()['name']}")
     print_verdict(found.checks)
 
 
 def print_drive_study(found: DriveStudy) -> None:
     """Print the checks of the drive estimator, and the laws of MuJoCo's own drives."""
     print_table(f"{found.repeats} drives in each case", CHECKS_HEADER, checks_table(found.checks))
-    one = found.simulated
     lines = (
-        ("steady circles of the same speeds", one.steady),
-        ("steady circles, the paper's", one.paper),
-        (f"mean of {one.drives} drives", one.mean),
-        ("scatter between drives", one.scatter),
+        ("steady circles of the same speeds", "steady", 1e3),
+        ("steady circles, the paper's", "paper", 1e3),
+        (f"mean of {found.drives} drives", "mean", 1e3),
+        ("scatter between drives", "scatter", 1e3),
+        ("coverage of the steady law", "coverage_of_steady", 1.0),
     )
-    rows = [(what, *(number(1e3 * values[name], 3) for name in (D, EPSILON))) for what, values in lines]
-    rows.append(("coverage of the steady law", *(number(one.coverage_of_steady[name], 3) for name in (D, EPSILON))))
+    rows = [(text, *(number(scale * found.laws[law][name], 3) for name in (D, EPSILON))) for text, law, scale in lines]
     Table("MuJoCo's drives without noise, and steady circles", ("", "D [mm]", "epsilon [1e-3]"), rows).print()
     print(f"so many drives leave root mean squares uncertain by {sampling_error(found.repeats):.0%}")
     print_verdict(found.checks, found.failures)
 
 
 def print_verdict(checks: Sequence[Check], failures: Sequence[str] = ()) -> None:
-    """Print why fits failed, which checks don't hold, and how many do."""
+    """Print why fits failed, and how many checks hold."""
     for line in failures:
         print(f"a fit failed: {line}")
-    for check in checks:
-        if not check.holds:
-            print(f"does not hold: {check.to_json()['name']}")
     print(f"{sum(check.holds for check in checks)} of {len(checks)} checks hold")
 
 

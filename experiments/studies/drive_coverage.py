@@ -62,30 +62,18 @@ _OUTER, _INNER = (0.1, 0.2, 0.3), (0.1, 0.4, 0.7)  # speeds of the tracks [m/s],
 
 
 @dataclass(frozen=True)
-class SimulatedLaws:
-    """Laws of MuJoCo's own drives without noise, and of steady circles."""
-
-    drives: int
-    steady: Values
-    """The law's parameters from steady circles with the track speeds of the drives; errors are measured from them."""
-    paper: Values
-    """Those from the paper's circles, most of which are slower and wider."""
-    mean: Values
-    """Mean of the drives' parameters."""
-    scatter: Values
-    """Their standard deviation between drives."""
-    coverage_of_steady: Values
-    """Share of the measured drives whose 95 % intervals cover the steady law [-]."""
-
-
-@dataclass(frozen=True)
 class DriveStudy:
     """The results of all cases."""
 
     repeats: int
     results: Mapping[str, Results]
     """By the case's name."""
-    simulated: SimulatedLaws
+    drives: int
+    """Number of MuJoCo's own drives that determine the law without noise."""
+    laws: Mapping[str, Values]
+    """Of MuJoCo: `steady`, from steady circles with the track speeds of the drives, which errors are measured from;
+    `paper`, from the paper's circles, most of which are slower and wider; `mean` and `scatter`, the standard deviation,
+    of the drives without noise; `coverage_of_steady`, the share of measured drives whose intervals cover `steady`."""
 
     @property
     def checks(self) -> list[Check]:
@@ -103,8 +91,13 @@ class DriveStudy:
             name: {key: results.errors(key).to_json() | results.coverage(key).to_json() for key in CASES[name].covered}
             for name, results in self.results.items()
         }
-        checks = [check.to_json() for check in self.checks]
-        return {**vars(self), "results": statistics, "checks": checks, "failures": self.failures}
+        return {
+            "repeats": self.repeats,
+            "results": statistics,
+            "checks": [check.to_json() for check in self.checks],
+            "simulated": {"drives": self.drives, **self.laws},
+            "failures": self.failures,
+        }
 
 
 def drive_study(config: Config, world: World, run: Run) -> DriveStudy:
@@ -129,15 +122,14 @@ def drive_study(config: Config, world: World, run: Run) -> DriveStudy:
     results = {name: Results(found, [{**TRUE_LAW, **EXTRAS}] * repeats) for name, found in outcomes.items()}
     measured = results[SIMULATED.name] = Results(outcomes[SIMULATED.name], [exact[k] for k in driven], steady)
     values = {name: np.array([one[name] for one in exact.values()]) for name in steady}
-    simulated = SimulatedLaws(
-        drives=len(exact),
-        steady=steady,
-        paper=paper,
-        mean={name: float(found.mean()) for name, found in values.items()},
-        scatter={name: float(found.std(ddof=1)) if len(found) > 1 else 0.0 for name, found in values.items()},
-        coverage_of_steady={name: measured.coverage(name, steady).share for name in steady},
-    )
-    return DriveStudy(repeats, results, simulated)
+    laws = {
+        "steady": steady,
+        "paper": paper,
+        "mean": {name: float(found.mean()) for name, found in values.items()},
+        "scatter": {name: float(found.std(ddof=1)) if len(found) > 1 else 0.0 for name, found in values.items()},
+        "coverage_of_steady": {name: measured.coverage(name, steady).share for name in steady},
+    }
+    return DriveStudy(repeats, results, len(exact), laws)
 
 
 def fitted_drive(trial: Trial, rng: np.random.Generator, geometry: RobotGeometry) -> Outcome:

@@ -12,6 +12,7 @@ import numpy as np
 from experiments.driving.grid_runs import cells_of, drive_cells, drive_grid
 from experiments.driving.world import Specification, World
 from experiments.measuring.grid import LocalizationErrors
+from experiments.options.base import with_option
 from experiments.options.grid import GridConfig
 from experiments.studies.trials import Outcome, Trial, run_trials
 from sim.scanner.scanner import MIRROR_PERIOD
@@ -31,10 +32,8 @@ class Disturbance:
     """A departure from the nominal experiment."""
 
     name: str
-    scanner: Mapping[str, float] = field(default_factory=dict)
-    """Changed options of `LaserScanner`."""
-    obstacles: str | None = None
-    """Named obstacles in the field."""
+    options: Mapping[str, float | str] = field(default_factory=dict)
+    """Changed options of the grid, such as scanner.noise."""
     plate_left: float = 0.0
     """Offset of the plate to the left of the robot's axis, unknown to the evaluation [m]."""
     clock: float = 0.0
@@ -42,14 +41,16 @@ class Disturbance:
 
     @property
     def settings(self) -> dict[str, float | str]:
-        """What differs from the nominal experiment."""
-        rest = {"obstacles": self.obstacles, "plate_left": self.plate_left, "clock": self.clock}
-        return {**self.scanner, **{name: value for name, value in rest.items() if value}}
+        """Differences from the nominal experiment."""
+        changed = {name.removeprefix("scanner."): value for name, value in self.options.items()}
+        unknown = {"plate_left": self.plate_left, "clock": self.clock}
+        return changed | {name: value for name, value in unknown.items() if value}
 
     def driven(self, config: GridConfig) -> GridConfig:
         """The grid to drive; equal to `config` where only the evaluation is disturbed."""
-        scanner = replace(config.scanner, **self.scanner)
-        return replace(config, scanner=scanner, obstacles=self.obstacles or config.obstacles)
+        for name, value in self.options.items():
+            config = with_option(config, name, value)
+        return config
 
     def evaluated(self, log: RunLog) -> RunLog:
         """The run as measured with this plate and this clock; the truth stays."""
@@ -62,16 +63,16 @@ class Disturbance:
 
 DISTURBANCES = (
     Disturbance("nominal"),
-    Disturbance("noise 10 mm", {"noise": 0.01}),
-    Disturbance("quantised to 1 cm", {"quantisation": 0.01}),
-    Disturbance("range bias 10 mm", {"range_bias": 0.01}),
-    Disturbance("mixed pixels, 4.4 mrad", {"divergence": 0.0044}),
-    Disturbance(f"sweep of {MIRROR_PERIOD * 1e3:.1f} ms", {"scan_duration": MIRROR_PERIOD}),
-    Disturbance("dropouts 20 %", {"dropout": 0.2}),
-    Disturbance("posts around", obstacles="posts"),
-    Disturbance("post in front", obstacles="occluded"),
-    Disturbance("walls around", obstacles="room"),
-    Disturbance("person in front", obstacles="walker"),
+    Disturbance("noise 10 mm", {"scanner.noise": 0.01}),
+    Disturbance("quantised to 1 cm", {"scanner.quantisation": 0.01}),
+    Disturbance("range bias 10 mm", {"scanner.range_bias": 0.01}),
+    Disturbance("mixed pixels, 4.4 mrad", {"scanner.divergence": 0.0044}),
+    Disturbance(f"sweep of {MIRROR_PERIOD * 1e3:.1f} ms", {"scanner.scan_duration": MIRROR_PERIOD}),
+    Disturbance("dropouts 20 %", {"scanner.dropout": 0.2}),
+    Disturbance("posts around", {"obstacles": "posts"}),
+    Disturbance("post in front", {"obstacles": "occluded"}),
+    Disturbance("walls around", {"obstacles": "room"}),
+    Disturbance("person in front", {"obstacles": "walker"}),
     Disturbance("plate 1 mm off the axis", plate_left=0.001),
     Disturbance("clock 0.1 % fast", clock=0.001),
 )

@@ -34,7 +34,6 @@ RUN_LAW = "icr_radius"
 DRAWN_LAWS = tuple(name for name, family in FAMILIES.items() if family.names and not family.loaded)
 """The laws that samples are drawn from; on level ground, none is of slip under load."""
 _MOTION = "bundle"  # takes ranges, to which noise can be added again and again
-_GRID = "grid"
 
 
 @dataclass(frozen=True)
@@ -96,59 +95,52 @@ def steady_coverage(config: Config, world: World, run: Run) -> SteadyCoverage:
     (design,) = scanned_again(logs, geometry, config.scanner.noise, config.seed, 1)
     fitted = compare_laws(design, geometry)
     values = {name: generating_values(name, fitted) for name in DRAWN_LAWS}
-    grids = [Trial(f"{_GRID} {k}", given=k) for k in range(config.grids)]
-    known = {name: Trial(f"{name} True", given=(name, True)) for name in values}
-    unknown = {name: Trial(f"{name} False", given=(name, False)) for name in values}
-    do = partial(_covered, config=config, design=design, values=values, geometry=geometry)
-    outcomes = run_trials(run, do, [*known.values(), *unknown.values(), *grids], "coverage {case}", world.about)
-
-    def shares(trials: Mapping[str, Trial]) -> dict[str, Values]:
-        return {name: outcomes[trial.case][0].numbers for name, trial in trials.items()}
-
-    scanned = [outcomes[grid.case][0].numbers for grid in grids]
-    counts = [_repeats(config, k) for k in range(config.grids)]
+    draw = partial(_drawn, values=values, design=design, geometry=geometry, repeats=config.repeats)
+    draws = [Trial(f"{name} {known}", given=(name, known)) for known in (True, False) for name in values]
+    shares = run_trials(run, draw, draws, "coverage {case}", world.about)
+    laws = {known: {name: shares[f"{name} {known}"][0].numbers for name in values} for known in (True, False)}
+    scan = partial(_scanned, config=config, design=design, geometry=geometry)
+    grids = [Trial("grid", number) for number in range(config.grids)]
+    scanned = run_trials(run, scan, grids, "coverage {case} {number}", world.about)["grid"]
+    weights = [_repeats(config, number) for number in range(config.grids)]
 
     def mean(kind: str) -> Values:
-        return {
-            name: float(np.average([one[f"{kind} {name}"] for one in scanned], weights=counts))
-            for name in FAMILIES[RUN_LAW].names
-        }
+        numbers = {name: [one.numbers[f"{kind} {name}"] for one in scanned] for name in FAMILIES[RUN_LAW].names}
+        return {name: float(np.average(found, weights=weights)) for name, found in numbers.items()}
 
     runs = RunCoverage(config.run_repeats, RUN_LAW, mean("noise"), mean("interval95"), mean("lean"))
-    return SteadyCoverage(config.repeats, values, shares(known), shares(unknown), runs)
+    return SteadyCoverage(config.repeats, values, laws[True], laws[False], runs)
 
 
-def _covered(
+def _drawn(
     trial: Trial,
     rng: np.random.Generator,
-    config: Config,
-    design: SlipSamples,
     values: Mapping[str, Values],
+    design: SlipSamples,
     geometry: RobotGeometry,
+    repeats: int,
 ) -> Outcome:
-    """Shares of a law's repeats that cover each parameter, or those of a grid's."""
-    if trial.case.startswith(_GRID):
-        return Outcome(numbers=_grid_coverage(config, trial.given, int(rng.integers(2**62)), design, geometry))
+    """Shares of the repeats that cover each parameter of a law."""
     name, known = trial.given
-    return Outcome(numbers=coverage(name, values[name], design, geometry, config.repeats, rng, known))
+    return Outcome(numbers=coverage(name, values[name], design, geometry, repeats, rng, known))
 
 
-def _grid_coverage(
-    config: Config, number: int, seed: int, design: SlipSamples, geometry: RobotGeometry
-) -> dict[str, float]:
+def _scanned(
+    trial: Trial, rng: np.random.Generator, config: Config, design: SlipSamples, geometry: RobotGeometry
+) -> Outcome:
     """Drive a grid, scan it again and again, and compare the law with the one fitted to the true motion."""
-    grid = replace(config.grid(number), threads=1)
+    grid = replace(config.grid(trial.number), threads=1)
     logs = drive_grid(grid, World.of(grid))
     plate, robot = true_samples(logs, geometry, of_plate=True), true_samples(logs, geometry)
-    repeats = scanned_again(logs, geometry, config.scanner.noise, seed, _repeats(config, number))
-    noise, whole = noise_coverage(RUN_LAW, [(samples, plate) for samples in repeats], geometry)
+    repeats = _repeats(config, trial.number)
+    again = scanned_again(logs, geometry, config.scanner.noise, int(rng.integers(2**62)), repeats)
+    noise, whole = noise_coverage(RUN_LAW, [(samples, plate) for samples in again], geometry)
     of_plate, of_robot = (
         fit_law(RUN_LAW, replace(design, twist=true.twist, slip=true.slip), geometry, bootstraps=0).values
         for true in (plate, robot)
     )
-    lean = {name: of_plate[name] - of_robot[name] for name in of_plate}
-    kinds = {"noise": noise, "interval95": whole, "lean": lean}
-    return {f"{kind} {name}": value for kind, found in kinds.items() for name, value in found.items()}
+    kinds = {"noise": noise, "interval95": whole, "lean": {name: of_plate[name] - of_robot[name] for name in of_plate}}
+    return Outcome(numbers={f"{kind} {name}": value for kind, found in kinds.items() for name, value in found.items()})
 
 
 def _repeats(config: Config, number: int) -> int:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import docstring_parser
 
-from experiments.options.base import Distinct
+from experiments.options.base import Distinct, option
 from experiments.options.grid import GridConfig
 from sim.robot.parameters import RobotParameters
 from sim.toml_file import read_toml
@@ -116,23 +116,6 @@ def _flat(table: Mapping[str, Any], where: str, prefix: str = "") -> dict[str, A
             raise InvalidValueError(where, axis, "an axis that is given once")
         found |= inner
     return found
-
-
-def option(config: Any, name: str) -> Any:
-    """The value of the option `name`."""
-    return functools.reduce(getattr, name.split("."), config)
-
-
-def with_option(config: Any, name: str, value: object) -> Any:
-    """`config` with another value of the option `name`; raises InvalidValueError for a value that isn't allowed."""
-    head, _, rest = name.partition(".")
-    if not rest:
-        return dataclasses.replace(config, **{head: value})
-    try:
-        inner = with_option(getattr(config, head), rest, value)
-    except InvalidValueError as error:
-        raise InvalidValueError(f"{head}.{error.field}", error.value, error.allowed) from error
-    return dataclasses.replace(config, **{head: inner})
 
 
 def hint_of(name: str) -> Any:

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.driving.grid_runs import Cell, require_radius
 from experiments.driving.world import Specification, World, WorldFiles
-from experiments.options.base import Whole
+from experiments.options.base import Whole, option, with_option
 from experiments.options.grid import GridConfig
 from experiments.report.terminal import progress
 from experiments.storage.manifest import digest
-from experiments.sweep.axes import ALIASES, axes_of, option, with_option
+from experiments.sweep.axes import ALIASES, axes_of
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry
 

@@ -1,10 +1,9 @@
 """Disturbances of the evaluation against closed forms, on runs exactly along a circle."""
 
-import dataclasses
-
 import numpy as np
 from pages import ROOT, shown
 
+from experiments.options.base import option, with_option
 from experiments.options.grid import GridConfig
 from experiments.report.sensitivity import page
 from experiments.studies.sensitivity import (
@@ -15,7 +14,6 @@ from experiments.studies.sensitivity import (
     slip_errors,
 )
 from experiments.studies.trials import Trial
-from sim.scanner.named_obstacles import NAMED_OBSTACLES
 from trackslip.kinematics import advance, sprocket_speeds, track_slip
 from trackslip.logs.runlog import RunLog, Truth
 
@@ -61,13 +59,10 @@ def test_a_disturbance_changes_what_it_names_and_nothing_else():
     for disturbance in DISTURBANCES[1:]:
         changed = disturbance.driven(config)
         assert (changed == config) == bool(disturbance.plate_left or disturbance.clock)
-        for name, value in disturbance.scanner.items():
-            assert getattr(changed.scanner, name) == value != getattr(config.scanner, name)
-        assert disturbance.obstacles is None or disturbance.obstacles in NAMED_OBSTACLES
-        assert changed.obstacles == disturbance.obstacles
-        undone = {name: getattr(config.scanner, name) for name in disturbance.scanner}
-        restored = dataclasses.replace(changed, scanner=dataclasses.replace(changed.scanner, **undone), obstacles=None)
-        assert restored == config
+        for name, value in disturbance.options.items():
+            assert option(changed, name) == value != option(config, name)
+            changed = with_option(changed, name, option(config, name))
+        assert changed == config
 
 
 def test_every_row_has_a_name_of_its_own_and_stands_on_the_page():
@@ -77,17 +72,11 @@ def test_every_row_has_a_name_of_its_own_and_stands_on_the_page():
         assert sum(row.startswith(f" {disturbance.name}  ") for row in rows) == 1
 
 
-def test_the_users_obstacles_stay_where_the_disturbance_has_none():
-    config = GridConfig(obstacles="posts")
-    assert Disturbance("", {"noise": 0.01}).driven(config).obstacles == "posts"
-    assert Disturbance("", obstacles="room").driven(config).obstacles == "room"
-
-
 def test_where_nothing_can_be_seen_the_row_says_so(tmp_path):
     path = tmp_path / "blind.toml"
     path.write_text("[[posts]]\nx = -1.5\ny = -1.1\nradius = 0.38\n")
     config = GridConfig(radii=(0.6, 1.5), speeds=(0.2,), duration=5.0)
-    blind = Disturbance("blind", obstacles=str(path))
+    blind = Disturbance("blind", {"obstacles": str(path)})
     row = SensitivityRow(blind, disturbed(Trial("blind", given=blind), np.random.default_rng(0), config))
     found = row.to_json()
     assert found["slip_error"] is None
