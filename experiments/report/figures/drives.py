@@ -207,7 +207,7 @@ def prediction_errors(found: DriveComparison) -> Figure:
     figure, axes = style.subplots(3.6, 1, len(kinds), squeeze=False)
     looks = {name: style.law_line(name, lw=2.2 if name == found.best else 1.2) for name in found.ranking}
     for axis, (error, factor, title, label) in zip(axes[0], kinds, strict=True):
-        for name in reversed(found.ranking):
+        for name in sorted(looks, key=lambda law: law != found.best):  # the best one is thick, so it lies below
             points = [(h, factor * value) for h, e in found.errors[name].items() if (value := getattr(e, error))]
             if points:
                 axis.plot(*np.transpose(points), marker="o", ms=3.5, **looks[name])
