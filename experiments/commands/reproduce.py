@@ -1,6 +1,10 @@
 """`trackslip reproduce`: the paper from its first run to its last figure."""
 
-from experiments.options.reproduce import ReproduceConfig as Config
+from dataclasses import dataclass
+from pathlib import Path
+
+from experiments.options.grid import GridConfig
+from trackslip.errors import InvalidValueError
 
 EXAMPLES = (
     ("the whole paper", "trackslip reproduce"),
@@ -9,11 +13,26 @@ EXAMPLES = (
 )
 
 
+@dataclass(frozen=True)
+class Config(GridConfig):
+    """Reproduce the whole paper: the grid, the slip laws identified from its scans, and both controllers with and
+    without compensation."""
+
+    out: Path = Path("out/reproduce")
+    """Folder for the results."""
+    pdf: bool = False
+    """Also write the figures as PDF."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if len(self.radii) < 2:
+            raise InvalidValueError("radii", self.radii, "at least two: slip laws are functions of radius")
+        if len(self.radii) * len(self.speeds) < 3:
+            raise InvalidValueError("speeds", self.speeds, "at least two for two radii: three runs or more")
+
+
 def run(config: Config) -> None:
-    """Drive the grid, identify the laws, verify them in closed loop, store, report and print.
+    """Drive the grid, identify the laws, verify them in closed loop, store, report and print."""
+    from experiments.reproduction import reproduce
 
-    This process and its helpers do all that is independent; helpers drive while the rest is being imported here.
-    """
-    from experiments.work.reproduce import run as work
-
-    work(config)
+    reproduce(config)

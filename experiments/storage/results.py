@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from experiments.parallel.interrupts import interrupts_later
+from experiments.parallel import interrupts_later
 from experiments.storage.lock import locked
 from experiments.storage.plain_json import write_json
 from trackslip.errors import OutputError, first_line

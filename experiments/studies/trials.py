@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 import scipy
 
-from experiments.parallel.executors import WorkersFailedError, workers
-from experiments.parallel.workers import processors
+from experiments.parallel import WorkersFailedError, processors, workers
 from experiments.storage.manifest import digest, made_by
 from experiments.storage.plain_json import plain
 from sim.seeds import generator

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Protocol, TypeVar
 
-from experiments.parallel.executors import WorkersFailedError, workers
-from experiments.parallel.workers import processors
+from experiments.parallel import WorkersFailedError, processors, workers
 from experiments.report.terminal import progress
 from experiments.sweep.parts import Part, Parts, Row
 from sim.runs import Progress

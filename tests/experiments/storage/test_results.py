@@ -19,7 +19,7 @@ import pytest
 from filelock import FileLock
 
 from experiments.cli import main
-from experiments.parallel.interrupts import interrupts_later
+from experiments.parallel import interrupts_later
 from experiments.storage.lock import locked
 from experiments.storage.results import results_folder
 from trackslip.errors import LogError, OutputError

@@ -5,7 +5,7 @@ import pytest
 from experiments.cli import main
 from experiments.commands.grid import PARTS
 from experiments.driving.grid_runs import drive_cells
-from experiments.parallel.executors import WorkersFailedError
+from experiments.parallel import WorkersFailedError
 from experiments.storage.manifest import made_by
 from trackslip.logs.logfile import read_runs
 

@@ -6,9 +6,9 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from experiments.commands.reproduce import Config as ReproduceConfig
 from experiments.driving.grid_runs import drive_grid
 from experiments.driving.world import World
-from experiments.options.reproduce import ReproduceConfig
 from experiments.sweep.table import chosen
 from trackslip.logs.logfile import read_runs
 

@@ -79,5 +79,5 @@ def test_a_dask_cluster_gives_the_same(trackslip, tmp_path):
 
 def test_no_scheduler(refused, monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("experiments.parallel.executors._PATIENCE", 1)
+    monkeypatch.setattr("experiments.parallel._CONNECT_TIMEOUT", 1)
     assert "no scheduler answers there" in refused("grid", *SHORT[:-2], "--executor", "dask://127.0.0.1:1")

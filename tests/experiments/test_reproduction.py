@@ -3,19 +3,19 @@
 import gc
 import io
 import json
+import pickle
 import weakref
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from experiments.commands.reproduce import Config
+from experiments.driving.grid_runs import cells_of
+from experiments.driving.paper_model import KNOWN_LAWS
 from experiments.measuring.grid import LocalizationErrors, _BesideBound, grid_summary
-from experiments.options.reproduce import ReproduceConfig
-from experiments.parallel.executors import Workers, helped
-from experiments.reproducing import loops
-from experiments.reproducing.grid import driven_grid
-from experiments.reproducing.grid_shares import GridShares, places
-from experiments.reproducing.share import Share, whole
+from experiments.parallel import workers
+from experiments.reproduction import CONTROLLERS, Share, closed_loop_shares, grid_shares, joined
 from sim.robot.robot import load_robot
 from sim.run_recorder import FAILURE
 from sim.stopwatch import Stopwatch
@@ -27,7 +27,7 @@ from trackslip.logs.runlog import RunLog
 from trackslip.slip.icr import ConstantIcr
 from trackslip.trajectory.segmented import circle
 
-CONFIG = ReproduceConfig(radii=(0.5, 1.0, 1.5), speeds=(0.2,), duration=4.0)
+CONFIG = Config(radii=(0.5, 1.0, 1.5), speeds=(0.2,), duration=4.0)
 
 
 def stored(logs):
@@ -36,25 +36,27 @@ def stored(logs):
     return file.getvalue()
 
 
-def drive_grid(workers, watch):
-    return driven_grid(GridShares(CONFIG, workers), watch)
+def drive_grid(pool, watch):
+    """Logs of a small grid, and what was measured of them."""
+    shares = list(grid_shares(CONFIG, cells_of(CONFIG), pool))
+    return joined(shares, watch), {name: one for share in shares for name, one in share.measured.items()}
 
 
 def grid_and_loops(threads):
     """Bytes of a small grid and of closed loops, and samples of the grid by every method."""
     watch = Stopwatch()
-    with helped(threads) as workers:
-        grid = drive_grid(workers, watch)
-        driven = loops.Loops(CONFIG, {"icr": ConstantIcr(0.04, half_gauge=0.168)}, workers, PATH).logs(watch)
+    with workers("processes", threads) as pool:
+        grid, measured = drive_grid(pool, watch)
+        driven = joined(list(closed_loop_shares(CONFIG, LAWS, PATH, pool)), watch)
     assert min(watch.stages.values()) > 0
     samples = {
-        run: {name: one.slip.tolist() for name, one in known.by_method.items()} for run, known in grid.measured.items()
+        run: {name: one.slip.tolist() for name, one in known.by_method.items()} for run, known in measured.items()
     }
-    assert [log.run for log in driven] == [f"{name} {law}" for name in loops.CONTROLLERS for law in LAWS]
-    return stored(grid.logs), stored(driven), samples
+    assert [log.run for log in driven] == [f"{name} {law}" for name in CONTROLLERS for law in LAWS]
+    return stored(grid), stored(driven), samples
 
 
-LAWS = ("none", "published", "icr")
+LAWS = {**KNOWN_LAWS, "icr": ConstantIcr(0.04, half_gauge=0.168)}
 PATH = circle(1.0, 0.2, 0.5)
 
 
@@ -66,17 +68,17 @@ def test_any_number_of_workers_gives_the_same_bits():
 
 
 def test_what_was_measured_with_the_runs_is_what_they_give():
-    with helped(1) as workers:
-        grid = drive_grid(workers, Stopwatch())
+    with workers("inline", 1) as pool:
+        logs, measured = drive_grid(pool, Stopwatch())
     geometry = load_robot().geometry
-    fresh, known = (usable_samples(grid.logs, geometry, longest=True, measured=one) for one in ({}, grid.measured))
+    fresh, known = (usable_samples(logs, geometry, longest=True, measured=one) for one in ({}, measured))
     for name in ("omega", "twist", "slip", "covariance", "lateral", "lateral_stderr"):
         np.testing.assert_array_equal(getattr(known.samples, name), getattr(fresh.samples, name))
     assert (known.samples.run, known.refused, known.notes) == (fresh.samples.run, fresh.refused, fresh.notes)
     assert known.steady_share == pytest.approx(fresh.steady_share)
     summary = [
-        grid_summary(CONFIG, fresh.samples.run, logs, fresh.samples, geometry, Stopwatch(), one).to_json()
-        for logs, one in ((grid.logs, {}), (grid.logs, grid.measured), (one_at_a_time(grid.logs), {}))
+        grid_summary(CONFIG, fresh.samples.run, given, fresh.samples, geometry, Stopwatch(), one).to_json()
+        for given, one in ((logs, {}), (logs, measured), (one_at_a_time(logs), {}))
     ]
     assert summary[0] == summary[1] == summary[2]
 
@@ -94,8 +96,8 @@ def one_at_a_time(logs):
 
 
 def test_pose_errors_and_bound_of_a_grid_are_those_of_all_its_poses_together():
-    with helped(1) as workers:
-        logs = drive_grid(workers, Stopwatch()).logs
+    with workers("inline", 1) as pool:
+        logs, _ = drive_grid(pool, Stopwatch())
     error = np.concatenate([log.pose - log.truth.pose for log in logs])
     error[:, 2] = np.angle(np.exp(1j * error[:, 2]))
     found, bound = LocalizationErrors.of(iter(logs)), _BesideBound()
@@ -127,16 +129,11 @@ def log(name, rows):
     return RunLog(name, time, np.zeros((rows, 2)), np.zeros((rows, 3)), metadata={"of": name})
 
 
-def test_shares_are_put_back_in_order():
-    shares = [Share([log("a", 9), log("c", 9)], {}), Share([log("b", 9)], {})]
-    assert [one.run for one in whole(shares, [[0, 2], [1]])] == ["a", "b", "c"]
-
-
 def test_all_runs_end_with_the_earliest_failure():
     late, early = RunFailedError("run 'b': tips over"), RunFailedError("run 'c': tips over")
     shares = [Share([log("a", 20)], {}), Share([log("b", 15)], {}, late), Share([log("c", 7)], {}, early)]
     with pytest.raises(RunFailedError, match="run 'c'") as caught:
-        whole(shares, [[0], [1], [2]])
+        joined(pickle.loads(pickle.dumps(shares)), Stopwatch())
     assert [len(one.time) for one in caught.value.logs] == [7, 7, 7]
     assert {one.metadata[FAILURE] for one in caught.value.logs} == {"run 'c': tips over"}
 
@@ -144,7 +141,7 @@ def test_all_runs_end_with_the_earliest_failure():
 def test_a_failure_at_once_leaves_no_runs():
     shares = [Share([log("a", 20)], {}), Share([], {}, RunFailedError("run 'b': tips over"))]
     with pytest.raises(RunFailedError) as caught:
-        whole(shares, [[0], [1]])
+        joined(shares, Stopwatch())
     assert caught.value.logs == []
 
 
@@ -160,41 +157,3 @@ def test_the_whole_command_gives_the_same_bits(trackslip, tmp_path):
         numbers = json.dumps({key: value for key, value in result.summary.items() if key != "timing"})
         found.append((files, numbers, (result.folder / "runs.parquet").read_bytes()))
     assert found[0] == found[1] == found[2]
-
-
-@pytest.mark.parametrize("threads", [1, 2])
-def test_a_run_that_fails_is_reported_with_its_logs(monkeypatch, threads):
-    """In two shares, whose runs end with the one that fails."""
-    monkeypatch.setattr(loops, "drive_closed_loops", fail)
-    with helped(1) as workers, pytest.raises(RunFailedError, match="enough") as caught:
-        loops.Loops(replace(CONFIG, threads=1), {}, Workers(workers.executor, threads), PATH).logs(Stopwatch())
-    names = [f"{name} {law}" for name in loops.CONTROLLERS for law in ("none", "published")]
-    assert [(one.run, len(one.time)) for one in caught.value.logs] == [(name, 5) for name in names]
-
-
-def test_a_failure_arrives_from_a_helper_with_its_logs():
-    failure = RunFailedError("run 'b': tips over")
-    failure.logs = [log("a", 5), log("b", 5)]
-    with helped(2) as workers:
-        share = workers.begin(Share, failure.logs, {"physics": 1.0}, failure)()
-    with pytest.raises(RunFailedError, match="run 'b': tips over") as caught:
-        whole([share], [[0, 1]])
-    assert [(one.run, len(one.time)) for one in caught.value.logs] == [("a", 5), ("b", 5)]
-
-
-def fail(runs, *_):
-    error = RunFailedError("enough")
-    if runs[0].controller == "feedforward":
-        error.logs = [log(run.name, 5) for run in runs]
-        raise error
-    return [log(run.name, 8) for run in runs]
-
-
-@pytest.mark.parametrize(("runs", "workers"), [(25, 1), (25, 2), (25, 4), (3, 5), (1, 1)])
-def test_every_run_is_in_one_share(runs, workers):
-    shares = places(runs, workers)
-    assert sorted(k for share in shares for k in share) == list(range(runs))
-    sizes = [len(share) for share in shares]
-    assert max(sizes[:-1], default=runs) - min(sizes[:-1], default=runs) <= 1
-    if workers == 2:
-        assert sizes == [14, 11]

@@ -1,1 +1,0 @@
-"""The paper, from its runs to its report, shared out among processes."""
