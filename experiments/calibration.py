@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.report.terminal import print_table
+from experiments.report.table import Table
 from sim.calibration.calibration import Candidate, Fit, calibrate
 from sim.calibration.target import MeasuredTurns, Target, TurnTable
 from trackslip.errors import InvalidValueError, LogError
@@ -91,7 +91,7 @@ def print_fits(title: str, best: Fit, centred: Fit | None, lowest: Fit) -> None:
     rows.append(("slip, rms", *(f"{fit.slip_rms:.4f}" for fit in columns.values())))
     if best.radius_rms is not None:
         rows.append(("radius, rms", *(f"{fit.radius_rms:.2%}" for fit in columns.values())))
-    print_table(title, ("parameter", *columns), rows)
+    Table(title, ("parameter", *columns), rows).print()
     for name, others in best.correlation.items():
         if name == "shear" and others:
             print("correlation of shear with", ", ".join(f"{other} {value:+.2f}" for other, value in others.items()))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from experiments.report import drives, identification
+from experiments.report import drives, steady_laws
 from experiments.sweep.table import chosen
 from trackslip.identification.drive.comparison import DriveComparison
 from trackslip.identification.result import Identification
@@ -29,10 +29,10 @@ def print_identification(found: Identification) -> None:
     if found.method == "drive" and found.drive is not None:
         _print_drive(found.drive)
         if found.steady is not None:
-            identification.law_table(found).print()
+            steady_laws.law_table(found).print()
     else:
-        identification.law_table(found).print()
-        identification.criteria_table(found).print()
+        steady_laws.law_table(found).print()
+        steady_laws.criteria_table(found).print()
         if found.drive is not None:
             drives.law_table(found.drive).print()
     for warning in found.warnings:

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from math import degrees
 from typing import Any
 
-from experiments.report.formats import for_terminal, number, percent
-from experiments.report.terminal import print_table
+from experiments.report.formats import number, percent
+from experiments.report.table import Table
 from trackslip.rangefinder.place import PlatePlace
 from trackslip.ros.scanned import ScannedDrive, Stand
 
@@ -16,7 +16,7 @@ _SIDES = {"x": ("ahead of", "behind", "the turning centre"), "y": ("to the left 
 
 def print_drives(title: str, drives: Sequence[ScannedDrive]) -> None:
     """Print a row per drive, for the first of them."""
-    print_table(title, _HEADER, for_terminal(_rows(drives[:_MOST_ROWS])))
+    Table(title, _HEADER, _rows(drives[:_MOST_ROWS])).print()
     if len(drives) > _MOST_ROWS:
         print(f"and {len(drives) - _MOST_ROWS} more")
 

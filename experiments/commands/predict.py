@@ -88,7 +88,7 @@ class Config(Options):
 
 def run(config: Config) -> None:
     """Compute the slips, store and print them."""
-    from experiments.report.terminal import print_table
+    from experiments.report.table import Table
     from experiments.run import Run
     from trackslip.logs.file_format import FORMAT
 
@@ -133,13 +133,13 @@ def run(config: Config) -> None:
             drawn("predict", draw_prediction(turns, contact, ground.shear, load)).write(figures)
     rows = [(f"{r:g}", f"{s[1]:+.4f}", f"{s[0]:+.4f}") for r, s in zip(config.radii, slip, strict=True)]
     if turns is None:
-        print_table("Slip by quasi-static Coulomb theory", _HEADER[:3], rows)
+        Table("Slip by quasi-static Coulomb theory", _HEADER[:3], rows).print()
         print(f"D = {1e3 * law.offset:.2f} mm; use it with --laws {config.out}")
         return
     icrs = [f"{1e3 * left:+.1f} | {1e3 * right:+.1f}" for left, right in turns.icr]
     wide = [(*row, f"{1e3 * d:.2f}", icr) for row, d, icr in zip(rows, turns.offset, icrs, strict=True)]
     wide.append(("straight", f"{more['straight_slip']:+.4f}", f"{more['straight_slip']:+.4f}", "", ""))
-    print_table(f"Slip by quasi-static theory, K = {1e3 * ground.shear:g} mm", _HEADER, wide)
+    Table(f"Slip by quasi-static theory, K = {1e3 * ground.shear:g} mm", _HEADER, wide).print()
     print(f"mean D = {1e3 * law.offset:.2f} mm; use it with --laws {config.out}")
 
 

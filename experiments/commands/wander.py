@@ -198,7 +198,7 @@ def run(config: Config) -> None:
     from experiments.driving.wander import DriveContents, bag_contents, wander
     from experiments.driving.world import World
     from experiments.recording import record_all
-    from experiments.report.terminal import print_table
+    from experiments.report.table import Table
     from experiments.run import Run
     from experiments.storage.bags import bags_text, write_bags
     from experiments.storage.results import RUNS_FILE
@@ -231,7 +231,7 @@ def run(config: Config) -> None:
         )
         for one in contents[:_MOST_ROWS]
     ]
-    print_table(title, _HEADER, rows)
+    Table(title, _HEADER, rows).print()
     if len(contents) > _MOST_ROWS:
         print(f"and {len(contents) - _MOST_ROWS} more")
     if config.bag:

@@ -10,8 +10,7 @@ import numpy as np
 
 from experiments.learning.network import network_of
 from experiments.measuring.crossing import compare
-from experiments.report.crossing import CROSSING_HEADER, crossing_row, gain_text
-from experiments.report.terminal import print_table
+from experiments.report.tracking import crossing_table, gain_text
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import OPTIONS, CrossingPolicy
 
@@ -66,5 +65,5 @@ class TraverseTraining:
     def show(self, found: dict[str, Any]) -> None:
         """Print the share of unseen courses that each of them crosses."""
         title = f"Unseen courses, {self._config.trials} of each difficulty"
-        print_table(title, CROSSING_HEADER, [crossing_row(one) for one in found["rates"]])
+        crossing_table(title, found["rates"]).print()
         print(gain_text(found["gain"]))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from experiments.measuring.crossing import POLICY, SCRIPTED, compare, crossing_gain
-from experiments.report.crossing import CROSSING_HEADER, crossing_row, gain_text
 from experiments.report.figures.learning import learning_curve
+from experiments.report.tracking import crossing_table, gain_text
 from sim.network import Network
 from sim.terrain import Course, Flat
 from sim.traverse.policy import OPTIONS, CrossingPolicy
@@ -42,7 +42,8 @@ def test_a_policy_that_corrects_nothing_crosses_what_the_scripted_controller_doe
     assert rates[0].time == rates[1].time
     assert (rates[0].low, rates[0].high) == pytest.approx((0.342, 1.0), abs=1e-3)  # Wilson, two of two
     assert gain.gain == gain.low == gain.high == 0.0
-    assert len(crossing_row(rates[0])) == len(CROSSING_HEADER)
+    table = crossing_table("Courses", rates)
+    assert [len(row) for row in table.rows] == [len(table.header)] * len(rates)
     assert "+0.0 points" in gain_text(gain)
     curve = [{"steps": 10, "reward": 0.1}, {"steps": 20, "reward": 0.2, "crossed": 0.5}]
     assert len(learning_curve(curve, rates).axes) == 3

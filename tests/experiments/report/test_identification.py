@@ -12,9 +12,10 @@ from spin import spun_before_the_scanner
 from experiments.measuring.inner_outer import InnerOuterSamples
 from experiments.report.figures.laws import fitted_laws
 from experiments.report.figures.steady_runs import slip_against_speed_and_radius
-from experiments.report.identification import criteria_table, law_table, page
+from experiments.report.identification import page
 from experiments.report.library import identification_page
 from experiments.report.page import Plot
+from experiments.report.steady_laws import criteria_table, law_table
 from experiments.report.table import Table
 from trackslip.slip.exponential import PUBLISHED
 
