@@ -1,6 +1,16 @@
 """`trackslip drive`: a tracked robot over a course."""
 
-from experiments.options.drive import DriveConfig as Config
+import shlex
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
+
+import tyro
+
+from experiments.options.base import Excludes, Exclusion, Options, Positive, Whole, Within
+from experiments.options.help import default_is
+from experiments.options.world import MAX_DURATION
+from trackslip.errors import InvalidValueError, require_positive
 
 EXAMPLES = (
     ("the rescue robot on stairs, flippers by reflex", "trackslip drive"),
@@ -8,14 +18,120 @@ EXAMPLES = (
     ("your own robot and course, as a video", "trackslip drive --robot r.toml --course c.toml --video drive.mp4"),
     ("by the keyboard", "trackslip drive --course arena --teleop"),
 )
+MAX_PICTURES = 100
+_MAX_SPEED, _MAX_TURN = 2.0, 5.0  # [m/s], [rad/s]
+_MAX_ANGLE = 6.3  # of a flipper [rad]
+_MAX_FRICTION = 5.0
+FLIPPERS = ("up", "down", "reflex")
+UP, DOWN = 1.2, 0.0
+"""Angles of flippers that are up, and that lie along the tracks, positive is up [rad]."""
+
+
+@dataclass(frozen=True)
+class Config(Options):
+    """Drive a robot with tracks over a course, store the run with pictures, and print how it went."""
+
+    robot: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "rescue"
+    """Robot: rescue, box, or a .toml file with your own model and its tracks."""
+    course: Annotated[str, tyro.conf.arg(metavar="NAME|FILE")] = "stairs"
+    """Course: flat, ramp20, step10, stairs, cross_beams, pallets, rough, gap, side_slope, arena, or a .toml file."""
+    speed: Annotated[float, Within(-_MAX_SPEED, _MAX_SPEED, "m/s")] = 0.3
+    """Speed of the belts, negative to drive backwards [m/s]."""
+    turn: Annotated[float, Within(-_MAX_TURN, _MAX_TURN, "rad/s")] = 0.0
+    """Commanded yaw rate, positive to the left; the robot turns less, as its tracks slip [rad/s]."""
+    path: Annotated[Path | None, default_is("straight on", "FILE.csv")] = None
+    """Way points x, y to follow by the true pose, in the course's frame [m]."""
+    flippers: Annotated[str, tyro.conf.arg(metavar="{up,down,reflex,ANGLES}")] = "reflex"
+    """Flippers: up, down (along the tracks), by reflex, or angles: one, front,rear, or one each, tips up [rad]."""
+    preset: Literal["accurate", "fast"] = "accurate"
+    """Contact of the tracks: steps of 2 ms, or of 4 ms."""
+    friction: Annotated[float | None, Positive(_MAX_FRICTION), default_is("the course's", "FLOAT")] = None
+    """Friction coefficient between tracks and course [-]."""
+    duration: Annotated[float, Positive(MAX_DURATION, "s")] = 60.0
+    """Longest run [s]."""
+    seed: Annotated[int | None, Whole(), default_is("the course's", "INT")] = None
+    """Seed of what is random about the course."""
+    teleop: bool = False
+    """Drive it yourself, in MuJoCo's viewer with the arrow keys; needs a display."""
+    video: Annotated[Path | None, default_is("none", "FILE.mp4")] = None
+    """Also write a video; needs pip install "trackslip[video]"."""
+    pictures: Annotated[int, Whole(0, MAX_PICTURES)] = 0
+    """Number of pictures to write to OUT/pictures, evenly over the run."""
+    out: Path = Path("out/drive")
+    """Folder for the results."""
+
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (Excludes(("turn",), "path"), Excludes(("path", "turn"), "teleop"))
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.video is not None and self.video.suffix.lower() != ".mp4":
+            raise InvalidValueError("video", str(self.video), "a file that ends in .mp4")
+        self.flipper_angles()
+        if self.path is not None:
+            require_positive("speed", self.speed)
+
+    def flipper_angles(self) -> tuple[float, ...] | None:
+        """Angles of the flippers, one for all of them or more; None by reflex [rad]."""
+        if self.flippers in FLIPPERS:
+            return {"up": (UP,), "down": (DOWN,)}.get(self.flippers)
+        allowed = f"{', '.join(FLIPPERS)}, or angles up to {_MAX_ANGLE:g} rad, separated by commas"
+        try:
+            angles = tuple(float(part) for part in self.flippers.split(","))
+        except ValueError:
+            raise InvalidValueError("flippers", self.flippers, allowed) from None
+        if not all(abs(angle) <= _MAX_ANGLE for angle in angles):
+            raise InvalidValueError("flippers", self.flippers, allowed)
+        return angles
 
 
 def run(config: Config) -> None:
     """Drive, store the run, and print how it went."""
+    from sim.opengl import prefer_egl
+
     if config.pictures or config.video is not None:
-        from sim.opengl import prefer_egl
-
         prefer_egl()
-    from experiments.work.drive import run as work
+    from experiments.course.pictures import require_video, write_pictures, write_video
+    from experiments.course.results import DriveResult, write_course_run
+    from experiments.course.run import drive_course
+    from experiments.course.teleop import teleoperate
+    from experiments.course.world import CourseWorld
+    from experiments.recording import record_course_drive
+    from experiments.report.course_drive import page, sentences, tracks_table
+    from experiments.run import Run
+    from experiments.storage.manifest import command_line
+    from experiments.storage.results import (
+        DRIVE_RECORDING,
+        PICTURES_FOLDER,
+        RECORDINGS_FOLDER,
+        REPORT_FILE,
+        RUNS_FILE,
+    )
 
-    work(config)
+    if config.video is not None:
+        require_video()
+    world = CourseWorld.of(config)
+    with Run(config) as run:
+        if config.teleop:
+            driven = teleoperate(world)
+        else:
+            with run.progress(f"{world.robot.name} on {config.course}", config.duration) as advance:
+                driven = drive_course(world.traverse, world.pilot(), world.flippers(), advance)
+        result, about, looks = DriveResult.of(driven, world.course), world.about, world.with_looks()
+        manifest = run.manifest(**about)
+        run.write({"drive": asdict(result)}, simulated=result.duration, manifest=manifest)
+        write_course_run(driven, "drive", about, run.folder / RUNS_FILE)
+        with run.busy("recording"):
+            record_course_drive(run.folder / RECORDINGS_FOLDER / DRIVE_RECORDING, driven, looks, about)
+        pictures: list[str] = []
+        if config.pictures:
+            with run.busy("pictures"):
+                files = write_pictures(run.folder / PICTURES_FOLDER, driven, looks, world.course, config.pictures)
+            pictures = [f"{PICTURES_FOLDER}/{file.name}" for file in files]
+        page(driven, result, world.course, manifest, command_line("drive"), pictures).write(run.folder)
+        if config.video is not None:
+            with run.progress("video", result.duration) as advance:
+                write_video(config.video, driven, looks, world.course, advance)
+    print("\n".join(sentences(result)))
+    tracks_table(result).print()
+    shown = shlex.quote(str(config.out))
+    print(f"{config.out / REPORT_FILE}: {run.wall:.1f} s; next: trackslip view {shown}")

@@ -1,6 +1,16 @@
 """`trackslip view`: show stored runs in the rerun viewer, in the browser, or in a file."""
 
-from experiments.options.view import ViewConfig as Config
+import shlex
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import tyro
+
+from experiments.options.base import Excludes, Exclusion, Options
+from experiments.options.help import default_is
+from trackslip.errors import InvalidValueError
 
 EXAMPLES = (
     ("the first run", "trackslip view out/track"),
@@ -9,8 +19,59 @@ EXAMPLES = (
 )
 
 
+@dataclass(frozen=True)
+class Config(Options):
+    """Show stored runs in the rerun viewer: one, or several side by side on the same time line."""
+
+    path: tyro.conf.Positional[Path]
+    """Folder of results, or a .parquet or .csv log, also of a real robot."""
+    run: Annotated[
+        tuple[str, ...],
+        tyro.conf.UseAppendAction,
+        tyro.conf.arg(metavar="ID", help_behavior_hint="(default: the first; may be repeated)"),
+    ] = ()
+    """Name of a run or, in a grid's folder, its id or the beginning of its id; repeat the option to compare runs."""
+    web: bool = False
+    """Show them in the browser, until interrupted."""
+    save: Annotated[Path | None, default_is("none", "FILE")] = None
+    """Write an .rrd file instead, for `rerun FILE`."""
+
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (Excludes(("web",), "save"),)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.save is not None and self.save.suffix.lower() != ".rrd":
+            raise InvalidValueError("save", str(self.save), "a file that ends in .rrd")
+        if len(set(self.run)) < len(self.run):
+            raise InvalidValueError("run", self.run, "all different")
+
+
 def run(config: Config) -> None:
     """Read, choose, show."""
-    from experiments.work.view import run as work
+    from experiments.recording import record, title, viewer
+    from experiments.storage.file_names import file_names
+    from trackslip.ros.any_log import read_runs_of
 
-    work(config)
+    if (kept := viewer.drive_recording(config.path)) is not None:
+        if config.run:
+            raise InvalidValueError("run", config.run, f"left out: {config.path} has one run, with its recording")
+        if config.save is None:
+            viewer.show(kept, config.web, begin=0.0)
+        else:
+            viewer.copy(kept, config.save)
+            print(f"{config.save}: {kept}; rerun {shlex.quote(str(config.save))}")
+        return
+    read = read_runs_of(config.path)
+    for line in read.warnings:
+        print(f"warning: {line}")
+    chosen = viewer.choose(read.runs, config.run, config.path)
+    if not config.run and len(read.runs) > 1:
+        print(f"{len(read.runs)} runs; showing {chosen[0].run!r}. --run ID chooses one, --run ID ID compares")
+    laws = config.path if viewer.has_laws(config.path) else None
+    if config.save is not None:
+        record(config.save, chosen, laws)
+        print(f"{config.save}: {title(chosen)}; rerun {shlex.quote(str(config.save))}")
+        return
+    with tempfile.TemporaryDirectory(prefix="trackslip-view-") as folder:
+        file = Path(folder) / file_names([title(chosen)], ".rrd")[0]
+        viewer.show(file, config.web, begin=record(file, chosen, laws))

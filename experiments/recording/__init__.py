@@ -9,7 +9,7 @@ from experiments.storage.results import RECORDINGS_FOLDER
 from trackslip.logs.runlog import RunLog
 
 if TYPE_CHECKING:
-    from experiments.driving.course_run import CourseRun
+    from experiments.course.run import CourseRun
     from sim.robot.tracked_model import TrackedModel
 
 

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import rerun as rr
 
-from experiments.driving.course_run import CourseRun
+from experiments.course.run import CourseRun
 from experiments.recording import robot_mesh
 from experiments.recording.blueprint import begin_of_loop, blueprint
 from experiments.recording.columns import mesh, rgb, send, send_properties, send_series

@@ -3,8 +3,8 @@
 import numpy as np
 from matplotlib.figure import Figure
 
-from experiments.driving.course_run import CourseRun
-from experiments.measuring.course_drive import slip_by_slope
+from experiments.course.results import slip_by_slope
+from experiments.course.run import CourseRun
 from experiments.report.colours import BLUE, GREY, ORANGE
 from experiments.report.figures.style import styled, subplots, thin
 from sim.terrain import Course

@@ -13,7 +13,7 @@ from tracked_files import write_robot
 
 import trackslip as library
 from experiments.cli import main
-from experiments.driving.teleop import Keyboard
+from experiments.course.teleop import Keyboard
 from sim.robot.tracked import load_tracked
 from sim.robot.tracked_model import build_tracked
 

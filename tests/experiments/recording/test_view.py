@@ -12,7 +12,7 @@ from rrd import component, verify
 from experiments import recording
 from experiments.cli import main
 from experiments.recording.robot_mesh import parameters_of
-from experiments.work.view import choose, free_port, put_time
+from experiments.recording.viewer import choose, free_port, put_time
 from sim.robot.parameters import RobotParameters
 from trackslip.errors import LogError
 from trackslip.logs.logfile import write_csv

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
+import mujoco
 import numpy as np
 
-from experiments.driving.course_pilots import ConstantPilot, CoursePilot, PathPilot
-from experiments.driving.course_run import PERIOD, SAMPLE, reflexes
-from experiments.options.drive import DriveConfig
+from experiments.course.run import PERIOD, SAMPLE, ConstantPilot, CoursePilot, PathPilot, reflexes
 from sim.robot.flipper_clearance import clear_angles
 from sim.robot.tracked import TrackedRobot, load_tracked
 from sim.robot.tracked_model import TrackedModel, build_tracked
@@ -19,6 +21,9 @@ from sim.traverse.servo import Servos
 from sim.traverse.world import Traverse
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array
+
+if TYPE_CHECKING:
+    from experiments.commands.drive import Config
 
 _TOP_SPEED = 0.6  # of the belts at the keyboard [m/s]
 
@@ -30,10 +35,10 @@ class CourseWorld:
     robot: TrackedRobot
     course: Course
     traverse: Traverse
-    config: DriveConfig
+    config: Config
 
     @classmethod
-    def of(cls, config: DriveConfig) -> CourseWorld:
+    def of(cls, config: Config) -> CourseWorld:
         """Build the world; raises TrackslipError for a robot or a course that can't be built."""
         robot = load_tracked(config.robot)
         course = load_course(config.course, config.seed)
@@ -94,3 +99,19 @@ class CourseWorld:
     def with_looks(self) -> TrackedModel:
         """The same model with all that is only looked at."""
         return build_tracked(self.robot, self.course, preset=self.config.preset, looks=True)
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """The metadata of a run: robot, course and model, as far as the options leave them open."""
+        robot, course, model = self.robot, self.course, self.traverse.tracked.model
+        buffer = np.empty(mujoco.mj_sizeModel(model), np.uint8)
+        mujoco.mj_saveModel(model, None, buffer)
+        return {
+            "geometry": {"half_gauge": robot.half_gauge, "sprocket_radius": max(r for _, _, r in robot.hull)},
+            "robot": {**asdict(robot), "model": Path(robot.model).name},
+            "course": {"friction": course.friction, "seed": course.seed, "goal": course.goal, "width": course.width},
+            "seed": course.seed,
+            "mass": float(model.body_subtreemass[self.traverse.tracked.body]),
+            "timestep": float(model.opt.timestep),
+            "model_sha256": hashlib.sha256(buffer.tobytes()).hexdigest(),
+        }

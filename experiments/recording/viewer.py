@@ -1,28 +1,22 @@
-"""`trackslip view`: show stored runs in the rerun viewer, in the browser, or in a file."""
+"""The rerun viewer: which runs it shows, and how it is started, native or in the browser."""
 
 import contextlib
 import json
 import os
 import re
-import shlex
 import shutil
 import socket
 import subprocess
 import sys
-import tempfile
 import threading
 import urllib.parse
 from collections.abc import Sequence
 from pathlib import Path
 from time import monotonic, sleep
 
-from experiments.options.view import ViewConfig
-from experiments.recording import record, title
-from experiments.storage.file_names import file_names
 from experiments.storage.results import DRIVE_RECORDING, MANIFEST_FILE, RECORDINGS_FOLDER
-from trackslip.errors import InvalidValueError, LogError, OutputError, TrackslipError
+from trackslip.errors import LogError, OutputError, TrackslipError
 from trackslip.logs.runlog import RunLog
-from trackslip.ros.any_log import read_runs_of
 from trackslip.slip.law_file import load_laws
 
 _NAMED = 5  # runs listed in an error message
@@ -31,28 +25,6 @@ _LOCAL = "127.0.0.1"
 _PAGE, _STREAM = 9090, 9876  # default ports of the viewer's page and of its data
 _MAX_MESSAGE = 300  # characters quoted from the viewer's error
 _PATIENCE, _BETWEEN = 30.0, 0.1  # how long to wait for the viewer to start, and how often to look [s]
-
-
-def run(config: ViewConfig) -> None:
-    """Read, choose, show."""
-    if (kept := drive_recording(config.path)) is not None:
-        _show_kept(config, kept)
-        return
-    read = read_runs_of(config.path)
-    logs = read.runs
-    for line in read.warnings:
-        print(f"warning: {line}")
-    chosen = choose(logs, config.run, config.path)
-    if not config.run and len(logs) > 1:
-        print(f"{len(logs)} runs; showing {chosen[0].run!r}. --run ID chooses one, --run ID ID compares")
-    laws = config.path if _has_laws(config.path) else None
-    if config.save is not None:
-        record(config.save, chosen, laws)
-        print(f"{config.save}: {title(chosen)}; rerun {shlex.quote(str(config.save))}")
-        return
-    with tempfile.TemporaryDirectory(prefix="trackslip-view-") as folder:
-        file = Path(folder) / file_names([title(chosen)], ".rrd")[0]
-        _open(file, config.web, begin=record(file, chosen, laws))
 
 
 def drive_recording(path: Path) -> Path | None:
@@ -65,18 +37,12 @@ def drive_recording(path: Path) -> Path | None:
         return None
 
 
-def _show_kept(config: ViewConfig, kept: Path) -> None:
-    """Show a recording that there already is."""
-    if config.run:
-        raise InvalidValueError("run", config.run, f"left out: {config.path} has one run, with its recording")
-    if config.save is None:
-        _open(kept, config.web, begin=0.0)
-        return
+def copy(recording: Path, file: Path) -> None:
+    """Copy a recording to a file; raises OutputError if it can't be written."""
     try:
-        shutil.copyfile(kept, config.save)
+        shutil.copyfile(recording, file)
     except OSError as error:
-        raise OutputError(f"{config.save}: can't be written ({error.strerror or error})") from error
-    print(f"{config.save}: {kept}; rerun {shlex.quote(str(config.save))}")
+        raise OutputError(f"{file}: can't be written ({error.strerror or error})") from error
 
 
 def choose(logs: Sequence[RunLog], wanted: Sequence[str], path: Path) -> list[RunLog]:
@@ -104,14 +70,15 @@ def _called(log: RunLog) -> str:
     return repr(log.run) + (f" (id {str(log.metadata['id'])[:_SHORT]})" if "id" in log.metadata else "")
 
 
-def _has_laws(path: Path) -> bool:
+def has_laws(path: Path) -> bool:
+    """Whether a folder has identified laws."""
     try:
         return path.is_dir() and bool(load_laws(path))
     except TrackslipError:
         return False
 
 
-def _open(file: Path, web: bool, begin: float) -> None:
+def show(file: Path, web: bool, begin: float) -> None:
     """Show a recording in a new viewer, native or in the browser, until it is closed or interrupted.
 
     The native viewer starts at `begin` [s]; in the browser, playback starts at zero and then repeats the loop.

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from experiments.driving.course_pilots import ConstantPilot, PathPilot
-from experiments.driving.course_run import STOPPED, drive_course, ground_slope
-from experiments.driving.course_world import CourseWorld
-from experiments.measuring.course_drive import DriveResult, slip_by_slope
-from experiments.options.drive import DriveConfig
+from experiments.commands.drive import Config as DriveConfig
+from experiments.course.results import DriveResult, slip_by_slope
+from experiments.course.run import STOPPED, ConstantPilot, PathPilot, drive_course, ground_slope
+from experiments.course.world import CourseWorld
 from sim.robot.tracked import load_tracked
 from sim.terrain import Course, Flat, Ramp
 from sim.traverse.bodies import States
@@ -93,7 +92,7 @@ def test_an_explosion_ends_by_name_with_finite_states():
             traverse.batch.qvel[0, :3] = 1e9
         return True
 
-    run = drive_course(world.traverse, world.pilot(), world.flippers(), blow_up)
+    run = drive_course(world.traverse, world.pilot(), world.flippers(), watch=blow_up)
     assert run.outcome == "exploded"
     assert np.isfinite(run.qpos).all()
     assert np.isfinite(run.qvel).all()
@@ -102,7 +101,9 @@ def test_an_explosion_ends_by_name_with_finite_states():
 
 def test_a_driver_can_stop():
     world = CourseWorld.of(DriveConfig(robot="box", course="flat", preset="fast"))
-    run = drive_course(world.traverse, world.pilot(), world.flippers(), lambda traverse, _: traverse.time[0] < 0.1)
+    run = drive_course(
+        world.traverse, world.pilot(), world.flippers(), watch=lambda traverse, _: traverse.time[0] < 0.1
+    )
     assert run.outcome == STOPPED
     assert run.time[-1] == pytest.approx(0.1)
 

@@ -7,8 +7,8 @@ import time
 import mujoco
 import numpy as np
 
-from experiments.driving.course_pilots import CoursePilot
-from experiments.driving.course_run import PERIOD
+from experiments.course.run import PERIOD, CoursePilot, CourseRun, drive_course
+from experiments.course.world import CourseWorld
 from sim.opengl import Window
 from sim.robot.tracked_model import TrackedModel
 from sim.robot.tracked_view import TrackedView
@@ -118,3 +118,20 @@ class Teleop:
         if self._began is None or now - simulated > self._began:  # fallen behind: go on from here
             self._began = now - simulated
         time.sleep(max(0.0, self._began + simulated - now))
+
+
+def teleoperate(world: CourseWorld) -> CourseRun:
+    """Drive by the keyboard, in the viewer; raises TrackslipError without a display."""
+    by_reflex = world.config.flipper_angles() is None
+    keyboard = Keyboard(world.traverse.tracked, world.top_speed, by_reflex, world.set_angles)
+    viewer = Teleop(world.with_looks(), keyboard)
+    print(HELP, flush=True)
+    reflex = world.flippers()
+
+    def flippers(now: Traverse) -> Array:
+        return reflex(now) if keyboard.by_reflex else keyboard.angles
+
+    try:
+        return drive_course(world.traverse, keyboard, flippers, watch=viewer)
+    finally:
+        viewer.close()
