@@ -5,11 +5,11 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from experiments.benchmark.rows import BenchmarkRow, BoardEntry
-from experiments.report.table import Table
+from experiments.report.table import Cell, Table
 from experiments.storage.manifest import relative
 
 _FOLDED = 40  # rows from which a page shows the table of all only when asked
-_Columns = dict[str, Callable[[Any], str]]  # the texts of their cells, by header
+_Columns = dict[str, Callable[[Any], str | Cell]]  # their cells, by header
 
 
 def _number(value: float | None, scale: float, digits: int) -> str:
@@ -21,13 +21,17 @@ def _measure(name: str, scale: float = 1e3, digits: int = 1) -> Callable[[BoardE
     return lambda row: _number(row.means[name], scale, digits)
 
 
-def _with_interval(name: str) -> Callable[[BenchmarkRow], str]:
-    def text(row: BenchmarkRow) -> str:
-        ends = row.intervals[name]
-        interval = "" if ends is None else f" [{1e3 * ends[0]:.1f}, {1e3 * ends[1]:.1f}]"
-        return _number(row.means[name], 1e3, 1) + interval
+def _with_interval(name: str) -> Callable[[BenchmarkRow], Cell]:
+    """A length in mm, with the interval beside it or, on a page, below."""
 
-    return text
+    def cell(row: BenchmarkRow) -> Cell:
+        mean, ends = _number(row.means[name], 1e3, 1), row.intervals[name]
+        if ends is None:
+            return Cell(mean)
+        interval = f"[{1e3 * ends[0]:.1f}, {1e3 * ends[1]:.1f}]"
+        return Cell(mean, f"{mean} {interval}", [interval])
+
+    return cell
 
 
 _NAMES: _Columns = {"controller": lambda row: relative(row.controller), "compensation": lambda row: row.compensation}
@@ -113,5 +117,5 @@ def leaderboard(entries: Sequence[BoardEntry], lost: Sequence[str], rows: Sequen
 def markdown(table: Table) -> str:
     """A table in Markdown."""
     bar = [":--" if side == "l" else "--:" for side in table.sides]
-    lines = (table.header, bar, *table.rows)
-    return "\n".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in line) + " |" for line in lines) + "\n"
+    lines = (table.header, bar, *table.texts)
+    return "\n".join("| " + " | ".join(text.replace("|", "\\|") for text in line) + " |" for line in lines) + "\n"

@@ -63,12 +63,6 @@ def _saved(figure: Figure, file_format: str, **metadata: None) -> bytes:
     return buffer.getvalue()
 
 
-def draw(name: str, make: Callable[[], Figure | None], pdf: bool) -> Drawn | None:
-    """Make and draw a figure, wherever this is called; None if there is none to be made."""
-    figure = make()
-    return None if figure is None else drawn(name, figure, pdf)
-
-
 Panels = Figure | Sequence[Figure] | None
 """A figure, several that are shown side by side where there is room, or none."""
 

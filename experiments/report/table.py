@@ -60,12 +60,17 @@ class Table:
         )
         for name, side in zip(self.header, self.sides, strict=True):
             table.add_column(escape(name), justify="left" if side == "l" else "right", no_wrap=True)
-        for row in self.rows:
-            table.add_row(*(escape(_printed(cell)) for cell in row))
+        for row in self.texts:
+            table.add_row(*map(escape, row))
         console = Console(highlight=False)
         if not console.is_terminal:
             console.width = _FILE_WIDTH
         console.print(table)
+
+    @property
+    def texts(self) -> list[list[str]]:
+        """The rows as they are printed on the terminal."""
+        return [[_printed(cell) for cell in row] for row in self.rows]
 
     @property
     def sides(self) -> str:
