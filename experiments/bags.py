@@ -5,7 +5,7 @@ from pathlib import Path
 
 from experiments.report.formats import MISSING, number
 from experiments.report.table import Table
-from experiments.storage.whole_file import write_output
+from experiments.storage.results import write_output
 from trackslip.errors import OutputError
 from trackslip.logs.logfile import write_csv, write_parquet
 from trackslip.ros.bag import Bag

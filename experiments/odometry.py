@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 import pyarrow as pa
 import pyarrow.parquet
 
-from experiments.storage.file_names import file_names
 from experiments.storage.manifest import relative
-from experiments.storage.results import MANIFEST_FILE, RUNS_FILE, SUMMARY_FILE
+from experiments.storage.results import MANIFEST_FILE, RUNS_FILE, SUMMARY_FILE, file_names
 from trackslip.errors import InvalidValueError, LogError
 from trackslip.identification.source import Reading, Source, read_source
 from trackslip.kinematics import RobotGeometry

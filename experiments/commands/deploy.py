@@ -36,7 +36,7 @@ class Config(Options):
 
 def run(config: Config) -> None:
     """Print the law, or write it."""
-    from experiments.storage.whole_file import write_output
+    from experiments.storage.results import write_output
     from trackslip.deploy.deploy import deployed
     from trackslip.errors import OutputError
     from trackslip.slip.stored_laws import SHIPPED

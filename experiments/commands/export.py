@@ -1,6 +1,14 @@
 """`trackslip export`: stored runs as CSV, for spreadsheets and for programs without Parquet."""
 
-from experiments.options.export import ExportConfig as Config
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, ClassVar
+
+import tyro
+
+from experiments.options.base import Distinct, Exclusion, Needs, Options
+from experiments.options.help import default_is
+from trackslip.errors import InvalidValueError
 
 EXAMPLES = (
     ("list the runs", "trackslip export out/grid"),
@@ -9,8 +17,65 @@ EXAMPLES = (
 )
 
 
+@dataclass(frozen=True)
+class Config(Options):
+    """List the runs in a folder of results or, with --csv, write them as CSV for spreadsheets and for identify."""
+
+    path: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="RUNS")]
+    """Folder of results with runs.parquet, or a .parquet or .csv file of runs."""
+    csv: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Write a CSV file, and beside it NAME.columns.csv with the unit and meaning of each column."""
+    run: Annotated[tuple[str, ...] | None, Distinct(), default_is("all", "NAME ...")] = None
+    """Names of the runs to list or write."""
+    out: Annotated[Path | None, default_is("the name of RUNS with the suffix .csv, beside it", "FILE")] = None
+    """The CSV file to write; needs --csv."""
+    overwrite: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Replace the CSV file if it exists; needs --csv."""
+
+    exclusions: ClassVar[tuple[Exclusion, ...]] = (Needs(("out", "overwrite"), "csv"),)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.out is not None and self.out.suffix.lower() != ".csv":
+            raise InvalidValueError("out", str(self.out), "a file that ends in .csv")
+
+    @property
+    def file(self) -> Path:
+        """The CSV file."""
+        whole = self.path.resolve()
+        beside = self.path.parent / f"{whole.name}.csv" if whole.is_dir() else self.path.with_suffix(".csv")
+        return self.out or beside
+
+
 def run(config: Config) -> None:
     """List the runs, or write them."""
-    from experiments.work.export import run as work
+    from dataclasses import replace
 
-    work(config)
+    from experiments.export import chosen, identify_options, runs_table, write_columns
+    from experiments.storage.results import write_output
+    from trackslip.errors import OutputError
+    from trackslip.logs.logfile import write_csv
+    from trackslip.ros.any_log import read_runs_of
+
+    read = read_runs_of(config.path)
+    for line in read.warnings:
+        print(f"warning: {line}")
+    logs = [replace(log, scans=None) for log in chosen(read.runs, config.run or ())]
+    if not config.csv:
+        runs_table(config.path, logs).print()
+        return
+    file, about = config.file, config.file.with_suffix(".columns.csv")
+    if file.exists() and file.samefile(config.path):
+        raise InvalidValueError("out", str(file), "a file other than the one being read")
+    for name in (file, about):
+        if name.exists() and not config.overwrite:
+            raise OutputError(f"{name}: exists already; --overwrite replaces it")
+
+    def write(draft: Path) -> None:  # both files or none
+        write_csv(logs, draft)
+        write_output(about, lambda columns: write_columns(logs, columns))
+
+    write_output(file, write)
+    print(f"{file}: {len(logs)} run(s), {sum(len(log.time) for log in logs)} rows; units in {about.name}")
+    if options := identify_options(logs):
+        print(f"trackslip identify {file} {options}")

@@ -71,14 +71,20 @@ def run(config: Config) -> None:
     from experiments.recording import record_all
     from experiments.report.formats import stages_text
     from experiments.run import Run
-    from experiments.storage.bags import bags_text, write_bags
-    from experiments.storage.results import RECORDINGS_FOLDER, RUNS_FILE, TABLE_FILE, arrow_errors
+    from experiments.storage.results import (
+        RECORDINGS_FOLDER,
+        RUNS_FILE,
+        TABLE_FILE,
+        arrow_errors,
+        bags_text,
+        write_bags,
+    )
     from experiments.sweep.drive import drive_fleet
     from experiments.sweep.engine import drive_missing, resumable
     from experiments.sweep.parts import Parts
     from experiments.sweep.plan import fleets, plan
     from experiments.sweep.summary import SweepSummary, all_failed
-    from experiments.sweep.table import RunRow, is_row, write_table
+    from experiments.sweep.table import RunRow, write_table
     from trackslip.errors import TrackslipError
     from trackslip.logs.logfile import StoredRuns, read_runs
     from trackslip.ros.decode import require_rosbags
@@ -87,7 +93,7 @@ def run(config: Config) -> None:
         require_rosbags()
     runs = plan(config)
     world = World.of(config)  # before its files can change
-    parts = Parts(config.out, PARTS, is_row)
+    parts = Parts(config.out, PARTS)
     command = "the same command" if config.resume else "the same command without --no-resume"
     with resumable(runs, parts, command), Run(config, then=parts.discard) as run:
         if config.resume:

@@ -76,9 +76,8 @@ def run(config: Config) -> None:
     from experiments.recording import record_all
     from experiments.report.tracking import tracking_table
     from experiments.run import Run
-    from experiments.storage.bags import bags_text, write_bags
     from experiments.storage.plain_json import plain
-    from experiments.storage.results import RUNS_FILE
+    from experiments.storage.results import RUNS_FILE, bags_text, write_bags
     from trackslip.ros.decode import require_rosbags
     from trackslip.trajectory.base import Reference
     from trackslip.trajectory.segmented import circle

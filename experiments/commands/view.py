@@ -49,7 +49,7 @@ class Config(Options):
 def run(config: Config) -> None:
     """Read, choose, show."""
     from experiments.recording import record, title, viewer
-    from experiments.storage.file_names import file_names
+    from experiments.storage.results import file_names
     from trackslip.ros.any_log import read_runs_of
 
     if (kept := viewer.drive_recording(config.path)) is not None:

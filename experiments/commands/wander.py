@@ -200,8 +200,7 @@ def run(config: Config) -> None:
     from experiments.recording import record_all
     from experiments.report.table import Table
     from experiments.run import Run
-    from experiments.storage.bags import bags_text, write_bags
-    from experiments.storage.results import RUNS_FILE
+    from experiments.storage.results import RUNS_FILE, bags_text, write_bags
     from trackslip.ros.decode import require_rosbags
 
     if config.bag:

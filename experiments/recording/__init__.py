@@ -4,8 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.storage.file_names import file_names
-from experiments.storage.results import RECORDINGS_FOLDER
+from experiments.storage.results import RECORDINGS_FOLDER, file_names
 from trackslip.logs.runlog import RunLog
 
 if TYPE_CHECKING:

@@ -1,7 +1,10 @@
-"""Folders of results: one per command, complete or not at all."""
+"""Results on disk: folders, one per command, complete or not at all; files that are written whole; bags of runs."""
 
 import contextlib
+import errno
+import itertools
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -9,9 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from filelock import FileLock, Timeout
 
 from experiments.parallel import interrupts_later
-from experiments.storage.lock import locked
 from experiments.storage.plain_json import write_json
 from trackslip.errors import OutputError, first_line
 from trackslip.logs.file_format import MANIFEST
@@ -42,7 +45,9 @@ FOLDERS = {
 """Folders among the results, and the suffixes of the files in them; everything else is a file."""
 
 _FILES = (SUMMARY_FILE, RUNS_FILE, REPORT_FILE, LEADERBOARD_FILE, TABLE_FILE)
-_PARTIAL, _OLD = ".partial-", ".old"
+_PARTIAL, _OLD, _LOCK = ".partial-", ".old", ".lock"
+_NO_LOCKS = (errno.ENOLCK, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS)  # of the file system
+_MAX_NAME = 120  # characters
 
 
 @contextlib.contextmanager
@@ -55,13 +60,9 @@ def results_folder(out: Path, then: Callable[[], None] = lambda: None) -> Iterat
     Raises OutputError: at once, before anything is computed, if `out` can't be written or another command is writing
     there; later, if the disk is full.
     """
-    made: list[Path] = []
     try:
-        made = [folder for folder in (out, *out.parents) if not folder.exists()]
-        out.mkdir(parents=True, exist_ok=True)
-        with locked(out):
-            _require_files(out, (MANIFEST_FILE, *_FILES))
-            _require_own_folders(out)
+        with _folders(out), locked(out):
+            _require_own(out)
             for left in out.glob(f"{_PARTIAL}*"):
                 _restore(left, out)
                 shutil.rmtree(left, ignore_errors=True)
@@ -77,23 +78,64 @@ def results_folder(out: Path, then: Callable[[], None] = lambda: None) -> Iterat
         raise
     except OSError as error:
         raise OutputError(f"out = {str(out)!r}: can't be written ({_reason(error)})") from error
+
+
+@contextlib.contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep other commands out of a folder, which must exist, until the block ends.
+
+    The operating system holds the lock, so it ends with the process, however that ends; a file left behind by a killed
+    process locks nothing. A file system without locks is used without one. Raises OutputError, at once, if another
+    command is using the folder or the folder isn't writable.
+    """
+    lock = FileLock(folder / _LOCK, blocking=False, fallback_to_soft=False)
+    try:
+        lock.acquire()
+    except Timeout as error:
+        raise OutputError(f"out = {str(folder)!r}: another command is writing there") from error
+    except OSError as error:
+        if error.errno not in _NO_LOCKS:
+            raise OutputError(f"out = {str(folder)!r}: can't be written ({error.strerror})") from error
+    try:
+        yield
     finally:
-        for folder in made:  # leave no empty folders of ours behind
+        with contextlib.suppress(OSError):
+            (folder / _LOCK).unlink()  # while it is ours; Windows deletes it on release
+        lock.release()
+
+
+@contextlib.contextmanager
+def _folders(folder: Path) -> Iterator[None]:
+    """Make a folder and those around it for a block; if the block leaves them empty, they go."""
+    made = [one for one in (folder, *folder.parents) if not one.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
+    finally:
+        for one in made:
             with contextlib.suppress(OSError):
-                folder.rmdir()
+                one.rmdir()
 
 
 def _reason(error: OSError) -> str:
     """Why a file cannot be written, in the system's words; pyarrow's are longer."""
     if isinstance(error, FileExistsError):
-        return "it is not a folder"
+        return "a folder of its path is a file"
     return os.strerror(error.errno) if error.errno else str(error)
 
 
-def _require_files(out: Path, names: Iterable[str]) -> None:
-    for name in names:
+def _require_own(out: Path) -> None:
+    """Refuse files and FOLDERS that no command has made where results must go: they would be deleted."""
+    for name in (MANIFEST_FILE, *_FILES):
         if (out / name).is_dir():
             raise OutputError(f"out = {str(out)!r}: {name} is a folder there, and must be a file or absent")
+    for name, endings in FOLDERS.items():
+        if (out / name).exists() and not (out / name).is_dir():
+            raise OutputError(f"out = {str(out)!r}: {name} is a file there, and must be a folder or absent")
+        files = [file for file in (out / name).rglob("*") if not file.is_dir()]
+        if files and not ((out / MANIFEST_FILE).is_file() and all(file.suffix in endings for file in files)):
+            why = "contains files that aren't part of results; move it away"
+            raise OutputError(f"out = {str(out)!r}: {name} there {why}")
 
 
 def _replace(staging: Path, out: Path) -> None:
@@ -102,7 +144,6 @@ def _replace(staging: Path, out: Path) -> None:
     If that fails, the old ones are put back.
     """
     new = {file.name for file in staging.iterdir()}
-    _require_files(out, sorted(new - set(FOLDERS)))
     old = staging / _OLD
     old.mkdir()
     others = sorted({*_FILES, *FOLDERS, *new} - {MANIFEST_FILE})
@@ -129,15 +170,35 @@ def _restore(left: Path, out: Path) -> None:
         os.replace(old, out / old.name)
 
 
-def _require_own_folders(out: Path) -> None:
-    """Refuse those of FOLDERS that no command has made, because they would be deleted."""
-    for name, endings in FOLDERS.items():
-        if (out / name).exists() and not (out / name).is_dir():
-            raise OutputError(f"out = {str(out)!r}: {name} is a file there, and must be a folder or absent")
-        files = [file for file in (out / name).rglob("*") if not file.is_dir()]
-        if files and not ((out / MANIFEST_FILE).is_file() and all(file.suffix in endings for file in files)):
-            why = "contains files that aren't part of results; move it away"
-            raise OutputError(f"out = {str(out)!r}: {name} there {why}")
+def write_whole(file: Path, write: Callable[[Path], object]) -> None:
+    """Have `write` fill a draft beside the file, and put that in its place; where it fails, nothing is left behind."""
+    draft = file.with_name(f".{file.name}-{os.getpid()}")
+    with _folders(file.parent):
+        try:
+            write(draft)
+            os.replace(draft, file)
+        finally:
+            draft.unlink(missing_ok=True)
+
+
+def write_output(file: Path, write: Callable[[Path], object]) -> None:
+    """The same for a file that the user has named: raises OutputError if it can't be written."""
+    try:
+        write_whole(file, write)
+    except OSError as error:
+        raise OutputError(f"{file}: can't be written ({_reason(error)})") from error
+
+
+def file_names(names: Sequence[str], ending: str = "") -> list[str]:
+    """File names (n,) with an ending for runs, all different whatever the runs are called."""
+    found: list[str] = []
+    taken: set[str] = set()
+    for name in names:
+        plain = re.sub(r"[^\w.=+-]+", "_", name).strip("._")[:_MAX_NAME] or "run"
+        candidates = (f"{plain}{ending}" if k == 1 else f"{plain}_{k}{ending}" for k in itertools.count(1))
+        found.append(next(file for file in candidates if file.lower() not in taken))
+        taken.add(found[-1].lower())
+    return found
 
 
 def write_results(
@@ -184,3 +245,31 @@ def arrow_errors(file: Path) -> Iterator[None]:
         raise
     except pa.ArrowException as error:
         raise OutputError(f"{file.name}: can't be written ({first_line(error)})") from error
+
+
+def write_bags(
+    folder: Path,
+    names: Sequence[str],
+    logs: Iterable["RunLog"],
+    options: Callable[["RunLog"], dict[str, Any]] = lambda log: {},
+    done: Callable[[float], None] = lambda bags: None,
+) -> dict[str, str]:
+    """Write a bag of each run, called `names`, to BAGS_FOLDER in `folder`; returns their places in it by these names.
+
+    `options` gives more arguments of `write_bag`; `done` is called with the number of bags since the last call.
+    """
+    from trackslip.ros.writer import write_bag  # late: few need it
+
+    places = {}
+    for log, name, file in zip(logs, names, file_names(names), strict=True):
+        write_bag(log, folder / BAGS_FOLDER / file, **options(log))
+        places[name] = f"{BAGS_FOLDER}/{file}"
+        done(1)
+    return places
+
+
+def bags_text(out: Path, bags: Mapping[str, str]) -> str:
+    """A line that says where the bags are."""
+    if len(bags) == 1:
+        return f"{out / next(iter(bags.values()))}: a ROS 2 bag"
+    return f"{out / BAGS_FOLDER}: {len(bags)} ROS 2 bags"

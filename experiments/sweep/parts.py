@@ -7,7 +7,7 @@ everything its numbers depend on except code, models and libraries; those are re
 import contextlib
 import io
 import json
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -17,8 +17,7 @@ import pyarrow.parquet
 
 from experiments.storage.manifest import changes, digest, made_by
 from experiments.storage.plain_json import plain
-from experiments.storage.results import MANIFEST_FILE, RUNS_FILE, SUMMARY_FILE
-from experiments.storage.whole_file import write_whole
+from experiments.storage.results import MANIFEST_FILE, RUNS_FILE, SUMMARY_FILE, write_whole
 from trackslip.errors import LogError, TrackslipError
 from trackslip.logs.file_format import require_known_manifest
 from trackslip.logs.logfile import StoredRuns, join_parquet, write_parquet
@@ -70,10 +69,10 @@ class _Record:
 class Parts(dict[str, Stored]):
     """The driven runs in a folder of results, by their ids."""
 
-    def __init__(self, out: Path, name: str, is_row: Callable[[Row], bool] = lambda row: True) -> None:
-        """Parts go to the folder `name` in `out`; `is_row` tells a command's rows from damaged ones."""
+    def __init__(self, out: Path, name: str) -> None:
+        """Parts go to the folder `name` in `out`."""
         super().__init__()
-        self._out, self._parts, self._is_row = out, out / name, is_row
+        self._out, self._parts = out, out / name
 
     def take(self, ids: Collection[str], force: bool) -> None:
         """Find which of the runs `ids` are among the results or the parts. Failed runs are not: they are driven again.
@@ -166,32 +165,21 @@ class Parts(dict[str, Stored]):
 
     def _results(self) -> Iterable[_Record]:
         if all((self._out / name).exists() for name in (MANIFEST_FILE, RUNS_FILE)):
-            yield from self._record(self._out / SUMMARY_FILE, self._out / RUNS_FILE)
+            yield from _record(self._out / SUMMARY_FILE, self._out / RUNS_FILE)
 
     def _records(self) -> Iterable[_Record]:
         for path in sorted(self._parts.glob("*.json")):
-            with contextlib.suppress(LogError):
-                yield from self._record(path, path.with_suffix(".parquet"))
+            yield from _record(path, path.with_suffix(".parquet"))
 
-    def _record(self, path: Path, logs: Path) -> Iterable[_Record]:
-        """The content of a file, if this command left it; raises LogError if it is damaged."""
-        try:
-            content = json.loads(path.read_text(encoding="utf-8"))
-            rows, by = content["runs"], content["made_by"]
-        except (OSError, ValueError, RecursionError, KeyError, TypeError):  # another command's, or none
-            return
-        try:
-            whole = all(isinstance(one["versions"], dict) for one in by.values())
-            whole = whole and isinstance(rows, list) and all(self._is_whole_row(row, by) for row in rows)
-        except (AttributeError, KeyError, TypeError):  # something else than a mapping, or without an entry
-            whole = False
-        if not whole:
-            raise LogError(f"{path}: its rows of runs are damaged; --no-resume drives all runs again")
-        yield _Record(logs, rows, by)
 
-    def _is_whole_row(self, row: Row, by: Mapping[str, Any]) -> bool:
-        texts = all(isinstance(row[name], str) for name in ("run", "id", "made_by"))
-        return texts and "error" in row and row["made_by"] in by and self._is_row(row)
+def _record(path: Path, logs: Path) -> Iterable[_Record]:
+    """The content of a file, if a sweep left it."""
+    with contextlib.suppress(OSError, ValueError, RecursionError, LookupError, TypeError, AttributeError):
+        content = json.loads(path.read_text(encoding="utf-8"))
+        rows, by = content["runs"], content["made_by"]
+        known = [{*row} >= {"run", "id", "error"} and "versions" in by[row["made_by"]] for row in rows]
+        if all(known):
+            yield _Record(logs, rows, by)
 
 
 def _is_whole(file: Path, names: Iterable[str]) -> bool:

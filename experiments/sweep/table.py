@@ -85,12 +85,6 @@ _MAX_INTEGER = 2**63 - 1
 """Largest integer of a column; larger ones (seeds) become text."""
 
 
-def is_row(row: Mapping[str, Any]) -> bool:
-    """Whether a stored row has numbers where numbers belong, and texts where texts do."""
-    kinds = {name: (str,) if column.unit == NO_UNIT else (int, float) for name, column in COLUMNS.items()}
-    return all(row.get(name) is None or type(row[name]) in kind for name, kind in kinds.items())
-
-
 def write_table(rows: Sequence[RunRow], axes: Sequence[str], path: Path) -> None:
     """Write the rows of a sweep to a Parquet file, with units and meanings in the columns' metadata."""
     run, id, *measured = COLUMNS.values()

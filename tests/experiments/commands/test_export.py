@@ -121,7 +121,7 @@ def test_a_full_disk_leaves_the_file_and_its_columns_as_they_were(grid, tmp_path
         path.write_text("run,")
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    monkeypatch.setattr("experiments.work.export.write_csv", full)
+    monkeypatch.setattr("trackslip.logs.logfile.write_csv", full)
     for old in ({}, {"log.csv": "old", "log.columns.csv": "old"}):
         for name, text in old.items():
             (tmp_path / name).write_text(text)

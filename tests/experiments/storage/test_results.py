@@ -20,8 +20,7 @@ from filelock import FileLock
 
 from experiments.cli import main
 from experiments.parallel import interrupts_later
-from experiments.storage.lock import locked
-from experiments.storage.results import results_folder
+from experiments.storage.results import file_names, locked, results_folder
 from trackslip.errors import LogError, OutputError
 from trackslip.logs.file_format import FORMAT, require_known_format
 from trackslip.logs.logfile import read_runs
@@ -85,7 +84,11 @@ def test_a_full_disk_costs_a_line_and_nothing_old(old, fails, size):
 
 @pytest.mark.parametrize(
     ("function", "calls"),
-    [("lock.FileLock.acquire", 1), ("results.tempfile.mkdtemp", 1), *(("results.os.replace", n) for n in (1, 3, 4, 6))],
+    [
+        ("results.FileLock.acquire", 1),
+        ("results.tempfile.mkdtemp", 1),
+        *(("results.os.replace", n) for n in (1, 3, 4, 6)),
+    ],
 )
 def test_no_space_at_any_step(old, fails, function, calls, monkeypatch):
     before, done = contents(old), []
@@ -252,3 +255,14 @@ def test_a_damaged_file_of_runs_costs_a_line(old, tmp_path):
             failures.append(str(error))
     assert len(failures) > 90
     assert all("\n" not in failure for failure in failures)
+
+
+def test_file_names_are_all_different():
+    assert file_names(["radius=0.5 speed=0.1", "a/b", "a b", "A.b", "..", "x" * 300], ".rrd") == [
+        "radius=0.5_speed=0.1.rrd",
+        "a_b.rrd",
+        "a_b_2.rrd",
+        "A.b.rrd",
+        "run.rrd",
+        "x" * 120 + ".rrd",
+    ]

@@ -1,4 +1,8 @@
-"""Grids that were stopped, finished or damaged, and what is driven again."""
+"""Grids that were stopped, finished or damaged: what is kept, and what is driven again."""
+
+import errno
+import json
+import shutil
 
 import pytest
 
@@ -7,6 +11,10 @@ from experiments.commands.grid import PARTS
 from experiments.driving.grid_runs import drive_cells
 from experiments.parallel import WorkersFailedError
 from experiments.storage.manifest import made_by
+from experiments.storage.results import locked
+from experiments.sweep import drive
+from experiments.sweep.parts import Part, Parts
+from trackslip.errors import OutputError, TrackslipError
 from trackslip.logs.logfile import read_runs
 
 SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
@@ -23,6 +31,30 @@ def fragile(cells, *rest):
     if any(cell.radius == 1.5 for cell in cells):
         raise MemoryError("too wide")
     return drive_cells(cells, *rest)
+
+
+def stop(*_):
+    raise KeyboardInterrupt
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory):
+    """A folder with the parts of a grid that was stopped when all was driven."""
+    folder = tmp_path_factory.mktemp("driven") / "stopped"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Parts, "gather", stop)
+        with pytest.raises(SystemExit):
+            main(["grid", *SHORT, "--out", str(folder)])
+    return folder
+
+
+@pytest.fixture
+def stopped(driven, tmp_path):
+    return shutil.copytree(driven, tmp_path / "out")
+
+
+def contents(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
 def test_what_is_stored_is_not_driven_again(trackslip, monkeypatch):
@@ -92,11 +124,9 @@ def test_what_fails_anew_is_not_taken_from_before(trackslip, monkeypatch):
 
 
 def test_an_interrupted_grid_goes_on(trackslip, tmp_path, monkeypatch, capsys):
-    from experiments.sweep import drive as command
-
     arguments = ("grid", *SHORT, "--vary", "scanner.noise=0.001,0.002,0.003,0.004")
     whole = trackslip(*arguments, "--out", str(tmp_path / "whole")).folder
-    real, driven = command.drive_fleet, []
+    real, driven = drive.drive_fleet, []
 
     def twice(*arguments, **options):
         if len(driven) == 2:
@@ -104,13 +134,13 @@ def test_an_interrupted_grid_goes_on(trackslip, tmp_path, monkeypatch, capsys):
         driven.append(1)
         return real(*arguments, **options)
 
-    monkeypatch.setattr(command, "drive_fleet", twice)
+    monkeypatch.setattr(drive, "drive_fleet", twice)
     with pytest.raises(SystemExit) as stop:
         main([*arguments, "--out", str(tmp_path / "part")])
     assert stop.value.code == 130
     assert "interrupted with 4 of 8 runs driven; the same command resumes" in capsys.readouterr().err
     assert not (tmp_path / "part" / "runs.parquet").exists()
-    monkeypatch.setattr(command, "drive_fleet", real)
+    monkeypatch.setattr(drive, "drive_fleet", real)
     spoilt = min((tmp_path / "part" / PARTS).glob("*.parquet"))
     spoilt.write_bytes(spoilt.read_bytes()[:5000])
     result = trackslip(*arguments, "--out", str(tmp_path / "part"))
@@ -140,3 +170,99 @@ def test_grids_that_are_stopped_late_say_how_to_go_on(trackslip, tmp_path, monke
             main(["grid", *SHORT, *more, "--out", str(tmp_path / "grid")])
     assert said in capsys.readouterr().err
     assert trackslip("grid", *SHORT, "--out", str(tmp_path / "grid")).summary["timing"]["taken"] == 2
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"{}", b"[]", b'{"runs": [{}], "made_by": {}}', b'{"runs": 1, "made_by": 2}', None]
+)
+def test_damaged_parts_are_driven_again(stopped, content):
+    """Half of the rows, or something else in their place."""
+    (file,) = (stopped / PARTS).glob("*.json")
+
+    def found():
+        parts = Parts(stopped, PARTS)
+        parts.take(ids, force=False)
+        return {*parts}
+
+    ids = {row["id"] for row in json.loads(file.read_text())["runs"]}
+    assert len(ids) == 2
+    assert found() == ids
+    file.write_bytes(file.read_bytes()[:200] if content is None else content)
+    assert not found()
+
+
+def test_a_grid_that_fails_leaves_the_parts_of_another(stopped, refused):
+    before = contents(stopped)
+    assert "all 2 runs fail" in refused("grid", *SHORT, "--vary", "slope=0.9", "--out", str(stopped))
+    assert contents(stopped) == before
+
+
+def test_parts_are_deleted_before_another_command_can_come(trackslip, tmp_path, monkeypatch):
+    real, seen, folder = Parts.discard, [], tmp_path / "grid"
+
+    def discard(parts):
+        with pytest.raises(OutputError, match="another command"), locked(folder):
+            pass
+        seen.append((folder / "manifest.json").exists())
+        real(parts)
+
+    monkeypatch.setattr(Parts, "discard", discard)
+    trackslip("grid", *SHORT, "--out", str(folder))
+    assert seen == [True]
+    assert not (folder / PARTS).exists()
+
+
+def test_a_run_that_is_taken_under_another_name_is_noted_under_it(trackslip):
+    """A robot that stands still, nearly, gives no sample."""
+    slow = ("grid", "--radii", "1.5", "--speeds", "0.001", *SHORT[-4:])
+    first = trackslip(*slow, "--ground.slope", "0.05").summary
+    again = trackslip(*slow, "--vary", "slope=0.05").summary
+    assert again["timing"]["taken"] == 1
+    assert first["runs"][0]["note"].startswith("run 'radius=1.5 speed=0.001' left out: ")
+    assert again["runs"][0]["note"].startswith("run 'radius=1.5 speed=0.001 slope=0.05' left out: ")
+    assert again["warnings"] == [again["runs"][0]["note"]]
+
+
+def test_files_that_change_while_it_drives_are_recorded_as_driven(trackslip, tmp_path, monkeypatch):
+    ground, real = tmp_path / "ground.toml", drive.drive_fleet
+    ground.write_text("along = 0.5\nacross = 0.6\n")
+
+    def without_file(*arguments, **options):
+        ground.unlink()
+        return real(*arguments, **options)
+
+    monkeypatch.setattr(drive, "drive_fleet", without_file)
+    assert trackslip("grid", *SHORT, "--ground", str(ground)).manifest["ground"]["along"] == 0.5
+
+
+@pytest.mark.parametrize(
+    ("step", "says"),
+    [
+        ("sweep.parts.write_whole", ""),
+        ("sweep.table.write_table", " with 2 of 2 runs driven; the same command resumes"),
+    ],
+)
+def test_a_full_disk_leaves_whole_parts_or_nothing(capsys, tmp_path, monkeypatch, step, says):
+    """There is no space for the part; or there is, but not for the results made of it."""
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(f"experiments.{step}", full)
+    out = tmp_path / "out"
+    with pytest.raises(SystemExit) as stopped:
+        main(["grid", *SHORT, "--out", str(out)])
+    assert stopped.value.code == 2
+    line = f"trackslip: out = {str(out)!r}: can't be written (No space left on device){says}"
+    assert capsys.readouterr().err.splitlines()[-1] == line
+    assert out.exists() == bool(says)
+    assert {path.suffix for path in contents(out)} == ({".json", ".parquet"} if says else set())
+
+
+def test_a_worker_with_other_code_is_refused(tmp_path, monkeypatch):
+    parts = Parts(tmp_path, PARTS)
+    with monkeypatch.context() as worker:
+        worker.setattr("experiments.sweep.parts.made_by", lambda: {"code": "other"})
+        part = Part.of([{"run": "a run", "id": "its id", "error": None}], [])
+    with pytest.raises(TrackslipError, match="a worker has other code"):
+        parts.keep(part)
