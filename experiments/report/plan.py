@@ -51,13 +51,13 @@ def print_plan(plan: DrivePlan, paper: Expectation | None) -> None:
 def print_plan_trials(trials: PlanTrials) -> None:
     """Print errors in trials beside those predicted, and the checks."""
     counts = {case: len(trials.outcomes.get(case, [])) for case in (PLAN, PAPER)}
-    if trials.simulated:
+    if trials.truth is None:
         title = f"A drive in MuJoCo, measured {trials.repeats} times: standard deviations between measurements"
     else:
         driven = f"{counts[PLAN]} drives of the plan, {trials.repeats} times the paper's runs"
         title = f"{driven}, moved by the law: root mean square errors"
     Table(title, _TRIED, _tried_rows(trials)).print()
-    if not trials.simulated:
+    if trials.truth is not None:
         known = [f"{case} {sampling_error(count):.0%}" for case, count in counts.items() if count]
         print(f"so many drives leave real errors uncertain by: {', '.join(known)}")
     print_table("Checks", CHECKS_HEADER, checks_table(trials.checks()))

@@ -60,20 +60,18 @@ class PlanTrials:
     plan: DrivePlan
     paper: Expectation | None
     """Standard errors to expect of the paper's runs."""
-    truth: Array  # (q,) parameters of the law that moves the robot
+    truth: Values | None
+    """Parameters of the law that moves the robot; None in MuJoCo, where repeats measure the same drives again."""
     repeats: int
     outcomes: Mapping[str, list[Outcome]]
     """By case, PLAN or PAPER."""
     log: RunLog
     """The log of the first planned drive."""
-    simulated: bool
-    """Whether MuJoCo moved the robot, once: repeats measure the same drives again."""
 
     def results(self, case: str) -> Results:
         """The outcomes of PLAN or PAPER, in MuJoCo against their mean, as the truth isn't known."""
         outcomes = self.outcomes.get(case, [])
-        truth = self.means(case) if self.simulated else self._true_values
-        return Results(outcomes, [truth] * len(outcomes))
+        return Results(outcomes, [self.truth or self.means(case)] * len(outcomes))
 
     def means(self, case: str) -> Values:
         """Mean estimates of the parameters, of those that were estimated."""
@@ -118,7 +116,7 @@ class PlanTrials:
                 rows.append(
                     (f"{what} of another drive in 5 s, error over that of the paper's runs", mine / theirs, 1.2)
                 )
-        if not self.simulated and self.repeats >= MIN_REPEATS:
+        if self.truth is not None and self.repeats >= MIN_REPEATS:
             real, predicted, bound = self.errors(PLAN), self.predicted[PLAN], self.predicted[PAPER]
             rows += [
                 (f"real over predicted error of {name}", error.rms / predicted[name], _AGREEMENT)
@@ -139,8 +137,8 @@ class PlanTrials:
         return {
             "repeats": self.repeats,
             "drives": len(self.outcomes[PLAN]),
-            "motion": "mujoco" if self.simulated else "law",
-            "truth": None if self.simulated else self._true_values,
+            "motion": "mujoco" if self.truth is None else "law",
+            "truth": self.truth,
             "predicted": self.predicted,
             "real": {case: {name: one.rms for name, one in errors.items()} for case, errors in real.items()},
             "interval95_of_real": {
@@ -153,10 +151,6 @@ class PlanTrials:
             "failures": self.failures,
             "checks": [check.to_json() for check in self.checks()],
         }
-
-    @property
-    def _true_values(self) -> Values:
-        return dict(zip(self.plan.sizes, self.truth.tolist(), strict=True))
 
 
 def try_plan(config: Config, plan: DrivePlan, paper: Expectation | None, run: Run) -> PlanTrials:
@@ -176,7 +170,8 @@ def try_plan(config: Config, plan: DrivePlan, paper: Expectation | None, run: Ru
     poses = SOURCES[config.poses]
     outcomes = run_trials(run, partial(tried, plan=plan, poses=poses, truth=truth), trials, _KEY, plan)
     _, (log,) = _measured(trials[0], generator(config.seed, _KEY.format(case=PLAN, number=0)), plan, poses, truth)
-    return PlanTrials(plan, paper, truth, config.repeats, outcomes, log, simulated is not None)
+    named = None if simulated else dict(zip(plan.sizes, truth.tolist(), strict=True))
+    return PlanTrials(plan, paper, named, config.repeats, outcomes, log)
 
 
 def truth_of(plan: DrivePlan, rng: np.random.Generator) -> Array:

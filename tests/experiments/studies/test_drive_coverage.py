@@ -9,7 +9,7 @@ import pytest
 
 from experiments.measuring.check import Check
 from experiments.studies.drive_cases import CASES, SIMULATED, TRUE_LAW, Case
-from experiments.studies.drive_coverage import checks_of, fitted_drive, steady_laws, unit_of
+from experiments.studies.drive_coverage import checks_of, fitted_drive, steady_laws
 from experiments.studies.trials import Estimate, Outcome, Results, Trial
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import RunLog
@@ -94,11 +94,6 @@ def test_a_drive_that_tells_nothing_is_recorded():
     outcome = fitted_drive(Trial(SIMULATED.name, given=rest), np.random.default_rng(0), GEOMETRY)
     assert outcome.estimates == {}
     assert len(outcome.notes) == 1
-
-
-def test_units_are_those_of_the_parameters():
-    units = {name: unit_of(name) for name in ("offset", "radius_error", "sensor_x", "sensor_yaw", "clock_offset")}
-    assert units == {"offset": "m", "radius_error": "1", "sensor_x": "m", "sensor_yaw": "rad", "clock_offset": "s"}
 
 
 def test_steady_circles_of_the_same_speeds_have_icrs_farther_out(robot):

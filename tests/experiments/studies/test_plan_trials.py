@@ -46,7 +46,7 @@ def trials(plan, size=1.0, paper=1.0, repeats=MIN_REPEATS, reach=0.9, speed=1.0)
     ]
     expected = Expectation({name: paper * value for name, value in PREDICTED.items()}, ())
     both = {PLAN: outcomes, PAPER: outcomes[:repeats]}
-    return PlanTrials(plan, expected, TRUTH, repeats, both, log=None, simulated=False)
+    return PlanTrials(plan, expected, dict(zip(PREDICTED, TRUTH, strict=True)), repeats, both, log=None)
 
 
 def broken(found):
@@ -90,9 +90,9 @@ def test_failed_fits_are_counted_and_named(plan):
 
 
 def test_in_mujoco_errors_are_deviations_from_the_mean(plan):
-    by_law, simulated = (replace(trials(plan), simulated=simulated).errors(PLAN) for simulated in (False, True))
-    values = by_law["offset"].errors
-    assert simulated["offset"].rms == pytest.approx(values.std())
+    by_law = trials(plan)
+    simulated = replace(by_law, truth=None).errors(PLAN)["offset"]
+    assert simulated.rms == pytest.approx(by_law.errors(PLAN)["offset"].errors.std())
 
 
 def test_without_knowledge_the_truth_is_the_shipped_robot_s_to_scale(plan):

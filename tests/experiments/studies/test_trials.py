@@ -97,12 +97,6 @@ def test_other_options_start_again(killed, change):
     assert len(count.done) == 8
 
 
-def test_processes_do_not_matter_to_what_is_stored(killed):
-    count = Counted()
-    outcomes(replace(killed, threads=0), count, trials=TRIALS[:4])
-    assert len(count.done) == 1
-
-
 def test_intervals_of_shares_cover():
     """Clopper and Pearson's cover at least as often as they say, whatever the probability."""
     for share in (0.5, 0.9, 0.95, 0.99):
