@@ -100,7 +100,6 @@ def test_a_folders_file_is_named_for_it_and_not_replaced_unasked(grid, capsys):
     [
         (["--run", "none"], "run = 'none': must be one of 'radius=0.5 speed=0.1',"),
         (["--csv", "--out", "x.txt"], "out = 'x.txt': must be a file that ends in .csv"),
-        (["--run", "a", "a"], "all different"),
         (["--run", "a", "--run", "b"], "--run is given twice; give it once, with all its values"),
     ],
 )

@@ -73,6 +73,22 @@ def test_what_is_stored_is_not_driven_again(trackslip, monkeypatch):
     assert not (whole.folder / PARTS).exists()
 
 
+def test_long_runs_are_driven_and_stored_a_few_at_a_time(trackslip, tmp_path, monkeypatch):
+    """So that memory grows neither with their number nor with their duration; the bits are those of one fleet."""
+    whole = trackslip("grid", *SWEEP, "--out", str(tmp_path / "whole")).folder
+    stored, real = [], drive.drive_fleet
+
+    def counted(runs, **options):
+        stored.append((len(runs), len(list((tmp_path / "parts" / PARTS).glob("*.parquet")))))
+        return real(runs, **options)
+
+    monkeypatch.setattr("experiments.sweep.plan._AT_ONCE", 8.0)  # [s], two of the runs
+    monkeypatch.setattr(drive, "drive_fleet", counted)
+    parts = trackslip("grid", *SWEEP, "--out", str(tmp_path / "parts")).folder
+    assert stored == [(2, 0), (2, 1), (2, 2), (2, 3)]
+    assert (parts / "runs.parquet").read_bytes() == (whole / "runs.parquet").read_bytes()
+
+
 def test_runs_of_other_code_are_refused_but_by_force(trackslip, refused, tmp_path, monkeypatch):
     out = ("--out", str(tmp_path / "out"))
     folder = trackslip("grid", *SHORT, *out).folder
