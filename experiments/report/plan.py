@@ -9,7 +9,6 @@ from experiments.report.formats import number, percent, significant
 from experiments.report.laws import SYMBOLS, unit_of
 from experiments.report.studies import print_verdict
 from experiments.report.table import Table
-from experiments.report.terminal import print_table
 from experiments.studies.plan_trials import PAPER, PLAN, PlanTrials
 from experiments.studies.trials import sampling_error
 from trackslip.planning.information import Expectation
@@ -60,7 +59,7 @@ def print_plan_trials(trials: PlanTrials) -> None:
     if trials.truth is not None:
         known = [f"{case} {sampling_error(count):.0%}" for case, count in counts.items() if count]
         print(f"so many drives leave real errors uncertain by: {', '.join(known)}")
-    print_table("Checks", CHECKS_HEADER, checks_table(trials.checks()))
+    Table("Checks", CHECKS_HEADER, checks_table(trials.checks())).print()
     print_verdict(trials.checks(), trials.failures)
 
 

@@ -7,7 +7,6 @@ from experiments.report.drive_checks import CHECKS_HEADER, checks_table
 from experiments.report.formats import number
 from experiments.report.laws import SYMBOLS
 from experiments.report.table import Table
-from experiments.report.terminal import print_table
 from experiments.studies.drive_cases import EPSILON, D
 from experiments.studies.drive_coverage import DriveStudy
 from experiments.studies.steady_coverage import SteadyCoverage
@@ -41,7 +40,7 @@ def print_steady_coverage(found: SteadyCoverage) -> None:
 
 def print_drive_study(found: DriveStudy) -> None:
     """Print the checks of the drive estimator, and the laws of MuJoCo's own drives."""
-    print_table(f"{found.repeats} drives in each case", CHECKS_HEADER, checks_table(found.checks))
+    Table(f"{found.repeats} drives in each case", CHECKS_HEADER, checks_table(found.checks)).print()
     lines = (
         ("steady circles of the same speeds", "steady", 1e3),
         ("steady circles, the paper's", "paper", 1e3),
