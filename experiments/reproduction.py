@@ -17,8 +17,7 @@ from experiments.driving.closed_loop import ClosedLoopRun, drive_closed_loops, s
 from experiments.driving.grid_runs import Cell, cells_of, drive_cells
 from experiments.driving.paper_model import KNOWN_LAWS, published_runs
 from experiments.driving.world import World
-from experiments.measuring.grid import grid_summary, saturation_warnings, simulated_seconds
-from experiments.measuring.paper_comparison import compare_with_paper
+from experiments.measuring.grid import grid_summary, measured_run, saturation_warnings, simulated_seconds
 from experiments.measuring.sightings import sightings
 from experiments.measuring.tracking import tracking_results
 from experiments.options.world import IDENTIFIED
@@ -30,20 +29,12 @@ from experiments.storage.manifest import command_line
 from experiments.storage.results import REPORT_FILE
 from sim.run_recorder import FAILURE
 from sim.stopwatch import Stopwatch
-from trackslip.errors import LogError, RunFailedError
+from trackslip.errors import RunFailedError
 from trackslip.identification.identify import identify_samples
 from trackslip.identification.result import identification_to_json
-from trackslip.identification.samples import (
-    MeasuredRun,
-    MeasuredRuns,
-    part_by_method,
-    steadily_driven,
-    usable_samples,
-)
-from trackslip.identification.true_samples import true_sample
-from trackslip.kinematics import Array, RobotGeometry
+from trackslip.identification.samples import MeasuredRuns, usable_samples
+from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
-from trackslip.motion.methods import MOTION_METHODS, best_method
 from trackslip.slip.base import SlipLaw
 from trackslip.slip.compensation import FixedLaw
 from trackslip.slip.exponential import PUBLISHED
@@ -82,7 +73,8 @@ def reproduce(config: Config) -> None:
             laws = {**KNOWN_LAWS, **{name: fitted[name] for name in IDENTIFIED}}
             loops = closed_loop_shares(config, laws, path, pool)
             # now, while they are under way: matplotlib, which isn't needed to drive
-            from experiments.report.reproduction import Report, comparison_table
+            from experiments.report.paper_comparison import comparison_table
+            from experiments.report.reproduction import Report
             from experiments.report.tracking import tracking_table
 
             names = [cell.name for cell in cells]
@@ -96,7 +88,7 @@ def reproduce(config: Config) -> None:
 
         # compare with the paper
         tracking = tracking_results(tracking_logs, path)
-        comparison = compare_with_paper(grid, fitted, tracking)
+        comparison = comparison_table(grid, fitted, tracking)
         warnings = saturation_warnings(grid_logs)
 
         # report
@@ -136,7 +128,7 @@ def reproduce(config: Config) -> None:
             with run.busy("recordings"):
                 record_all(run.folder, logs, compared)
 
-    comparison_table(comparison).print()
+    comparison.print()
     tracking_table(tracking).print()
     if summary["warnings"]:
         print(f"{len(summary['warnings'])} warnings: see the report")
@@ -215,22 +207,8 @@ def _drive_cells(config: Config, cells: Sequence[Cell]) -> Share:
         logs = drive_cells(cells, [world] * len(cells), watch=watch)
     except RunFailedError as failure:
         return Share(failure.logs, watch.stages, failure)
-    found = {log.run: _measured(log, config.motion, world.robot.geometry, watch) for log in logs}
+    found = {log.run: measured_run(log, world.robot.geometry, config.motion, watch) for log in logs}
     return Share(logs, watch.stages, measured={name: one for name, one in found.items() if one is not None})
-
-
-def _measured(log: RunLog, motion: str | None, geometry: RobotGeometry, watch: Stopwatch) -> MeasuredRun | None:
-    """The slips of a run by every motion method; None without a steady stretch, which `usable_samples` reports."""
-    chosen = motion or best_method(log)
-    try:
-        with watch.stage("slips"):
-            part = steadily_driven(log, geometry)
-            by_method = part_by_method(part, geometry, [chosen])
-        with watch.stage("errors of all methods"):
-            by_method |= part_by_method(part, geometry, [name for name in MOTION_METHODS if name != chosen])
-    except LogError:
-        return None
-    return MeasuredRun(part.window, part.notes, by_method, true_sample(part, geometry))
 
 
 def _drive_closed_loops(

@@ -1,9 +1,8 @@
-"""The numbers of a grid of steady left turns: radii, slips, and the errors of slip and localization."""
+"""Simulated runs in numbers: errors of localization; of a grid of left turns radii, slips and errors."""
 
-import contextlib
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from types import MappingProxyType
 from typing import Any, Generic, Self, TypeVar
 
@@ -13,13 +12,13 @@ from experiments.options.grid import GridConfig
 from experiments.storage.plain_json import plain
 from sim.stopwatch import Stopwatch
 from trackslip.errors import LogError
-from trackslip.identification.samples import MeasuredRuns, SlipSamples, samples_by_method
-from trackslip.identification.true_samples import true_samples
+from trackslip.identification.samples import MeasuredRun, MeasuredRuns, SlipSamples, part_by_method, steadily_driven
+from trackslip.identification.true_samples import true_sample
 from trackslip.kinematics import Array, RobotGeometry, wrap_angle
 from trackslip.localization.bound import beside_bound
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import rms
-from trackslip.motion.methods import MOTION_METHODS
+from trackslip.motion.methods import MOTION_METHODS, best_method
 from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII
 from trackslip.slip.exponential import PUBLISHED
 
@@ -95,12 +94,13 @@ class PoseErrors:
     """Share of the scans that gave a pose [-]."""
 
     @classmethod
-    def of(cls, logs: Iterable[RunLog]) -> "PoseErrors":
-        """Of simulated runs."""
+    def of(cls, logs: Iterable[RunLog]) -> Self:
+        """Of simulated runs with one sampling period."""
         found = _Poses()
         for log in logs:
             found.add(log)
-        return found.errors()
+        values = found.errors()
+        return cls(**{one.name: values[one.name] for one in fields(cls)})
 
 
 @dataclass(frozen=True)
@@ -109,14 +109,6 @@ class LocalizationErrors(PoseErrors):
 
     rate_hz: float
     """Valid poses per second [1/s]."""
-
-    @classmethod
-    def of(cls, logs: Iterable[RunLog]) -> Self:
-        """Of simulated runs with one sampling period."""
-        found = _Poses()
-        for log in logs:
-            found.add(log)
-        return cls(**vars(found.errors()), rate_hz=found.rate())
 
 
 @dataclass(frozen=True)
@@ -154,6 +146,25 @@ class GridSummary:
         return found
 
 
+def measured_run(
+    log: RunLog, geometry: RobotGeometry, motion: str | None = None, watch: Stopwatch | None = None
+) -> MeasuredRun | None:
+    """The slips of a simulated run by every motion method, and the true ones; None without a steady stretch.
+
+    `watch` gets the time of the method `motion`, by default the most accurate, and that of all others.
+    """
+    watch, chosen = watch or Stopwatch(), motion or best_method(log)
+    try:
+        with watch.stage("slips"):
+            part = steadily_driven(log, geometry)
+            by_method = part_by_method(part, geometry, [chosen])
+        with watch.stage("errors of all methods"):
+            by_method |= part_by_method(part, geometry, [name for name in MOTION_METHODS if name != chosen])
+    except LogError:
+        return None
+    return MeasuredRun(part.window, part.notes, by_method, true_sample(part, geometry))
+
+
 def grid_summary(
     config: GridConfig,
     names: Sequence[str],
@@ -166,23 +177,24 @@ def grid_summary(
     """Evaluate a grid: `names` of all its runs, radius by radius; `logs` of those that were driven; and `samples`.
 
     The logs are gone through once, so that there need never be more than one of them, in the order of the names.
-    `watch` knows how long localization took; runs may be `measured` by every method already.
+    `watch` knows how long localization took; runs may have been `measured` before.
     """
-    poses, bound = _Poses(), _BesideBound()
-    truths: list[SlipSamples] = []
+    poses, bound = _Poses(), _PosesOverBound()
+    slip, true_slip = (np.full((len(names), 2), np.nan) for _ in range(2))
+    radius = np.full(len(names), np.nan)
+    sampled = np.isin(names, samples.run)
+    slip[sampled], radius[sampled] = samples.slip, samples.radius
     by_method: dict[str, list[Array]] = {name: [] for name in MOTION_METHODS}
     for log in logs:
         poses.add(log)
         bound.add(log)
         if log.run in samples.run:
-            truths.append(_true_sample(log, geometry, measured))
-            for name, sample in _by_method(log, geometry, measured).items():
-                by_method[name].append(sample.slip - truths[-1].slip)
-    truth = SlipSamples.joined(truths)
-    sampled = np.isin(names, samples.run)
-    slip, true_slip = (np.full((len(names), 2), np.nan) for _ in range(2))
-    radius = np.full(len(names), np.nan)
-    slip[sampled], true_slip[sampled], radius[sampled] = samples.slip, truth.slip, samples.radius
+            run = measured.get(log.run) or measured_run(log, geometry)
+            assert run is not None, "a run that gave a sample is steady"
+            assert run.truth is not None, "of a simulated run"
+            true_slip[names.index(log.run)] = run.truth.slip[0]
+            for name, sample in run.by_method.items():
+                by_method[name].append(sample.slip - run.truth.slip)
     by_radius = (len(config.radii), len(config.speeds))
     mean_slip = slip.reshape(*by_radius, 2).mean(axis=1)
     spread = np.ptp(true_slip.reshape(*by_radius, 2), axis=1)
@@ -199,33 +211,14 @@ def grid_summary(
         slip_rms_vs_published_at_simulated_radii=rms(samples.slip - PUBLISHED(samples.curvature)),
         speed_spread=OuterInner.of(spread, lambda of_radius: float(of_radius.max())),
         localization=GridLocalization(
-            **vars(poses.errors()),
-            rate_hz=poses.rate(),
-            ratio_to_bound=bound.ratio(),
-            scans_per_s=poses.rows / seconds if seconds else None,
+            **poses.errors(), ratio_to_bound=bound.ratio(), scans_per_s=poses.rows / seconds if seconds else None
         ),
-        slip_error=OuterInner.of(samples.slip - truth.slip, ErrorStatistics.of),
+        slip_error=OuterInner.of((slip - true_slip)[sampled], ErrorStatistics.of),
         slip_error_by_method={
             name: OuterInner.of(np.concatenate(parts), ErrorStatistics.of) if parts else None
             for name, parts in by_method.items()
         },
     )
-
-
-def _true_sample(log: RunLog, geometry: RobotGeometry, measured: MeasuredRuns) -> SlipSamples:
-    """The sample from the true motion of a run."""
-    known = measured.get(log.run)
-    return true_samples([log], geometry) if known is None or known.truth is None else known.truth
-
-
-def _by_method(log: RunLog, geometry: RobotGeometry, measured: MeasuredRuns) -> Mapping[str, SlipSamples]:
-    """The samples of a run by each motion method that suits it."""
-    known = measured.get(log.run)
-    if known is not None:
-        return known.by_method
-    with contextlib.suppress(LogError):
-        return samples_by_method(log, geometry)
-    return {}
 
 
 def published_radii(commanded: Sequence[float]) -> Array:
@@ -255,18 +248,15 @@ class _Poses:
         self.valid += int(np.count_nonzero(log.is_valid))
         self.period = float(np.median(np.diff(log.time)))
 
-    def errors(self) -> PoseErrors:
-        """Those of all runs that were added."""
+    def errors(self) -> dict[str, float]:
+        """What LocalizationErrors says of all runs that were added."""
         x, y, heading = np.sqrt(self.squares / self.compared).tolist()
-        return PoseErrors(x, y, heading, self.valid / self.rows)
-
-    def rate(self) -> float:
-        """Valid poses per second [1/s]."""
-        return self.valid / self.rows / self.period
+        valid = self.valid / self.rows
+        return dict(rmse_x=x, rmse_y=y, rmse_heading=heading, valid_fraction=valid, rate_hz=valid / self.period)
 
 
 @dataclass
-class _BesideBound:
+class _PosesOverBound:
     """The errors of measured poses and their bound, leaving out views close to edge-on, summed up.
 
     The scanner sees the plate, so the reference is the plate's true place on the leaning robot.

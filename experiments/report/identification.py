@@ -8,9 +8,8 @@ import numpy as np
 from markupsafe import Markup
 
 from experiments.driving.paper_model import geometry_of
-from experiments.measuring.inner_outer import InnerOuterSamples
 from experiments.measuring.sightings import Sightings, sightings
-from experiments.measuring.value_groups import is_narrow, repeated, value_groups
+from experiments.measuring.steady_turns import InnerOuterSamples, is_narrow, repeated, value_groups
 from experiments.report.drives import whole_drives
 from experiments.report.figures import laws as law_figures
 from experiments.report.figures import steady_runs as figures

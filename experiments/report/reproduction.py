@@ -8,25 +8,18 @@ from typing import Any
 from markupsafe import Markup
 
 from experiments.measuring.grid import RadiusSummary
-from experiments.measuring.inner_outer import InnerOuterSamples
-from experiments.measuring.paper_comparison import Quantity, Values
 from experiments.measuring.sightings import Sightings
+from experiments.measuring.steady_turns import InnerOuterSamples
 from experiments.measuring.tracking import TrackingResult
 from experiments.report.drives import whole_drives
 from experiments.report.figures import tracking as figures
 from experiments.report.figures.steady_runs import published_and_simulated
-from experiments.report.formats import MISSING, number, pair
 from experiments.report.identification import INTRO, by_paper, measured_slip, remarks, spread
 from experiments.report.page import Page, Plot, Section
 from experiments.report.table import Table
 from experiments.report.tracking import tracking_table
 from trackslip.identification.result import Identification
 from trackslip.logs.runlog import RunLog
-
-_COMPARISON_NOTE = (
-    "In the laws, R is in metres; slips and their errors are dimensionless. A dash means that the paper gives no "
-    "value. The last rows are position errors by controller and compensation."
-)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +28,7 @@ class Report:
 
     command: str  # the command line that made it
     manifest: Mapping[str, Any]  # configuration, versions, seed: anything that fits into JSON
-    comparison: Sequence[Quantity]  # the paper's results beside the simulation's
+    comparison: Table  # the paper's results beside the simulation's
     radius: RadiusSummary  # radii of the grid
     grid_logs: Sequence[RunLog]
     seen: Sightings | None  # their poses, if truth and scanner are known
@@ -49,7 +42,7 @@ class Report:
         """The page; its figures are drawn when it is written."""
         found = self.identification
         sections = [
-            Section("Published and simulated", [self._published_and_simulated(), comparison_table(self.comparison)]),
+            Section("Published and simulated", [self._published_and_simulated(), self.comparison]),
             measured_slip(found, self.grid_logs, self.seen),
             whole_drives(found),
             self._compensated(),
@@ -165,15 +158,3 @@ class Report:
                 "turns sharply towards the path.",
             ),
         )
-
-
-def comparison_table(quantities: Sequence[Quantity]) -> Table:
-    """A row per quantity: the paper's result and the simulation's."""
-    rows = [(one.name, _text(one.published, one), _text(one.simulated, one)) for one in quantities]
-    return Table("Published | simulated", ("quantity", "published", "simulated"), rows, note=_COMPARISON_NOTE)
-
-
-def _text(values: Values | str, quantity: Quantity) -> str:
-    if isinstance(values, str):
-        return values or MISSING
-    return pair([number(value, quantity.digits) for value in values], quantity.unit) if values else MISSING

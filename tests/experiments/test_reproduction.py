@@ -13,7 +13,7 @@ import pytest
 from experiments.commands.reproduce import Config
 from experiments.driving.grid_runs import cells_of
 from experiments.driving.paper_model import KNOWN_LAWS
-from experiments.measuring.grid import LocalizationErrors, _BesideBound, grid_summary
+from experiments.measuring.grid import LocalizationErrors, _PosesOverBound, grid_summary
 from experiments.parallel import workers
 from experiments.reproduction import CONTROLLERS, Share, closed_loop_shares, grid_shares, joined
 from sim.robot.robot import load_robot
@@ -100,7 +100,7 @@ def test_pose_errors_and_bound_of_a_grid_are_those_of_all_its_poses_together():
         logs, _ = drive_grid(pool, Stopwatch())
     error = np.concatenate([log.pose - log.truth.pose for log in logs])
     error[:, 2] = np.angle(np.exp(1j * error[:, 2]))
-    found, bound = LocalizationErrors.of(iter(logs)), _BesideBound()
+    found, bound = LocalizationErrors.of(iter(logs)), _PosesOverBound()
     rmse = np.sqrt(np.mean(error**2, axis=0))
     np.testing.assert_allclose((found.rmse_x, found.rmse_y, found.rmse_heading), rmse, rtol=1e-12)
     assert found.valid_fraction == np.mean([log.is_valid.mean() for log in logs])

@@ -108,7 +108,7 @@ class MeasuredRun:
     notes: tuple[str, ...]
     """What was excluded from the run besides settling, one line each."""
     by_method: Mapping[str, SlipSamples]
-    """Method -> sample, as `samples_by_method` finds it."""
+    """Method -> sample, as `part_by_method` finds it."""
     truth: SlipSamples | None
     """The sample from the true motion, if that is known."""
 
@@ -143,16 +143,8 @@ def slip_samples(
     return SlipSamples.joined([_sample(steady_part(log, geometry, settle), geometry, method) for log in logs])
 
 
-def samples_by_method(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -> dict[str, SlipSamples]:
-    """The sample of a run, as `slip_samples` finds it, by each of the methods that the run allows.
-
-    Raises LogError if the run has no steady stretch, or moves unsteadily in it.
-    """
-    return part_by_method(steadily_driven(log, geometry, settle), geometry)
-
-
 def steadily_driven(log: RunLog, geometry: RobotGeometry, settle: float = SETTLE) -> SteadyPart:
-    """The longest steady stretch of a run; raises LogError like `samples_by_method`."""
+    """The longest steady stretch of a run; raises LogError if it has none, or moves unsteadily in it."""
     part = steady_part(log, geometry, settle)
     require_steady_motion(part)
     return part

@@ -8,8 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
-from experiments.measuring.inner_outer import TRACKS, InnerOuterSamples
-from experiments.measuring.value_groups import repeated
+from experiments.measuring.steady_turns import TRACKS, InnerOuterSamples, repeated
 from experiments.report.figures import style
 from experiments.report.figures.steady_runs import BARS, bar_factor, bar_key, curve_radii, show_radii, with_bars
 from experiments.report.laws import SYMBOLS, shown

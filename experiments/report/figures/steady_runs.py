@@ -10,8 +10,7 @@ from matplotlib.lines import Line2D
 
 from experiments.driving.paper_model import geometry_of, published_poses
 from experiments.measuring.grid import RadiusSummary
-from experiments.measuring.inner_outer import TRACKS, InnerOuterSamples, slip_at
-from experiments.measuring.value_groups import group_label, is_narrow, value_groups
+from experiments.measuring.steady_turns import TRACKS, InnerOuterSamples, group_label, is_narrow, slip_at, value_groups
 from experiments.report.colours import BLACK, BLUE, GREEN, GREY, ORANGE, RED
 from experiments.report.figures import style
 from trackslip.identification.fitted import FittedLaw

@@ -11,11 +11,11 @@ from spin import spun_before_the_scanner
 
 from experiments.driving.paper_model import published_runs
 from experiments.measuring.grid import RadiusSummary
-from experiments.measuring.paper_comparison import Quantity
 from experiments.measuring.sightings import sightings
 from experiments.measuring.tracking import TrackingResult
 from experiments.report.page import Plot
 from experiments.report.reproduction import Report
+from experiments.report.table import Table
 from trackslip.metrics import tracking_errors
 from trackslip.trajectory.segmented import paper_reference
 
@@ -38,7 +38,9 @@ def reproduction():
     return Report(
         command="trackslip reproduce --out " + "a_long_name_without_a_space" * 5,
         manifest={"seed": 3, "ground": STONE, "versions": {"a" * 60: "b" * 200}},
-        comparison=[Quantity("slip law, outer track", "0.07 exp(-0.68 R)", "0.08 exp(-0.9 R)")] * 5,
+        comparison=Table(
+            "Published | simulated", ("", "", ""), [("slip law", "0.07 exp(-0.68 R)", "0.08 exp(-0.9 R)")] * 5
+        ),
         radius=RADII,
         grid_logs=grid_logs,
         seen=sightings(grid_logs),

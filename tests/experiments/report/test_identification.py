@@ -9,7 +9,7 @@ import pytest
 from identified import driven, grid, identified
 from spin import spun_before_the_scanner
 
-from experiments.measuring.inner_outer import InnerOuterSamples
+from experiments.measuring.steady_turns import InnerOuterSamples
 from experiments.report.figures.laws import fitted_laws
 from experiments.report.figures.steady_runs import slip_against_speed_and_radius
 from experiments.report.identification import page

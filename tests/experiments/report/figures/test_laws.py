@@ -8,7 +8,7 @@ from matplotlib.container import ErrorbarContainer
 from spin import spun_before_the_scanner
 
 from experiments.measuring.grid import RadiusSummary
-from experiments.measuring.inner_outer import InnerOuterSamples
+from experiments.measuring.steady_turns import InnerOuterSamples
 from experiments.report.figures import laws as figures
 from experiments.report.figures import steady_runs
 from experiments.report.laws import LAWS, SYMBOLS, shown, unit_of

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from identified import GEOMETRY
 
-from experiments.measuring.inner_outer import InnerOuterSamples
+from experiments.measuring.steady_turns import InnerOuterSamples
 from experiments.report.figures.slip_under_load import slip_under_load
 from trackslip.identification.fitted import fit_law
 from trackslip.identification.samples import SlipSamples

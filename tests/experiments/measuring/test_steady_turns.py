@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from identified import GEOMETRY, driven, grid
 
-from experiments.measuring.inner_outer import InnerOuterSamples, slip_at
-from experiments.measuring.value_groups import group_label, repeated, value_groups
+from experiments.measuring.steady_turns import InnerOuterSamples, group_label, repeated, slip_at, value_groups
 from experiments.report.figures.steady_runs import bar_factor, bar_key
 from trackslip.slip.exponential import PUBLISHED
 from trackslip.slip.icr import IcrSides
