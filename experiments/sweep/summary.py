@@ -16,7 +16,7 @@ from experiments.measuring.grid import (
     grid_summary,
     published_radii,
 )
-from experiments.report.terminal import print_table
+from experiments.report.table import Table
 from experiments.storage.plain_json import plain
 from experiments.storage.results import SUMMARY_FILE, TABLE_FILE
 from experiments.sweep.plan import PlannedRun
@@ -149,12 +149,12 @@ class SweepSummary:
         if len(self.grids) == 1:
             title = f"{len(self.rows)} runs of {self.runs[0].duration:g} s"
             header: tuple[str, ...] = ("commanded radius [m]", "observed [m]", "outer slip", "inner slip")
-            print_table(title, header, self.grids[0].lines)
+            Table(title, header, self.grids[0].lines, align="r").print()
         else:
             numbers = ("runs", "failed", "tightest [m]", "observed [m]", "outer slip", "inner slip", "slip error, rms")
             header = (*self.grids[0].axes, *numbers)
             lines = [grid.line for grid in self.grids[:_MAX_LINES]]
-            print_table(f"{len(self.rows)} runs in {len(self.grids)} grids", header, lines)
+            Table(f"{len(self.rows)} runs in {len(self.grids)} grids", header, lines, align="r").print()
             if len(self.grids) > _MAX_LINES:
                 print(f"and {len(self.grids) - _MAX_LINES} more grids; {TABLE_FILE} has a row for each run")
         _print_some([f"warning: {warning}" for warning in self.warnings], f"warnings in {SUMMARY_FILE}")

@@ -4,28 +4,12 @@ import json
 
 import pyarrow.parquet as pq
 import pytest
+from sweeps import ONE, SHORT, SWEEP, fragile, logs
 
 from experiments.cli import main
 from experiments.driving.grid_runs import drive_cells
 from trackslip.errors import RunFailedError
 from trackslip.logs.logfile import read_runs
-
-SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
-
-SWEEP = (*SHORT, "--vary", "friction_ratio=1.0,1.2", "--seeds", "0", "1")
-
-ONE = ("--radii", "0.6", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
-
-
-def logs(folder):
-    return {log.metadata["id"]: log for log in read_runs(folder / "runs.parquet")}
-
-
-def fragile(cells, *rest):
-    """A fleet of which some radius is too wide."""
-    if any(cell.radius == 1.5 for cell in cells):
-        raise MemoryError("too wide")
-    return drive_cells(cells, *rest)
 
 
 def tips_over(cells, worlds, *rest):

@@ -6,8 +6,6 @@ from experiments.cli import parse
 from experiments.sweep.plan import fleets, plan
 from sim.toml_file import read_toml
 
-SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
-
 
 def planned(*arguments):
     return plan(parse(["grid", *arguments]))

@@ -5,32 +5,16 @@ import json
 import shutil
 
 import pytest
+from sweeps import SHORT, SWEEP, fragile, logs
 
 from experiments.cli import main
 from experiments.commands.grid import PARTS
-from experiments.driving.grid_runs import drive_cells
 from experiments.parallel import WorkersFailedError
 from experiments.storage.manifest import made_by
 from experiments.storage.results import locked
 from experiments.sweep import drive
 from experiments.sweep.parts import Part, Parts
 from trackslip.errors import OutputError, TrackslipError
-from trackslip.logs.logfile import read_runs
-
-SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
-
-SWEEP = (*SHORT, "--vary", "friction_ratio=1.0,1.2", "--seeds", "0", "1")
-
-
-def logs(folder):
-    return {log.metadata["id"]: log for log in read_runs(folder / "runs.parquet")}
-
-
-def fragile(cells, *rest):
-    """A fleet of which some radius is too wide."""
-    if any(cell.radius == 1.5 for cell in cells):
-        raise MemoryError("too wide")
-    return drive_cells(cells, *rest)
 
 
 def stop(*_):

@@ -5,20 +5,13 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from sweeps import ONE, SHORT, SWEEP, logs
 
 from experiments.commands.reproduce import Config as ReproduceConfig
 from experiments.driving.grid_runs import drive_grid
 from experiments.driving.world import World
 from experiments.sweep.table import chosen
 from trackslip.logs.logfile import read_runs
-
-SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
-
-SWEEP = (*SHORT, "--vary", "friction_ratio=1.0,1.2", "--seeds", "0", "1")
-
-
-def logs(folder):
-    return {log.metadata["id"]: log for log in read_runs(folder / "runs.parquet")}
 
 
 def test_every_combination_is_a_run_with_a_row(trackslip):
@@ -54,9 +47,6 @@ def test_runs_keep_their_ids_and_bits_when_others_come(trackslip, tmp_path):
             np.testing.assert_array_equal(ours, theirs)
     noise = [log.pose[:, :2] - log.truth.pose[:, :2] for log in more.values()]
     assert len({part.tobytes() for part in noise}) == len(more)
-
-
-ONE = ("--radii", "0.6", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
 
 
 @pytest.mark.parametrize("world", [(), ("--ground", "ice", "--scanner.noise", "0.01")])

@@ -9,10 +9,9 @@ import sys
 import time
 
 import pytest
+from sweeps import SHORT
 
 from experiments.commands.grid import PARTS
-
-SHORT = ("--radii", "0.6", "1.5", "--speeds", "0.2", "--duration", "4", "--executor", "inline")
 
 
 def killed_and_resumed(arguments, out, kills, rng):
