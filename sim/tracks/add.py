@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from numbers import Integral
 
 import mujoco
 
-from sim.tracks.connect import require_friction
+from sim.tracks.belts import Belts, bind
+from sim.tracks.connect import connect, require_friction
 from sim.tracks.hull import Hull
-from sim.tracks.options import require_stable
-from sim.tracks.parts import WHEEL_WEIGHT, track_parts
-from sim.tracks.presets import Preset, load_preset
-from sim.tracks.tracks import Tracks
+from sim.tracks.parts import WHEEL_WEIGHT, TrackParts, track_parts
+from sim.tracks.presets import Preset, load_preset, require_stable
 from trackslip.errors import (
     InvalidValueError,
     TrackslipError,
@@ -147,3 +147,25 @@ def _body(spec: mujoco.MjSpec, body: str | mujoco.MjsBody) -> mujoco.MjsBody:
         raise InvalidValueError("body", body, f"a body of the spec: {names}")
     require(found.name != "world", "body", found.name, "a body that moves")
     return found
+
+
+@dataclass(frozen=True)
+class Tracks(TrackParts):
+    """The tracks of one call of `add_tracks`: each a body without joints, with its geoms and a contact sensor."""
+
+    def prefixed(self, prefix: str) -> Tracks:
+        """Return these tracks under the names that they have after `attach` with a prefix."""
+        return replace(
+            self,
+            names=tuple(prefix + name for name in self.names),
+            bodies=tuple(prefix + body for body in self.bodies),
+            geoms=tuple(tuple(prefix + geom for geom in geoms) for geoms in self.geoms),
+        )
+
+    def connect(self, spec: mujoco.MjSpec, terrain: Iterable[object] | None = None) -> None:
+        """Let these tracks touch the geoms `terrain` of the spec; see `sim.tracks.connect.connect`."""
+        connect(spec, self, terrain)
+
+    def bind(self, model: mujoco.MjModel) -> Belts:
+        """Return the belts of these tracks in a compiled model; see `sim.tracks.belts.bind`."""
+        return bind(model, self)

@@ -9,8 +9,8 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.tracks.options import require_options, require_stable
 from sim.tracks.parts import TrackParts
+from sim.tracks.presets import require_options, require_stable
 from sim.tracks.readings import SENSED_WIDTH, Floats, Reading, read_contacts
 from trackslip.errors import InvalidValueError, require
 

@@ -1,4 +1,4 @@
-"""Contact pairs of tracks and terrain."""
+"""Contact pairs of tracks and terrain: stiffness by how easily points move, and hard cores for landings."""
 
 from __future__ import annotations
 
@@ -7,11 +7,8 @@ from collections.abc import Iterable, Iterator
 import mujoco
 import numpy as np
 
-from sim.tracks.cores import connect_cores
-from sim.tracks.mobility import mobility
-from sim.tracks.options import set_options
 from sim.tracks.parts import WHEEL_WEIGHT, TrackParts
-from sim.tracks.presets import ContactParameters
+from sim.tracks.presets import ContactParameters, Preset, set_options
 from trackslip.errors import InvalidValueError, TrackslipError, first_line, require, require_at_most, require_positive
 
 _MAX_FRICTION = 10.0
@@ -19,6 +16,9 @@ _WHEEL_BRAKE = 0.4  # share of its speed that a robot which lands on its wheels 
 _MAX_MOBILITY = 6.0  # contacts have the stiffness of their preset up to this: a robot's, not a flipper's [-]
 _MAX_FIELD_MOBILITY = 3.0  # the same of robots on height fields, where points touch several times [-]
 _FIELD_HARDNESS = (0.1, 0.5)  # on height fields of the finest and of the coarsest cells [-]
+_CORE_IMPEDANCE = 0.95  # [-]
+_CORE_PUSH = 0.4  # share of its depth by which a core is pushed out in one physics step [-]
+_CORE_BRAKE = 0.7  # share of its speed that a core loses in one physics step [-]
 
 
 def connect(spec: mujoco.MjSpec, tracks: TrackParts, terrain: Iterable[object] | None = None) -> None:
@@ -162,3 +162,87 @@ def require_friction(friction: tuple[float, float]) -> None:
     for value in friction:
         require_positive("friction", value)
         require_at_most("friction", value, _MAX_FRICTION)
+
+
+def connect_cores(spec: mujoco.MjSpec, ground: str, tracks: TrackParts) -> None:
+    """Give the geoms of the tracks cores, unless they have them, and a pair with the geom `ground` each.
+
+    Cores are hard geoms below the belt's surface. A robot that tips over an edge meets the next one with a wheel or
+    two. Contacts soft enough to share a plane with many points then yield by centimetres, and stiffer ones would throw
+    a robot that lands on all of them. The core of a wheel or a capsule is the same geom, thinner, so that a robot that
+    stands doesn't touch it. The impedance is near 1: such contacts regularise by the bodies' own inertia, so that
+    together they never take more than they are asked for, whatever the number of points. They have no friction: in an
+    elliptic cone, sliding adds to the normal force of a hard contact.
+    """
+    step = tracks.preset.timestep
+    for body, names in zip(tracks.bodies, tracks.geoms, strict=True):
+        for name, cored in zip(names, tracks.cored, strict=True):
+            if not cored:
+                continue
+            core = f"{name}_core"
+            if not spec.geom(core):
+                _add_core(spec.body(body), spec.geom(name), core, tracks.preset)
+            spec.add_pair(
+                name=f"{ground}/{core}",
+                geomname1=ground,
+                geomname2=core,
+                condim=1,
+                margin=0.0,
+                gap=0.0,
+                adhesion=0.0,
+                solref=(-_CORE_PUSH * _CORE_IMPEDANCE / step**2, -_CORE_BRAKE * _CORE_IMPEDANCE / step),
+                solimp=(_CORE_IMPEDANCE, _CORE_IMPEDANCE, tracks.preset.width, 0.5, 1.0),
+            )
+
+
+def _add_core(body: mujoco.MjsBody, geom: mujoco.MjsGeom, name: str, preset: Preset) -> None:
+    size = np.array(geom.size)
+    size[0] = max(size[0] - preset.core, size[0] / 2)
+    body.add_geom(
+        name=name,
+        type=geom.type,
+        pos=geom.pos,
+        quat=geom.quat,
+        size=size,
+        mass=0,
+        contype=0,
+        conaffinity=0,
+        group=3,
+    )
+
+
+def mobility(model: mujoco.MjModel, tracks: TrackParts, mass: float) -> tuple[float, float]:
+    """Largest ratio [-] of the squared frequencies of a robot on its tracks to that of its heave.
+
+    The second number is the largest inverse mass of a point of the tracks along its normal [1/kg]. Each run stands on
+    springs that together carry the robot's `mass` [kg]. A box on two tracks has about 2 in roll; a light flipper on its
+    hinge has more, and springs of that stiffness would throw it off.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    mujoco.mj_crb(model, data)
+    mujoco.mj_factorM(model, data)
+    found = [_stiffest(model, data, tracks, mass, run) for run in range(len(tracks.hull.runs))]
+    return max(ratio for ratio, _ in found), max(point for _, point in found)
+
+
+def _stiffest(
+    model: mujoco.MjModel, data: mujoco.MjData, tracks: TrackParts, mass: float, run: int
+) -> tuple[float, float]:
+    shape = tracks.hull.runs[run]
+    rows = []
+    places = 2 if tracks.segment >= shape.length else 5
+    for body in (model.body(name).id for name in tracks.bodies):
+        rotation, origin = data.xmat[body].reshape(3, 3), data.xpos[body]
+        normal = rotation[:, [0, 2]] @ shape.outwards
+        for part in np.linspace(0.0, 1.0, places):
+            point = origin + rotation[:, [0, 2]] @ (shape.start + part * (shape.end - shape.start))
+            jacobian = np.zeros((3, model.nv))
+            mujoco.mj_jac(model, data, jacobian, None, point, body)
+            rows.append(normal @ jacobian)
+    along = np.array(rows)
+    moved = np.zeros_like(along)
+    mujoco.mj_solveM(model, data, moved, along)
+    inverse = along @ moved.T
+    return float(np.linalg.eigvalsh(inverse).max()) * mass / len(rows), float(np.diag(inverse).max())

@@ -1,4 +1,4 @@
-"""The hull of a track, seen from its left side: wheels in a convex chain, and the straight runs of belt between them.
+"""The hull of a track, seen from its left side: wheels in a convex chain, and the belt around them.
 
 Coordinates are (x, z), forwards and up. The belt of a robot that drives forwards circulates clockwise: backwards below,
 forwards above.
@@ -17,6 +17,7 @@ from trackslip.errors import require
 _MAX_SIZE = 10.0  # of a hull's numbers [m]
 _MIN_RADIUS = 1e-3  # [m]
 _TOLERANCE = 1e-9  # of directions [rad]
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -123,3 +124,42 @@ def _hull(wheels: NDArray[np.float64]) -> Hull:
     starts, ends = (at[:, :2] + at[:, 2:] * normals for at in (wheels, following))
     radii = np.minimum(wheels[:, 2], following[:, 2])
     return Hull(wheels, tuple(Run(*run) for run in zip(starts, ends, radii.tolist(), strict=True)))
+
+
+@dataclass(frozen=True)
+class Outline:
+    """A closed belt in the x-z plane of its body, in the direction in which it runs when the robot drives forwards."""
+
+    wheels: Array  # (W, 3) x, z and radius [m]
+    start: Array  # (W, 2) where the belt leaves each wheel [m]
+    run: Array  # (W,) length of the straight run that follows [m]
+    heading: Array  # (W,) direction of that run, from x towards z [rad]
+    arc: Array  # (W,) length of the arc on the next wheel, which follows the run [m]
+
+    @classmethod
+    def of(cls, hull: Hull) -> Outline:
+        """The belt around a hull."""
+        heading = np.array([np.arctan2(*run.along[::-1]) for run in hull.runs])
+        bend = np.mod(heading - np.roll(heading, -1), 2 * np.pi)  # clockwise, on the next wheel
+        start = np.array([run.start for run in hull.runs])
+        length = np.array([run.length for run in hull.runs])
+        return cls(hull.wheels, start, length, heading, bend * np.roll(hull.wheels[:, 2], -1))
+
+    @property
+    def ends(self) -> Array:
+        """(2 W,) where each run and the arc after it end, along the belt [m]."""
+        return np.cumsum(np.stack([self.run, self.arc], axis=1).ravel())
+
+    def place(self, distance: Array) -> tuple[Array, Array]:
+        """Points (..., 2) [m] and directions (...) [rad] at distances (...) along the belt [m]."""
+        ends = self.ends
+        s = np.mod(distance, ends[-1])
+        piece = np.minimum(np.searchsorted(ends, s, side="right"), len(ends) - 1)
+        s = s - np.append(0.0, ends)[piece]
+        wheel, on_wheel = piece // 2, piece % 2 == 1
+        x, z, radius = self.wheels[(wheel + 1) % len(self.wheels)].T
+        heading = self.heading[wheel] - np.where(on_wheel, s / radius.T, 0.0)
+        ahead, up = np.cos(heading), np.sin(heading)
+        straight = self.start[wheel] + s[..., None] * np.stack([ahead, up], axis=-1)
+        bent = np.stack([x.T - radius.T * up, z.T + radius.T * ahead], axis=-1)
+        return np.where(on_wheel[..., None], bent, straight), heading

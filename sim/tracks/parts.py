@@ -42,7 +42,7 @@ class TrackParts:
     crosswise: tuple[bool, ...]
     """Whether each geom of a track is a capsule across it."""
     cored: tuple[bool, ...]
-    """Whether each geom of a track may land alone, so that it has a core; see `sim.tracks.cores`."""
+    """Whether each geom of a track may land alone, so that it has a core; see `sim.tracks.connect`."""
     directions: tuple[tuple[float, ...], ...]
     """Surface velocity (6,) of each geom of a track in its own frame, at a belt speed of 1 m/s."""
     segment: float

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from sim.tracks.hull import Hull
+from sim.tracks.hull import Hull, Outline
 from sim.tracks.looks import BOX, CYLINDER, TrackLook
-from sim.tracks.outline import Outline
 
 TWO = [(-0.22, 0.08, 0.08), (0.22, 0.08, 0.08)]
 TAPERED = [(0.0, 0.0, 0.065), (0.245, 0.0, 0.04)]
