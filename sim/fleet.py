@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sim.bodies import EVERYONE, Bodies, Rows
-from sim.drawbar import Drawbar
+from sim.bodies import EVERYONE, Bodies, Rows, along_robot
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR, Drive, DriveState
-from sim.drive.pull import Pull
+from sim.drive.pull import Drawbar, Pull
 from sim.drive.saturation import SpeedSearch
-from sim.footing import Footing, one_each
+from sim.footing import Footing, one_each, require_at_rest, require_held
 from sim.ground.ground import Ground
 from sim.ground.shear import Shear
-from sim.moments import along_robot
-from sim.parking import require_at_rest, require_held
 from sim.robot.parameters import SINK
 from sim.robot.robot import Robot
-from sim.setting import Setting as Setting
 from trackslip.errors import InvalidValueError, require
 from trackslip.kinematics import Array
 
@@ -295,3 +292,19 @@ class Fleet(Bodies):
         held = self.drive.torque_range(np.zeros(2))[1].sum() / self._radius[rows, 0]
         grounds = [self.ground[k] for k in rows]
         require_held(grounds, self.friction()[rows], start[:, 2], self.pull, self._weight, held)
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Start and properties of one robot in one run."""
+
+    start: tuple[float, float, float]
+    """Start pose (x, y, phi) [m, m, rad]."""
+    ground: Ground = field(default_factory=Ground)
+    """Ground under the robot."""
+    radius_error: float = RADIUS_ERROR
+    """Relative error of the effective sprocket radius, real / nominal - 1 [-]."""
+    lag: float = Drive.lag
+    """Time constant of the servos [s]."""
+    weight: tuple[float, float] = (0.0, 0.0)
+    """Offset of the centre of mass from the model's, forward and to the left [m]."""

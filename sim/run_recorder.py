@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from sim.bodies import Moments
 from sim.fleet import Fleet
-from sim.instruments import pad_forces
-from sim.moments import Moments
-from sim.needed_traction import needed_traction
+from sim.instruments import needed_traction, pad_forces
 from sim.scanner.feed import ScannerFeed
 from trackslip.errors import RunFailedError, require
 from trackslip.kinematics import Array

@@ -6,7 +6,7 @@ import pytest
 from sim.drive.pull import Pull
 from sim.fleet import Fleet
 from sim.ground.ground import Ground
-from sim.needed_traction import needed_traction
+from sim.instruments import needed_traction
 from sim.runs import closed_loop, open_loop
 from sim.steering import Pilot
 from trackslip.controllers.linear import LinearTimeVarying
