@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from sim.scanner.scanner import LaserScanner
     from sim.steering import Pilot
     from sim.traverse.outcome import Outcome
+    from sim.traverse.policy import Scripted
     from sim.traverse.reflex import Reflex
-    from sim.traverse.scripted import Scripted
     from sim.traverse.world import Command, Traverse
     from trackslip.errors import RunFailedError
 

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from sim.robot.tracked import TrackedRobot
 from sim.terrain import Course
-from sim.traverse.bodies import States
 from sim.traverse.outcome import Outcome
 from sim.traverse.reflex import Reflex
+from sim.traverse.states import States
 from sim.traverse.world import Command, Traverse
 from trackslip.kinematics import Array
 from trackslip.trajectory.waypoints import read_waypoints

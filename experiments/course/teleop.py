@@ -12,7 +12,7 @@ from experiments.course.world import CourseWorld
 from sim.opengl import Window
 from sim.robot.tracked_model import TrackedModel
 from sim.robot.tracked_view import TrackedView
-from sim.traverse.bodies import States
+from sim.traverse.states import States
 from sim.traverse.world import Traverse
 from trackslip.kinematics import Array
 

@@ -17,7 +17,7 @@ from sim.robot.tracked import TrackedRobot, load_tracked
 from sim.robot.tracked_model import TrackedModel, build_tracked
 from sim.terrain import Course, load_course
 from sim.traverse.outcome import Limits
-from sim.traverse.servo import Servos
+from sim.traverse.states import Servos
 from sim.traverse.world import Traverse
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array

@@ -20,7 +20,7 @@ from experiments.report.colours import BLUE, GREEN, GREY, VERMILLION
 from sim.robot.tracked_model import TrackedModel
 from sim.robot.tracked_view import track_looks
 from sim.tracks.looks import BOX, Pieces
-from sim.traverse.contact_points import ContactPoints
+from sim.traverse.contact import ContactPoints
 from trackslip.kinematics import Array
 
 _EVERY = 2  # one row in so many is drawn

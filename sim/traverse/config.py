@@ -10,8 +10,8 @@ from sim.robot.tracked import TrackedRobot, load_tracked
 from sim.terrain import Course, load_course
 from sim.traverse.courses import OBSTACLES, require_kinds
 from sim.traverse.outcome import Limits
-from sim.traverse.scripted import Scripted
-from sim.traverse.servo import Servos
+from sim.traverse.policy import Scripted
+from sim.traverse.states import Servos
 from trackslip.errors import require, require_non_negative, require_positive
 
 PERIOD = 0.1

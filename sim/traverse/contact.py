@@ -1,14 +1,16 @@
-"""What tracks do on the ground in a control period, from samples of their contacts."""
+"""What tracks do on the ground: in a control period from samples of their contacts, and at each point of contact."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.tracks import Reading
+from sim.robot.tracked_model import TrackedModel
+from sim.tracks import Reading, bind
 from trackslip.kinematics import Array
 
 _STILL = 1e-3  # belt speed below which slip is not defined [m/s]
@@ -58,3 +60,36 @@ class Contact:
     def clear(self, rows: NDArray[np.int_]) -> None:
         """Forget what the robots `rows` (R,) did."""
         self.put(rows, Contact.none(*self.load.shape))
+
+
+class ContactPoints:
+    """Contacts of a robot with the world, as the engine computes them in a state."""
+
+    def __init__(self, world: TrackedModel) -> None:
+        self._world = world
+        self._data = mujoco.MjData(world.model)
+        self._belts = bind(world.model, *world.tracks)
+
+    def at(self, qpos: Array, qvel: Array, belt: Array, flippers: Array) -> tuple[Array, Array]:
+        """Points (n, 3) [m] and forces (n, 3) of the ground on the robot [N], in the world.
+
+        Args:
+            qpos: positions (nq,) of all joints.
+            qvel: velocities (nv,).
+            belt: speeds (T,) of the belts [m/s].
+            flippers: set points (F,) of the flippers, tips up [rad].
+        """
+        model, data = self._world.model, self._data
+        data.qpos[:], data.qvel[:] = qpos, qvel
+        data.ctrl[self._world.flipper_motor] = self._world.flipper_control(flippers)
+        self._belts.set(model, belt)
+        mujoco.mj_forward(model, data)
+        contact = data.contact
+        fixed = model.geom_bodyid[contact.geom.reshape(-1, 2)] == 0  # (n, 2)
+        chosen = np.flatnonzero(fixed.any(axis=1) & (contact.efc_address >= 0))
+        force, points = np.zeros((len(chosen), 3)), contact.pos[chosen].copy()
+        wrench = np.zeros(6)
+        for k, which in enumerate(chosen):
+            mujoco.mj_contactForce(model, data, which, wrench)
+            force[k] = wrench[:3] @ contact.frame[which].reshape(3, 3)
+        return points, np.where(fixed[chosen, 1:], -1.0, 1.0) * force  # the engine's is on the second geom

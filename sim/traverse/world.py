@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 from mujoco import batch, mjtWarning
 from numpy.typing import ArrayLike, NDArray
@@ -14,13 +16,11 @@ from sim.robot.tracked import TrackedRobot
 from sim.robot.tracked_model import build_tracked
 from sim.terrain import Course
 from sim.tracks import bind
-from sim.traverse.bodies import States
 from sim.traverse.contact import Contact
 from sim.traverse.outcome import Limits, Outcome, Outcomes, StuckWatch
-from sim.traverse.quiet import quietly
 from sim.traverse.reflex import SAMPLES, FlipperGeometry, Reflex
-from sim.traverse.servo import Servos, ServoState
 from sim.traverse.slots import Slots
+from sim.traverse.states import Servos, ServoState, States
 from trackslip.errors import require, require_positive
 from trackslip.kinematics import Array
 
@@ -277,3 +277,15 @@ def _multiple(name: str, value: float, of: str, unit: float) -> int:
     count = round(value / unit)
     require(count >= 1 and abs(count * unit - value) < 1e-9, name, value, f"a multiple of {of}, {unit:g} s")
     return count
+
+
+@contextmanager
+def quietly() -> Iterator[None]:
+    """Neither print nor write to MUJOCO_LOG.TXT what the engine warns of inside: the caller looks at its counters."""
+    before, quiet = mujoco.MjLogConfig.get(), mujoco.MjLogConfig.get()
+    quiet.logto_console = quiet.logto_file = False
+    quiet.set()
+    try:
+        yield
+    finally:
+        before.set()

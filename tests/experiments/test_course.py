@@ -9,7 +9,7 @@ from experiments.course.run import STOPPED, ConstantPilot, PathPilot, drive_cour
 from experiments.course.world import CourseWorld
 from sim.robot.tracked import load_tracked
 from sim.terrain import Course, Flat, Ramp
-from sim.traverse.bodies import States
+from sim.traverse.states import States
 from trackslip.errors import InvalidValueError
 
 G, BOX_MASS = 9.81, 25.0

@@ -7,7 +7,7 @@ import pytest
 from sim.robot.tracked import load_tracked
 from sim.robot.tracked_model import build_tracked
 from sim.tracks import bind
-from sim.traverse.contact_points import ContactPoints
+from sim.traverse.contact import ContactPoints
 
 
 @pytest.mark.parametrize("speed", [0.0, 0.3])

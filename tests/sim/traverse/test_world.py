@@ -5,9 +5,9 @@ import pytest
 
 from sim.robot.tracked import load_tracked
 from sim.terrain import Course, Flat, Ramp
+from sim.traverse.policy import Scripted
 from sim.traverse.reflex import SAMPLES, FlipperGeometry, Reflex
-from sim.traverse.scripted import Scripted
-from sim.traverse.servo import Servos, ServoState
+from sim.traverse.states import Servos, ServoState
 from sim.traverse.world import Command, Traverse
 from trackslip.errors import InvalidValueError
 

@@ -1,10 +1,12 @@
-"""States of robots on courses, as the quantities that reflexes, observations and logs are made of."""
-
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.robot.tracked_model import TrackedModel
+from trackslip.errors import require_at_most, require_positive
 from trackslip.kinematics import Array
 
 
@@ -80,3 +82,53 @@ class States:
     def flippers(self) -> Array:
         """Angles (N, F) of the flippers, tips up [rad]."""
         return self._tracked.flipper_angles(self.qpos)
+
+
+@dataclass(frozen=True)
+class Servos:
+    """Servos of a robot's belts and flippers."""
+
+    lag: float = 0.05
+    """Time constant of the belts' speed [s]."""
+    top_speed: float = 0.6
+    """Largest belt speed [m/s]."""
+    flipper_speed: float = 1.5
+    """Largest angular speed of a flipper's set point [rad/s]."""
+
+    def __post_init__(self) -> None:
+        for name in ("lag", "top_speed", "flipper_speed"):
+            require_positive(name, getattr(self, name))
+        require_at_most("lag", self.lag, 1.0, "s")
+        require_at_most("top_speed", self.top_speed, 5.0, "m/s")
+
+
+class ServoState:
+    """Servos of N robots with F flippers each."""
+
+    def __init__(self, servos: Servos, size: int, flippers: int) -> None:
+        self._servos = servos
+        self.speed: Array = np.zeros((size, 2))
+        """Belt speeds (N, 2), left and right [m/s]."""
+        self.angle: Array = np.zeros((size, flippers))
+        """Set points (N, F) that the flippers' motors have [rad]."""
+        self._speed_goal, self._angle_goal = self.speed.copy(), self.angle.copy()
+
+    def begin(self, rows: NDArray[np.int_], angle: Array) -> None:
+        """Stand still, with flippers at angles (F,) [rad], in the robots `rows` (R,)."""
+        self.speed[rows] = self._speed_goal[rows] = 0.0
+        self.angle[rows] = self._angle_goal[rows] = angle
+
+    def command(self, speed: Array, angle: Array) -> None:
+        """Set the set points: belt speeds (N, 2) [m/s], clipped to the top speed, and flipper angles (N, F) [rad]."""
+        top = self._servos.top_speed
+        self._speed_goal = np.clip(speed, -top, top)
+        self._angle_goal = np.array(angle, float)
+
+    def advance(self, duration: float) -> Array:
+        """Mean belt speeds (N, 2) in the next `duration` [s], after which the servos are at its end [m/s]."""
+        lag = self._servos.lag
+        short = self.speed - self._speed_goal
+        self.speed = self._speed_goal + short * np.exp(-duration / lag)
+        largest = self._servos.flipper_speed * duration
+        self.angle += np.clip(self._angle_goal - self.angle, -largest, largest)
+        return self._speed_goal - short * (np.expm1(-duration / lag) * lag / duration)
