@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from sim.run_recorder import Description
     from sim.runs import closed_loop, open_loop
     from sim.scanner.feed import ScannerFeed
-    from sim.scanner.named_obstacles import load_obstacles
+    from sim.scanner.obstacles import load_obstacles
     from sim.scanner.scanner import LaserScanner
     from sim.steering import Pilot
     from sim.traverse.outcome import Outcome
@@ -81,14 +81,14 @@ _MODULE_OF = {
     "RobotParameters": "robot.parameters",
     "RunFailedError": "run_recorder",
     "ScannerFeed": "scanner.feed",
-    "Scripted": "traverse.scripted",
+    "Scripted": "traverse.policy",
     "TrackedModel": "robot.tracked_model",
     "TrackedRobot": "robot.tracked",
     "Traverse": "traverse.world",
     "build_tracked": "robot.tracked_model",
     "closed_loop": "runs",
     "load_ground": "ground.named",
-    "load_obstacles": "scanner.named_obstacles",
+    "load_obstacles": "scanner.obstacles",
     "load_robot": "robot.robot",
     "load_tracked": "robot.tracked",
     "open_loop": "runs",

@@ -18,8 +18,7 @@ from sim.robot.file import load_robot_file
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import Robot, load_robot
 from sim.scanner.feed import ScannerFeed
-from sim.scanner.named_obstacles import load_obstacles
-from sim.scanner.obstacles import Obstacles
+from sim.scanner.obstacles import Obstacles, load_obstacles
 from trackslip.kinematics import Array
 
 

@@ -9,10 +9,8 @@ import numpy as np
 
 from sim.fleet import Fleet
 from sim.robot.robot import SCANNED_GROUP
-from sim.scanner.aim import Aim
-from sim.scanner.footprint import echo, footprint
+from sim.scanner.beams import Aim, echo, footprint, moved_back
 from sim.scanner.obstacles import Obstacles
-from sim.scanner.scan_motion import moved_back
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 from trackslip.errors import require

@@ -1,3 +1,5 @@
+"""States of robots on courses and of their servos: what reflexes, observations and logs are made of."""
+
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from sim.fleet import Fleet
+from sim.scanner.beams import MIN_SHARE, PULSE, SUBRAYS, echo, footprint
 from sim.scanner.feed import ScannerFeed
-from sim.scanner.footprint import MIN_SHARE, PULSE, SUBRAYS, echo, footprint
 from sim.scanner.obstacles import Obstacles, Wall
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from pages import ROOT, file
 
-from sim.scanner.named_obstacles import NAMED_OBSTACLES, load_obstacles
-from sim.scanner.obstacles import Obstacles, Post, Walker, Wall
+from sim.scanner.obstacles import NAMED_OBSTACLES, Obstacles, Post, Walker, Wall, load_obstacles
 from trackslip.errors import InvalidValueError, SettingsFileError
 
 PAGE = ROOT / "docs" / "grounds_and_robots.md"

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from sim.fleet import Fleet
 from sim.scanner.feed import ScannerFeed
-from sim.scanner.named_obstacles import NAMED_OBSTACLES
-from sim.scanner.obstacles import Obstacles, Post, Walker, Wall
+from sim.scanner.obstacles import NAMED_OBSTACLES, Obstacles, Post, Walker, Wall
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 from trackslip.errors import InvalidValueError

@@ -5,7 +5,7 @@ import pytest
 
 from sim.fleet import Fleet
 from sim.scanner.feed import ScannerFeed
-from sim.scanner.named_obstacles import NAMED_OBSTACLES
+from sim.scanner.obstacles import NAMED_OBSTACLES
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 from trackslip.errors import InvalidValueError
