@@ -54,7 +54,7 @@ def run(config: Config) -> None:
     from experiments.storage.manifest import command_line
     from sim.calibration.calibration import Candidate, calibrate, floor, simulated_twist, starts
     from sim.ground.ground import Ground
-    from sim.robot.file import load_robot_file, robot_file_text
+    from sim.robot.parameters import load_robot_file, robot_file_text
     from sim.seeds import generator
 
     with Run(config) as run:

@@ -11,8 +11,7 @@ from experiments.options.help import default_is
 from experiments.options.world import MAX_RADIUS, MIN_FRICTION_RATIO, MIN_RADIUS, RADIUS_ERROR
 from sim.drive.pull import Pull
 from sim.ground.ground import MAX_FRICTION, Ground
-from sim.robot.file import load_robot_file
-from sim.robot.parameters import RobotParameters
+from sim.robot.parameters import RobotParameters, load_robot_file
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import Array
 from trackslip.paper import OBSERVED_RADII

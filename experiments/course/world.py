@@ -12,9 +12,8 @@ import mujoco
 import numpy as np
 
 from experiments.course.run import PERIOD, SAMPLE, ConstantPilot, CoursePilot, PathPilot, reflexes
-from sim.robot.flipper_clearance import clear_angles
 from sim.robot.tracked import TrackedRobot, load_tracked
-from sim.robot.tracked_model import TrackedModel, build_tracked
+from sim.robot.tracked_model import TrackedModel, build_tracked, clear_angles
 from sim.terrain import Course, load_course
 from sim.traverse.outcome import Limits
 from sim.traverse.states import Servos

@@ -12,15 +12,13 @@ from experiments.driving.lookup import REACH
 from experiments.driving.world import World
 from experiments.storage.plain_json import plain
 from sim.run_recorder import Description
-from sim.runs import Progress
+from sim.runs import Progress, drive_fleet
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 from sim.wander.commands import Driver, track_commands
-from sim.wander.fleet_motion import drive_fleet
-from sim.wander.law_motion import LASTING, WHITE, LawMotion, SlipVariation
 from sim.wander.log import encoder_log, joined_log, quantised
-from sim.wander.motion import Motion
-from sim.wander.plate_scans import plate_scans
+from sim.wander.motion import LASTING, WHITE, LawMotion, Motion, SlipVariation
+from sim.wander.pose_source import plate_scans
 from trackslip.errors import LogError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.logs.runlog import RunLog

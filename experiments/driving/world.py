@@ -14,8 +14,7 @@ from sim.drive.pull import Pull
 from sim.fleet import Fleet
 from sim.ground.ground import Ground
 from sim.ground.named import load_ground
-from sim.robot.file import load_robot_file
-from sim.robot.parameters import RobotParameters
+from sim.robot.parameters import RobotParameters, load_robot_file
 from sim.robot.robot import Robot, load_robot
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.obstacles import Obstacles, load_obstacles

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import radians
 
-from sim.wander.law_motion import LASTING, WHITE, SlipVariation
+from sim.wander.motion import LASTING, WHITE, SlipVariation
 from sim.wander.pose_source import PoseSource
 
 D, EPSILON = "offset", "radius_error"

@@ -29,13 +29,11 @@ from experiments.studies.trials import Estimate, Outcome, Results, Trial, Values
 from sim.fleet import Fleet
 from sim.robot.robot import Robot
 from sim.run_recorder import Description
-from sim.runs import Progress, open_loop
+from sim.runs import Progress, drive_fleet, open_loop
 from sim.seeds import generator
 from sim.wander.commands import Driver, track_commands
-from sim.wander.fleet_motion import drive_fleet
-from sim.wander.law_motion import LawMotion, SlipVariation
 from sim.wander.log import encoder_log, joined_log
-from sim.wander.motion import Motion, steps_between
+from sim.wander.motion import LawMotion, Motion, SlipVariation, steps_between
 from sim.wander.pose_source import PoseSource
 from trackslip.errors import LogError, TrackslipError
 from trackslip.identification.drive.estimate import fit_drives

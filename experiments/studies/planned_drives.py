@@ -12,13 +12,11 @@ from experiments.options.world import Simulation
 from experiments.storage.plain_json import plain
 from sim.drive.drive import Drive
 from sim.run_recorder import Description
-from sim.runs import Progress
+from sim.runs import Progress, drive_fleet
 from sim.seeds import generator
 from sim.wander.commands import Driver, track_commands
-from sim.wander.fleet_motion import drive_fleet
-from sim.wander.law_motion import LawMotion, SlipVariation
 from sim.wander.log import encoder_log, joined_log, quantised
-from sim.wander.motion import Motion
+from sim.wander.motion import LawMotion, Motion, SlipVariation
 from sim.wander.pose_source import PoseSource
 from trackslip.identification.drive.drives import drive_of
 from trackslip.identification.drive.estimate import DriveFit

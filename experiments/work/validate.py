@@ -19,8 +19,7 @@ from experiments.validation.results import Validation, ValidationSummary
 from experiments.validation.standing import creep, loads, slide, straight_drift
 from experiments.validation.turning import turn
 from sim.ground.ground import Ground
-from sim.robot.file import load_robot_file
-from sim.robot.parameters import RobotParameters
+from sim.robot.parameters import RobotParameters, load_robot_file
 from sim.robot.robot import load_robot
 from sim.runs import Progress
 from sim.seeds import generator

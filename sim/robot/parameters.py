@@ -1,13 +1,17 @@
-"""The parameters of the robot that can be changed without another MJCF file."""
+"""Parameters of the robot that can be changed without another MJCF file, and files of them."""
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sim.drive.drive import MAX_RADIUS_ERROR, RADIUS_ERROR
+from sim.ground.ground import Ground
+from sim.toml_file import build, read_toml
 from trackslip.errors import require, require_at_most, require_positive
 
 if TYPE_CHECKING:
@@ -91,3 +95,22 @@ class RobotParameters:
         moments = (inertia.sum() / 2 - inertia) * growth
         chassis.inertia = moments.sum() - moments
         chassis.mass = self.mass
+
+
+def load_robot_file(path: Path | None) -> tuple[RobotParameters, Ground]:
+    """Load the fields of RobotParameters and, from the table `ground`, those of Ground; missing ones are the defaults.
+
+    None is the shipped robot on its ground. Raises SettingsFileError for an unreadable file and invalid fields.
+    """
+    if path is None:
+        return RobotParameters(), Ground()
+    table = read_toml(path)
+    ground = build(Ground, table.pop("ground", {}), f"{path}: ground", Ground())
+    return build(RobotParameters, table, str(path)), ground
+
+
+def robot_file_text(parameters: RobotParameters, ground: Ground, comment: str) -> str:
+    """Text of a robot file; `ground` must be level, without patches and changes."""
+    shear = f"shear = {ground.shear!r}\n" if ground.shear > 0 else ""
+    lines = [f"{name} = {value!r}\n" for name, value in dataclasses.asdict(parameters).items()]
+    return f"# {comment}\n{''.join(lines)}\n[ground]\nalong = {ground.along!r}\nacross = {ground.across!r}\n{shear}"

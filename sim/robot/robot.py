@@ -11,8 +11,7 @@ import numpy as np
 
 import models
 from sim.robot.parameters import RobotParameters
-from sim.robot.savings import save_sensing, skip_idle_stages
-from sim.robot.single_contacts import split_pads
+from sim.robot.spec import save_sensing, skip_idle_stages, split_pads
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Plate

@@ -11,9 +11,8 @@ import numpy as np
 from mujoco import batch, mjtWarning
 from numpy.typing import ArrayLike, NDArray
 
-from sim.robot.flipper_clearance import clear_angles
 from sim.robot.tracked import TrackedRobot
-from sim.robot.tracked_model import build_tracked
+from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.terrain import Course
 from sim.tracks import bind
 from sim.traverse.contact import Contact

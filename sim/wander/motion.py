@@ -1,12 +1,17 @@
-"""The true motion of a drive, and where the robot is between its rows."""
+"""The true motion of a drive: poses over time, exactly by a slip law, with slip that varies."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 
-from trackslip.kinematics import Array
+from trackslip.errors import require_finite, require_non_negative, require_positive
+from trackslip.kinematics import Array, RobotGeometry
+from trackslip.slip.base import SlipLaw
+
+_STEP = 0.005  # longest step of integration [s]
 
 
 @dataclass(frozen=True)
@@ -53,3 +58,96 @@ def arc_steps(twist: Array, duration: float) -> Array:
 def _chord(turn: Array) -> Array:
     """Length of the chord (...) of an arc that turns by (...) [rad], over that of the arc."""
     return np.sinc(turn / (2 * np.pi))
+
+
+@dataclass(frozen=True)
+class SlipVariation:
+    """How motion departs from its law.
+
+    White slip adds an independent error to each step, its variance growing with the distance driven: the mean of
+    |V_l| and |V_r|, integrated. Slip that lasts is a relative error of each track's speed: an Ornstein-Uhlenbeck
+    process.
+    """
+
+    along: float = 0.0
+    """White slip forwards [m/sqrt(m)]."""
+    across: float = 0.0
+    """White slip sideways [m/sqrt(m)]."""
+    turning: float = 0.0
+    """White slip of the heading [rad/sqrt(m)]."""
+    lasting: float = 0.0
+    """Standard deviation of the slip that lasts [-]."""
+    lasting_time: float = 3.0
+    """Its correlation time [s]."""
+
+    def __post_init__(self) -> None:
+        for name in ("along", "across", "turning", "lasting"):
+            require_non_negative(name, getattr(self, name))
+        require_positive("lasting_time", self.lasting_time)
+
+
+WHITE = SlipVariation(along=0.002, across=0.002, turning=0.005)
+"""Slip as white as that of the shipped robot on stone: 2 mm, 2 mm and 5 mrad per sqrt(m)."""
+LASTING = SlipVariation(lasting=0.02)
+"""Slip of 2 % that lasts 3 s."""
+
+
+@dataclass(frozen=True)
+class LawMotion:
+    """A robot that moves by a slip law of its sprocket speeds."""
+
+    law: SlipLaw
+    geometry: RobotGeometry
+    variation: SlipVariation = WHITE
+    """What is random in its motion."""
+    turning_centre: float = 0.0
+    """x_icr: forward place of the point without lateral speed, whose lateral speed else is -x_icr w [m]."""
+    drift: float = 0.0
+    """c: lateral speed outwards, -c v w [s]."""
+    lag: float = 0.0
+    """Time constant of the motion behind the belts [s]."""
+
+    def __post_init__(self) -> None:
+        for name in ("turning_centre", "drift"):
+            require_finite(name, getattr(self, name))
+        require_non_negative("lag", self.lag)
+
+    def drive(self, omega: Array, rate: float, rng: np.random.Generator) -> tuple[Motion, Array]:
+        """The motion from the pose (0, 0, 0), and its twists (T, 3), at sprocket speeds `omega` (T, 2) [rad/s].
+
+        Each speed holds for the period before its row, 1 / `rate` [s]; the first row is the start. The motion has rows
+        at most 5 ms apart; the twists, forward, lateral and yaw [m/s, m/s, rad/s], are those at the rows of omega,
+        without white slip.
+        """
+        substeps = max(1, int(np.ceil(1 / rate / _STEP - 1e-9)))
+        step = 1 / rate / substeps
+        speeds = np.repeat(omega[1:], substeps, axis=0)
+        if self.variation.lasting > 0:
+            speeds = speeds * (1 + self._lasting(len(speeds), step, rng))
+        twist = np.zeros((len(speeds), 3))
+        twist[:, ::2] = self._delayed(self.law.twist(speeds, self.geometry), step)
+        twist[:, 1] = -(self.turning_centre + self.drift * twist[:, 0]) * twist[:, 2]
+        steps = arc_steps(twist, step)
+        way = self.geometry.sprocket_radius * np.abs(speeds).mean(axis=1, keepdims=True) * step
+        white = np.array([self.variation.along, self.variation.across, self.variation.turning])
+        if white.any():
+            steps = steps + white * np.sqrt(way) * rng.standard_normal(steps.shape)
+        time = np.arange(len(steps) + 1) * step
+        at_rows = np.concatenate([np.zeros((1, 3)), twist[substeps - 1 :: substeps]])
+        return Motion(time, joined(np.zeros(3), steps)), at_rows
+
+    def _lasting(self, count: int, step: float, rng: np.random.Generator) -> Array:
+        """Relative errors (count, 2) of the tracks' speeds, stationary from the start [-]."""
+        keep = np.exp(-step / self.variation.lasting_time)
+        shocks = rng.standard_normal((count, 2)) * np.sqrt(1 - keep**2)
+        shocks[0] /= np.sqrt(1 - keep**2)
+        return self.variation.lasting * scipy.signal.lfilter([1.0], [1.0, -keep], shocks, axis=0)
+
+    def _delayed(self, twist: Array, step: float) -> Array:
+        """Twists (F, 2) behind those of the belts by the lag, means over each step; the robot starts at rest."""
+        if self.lag == 0:
+            return twist
+        keep = np.exp(-step / self.lag)
+        mean = (1 - keep) * self.lag / step  # of the decay over a step
+        missing = scipy.signal.lfilter([1.0], [1.0, -keep], np.diff(twist, axis=0, prepend=0.0), axis=0)
+        return twist - mean * missing

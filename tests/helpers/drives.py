@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from sim.wander.commands import Driver, track_commands
-from sim.wander.law_motion import WHITE, LawMotion, SlipVariation
 from sim.wander.log import encoder_log, joined_log
+from sim.wander.motion import WHITE, LawMotion, SlipVariation
 from sim.wander.pose_source import PoseSource
 from trackslip.identification.drive.estimate import REFERENCE
 from trackslip.identification.drive.model import DriveModel

@@ -3,7 +3,7 @@
 import pytest
 
 from sim.ground.named import NAMED_GROUNDS, load_ground
-from sim.robot.file import load_robot_file
+from sim.robot.parameters import load_robot_file
 from trackslip.errors import InvalidValueError, SettingsFileError
 
 PATCH = "[[patches]]\ny = [0, 1]\nalong = 1\nacross = 1\n"

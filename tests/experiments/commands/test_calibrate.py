@@ -12,7 +12,7 @@ import pytest
 from experiments.cli import main
 from sim.drive.drive import RADIUS_ERROR
 from sim.ground.ground import Ground
-from sim.robot.file import load_robot_file
+from sim.robot.parameters import load_robot_file
 from trackslip.paper import COMMANDED_RADII, OBSERVED_RADII, SPEEDS
 from trackslip.slip.exponential import PUBLISHED
 

@@ -57,7 +57,7 @@ def test_each_file_is_read_once(tmp_path, monkeypatch):
     for name, text in (("robot", "half_gauge = 0.17\n"), ("ground", "along = 0.5\n"), ("field", "")):
         (tmp_path / f"{name}.toml").write_text(text)
     read = []
-    for module in ("sim.robot.file.read_toml", "sim.toml_file.read_toml"):
+    for module in ("sim.robot.parameters.read_toml", "sim.toml_file.read_toml"):
         monkeypatch.setattr(module, lambda path: read.append(path.name) or read_toml(path))
     files = {name: str(tmp_path / f"{name}.toml") for name in ("robot", "ground", "field")}
     runs = planned(

@@ -7,8 +7,7 @@ from pages import ROOT, file
 from sim.drive.drive import tireless
 from sim.fleet import Fleet
 from sim.ground.ground import Ground
-from sim.robot.file import load_robot_file, robot_file_text
-from sim.robot.parameters import RobotParameters
+from sim.robot.parameters import RobotParameters, load_robot_file, robot_file_text
 from sim.robot.robot import load_robot
 from trackslip.errors import InvalidValueError, SettingsFileError
 from trackslip.skid_theory import line_contact, steady_twist

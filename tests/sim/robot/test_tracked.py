@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 from tracked_files import ROBOT, URDF, write_robot
 
-from sim.robot.flipper_clearance import clear_angles
 from sim.robot.tracked import TRACKED_ROBOTS, load_tracked
-from sim.robot.tracked_model import build_tracked
+from sim.robot.tracked_model import build_tracked, clear_angles
 from sim.terrain import load_course
 from sim.tracks import bind
 from trackslip.errors import InvalidValueError, SettingsFileError, TrackslipError

@@ -7,7 +7,7 @@ import pytest
 
 from sim.fleet import Fleet
 from sim.run_recorder import Description
-from sim.wander.fleet_motion import drive_fleet
+from sim.runs import drive_fleet
 from trackslip.errors import InvalidValueError
 
 ABOUT = [Description("one"), Description("two")]

@@ -7,8 +7,7 @@ import pytest
 import scipy
 
 from sim.wander.commands import Driver, track_commands
-from sim.wander.law_motion import LASTING, WHITE, LawMotion, SlipVariation
-from sim.wander.motion import arc_steps, joined, steps_between
+from sim.wander.motion import LASTING, WHITE, LawMotion, SlipVariation, arc_steps, joined, steps_between
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry
 from trackslip.slip.icr import ConstantIcr

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from sim.wander.commands import Driver, track_commands
-from sim.wander.law_motion import LawMotion
 from sim.wander.log import encoder_log, joined_log, quantised
-from sim.wander.motion import Motion
+from sim.wander.motion import LawMotion, Motion
 from sim.wander.pose_source import SOURCES
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.logfile import read_runs, write_csv, write_parquet

@@ -9,7 +9,7 @@ from sim.robot.robot import load_robot
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from sim.wander.motion import Motion
-from sim.wander.plate_scans import plate_ranges, plate_scans
+from sim.wander.pose_source import plate_ranges, plate_scans
 from trackslip.localization.scan import Plate
 
 SCANNER = LaserScanner()

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from sim.wander.commands import Driver, track_commands
-from sim.wander.law_motion import LawMotion, SlipVariation
-from sim.wander.motion import Motion, steps_between
+from sim.wander.motion import LawMotion, Motion, SlipVariation, steps_between
 from sim.wander.pose_source import SOURCES, PoseSource
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry, wrap_angle

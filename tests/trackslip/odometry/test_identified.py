@@ -9,7 +9,7 @@ from wandered import identified_from, wandered
 
 from experiments.storage.plain_json import write_json
 from sim.wander.commands import Driver, track_commands
-from sim.wander.law_motion import WHITE, LawMotion
+from sim.wander.motion import WHITE, LawMotion
 from sim.wander.pose_source import SOURCES
 from trackslip.errors import LogError, TrackslipError
 from trackslip.identification.drive.estimate import fit_drives

@@ -7,7 +7,7 @@ import pytest
 from drives import GEOMETRY, ICR
 
 from sim.wander.commands import Driver, track_commands
-from sim.wander.law_motion import WHITE, LawMotion, SlipVariation
+from sim.wander.motion import WHITE, LawMotion, SlipVariation
 from trackslip.errors import InvalidValueError
 from trackslip.kinematics import advance
 from trackslip.odometry.slip_odometry import SlipOdometry

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.studies.drive_bound import drive_bound
-from sim.wander.law_motion import LawMotion, SlipVariation
-from sim.wander.motion import steps_between
+from sim.wander.motion import LawMotion, SlipVariation, steps_between
 from trackslip.identification.drive.model import DriveModel
 from trackslip.kinematics import RobotGeometry
 from trackslip.odometry.uncertainty import LawErrors

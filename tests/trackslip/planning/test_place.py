@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.wander.law_motion import LawMotion, SlipVariation
+from sim.wander.motion import LawMotion, SlipVariation
 from trackslip.kinematics import RobotGeometry, advance
 from trackslip.planning.limits import DriveLimits, first_knowledge
 from trackslip.planning.place import path, places

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from drives import EXACT, GEOMETRY, drive_log
 
-from sim.wander.law_motion import WHITE
+from sim.wander.motion import WHITE
 from trackslip.identification.drive.estimate import fit_drives
 from trackslip.identification.drive.whitening import whitening
 
