@@ -29,7 +29,7 @@ class _Rate(ProgressColumn):
         self._unit = unit
 
     def render(self, task: Task) -> Text:
-        return Text("" if task.speed is None else _rate(task.speed, self._unit))
+        return Text("" if task.speed is None else rate_text(task.speed, self._unit))
 
 
 def progress(stage: str, total: float, unit: str = "s", done: float = 0.0) -> AbstractContextManager[Advance]:
@@ -39,7 +39,7 @@ def progress(stage: str, total: float, unit: str = "s", done: float = 0.0) -> Ab
     """
     count = TextColumn("{task.completed:.0f}/{task.total:.0f} " + unit)
     columns = (count, *((_Rate(unit),) if unit in _RATED else ()), TimeElapsedColumn(), TimeRemainingColumn())
-    return _shown(stage, total, done, columns, lambda now, elapsed: _line(now, total, unit, done, elapsed))
+    return _shown(stage, total, done, columns, lambda now, elapsed: progress_line(now, total, unit, done, elapsed))
 
 
 def busy(stage: str) -> AbstractContextManager[Advance]:
@@ -93,17 +93,18 @@ def _logged(stage: str, done: float, text: Callable[[float, float], str]) -> Ite
         printer.join()
 
 
-def _line(now: float, total: float, unit: str, done: float, elapsed: float) -> str:
+def progress_line(now: float, total: float, unit: str, done: float, elapsed: float) -> str:
     """How far a stage is, and how long it will still take."""
     text = f"{now:.0f}/{total:.0f} {unit}"
     if now <= done:
         return text
     rate = (now - done) / elapsed
-    speed = f", {_rate(rate, unit)}" if unit in _RATED else ""
+    speed = f", {rate_text(rate, unit)}" if unit in _RATED else ""
     return f"{text}{speed}, {timedelta(seconds=round((total - now) / rate))} left"
 
 
-def _rate(rate: float, unit: str) -> str:
+def rate_text(rate: float, unit: str) -> str:
+    """A rate of progress [1/s] as it is shown."""
     return f"{rate:,.0f} x real time" if unit == "s" else f"{rate:,.0f} {unit}/s"
 
 

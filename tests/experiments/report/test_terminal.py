@@ -8,9 +8,9 @@ from experiments.report import terminal as console
 
 
 def test_a_line_says_how_far_it_is_and_how_long_it_takes():
-    assert console._line(161.0, 300.0, "s", 100.0, 61.0) == "161/300 s, 1 x real time, 0:02:19 left"
-    assert console._line(5.0, 10.0, "fits", 0.0, 10.0) == "5/10 fits, 0:00:10 left"
-    assert console._line(100.0, 300.0, "s", 100.0, 61.0) == "100/300 s"
+    assert console.progress_line(161.0, 300.0, "s", 100.0, 61.0) == "161/300 s, 1 x real time, 0:02:19 left"
+    assert console.progress_line(5.0, 10.0, "fits", 0.0, 10.0) == "5/10 fits, 0:00:10 left"
+    assert console.progress_line(100.0, 300.0, "s", 100.0, 61.0) == "100/300 s"
 
 
 def test_a_log_gets_a_line_once_a_command_takes_long(monkeypatch, capsys):
@@ -38,7 +38,7 @@ def wait_for(lines):
 
 @pytest.mark.parametrize(("unit", "text"), [("s", "1,234 x real time"), ("steps", "1,234 steps/s")])
 def test_rates(unit, text):
-    assert console._rate(1234.4, unit) == text
+    assert console.rate_text(1234.4, unit) == text
 
 
 def test_numbers_that_do_not_exist_are_dashes(capsys):
