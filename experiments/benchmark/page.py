@@ -70,7 +70,8 @@ def _path_plots(runs_file: Path, cases: Sequence[Case]) -> Iterator[Plot]:
             what = f"All with {figures.compensation_name(favourite)}"
             yield _plot(runs_file, _first(alike, "controller"), style, f"{relative(name)}: controllers", what)
         if len(compensations) > 1:
-            for controller in [c for c in (*_REPRESENTATIVES, *controllers) if c in controllers][:2]:
+            representatives = dict.fromkeys(c for c in (*_REPRESENTATIVES, *controllers) if c in controllers)
+            for controller in [*representatives][:2]:
                 one = [case for case in here if case.controller == controller]
                 chosen = _first([case for case in one if case.start == one[0].start], "compensation")
                 heading = f"{relative(name)}: {relative(controller)} with each compensation"

@@ -45,8 +45,3 @@ def span(values: Array, unit: str = "") -> str:
 def stages_text(stages: Mapping[str, float]) -> str:
     """Seconds per stage, on one line."""
     return ", ".join(f"{name} {seconds:.1f} s" for name, seconds in stages.items())
-
-
-def for_terminal(rows: Sequence[Sequence[str]]) -> list[tuple[str, ...]]:
-    """Rows of a table with ASCII signs and dashes, which can be searched and copied."""
-    return [tuple(cell.replace("−", "-").replace(MISSING, "-") for cell in row) for row in rows]

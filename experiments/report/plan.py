@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from experiments.report.drive_checks import CHECKS_HEADER, checks_table
+from experiments.report.checks import checks_table
 from experiments.report.formats import number, percent, significant
 from experiments.report.laws import SYMBOLS, unit_of
 from experiments.report.studies import print_verdict
@@ -59,7 +59,7 @@ def print_plan_trials(trials: PlanTrials) -> None:
     if trials.truth is not None:
         known = [f"{case} {sampling_error(count):.0%}" for case, count in counts.items() if count]
         print(f"so many drives leave real errors uncertain by: {', '.join(known)}")
-    Table("Checks", CHECKS_HEADER, checks_table(trials.checks())).print()
+    checks_table("Checks", trials.checks()).print()
     print_verdict(trials.checks(), trials.failures)
 
 

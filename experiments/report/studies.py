@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 
 from experiments.measuring.check import Check
-from experiments.report.drive_checks import CHECKS_HEADER, checks_table
+from experiments.report.checks import checks_table
 from experiments.report.formats import number
 from experiments.report.laws import SYMBOLS
 from experiments.report.table import Table
@@ -40,7 +40,7 @@ def print_steady_coverage(found: SteadyCoverage) -> None:
 
 def print_drive_study(found: DriveStudy) -> None:
     """Print the checks of the drive estimator, and the laws of MuJoCo's own drives."""
-    Table(f"{found.repeats} drives in each case", CHECKS_HEADER, checks_table(found.checks)).print()
+    checks_table(f"{found.repeats} drives in each case", found.checks).print()
     lines = (
         ("steady circles of the same speeds", "steady", 1e3),
         ("steady circles, the paper's", "paper", 1e3),

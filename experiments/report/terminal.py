@@ -1,4 +1,4 @@
-"""Progress bars and tables on the terminal."""
+"""Progress bars on the terminal, and lines in the log of a long command."""
 
 import sys
 import threading
@@ -7,11 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from datetime import timedelta
 
-from rich.box import SIMPLE_HEAD
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.table import Table
 from rich.text import Text
 
 _FIRST_LINE = 2.0  # how long a command may be silent in a log [s]
@@ -106,18 +103,3 @@ def progress_line(now: float, total: float, unit: str, done: float, elapsed: flo
 def rate_text(rate: float, unit: str) -> str:
     """A rate of progress [1/s] as it is shown."""
     return f"{rate:,.0f} x real time" if unit == "s" else f"{rate:,.0f} {unit}/s"
-
-
-def print_table(title: str, header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table; all columns but the first are right-aligned, and NaN is printed as a dash."""
-    table = Table(
-        title=escape(title), title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=0, pad_edge=False
-    )
-    for k, name in enumerate(header):
-        table.add_column(escape(name), justify="left" if k == 0 else "right", no_wrap=True)
-    for row in rows:
-        table.add_row(*("-" if cell in ("nan", "+nan") else escape(cell) for cell in row))
-    console = Console(highlight=False)
-    if not console.is_terminal:
-        console.width = 160  # a file has no width, and nothing should be cut
-    console.print(table)

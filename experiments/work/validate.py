@@ -7,9 +7,8 @@ from contextlib import contextmanager
 from experiments.driving.grid_runs import sample_runs
 from experiments.options.validate import ValidateConfig
 from experiments.recording import record_all
-from experiments.report.formats import for_terminal
-from experiments.report.terminal import busy, print_table, progress
-from experiments.report.validation import TABLE_HEADER, TITLE, render, table_of
+from experiments.report.terminal import busy, progress
+from experiments.report.validation import page, table_of
 from experiments.storage.manifest import command_line, make_manifest
 from experiments.storage.plain_json import plain
 from experiments.storage.results import REPORT_FILE, results_folder, write_results
@@ -58,11 +57,11 @@ def validate_terrain(config: ValidateConfig) -> None:
         wall = time.perf_counter() - began
         manifest = make_manifest("validate", config, wall, seed=config.seed)
         with busy("report"):
-            report.render(found, checks, manifest, command_line("validate")).write(folder, config.pdf)
+            report.page(found, checks, manifest, command_line("validate")).write(folder, config.pdf)
         summary = {"checks": [check.to_json() for check in checks], **summary_of(found)}
         write_results(folder, plain(summary) | {"timing": {"wall_s": wall, "stages": {"terrain": wall}}}, manifest)
-    print_table(report.TITLE, report.header_of(found), for_terminal(report.table_of(found, checks)))
-    print_table(report.DEFAULT_TITLE, report.DEFAULT_HEADER, for_terminal(report.default_table(found)))
+    report.checks_table(found, checks).print()
+    report.default_table(found).print()
     print(f"{sum(check.holds for check in checks)} of {len(checks)} checks hold")
     print(f"{config.out / REPORT_FILE}: {time.perf_counter() - began:.1f} s")
 
@@ -71,7 +70,7 @@ def validate_shear(config: ValidateConfig) -> None:
     """Measure robots on ground that shears; store and print what has to hold."""
     # late: the other validations need none of it
     from experiments.report import shear as report
-    from experiments.report.drive_checks import CHECKS_HEADER, checks_table
+    from experiments.report.checks import checks_table
     from experiments.validation.shear.findings import STAGES, checks_of, measure, subjects, summary_of
 
     began = time.perf_counter()
@@ -85,13 +84,13 @@ def validate_shear(config: ValidateConfig) -> None:
         wall = time.perf_counter() - began
         manifest = make_manifest("validate", config, wall, seed=config.seed, robots=robots, ground=ground)
         with busy("report"):
-            report.render(findings, checks, manifest, command_line("validate")).write(folder, config.pdf)
+            report.page(findings, checks, manifest, command_line("validate")).write(folder, config.pdf)
         summary = {
             "checks": [check.to_json() for check in checks],
             "robots": {one.robot: summary_of(one) for one in findings},
         }
         write_results(folder, plain(summary) | {"timing": {"wall_s": wall, "stages": {"shear": wall}}}, manifest)
-    print_table(report.TITLE, CHECKS_HEADER, checks_table(checks))
+    checks_table(report.TITLE, checks).print()
     print(f"{sum(check.holds for check in checks)} of {len(checks)} checks hold")
     print(f"{config.out / REPORT_FILE}: {time.perf_counter() - began:.1f} s")
 
@@ -109,12 +108,12 @@ def validate_robot(config: ValidateConfig) -> None:
         world = {"robot": parameters, "ground": ground, "model_sha256": load_robot(parameters=parameters).digest}
         manifest = make_manifest("validate", config, wall, seed=config.seed, **world)
         with busy("report"):
-            render(found, summary, manifest, command_line("validate")).write(folder, config.pdf)
+            page(found, summary, manifest, command_line("validate")).write(folder, config.pdf)
         write_results(folder, plain(summary) | {"timing": {"wall_s": wall, "stages": watch.stages}}, manifest)
         if config.rrd:
             with busy("recordings"):
                 record_all(folder, sample_runs(config.robot, config))
-    print_table(TITLE, TABLE_HEADER, for_terminal(table_of(found, summary)))
+    table_of(found, summary).print()
     print(f"{config.out / REPORT_FILE}: {time.perf_counter() - began:.1f} s")
 
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from experiments.report.formats import MISSING, for_terminal, number, pair, percent, significant, span
+from experiments.report.formats import MISSING, number, pair, percent, significant, span
 
 
 @pytest.mark.parametrize("value", [None, math.nan, math.inf])
@@ -26,7 +26,3 @@ def test_several_values():
     assert pair([MISSING], "mm") == MISSING
     assert span(np.array([0.5, 2.5]), "m") == "0.5 to 2.5 m"
     assert span(np.array([10.0, 10.0]), "°") == "10°"
-
-
-def test_a_terminal_gets_ascii_signs():
-    assert for_terminal([["a", "−1.0", MISSING]]) == [("a", "-1.0", "-")]

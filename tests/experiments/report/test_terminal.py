@@ -39,8 +39,3 @@ def wait_for(lines):
 @pytest.mark.parametrize(("unit", "text"), [("s", "1,234 x real time"), ("steps", "1,234 steps/s")])
 def test_rates(unit, text):
     assert console.rate_text(1234.4, unit) == text
-
-
-def test_numbers_that_do_not_exist_are_dashes(capsys):
-    console.print_table("Slips", ("run", "outer", "inner"), [("nan [m]", f"{float('nan'):+.4f}", "-0.1000")])
-    assert capsys.readouterr().out.split()[-4:] == ["nan", "[m]", "-", "-0.1000"]

@@ -4,14 +4,15 @@ from collections.abc import Sequence
 from itertools import groupby
 
 from experiments.measuring.check import Check
-from experiments.report.formats import for_terminal, number
+from experiments.report.formats import number
+from experiments.report.table import Table
 
-CHECKS_HEADER = ("case", "value", "bound", "unit", "")
+_HEADER = ("case", "value", "bound", "unit", "")
 _SHOWN = {"m": (1e3, "mm"), "s": (1e3, "ms"), "rad": (1e3, "mrad")}
 
 
-def checks_table(checks: Sequence[Check]) -> list[tuple[str, ...]]:
-    """A row per check under CHECKS_HEADER, below one with the name of its case."""
+def checks_table(title: str, checks: Sequence[Check]) -> Table:
+    """A row per check, below one with the name of its case."""
     rows: list[tuple[str, ...]] = []
     for case, group in groupby(checks, key=lambda check: check.case):
         rows.append((case, "", "", "", ""))
@@ -22,4 +23,4 @@ def checks_table(checks: Sequence[Check]) -> list[tuple[str, ...]]:
             bound = " to ".join(number(scale * end, digits) for end in ends)
             holds = "holds" if check.holds else "does not hold"
             rows.append((f"  {check.what}", number(scale * check.value, digits), bound, unit, holds))
-    return for_terminal(rows)
+    return Table(title, _HEADER, rows)
