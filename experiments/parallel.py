@@ -179,6 +179,8 @@ def _begin() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # blocked anyway, where signals can be
     signal.signal(signal.SIGTERM, _TASK.terminate)
     threading.Thread(target=_end_with_parent, daemon=True).start()
+    # workers draw nothing; else MuJoCo, when it is imported, looks for GLFW in a process that outlives a killed worker
+    os.environ.setdefault("MUJOCO_GL", "disable")
 
 
 def _end_with_parent() -> None:
