@@ -8,7 +8,7 @@ import numpy as np
 
 from sim.fleet import Fleet
 from sim.path_tracking.config import PERIOD, EnvConfig
-from sim.path_tracking.reference_table import Index
+from sim.path_tracking.episode import Index
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from trackslip.kinematics import Array

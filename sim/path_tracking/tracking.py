@@ -10,11 +10,10 @@ from numpy.typing import ArrayLike
 
 from sim.fleet import Fleet
 from sim.path_tracking.config import PERIOD, EnvConfig, Reward
-from sim.path_tracking.episode import Episode, draw
+from sim.path_tracking.episode import Episode, Index, ReferenceTable, draw
 from sim.path_tracking.observation import Layout
 from sim.path_tracking.pose_source import pose_source
 from sim.path_tracking.randomization import MAX_LATENCY
-from sim.path_tracking.reference_table import Index, ReferenceTable
 from sim.robot.robot import load_robot
 from trackslip.errors import InvalidValueError, require
 from trackslip.kinematics import Array, column, columns, left_and_right, limit_sprocket_speeds

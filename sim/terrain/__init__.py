@@ -7,10 +7,8 @@
 Heights are those of the surface that MuJoCo collides with: `course.height(x, y)`.
 """
 
-from sim.terrain.course import Course
-from sim.terrain.course_file import course_names, load_course
-from sim.terrain.field_files import Mesh, Picture
-from sim.terrain.fields import HeightField, Rough
+from sim.terrain.course import Course, course_names, load_course
+from sim.terrain.fields import HeightField, Mesh, Picture, Rough
 from sim.terrain.loose import Beams, Pallets
 from sim.terrain.pieces import Flat, Gap, Piece, Ramp, SideSlope, Stairs, Step
 

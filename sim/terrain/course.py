@@ -1,20 +1,34 @@
-"""Courses: pieces of terrain in a row along x, as geoms of a model and as exact heights."""
+"""Courses: pieces of terrain in a row along x, as geoms of a model and as exact heights, by name or from a file."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections import Counter
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 
+import models
 from sim.seeds import generator
+from sim.terrain.fields import Mesh, Picture, Rough
 from sim.terrain.limits import MAX_COURSE, is_whole, require_length
-from sim.terrain.pieces import Flat, Piece, Placed, Site
+from sim.terrain.loose import Beams, Pallets
+from sim.terrain.pieces import Flat, Gap, Piece, Placed, Ramp, SideSlope, Site, Stairs, Step
 from sim.terrain.solids import ROUNDING, Base, Level, Solid, look
-from trackslip.errors import require, require_at_most, require_finite, require_positive
+from sim.toml_file import build, read_named, read_toml
+from trackslip.errors import (
+    InvalidValueError,
+    SettingsFileError,
+    require,
+    require_at_most,
+    require_finite,
+    require_positive,
+)
 from trackslip.kinematics import Array
 
 _MAX_SOLIDS = 2000
@@ -24,6 +38,20 @@ _MAX_CELLS = 2_000_000
 _FLOOR = (0.40, 0.43, 0.40, 1.0)
 _FLOOR_SIZE = 50.0  # half of the floor's drawn size; it has no end [m]
 _START_BEFORE = 1.0  # of the start before the first piece [m]
+_COURSES = Path(models.__file__).parent / "courses"
+_KINDS: dict[str, type[Any]] = {
+    "flat": Flat,
+    "ramp": Ramp,
+    "step": Step,
+    "stairs": Stairs,
+    "gap": Gap,
+    "side_slope": SideSlope,
+    "beams": Beams,
+    "pallets": Pallets,
+    "rough": Rough,
+    "picture": Picture,
+    "mesh": Mesh,
+}
 
 
 @dataclass(frozen=True)
@@ -209,3 +237,47 @@ def _add_lines(spec: mujoco.MjSpec, name: str) -> None:
     )
     material = spec.add_material(name=name, texuniform=True, texrepeat=[2.0, 2.0])
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
+
+
+def course_names() -> list[str]:
+    """Names of the courses that `load_course` knows."""
+    return sorted(path.stem for path in _COURSES.glob("*.toml"))
+
+
+def load_course(source: str, seed: int | None = None) -> Course:
+    """Load a named course, or a TOML file with fields of `Course` and tables `[[pieces]]`.
+
+    Each piece has a `kind` and fields of that piece. Files that it names are relative to the TOML file.
+
+    Args:
+        source: the name, or the file.
+        seed: replaces that of the file.
+
+    Raises:
+        InvalidValueError: for any other source.
+        SettingsFileError: for an unreadable file and invalid fields.
+    """
+    named = _COURSES / f"{source}.toml"
+    table = read_toml(named) if source in course_names() else read_named("course", source, course_names())
+    folder = Path(source).parent
+    rows = table.pop("pieces", [])
+    if not isinstance(rows, list):
+        raise SettingsFileError(f"{source}: pieces = {rows!r:.80}: must be a list of tables")
+    pieces = tuple(_piece(row, f"{source}: pieces[{k}]", folder) for k, row in enumerate(rows))
+    course = build(Course, table, source, Course((Flat(),)))
+    try:
+        course = dataclasses.replace(course, pieces=pieces)
+    except InvalidValueError as error:
+        raise SettingsFileError(f"{source}: {error}") from error
+    return course if seed is None else dataclasses.replace(course, seed=seed)
+
+
+def _piece(row: object, where: str, folder: Path) -> Piece:
+    if not isinstance(row, dict):
+        raise SettingsFileError(f"{where}: {row!r:.80} is not a table")
+    kind = row.pop("kind", None)
+    if not isinstance(kind, str) or kind not in _KINDS:
+        raise SettingsFileError(f"{where}: kind = {kind!r:.80}: must be one of {', '.join(_KINDS)}")
+    if isinstance(row.get("file"), str):
+        row["file"] = str(folder / row["file"])
+    return build(_KINDS[kind], row, where)

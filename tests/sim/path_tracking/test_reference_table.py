@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from sim.path_tracking.reference_table import ReferenceTable
+from sim.path_tracking.episode import ReferenceTable
 from trackslip.errors import InvalidValueError
 from trackslip.trajectory.named import named_reference
 

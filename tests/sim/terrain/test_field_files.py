@@ -9,7 +9,7 @@ import pytest
 from rays import compiled, look_down
 
 from sim.terrain import Course, Mesh, Picture
-from sim.terrain.field_files import highest
+from sim.terrain.fields import highest
 from trackslip.errors import InvalidValueError, SettingsFileError
 
 
@@ -113,7 +113,7 @@ def test_many_small_triangles_are_taken_in_parts(monkeypatch):
     vertices, faces = surface(np.random.default_rng(1), 30, 40)
     vertices = (vertices - vertices.min(axis=0)) / np.ptp(vertices, axis=0) * [60.0, 50.0, 1.0]
     whole = highest(vertices, faces, (51, 61))
-    monkeypatch.setattr("sim.terrain.field_files._CHUNK", 100)
+    monkeypatch.setattr("sim.terrain.fields._CHUNK", 100)
     assert (highest(vertices, faces, (51, 61)) == whole).all()
     assert (whole > 0).mean() > 0.99
 
