@@ -16,7 +16,7 @@ from experiments.report.figures.style import RADII_SHADES, SPEED_SHADES, key, le
 from experiments.report.laws import LAWS
 
 MIN_CONTRAST = 3.0  # WCAG 2.1, success criterion 1.4.11: graphical objects
-TEMPLATE = (Path(experiments.__file__).parent / "report" / "templates" / "base.html.j2").read_text(encoding="utf-8")
+TEMPLATE = (Path(experiments.__file__).parent / "report" / "templates" / "page.html.j2").read_text(encoding="utf-8")
 # the filter hue-rotate(180deg) of CSS, as the Filter Effects specification gives it
 HUE_ROTATE = np.array([[0.213, 0.715, 0.072]] * 3) - (np.eye(3) - np.array([[0.213, 0.715, 0.072]] * 3))
 
