@@ -8,7 +8,6 @@ from typing import Any, Self
 import numpy as np
 
 from experiments.options.world import Simulation
-from experiments.storage.manifest import make_manifest
 from experiments.storage.plain_json import plain
 from sim.drive.pull import Pull
 from sim.fleet import Fleet
@@ -103,13 +102,6 @@ class World(Specification):
         """What the manifest of a command says of the world."""
         more = {"ground": self.ground, "obstacles": self.obstacles, "robot": self.parameters, **self._towed}
         return {"seed": self.config.seed, "model_sha256": self.robot.digest, **more}
-
-    def manifest(self, command: str, wall_s: float, config: Any = None) -> dict[str, Any]:
-        """The manifest of a command that simulated in this world and took `wall_s` [s].
-
-        `config` is the command's configuration if it isn't that of the world.
-        """
-        return make_manifest(command, config or self.config, wall_s, **self.about)
 
     @property
     def _towed(self) -> dict[str, Pull]:

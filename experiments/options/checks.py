@@ -1,33 +1,19 @@
 """Checks that options share; each raises InvalidValueError, naming the option, its value and what is allowed."""
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
-from trackslip.errors import InvalidValueError, require_at_most, require_positive
+from trackslip.errors import InvalidValueError, require_positive
 
 MIN_SPEED = 1e-3
 """Lowest speed that can be commanded [m/s]."""
-
-
-def require_integer(name: str, value: int, least: int = 0, most: int | None = None) -> None:
-    """Refuse an integer outside `least` to `most`."""
-    if value < least or (most is not None and value > most):
-        allowed = f"an integer >= {least}" if most is None else f"an integer from {least} to {most}"
-        raise InvalidValueError(name, value, allowed)
 
 
 def require_between(name: str, value: float, least: float, most: float, unit: str = "") -> None:
     """Refuse a number outside `least` to `most`, and NaN."""
     if not least <= value <= most:
         raise InvalidValueError(name, value, f"from {least:g} to {most:g} {unit}".strip())
-
-
-def require_positive_up_to(name: str, value: float | None, most: float, unit: str = "") -> None:
-    """Refuse a number that isn't positive or is above `most`; None is an option that isn't given."""
-    if value is not None:
-        require_positive(name, value)
-        require_at_most(name, value, most, unit)
 
 
 def require_speed(name: str, speed: float, top_speed: float) -> None:
@@ -37,16 +23,6 @@ def require_speed(name: str, speed: float, top_speed: float) -> None:
         raise InvalidValueError(name, speed, f"at most drive.top_speed = {top_speed} m/s")
     if speed < MIN_SPEED:
         raise InvalidValueError(name, speed, f"at least {MIN_SPEED:g} m/s")
-
-
-def require_distinct(name: str, values: Sequence[Any] | None, what: str = "value") -> None:
-    """Refuse an empty list and repeated values; None is an option that isn't given."""
-    if values is None:
-        return
-    if not values:
-        raise InvalidValueError(name, values, f"at least one {what}")
-    if len(set(values)) < len(values):
-        raise InvalidValueError(name, values, "all different")
 
 
 def refuse_unused(options: Any, names: Iterable[str], reason: str) -> None:
@@ -65,8 +41,3 @@ def refuse_changed(name: str, value: Any, default: Any, reason: str) -> None:
             refuse_changed(inner, getattr(value, option.name), getattr(default, option.name), reason)
     elif value != default:
         raise InvalidValueError(name, value, f"left out {reason}")
-
-
-def default_of(option: dataclasses.Field[Any]) -> Any:
-    """The default value of an option that has one."""
-    return option.default if option.default_factory is dataclasses.MISSING else option.default_factory()
