@@ -10,7 +10,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_typestore
 
 from experiments.cli import main
-from experiments.work import grid
+from experiments.storage import results
 from trackslip import load
 from trackslip.logs.logfile import read_runs
 
@@ -62,7 +62,7 @@ def test_an_interrupted_grid_resumes_to_the_same_bags_and_numbers(trackslip, tmp
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr(grid, "write_bags", stopped)
+        patch.setattr(results, "write_bags", stopped)
         with pytest.raises(SystemExit):
             main([*GRID, *out])
     assert [file.name for file in (tmp_path / "a").iterdir()] == [".grid-parts"]
