@@ -106,21 +106,20 @@ class RunRecorder:
         self._command[k] = self._fleet.drive.set_point
         self.complete = k + 1
 
-    def estimate(self, k: int, robots: np.ndarray | slice, estimate: PoseEstimate) -> None:
-        """Record estimated poses (R,) of some robots in row k."""
-        self.pose[k, robots], self._covariance[k, robots] = estimate.pose, estimate.covariance
-        self._valid[k, robots] = estimate.valid
+    def estimate(self, k: int, estimate: PoseEstimate) -> None:
+        """Record estimated poses (N,) in row k."""
+        self.pose[k], self._covariance[k], self._valid[k] = estimate.pose, estimate.covariance, estimate.valid
 
-    def estimates(self, rows: slice, robots: np.ndarray, estimate: PoseEstimate) -> None:
-        """Record estimated poses (R, T) of some robots in T rows."""
-        self.pose[rows, robots] = estimate.pose.swapaxes(0, 1)
-        self._covariance[rows, robots] = estimate.covariance.swapaxes(0, 1)
-        self._valid[rows, robots] = estimate.valid.swapaxes(0, 1)
+    def estimates(self, rows: slice, estimate: PoseEstimate) -> None:
+        """Record estimated poses (N, T) in T rows."""
+        self.pose[rows] = estimate.pose.swapaxes(0, 1)
+        self._covariance[rows] = estimate.covariance.swapaxes(0, 1)
+        self._valid[rows] = estimate.valid.swapaxes(0, 1)
 
     def estimate_exactly(self, k: int) -> None:
         """Record the true poses as the estimated ones in row k."""
         n = self._fleet.size
-        self.estimate(k, slice(None), PoseEstimate(self._fleet.pose(), np.zeros((n, 3, 3)), np.ones(n, bool)))
+        self.estimate(k, PoseEstimate(self._fleet.pose(), np.zeros((n, 3, 3)), np.ones(n, bool)))
 
     def scanned(self, ranges: Array) -> None:
         """Keep the next complete scans (N, rows, B) [m]."""

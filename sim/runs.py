@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from sim.deferred_scans import DeferredScans
 from sim.fleet import Fleet
 from sim.run_recorder import Description, RunRecorder
+from sim.scan_blocks import ScanBlocks
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from sim.steering import Pilot, Steering
@@ -62,7 +62,7 @@ def open_loop(
     record = RunRecorder(fleet, _rows(duration, period), period, descriptions)
     scans = None
     if feed is not None and locator is not None:
-        scans = DeferredScans(fleet, np.arange(fleet.size), record, feed, locator, watch, with_plates=True)
+        scans = ScanBlocks(fleet, record, feed, locator, watch)
 
     def logs(failure: str | None = None) -> list[RunLog]:
         if scans is None:
@@ -114,8 +114,7 @@ def closed_loop(
         pilots: together they control every robot; or one controller of all robots, without slip compensation.
         reference: the trajectory to follow.
         feed: the scanner in front of the fleet; by default there is none, and a command is given every PERIOD.
-        locator: finds the poses in the scans; by default the controllers are given the true poses. Poses that no pilot
-            needs are found later, as in `open_loop`: also from later scans, up to the run's end or failure.
+        locator: finds the poses in the scans; by default the controllers are given the true poses.
         descriptions, progress: see `open_loop`.
 
     Raises:
@@ -130,17 +129,9 @@ def closed_loop(
     rows = math.ceil(reference.duration / period - 1e-9) + 1  # the last at the reference's end or just after
     record = RunRecorder(fleet, rows, period, descriptions)
     steering = Steering(pilots, fleet.pose(), record, reference, fleet.robot.geometry)
-    present = sorted(i for pilot in pilots for i in pilot.robots if pilot.needs_pose)
-    later = sorted(set(range(fleet.size)).difference(present))
-    seeing = np.array(present, int) if later else slice(None)
-    tracker = Tracker(fleet.pose()[seeing], fleet.robot.geometry)
-    scans = None
-    if feed is not None and locator is not None and later:
-        scans = DeferredScans(fleet, np.array(later), record, feed, locator)
+    tracker = Tracker(fleet.pose(), fleet.robot.geometry)
 
     def logs(failure: str | None = None) -> list[RunLog]:
-        if scans is not None:
-            scans.locate()
         if feed is None or locator is None or not feed.kept or not record.complete:
             return record.logs(failure=failure)
         plates = []
@@ -159,13 +150,9 @@ def closed_loop(
             if feed is None or locator is None:
                 record.estimate_exactly(k)
             else:
-                ranges = _next_scans(feed, record)
-                if scans is not None:
-                    scans.take(ranges[later])
-                if present:
-                    predicted = tracker.predict(record.omega[k, seeing], period if k > 0 else 0.0)
-                    found = locator.locate(feed.scan(ranges[seeing]), predicted)
-                    record.estimate(k, seeing, tracker.update(found))
+                predicted = tracker.predict(record.omega[k], period if k > 0 else 0.0)
+                found = locator.locate(feed.scan(_next_scans(feed, record)), predicted)
+                record.estimate(k, tracker.update(found))
             fleet.command(limit_sprocket_speeds(steering.omega(k, period), fleet.drive.limit))
             record.command(k)
     except RunFailedError as error:

@@ -11,17 +11,15 @@ import numpy as np
 
 from sim.run_recorder import RunRecorder
 from trackslip.controllers.base import Controller, SensesSprockets
-from trackslip.controllers.feedforward import Feedforward
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.errors import RunFailedError, TrackslipError
 from trackslip.kinematics import Array, RobotGeometry, advance
 from trackslip.slip.base import SlipLaw
-from trackslip.slip.compensation import Compensation, FixedLaw, LoadedLaw, SensesLoad
+from trackslip.slip.compensation import Compensation, FixedLaw, SensesLoad
 from trackslip.trajectory.base import Reference
 from trackslip.trajectory.tabulated import Tabulated
 
 _OURS = frozenset(CONTROLLERS.values())
-_REGARDLESS_OF_POSE = (FixedLaw, LoadedLaw)
 
 
 @dataclass(frozen=True)
@@ -33,16 +31,6 @@ class Pilot:
     compensation: Compensation = field(default_factory=FixedLaw)
     preview: float = 0.0
     """How far ahead the controller looks: set it to the delay between command and motion [s]."""
-
-    @property
-    def needs_pose(self) -> bool:
-        """Whether what it commands depends on the robots' poses."""
-        return type(self.controller) is not Feedforward or type(self.compensation) not in _REGARDLESS_OF_POSE
-
-    @property
-    def plans(self) -> bool:
-        """Whether all that it commands is known before the run begins."""
-        return type(self.controller) is Feedforward and type(self.compensation) is FixedLaw
 
 
 @dataclass(frozen=True)
@@ -67,25 +55,6 @@ class _Compensator:
     senses: SensesLoad | None
 
 
-class _Plan:
-    """All commands of the pilots that plan, of P robots."""
-
-    def __init__(
-        self, pilots: Sequence[Pilot], record: RunRecorder, reference: Reference, geometry: RobotGeometry
-    ) -> None:
-        """Plan the rows of a record (T,), and note the laws there."""
-        robots = [np.asarray(pilot.robots, int) for pilot in pilots]
-        self.robots = np.concatenate([np.empty(0, int), *robots])
-        self.twist, self.omega = np.empty((2, len(record.time), len(self.robots), 2))  # (T, P, 2) each
-        for pilot, some in zip(pilots, robots, strict=True):
-            law, at = pilot.compensation.law(), np.isin(self.robots, some)
-            twist = np.asarray(reference.twist(record.time + pilot.preview), float)
-            self.twist[:, at] = twist[:, None]
-            self.omega[:, at] = law.sprocket_speeds(self.twist[:, at], geometry)
-            record.compensated(slice(None), some, law)
-        self.finite = bool(np.isfinite(self.twist).all())
-
-
 class Steering:
     """The pilots of N robots on the way along a reference.
 
@@ -100,8 +69,6 @@ class Steering:
         for pilot in pilots:
             pilot.controller.reset()
             pilot.compensation.reset(start[pilot.robots])
-        self._plan = _Plan([pilot for pilot in pilots if pilot.plans], record, reference, geometry)
-        pilots = [pilot for pilot in pilots if not pilot.plans]
         tables = {ahead: Tabulated(reference, record.time + ahead) for ahead in {pilot.preview for pilot in pilots}}
         self._record, self._geometry = record, geometry
         self._wanted = np.zeros((len(start), 2))  # twists
@@ -138,10 +105,6 @@ class Steering:
         Raises RunFailedError when a controller fails.
         """
         record, geometry = self._record, self._geometry
-        planned = self._plan.robots
-        self._wanted[planned], self._omega[planned] = self._plan.twist[k], self._plan.omega[k]
-        if not self._plan.finite:
-            record.require_twists(k, planned, self._plan.twist[k])
         pose, omega = record.pose[k].copy(), record.omega[k]
         laws = []
         for one in self._compensators:

@@ -1,10 +1,7 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from sim.fleet import Fleet
-from sim.ground.named import load_ground
 from sim.robot.robot import load_robot
 from sim.run_recorder import Description
 from sim.runs import closed_loop, open_loop
@@ -18,9 +15,8 @@ from trackslip.errors import InvalidValueError, RunFailedError
 from trackslip.localization.plate import PlateLocator
 from trackslip.metrics import tracking_errors
 from trackslip.skid_theory import line_contact, steady_twist
-from trackslip.slip.compensation import FixedLaw, LoadedLaw
+from trackslip.slip.compensation import FixedLaw
 from trackslip.slip.icr import ConstantIcr
-from trackslip.slip.icr_load import IcrLoad
 from trackslip.trajectory.segmented import Segment, SegmentedReference
 
 START = np.array([[-1.5, 0.0, 0.0]] * 2)
@@ -111,68 +107,6 @@ def test_closed_loop_ends_with_the_reference_and_logs_its_twist(robot):
 
 class AnyPose(Feedforward):
     """Feedforward that is given poses, as far as the simulator knows."""
-
-
-@pytest.mark.parametrize("kept", [False, True])
-def test_poses_that_no_pilot_needs_are_found_afterwards_and_as_well(robot, kept):
-    """The motion is the same to the last bit, and so are a robot's poses in any company."""
-    reference, locator = short_path(), PlateLocator(robot.plate)
-    laws = FixedLaw(), FixedLaw(theoretical_law(robot))
-    found = {}
-    for name, controllers in (
-        ("at once", (AnyPose(), AnyPose())),
-        ("one later", (Feedforward(), AnyPose())),
-        ("later", (Feedforward(), Feedforward())),
-    ):
-        fleet = Fleet(robot, np.tile(reference.pose(0.0), (2, 1)), threads=1)
-        feed = ScannerFeed(LaserScanner(dropout=0.05), fleet, [generator(3, f"{k}") for k in range(2)], kept=kept)
-        pilots = [Pilot(one, [k], laws[k]) for k, one in enumerate(controllers)]
-        assert [pilot.needs_pose for pilot in pilots] == [type(one) is AnyPose for one in controllers]
-        found[name] = closed_loop(fleet, pilots, reference, feed, locator, names(2))
-    for logs in found.values():
-        for log, other in zip(logs, found["at once"], strict=True):
-            np.testing.assert_array_equal(log.truth.pose, other.truth.pose)
-            assert log.is_valid.mean() > 0.95
-            error = (log.pose - log.truth.pose)[log.is_valid]
-            assert np.sqrt(np.mean(error**2, axis=0)) == pytest.approx([0.0] * 3, abs=0.005)
-            assert (log.scans is not None) == kept
-    np.testing.assert_array_equal(found["one later"][0].pose, found["later"][0].pose)
-    np.testing.assert_array_equal(found["one later"][1].pose, found["at once"][1].pose)
-    assert not np.array_equal(found["later"][0].pose, found["at once"][0].pose)
-
-
-def test_a_plan_is_what_a_pilot_would_have_commanded(robot):
-    """With a law for each robot, and a preview."""
-    reference = short_path()
-    law = ConstantIcr(np.array([0.03, 0.09]), robot.geometry.half_gauge)
-    found = []
-    for controller in (Feedforward(), AnyPose()):
-        fleet = Fleet(robot, np.tile(reference.pose(0.0), (2, 1)), threads=1)
-        pilot = Pilot(controller, [0, 1], FixedLaw(law), preview=0.075)
-        assert pilot.plans == (type(controller) is Feedforward)
-        found.append(closed_loop(fleet, [pilot], reference, descriptions=names(2)))
-    for planned, asked in zip(*found, strict=True):
-        np.testing.assert_array_equal(planned.command, asked.command)
-        np.testing.assert_array_equal(planned.twist_command, asked.twist_command)
-        np.testing.assert_array_equal(planned.icr, asked.icr)
-        np.testing.assert_array_equal(planned.truth.pose, asked.truth.pose)
-    assert not np.array_equal(found[0][0].command, found[0][1].command)
-
-
-def test_laws_under_load_need_no_pose_but_are_not_planned(robot):
-    reference, locator = short_path(), PlateLocator(robot.plate)
-    law = IcrLoad(0.04, robot.geometry.half_gauge, 0.0, 0.02, 0.02)
-    found = []
-    for controller in (Feedforward(), AnyPose()):
-        ground = replace(load_ground("stone"), slope=0.1)
-        fleet = Fleet(robot, reference.pose([0.0]), [ground], threads=1)
-        pilot = Pilot(controller, [0], LoadedLaw(law))
-        assert (pilot.needs_pose, pilot.plans) == (type(controller) is AnyPose, False)
-        feed = ScannerFeed(LaserScanner(), fleet, [generator(3, "0")])
-        found.append(closed_loop(fleet, [pilot], reference, feed, locator, names(1))[0])
-    np.testing.assert_array_equal(found[0].command, found[1].command)
-    np.testing.assert_array_equal(found[0].truth.pose, found[1].truth.pose)
-    np.testing.assert_allclose(found[0].pose, found[1].pose, atol=0.02)
 
 
 def test_each_robot_has_one_pilot(robot):
