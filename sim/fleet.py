@@ -25,6 +25,15 @@ SETTLING = 1.0
 _RESETTLING = 0.4  # the same for robots that are placed at their sinkage
 
 
+def substeps(drive: Drive, robot: Robot) -> int:
+    """Physics steps in a servo period; raises InvalidValueError unless that is a multiple of the step."""
+    step = robot.model.opt.timestep
+    count = round(drive.period / step)
+    whole = count >= 1 and abs(count * step - drive.period) <= 1e-9
+    require(whole, "drive.period", drive.period, f"a multiple of the physics step, {step} s")
+    return count
+
+
 class Fleet(Bodies):
     """N robots on their grounds. The same arguments give the same bits at any number of threads."""
 
@@ -63,10 +72,7 @@ class Fleet(Bodies):
         drive = drive or Drive()
         self.drive = DriveState(drive, self.size, robot.geometry.sprocket_radius, self._radius)
         self.period = drive.period
-        step = robot.model.opt.timestep
-        self._substeps = round(drive.period / step)
-        whole = self._substeps >= 1 and abs(self._substeps * step - drive.period) <= 1e-9
-        require(whole, "drive.period", drive.period, f"a multiple of the physics step, {step} s")
+        self._substeps = substeps(drive, robot)
 
         surface = self.batch.expand("geom_surfacevel")  # (N, ngeom, 6)
         self.belts = surface[:, robot.pads, 2]

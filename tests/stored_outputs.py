@@ -54,7 +54,9 @@ COMMANDS = {
 }
 """What is stored, by name: a command line in which OUT is its own folder, and other names are those of earlier ones."""
 
-_UNTOLD = re.compile(r"(time|timing|wall|seconds|stages|version|created|host|command|python|argv|cpu|git|/s$)")
+_UNTOLD = re.compile(
+    r"(compute_ms|made_by|scans_per_s|time|timing|wall|seconds|stages|version|created|host|command|python|argv|cpu|git|/s$)"
+)
 _TIMES = re.compile(r"\d+(\.\d+)?(e-?\d+)? (s|ms|µs|MB|min)\b|stages?:.*|.*per second.*|[━╸╺─ ]{20,}|\d+:\d\d(:\d\d)?")
 _RELATIVE, _ABSOLUTE = 1e-6, 1e-9
 

@@ -10,7 +10,7 @@ import numpy as np
 from experiments.options.world import Simulation
 from experiments.storage.plain_json import plain
 from sim.drive.pull import Pull
-from sim.fleet import Fleet
+from sim.fleet import Fleet, substeps
 from sim.ground.ground import Ground
 from sim.ground.named import load_ground
 from sim.robot.parameters import RobotParameters, load_robot_file
@@ -64,9 +64,14 @@ class World(Specification):
 
     @classmethod
     def of(cls, config: Simulation, specification: Specification | None = None) -> Self:
-        """Build the world of a command; raises TrackslipError for a file or name that does not exist."""
+        """Build the world of a command; raises TrackslipError for a file or name that does not exist.
+
+        Raises InvalidValueError for a servo period that is not a multiple of the robot's physics step.
+        """
         given = specification or Specification.of(config)
-        return cls(**vars(given), config=config, robot=_compiled(given.parameters, config.rrd))
+        robot = _compiled(given.parameters, config.rrd)
+        substeps(config.drive, robot)
+        return cls(**vars(given), config=config, robot=robot)
 
     def fleet(self, start: Array, grounds: Sequence[Ground] | None = None) -> Fleet:
         """Robots at the poses `start` (N, 3) [m, m, rad], each on the world's ground or on its own of `grounds`."""

@@ -35,7 +35,10 @@ OPTIONS = [
     ("grid --ground.across 0", "ground.across = 0.0: must be a finite number > 0"),
     ("grid --ground.along 1e308", "ground.along = 1e+308: must be at most 10"),
     ("grid --ground.slope 0.9", "slope = 0.9: must be less than the friction angle"),
-    ("grid --ground.slope 0.9 --ground.along 10 --ground.across 10", "to park with heading 0 rad: the robot tips"),
+    (
+        "grid --radii 1 --speeds 0.1 --ground.slope 0.9 --ground.along 10 --ground.across 10",
+        "to park with heading 0 rad: the robot tips",
+    ),
     ("track --ground.slope 0.7", "slope = 0.7: must be less than the friction angle"),
     ("grid --robot nowhere.toml", "nowhere.toml: No such file"),
     ("grid --drive.motor.gear 1e-300", "drive.motor.gear = 1e-300: must be at least 1e-12"),
