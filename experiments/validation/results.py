@@ -1,17 +1,34 @@
 """What a validation measured, and its summary."""
 
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 
-from experiments.validation.convergence import Convergence
-from experiments.validation.energy import Energy
-from experiments.validation.standing import ANGLES, REFERENCE_ANGLE, Creep, Loads, Slide
-from experiments.validation.turning import Turns
+from experiments.validation.convergence import Convergence, converge
+from experiments.validation.energy import Energy, account
+from experiments.validation.standing import (
+    ANGLES,
+    REFERENCE_ANGLE,
+    Creep,
+    Loads,
+    Slide,
+    creep,
+    loads,
+    slide,
+    straight_drift,
+)
+from experiments.validation.turning import Turns, turn
 from sim.ground.ground import Ground
 from sim.robot.parameters import RobotParameters
+from sim.seeds import generator
+from sim.stopwatch import Stopwatch
 from trackslip.kinematics import Array
+
+Showing = Callable[[str, float, str], AbstractContextManager[Callable[[float], None]]]
+"""Shows the progress of a stage of some total and unit, for a block."""
 
 
 @dataclass(frozen=True)
@@ -123,3 +140,29 @@ class ValidationSummary:
             energy_residual=found.energy.residual,
             friction_loss_error=found.energy.coulomb_error,
         )
+
+
+def measure(
+    parameters: RobotParameters, ground: Ground, seed: int, threads: int, watch: Stopwatch, progress: Showing
+) -> Validation:
+    """Make all measurements; `watch` takes the time of each stage, and `progress` shows it."""
+
+    @contextmanager
+    def stage(name: str) -> Iterator[Callable[[float], None]]:
+        with watch.stage(name), progress(name, 1.0, "of the stage") as report:
+            yield report
+
+    world = parameters, ground
+    with stage("turning") as report:
+        turns = turn(*world, threads, False, report)
+    with stage("turning, default contact") as report:
+        naive_turns = turn(*world, threads, True, report)
+    with stage("standing"):
+        weights, naive_weights = (loads(*world, threads, default) for default in (False, True))
+        creeping, sliding = creep(*world, threads), slide(*world, threads)
+        drift = straight_drift(*world, threads)
+    with stage("convergence") as report:
+        convergence = converge(*world, generator(seed, "convergence"), threads, report)
+    with stage("energy"):
+        energy = account(*world, generator(seed, "energy"), threads)
+    return Validation(*world, turns, naive_turns, weights, naive_weights, creeping, sliding, drift, convergence, energy)

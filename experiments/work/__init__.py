@@ -1,1 +1,0 @@
-"""What commands do, until it has moved to its room."""
