@@ -98,9 +98,9 @@ class Config(Options):
 
 def run(config: Config) -> None:
     """Train, store the policy, draw its curve, and print the reward before and after."""
+    from experiments.learning.figures import learning_curve
     from experiments.learning.training import CHECKPOINT, POLICY, driven, learn, model_of, training_of
     from experiments.recording import record_all
-    from experiments.report.figures.learning import learning_curve
     from experiments.run import Run
 
     with Run(config) as run:

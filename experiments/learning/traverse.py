@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.learning.crossing import compare, crossing_table, gain_text
 from experiments.learning.network import network_of
-from experiments.measuring.crossing import compare
-from experiments.report.tracking import crossing_table, gain_text
 from sim.traverse.outcome import Limits
 from sim.traverse.policy import OPTIONS, CrossingPolicy
 

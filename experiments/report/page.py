@@ -137,8 +137,31 @@ class Section:
         return any(self.blocks)
 
 
-Draw = Callable[[Callable[[Plot], tuple[Drawn, ...]], Iterable[Plot]], Iterable[tuple[Drawn, ...]]]
 Block = str | Table | Plot | Note | Bullets | Pictures | Section
+Figures = Mapping[str, Sequence[Drawn]]
+"""The figures of each plot, by its name."""
+Draw = Callable[[Callable[[Plot], tuple[Drawn, ...]], Iterable[Plot]], Iterable[tuple[Drawn, ...]]]
+
+
+def draw_plots(
+    blocks: Iterable[Block | None], pdf: bool = False, draw: Draw = map
+) -> Iterator[tuple[str, tuple[Drawn, ...]]]:
+    """Draw all plots among some blocks: their names and figures, with `pdf` also as PDF.
+
+    `draw` calls a function with each plot, in order; that of a process pool begins at once to draw them side by side.
+    """
+    plots = [block for block in all_blocks(blocks) if isinstance(block, Plot)]
+    figures = draw(functools.partial(drawn_plot, pdf=pdf), plots)
+    return zip([plot.name for plot in plots], figures, strict=True)
+
+
+def all_blocks(blocks: Iterable[Block | None]) -> Iterator[Block]:
+    """Everything in some blocks, in order; a section is followed by its blocks."""
+    for block in blocks:
+        if block:
+            yield block
+            if isinstance(block, Section):
+                yield from all_blocks(block.blocks)
 
 
 def warnings(lines: Sequence[str]) -> Section | None:
@@ -159,12 +182,12 @@ class Page:
     intro: Sequence[Block | None] = ()
     """Below the title."""
 
-    def write(self, folder: Path, pdf: bool = False, draw: Draw = map) -> None:
+    def write(self, folder: Path, pdf: bool = False, figures: Figures | None = None) -> None:
         """Write the page and each figure as figures/NAME.svg, with `pdf` also as NAME.pdf.
 
-        `draw` calls a function with each plot, in order; that of a process pool draws them side by side.
+        `figures` are those of all plots if they have been drawn already.
         """
-        figures = self._drawn(pdf, draw)
+        figures = dict(draw_plots((*self.intro, *self.sections), pdf)) if figures is None else figures
         (folder / REPORT_FILE).write_text(self._html(figures), encoding="utf-8")
         (folder / FIGURES_FOLDER).mkdir()
         for several in figures.values():
@@ -173,19 +196,14 @@ class Page:
 
     def html(self) -> str:
         """The page alone."""
-        return self._html(self._drawn(pdf=False))
+        return self._html(dict(draw_plots((*self.intro, *self.sections))))
 
     @property
     def blocks(self) -> Iterator[Block]:
         """Everything on the page, in order; a section is followed by its blocks."""
-        return _all((*self.intro, *self.sections))
+        return all_blocks((*self.intro, *self.sections))
 
-    def _drawn(self, pdf: bool, draw: Draw = map) -> dict[str, tuple[Drawn, ...]]:
-        plots = [block for block in self.blocks if isinstance(block, Plot)]
-        figures = draw(functools.partial(drawn_plot, pdf=pdf), plots)
-        return {plot.name: several for plot, several in zip(plots, figures, strict=True)}
-
-    def _html(self, figures: Mapping[str, Sequence[Drawn]]) -> str:
+    def _html(self, figures: Figures) -> str:
         return _template().render(
             title=self.title,
             command=relative_command(self.command),
@@ -195,14 +213,6 @@ class Page:
             conditions=conditions(self.manifest, self.command),
             manifest=list(flatten(self.manifest)),
         )
-
-
-def _all(blocks: Sequence[Block | None]) -> Iterator[Block]:
-    for block in blocks:
-        if block:
-            yield block
-            if isinstance(block, Section):
-                yield from _all(block.blocks)
 
 
 @functools.cache

@@ -1,9 +1,7 @@
-"""The paper's runs, shared out: the same bits by any number of workers, and what is left when some fail."""
+"""`reproduce`: the numbers of its grid, and the same results with any number of threads."""
 
 import gc
-import io
 import json
-import pickle
 import weakref
 from dataclasses import replace
 
@@ -11,66 +9,26 @@ import numpy as np
 import pytest
 
 from experiments.commands.reproduce import Config
-from experiments.driving.grid_runs import cells_of
-from experiments.driving.paper_model import KNOWN_LAWS
-from experiments.measuring.grid import LocalizationErrors, _PosesOverBound, grid_summary
-from experiments.parallel import workers
-from experiments.reproduction import CONTROLLERS, Share, closed_loop_shares, grid_shares, joined
+from experiments.driving.grid_runs import drive_grid
+from experiments.driving.world import World
+from experiments.measuring.grid import LocalizationErrors, _PosesOverBound, grid_summary, measured_run
 from sim.robot.robot import load_robot
-from sim.run_recorder import FAILURE
 from sim.stopwatch import Stopwatch
-from trackslip.errors import RunFailedError
 from trackslip.identification.samples import usable_samples
 from trackslip.localization.bound import scan_ratio_to_bound
-from trackslip.logs.logfile import write_parquet
-from trackslip.logs.runlog import RunLog
-from trackslip.slip.icr import ConstantIcr
-from trackslip.trajectory.segmented import circle
 
 CONFIG = Config(radii=(0.5, 1.0, 1.5), speeds=(0.2,), duration=4.0)
 
 
-def stored(logs):
-    file = io.BytesIO()
-    write_parquet(logs, file)
-    return file.getvalue()
+@pytest.fixture(scope="module")
+def logs():
+    """The runs of a small grid."""
+    return drive_grid(CONFIG, World.of(CONFIG))
 
 
-def drive_grid(pool, watch):
-    """Logs of a small grid, and what was measured of them."""
-    shares = list(grid_shares(CONFIG, cells_of(CONFIG), pool))
-    return joined(shares, watch), {name: one for share in shares for name, one in share.measured.items()}
-
-
-def grid_and_loops(threads):
-    """Bytes of a small grid and of closed loops, and samples of the grid by every method."""
-    watch = Stopwatch()
-    with workers("processes", threads) as pool:
-        grid, measured = drive_grid(pool, watch)
-        driven = joined(list(closed_loop_shares(CONFIG, LAWS, PATH, pool)), watch)
-    assert min(watch.stages.values()) > 0
-    samples = {
-        run: {name: one.slip.tolist() for name, one in known.by_method.items()} for run, known in measured.items()
-    }
-    assert [log.run for log in driven] == [f"{name} {law}" for name in CONTROLLERS for law in LAWS]
-    return stored(grid), stored(driven), samples
-
-
-LAWS = {**KNOWN_LAWS, "icr": ConstantIcr(0.04, half_gauge=0.168)}
-PATH = circle(1.0, 0.2, 0.5)
-
-
-def test_any_number_of_workers_gives_the_same_bits():
-    alone = grid_and_loops(1)
-    assert len(alone[2]) == 3
-    assert grid_and_loops(2) == alone
-    assert grid_and_loops(5) == alone  # more than runs of the grid
-
-
-def test_what_was_measured_with_the_runs_is_what_they_give():
-    with workers("inline", 1) as pool:
-        logs, measured = drive_grid(pool, Stopwatch())
+def test_runs_that_were_measured_before_give_the_same(logs):
     geometry = load_robot().geometry
+    measured = {log.run: measured_run(log, geometry) for log in logs}
     fresh, known = (usable_samples(logs, geometry, longest=True, measured=one) for one in ({}, measured))
     for name in ("omega", "twist", "slip", "covariance", "lateral", "lateral_stderr"):
         np.testing.assert_array_equal(getattr(known.samples, name), getattr(fresh.samples, name))
@@ -95,9 +53,7 @@ def one_at_a_time(logs):
         del copy
 
 
-def test_pose_errors_and_bound_of_a_grid_are_those_of_all_its_poses_together():
-    with workers("inline", 1) as pool:
-        logs, _ = drive_grid(pool, Stopwatch())
+def test_pose_errors_and_bound_of_a_grid_are_those_of_all_its_poses_together(logs):
     error = np.concatenate([log.pose - log.truth.pose for log in logs])
     error[:, 2] = np.angle(np.exp(1j * error[:, 2]))
     found, bound = LocalizationErrors.of(iter(logs)), _PosesOverBound()
@@ -122,27 +78,6 @@ def test_pose_errors_and_bound_of_a_grid_are_those_of_all_its_poses_together():
 
 def axis_left(phi):
     return np.column_stack([-np.sin(phi), np.cos(phi), 0 * phi])
-
-
-def log(name, rows):
-    time = np.arange(rows) / 10
-    return RunLog(name, time, np.zeros((rows, 2)), np.zeros((rows, 3)), metadata={"of": name})
-
-
-def test_all_runs_end_with_the_earliest_failure():
-    late, early = RunFailedError("run 'b': tips over"), RunFailedError("run 'c': tips over")
-    shares = [Share([log("a", 20)], {}), Share([log("b", 15)], {}, late), Share([log("c", 7)], {}, early)]
-    with pytest.raises(RunFailedError, match="run 'c'") as caught:
-        joined(pickle.loads(pickle.dumps(shares)), Stopwatch())
-    assert [len(one.time) for one in caught.value.logs] == [7, 7, 7]
-    assert {one.metadata[FAILURE] for one in caught.value.logs} == {"run 'c': tips over"}
-
-
-def test_a_failure_at_once_leaves_no_runs():
-    shares = [Share([log("a", 20)], {}), Share([], {}, RunFailedError("run 'b': tips over"))]
-    with pytest.raises(RunFailedError) as caught:
-        joined(shares, Stopwatch())
-    assert caught.value.logs == []
 
 
 @pytest.mark.slow

@@ -11,10 +11,10 @@ from spin import spun_before_the_scanner
 
 from experiments.driving.paper_model import published_runs
 from experiments.measuring.grid import RadiusSummary
-from experiments.measuring.sightings import sightings
 from experiments.measuring.tracking import TrackingResult
+from experiments.report import reproduction as report
 from experiments.report.page import Plot
-from experiments.report.reproduction import Report
+from experiments.report.reproduction import closed_loops, grid_results
 from experiments.report.table import Table
 from trackslip.metrics import tracking_errors
 from trackslip.trajectory.segmented import paper_reference
@@ -34,26 +34,20 @@ def reproduction():
         for compensation, log in runs.items()
     ]
     errors = tracking_errors(tracked[-1].time, tracked[-1].pose, paper_reference())
-    grid_logs = [spun_before_the_scanner(400)]
-    return Report(
-        command="trackslip reproduce --out " + "a_long_name_without_a_space" * 5,
-        manifest={"seed": 3, "ground": STONE, "versions": {"a" * 60: "b" * 200}},
-        comparison=Table(
-            "Published | simulated", ("", "", ""), [("slip law", "0.07 exp(-0.68 R)", "0.08 exp(-0.9 R)")] * 5
-        ),
-        radius=RADII,
-        grid_logs=grid_logs,
-        seen=sightings(grid_logs),
-        identification=identified(driven(grid()), ("exponential", "icr_radius")),
-        tracking=[TrackingResult("linear", "none", "plate", errors)],
-        tracking_logs=tracked,
-        published=published,
+    found = identified(driven(grid()), ("exponential", "icr_radius"))
+    loops = closed_loops(found, [TrackingResult("linear", "none", "plate", errors)], tracked, published)
+    comparison = Table(
+        "Published | simulated", ("", "", ""), [("slip law", "0.07 exp(-0.68 R)", "0.08 exp(-0.9 R)")] * 5
     )
+    command = "trackslip reproduce --out " + "a_long_name_without_a_space" * 5
+    manifest = {"seed": 3, "ground": STONE, "versions": {"a" * 60: "b" * 200}}
+    results = grid_results(found, [spun_before_the_scanner(400)], RADII)
+    return report.page(command, manifest, results, comparison, loops, found)
 
 
 @pytest.fixture(scope="module")
 def page():
-    return reproduction().page().html()
+    return reproduction().html()
 
 
 def test_a_whole_report_fits_phone_and_desk(page):
@@ -61,7 +55,7 @@ def test_a_whole_report_fits_phone_and_desk(page):
 
 
 def test_every_figure_of_a_reproduction_is_there(page):
-    names = [block.name for block in reproduction().page().blocks if isinstance(block, Plot)]
+    names = [block.name for block in reproduction().blocks if isinstance(block, Plot)]
     assert re.findall(r'<figure id="(\w+)"', page) == names
     assert [int(number) for number in re.findall(r"fig(\d\d)_", " ".join(names))] == [4, 5, 6, 7, 8, 9, 10, 11, 12]
     assert "data:image" not in page  # a bitmap would not survive the renaming of ids

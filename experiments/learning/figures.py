@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.measuring.crossing import POLICY, SCRIPTED, CrossingRate
+from experiments.learning.crossing import POLICY, SCRIPTED, CrossingRate
 from experiments.report.colours import BLUE, GREY, ORANGE
 from experiments.report.figures.style import styled, subplots
 from trackslip.kinematics import Array

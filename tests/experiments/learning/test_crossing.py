@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from experiments.measuring.crossing import POLICY, SCRIPTED, compare, crossing_gain
-from experiments.report.figures.learning import learning_curve
-from experiments.report.tracking import crossing_table, gain_text
+from experiments.learning.crossing import POLICY, SCRIPTED, compare, crossing_gain, crossing_table, gain_text
+from experiments.learning.figures import learning_curve
 from sim.network import Network
 from sim.terrain import Course, Flat
 from sim.traverse.policy import OPTIONS, CrossingPolicy

@@ -1,13 +1,16 @@
-"""How many courses a trained policy crosses, and the scripted controller: the same ones, new to both."""
+"""Courses crossed by a trained policy and by the scripted controller: the same ones, new to both."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest
 
+from experiments.report.formats import number
+from experiments.report.table import Table
 from sim.seeds import generator
 from sim.task_env import from_options
 from sim.traverse.config import TraverseConfig
@@ -18,12 +21,13 @@ from trackslip.kinematics import Array
 
 SCRIPTED, POLICY = "scripted", "policy"
 _CONFIDENCE = 0.95
+_HEADER = ("controller", "difficulty", "crossed [%]", "95 % interval", "tipped", "stuck", "other", "time [s]")
 _RESAMPLES = 10_000
 
 
 @dataclass(frozen=True)
 class CrossingRate:
-    """How one controller fares on courses of one difficulty."""
+    """Courses of one difficulty crossed by one controller."""
 
     controller: str
     difficulty: float
@@ -50,7 +54,7 @@ class CrossingRate:
 
 @dataclass(frozen=True)
 class CrossingGain:
-    """How much more of the courses, all difficulties together, the policy crosses."""
+    """Difference between the rates of the policy and of the scripted controller, over all difficulties."""
 
     gain: float
     """Difference of the rates [-]."""
@@ -94,6 +98,27 @@ def crossing_gain(scripted: NDArray[np.bool_], policy: NDArray[np.bool_], rng: n
     means = rng.choice(more, (_RESAMPLES, len(more))).mean(axis=1)
     low, high = np.quantile(means, [(1 - _CONFIDENCE) / 2, (1 + _CONFIDENCE) / 2])
     return CrossingGain(float(more.mean()), float(low), float(high), int((more > 0).sum()), int((more < 0).sum()))
+
+
+def crossing_table(title: str, rates: Sequence[CrossingRate]) -> Table:
+    """A row per controller and difficulty."""
+    rows = [
+        (
+            *(one.controller, f"{one.difficulty:.3g}", f"{100 * one.rate:.1f}"),
+            f"{100 * one.low:.1f} to {100 * one.high:.1f}",
+            *(str(count) for count in (one.tipped, one.stuck, one.other)),
+            number(one.time, 1),
+        )
+        for one in rates
+    ]
+    return Table(title, _HEADER, rows)
+
+
+def gain_text(gain: CrossingGain) -> str:
+    """A sentence on the difference between two controllers."""
+    rate = f"{100 * gain.gain:+.1f} points, 95 % interval {100 * gain.low:+.1f} to {100 * gain.high:+.1f}"
+    alone = f"{gain.only_policy} courses are crossed by the {POLICY} alone, {gain.only_scripted} by the {SCRIPTED} one"
+    return f"{POLICY} - {SCRIPTED}: {rate}; {alone}"
 
 
 def _drive(task: Crossing, policy: CrossingPolicy | None) -> NDArray[np.int_]:
