@@ -1,15 +1,10 @@
 """Grounds: patches and changes under each pad, names, files, and what is refused."""
 
-import re
-
 import numpy as np
-import pytest
-from pages import ROOT, file
+from pages import ROOT
 
 from sim.ground.ground import Change, Ground, Patch
-from sim.ground.named import NAMED_GROUNDS, load_ground
 from sim.ground.pad_friction import PadFriction
-from trackslip.errors import InvalidValueError, SettingsFileError
 
 PAGE = ROOT / "docs" / "grounds_and_robots.md"
 PADS = np.array([[0.1, 0.2], [0.1, -0.2]])
@@ -58,12 +53,6 @@ def test_of_many_patches_the_last_under_each_pad_counts():
             grounds[1] = grounds[0]
 
 
-def test_a_ground_has_a_limited_number_of_patches():
-    patch = Patch((0.0, 1.0), (0.0, 1.0), 0.2, 0.3)
-    with pytest.raises(InvalidValueError, match="number of patches = 10001: must be at most 10000"):
-        Ground(patches=(patch,) * 10_001)
-
-
 def test_changes_take_effect_at_their_times_outside_patches():
     patch = Patch((-np.inf, np.inf), (0.0, np.inf), 0.2, 0.3)
     ground = Ground(0.5, 0.6, patches=(patch,), changes=(Change(1.0, 0.7, 0.8), Change(2.0, 0.1, 0.1)))
@@ -85,75 +74,3 @@ def test_gravity_points_downhill():
     np.testing.assert_allclose(
         Ground(slope=0.3, uphill=np.pi / 2).gravity(9.81)[:2], [0, -9.81 * np.sin(0.3)], atol=1e-12
     )
-
-
-def test_the_page_lists_the_named_grounds():
-    rows = re.findall(r"^\| `(\w+)` \| ([\d.]+) \| ([\d.]+) \| (\d+) \| (.+) \|$", PAGE.read_text(), re.MULTILINE)
-    listed = {name: (float(along), float(across), float(shear), source) for name, along, across, shear, source in rows}
-    known = NAMED_GROUNDS.items()
-    assert listed == {name: (n.ground.along, n.ground.across, 1e3 * n.ground.shear, n.source) for name, n in known}
-    hard = {"stone", "concrete", "rubber", "packed_soil", "gravel", "wet", "sticky", "ice"}
-    assert set(NAMED_GROUNDS) == hard | {"firm_sand", "loose_sand", "clay", "snow"}
-    assert {name for name, n in known if n.ground.shear == 0} == hard
-    for named in NAMED_GROUNDS.values():
-        assert any(word in named.source for word in ("assumed", "Noon", "Wong"))
-
-
-def test_the_example_on_the_page_is_a_ground(tmp_path):
-    (tmp_path / "ground.toml").write_text(file(PAGE, "ground.toml"))
-    ground = load_ground(str(tmp_path / "ground.toml"))
-    assert ground.along == NAMED_GROUNDS["gravel"].ground.along
-    assert ground.slope == 0.1
-    assert ground.patches == (Patch((0.0, 2.0), (-1.0, 1.0), 0.12, 0.12),)
-    assert ground.changes == (Change(20.0, 0.5, 0.7),)
-
-
-def test_names():
-    assert load_ground("ice") is NAMED_GROUNDS["ice"].ground
-    with pytest.raises(InvalidValueError, match="ground = 'mud': must be one of stone, concrete"):
-        load_ground("mud")
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("along = -1.0", "along = -1.0: must be a finite number > 0"),
-        ("along = 'much'", "along = 'much': must be a number"),
-        ("along = true", "along = True: must be a number"),
-        ("along = nan", "along = nan"),
-        ("across = 99", "across = 99.0: must be at most 10"),
-        ("slope = 2.0", "slope = 2.0: must be at most 1.5 rad"),
-        ("grip = 1.0", "grip is unknown; known are along, across"),
-        ("base = 'mud'", "base = 'mud': must be one of"),
-        ("along = ", "not TOML"),
-        ("patches = 3", "patches = 3: must be a list"),
-        ("[[patches]]\nx = [0, 1]\ny = [0, 1]\nalong = 0.5", "patches[0]: across is missing"),
-        (
-            "[[patches]]\nx = [0, 1, 2]\ny = [0, 1]\nalong = 0.5\nacross = 0.5",
-            "x = (0.0, 1.0, 2.0): must be two ascending",
-        ),
-        ("[[patches]]\nx = [1, 0]\ny = [0, 1]\nalong = 0.5\nacross = 0.5", "x = (1.0, 0.0): must be two ascending"),
-        ("[[changes]]\ntime = -1\nalong = 0.5\nacross = 0.5", "time = -1.0: must be a finite number >= 0"),
-        (
-            "changes = [{time = 2, along = 1, across = 1}, {time = 1, along = 1, across = 1}]",
-            "changes = [2.0, 1.0]: must be in ascending order",
-        ),
-        ("patches = [3]", "patches[0]: 3 is not a table"),
-    ],
-)
-def test_bad_files_are_refused_by_field(tmp_path, text, message):
-    path = tmp_path / "ground.toml"
-    path.write_text(text)
-    with pytest.raises(SettingsFileError) as error:
-        load_ground(str(path))
-    assert message in str(error.value)
-    assert "ground.toml" in str(error.value)
-    assert "\n" not in str(error.value).strip()
-
-
-def test_files_that_cannot_be_read(tmp_path):
-    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
-    (tmp_path / "folder.toml").mkdir()
-    for name, message in (("none.toml", "No such file"), ("binary.toml", "not text"), ("folder.toml", "directory")):
-        with pytest.raises(SettingsFileError, match=message):
-            load_ground(str(tmp_path / name))

@@ -136,12 +136,3 @@ def test_wrong_meshes_are_one_line(tmp_path, text):
         Mesh(str(path))
     assert str(error.value).startswith(str(path))
     assert "\n" not in str(error.value)
-
-
-def test_meshes_that_are_not_allowed():
-    with pytest.raises(InvalidValueError, match=r"file = 'a.stp': must be a mesh: .obj, .stl, .msh"):
-        Mesh("a.stp")
-    with pytest.raises(InvalidValueError, match=r"cell = 0.0: must be from 0.005 to 1 m"):
-        Mesh("a.obj", cell=0.0)
-    with pytest.raises(SettingsFileError, match=r"none.obj"):
-        Mesh("none.obj")

@@ -4,7 +4,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sim.tracks.hull import Hull
-from trackslip.errors import InvalidValueError
 
 OVAL = [(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]
 NOSE = [(-0.3, 0.08, 0.08), (0.2, 0.08, 0.08), (0.36, 0.2, 0.06)]
@@ -50,25 +49,6 @@ def test_the_length_of_the_belt_is_that_of_the_convex_hull():
     wrap = np.mod(np.roll(leaving, 1) - leaving, 2 * np.pi)
     belt = sum(run.length for run in hull.runs) + wrap @ hull.wheels[:, 2]
     assert belt == pytest.approx(perimeter, rel=1e-6)
-
-
-@pytest.mark.parametrize(
-    ("wheels", "message"),
-    [
-        ([(0.0, 0.1, 0.1)], r"hull = \[\[0.0, 0.1, 0.1\]\]: must be two wheels"),
-        (None, "hull = None: must be wheels of three numbers each"),
-        ([("a", 0.1, 0.1), (0.2, 0.1, 0.1)], "must be wheels of three numbers each"),
-        ([(0.0, 0.1), (0.2, 0.1)], "must be wheels of three numbers each"),
-        ([(0.0, 0.1, 0.1), (np.nan, 0.1, 0.1)], "must be finite"),
-        ([(0.0, 0.1, 0.1), (0.3, 0.1, -0.1)], "must be finite, with radii of at least"),
-        ([(0.0, 0.1, 0.1), (0.01, 0.1, 0.05)], "without a wheel inside its neighbour"),
-        ([(0, 0, 0.05), (1, 1, 0.05), (1, 0, 0.05), (0, 1, 0.05)], "crosses nowhere"),
-        ([(0, 0, 0.05), (1, 0, 0.05), (0.5, 0.2, 0.05), (1, 1, 0.05), (0, 1, 0.05)], "convex chain"),
-    ],
-)
-def test_an_impossible_hull_is_refused(wheels, message):
-    with pytest.raises(InvalidValueError, match=message):
-        Hull.from_wheels(wheels)
 
 
 @pytest.mark.parametrize("tip", [0.08, 0.05])

@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from sim.traverse.courses import MAX_BOXES, OBSTACLES, draw_course
-from trackslip.errors import InvalidValueError
 
 
 def test_the_same_numbers_draw_the_same_course():
@@ -29,12 +28,3 @@ def test_a_harder_course_has_larger_obstacles(kind):
     measure = length if kind == "gap" else height
     easy, middle, hard = (measure(difficulty) for difficulty in (0.0, 0.5, 1.0))
     assert easy < middle < hard
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [((1.5,), "difficulty"), ((0.5, 3), "obstacles"), ((0.5, 1, ()), "kinds"), ((0.5, 1, ("wall",)), "wall")],
-)
-def test_what_makes_no_sense_is_refused(arguments, message):
-    with pytest.raises(InvalidValueError, match=message):
-        draw_course(np.random.default_rng(0), *arguments)

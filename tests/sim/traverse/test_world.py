@@ -117,21 +117,6 @@ def test_the_scripted_controller_comes_back_to_the_middle():
     np.testing.assert_allclose(world.state.position[0, :2], world.state.position[1, :2] * [1, -1], atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"period": 0.03}, "period = 0.03: must be a multiple of sample, 0.02 s"),
-        ({"sample": 0.003}, "sample = 0.003: must be a multiple of the physics step"),
-        ({"size": 0}, "size = 0"),
-        ({"threads": -1}, "threads = -1"),
-        ({"courses": []}, "courses"),
-    ],
-)
-def test_what_makes_no_sense_is_refused(options, message):
-    with pytest.raises(InvalidValueError, match=message):
-        Traverse(load_tracked("box"), **({"courses": [LEVEL]} | options))
-
-
 def test_commands_that_make_no_sense_are_refused(rescue):
     fine, flippers = np.zeros((1, 2)), np.zeros((1, 4))
     for command, message in (

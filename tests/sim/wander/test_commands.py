@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 
 from sim.wander.commands import DRIVING, Driver, track_commands
 from sim.wander.motion import arc_steps, joined
-from trackslip.errors import InvalidValueError
 from trackslip.kinematics import twist_of_tracks
 
 RATE = 50.0
@@ -77,12 +76,3 @@ def test_figures_close_for_the_half_gauge_that_the_driver_reckons_with(driving, 
     same_heading = np.minimum(turned, 2 * np.pi - turned) < 0.1
     again = np.flatnonzero((away < 0.02) & same_heading & (np.arange(len(away)) > leaves))
     assert len(again) >= rounds
-
-
-def test_unknown_driving_and_bad_limits_are_refused():
-    with pytest.raises(InvalidValueError, match="driving = 'zigzag': must be one of random, eights, stop_and_go, loop"):
-        commands("zigzag")
-    with pytest.raises(InvalidValueError, match="max_speed = -1"):
-        Driver(max_speed=-1.0)
-    with pytest.raises(InvalidValueError, match=r"duration = 0\.01"):
-        commands("random", duration=0.01)

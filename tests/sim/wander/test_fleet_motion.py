@@ -33,13 +33,6 @@ def test_sprockets_follow_their_commands_with_the_servos_lag(robot):
     assert np.abs(spinning.pose[:, 2]).max() > 0.2
 
 
-def test_a_drive_does_not_depend_on_its_neighbours(robot):
-    omega = np.random.default_rng(0).uniform(-3, 3, (51, 2, 2))
-    both = drive_fleet(Fleet(robot, np.zeros((2, 3)), threads=1), omega, 50.0, ABOUT)
-    alone = drive_fleet(Fleet(robot, np.zeros((1, 3)), threads=1), omega[:, 1:], 50.0, ABOUT[1:])
-    np.testing.assert_array_equal(both[1].pose, alone[0].pose)
-
-
 def test_a_rate_that_the_servo_does_not_know_is_refused(robot):
     with pytest.raises(InvalidValueError, match="servo period"):
         drive_fleet(Fleet(robot, np.zeros((2, 3)), threads=1), np.zeros((5, 2, 2)), 30.0, ABOUT)

@@ -10,7 +10,6 @@ import pytest
 from sim.wander.commands import Driver, track_commands
 from sim.wander.motion import LawMotion, Motion, SlipVariation, steps_between
 from sim.wander.pose_source import SOURCES, PoseSource
-from trackslip.errors import InvalidValueError
 from trackslip.kinematics import RobotGeometry, wrap_angle
 from trackslip.slip.icr import ConstantIcr
 
@@ -130,19 +129,3 @@ def test_named_sources_are_deterministic(motion, name):
     for one, other in zip(measure(SOURCES[name], motion), measure(SOURCES[name], motion), strict=True):
         np.testing.assert_array_equal(one, other)
     assert not np.array_equal(measure(SOURCES[name], motion)[1], measure(SOURCES[name], motion, 2)[1])
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        ({"rate": 0.0}, "rate = 0.0: must be a finite number > 0"),
-        ({"position_noise": -0.1}, "position_noise = -0.1: must be a finite number >= 0"),
-        ({"outliers": 1.0}, "outliers = 1.0: must be at least 0 and less than 1"),
-        ({"jitter": 0.011}, "jitter = 0.011: must be at most 0.01 s, 0.2 of a period"),
-        ({"delay": np.inf}, "delay = inf: must be a finite number"),
-        ({"scale_error": -1.0}, "scale_error = -1.0: must be greater than -1"),
-    ],
-)
-def test_mistakes(options, message):
-    with pytest.raises(InvalidValueError, match=message):
-        PoseSource(**options)

@@ -1,0 +1,233 @@
+"""Settings in TOML files: what they hold, and one line with file and field for those with mistakes."""
+
+import dataclasses
+import re
+from pathlib import Path
+
+import pytest
+from pages import ROOT, file
+from tracked_files import ROBOT, write_robot
+
+from sim.ground.ground import Change, Ground, Patch
+from sim.ground.named import NAMED_GROUNDS, load_ground
+from sim.robot.parameters import RobotParameters, load_robot_file, robot_file_text
+from sim.robot.tracked import load_tracked
+from sim.scanner.obstacles import NAMED_OBSTACLES, Obstacles, Post, Walker, Wall, load_obstacles
+from sim.terrain import Course, Mesh, Ramp, Rough, Stairs, load_course
+from trackslip.errors import InvalidValueError, SettingsFileError
+
+PAGE = ROOT / "docs" / "grounds_and_robots.md"
+OBSTACLES = """
+[[posts]]
+x = 1
+y = 2.0
+
+[[walls]]
+x0 = 0.0
+y0 = 0.0
+x1 = 1.0
+y1 = 0.0
+
+[[walkers]]
+x = 0.0
+y = 5.0
+vx = 1.2
+vy = 0.0
+turns_after = 3.0
+"""
+COURSE = """
+width = 2
+friction = 0.5
+seed = 7
+start_length = 3.0
+
+[[pieces]]
+kind = "stairs"
+rise = -0.1
+number = 3
+width = inf
+
+[[pieces]]
+kind = "rough"
+amplitude = 0.05
+"""
+
+
+def test_files_hold_all_fields(tmp_path):
+    path = tmp_path / "any.toml"
+    path.write_text(OBSTACLES)
+    expected = Obstacles((Post(1.0, 2.0),), (Wall(0.0, 0.0, 1.0, 0.0),), (Walker(0.0, 5.0, 1.2, 0.0, turns_after=3.0),))
+    assert load_obstacles(str(path)) == expected
+    path.write_text(COURSE)
+    assert load_course(str(path)) == Course((Stairs(-0.1, number=3), Rough(amplitude=0.05)), 2.0, 0.5, 7, 3.0)
+    assert load_course(str(path), seed=8) == dataclasses.replace(load_course(str(path)), seed=8)
+    parameters, ground = RobotParameters(half_gauge=0.12, contact_length=0.2, com_x=0.01, mass=9.0), Ground(0.5, 0.6)
+    path.write_text(robot_file_text(parameters, ground, "made by hand"))
+    assert load_robot_file(path) == (parameters, ground)
+
+
+def test_missing_fields_are_the_defaults(tmp_path):
+    path = tmp_path / "any.toml"
+    path.write_text("# nothing\n")
+    assert load_ground(str(path)) == NAMED_GROUNDS["stone"].ground == Ground()
+    path.write_text("com_y = 0.01\n")
+    assert load_robot_file(path) == (RobotParameters(com_y=0.01), Ground())
+    assert load_course("side_slope").pieces[0].blend == 1.0
+    assert load_course("ramp20").pieces[0] == Ramp(0.3491, 3.0)
+
+
+def test_files_of_a_piece_are_beside_the_course(tmp_path):
+    (tmp_path / "roof.obj").write_text("v 0 0 0\nv 2 0 0\nv 2 1 1\nv 0 1 1\nf 1 2 3\nf 1 3 4\n")
+    (tmp_path / "mine.toml").write_text('[[pieces]]\nkind = "mesh"\nfile = "roof.obj"\n')
+    assert load_course(str(tmp_path / "mine.toml")).pieces == (Mesh(str(tmp_path / "roof.obj")),)
+
+
+def test_the_examples_on_the_page_are_files(tmp_path):
+    for name in ("ground", "robot", "obstacles"):
+        (tmp_path / f"{name}.toml").write_text(file(PAGE, f"{name}.toml"))
+    ground = load_ground(str(tmp_path / "ground.toml"))
+    assert (ground.along, ground.slope) == (NAMED_GROUNDS["gravel"].ground.along, 0.1)
+    assert ground.patches == (Patch((0.0, 2.0), (-1.0, 1.0), 0.12, 0.12),)
+    assert ground.changes == (Change(20.0, 0.5, 0.7),)
+    expected = RobotParameters(half_gauge=0.25, contact_length=0.5), Ground()
+    assert load_robot_file(tmp_path / "robot.toml") == expected
+    found = load_obstacles(str(tmp_path / "obstacles.toml"))
+    assert (len(found.posts), len(found.walls), found.walkers) == (1, 1, NAMED_OBSTACLES["walker"].walkers)
+
+
+def test_the_page_lists_the_named_grounds():
+    rows = re.findall(r"^\| `(\w+)` \| ([\d.]+) \| ([\d.]+) \| (\d+) \| (.+) \|$", PAGE.read_text(), re.MULTILINE)
+    listed = {name: (float(along), float(across), float(shear), source) for name, along, across, shear, source in rows}
+    known = NAMED_GROUNDS.items()
+    assert listed == {name: (n.ground.along, n.ground.across, 1e3 * n.ground.shear, n.source) for name, n in known}
+
+
+def load_robot(source):
+    return load_robot_file(Path(source))
+
+
+PIECE, RAMP = "[[patches]]\ny = [0, 1]\nalong = 1\nacross = 1\n", '[[pieces]]\nkind = "ramp"\n'
+STAIRS, PICTURE = '[[pieces]]\nkind = "stairs"\n', '[[pieces]]\nkind = "picture"\n'
+MISTAKES = [
+    # what any file can have
+    (load_ground, "along = ", "not TOML"),
+    (load_ground, f"along = {'9' * 400}", "along = 999"),  # too large for a float
+    (load_ground, f"along = {'9' * 5000}", "not TOML (Exceeds the limit"),  # too long for Python to read
+    (
+        load_ground,
+        f"along = 0x{'f' * 6000}",
+        "along = a huge number: must be a number of moderate size",
+    ),  # and to write
+    (load_ground, f"along = {list(range(10_000))}", "along = [0, 1, 2,"),
+    (load_ground, "a = " + "[" * 5000, "not TOML (maximum recursion"),
+    (load_ground, "along" + ".x" * 5000 + " = 1", "nested too deeply, at most 20 levels are allowed"),
+    (load_ground, "along = 1979-05-27", "along = datetime.date(1979, 5, 27): must be a number"),
+    (load_ground, "along = true", "along = True: must be a number"),
+    (load_ground, "along = 1\nalong = 2", "not TOML (Cannot overwrite"),
+    (load_ground, "grip = 1.0", "grip is unknown; known are along, across"),
+    # grounds
+    (load_ground, "across = 99", "across = 99.0: must be at most 10"),
+    (load_ground, "slope = 2.0", "slope = 2.0: must be at most 1.5 rad"),
+    (load_ground, "base = 'mud'", "base = 'mud': must be one of stone"),
+    (load_ground, "[base]\nx = 1", "base = {'x': 1}: must be one of stone"),
+    (load_ground, "patches = 3", "patches = 3: must be a list"),
+    (load_ground, "patches = [3]", "patches[0]: 3 is not a table"),
+    (load_ground, PIECE, "patches[0]: x is missing"),
+    (load_ground, PIECE + "x = [false, true]", "patches[0]: x = False: must be a number"),
+    (load_ground, PIECE + "x = [[0], [1]]", "patches[0]: x = [0]: must be a number"),
+    (load_ground, PIECE + "x = [0, 1, 2]", "patches[0]: x = (0.0, 1.0, 2.0): must be two ascending numbers"),
+    (load_ground, PIECE + "x = [nan, 1]", "patches[0]: x = (nan, 1.0): must be two ascending numbers"),
+    (load_ground, "[[changes]]\ntime = inf\nalong = 1\nacross = 1", "changes[0]: time = inf: must be a finite number"),
+    (
+        load_ground,
+        "changes = [{time = 2, along = 1, across = 1}, {time = 1, along = 1, across = 1}]",
+        "changes = [2.0, 1.0]: must be in ascending order",
+    ),
+    # robots
+    (load_robot, "half_gauge = 'wide'", "half_gauge = 'wide': must be a number"),
+    (load_robot, "com_x = 0.1", "com_x = 0.1: must be between"),
+    (load_robot, "ground = 3", "ground: 3 is not a table"),
+    (load_robot, "[ground]\nalong = -1", "ground: along = -1.0: must be a finite number > 0"),
+    # obstacles
+    (load_obstacles, "[[posts]]\nx = 1.0\ny = 0\nradius = -1", "posts[0]: radius = -1.0: must be"),
+    (load_obstacles, "[[trees]]\nx = 1.0", "trees is unknown; known are posts, walls, walkers"),
+    # courses
+    (load_course, "", "pieces = (): must be at least one piece"),
+    (load_course, "pieces = 3", "pieces = 3: must be a list of tables"),
+    (load_course, "pieces = [3]", "pieces[0]: 3 is not a table"),
+    (load_course, "[[pieces]]\nangle = 1", "pieces[0]: kind = None: must be one of flat, ramp, step, stairs"),
+    (load_course, "[[pieces]]\nkind = [1]", "pieces[0]: kind = [1]: must be one of flat, ramp"),
+    (load_course, RAMP + "slope = 1", "pieces[0]: slope is unknown; known are angle, length"),
+    (load_course, RAMP + "angle = nan", "pieces[0]: angle = nan: must be from -1.2 to 1.2 rad"),
+    (load_course, STAIRS + "number = 3.0", "pieces[0]: number = 3.0: must be a whole number"),
+    (load_course, STAIRS + "number = true", "pieces[0]: number = True: must be a whole number"),
+    (load_course, PICTURE, "pieces[0]: file is missing"),
+    (load_course, PICTURE + "file = 3", "pieces[0]: file = 3: must be a text"),
+    (load_course, PICTURE + 'file = "none.png"', "none.png: "),
+    (load_course, "seed = -1\n" + RAMP, "seed = -1: must be a whole number >= 0"),
+    (
+        load_course,
+        "width = 200\n[[pieces]]\nkind = 'rough'\ncell = 0.005",
+        "cells along a side of rough ground = 40001",
+    ),
+]
+
+
+@pytest.mark.parametrize(("load", "text", "message"), MISTAKES, ids=[message[:40] for _, _, message in MISTAKES])
+def test_a_mistake_is_one_line_with_file_and_field(tmp_path, load, text, message):
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    with pytest.raises(SettingsFileError) as error:
+        load(str(path))
+    line = str(error.value)
+    assert line.startswith(str(tmp_path))
+    assert message in line
+    assert "\n" not in line
+    assert len(line) < len(str(path)) + 200
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("half_gauge = 0.2", "half_gauge = -1", r"mine.toml: half_gauge = -1.0: must be a finite number > 0"),
+        ("half_gauge = 0.2", "", "mine.toml: half_gauge is missing"),
+        ('side = "left"', 'side = "top"', r"mine.toml: flippers\[0\]: side = 'top': must be left or right"),
+        ("[[-0.2, 0.1, 0.1], [0.2", "[[0.2", "mine.toml: hull = .*two wheels"),
+        ("[[-0.2, 0.1, 0.1]", '[["a", 0.1, 0.1]', r"mine.toml: hull\[0\] = 'a': must be a number"),
+        ('model = "mine.urdf"', "model = 3", "mine.toml: model = 3: must be a text"),
+    ],
+)
+def test_files_of_tracked_robots_with_mistakes(tmp_path, old, new, said):
+    with pytest.raises(SettingsFileError, match=said):
+        load_tracked(write_robot(tmp_path, ROBOT.replace(old, new)))
+
+
+@pytest.mark.parametrize(
+    ("load", "known"),
+    [
+        (load_ground, "ground = .*: must be one of stone, concrete"),
+        (load_obstacles, "obstacles = .*one of posts, room, walker, occluded, or"),
+        (load_course, "course = .*must be one of arena, cross_beams, .*, or a .toml file"),
+        (load_tracked, r"robot = .*one of rescue, box, or a \.toml file"),
+    ],
+)
+def test_names_that_are_neither_known_nor_files(load, known):
+    for name in ("", "mud", "x" * 5000, "/dev/null/below"):
+        with pytest.raises(InvalidValueError, match=known):
+            load(name)
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    (tmp_path / "folder.toml").mkdir()
+    for name, message in (
+        ("none.toml", "No such file"),
+        ("binary.toml", "not text"),
+        ("folder.toml", "Is a directory"),
+        ("x" * 5000 + ".toml", "File name too long"),
+    ):
+        for load in (load_ground, load_course, load_tracked):
+            with pytest.raises(SettingsFileError, match=message):
+                load(str(tmp_path / name))
+    with pytest.raises(SettingsFileError, match="Is a directory"):
+        load_robot_file(tmp_path)
