@@ -7,6 +7,10 @@ import pytest
 from sim.env import PathTrackingEnv
 from sim.network import Network
 from sim.policy import Policy, PolicyController
+from sim.task_env import from_options
+from sim.traverse.config import TraverseConfig
+from sim.traverse.policy import CrossingPolicy
+from sim.traverse.task import Crossing
 from trackslip.controllers.base import SensesSprockets
 from trackslip.errors import LogError
 from trackslip.trajectory.segmented import paper_reference
@@ -44,16 +48,6 @@ def test_without_corrections_the_references_twist_is_driven():
     np.testing.assert_allclose(twist, [[0.15, 0.12]], atol=1e-7)
 
 
-def test_a_stored_policy_is_the_same(tmp_path):
-    rng = np.random.default_rng(0)
-    policy, seen = Policy(network(rng), AUTHORITY, OPTIONS), rng.uniform(-1, 1, (5, 19))
-    policy.save(tmp_path / "policy.npz")
-    for path in (tmp_path, tmp_path / "policy.npz"):
-        stored = Policy.load(path)
-        np.testing.assert_array_equal(stored.action(seen), policy.action(seen))
-        assert (stored.authority, stored.options) == (AUTHORITY, OPTIONS)
-
-
 def test_what_is_no_policy_is_refused(tmp_path):
     np.savez(tmp_path / "other.npz", a=np.zeros(2))
     (tmp_path / "cut.npz").write_bytes(b"PK\x03\x04 and so on")
@@ -86,3 +80,27 @@ def test_on_the_benchmark_a_policy_sees_what_it_saw_in_the_environment():
         twist = controller.twist(info["time"], np.array(info["measured_pose"])[None], reference)
         np.testing.assert_allclose(twist[0] / [0.3, 1.0], action, atol=1e-6)
         observation, *_, info = env.step(action.astype(np.float32))
+
+
+def test_corrections_of_zero_are_the_scripted_controller():
+    still = CrossingPolicy(Network((np.zeros((63, 4)),), (np.zeros(4),)), {"action": "correction", "flippers": "pairs"})
+    task = Crossing(from_options(TraverseConfig, still.options), 1, threads=1)
+    other = Crossing(task.config, 1, threads=1)
+    for one in (task, other):
+        one.begin([0], [one.draw(np.random.default_rng(0), {"difficulty": 0.5})])
+    for _ in range(5):
+        task.step(still.action(task.observation()))
+        other.world.step(other.config.scripted.command(other.world))
+        np.testing.assert_array_equal(task.world.state.qpos, other.world.state.qpos)
+
+
+def test_a_stored_policy_is_the_same(tmp_path):
+    rng = np.random.default_rng(0)
+    for policy in (Policy(network(rng), AUTHORITY, OPTIONS), CrossingPolicy(network(rng), {"robot": "box"})):
+        policy.save(tmp_path / "policy.npz")
+        seen = rng.uniform(-1, 1, (5, 19))
+        for path in (tmp_path, tmp_path / "policy.npz"):
+            stored = type(policy).load(path)
+            np.testing.assert_array_equal(stored.action(seen), policy.action(seen))
+            assert stored.options == policy.options
+            assert getattr(stored, "authority", None) == getattr(policy, "authority", None)

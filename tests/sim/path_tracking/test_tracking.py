@@ -1,0 +1,201 @@
+import numpy as np
+import pytest
+
+from sim.env import PathTrackingEnv, PathTrackingVectorEnv
+from sim.fleet import Fleet
+from sim.ground.ground import Ground
+from sim.ground.named import NAMED_GROUNDS
+from sim.path_tracking.config import Reward
+from sim.path_tracking.episode import ReferenceTable
+from sim.path_tracking.randomization import Randomization
+from sim.path_tracking.tracking import TERMS
+from sim.robot.parameters import RobotParameters
+from sim.run_recorder import Description
+from sim.runs import closed_loop
+from sim.scanner.feed import ScannerFeed
+from sim.scanner.scanner import LaserScanner
+from sim.steering import Pilot
+from trackslip.controllers.linear import LinearTimeVarying
+from trackslip.errors import InvalidValueError
+from trackslip.kinematics import wrap_angle
+from trackslip.metrics import tracking_errors
+from trackslip.slip.compensation import FixedLaw
+from trackslip.slip.law_file import load_laws
+from trackslip.trajectory.named import REFERENCES, named_reference
+
+
+def test_episodes_differ_within_their_ranges():
+    drawn = Randomization.typical()
+    env = PathTrackingEnv(reference=("paper", "circle"), ground=("stone", "ice"), randomization=drawn)
+    episodes = [env.task.draw(np.random.default_rng(seed), {}) for seed in range(200)]
+    settings = [episode.setting for episode in episodes]
+    for name, low, high in (("radius_error", *drawn.radius_error), ("lag", *drawn.lag)):
+        values = [getattr(setting, name) for setting in settings]
+        assert low <= min(values) < low + 0.1 * (high - low)
+        assert high - 0.1 * (high - low) < max(values) <= high
+    assert {episode.latency for episode in episodes} == {0, 1, 2}
+    assert {episode.reference for episode in episodes} == {0, 1}
+    assert {len(setting.ground.patches) for setting in settings} == {0, 1, 2, 3}
+    assert {setting.ground.along for setting in settings} == {0.70, 0.12}
+    assert max(setting.ground.slope for setting in settings) > 0.08
+    for setting, episode in zip(settings, episodes, strict=True):
+        start = env.task.table.path(episode.reference)[0]
+        assert np.hypot(*(np.array(setting.start) - start)[:2]) <= 0.2
+        assert abs(wrap_angle(setting.start[2] - start[2])) <= 0.3
+
+
+def test_a_controller_keeps_the_path_as_it_does_elsewhere(robot):
+    """The classical controller of the closed loop, through the environment's eyes and hands."""
+    reference, law = named_reference("paper"), load_laws()["icr_radius"]
+    fleet = Fleet(robot, reference.pose([0.0]))
+    feed = ScannerFeed(LaserScanner(), fleet, [np.random.default_rng(0)])
+    pilot = Pilot(LinearTimeVarying(), [0], FixedLaw(law))
+    log = closed_loop(fleet, [pilot], reference, feed, None, [Description("run")])[0]
+    env = PathTrackingEnv(action="twist", compensation="icr_radius")
+    _, info = env.reset(seed=0)
+    poses, ended = [info["true_pose"]], False
+    while not ended:
+        twist = LinearTimeVarying().twist(info["time"], info["measured_pose"], reference)
+        _, _, terminated, ended, info = env.step((twist / [0.3, 1.0]).astype(np.float32))
+        assert not terminated
+        poses.append(info["true_pose"])
+    np.testing.assert_allclose(np.array(poses), log.truth.pose, atol=1e-4)  # but for settling and float32
+    elsewhere, here = (tracking_errors(log.time, p, reference) for p in (log.truth.pose, np.array(poses)))
+    assert here.rms_position == pytest.approx(elsewhere.rms_position, rel=0.02)
+
+
+def test_observations_of_a_known_case():
+    env = PathTrackingEnv(previews=2, preview_spacing=0.5, reference="circle")
+    observation, info = env.reset(seed=0, options={"start_error": (-0.1, 0.2, 0.5)})
+    # it starts at constant speed; the robot is behind, to the left and turned to the left
+    cos, sin = np.cos(0.5), np.sin(0.5)
+    error = np.array([cos * 0.1 - sin * 0.2, -sin * 0.1 - cos * 0.2])
+    expected = [*error / 0.5, -0.5 / np.pi, *[0.15 / 0.3, 0.15 / 1.0] * 3, 0, 0, 0, 0]
+    np.testing.assert_allclose(observation, expected, atol=1e-6)
+    np.testing.assert_allclose(info["true_error"], [*error, -0.5], atol=1e-9)
+    assert info["true_slip"].tolist() == [0, 0]
+    for _ in range(20):
+        observation, *_, info = env.step(np.array([0.5, 0.4], np.float32))
+    np.testing.assert_allclose(observation[-2:], [0.5, 0.4], atol=1e-6)
+    np.testing.assert_allclose(observation[-4:-2], [0.5, 0.4], atol=1e-3)
+    np.testing.assert_allclose(info["measured_omega"], [2.5, 2.0], atol=2e-3)
+    assert info["time"] == pytest.approx(1.0)
+    assert 0 < info["true_slip"][0] < 0.5
+
+
+def test_a_reference_ends_with_truncation_and_leaving_it_with_termination():
+    env = PathTrackingEnv(reference="circle", action="twist", compensation="icr_radius")
+    env.reset(seed=0)
+    reference = named_reference("circle")
+    steps, ended = 0, False
+    while not ended:
+        _, _, terminated, ended, info = env.step(np.array([0.5, 0.15], np.float32))
+        steps += 1
+        assert not terminated
+    assert steps == np.ceil(reference.duration / 0.05)
+    assert info["success"]
+    env.reset(seed=0)
+    while not terminated:
+        before = info
+        _, reward, terminated, truncated, info = env.step(np.zeros(2, np.float32))
+        assert not truncated
+    assert np.hypot(*before["true_error"][:2]) <= 0.5 < np.hypot(*info["true_error"][:2])
+    assert reward < -8
+    assert info["reward_termination"] == -10
+    assert not info["success"]
+
+
+def test_rewards_are_the_sum_of_their_terms():
+    env = PathTrackingEnv(reward=Reward(weight_position=2.0, heading_scale=0.1), reference="slalom")
+    env.reset(seed=0, options={"start_error": (0.1, 0.1, 0.2)})
+    env.action_space.seed(0)
+    previous = np.zeros(2)
+    for _ in range(60):
+        action = env.action_space.sample()
+        _, reward, _, _, info = env.step(action)
+        x, y, phi = info["true_error"]
+        place, turn = (x**2 + y**2) / 0.05**2, (phi / 0.1) ** 2
+        assert info["reward_alive"] == 1
+        assert info["reward_position"] == pytest.approx(-2 * place / (1 + place))
+        assert info["reward_heading"] == pytest.approx(-0.2 * turn / (1 + turn))
+        assert info["reward_change"] == pytest.approx(-0.1 * np.mean((action.astype(float) - previous) ** 2) / 4)
+        assert reward == pytest.approx(sum(info[f"reward_{term}"] for term in TERMS))
+        previous = action.astype(float)
+
+
+def test_an_action_arrives_after_the_latency():
+    env = PathTrackingEnv()
+    for latency in (0, 1, 2):
+        env.reset(seed=0, options={"latency": latency})
+        arrived = [env.step(np.array([0.2, 0.2], np.float32))[-1]["set_point"][0] for _ in range(4)]
+        np.testing.assert_allclose(arrived, [0.0] * latency + [1.0] * (4 - latency), atol=1e-6)
+
+
+def test_options_ask_for_what_is_not_to_be_drawn():
+    env = PathTrackingEnv(randomization="typical", robot=RobotParameters(half_gauge=0.2))
+    assert env.task.fleet.robot.geometry.half_gauge == 0.2
+    ground = Ground(0.4, 0.6)
+    _, info = env.reset(seed=1, options={"ground": ground, "start_error": (0, 0, 0), "com": (0.01, 0.0)})
+    np.testing.assert_allclose(info["friction"], [0.4, 0.6])
+    np.testing.assert_allclose(info["true_error"], 0, atol=1e-9)
+    for options, message in (
+        ({"grund": "ice"}, "grund"),
+        ({"ground": "mud"}, "mud"),
+        ({"reference": "moon"}, "moon"),
+        ({"latency": 3}, "latency"),
+        ({"lag": -1.0}, "lag"),
+        ({"start_error": (0, np.nan, 0)}, "start_error"),
+        ({"start_error": 1.0}, "start_error"),
+        ({"com": (1.0, 0.0)}, "com_x"),
+        ({"radius_error": 2.0}, "radius_error"),
+        ({"ground": Ground(0.2, 0.2, slope=0.3)}, "slope"),
+        ({"ground": "clay"}, r"ground\.shear = 0\.006: must be 0 in an environment"),
+    ):
+        with pytest.raises(InvalidValueError, match=message):
+            env.reset(options=options)
+
+
+def test_each_robot_may_have_its_own_ground_and_reference():
+    env = PathTrackingVectorEnv(num_envs=2)
+    options = {"ground": [Ground(0.4, 0.5), "ice"], "reference": ["circle", "slalom"], "latency": 1}
+    _, info = env.reset(seed=0, options=options)
+    np.testing.assert_allclose(info["friction"], [[0.4, 0.5], [0.12, 0.12]])
+    np.testing.assert_allclose(info["true_pose"], [[-1.5, 0.4, 0.0], [-3.5, 1.2, info["true_pose"][1, 2]]], atol=1e-9)
+    with pytest.raises(InvalidValueError, match="list of 2"):
+        env.reset(options={"reference": ["circle"]})
+
+
+def test_whatever_is_drawn_can_be_parked():
+    drawn = Randomization(
+        friction_ratio=(0.3, 3.0),
+        com_x=(-0.03, 0.03),
+        com_y=(-0.06, 0.06),
+        slope=(0.0, 1.0),
+        patches=(0, 10),
+        shear=(0.0, 0.02),
+        start_distance=(0.0, 0.4),
+        start_heading=(-3.0, 3.0),
+    )
+    env = PathTrackingVectorEnv(200, reference=tuple(REFERENCES), ground=tuple(NAMED_GROUNDS), randomization=drawn)
+    _, info = env.reset(seed=5)
+    start = info["true_pose"]
+    for _ in range(10):
+        *_, info = env.step(np.zeros((200, 2), np.float32))
+    assert np.abs(info["true_pose"] - start).max() < 2e-3  # ground that shears gives way a little
+
+
+def test_rows_of_the_table_are_the_references_at_the_instants_of_control():
+    names, steps = ("circle", "paper", "stop_and_go"), np.array([0, 4, 20])
+    table = ReferenceTable(names, steps)
+    index, k = np.array([1, 0, 2]), np.array([[0, 0, 0], [37, 400, 900], [120, 838, 1]]).T
+    for row, name in enumerate(np.array(names)[index]):
+        reference = named_reference(name)
+        np.testing.assert_array_equal(table.pose(index[row], k[row]), reference.pose(k[row] * 0.05))
+        later = (k[row][:, None] + steps) * 0.05
+        np.testing.assert_array_equal(table.twists(index[row], k[row]), reference.twist(later))
+        assert (table.last[index[row]] - 1) * 0.05 < reference.duration <= table.last[index[row]] * 0.05 + 1e-9
+        far = np.array([table.last[index[row]] + 20, 10_000])  # beyond its end it stands
+        np.testing.assert_array_equal(table.twists(index[row], far), 0)
+        np.testing.assert_allclose(table.pose(index[row], far), [reference.pose(reference.duration)] * 2)
+    assert [table.index("slalom") for _ in range(2)] == [3, 3]
+    assert len(table.path(3)) == table.last[3] + 1

@@ -1,0 +1,191 @@
+"""Both environments through gymnasium: its checker, seeds, and rows of the batch that are the single environment."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env, data_equivalence
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+from sim.env import PathTrackingVectorEnv
+from sim.path_tracking.randomization import Randomization
+from sim.terrain import Course, Flat, Step
+from sim.traverse.env import TraverseVectorEnv
+from sim.traverse.outcome import Limits
+from trackslip.errors import InvalidValueError, TrackslipError
+from trackslip.slip.exponential import PUBLISHED
+
+TRACKING, TRAVERSE = "sim:trackslip/PathTracking-v0", "sim:trackslip/Traverse-v0"
+TWIST = {"action": "twist", "compensation": "icr_radius"}
+DRAWN = {
+    "reference": ("paper", "slalom", "stop_and_go"),
+    "ground": ("stone", "gravel"),
+    "randomization": "typical",
+    "off_path": 0.22,
+}
+VARIANTS = [
+    (TRACKING, {}),
+    (TRACKING, TWIST | {"pose_source": "noisy", "randomization": "typical"}),
+    (TRACKING, {"action": "twist", "compensation": PUBLISHED, "previews": 0}),
+    (TRACKING, {"pose_source": "scanner", "randomization": "typical", "reference": ("circle", "slalom")}),
+    (TRAVERSE, {}),
+    (TRAVERSE, {"action": "correction", "flippers": "pairs", "period": 0.2}),
+    (TRAVERSE, {"course": ("random", "step10", "rough"), "kinds": ("gap",)}),
+    (TRAVERSE, {"robot": "box", "course": Course((Flat(0.5), Step(0.05)))}),
+]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("name", "options"), VARIANTS)
+def test_gymnasium_finds_no_fault(name, options):
+    check_env(gym.make(name, **options).unwrapped, skip_render_check=True)
+
+
+def drive(env, seed, steps):
+    env.action_space.seed(seed)
+    results = [env.reset(seed=seed)]
+    for _ in range(steps):
+        results.append(env.step(env.action_space.sample()))
+    return results
+
+
+@pytest.mark.parametrize(("name", "options"), VARIANTS)
+def test_an_episode_follows_from_its_seed(name, options):
+    env, steps = gym.make(name, **options), 50 if name == TRACKING else 5
+    first, other, again = (drive(env, seed, steps) for seed in (3, 4, 3))
+    for same in (again, drive(gym.make(name, **options), 3, steps)):
+        assert all(data_equivalence(a, b, exact=True) for a, b in zip(first, same, strict=True))
+    assert not data_equivalence(first[-1], other[-1], exact=True)
+
+
+def assert_same(one, two):
+    for a, b in zip(one, two, strict=True):
+        if isinstance(a, dict):
+            assert a.keys() == b.keys()
+            for key in a:
+                assert data_equivalence(a[key], b[key], exact=True), key
+        else:
+            np.testing.assert_array_equal(a, b)
+
+
+SHORT = {"limits": Limits(time=1.2, stuck_time=0.4), "course": ("random", "rough"), "period": 0.2}
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "mode"),
+    [
+        *((TRACKING, DRAWN, mode) for mode in AutoresetMode),
+        *((TRACKING, DRAWN | {"pose_source": "scanner"}, mode) for mode in AutoresetMode),  # most to restart
+        (TRACKING, DRAWN | TWIST | {"pose_source": "noisy"}, AutoresetMode.SAME_STEP),
+        (TRAVERSE, SHORT, AutoresetMode.NEXT_STEP),
+        (TRAVERSE, SHORT, AutoresetMode.SAME_STEP),
+    ],
+)
+def test_a_row_is_the_single_environment_to_the_bit(name, options, mode, tmp_path):
+    file = tmp_path / "short.csv"
+    file.write_text("x,y\n0,0\n0.1,0\n0.2,0.02\n")  # of a few seconds, so that an episode comes to its end
+    if name == TRACKING:
+        options = options | {"reference": (*options["reference"], str(file))}
+    native = gym.make_vec(name, num_envs=3, autoreset_mode=mode, threads=2, **options)
+    single = gym.make_vec(name, 3, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, **options)
+    assert isinstance(native, PathTrackingVectorEnv | TraverseVectorEnv)
+    assert isinstance(single, SyncVectorEnv)
+    for space in ("observation_space", "action_space", "metadata"):
+        assert getattr(native, space) == getattr(single, space)
+    assert_same(native.reset(seed=7), single.reset(seed=7))
+    single.action_space.seed(3)
+    ends = 0
+    for _ in range(9 if name == TRAVERSE else 80):
+        actions = single.action_space.sample()
+        if name == TRAVERSE:
+            actions[0] = -1.0, 1.0, 0.0, 0.0, 0.0, 0.0  # turns on the spot until its time is over
+        results = native.step(actions), single.step(actions)
+        assert_same(*results)
+        ended = results[0][2] | results[0][3]
+        ends += ended.sum()
+        if mode is AutoresetMode.DISABLED and ended.any():
+            assert_same(*(env.reset(options={"reset_mask": ended.copy()}) for env in (native, single)))
+    assert ends >= 1
+    native.close()
+    single.close()
+
+
+def test_seeds_may_be_one_each():
+    native = gym.make_vec(TRACKING, num_envs=3, **DRAWN)
+    single = gym.make_vec(TRACKING, num_envs=3, vectorization_mode="sync", **DRAWN)
+    assert_same(native.reset(seed=[5, 1, 5]), single.reset(seed=[5, 1, 5]))
+    observation, _ = native.reset(seed=[5, None, 5])
+    np.testing.assert_array_equal(observation[0], observation[2])
+    with pytest.raises(InvalidValueError, match="seed"):
+        native.reset(seed=[1, 2])
+
+
+def test_same_bits_at_any_number_of_threads():
+    runs = []
+    for threads in (1, 2):
+        env = gym.make_vec(TRACKING, num_envs=4, threads=threads, **DRAWN)
+        runs.append(drive(env, 1, 60))
+    for one, two in zip(*runs, strict=True):
+        assert_same(one, two)
+
+
+def test_who_has_ended_must_be_reset_where_nobody_else_does():
+    drawn = Randomization(start_distance=(0.1, 0.1))
+    env = gym.make_vec(TRACKING, num_envs=2, autoreset_mode="Disabled", off_path=0.11, randomization=drawn)
+    with pytest.raises(TrackslipError, match="reset"):
+        env.step(np.zeros((2, 2)))
+    with pytest.raises(InvalidValueError, match="reset_mask"):
+        env.reset(options={"reset_mask": np.array([True, False])})
+    env.reset(seed=0)
+    ended = np.zeros(2, bool)
+    while not ended.any():
+        _, _, terminated, truncated, _ = env.step(np.array([[-1.0, -1.0], [0.0, 0.0]]))
+        ended = terminated | truncated
+    with pytest.raises(TrackslipError, match=r"robots \[0\] have ended"):
+        env.step(np.zeros((2, 2)))
+    for mask in ([True, False], np.zeros(2, bool), np.ones(3, bool)):
+        with pytest.raises(InvalidValueError, match="reset_mask"):
+            env.reset(options={"reset_mask": mask})
+    _, info = env.reset(options={"reset_mask": ended})
+    assert info["_time"].tolist() == [True, False]
+    env.step(np.zeros((2, 2)))
+
+
+@pytest.mark.parametrize("name", [TRACKING, TRAVERSE])
+def test_actions_that_make_no_sense_are_refused(name):
+    env = gym.make_vec(name, num_envs=2, threads=1)
+    env.reset(seed=0)
+    count = env.single_action_space.shape[0]
+    for actions in (
+        np.zeros((2, count + 1)),
+        np.zeros(count),
+        np.full((2, count), np.nan),
+        np.full((2, count), np.inf),
+    ):
+        with pytest.raises(InvalidValueError, match="action"):
+            env.step(actions)
+
+
+def fuzz(name, robots, steps, **options):
+    env = gym.make_vec(name, num_envs=robots, threads=2, **options)
+    env.reset(seed=11)
+    env.action_space.seed(11)
+    for _ in range(steps):
+        observation, reward, _, _, info = env.step(env.action_space.sample())
+        assert env.observation_space.contains(observation)
+        assert np.isfinite(reward).all()
+        for key, values in info.items():
+            assert values.dtype == object or key.startswith("_") or np.isfinite(values).all(), key
+
+
+FUZZED = [(TRACKING, 64, DRAWN | {"off_path": 0.5}), (TRAVERSE, 8, {"course": ("random", "rough")})]
+
+
+@pytest.mark.parametrize(("name", "robots", "options"), FUZZED)
+def test_random_actions_never_leave_the_finite(name, robots, options):
+    fuzz(name, robots, 50 if name == TRACKING else 20, **options)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "robots", "options"), FUZZED)
+def test_a_million_random_actions(name, robots, options):
+    fuzz(name, 64, 15_625, **options)

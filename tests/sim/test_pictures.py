@@ -1,0 +1,168 @@
+"""What environments and views draw: pictures, a window on a virtual display, and errors where nothing can be drawn."""
+
+import importlib
+import os
+import shutil
+import subprocess
+import sys
+import time
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+import pytest
+
+from sim.robot.tracked import load_tracked
+from sim.robot.tracked_model import build_tracked
+from sim.robot.tracked_view import TrackedView
+from trackslip.errors import InvalidValueError, TrackslipError
+
+TRACKING, TRAVERSE = "sim:trackslip/PathTracking-v0", "sim:trackslip/Traverse-v0"
+
+
+@pytest.fixture(scope="module")
+def opengl():
+    """Skip where OpenGL doesn't work."""
+    for backend in ("egl", "osmesa"):
+        try:
+            context = importlib.import_module(f"mujoco.{backend}").GLContext(8, 8)
+        except Exception:
+            continue
+        context.free()
+        return
+    pytest.skip("OpenGL doesn't work here")
+
+
+def pixels(picture, colour):
+    """How many pixels of a picture (H, W, 3) have a colour."""
+    red, green, blue = np.moveaxis(picture.astype(int), -1, 0)
+    path, trail = (blue > red + 60) & (blue > green), (red > blue + 90) & (red > green + 40)
+    looks = {"blue": path, "orange": trail, "yellow": (red > blue + 60) & (green > blue + 30)}
+    return int(looks[colour].sum())
+
+
+@pytest.mark.filterwarnings("ignore")  # of drivers
+@pytest.mark.usefixtures("opengl")
+def test_pictures_show_the_robot_its_path_and_its_trail():
+    env = gym.make(TRACKING, render_mode="rgb_array", reference="circle", off_path=5.0).unwrapped
+    env.reset(seed=0)
+    before = env.render()
+    assert (before.shape, before.dtype) == ((480, 640, 3), np.uint8)
+    assert pixels(before, "blue") > 200
+    for _ in range(60):
+        env.step(np.array([0.7, 0.7], np.float32))
+    after = env.render()
+    assert pixels(after, "orange") > pixels(before, "orange") + 50
+    env.close()
+
+
+@pytest.mark.filterwarnings("ignore")  # of drivers
+@pytest.mark.usefixtures("opengl")
+def test_pictures_of_many_robots_with_tracks():
+    env = gym.make_vec(TRAVERSE, num_envs=2, render_mode="rgb_array")
+    env.reset(seed=0)
+    env.step(np.ones((2, 6), np.float32))
+    for picture in env.render():
+        assert picture.shape == (480, 640, 3)
+        assert pixels(picture, "yellow") > 1000
+    env.close()
+
+
+@pytest.mark.filterwarnings("ignore")  # of drivers
+@pytest.mark.usefixtures("opengl")
+def test_belts_and_wheels_turn_in_pictures_and_nothing_else_does():
+    world = build_tracked(load_tracked("rescue"), looks=True)
+    data = mujoco.MjData(world.model)
+    mujoco.mj_forward(world.model, data)
+    view, count = TrackedView(world, 320, 180), len(world.track_side)
+    still, again, moved = (view.picture(data, np.full(count, way)) for way in (0.0, 0.0, 0.1))
+    view.close()
+    assert still.shape == (180, 320, 3)
+    np.testing.assert_array_equal(still, again)
+    changed = np.abs(moved.astype(int) - still).max(axis=2) > 40
+    assert 50 < changed.sum() < 0.1 * changed.size
+
+
+def test_where_nothing_can_be_drawn_it_says_so(monkeypatch):
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+
+    def broken(*_):
+        raise mujoco.FatalError("no OpenGL")
+
+    monkeypatch.setattr(mujoco, "Renderer", broken)
+    for name in (TRACKING, TRAVERSE):
+        env = gym.make(name, render_mode="rgb_array").unwrapped
+        env.reset(seed=0)
+        with pytest.raises(TrackslipError, match="no OpenGL works here"):
+            env.render()
+        with pytest.raises(InvalidValueError, match="render_mode"):
+            gym.make(name).unwrapped.render()
+        if sys.platform == "linux":
+            with pytest.raises(TrackslipError, match="needs a display"):
+                gym.make(name, render_mode="human").unwrapped.reset(seed=0)
+
+
+DRIVE = """
+import gymnasium, numpy as np
+env = gymnasium.make("sim:trackslip/PathTracking-v0", render_mode="human", reference="circle")
+env.reset(seed=0)
+for _ in range(20):
+    env.step(np.array([0.7, 0.7], np.float32))
+print("driven", flush=True)
+input()
+{end}
+"""
+
+
+def program(display, end):
+    """A Python that drives in a window, and waits for a line before its end."""
+    streams = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+    environment = os.environ | {"DISPLAY": display}
+    return subprocess.Popen([sys.executable, "-c", DRIVE.format(end=end)], env=environment, text=True, **streams)
+
+
+@pytest.fixture
+def display(tmp_path):
+    """Name of a virtual display, and the file with its picture."""
+    if not shutil.which("Xvfb"):
+        pytest.skip("there is no Xvfb")
+    read, write = os.pipe()
+    screen = ("-screen", "0", "800x600x24", "-fbdir", str(tmp_path))
+    server = subprocess.Popen(["Xvfb", "-displayfd", str(write), *screen], pass_fds=[write], stderr=subprocess.DEVNULL)
+    os.close(write)
+    with os.fdopen(read) as number:
+        name = number.readline().strip()
+    assert name, "Xvfb doesn't start"
+    yield f":{name}", tmp_path / "Xvfb_screen0"
+    server.terminate()
+    server.wait()
+
+
+def screen(file):
+    """Pixels (H, W, 3) of an X window dump, 32 bits each."""
+    raw = file.read_bytes()
+    header = np.frombuffer(raw, ">u4", 25)
+    start, height, width = int(header[0] + 12 * header[19]), int(header[5]), int(header[4])
+    return np.frombuffer(raw, np.uint8, offset=start)[: 4 * height * width].reshape(height, width, 4)[..., 2::-1]
+
+
+@pytest.mark.parametrize("end", ["env.close()", "pass"], ids=["closed", "left open"])
+def test_a_window_shows_the_robot_and_its_path(display, end):
+    name, file = display
+    driving = program(name, end)
+    assert driving.stdout.readline() == "driven\n", driving.stderr.read()
+    until = time.monotonic() + 60
+    while pixels(screen(file), "blue") <= 100 or pixels(screen(file), "orange") <= 20:  # it renders in its own time
+        assert driving.poll() is None
+        assert time.monotonic() < until, "nothing to see in the window"
+        time.sleep(0.05)
+    _, errors = driving.communicate("\n", timeout=60)
+    assert (driving.returncode, errors) == (0, "")
+
+
+def test_a_display_that_does_not_answer_is_an_error():
+    driving = program(":98765", "")
+    _, errors = driving.communicate(timeout=60)
+    assert driving.returncode == 1
+    assert errors.splitlines()[-1].startswith("trackslip.errors.TrackslipError: rendering: no window opens here")

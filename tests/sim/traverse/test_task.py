@@ -1,0 +1,65 @@
+"""trackslip/Traverse-v0 as a task: what is drawn, observations and rewards."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from sim.terrain import Course, Flat, Rough, Step
+from sim.traverse.config import Reward
+from sim.traverse.outcome import Outcome
+from sim.traverse.task import TERMS, reward_terms
+from trackslip.errors import InvalidValueError
+
+ID = "sim:trackslip/Traverse-v0"
+
+
+def test_difficulty_and_courses_may_be_given():
+    env = gym.make_vec(ID, num_envs=2, threads=1, course=("random", "step10"))
+    _, info = env.reset(seed=0, options={"course": ["step10", "random"], "difficulty": 0.25, "start_heading": 0.0})
+    np.testing.assert_array_equal(info["difficulty"], [-1.0, 0.25])
+    env.task.set_difficulty(0.9, 1.0)
+    _, info = env.reset(options={"course": "random"})
+    assert (info["difficulty"] >= 0.9).all()
+    own = Course((Flat(0.5), Step(0.05)))
+    env.reset(options={"course": own})
+    assert env.task.world.course[1] is own
+    for options, message in (
+        ({"course": "moon"}, "course = 'moon'"),
+        ({"course": Course((Rough(),))}, "height fields"),
+        ({"difficulty": 1.5}, "difficulty = 1.5"),
+        ({"start_offset": 9.0}, "start_offset"),
+        ({"start_heading": np.nan}, "start_heading"),
+        ({"speed": 1.0}, "options = 'speed'"),
+    ):
+        with pytest.raises(InvalidValueError, match=message):
+            env.reset(options=options)
+    with pytest.raises(InvalidValueError, match="difficulty"):
+        env.set_difficulty(0.5, 0.2)
+
+
+def test_the_observation_is_what_it_says():
+    env = gym.make(ID, course="step10").unwrapped
+    observation, _ = env.reset(seed=0, options={"start_offset": 0.3, "start_heading": 0.1})
+    np.testing.assert_allclose(observation[:3], [0, 0, 1], atol=1e-6)
+    np.testing.assert_allclose(observation[6:8], [0.3, 0.1 / np.pi], atol=1e-6)
+    np.testing.assert_allclose(observation[18:], 0.0, atol=0.01)  # level all around, two millimetres below the tracks
+    world = env.task.world
+    world.state.qpos[0, 0] = -0.55  # the step of 0.1 m is at x = 0, seen from where columns are 0.1 m apart
+    world.state.qpos[0, 3:7] = 1, 0, 0, 0
+    heights = env.task.observation()[0, 18:].reshape(3, 15) * 0.3
+    np.testing.assert_allclose(heights[:, :11], 0.0, atol=0.003)
+    np.testing.assert_allclose(heights[:, 11:], 0.1, atol=0.003)
+
+
+def test_the_reward_is_the_sum_of_its_terms():
+    outcome = np.array([Outcome.DRIVING, Outcome.REACHED, Outcome.TIPPED, Outcome.TIME])
+    change = np.array([[1.0, -1.0], [0.0, 0.0], [0.0, 2.0], [0.0, 0.0]])
+    terms = reward_terms(Reward(), np.array([0.1, 0.2, 0.0, -0.1]), np.array([10.0, 0.0, 0.0, 0.0]), change, outcome)
+    np.testing.assert_allclose(terms["progress"], [0.2, 0.4, 0.0, -0.2])
+    np.testing.assert_allclose(terms["energy"], [-0.01, 0, 0, 0])
+    np.testing.assert_allclose(terms["change"], [-0.02, 0, -0.04, 0])
+    np.testing.assert_allclose(terms["end"], [0, 5, -5, 0])
+    env = gym.make(ID).unwrapped
+    env.reset(seed=0)
+    _, reward, _, _, info = env.step(np.ones(6, np.float32))
+    assert reward == pytest.approx(sum(info[f"reward_{name}"] for name in TERMS), abs=1e-12)
