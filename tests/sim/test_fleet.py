@@ -70,21 +70,6 @@ def test_left_and_right_turns_mirror(robot):
     np.testing.assert_allclose(right.traction(), left.traction()[:, ::-1], atol=0.05)
 
 
-def test_same_bits_at_any_number_of_threads_and_in_any_company(robot):
-    omega = grid_commands(robot)
-    one, two = (drive(robot, omega, threads=threads) for threads in (1, 2))
-    np.testing.assert_array_equal(one.batch.state, two.batch.state)
-    alone = drive(robot, omega[7:8])
-    np.testing.assert_array_equal(alone.batch.state[0], one.batch.state[7])
-
-
-def test_slip_does_not_depend_on_the_size_of_friction(robot):
-    omega = np.tile([2.0, 3.0], (3, 1))
-    grounds = [Ground(0.35, 0.3875), Ground(0.7, 0.775), Ground(1.4, 1.55)]
-    twist = drive(robot, omega, ground=grounds).twist()
-    np.testing.assert_allclose(twist[[0, 2]][:, [0, 2]], twist[[1, 1]][:, [0, 2]], rtol=2e-3)
-
-
 def test_each_robot_has_its_own_ground_and_radius(robot):
     omega = np.tile([2.0, 3.0], (3, 1))
     fleet = drive(robot, omega, ground=[Ground(), Ground(across=1.2), Ground()], radius_error=[0.0, 0.0, 0.02])
@@ -111,15 +96,6 @@ def test_a_weak_drive_takes_its_time_but_gets_there(robot):
         assert np.abs(fleet.drive.torque).max() <= 1.0
     np.testing.assert_allclose(fleet.drive.omega, 3.0, rtol=0.05)
     assert fleet.twist()[0, 0] == pytest.approx(3.0 * 0.06 * 1.0067, rel=0.05)
-
-
-def test_a_drive_too_weak_to_turn_in_place_stalls(robot):
-    strong, weak = (Fleet(robot, np.zeros((1, 3)), drive=Drive(torque_limit=limit)) for limit in (8.0, 1.5))
-    for fleet in (strong, weak):
-        fleet.command([-3.0, 3.0])
-        fleet.advance(4.0)
-    assert strong.pose()[0, 2] > 2.5
-    assert abs(weak.pose()[0, 2]) < 0.1 * strong.pose()[0, 2]
 
 
 def test_default_drives_do_not_saturate_in_the_grid(robot):
@@ -163,21 +139,3 @@ def test_starts_where_asked_at_rest(robot):
 def test_impossible_fleets_are_refused(robot, options, field):
     with pytest.raises(InvalidValueError, match=field):
         Fleet(robot, **{"start": np.zeros((2, 3)), **options})
-
-
-def test_time_comes_in_servo_periods(robot):
-    with pytest.raises(InvalidValueError, match="duration"):
-        Fleet(robot, np.zeros((1, 3))).advance(0.0123)
-    with pytest.raises(InvalidValueError, match="along"):
-        Ground(along=-0.1)
-
-
-def test_steady_belts_are_stepped_in_one_go_to_the_same_bits(robot):
-    fleets = [Fleet(robot, np.zeros((3, 3))) for _ in range(2)]
-    for fleet, at_once in zip(fleets, (4.0, 0.01), strict=True):
-        fleet.command([[5.0, 6.0], [-4.0, 4.0], [2.0, 2.0]])
-        for _ in range(round(4.0 / at_once)):  # the belts are at their set points to the last bit for half of it
-            fleet.advance(at_once)
-    whole, pieces = ((f.pose(), f.twist(), f.drive.torque, f.drive.energy, f.drive.angle) for f in fleets)
-    for a, b in zip(whole, pieces, strict=True):
-        np.testing.assert_array_equal(a, b)

@@ -21,43 +21,6 @@ def drive(fleet, omega, seconds):
         fleet.advance(0.05)
 
 
-@pytest.mark.parametrize(
-    "setting",
-    [
-        Setting((0.3, -0.2, 7.0)),
-        Setting((0.0, 0.0, 1.0), PATCHED, radius_error=0.03, lag=0.11),
-        Setting((0.0, 0.0, 1.0), Ground(slope=0.15, uphill=0.4), weight=(0.03, -0.02)),
-    ],
-)
-def test_a_robot_begun_anew_is_the_same_in_any_company_and_after_any_past(robot, setting):
-    alone, company = Fleet(robot, np.zeros((1, 3)), threads=1), Fleet(robot, np.zeros((3, 3)), threads=2)
-    drive(company, OMEGA, 0.7)
-    alone.restart([0], [setting])
-    company.restart([1], [setting])
-    for _ in range(30):
-        alone.command(OMEGA[1:2])
-        company.command(OMEGA)
-        alone.advance(0.05)
-        company.advance(0.05)
-    for what in ("pose", "twist", "traction", "attitude", "friction"):
-        np.testing.assert_array_equal(getattr(company, what)()[1], getattr(alone, what)()[0])
-    np.testing.assert_array_equal(company.batch.state[1], alone.batch.state[0])
-    for what in ("omega", "angle", "torque", "energy", "saturated_time"):
-        np.testing.assert_array_equal(getattr(company.drive, what)[1], getattr(alone.drive, what)[0])
-
-
-def test_the_others_go_on_as_if_nothing_had_happened(robot):
-    ground = [Ground(), Ground(), PATCHED]
-    fleets = [Fleet(robot, np.zeros((3, 3)), ground) for _ in range(2)]
-    for fleet in fleets:
-        drive(fleet, OMEGA, 0.6)
-    fleets[0].restart([1], [Setting((3.0, 2.0, 1.0), Ground(slope=0.1), 0.02, 0.1, (0.02, 0.01))])
-    for fleet in fleets:
-        drive(fleet, OMEGA, 0.6)
-    np.testing.assert_array_equal(fleets[0].pose()[[0, 2]], fleets[1].pose()[[0, 2]])
-    np.testing.assert_array_equal(fleets[0].batch.state[[0, 2]], fleets[1].batch.state[[0, 2]])
-
-
 def test_it_drives_as_a_new_fleet_does(robot):
     """Set down in another way, it stands a little differently; after a while little of that is left."""
     start = (0.5, 0.2, 0.3)

@@ -118,36 +118,6 @@ def test_friction_that_changes_at_a_time(robot):
     assert fleet.twist()[0, 2] < 0.95 * fleet.twist()[1, 2]
 
 
-def test_rows_of_a_batch_are_single_runs_to_the_bit(robot):
-    """Slopes, patches, changes and weak motors side by side; at any number of threads, in steps of any length."""
-    patch = Patch((0.0, 0.3), (-1.0, 1.0), 0.2, 0.2)
-    grounds = [
-        Ground(),
-        Ground(slope=0.2, uphill=1.0),
-        Ground(patches=(patch,), changes=(Change(0.7, 0.4, 0.5),)),
-        Ground(0.9, 1.2, slope=0.1),
-    ]
-    omega = np.array([[2.0, 3.0], [3.0, 3.5], [3.0, 3.0], [-3.0, 3.0]])
-    weak = Drive(torque_limit=3.0)
-    start = np.array([[0.0, 0.0, 0.3 * k] for k in range(4)])
-
-    def drive(rows, threads, step):
-        fleet = Fleet(robot, start[rows], [grounds[k] for k in rows], 0.01, weak, threads)
-        fleet.command(omega[rows])
-        for _ in range(round(1.2 / step)):
-            fleet.advance(step)
-        return fleet.batch.state.copy(), fleet.drive.energy.copy(), fleet.drive.saturated_time.copy()
-
-    together = drive(range(4), 2, 0.05)
-    assert together[2].max() > 0  # some motor is too weak
-    for other in (drive(range(4), 1, 0.05), drive(range(4), 2, 0.01), drive(range(4), 2, 1.2)):
-        for one, two in zip(together[:2], other[:2], strict=True):
-            np.testing.assert_array_equal(one, two)
-    for k in range(4):
-        for one, two in zip(together, drive([k], 1, 0.05), strict=True):
-            np.testing.assert_array_equal(one[k], two[0])
-
-
 SHEARS = st.floats(0.001, 0.03)
 
 
@@ -199,20 +169,3 @@ def test_shares_and_displacements_stay_in_their_bounds(robot, seed, shear, other
         moved = np.linalg.norm(fleet.shear.displacement, axis=-1)
         assert moved.max() <= LARGEST * max(shear, other) * (1 + 1e-12)
     assert np.isfinite(fleet.batch.state).all()
-
-
-@settings(max_examples=3, deadline=None)
-@given(seed=st.integers(0, 1000), shear=SHEARS)
-def test_a_fleet_on_ground_that_shears_goes_on_from_where_it_was(robot, seed, shear):
-    """Driven at once or in pieces, alone or in company, on one thread or two: the same bits."""
-    omega = np.random.default_rng(seed).uniform(-5.0, 5.0, (3, 2, 2))
-    whole = Fleet(robot, np.zeros((2, 3)), Ground(shear=shear, slope=0.05), threads=2)
-    alone = Fleet(robot, np.zeros((1, 3)), Ground(shear=shear, slope=0.05), threads=1)
-    for command in omega:
-        whole.command(command)
-        whole.advance(0.2)
-        for _ in range(20):
-            alone.command(command[1:])
-            alone.advance(0.01)
-    np.testing.assert_array_equal(whole.batch.state[1], alone.batch.state[0])
-    np.testing.assert_array_equal(whole.shear.displacement[1], alone.shear.displacement[0])

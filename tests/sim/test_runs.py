@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 
@@ -53,17 +55,6 @@ def test_open_loop_logs_what_happened(robot):
         assert np.all(log.truth.torque[20:, 1] > 0)
 
 
-def test_same_seed_same_bits_at_one_and_two_threads(robot):
-    runs = []
-    for threads in (1, 2):
-        fleet, feed = set_up(robot, START, threads)
-        runs.append(open_loop(fleet, OMEGA, 3.0, feed, PlateLocator(robot.plate), names(2)))
-    for one, two in zip(*runs, strict=True):
-        np.testing.assert_array_equal(one.pose, two.pose)
-        np.testing.assert_array_equal(one.truth.pose, two.truth.pose)
-        np.testing.assert_array_equal(one.covariance, two.covariance)
-
-
 def short_path():
     return SegmentedReference(
         (0.0, 0.0, np.pi / 2),
@@ -105,21 +96,15 @@ def test_closed_loop_ends_with_the_reference_and_logs_its_twist(robot):
     assert np.abs(log.truth.twist[-1]).max() < 0.075 * 0.1
 
 
-class AnyPose(Feedforward):
-    """Feedforward that is given poses, as far as the simulator knows."""
-
-
-def test_each_robot_has_one_pilot(robot):
+def test_runs_that_make_no_sense_are_refused(robot):
     fleet, feed = set_up(robot, START)
     for robots in ([0], [0, 0], [0, 2]):
         with pytest.raises(InvalidValueError, match="pilots"):
-            closed_loop(fleet, [Pilot(Feedforward(), robots)], short_path(), feed, None, names(2))
-
-
-def test_a_run_needs_two_scans(robot):
-    fleet, feed = set_up(robot, START)
-    with pytest.raises(InvalidValueError, match="duration"):
-        open_loop(fleet, OMEGA, 0.01, feed, PlateLocator(robot.plate), names(2))
+            closed_loop(fleet, [Pilot(Feedforward(), robots)], short_path(), feed)
+    with pytest.raises(InvalidValueError, match=r"duration = 0\.01: must be at least the time between two scans"):
+        open_loop(fleet, OMEGA, 0.01, feed)
+    with pytest.raises(InvalidValueError, match="descriptions = '1 descriptions': must be 2, one per robot"):
+        open_loop(fleet, OMEGA, 1.0, descriptions=names(1))
 
 
 class FailsAfter(Feedforward):
@@ -166,30 +151,37 @@ def test_a_controller_that_fails_at_once_leaves_no_log(robot):
     assert failure.value.logs == []
 
 
+class Returns(Feedforward):
+    """A controller that always returns the same."""
+
+    def __init__(self, twist):
+        self._twist = np.array(twist)
+
+    def twist(self, time, pose, reference):
+        return self._twist
+
+
+class NotFiniteAfter(SegmentedReference):
+    """A reference whose twist is NaN after 0.07 s."""
+
+    def twist(self, time):
+        return np.where(np.asarray(time)[..., None] > 0.07, np.nan, super().twist(time))
+
+
 @pytest.mark.parametrize(
-    ("twist", "message"),
+    ("controller", "reference", "message", "rows"),
     [
-        ([[np.nan, 0.0]], "run 'run 0': its controller returns the twist (nan, 0.0) at 0 s: must be finite"),
-        ([0.0, 0.0], "run 'run 0': its controller's twists have the shape (2,): must be (1, 2), one per pose"),
+        (Returns([[np.nan, 0.0]]), SegmentedReference, "returns the twist (nan, 0.0) at 0 s: must be finite", []),
+        (Returns([0.0, 0.0]), SegmentedReference, "twists have the shape (2,): must be (1, 2), one per pose", []),
+        (Feedforward(), NotFiniteAfter, "returns the twist (nan, nan) at 0.1 s: must be finite", [2]),
     ],
 )
-def test_twists_that_are_none_are_refused(robot, monkeypatch, twist, message):
-    reference = short_path()
-    monkeypatch.setattr(LinearTimeVarying, "twist", lambda *_: np.array(twist))
+def test_twists_that_are_none_are_refused(robot, controller, reference, message, rows):
+    path = reference((0.0, 0.0, 0.0), [Segment(2.0, 0.0, 0.15)])
     with pytest.raises(RunFailedError) as failure:
-        closed_loop(Fleet(robot, reference.pose([0.0])), LinearTimeVarying(), reference)
-    assert str(failure.value) == message
-
-
-def test_a_reference_that_is_not_finite_is_refused(robot, monkeypatch):
-    reference = short_path()
-    twists = reference.twist
-    monkeypatch.setattr(
-        SegmentedReference, "twist", lambda _, time: np.where(np.asarray(time)[..., None] > 0.07, np.nan, twists(time))
-    )
-    with pytest.raises(RunFailedError, match=r"returns the twist \(nan, nan\) at 0\.1 s: must be finite") as failure:
-        closed_loop(Fleet(robot, reference.pose([0.0])), Feedforward(), reference)
-    assert [len(log.time) for log in failure.value.logs] == [2]
+        closed_loop(Fleet(robot, path.pose([0.0])), controller, path)
+    assert re.fullmatch(f"run 'run 0': its controller('s)? {re.escape(message)}", str(failure.value))
+    assert [len(log.time) for log in failure.value.logs] == rows
 
 
 def test_runs_without_a_scanner_log_the_true_poses(robot):
@@ -204,8 +196,3 @@ def test_runs_without_a_scanner_log_the_true_poses(robot):
     (log,) = closed_loop(Fleet(robot, reference.pose([0.0])), LinearTimeVarying(), reference)
     np.testing.assert_array_equal(log.pose, log.truth.pose)
     assert tracking_errors(log.time, log.truth.pose, reference).rms_position < 0.1
-
-
-def test_each_robot_has_one_description(robot):
-    with pytest.raises(InvalidValueError, match="descriptions = '1 descriptions': must be 2, one per robot"):
-        open_loop(Fleet(robot, START), OMEGA, 1.0, descriptions=names(1))

@@ -89,52 +89,6 @@ def test_encoder_counts():
     np.testing.assert_allclose(state.encoder_angle() / (2 * np.pi), [[0.51, -0.01]])
 
 
-@pytest.mark.parametrize("field", ["lag", "top_speed", "torque_limit", "encoder_counts", "period"])
-def test_impossible_drives_are_refused(field):
-    with pytest.raises(InvalidValueError, match=field):
-        Drive(**{field: -1})
-
-
-@pytest.mark.parametrize("field", ["gear", "voltage", "no_load_speed", "stall_torque", "rotor_inertia", "friction"])
-def test_impossible_motors_are_refused(field):
-    with pytest.raises(InvalidValueError, match=field):
-        Motor(**{field: -1})
-
-
-def test_motors_that_cannot_move_themselves_are_refused():
-    with pytest.raises(InvalidValueError, match="friction = 40"):
-        Motor(friction=40.0)
-    with pytest.raises(InvalidValueError, match=r"torque_limit = 0\.2"):
-        Drive(torque_limit=0.2)
-
-
 def test_set_points_must_be_finite():
     with pytest.raises(InvalidValueError, match="omega"):
         DriveState(Drive(), 1, 0.06).command(np.array([[np.nan, 1.0]]))
-
-
-def test_too_weak_are_the_robots_with_a_torque_out_of_range():
-    state = DriveState(Drive(torque_limit=8.0, motor=Motor(stall_torque=0.18)), 5, 0.06)
-    state.command(np.array([[5.0, -5.0], [1.0, 2.0], [-4.0, 0.0], [0.0, 0.0], [5.0, 5.0]]))
-    forecast = state.forecast(4)
-    least, most = state.torque_range(forecast.omega[1:])
-    within = least + (most - least) * np.random.default_rng(3).uniform(0.01, 0.99, least.shape)
-    assert state.too_weak(forecast, within).size == 0
-    assert state.too_weak(forecast, 1e-3 * within).size == 0
-    torque = within.copy()
-    torque[2, 1, 0], torque[3, 4, 1] = most[2, 1, 0] + 1e-6, least[3, 4, 1] - 1e-6
-    assert state.too_weak(forecast, torque).tolist() == [1, 4]
-
-
-def test_a_sprocket_that_was_dragged_beyond_its_top_speed_has_less_torque():
-    motor = Motor(no_load_speed=300.0)
-    state = DriveState(Drive(torque_limit=100.0, motor=motor), 1, 0.06)
-    still = state.forecast(1)
-    fast = still._replace(omega=still.omega + 6.5, mean=still.mean + 6.5, error=still.error + 6.5)
-    torque = np.full((1, 1, 2), 4.0)
-    assert state.too_weak(state.forecast(1), torque).size == 0
-    part = state.of(np.array([0]))
-    part.accept(fast, torque, np.ones((1, 1, 2), bool))
-    state.put(np.array([0]), part)
-    assert state.torque_range(state.forecast(1).omega[-1])[1].max() < torque.max()
-    assert state.too_weak(state.forecast(1), torque).tolist() == [0]

@@ -1,7 +1,5 @@
 """Motors at their limits: what the ground, the rotors and the gears take is what the motors give."""
 
-import itertools
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,11 +8,9 @@ from hypothesis import strategies as st
 from sim.drive.drive import Drive, DriveState
 from sim.drive.motor import Motor
 from sim.fleet import Fleet
-from sim.ground.ground import Change, Ground, Patch
+from sim.ground.ground import Ground
 from sim.robot.parameters import RobotParameters
 from sim.robot.robot import load_robot
-from trackslip.kinematics import limit_sprocket_speeds, sprocket_speeds
-from trackslip.paper import COMMANDED_RADII, SPEEDS
 
 GRAVITY = 9.81
 MOTOR = Motor()
@@ -157,51 +153,9 @@ def test_one_motor_too_weak_to_turn_keeps_the_robot_straight(robot):
     assert weak.drive.saturated_time[0, 0] < 0.1
 
 
-def test_the_papers_25_runs_never_saturate(robot):
-    radius, speed = np.array(list(itertools.product(COMMANDED_RADII, SPEEDS))).T
-    fleet = Fleet(robot, np.zeros((25, 3)))
-    omega = sprocket_speeds(np.column_stack([speed, speed / radius]), 0.0, robot.geometry)
-    fleet.command(limit_sprocket_speeds(omega, fleet.drive.limit))
-    fleet.advance(3.0)
-    assert np.all(fleet.drive.saturated_time == 0)
-
-
 def test_a_motor_beyond_its_speed_without_load_brakes_within_its_current():
     motor = Motor(gear=10.0, no_load_speed=100.0, stall_torque=1.0)  # 10 rad/s of the sprocket
     state = DriveState(Drive(torque_limit=4.0, motor=motor), 1, 0.06)
     least, most = state.torque_range(np.array([12.0, 50.0, -50.0]))
     np.testing.assert_allclose(most, [-2.0, -4.0, 4.0])
     np.testing.assert_allclose(least, [-4.0, -4.0, 4.0])
-
-
-def test_everything_a_drive_knows_is_the_same_to_the_bit_alone_and_in_company(robot):
-    """Strong and weak robots, on slopes, patches and changing ground, with commands that change; cut up in any way."""
-    grounds = [
-        Ground(),
-        Ground(0.9, 1.1, slope=0.2, uphill=2.0),
-        Ground(patches=(Patch((0.02, 0.3), (0.0, 1.0), 0.2, 0.2),), changes=(Change(0.21, 0.4, 0.5),)),
-        Ground(0.15, 0.15),
-    ]
-    commands = np.array([[2.0, 3.0], [3.0, -1.0], [3.0, 3.0], [0.5, 1.0]])
-    start = np.array([[0.1 * k, 0.0, 3.0 + 0.2 * k] for k in range(4)])  # some turn through pi
-
-    def drive(rows, threads, steps):
-        fleet = Fleet(robot, start[rows], [grounds[k] for k in rows], 0.01, Drive(torque_limit=3.0), threads)
-        for sign in (1.0, -0.7):
-            fleet.command(sign * commands[rows])
-            for step in steps:
-                fleet.advance(step)
-        state = fleet.drive
-        known = (state.omega, state.angle, state.torque, state.energy, state.saturated_time)
-        return [np.array(value) for value in (*known, fleet.pose(), fleet.twist(), fleet.batch.state)]
-
-    together = drive(range(4), 2, [0.3])
-    saturated = together[4].max(axis=1)
-    assert saturated.max() > 0.1  # some are too weak
-    assert saturated.min() == 0  # some never
-    for threads, steps in ((1, [0.3]), (2, [0.01] * 30), (2, [0.15, 0.01, 0.14])):
-        for one, two in zip(together, drive(range(4), threads, steps), strict=True):
-            np.testing.assert_array_equal(one, two)
-    for k in range(4):
-        for one, two in zip(together, drive([k], 1, [0.05] * 6), strict=True):
-            np.testing.assert_array_equal(one[k], two[0])

@@ -1,19 +1,28 @@
+"""The shipped model: its numbers, its contact recipe, and that what is left out of it carries no physics."""
+
 import mujoco
 import numpy as np
 import pytest
 
+from sim.ground.ground import Ground
+from sim.robot.parameters import RobotParameters
 from sim.robot.robot import FIELD, load_robot
+from sim.robot.spec import skip_idle_stages
 from trackslip.errors import TrackslipError
 
 
-def test_the_model_holds_the_numbers(robot):
-    assert robot.geometry.half_gauge == 0.168
-    assert robot.geometry.sprocket_radius == 0.06
-    assert robot.contact_half_length == 0.17
-    assert robot.mass == pytest.approx(25.0)
+def test_the_model_holds_the_numbers_of_the_parameters(robot):
+    parameters, model = RobotParameters(), robot.model
+    assert parameters.half_gauge == robot.geometry.half_gauge == 0.168
+    assert parameters.sprocket_radius == robot.geometry.sprocket_radius == 0.06
+    assert parameters.contact_length == 2 * robot.contact_half_length == 0.34
+    assert parameters.mass == robot.mass
     assert (robot.plate.length, robot.plate.thickness) == (0.6, 0.04)
-    assert robot.pad_position.shape == (10, 2)
-    assert len(robot.contact_points) == 20
+    assert len(robot.contact_points) == 2 * len(robot.pad_position) == 20
+    centre = [parameters.com_x, parameters.com_y, parameters.com_height]
+    np.testing.assert_array_equal(model.body("chassis").ipos, centre)
+    assert load_robot(parameters=parameters).digest == robot.digest
+    assert model.pair_friction[0, :2].tolist() == [Ground().along, Ground().across]
 
 
 @pytest.mark.parametrize("name", ["tracked_robot.xml", "field.xml"])
@@ -26,14 +35,34 @@ def test_models_load_and_stand_without_our_code(name):
     assert data.qpos[2] == pytest.approx(-0.002, abs=2e-5)
 
 
-def test_visuals_carry_no_physics(robot):
-    full = mujoco.MjModel.from_xml_path(str(FIELD))
+def test_what_is_left_out_carries_no_physics(robot):
+    """Visuals, cameras and lights, a ground for both tracks, and stages of the engine without anything to do."""
+    full, belts = mujoco.MjModel.from_xml_path(str(FIELD)), robot.pad_speeds(np.array([0.1, 0.3]))
     assert full.ngeom > robot.model.ngeom
-    data, bare = mujoco.MjData(full), mujoco.MjData(robot.model)
-    for _ in range(200):
-        mujoco.mj_step(full, data)
-        mujoco.mj_step(robot.model, bare)
-    np.testing.assert_array_equal(data.qpos, bare.qpos)
+    assert full.opt.disableflags != robot.model.opt.disableflags
+    ends = []
+    for model in (full, robot.model):
+        data, model.flg_surfacevel = mujoco.MjData(model), 1
+        model.geom_surfacevel[[k for k in range(model.ngeom) if "_pad" in model.geom(k).name], 2] = belts
+        mujoco.mj_step(model, data, 400)
+        ends.append((*data.qpos, *data.sensordata[:6]))
+    robot.model.geom_surfacevel[:] = 0.0
+    assert ends[0][0] > 0.1
+    np.testing.assert_array_equal(*ends)
+
+
+def test_stages_of_the_engine_with_something_to_do_remain():
+    def flags(body, option=""):
+        free = f'<body><freejoint/><geom size="0.1"/>{body}</body>'
+        model = mujoco.MjModel.from_xml_string(f"<mujoco><option {option}/><worldbody>{free}</worldbody></mujoco>")
+        skip_idle_stages(model)
+        return model.opt.disableflags
+
+    island, spring = mujoco.mjtDisableBit.mjDSBL_ISLAND, mujoco.mjtDisableBit.mjDSBL_SPRING
+    assert flags("") & (island | spring) == island | spring
+    assert not flags('<body><joint damping="1"/><geom size="0.1"/></body>') & spring
+    assert not flags("", 'viscosity="1"') & spring
+    assert not flags('</body><body pos="1 0 0"><freejoint/><geom size="0.1"/>') & island
 
 
 def test_the_contact_recipe_follows_from_its_formulas(robot):
@@ -47,10 +76,8 @@ def test_the_contact_recipe_follows_from_its_formulas(robot):
     np.testing.assert_allclose(robot.model.pair_solreffriction[0], [-1, -rate * d])
 
 
-def test_a_model_that_is_none(tmp_path):
-    path = tmp_path / "broken.xml"
-    path.write_text("<mujoco><worldbody><geom/></worldbody></mujoco>")
-    with pytest.raises(TrackslipError, match=r"broken\.xml"):
-        load_robot(path)
-    with pytest.raises(TrackslipError, match=r"none\.xml"):
-        load_robot(tmp_path / "none.xml")
+def test_files_that_are_no_model(tmp_path):
+    (tmp_path / "broken.xml").write_text("<mujoco><worldbody><geom/></worldbody></mujoco>")
+    for name in ("broken.xml", "none.xml"):
+        with pytest.raises(TrackslipError, match=name):
+            load_robot(tmp_path / name)
