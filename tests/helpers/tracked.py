@@ -2,6 +2,8 @@
 
 import mujoco
 
+from sim.tracks import add_tracks
+
 HULL = [(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]
 HALF_LENGTH = 0.25
 HALF_GAUGE = 0.2
@@ -50,3 +52,10 @@ def add_flipper(spec, body, name, x, y, mass=1.5):
     motor = spec.add_actuator(name=name, target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     motor.set_to_position(kp=150, kv=5)
     return flipper
+
+
+def built(spec, preset="accurate", terrain="ground", **options):
+    """Model, data and belts of the robot in `spec`, with tracks on the terrain."""
+    tracks = add_tracks(spec, "robot", half_gauge=HALF_GAUGE, hull=HULL, preset=preset, terrain=terrain, **options)
+    model = spec.compile()
+    return model, mujoco.MjData(model), tracks.bind(model)

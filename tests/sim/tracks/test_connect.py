@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from tracked import HULL, add_flipper, add_robot, plane, slab
+from tracked import HULL, add_flipper, add_robot, built, plane, slab
 
 from sim.instruments import default_contact
 from sim.tracks import PRESETS, add_tracks, bind
@@ -28,9 +28,7 @@ def test_a_robot_that_falls_on_a_beam_is_stopped_and_the_load_is_the_whole_force
     body = add_robot(spec)
     spec.delete(body.joints[0])
     body.add_joint(name="rail", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, 0, 1])
-    tracks = add_tracks(spec, "robot", half_gauge=0.2, hull=HULL, preset=preset, terrain=[beam])
-    model = spec.compile()
-    belts, data = tracks.bind(model), mujoco.MjData(model)
+    model, data, belts = built(spec, preset, terrain=[beam])
     data.qpos[0] = DROP
     heights, depths, loads, cores, speeds = [], [], [], 0, [0.0]
     while data.time < 0.25:
@@ -53,9 +51,7 @@ def test_a_robot_that_falls_on_a_beam_is_stopped_and_the_load_is_the_whole_force
 def test_a_robot_that_turns_on_the_spot_does_not_touch_with_its_cores(preset, ground):
     spec = ground()
     add_robot(spec)
-    tracks = add_tracks(spec, "robot", half_gauge=0.2, hull=HULL, preset=preset, terrain="ground")
-    model = spec.compile()
-    belts, data = tracks.bind(model), mujoco.MjData(model)
+    model, data, belts = built(spec, preset)
     belts.set(model, [-0.5, 0.5])
     for _ in range(round(1.0 / model.opt.timestep)):
         mujoco.mj_step(model, data)

@@ -3,21 +3,17 @@
 import mujoco
 import numpy as np
 import pytest
+from tracked import HULL, add_robot, plane
 
 from sim.tracks import DrawnTracks, add_tracks, bind
 from trackslip.errors import InvalidValueError
 
-HULL = [(-0.25, 0.08, 0.08), (0.25, 0.08, 0.08)]
-
 
 @pytest.fixture
 def robot():
-    spec = mujoco.MjSpec.from_string(
-        """<mujoco><worldbody><geom name="floor" type="plane" size="5 5 1"/>
-        <body name="robot"><freejoint/><geom type="box" size=".25 .15 .05" pos="0 0 .12" mass="25"/></body>
-        </worldbody></mujoco>"""
-    )
-    tracks = add_tracks(spec, "robot", half_gauge=0.2, hull=HULL, terrain=["floor"])
+    spec = plane()
+    body = add_robot(spec)
+    tracks = add_tracks(spec, body, half_gauge=0.2, hull=HULL, terrain=["ground"])
     return spec.compile(), tracks
 
 

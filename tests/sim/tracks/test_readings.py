@@ -1,9 +1,8 @@
 import mujoco
 import numpy as np
 import pytest
-from tracked import HULL, add_robot, plane
+from tracked import add_robot, built, plane
 
-from sim.tracks import add_tracks, bind
 from trackslip.errors import InvalidValueError
 
 
@@ -11,9 +10,7 @@ from trackslip.errors import InvalidValueError
 def robot():
     spec = plane()
     add_robot(spec)
-    tracks = add_tracks(spec, "robot", half_gauge=0.2, hull=HULL, terrain="ground")
-    model = spec.compile()
-    return model, mujoco.MjData(model), bind(model, tracks)
+    return built(spec)
 
 
 def test_slip_in_a_turn_is_that_of_the_track_over_the_ground(robot):
@@ -66,10 +63,7 @@ def test_wheels_on_an_edge_pull_along_the_belt_there():
     spec = plane()
     spec.worldbody.add_geom(name="wall", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.1, 1, 0.5], pos=[0.43, 0, 0.5])
     add_robot(spec)
-    tracks = add_tracks(spec, "robot", half_gauge=0.2, hull=HULL)
-    tracks.connect(spec, ["ground", "wall"])
-    model = spec.compile()
-    belts, data = bind(model, tracks), mujoco.MjData(model)
+    model, data, belts = built(spec, terrain=["ground", "wall"])
     belts.set(model, [0.1, 0.1])
     mujoco.mj_step(model, data, 300)
     wall = model.geom("wall").id
