@@ -66,21 +66,17 @@ def run(config: Config) -> None:
     from experiments.driving.grid_runs import drive_grid
     from experiments.driving.world import World
     from experiments.recording import record_all
-    from experiments.report.studies import print_drive_study, print_steady_coverage
     from experiments.run import Run
     from experiments.storage.results import SUMMARY_FILE
-    from experiments.studies.drive_coverage import DriveStudy, drive_study
+    from experiments.studies.drive_coverage import drive_study
     from experiments.studies.steady_coverage import steady_coverage
     from experiments.studies.trials import forget_trials
 
     with Run(config, partial(forget_trials, config.out)) as run:
         world = World.of(config if config.drives else config.grid(0))
-        found = (drive_study if config.drives else steady_coverage)(config, world, run)
-        run.write(found.to_json(), **world.about)
+        study = (drive_study if config.drives else steady_coverage)(config, world, run)
+        run.write(study.to_json(), **world.about)
         if config.rrd:
             record_all(run.folder, drive_grid(config.grid(0), world))
-    if isinstance(found, DriveStudy):
-        print_drive_study(found)
-    else:
-        print_steady_coverage(found)
+    study.print()
     print(f"{config.out / SUMMARY_FILE}: {run.wall:.1f} s")

@@ -93,7 +93,7 @@ def run(config: Config) -> None:
     from experiments.driving.plan import plan_to_json, planned, write_plan
     from experiments.report.figures.plan import draw_plan
     from experiments.report.page import drawn
-    from experiments.report.plan import print_plan, print_plan_trials
+    from experiments.report.plan import print_plan
     from experiments.run import Run
     from experiments.storage.results import BAGS_FOLDER, FIGURES_FOLDER
     from experiments.studies.plan_trials import try_plan
@@ -106,21 +106,22 @@ def run(config: Config) -> None:
     with Run(config, partial(forget_trials, config.out)) as run:
         plan = planned(config, run)
         paper = expected_of_paper(plan)
-        trials = try_plan(config, plan, paper, run) if config.drive else None
+        summary, logs = plan_to_json(plan, paper), []
+        if config.drive:
+            study, log = try_plan(config, plan, paper, run)
+            trials = study.to_json()
+            summary |= {"trials": trials, "checks": trials["checks"]}
+            logs = [log]
         write_plan(run.folder / PLAN_FILE, plan)
         figures = run.folder / FIGURES_FOLDER
         figures.mkdir()
         drawn("plan", draw_plan(plan), config.pdf).write(figures)
         if bag:
             write_commands(run.folder / BAGS_FOLDER / BAG_FILE, plan.time, plan.twist)
-        summary, logs = plan_to_json(plan, paper), []
-        if trials:
-            summary |= {"trials": trials.to_json(), "checks": [check.to_json() for check in trials.checks()]}
-            logs = [trials.log]
         run.write(summary, logs, seed=config.seed)
     print_plan(plan, paper)
-    if trials:
-        print_plan_trials(trials)
+    if config.drive:
+        study.print()
     print(f"{config.out / PLAN_FILE}: {run.wall:.1f} s")
     if bag:
         print(f"{config.out / BAGS_FOLDER / BAG_FILE}: commands as a ROS 2 bag")

@@ -49,12 +49,12 @@ def run(config: Config) -> None:
         about = World.of(config).about
         rows = sensitivity(config, run)
         page(rows, run.manifest(**about), command_line("sensitivity")).write(run.folder, config.pdf)
-        run.write({"rows": [row.to_json() for row in rows]}, **about)
+        run.write({"rows": rows}, **about)
         if config.rrd:
             with run.busy("recordings"):
                 record_all(run.folder, examples(config))
     table(rows).print()
     for row in rows:
-        if not row.numbers("outer"):
-            print(f"warning: {row.disturbance.name}: {row.outcome.notes[-1]}")
+        if row["slip_error"] is None:
+            print(f"warning: {row['effect']}: {row['warnings'][-1]}")
     print(f"{config.out / REPORT_FILE}: {len(rows)} grids in {run.wall:.1f} s")

@@ -5,9 +5,44 @@ from collections.abc import Callable
 import numpy as np
 import scipy
 
+from sim.wander.motion import LawMotion, SlipVariation, steps_between
+from sim.wander.pose_source import PoseSource
 from trackslip.kinematics import Array
 
 _DIFFERENCE = 1e-5  # for derivatives, in the parameters' units
+_LEAST_WAY = 1e-6  # of a step, for a robot at rest [m]
+
+
+def pose_source_bound(
+    silent: Callable[[Array], LawMotion],
+    truth: Array,
+    omega: Array,
+    rate: float,
+    stamps: Array,
+    slip: SlipVariation,
+    source: PoseSource,
+) -> Array:
+    """The bounds (p,) for poses that a source stamps by the encoders' clock.
+
+    Args:
+        silent: the motion by the law with parameters (p,), without slip that varies.
+        truth: true parameters (p,).
+        omega: readings of the encoders (T, 2) [rad/s].
+        rate: of the encoders [Hz].
+        stamps: of the poses (M,) [s].
+        slip: that varies, which must be white.
+        source: of the poses, with its noise.
+    """
+
+    def steps(values: Array) -> Array:
+        return steps_between(silent(values).drive(omega, rate, np.random.default_rng(0))[0].at(stamps))
+
+    speed = silent(truth).geometry.sprocket_radius * np.abs(omega[1:]).mean(axis=1)
+    way = np.concatenate([[0.0], np.cumsum(speed / rate)])
+    between = np.diff(np.interp(stamps, np.arange(len(way)) / rate, way))
+    deviation = np.sqrt(np.maximum(between, _LEAST_WAY))[:, None] * [slip.along, slip.across, slip.turning]
+    noise = np.array([source.position_noise, source.position_noise, source.heading_noise])
+    return drive_bound(steps, truth, deviation, noise)
 
 
 def drive_bound(steps: Callable[[Array], Array], truth: Array, step_deviation: Array, pose_deviation: Array) -> Array:

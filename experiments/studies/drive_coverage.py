@@ -3,37 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from itertools import cycle, islice
+from math import radians
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
 
+from experiments.driving.drives import KnownDrive, driven_by_law, driven_in_mujoco
 from experiments.driving.world import World
 from experiments.measuring.check import Check
-from experiments.studies.drive_bound import drive_bound
-from experiments.studies.drive_cases import (
-    CASES,
-    DURATION,
-    ENCODER_RATE,
-    EXTRAS,
-    LAW,
-    NOISE_FREE,
-    SIMULATED,
-    TRUE_LAW,
-    Case,
+from experiments.report.checks import checks_table
+from experiments.report.formats import number
+from experiments.report.table import Table
+from experiments.studies.drive_bound import pose_source_bound
+from experiments.studies.trials import (
+    Estimate,
+    Estimates,
+    Outcome,
+    Study,
+    Trial,
+    Values,
+    failures_of,
+    rms_interval,
+    run_trials,
+    sampling_error,
+    share_interval,
 )
-from experiments.studies.trials import Estimate, Outcome, Results, Trial, Values, run_trials
 from sim.fleet import Fleet
 from sim.robot.robot import Robot
 from sim.run_recorder import Description
-from sim.runs import Progress, drive_fleet, open_loop
+from sim.runs import open_loop
 from sim.seeds import generator
 from sim.wander.commands import Driver, track_commands
-from sim.wander.log import encoder_log, joined_log
-from sim.wander.motion import LawMotion, Motion, SlipVariation, steps_between
+from sim.wander.log import joined_log
+from sim.wander.motion import LASTING, WHITE, LawMotion, SlipVariation
 from sim.wander.pose_source import PoseSource
 from trackslip.errors import LogError, TrackslipError
 from trackslip.identification.drive.estimate import fit_drives
@@ -41,168 +47,210 @@ from trackslip.identification.drive.model import EXTRAS as EXTRA_PARAMETERS
 from trackslip.identification.fitted import fit_law
 from trackslip.identification.true_samples import true_samples
 from trackslip.kinematics import Array, RobotGeometry
-from trackslip.logs.runlog import RunLog
 from trackslip.metrics import rms
-from trackslip.paper import COMMANDED_RADII, SPEEDS
+from trackslip.planning.plan import paper_runs
 from trackslip.slip.families import FAMILIES
 
 if TYPE_CHECKING:
     from experiments.commands.coverage import Config
     from experiments.run import Run
 
+LAW = "icr_radius"
+"""The law that moves the robot and is fitted."""
+D, EPSILON = "offset", "radius_error"
+TRUE_LAW: Mapping[str, float] = {D: 0.045, EPSILON: 0.0066}
+"""Its parameters [m, -], like those of the shipped robot on stone."""
+TRUTH = np.array([*TRUE_LAW.values()])
 MAX_SIMULATED = 40
 """Drives in MuJoCo; each is measured again and again."""
+_DURATION = 120.0  # of each drive [s]
+_ENCODER_RATE = 50.0  # [Hz]
 _KEY = "drive coverage {case} {number}"
 _NORMAL = float(scipy.special.ndtri(0.975))
-_LEAST_WAY = 1e-6  # of a step, for a robot at rest [m]
 _CIRCLES = 10.0  # duration of steady circles [s]
 _OUTER, _INNER = (0.1, 0.2, 0.3), (0.1, 0.4, 0.7)  # speeds of the tracks [m/s], and relative to the outer one [-]
 
 
 @dataclass(frozen=True)
-class DriveStudy:
-    """The results of all cases."""
+class Case:
+    """Repeated drives of one kind, and bounds on what is estimated from each."""
 
-    repeats: int
-    results: Mapping[str, Results]
-    """By the case's name."""
-    drives: int
-    """Number of MuJoCo's own drives that determine the law without noise."""
-    laws: Mapping[str, Values]
-    """Of MuJoCo: `steady`, from steady circles with the track speeds of the drives, which errors are measured from;
-    `paper`, from the paper's circles, most of which are slower and wider; `mean` and `scatter`, the standard deviation,
-    of the drives without noise; `coverage_of_steady`, the share of measured drives whose intervals cover `steady`."""
-
-    @property
-    def checks(self) -> list[Check]:
-        """The checks of all cases."""
-        return [check for name, results in self.results.items() for check in checks_of(CASES[name], results)]
-
-    @property
-    def failures(self) -> list[str]:
-        """Why fits failed, once each."""
-        return sorted({line for results in self.results.values() for line in results.failures})
-
-    def to_json(self) -> dict[str, Any]:
-        """The content of summary.json."""
-        statistics = {
-            name: {key: results.errors(key).to_json() | results.coverage(key).to_json() for key in CASES[name].covered}
-            for name, results in self.results.items()
-        }
-        return {
-            "repeats": self.repeats,
-            "results": statistics,
-            "checks": [check.to_json() for check in self.checks],
-            "simulated": {"drives": self.drives, **self.laws},
-            "failures": self.failures,
-        }
+    name: str
+    source: PoseSource
+    slip: SlipVariation | None = WHITE
+    """None where MuJoCo moves the robot."""
+    rms: Mapping[str, float] = field(default_factory=dict)
+    """Largest root mean square errors, by parameter, in its unit."""
+    coverage: tuple[float, float] = (0.93, 0.995)
+    """Smallest and largest share of the repeats whose 95 % interval covers the truth [-]."""
+    covered: tuple[str, ...] = (D, EPSILON)
+    """Parameters whose intervals are checked."""
+    over_bound: float | None = None
+    """Largest root mean square error over the Cramér-Rao bound, if that is checked [-]."""
+    over_model: float | None = None
+    """Largest half width of an interval over that of the model of the noise, if that is checked [-]."""
+    standard_errors: float | None = None
+    """Largest error of any repeat, in its standard errors, if that is checked."""
 
 
-def drive_study(config: Config, world: World, run: Run) -> DriveStudy:
+_COARSE = PoseSource(rate=10.0, position_noise=0.02, heading_noise=radians(1.0))
+_FINE = PoseSource(rate=20.0, position_noise=0.002, heading_noise=radians(0.25))
+_GNSS = PoseSource(rate=5.0, position_noise=0.05, heading=False)
+_ODOMETRY = PoseSource(rate=20.0, drift=0.01, heading_drift=0.004)
+_EVERYTHING = PoseSource(
+    rate=10.0,
+    position_noise=0.02,
+    heading_noise=radians(1.0),
+    outliers=0.05,
+    gaps=3,
+    gap_duration=5.0,
+    jumps=1,
+    jump_size=0.5,
+    delay=0.15,
+    ahead=0.3,
+    left=0.1,
+    mounting=radians(5.0),
+)
+EXTRAS: Mapping[str, float] = {
+    "sensor_x": _EVERYTHING.ahead,
+    "sensor_y": _EVERYTHING.left,
+    "sensor_yaw": _EVERYTHING.mounting,
+    "clock_offset": -_EVERYTHING.delay,
+}
+"""True values of what is estimated besides the law in the case with everything [m, m, rad, s]."""
+_LASTING_RMS = {D: 0.0022, EPSILON: 0.0055}
+SIMULATED = "20 mm, 1 deg, 10 Hz; MuJoCo's own motion"
+"""The case whose errors are from the law of steady circles, and coverage of the same drive's fit without noise."""
+NOISE_FREE = "MuJoCo's own motion, exact poses"
+"""Instead of the truth, which a drive in MuJoCo doesn't have."""
+_CASES = (
+    Case("20 mm, 1 deg, 10 Hz; white slip", _COARSE, over_bound=1.15, over_model=1.5),
+    Case("2 mm, 0.25 deg, 20 Hz; white slip", _FINE, rms={D: 0.0002, EPSILON: 0.0006}),
+    Case("2 mm, 0.25 deg, 20 Hz; slip that lasts", _FINE, LASTING, _LASTING_RMS),
+    Case("20 mm, 1 deg, 10 Hz; slip that lasts", _COARSE, LASTING, _LASTING_RMS),
+    Case(
+        "50 mm, no heading, 5 Hz; white slip",
+        _GNSS,
+        rms={D: 0.0006, EPSILON: 0.003},
+        coverage=(0.93, 1.0),
+        standard_errors=5.0,
+    ),
+    Case("odometry that drifts 1 %; white slip", _ODOMETRY, rms={D: 0.002, EPSILON: 0.01}),
+    Case(SIMULATED, _COARSE, None, {D: 0.0005, EPSILON: 0.001}, coverage=(0.9, 1.0)),
+    Case(
+        "20 mm with outliers, gaps, a jump, clock, mounting",
+        _EVERYTHING,
+        rms={D: 0.0006, EPSILON: 0.002},
+        coverage=(0.9, 0.995),
+        covered=(D, EPSILON, *EXTRAS),
+    ),
+)
+CASES: Mapping[str, Case] = {case.name: case for case in _CASES}
+"""All cases by name, in the order of the table."""
+
+
+def drive_study(config: Config, world: World, run: Run) -> Study:
     """Repeat every case; raises LogError if no drive in MuJoCo determines the law."""
     robot, repeats = world.robot, config.drive_repeats
     do = partial(fitted_drive, geometry=robot.geometry)
     count = min(repeats, MAX_SIMULATED)
-    with run.progress(f"{count} drives and circles", count * DURATION) as report:
+    with run.progress(f"{count} drives and circles", count * _DURATION) as report:
         steady, paper = steady_laws(robot, config.threads)
-        drives = simulated_drives(robot, count, config.seed, config.threads, lambda s: report(count * s))
-    fits = run_trials(run, do, [Trial(NOISE_FREE.name, k, log) for k, log in enumerate(drives)], _KEY)[NOISE_FREE.name]
-    exact = {k: {name: one.value for name, one in fit.estimates.items()} for k, fit in enumerate(fits) if fit.estimates}
-    if not exact:
+        commands = [_commands(robot.geometry, generator(config.seed, f"simulated drive {k}")) for k in range(count)]
+        fleet = Fleet(robot, np.zeros((count, 3)), threads=config.threads)
+        about = [Description(f"drive {k}") for k in range(count)]
+        drives = driven_in_mujoco(fleet, commands, _ENCODER_RATE, about, lambda s: report(count * s))
+    fits = run_trials(run, do, [Trial(NOISE_FREE, k, drive) for k, drive in enumerate(drives)], _KEY)[NOISE_FREE]
+    known = [k for k, fit in enumerate(fits) if fit.estimates]
+    if not known:
         raise LogError("no drive in MuJoCo determines the law, even without noise")
-    driven = list(islice(cycle(exact), repeats))  # measured in turn
+    driven = list(islice(cycle(known), repeats))  # measured in turn
     trials = [
-        Trial(name, number, drives[k] if name == SIMULATED.name else None)
+        Trial(name, number, drives[k] if name == SIMULATED else None)
         for name in CASES
         for number, k in enumerate(driven)
     ]
     outcomes = run_trials(run, do, trials, _KEY)
-    results = {name: Results(found, [{**TRUE_LAW, **EXTRAS}] * repeats) for name, found in outcomes.items()}
-    measured = results[SIMULATED.name] = Results(outcomes[SIMULATED.name], [exact[k] for k in driven], steady)
-    values = {name: np.array([one[name] for one in exact.values()]) for name in steady}
-    laws = {
+    exact = {name: np.array([fits[k].estimates[name].value for k in known]) for name in TRUE_LAW}
+    measured_exactly = {name: np.resize(values, repeats) for name, values in exact.items()}
+    statistics: dict[str, Any] = {}
+    checks = []
+    for name, case in CASES.items():
+        aim: Values = steady if name == SIMULATED else {**TRUE_LAW, **EXTRAS}
+        truths = measured_exactly if name == SIMULATED else aim
+        statistics[name] = {key: _statistics(outcomes[name], key, aim[key], truths[key]) for key in case.covered}
+        checks += checks_of(case, outcomes[name], aim, truths)
+    laws: dict[str, Values] = {
         "steady": steady,
         "paper": paper,
-        "mean": {name: float(found.mean()) for name, found in values.items()},
-        "scatter": {name: float(found.std(ddof=1)) if len(found) > 1 else 0.0 for name, found in values.items()},
-        "coverage_of_steady": {name: measured.coverage(name, steady).share for name in steady},
+        "mean": {name: float(values.mean()) for name, values in exact.items()},
+        "scatter": {name: float(values.std(ddof=1)) if len(known) > 1 else 0.0 for name, values in exact.items()},
+        "coverage_of_steady": {
+            name: float(Estimates.of(outcomes[SIMULATED], name).cover(steady[name]).mean()) for name in steady
+        },
     }
-    return DriveStudy(repeats, results, len(exact), laws)
+    summary = {
+        "repeats": repeats,
+        "results": statistics,
+        "simulated": {"drives": len(known), **laws},
+        "failures": failures_of(one for several in outcomes.values() for one in several),
+    }
+    shown: list[Table | str] = [
+        checks_table(f"{repeats} drives in each case", checks),
+        _law_table(laws, len(known)),
+        f"so many drives leave root mean squares uncertain by {sampling_error(repeats):.0%}",
+    ]
+    return Study(summary, shown, checks)
 
 
-def fitted_drive(trial: Trial, rng: np.random.Generator, geometry: RobotGeometry) -> Outcome:
-    """Drive by the law unless the trial has a drive in MuJoCo, measure and fit; `numbers` are the case's bounds."""
-    case = NOISE_FREE if trial.case == NOISE_FREE.name else CASES[trial.case]
-    bound: Values = {}
-    if case.slip is None:
-        motion = Motion(trial.given.time, trial.given.pose)
-        log = joined_log(trial.given, *case.source.measure(motion, rng))
-    else:
-        log, bound = _driven_by_law(case, case.slip, geometry, rng)
-    try:
-        estimates = Estimate.of(fit_drives(LAW, [log], geometry))
-    except TrackslipError as error:
-        return Outcome(numbers=bound, notes=(str(error),))
-    return Outcome(estimates if TRUE_LAW.keys() <= estimates.keys() else {}, bound)
+def _statistics(outcomes: Sequence[Outcome], name: str, aim: float, truth: Array | float) -> dict[str, Any]:
+    """Errors of a parameter and coverage of its intervals."""
+    estimates = Estimates.of(outcomes, name)
+    errors, covered = estimates.errors(aim), estimates.cover(truth)
+    return {
+        "rms": rms(errors),
+        "rms_interval95": rms_interval(errors),
+        "coverage": float(covered.mean()),
+        "coverage_interval95": share_interval(int(covered.sum()), len(covered)),
+    }
 
 
-def _driven_by_law(
-    case: Case, slip: SlipVariation, geometry: RobotGeometry, rng: np.random.Generator
-) -> tuple[RunLog, dict[str, float]]:
-    """The log of a drive, and the Cramér-Rao bounds if the case asks for them."""
-    omega = _commands(geometry, rng)
-    motion, twist = _law_motion(np.array([*TRUE_LAW.values()]), geometry, slip).drive(omega, ENCODER_RATE, rng)
-    stamps, poses = case.source.measure(motion, rng)
-    log = joined_log(encoder_log("drive", ENCODER_RATE, omega, motion, twist, {}), stamps, poses)
-    return log, {} if case.over_bound is None else _bound(omega, stamps, case.source, slip, geometry)
+def _law_table(laws: Mapping[str, Values], drives: int) -> Table:
+    lines = (
+        ("steady circles of the same speeds", "steady", 1e3),
+        ("steady circles, the paper's", "paper", 1e3),
+        (f"mean of {drives} drives", "mean", 1e3),
+        ("scatter between drives", "scatter", 1e3),
+        ("coverage of the steady law", "coverage_of_steady", 1.0),
+    )
+    rows = [(text, *(number(scale * laws[law][name], 3) for name in TRUE_LAW)) for text, law, scale in lines]
+    return Table("MuJoCo's drives without noise, and steady circles", ("", "D [mm]", "epsilon [1e-3]"), rows)
 
 
-def _commands(geometry: RobotGeometry, rng: np.random.Generator) -> Array:
-    """Sprocket speeds (T, 2) of a random drive [rad/s]."""
-    driver = Driver(half_gauge=geometry.half_gauge + TRUE_LAW["offset"])
-    return track_commands("random", DURATION, ENCODER_RATE, driver, rng) / geometry.sprocket_radius
+def checks_of(
+    case: Case, outcomes: Sequence[Outcome], aim: Values, truths: Mapping[str, float | Array] | None = None
+) -> list[Check]:
+    """Fits, errors and intervals within the bounds of a case.
 
-
-def _law_motion(values: Array, geometry: RobotGeometry, slip: SlipVariation) -> LawMotion:
-    return LawMotion(FAMILIES[LAW].law(values, geometry), geometry, slip)
-
-
-def _bound(
-    omega: Array, stamps: Array, source: PoseSource, slip: SlipVariation, geometry: RobotGeometry
-) -> dict[str, float]:
-    """The Cramér-Rao bounds of the law's parameters, for poses stamped by the encoders' clock and white slip."""
-
-    def steps(values: Array) -> Array:
-        silent = _law_motion(values, geometry, SlipVariation())
-        return steps_between(silent.drive(omega, ENCODER_RATE, np.random.default_rng(0))[0].at(stamps))
-
-    speed = geometry.sprocket_radius * np.abs(omega[1:]).mean(axis=1)
-    way = np.concatenate([[0.0], np.cumsum(speed / ENCODER_RATE)])
-    between = np.diff(np.interp(stamps, np.arange(len(way)) / ENCODER_RATE, way))
-    white = np.array([slip.along, slip.across, slip.turning])
-    noise = np.array([source.position_noise, source.position_noise, source.heading_noise])
-    truth = np.array([*TRUE_LAW.values()])
-    found = drive_bound(steps, truth, np.sqrt(np.maximum(between, _LEAST_WAY))[:, None] * white, noise)
-    return dict(zip(TRUE_LAW, found.tolist(), strict=True))
-
-
-def checks_of(case: Case, results: Results) -> list[Check]:
-    """Fits, errors and intervals within the bounds of a case."""
-    failed = float(sum(not one.estimates for one in results.outcomes))
+    Errors are measured from `aim`; intervals must cover `truths`, by default the same, one or (n,) of each parameter.
+    """
+    failed = float(sum(not one.estimates for one in outcomes))
     rows: list[tuple[str, float, float | tuple[float, float], str]] = [("fits without D or epsilon", failed, 0.0, "1")]
     limits = dict(case.rms)
     if case.over_bound is not None:
-        limits |= {name: case.over_bound * rms([one.numbers[name] for one in results.outcomes]) for name in TRUE_LAW}
-    rows += [(f"rms error of {name}", results.errors(name).rms, most, unit_of(name)) for name, most in limits.items()]
+        limits |= {name: case.over_bound * rms([one.numbers[name] for one in outcomes]) for name in TRUE_LAW}
+    for name, most in limits.items():
+        rows.append((f"rms error of {name}", rms(Estimates.of(outcomes, name).errors(aim[name])), most, unit_of(name)))
     for name in case.covered:
-        rows.append((f"coverage of {name}", results.coverage(name).share, case.coverage, "1"))
-        pairs = results.pairs(name)
+        found = Estimates.of(outcomes, name)
+        share = float(found.cover((truths or aim)[name]).mean())
+        rows.append((f"coverage of {name}", share, case.coverage, "1"))
         if case.over_model is not None:
-            widths = [(one.high - one.low) / 2 / (_NORMAL * one.stderr) for one, _ in pairs]
-            over = float(np.median(widths)) if widths else np.nan
+            widths = (found.high - found.low)[found.known] / 2 / (_NORMAL * found.stderr[found.known])
+            over = float(np.median(widths)) if len(widths) else np.nan
             rows.append((f"half width of {name} over the model's", over, case.over_model, "1"))
         if case.standard_errors is not None:
-            largest = max((abs(one.value - aim) / one.stderr for one, aim in pairs), default=np.nan)
+            largest = float(np.fmax.reduce(np.abs(found.value - aim[name]) / found.stderr, initial=np.nan))
             rows.append((f"largest error of {name} in standard errors", largest, case.standard_errors, "1"))
     return [Check(case.name, *row) for row in rows]
 
@@ -213,12 +261,37 @@ def unit_of(name: str) -> str:
     return (parameters[name].unit if name in parameters else EXTRA_PARAMETERS[name].unit) or "1"
 
 
-def simulated_drives(robot: Robot, count: int, seed: int, threads: int, progress: Progress) -> list[RunLog]:
-    """Random drives in MuJoCo on hard ground, with true poses."""
-    commands = [_commands(robot.geometry, generator(seed, f"simulated drive {k}")) for k in range(count)]
-    fleet = Fleet(robot, np.zeros((count, 3)), threads=threads)
-    about = [Description(f"drive {k}") for k in range(count)]
-    return drive_fleet(fleet, np.stack(commands, axis=1), ENCODER_RATE, about, progress)
+def fitted_drive(trial: Trial, rng: np.random.Generator, geometry: RobotGeometry) -> Outcome:
+    """Drive by the law unless the trial has a drive in MuJoCo, measure and fit.
+
+    `numbers` are the Cramér-Rao bounds, if the case asks for them.
+    """
+    case = CASES.get(trial.case, Case(NOISE_FREE, PoseSource(rate=20.0), None))
+    drive: KnownDrive = trial.given
+    if case.slip is not None:
+        omega = _commands(geometry, rng)
+        drive = driven_by_law("drive", _law_motion(TRUTH, geometry, case.slip), omega, _ENCODER_RATE, rng)
+    stamps, poses = case.source.measure(drive.motion, rng)
+    log, bound = joined_log(drive.log, stamps, poses), {}
+    if case.slip is not None and case.over_bound is not None:
+        silent = partial(_law_motion, geometry=geometry, slip=SlipVariation())
+        found = pose_source_bound(silent, TRUTH, omega, _ENCODER_RATE, stamps, case.slip, case.source)
+        bound = dict(zip(TRUE_LAW, found.tolist(), strict=True))
+    try:
+        estimates = Estimate.of(fit_drives(LAW, [log], geometry))
+    except TrackslipError as error:
+        return Outcome(numbers=bound, notes=(str(error),))
+    return Outcome(estimates if TRUE_LAW.keys() <= estimates.keys() else {}, bound)
+
+
+def _commands(geometry: RobotGeometry, rng: np.random.Generator) -> Array:
+    """Sprocket speeds (T, 2) of a random drive [rad/s]."""
+    driver = Driver(half_gauge=geometry.half_gauge + TRUE_LAW[D])
+    return track_commands("random", _DURATION, _ENCODER_RATE, driver, rng) / geometry.sprocket_radius
+
+
+def _law_motion(values: Array, geometry: RobotGeometry, slip: SlipVariation) -> LawMotion:
+    return LawMotion(FAMILIES[LAW].law(values, geometry), geometry, slip)
 
 
 def steady_laws(robot: Robot, threads: int) -> tuple[Values, Values]:
@@ -226,15 +299,14 @@ def steady_laws(robot: Robot, threads: int) -> tuple[Values, Values]:
 
     They differ because the ICRs of a simulated robot move outwards with the yaw rate, by 2.5 mm up to 1.4 rad/s.
     """
-    b = robot.geometry.half_gauge
     same = [(inner * outer, outer) for outer in _OUTER for inner in _INNER]
-    paper = [(v - b * v / radius, v + b * v / radius) for radius in COMMANDED_RADII for v in SPEEDS]
-    return _steady_law(robot, same, threads), _steady_law(robot, paper, threads)
+    return _steady_law(robot, same, threads), _steady_law(robot, paper_runs(robot.geometry), threads)
 
 
-def _steady_law(robot: Robot, speeds: Sequence[tuple[float, float]], threads: int) -> Values:
+def _steady_law(robot: Robot, speeds: Sequence[Sequence[float] | Array], threads: int) -> Values:
     """The law's parameters from circles with these track speeds [m/s], and from the mirrored ones."""
-    both = np.array([*speeds, *((right, left) for left, right in speeds)])
+    left = np.array([*speeds])
+    both = np.concatenate([left, left[:, ::-1]])
     fleet = Fleet(robot, np.zeros((len(both), 3)), threads=threads)
     logs = open_loop(fleet, both / robot.geometry.sprocket_radius, _CIRCLES)
     return dict(fit_law(LAW, true_samples(logs, robot.geometry), robot.geometry, bootstraps=0).values)

@@ -2,37 +2,53 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.driving.drives import KnownDrive, driven_by_law, driven_in_mujoco, placed
+from experiments.driving.world import Specification, World
 from experiments.measuring.check import Check
-from experiments.studies.drive_cases import TRUE_LAW
-from experiments.studies.planned_drives import (
-    OTHER_DURATIONS,
-    Driven,
-    MujocoDrives,
-    driven_by_law,
-    driven_in_mujoco,
-    paper_by_law,
-    prediction_errors,
+from experiments.options.world import Simulation
+from experiments.report.checks import checks_table
+from experiments.report.formats import number, significant
+from experiments.report.laws import SYMBOLS, unit_of
+from experiments.report.table import Table
+from experiments.studies.drive_coverage import TRUE_LAW
+from experiments.studies.trials import (
+    Estimate,
+    Estimates,
+    Outcome,
+    Study,
+    Trial,
+    Values,
+    failures_of,
+    rms_interval,
+    run_trials,
+    sampling_error,
 )
-from experiments.studies.trials import Errors, Estimate, Outcome, Results, Trial, Values, run_trials, sampling_error
 from sim.drive.drive import Drive
 from sim.robot.parameters import RobotParameters
+from sim.run_recorder import Description
+from sim.runs import Progress
 from sim.seeds import generator
+from sim.wander.commands import Driver, track_commands
+from sim.wander.motion import LawMotion, Motion, SlipVariation
 from sim.wander.pose_source import SOURCES, PoseSource
 from trackslip.errors import TrackslipError
-from trackslip.identification.drive.estimate import fit_drives
-from trackslip.kinematics import Array
+from trackslip.identification.drive.drives import drive_of
+from trackslip.identification.drive.estimate import DriveFit, fit_drives
+from trackslip.identification.drive.reckoning import rotated
+from trackslip.kinematics import Array, wrap_angle
 from trackslip.logs.runlog import RunLog
 from trackslip.metrics import rms
-from trackslip.planning.information import Expectation
-from trackslip.planning.plan import DrivePlan, expected_alone, paper_runs, usual_values
+from trackslip.planning.information import Expectation, with_extras
+from trackslip.planning.plan import PAPER_DURATION, DrivePlan, expected_alone, paper_runs, usual_values
 from trackslip.planning.strokes import RATE
+from trackslip.slip.families import family
 
 if TYPE_CHECKING:
     from experiments.commands.plan import Config
@@ -44,124 +60,29 @@ DRIVES = 4
 """Drives of the plan by the law in a repeat: they take a tenth of the time of the paper's runs."""
 PLAN, PAPER = "plan", "paper"
 """The cases: the planned drive, and the paper's runs."""
+_OTHERS = "others"  # drives in MuJoCo that the laws predict
+_COUNT, _OTHER_DURATION = 4, 60.0  # of those, and of each [s]
+_HORIZON, _EVERY = 5.0, 0.5  # of predictions, and between them [s]
+_PAPER_RATE = 10.0  # of the encoders in the paper's runs, whose speeds are constant [Hz]
 _KEY = "trial {number} of {case}"
-_REACH, _SPEED = "reach", "speed"
 _AHEAD = ("position", "heading")
 _AGREEMENT = (0.8, 1.2)  # real errors over predicted ones
 _AS_GOOD = 120.0  # duration from which on a plan is as good as the paper's runs [s]
 _OVER_PAPER = {"offset": 1.0, "radius_error": 1.5}  # largest errors over those of the paper's runs
 _MOST = 1 + 1e-6  # of what is allowed, for rounding [-]
 
-
-@dataclass(frozen=True)
-class PlanTrials:
-    """All trials of a plan."""
-
-    plan: DrivePlan
-    paper: Expectation | None
-    """Standard errors to expect of the paper's runs."""
-    truth: Values | None
-    """Parameters of the law that moves the robot; None in MuJoCo, where repeats measure the same drives again."""
-    repeats: int
-    outcomes: Mapping[str, list[Outcome]]
-    """By case, PLAN or PAPER."""
-    log: RunLog
-    """The log of the first planned drive."""
-
-    def results(self, case: str) -> Results:
-        """The outcomes of PLAN or PAPER, in MuJoCo against their mean, as the truth isn't known."""
-        outcomes = self.outcomes.get(case, [])
-        return Results(outcomes, [self.truth or self.means(case)] * len(outcomes))
-
-    def means(self, case: str) -> Values:
-        """Mean estimates of the parameters, of those that were estimated."""
-        found = [one.estimates for one in self.outcomes.get(case, [])]
-        values = {name: [one[name].value for one in found if name in one] for name in self.plan.sizes}
-        return {name: float(np.mean(some)) for name, some in values.items() if some}
-
-    def errors(self, case: str) -> dict[str, Errors]:
-        """Errors of the parameters identified from PLAN or PAPER."""
-        results = self.results(case)
-        return {name: results.errors(name) for name in self.plan.sizes}
-
-    @property
-    def failures(self) -> list[str]:
-        """Why fits failed, once each."""
-        return [f"{case}: {line}" for case in sorted(self.outcomes) for line in self.results(case).failures]
-
-    @property
-    def predicted(self) -> dict[str, Values]:
-        """Standard errors expected of each case, without what was known before; empty where nothing is."""
-        plan = self.plan.expectation if self.plan.known is None else expected_alone(self.plan)
-        return {PLAN: dict(plan.stderr), PAPER: {} if self.paper is None else dict(self.paper.stderr)}
-
-    def ahead(self, case: str) -> tuple[float, ...] | None:
-        """RMS errors of other drives predicted by the laws, position [m] and heading [rad]; None if there are none."""
-        found = [one.numbers for one in self.results(case).outcomes if _AHEAD[0] in one.numbers]
-        return tuple(rms([numbers[name] for numbers in found]) for name in _AHEAD) if found else None
-
-    def checks(self) -> list[Check]:
-        """Fits, limits of the drive, and errors over those predicted and those of the paper's runs."""
-        case = f"{len(self.outcomes[PLAN])} drives of {self.plan.limits.duration:g} s"
-        failed = sum(bool(one.notes) for ones in self.outcomes.values() for one in ones)
-        reach, speed = (max(one.numbers[name] for one in self.outcomes[PLAN]) for name in (_REACH, _SPEED))
-        rows: list[tuple[str, float, float | tuple[float, float]]] = [
-            ("fits that failed", float(failed), 0.0),
-            ("farthest from the middle, of what the area allows", reach, _MOST),
-            ("largest speed, of what is allowed", speed, _MOST),
-        ]
-        plan, paper = self.ahead(PLAN), self.ahead(PAPER)
-        if plan is not None and paper is not None:
-            for what, mine, theirs in zip(_AHEAD, plan, paper, strict=True):
-                rows.append(
-                    (f"{what} of another drive in 5 s, error over that of the paper's runs", mine / theirs, 1.2)
-                )
-        if self.truth is not None and self.repeats >= MIN_REPEATS:
-            real, predicted, bound = self.errors(PLAN), self.predicted[PLAN], self.predicted[PAPER]
-            rows += [
-                (f"real over predicted error of {name}", error.rms / predicted[name], _AGREEMENT)
-                for name, error in real.items()
-                if name in predicted
-            ]
-            rows += [
-                (f"error of {name} over the least that the paper's runs can have", real[name].rms / bound[name], most)
-                for name, most in _OVER_PAPER.items()
-                if name in real and name in bound and self.plan.limits.duration >= _AS_GOOD
-            ]
-        return [Check(case, what, value, limit, "1") for what, value, limit in rows]
-
-    def to_json(self) -> dict[str, Any]:
-        """The entry of summary.json."""
-        cases = (PLAN, PAPER)
-        real = {case: self.errors(case) for case in cases}
-        return {
-            "repeats": self.repeats,
-            "drives": len(self.outcomes[PLAN]),
-            "motion": "mujoco" if self.truth is None else "law",
-            "truth": self.truth,
-            "predicted": self.predicted,
-            "real": {case: {name: one.rms for name, one in errors.items()} for case, errors in real.items()},
-            "interval95_of_real": {
-                case: {name: one.interval95 for name, one in errors.items()} for case, errors in real.items()
-            },
-            "uncertainty_of_real": {case: sampling_error(len(ones)) for case, ones in self.outcomes.items()},
-            "mean": {case: self.means(case) for case in cases},
-            "ahead": {case: self.ahead(case) for case in cases},
-            "inside": sum(one.numbers[_REACH] <= _MOST for one in self.outcomes[PLAN]),
-            "failures": self.failures,
-            "checks": [check.to_json() for check in self.checks()],
-        }
+Drives = Mapping[str, Sequence[KnownDrive]]  # by case
 
 
-def try_plan(config: Config, plan: DrivePlan, paper: Expectation | None, run: Run) -> PlanTrials:
-    """Try a plan and the paper's runs again and again.
+def try_plan(config: Config, plan: DrivePlan, paper: Expectation | None, run: Run) -> tuple[Study, RunLog]:
+    """Try a plan and the paper's runs again and again; with the log of the first planned drive.
 
     A robot that is too large for the paper's runs, of which `paper` is the expectation, drives the plan alone.
     """
-    simulated = None
+    simulated: Drives | None = None
     if config.motion == "mujoco":
-        with run.progress("drives in MuJoCo", plan.limits.duration + OTHER_DURATIONS) as report:
-            simulated = driven_in_mujoco(plan, config.seed, config.threads, report)
+        with run.progress("drives in MuJoCo", plan.limits.duration + PAPER_DURATION + _OTHER_DURATION) as report:
+            simulated = mujoco_drives(plan, config.seed, config.threads, report)
     truth = truth_of(plan, generator(config.seed, "truth"))
     counts = {PLAN: config.repeats * (1 if simulated else DRIVES)}
     if paper_runs(plan.knowledge.geometry):
@@ -171,7 +92,7 @@ def try_plan(config: Config, plan: DrivePlan, paper: Expectation | None, run: Ru
     outcomes = run_trials(run, partial(tried, plan=plan, poses=poses, truth=truth), trials, _KEY, plan)
     _, (log,) = _measured(trials[0], generator(config.seed, _KEY.format(case=PLAN, number=0)), plan, poses, truth)
     named = None if simulated else dict(zip(plan.sizes, truth.tolist(), strict=True))
-    return PlanTrials(plan, paper, named, config.repeats, outcomes, log)
+    return plan_study(plan, paper, named, config.repeats, outcomes), log
 
 
 def truth_of(plan: DrivePlan, rng: np.random.Generator) -> Array:
@@ -196,34 +117,187 @@ def tried(trial: Trial, rng: np.random.Generator, plan: DrivePlan, poses: PoseSo
     each as a share of what is allowed; in MuJoCo also errors of other drives predicted 5 s ahead [m], [rad].
     """
     driven, logs = _measured(trial, rng, plan, poses, truth)
-    numbers = {_REACH: _reach(plan, driven[0]), _SPEED: _speed(plan, driven[0])} if trial.case == PLAN else {}
+    numbers = _used(plan, driven[0]) if trial.case == PLAN else {}
     try:
         fit = fit_drives(plan.law, logs, plan.knowledge.geometry)
     except TrackslipError as error:
         return Outcome(numbers=numbers, notes=(str(error),))
     if trial.given is not None:
-        numbers |= zip(_AHEAD, prediction_errors(fit, trial.given.others), strict=True)
+        numbers |= zip(_AHEAD, prediction_errors(fit, trial.given[_OTHERS]), strict=True)
     return Outcome(Estimate.of(fit), numbers)
 
 
 def _measured(
     trial: Trial, rng: np.random.Generator, plan: DrivePlan, poses: PoseSource, truth: Array
-) -> tuple[list[Driven], list[RunLog]]:
+) -> tuple[Sequence[KnownDrive], list[RunLog]]:
     """The drives of a trial, and their logs: drives in MuJoCo if the trial has them, else by the law."""
-    simulated: MujocoDrives | None = trial.given
-    if simulated is not None:
-        driven = [simulated.plan] if trial.case == PLAN else simulated.paper
-    else:
-        driven = [driven_by_law(plan, truth, rng)] if trial.case == PLAN else paper_by_law(plan, truth, rng)
+    driven = trial.given[trial.case] if trial.given else _driven_by_law(plan, trial.case, truth, rng)
     return driven, [one.measured(poses, rng) for one in driven]
 
 
-def _reach(plan: DrivePlan, driven: Driven) -> float:
-    return float((np.abs(driven.motion.pose[:, :2]) / (plan.limits.room / 2)).max())
+def _driven_by_law(plan: DrivePlan, case: str, truth: Array, rng: np.random.Generator) -> list[KnownDrive]:
+    """The planned drive or the paper's runs by the law with the parameters `truth` (q,), with white slip."""
+    geometry, counts = plan.knowledge.geometry, Drive().encoder_counts
+    law = LawMotion(family(plan.law).law(truth, geometry), geometry, SlipVariation(*plan.knowledge.slip))
+    if case == PLAN:
+        readings = np.concatenate([plan.omega[:1], plan.omega[:-1]])  # means since the row before
+        return [driven_by_law("plan", law, readings, RATE, rng, plan.start, counts)]
+    rows = round(PAPER_DURATION * _PAPER_RATE) + 1
+    circles = [np.tile(speeds / geometry.sprocket_radius, (rows, 1)) for speeds in paper_runs(geometry)]
+    return [driven_by_law(f"circle {k + 1}", law, one, _PAPER_RATE, rng, None, counts) for k, one in enumerate(circles)]
 
 
-def _speed(plan: DrivePlan, driven: Driven) -> float:
-    """Largest mean speed of a belt in a period, less the resolution of the encoders."""
-    radius = plan.knowledge.geometry.sprocket_radius
-    step = 2 * np.pi / Drive().encoder_counts * RATE
-    return float((np.abs(driven.log.omega).max() - step) * radius / plan.limits.max_speed)
+def mujoco_drives(plan: DrivePlan, seed: int, threads: int, progress: Progress) -> dict[str, list[KnownDrive]]:
+    """The planned drive, the paper's runs and other drives, on the shipped ground.
+
+    The robot is the shipped one but for gauge and sprockets. `progress` is called with the simulated seconds; raises
+    RunFailedError when a robot tips over.
+    """
+    geometry, limits, circles = plan.knowledge.geometry, plan.limits, paper_runs(plan.knowledge.geometry)
+    top_speed = max(limits.max_speed, Drive().top_speed, *(float(np.abs(v).max()) for v in circles))
+    config = Simulation(seed=seed, threads=threads, drive=Drive(top_speed=top_speed))
+    given = Specification.of(config)
+    parameters = replace(given.parameters, half_gauge=geometry.half_gauge, sprocket_radius=geometry.sprocket_radius)
+    world = World.of(config, replace(given, parameters=parameters))
+
+    def drive(name: str, speeds: Sequence[Array]) -> list[KnownDrive]:
+        about = [Description(f"{name} {k + 1}", world.metadata("truth")) for k in range(len(speeds))]
+        omega = [one / geometry.sprocket_radius for one in speeds]
+        fleet = world.fleet(np.zeros((len(speeds), 3)))
+        return driven_in_mujoco(fleet, omega, RATE, about, progress) if len(speeds) else []
+
+    (planned,) = drive("plan", [plan.speeds])
+    motion = Motion(planned.motion.time, placed(planned.motion.pose, plan.start))
+    driver = Driver(limits.max_speed, limits.acceleration, plan.knowledge.reach)
+    commands = [generator(seed, f"plan other {k}") for k in range(_COUNT)]
+    return {
+        PLAN: [KnownDrive(replace(planned.log, pose=motion.pose), motion)],
+        PAPER: drive("circle", [np.tile(one, (round(PAPER_DURATION * RATE) + 1, 1)) for one in circles]),
+        _OTHERS: drive("other", [track_commands("random", _OTHER_DURATION, RATE, driver, rng) for rng in commands]),
+    }
+
+
+def _used(plan: DrivePlan, driven: KnownDrive) -> dict[str, float]:
+    """Largest distance from the middle of the area and mean speed of a belt in a period, of what is allowed [-]."""
+    reach = float((np.abs(driven.motion.pose[:, :2]) / (plan.limits.room / 2)).max())
+    step = 2 * np.pi / Drive().encoder_counts * RATE  # resolution of the encoders
+    speed = (np.abs(driven.log.omega).max() - step) * plan.knowledge.geometry.sprocket_radius
+    return {"reach": reach, "speed": float(speed / plan.limits.max_speed)}
+
+
+def prediction_errors(fit: DriveFit, others: Sequence[KnownDrive]) -> tuple[float, float]:
+    """Root mean square errors of the position [m] and heading [rad] of drives, predicted 5 s ahead by the law alone."""
+    values = with_extras(fit.fit.values[: len(fit.values)])
+    missed = []
+    for other in others:
+        drive = drive_of(other.log)
+        start = np.arange(0, len(drive.pose) - round(_HORIZON * RATE), round(_EVERY * RATE))
+        end = start + round(_HORIZON * RATE)
+        missed.append(_moved(fit.fit.model.sensor_path(values, drive), start, end) - _moved(drive.pose, start, end))
+    x, y, turn = np.concatenate(missed).T
+    return rms(np.hypot(x, y)), rms(wrap_angle(turn))
+
+
+def _moved(pose: Array, start: np.ndarray, end: np.ndarray) -> Array:
+    """Motion (n, 3) between poses, in the frame of the first."""
+    way = rotated(-pose[start, 2], pose[end, :2] - pose[start, :2])
+    return np.column_stack([way, pose[end, 2] - pose[start, 2]])
+
+
+def plan_study(
+    plan: DrivePlan,
+    paper: Expectation | None,
+    truth: Values | None,
+    repeats: int,
+    outcomes: Mapping[str, Sequence[Outcome]],
+) -> Study:
+    """Compare the estimates with the truth and with what was predicted.
+
+    Args:
+        plan: that was tried.
+        paper: standard errors to expect of the paper's runs.
+        truth: parameters of the law that moves the robot; None in MuJoCo, where repeats measure the same drives again,
+            and errors are from their mean.
+        repeats: of the paper's runs.
+        outcomes: by case, PLAN or PAPER.
+    """
+    by_case = {case: outcomes.get(case, []) for case in (PLAN, PAPER)}
+    estimates = {case: {name: Estimates.of(ones, name) for name in plan.sizes} for case, ones in by_case.items()}
+    mean = {
+        case: {name: float(one.value[one.known].mean()) for name, one in found.items() if one.known.any()}
+        for case, found in estimates.items()
+    }
+    errors = {
+        case: {name: one.errors((truth or mean[case]).get(name, np.nan)) for name, one in found.items()}
+        for case, found in estimates.items()
+    }
+    alone = plan.expectation if plan.known is None else expected_alone(plan)
+    real = {case: {name: rms(found) for name, found in of_case.items()} for case, of_case in errors.items()}
+    predicted = {PLAN: dict(alone.stderr), PAPER: {} if paper is None else dict(paper.stderr)}
+    ahead = {case: _ahead(ones) for case, ones in by_case.items()}
+    summary = {
+        "repeats": repeats,
+        "drives": len(by_case[PLAN]),
+        "motion": "mujoco" if truth is None else "law",
+        "truth": truth,
+        "predicted": predicted,
+        "real": real,
+        "interval95_of_real": {case: {name: rms_interval(e) for name, e in of.items()} for case, of in errors.items()},
+        "uncertainty_of_real": {case: sampling_error(len(ones)) for case, ones in outcomes.items()},
+        "mean": mean,
+        "ahead": ahead,
+        "inside": sum(one.numbers["reach"] <= _MOST for one in by_case[PLAN]),
+        "failures": [f"{case}: {line}" for case in sorted(outcomes) for line in failures_of(outcomes[case])],
+    }
+    checks = _checks(plan, by_case, summary)
+    rows = []
+    for name in plan.sizes:
+        factor, unit = unit_of(plan.law, name)
+        mine, theirs = (predicted[case].get(name) for case in (PLAN, PAPER))
+        columns = (mine, real[PLAN][name], theirs, real[PAPER][name])
+        printed = [significant(None if error is None else factor * error, unit) for error in columns]
+        rows.append((SYMBOLS[name], *printed[:2], number(real[PLAN][name] / mine if mine else None, 2), *printed[2:]))
+    title = f"A drive in MuJoCo, measured {repeats} times: standard deviations between measurements"
+    shown: list[Table | str] = []
+    if truth is not None:
+        driven = f"{len(by_case[PLAN])} drives of the plan, {repeats} times the paper's runs"
+        title = f"{driven}, moved by the law: root mean square errors"
+        uncertain = [f"{case} {error:.0%}" for case, error in summary["uncertainty_of_real"].items()]
+        shown = [f"so many drives leave real errors uncertain by: {', '.join(uncertain)}"]
+    header = ("parameter", "predicted", "real", "real / predicted", "paper predicted", "paper real")
+    return Study(summary, [Table(title, header, rows), *shown, checks_table("Checks", checks)], checks)
+
+
+def _ahead(outcomes: Sequence[Outcome]) -> tuple[float, ...] | None:
+    """RMS errors of other drives predicted by the laws, position [m] and heading [rad]; None if there are none."""
+    found = [one.numbers for one in outcomes if _AHEAD[0] in one.numbers]
+    return tuple(rms([numbers[name] for numbers in found]) for name in _AHEAD) if found else None
+
+
+def _checks(plan: DrivePlan, outcomes: Mapping[str, Sequence[Outcome]], summary: Mapping[str, Any]) -> list[Check]:
+    """Fits, limits of the drive, and errors over those predicted and those of the paper's runs."""
+    case = f"{len(outcomes[PLAN])} drives of {plan.limits.duration:g} s"
+    failed = sum(bool(one.notes) for ones in outcomes.values() for one in ones)
+    reach, speed = (max(one.numbers[name] for one in outcomes[PLAN]) for name in ("reach", "speed"))
+    rows: list[tuple[str, float, float | tuple[float, float]]] = [
+        ("fits that failed", float(failed), 0.0),
+        ("farthest from the middle, of what the area allows", reach, _MOST),
+        ("largest speed, of what is allowed", speed, _MOST),
+    ]
+    mine, theirs = summary["ahead"][PLAN], summary["ahead"][PAPER]
+    if mine and theirs:
+        for what, own, of_paper in zip(_AHEAD, mine, theirs, strict=True):
+            rows.append((f"{what} of another drive in 5 s, error over that of the paper's runs", own / of_paper, 1.2))
+    if summary["truth"] is not None and summary["repeats"] >= MIN_REPEATS:
+        real, predicted, bound = summary["real"][PLAN], summary["predicted"][PLAN], summary["predicted"][PAPER]
+        rows += [
+            (f"real over predicted error of {name}", real[name] / predicted[name], _AGREEMENT)
+            for name in real
+            if name in predicted
+        ]
+        rows += [
+            (f"error of {name} over the least that the paper's runs can have", real[name] / bound[name], most)
+            for name, most in _OVER_PAPER.items()
+            if name in real and name in bound and plan.limits.duration >= _AS_GOOD
+        ]
+    return [Check(case, what, value, limit, "1") for what, value, limit in rows]

@@ -78,40 +78,21 @@ DISTURBANCES = (
 )
 
 
-@dataclass(frozen=True)
-class SensitivityRow:
-    """One disturbance and its consequences."""
+def sensitivity(config: Config, run: Run) -> list[dict[str, Any]]:
+    """A row of summary.json per disturbance, all with the same random numbers of the grid.
 
-    disturbance: Disturbance
-    outcome: Outcome
-
-    def numbers(self, part: str) -> dict[str, float]:
-        """Numbers of a part by name.
-
-        `outer` and `inner` are errors of slip over the runs: bias, std and largest [-], empty if no run could be used.
-        `localization` is of all runs, as LocalizationErrors; `runs` are those used and all.
-        """
-        words = (name.split(" ") for name in self.outcome.numbers)
-        return {name: self.outcome.numbers[f"{of} {name}"] for of, name in words if of == part}
-
-    def to_json(self) -> dict[str, Any]:
-        """The row in summary.json."""
-        slip = {track: self.numbers(track) for track in ("outer", "inner")}
-        return {
-            "effect": self.disturbance.name,
-            "settings": self.disturbance.settings,
-            "slip_error": slip if slip["outer"] else None,
-            "localization": self.numbers("localization"),
-            "runs": self.numbers("runs"),
-            "warnings": self.outcome.notes,
-        }
-
-
-def sensitivity(config: Config, run: Run) -> list[SensitivityRow]:
-    """One row per disturbance, all with the same random numbers of the grid."""
+    `slip_error` has bias, std and largest error [-] of the outer and the inner track over the runs, None if no run
+    could be used; `localization` is of all runs, as LocalizationErrors; `runs` are those used and all.
+    """
     trials = [Trial(disturbance.name, given=disturbance) for disturbance in DISTURBANCES]
     outcomes = run_trials(run, partial(disturbed, config=config), trials, "{case}", Specification.of(config))
-    return [SensitivityRow(disturbance, *outcomes[disturbance.name]) for disturbance in DISTURBANCES]
+    return [row_of(disturbance, *outcomes[disturbance.name]) for disturbance in DISTURBANCES]
+
+
+def row_of(disturbance: Disturbance, outcome: Outcome) -> dict[str, Any]:
+    """A disturbance and its consequences."""
+    about = {"effect": disturbance.name, "settings": disturbance.settings}
+    return {**about, **outcome.numbers, "warnings": list(outcome.notes)}
 
 
 def disturbed(trial: Trial, _: np.random.Generator, config: Config) -> Outcome:
@@ -121,11 +102,17 @@ def disturbed(trial: Trial, _: np.random.Generator, config: Config) -> Outcome:
     world = World.of(grid)
     logs = [disturbance.evaluated(log) for log in drive_grid(grid, world)]
     slip, warnings = slip_errors(logs, world.robot.geometry, config.motion)
-    numbers: dict[str, float] = {"runs used": len(slip), "runs all": len(logs)}
-    numbers |= {f"localization {name}": value for name, value in vars(LocalizationErrors.of(logs)).items()}
-    for track, error in zip(("inner", "outer"), slip.T, strict=True) if len(slip) else ():
-        found = {"bias": error.mean(), "std": error.std(), "largest": np.abs(error).max()}
-        numbers |= {f"{track} {name}": float(value) for name, value in found.items()}
+    error = (
+        {"bias": slip.mean(axis=0), "std": slip.std(axis=0), "largest": np.abs(slip).max(axis=0)} if len(slip) else {}
+    )
+    tracks = {
+        track: {name: float(both[k]) for name, both in error.items()} for k, track in ((1, "outer"), (0, "inner"))
+    }
+    numbers = {
+        "slip_error": tracks if len(slip) else None,
+        "localization": vars(LocalizationErrors.of(logs)),
+        "runs": {"used": len(slip), "all": len(logs)},
+    }
     return Outcome(numbers=numbers, notes=warnings)
 
 

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from experiments.driving.grid_runs import cells_of, drive_grid
 from experiments.driving.world import World
 from experiments.measuring.check import Check
-from experiments.studies.trials import Outcome, Trial, Values, plausible_shares, run_trials
+from experiments.report.laws import SYMBOLS
+from experiments.report.table import Table
+from experiments.studies.trials import Outcome, Study, Trial, Values, plausible_shares, run_trials, share_interval
 from sim.seeds import generator
 from trackslip.identification.comparison import Comparison, compare_laws
 from trackslip.identification.coverage import coverage, noise_coverage
@@ -36,58 +38,7 @@ DRAWN_LAWS = tuple(name for name, family in FAMILIES.items() if family.names and
 _MOTION = "bundle"  # takes ranges, to which noise can be added again and again
 
 
-@dataclass(frozen=True)
-class RunCoverage:
-    """Coverage with grids scanned repeatedly."""
-
-    repeats: int
-    law: str
-    noise: Values
-    """Share of the repeats with intervals from the measurement noise alone that cover each parameter [-]."""
-    interval95: Values
-    """The same with the whole 95 % intervals."""
-    bias_by_lean: Values
-    """How much larger each parameter is when fitted to the plate's true motion instead of the robot's [SI]."""
-
-
-@dataclass(frozen=True)
-class SteadyCoverage:
-    """Coverage of the 95 % intervals of laws fitted to steady samples."""
-
-    repeats: int
-    """Sets of samples drawn from each law."""
-    values: Mapping[str, Values]
-    """Law -> the parameters that samples are drawn with."""
-    laws: Mapping[str, Values]
-    """Law -> share of the repeats that cover each parameter where the fits know the errors of measurement [-]."""
-    laws_errors_unknown: Mapping[str, Values]
-    """The same where they estimate the scatter from the samples."""
-    runs: RunCoverage
-
-    @property
-    def checks(self) -> list[Check]:
-        """Shares near 95 %; intervals that allow for errors of the law may cover more often."""
-        runs = self.runs
-        found: list[Check] = []
-
-        def check(case: str, shares: Values, repeats: int, low: float, high: float) -> None:
-            bound = plausible_shares(low, high, repeats)
-            found.extend(Check(case, f"coverage of {name}", share, bound, "1") for name, share in shares.items())
-
-        for law in self.laws:
-            check(f"{law}, errors known", self.laws[law], self.repeats, 0.94, 0.98)
-            check(f"{law}, errors unknown", self.laws_errors_unknown[law], self.repeats, 0.94, 0.98)
-        check("grids, noise alone", runs.noise, runs.repeats, 0.94, 0.96)
-        check("grids, 95 % interval", runs.interval95, runs.repeats, 0.95, 1.0)
-        return found
-
-    def to_json(self) -> dict[str, Any]:
-        """The content of summary.json."""
-        content = {name: value for name, value in vars(self).items() if name != "values"}
-        return content | {"checks": [check.to_json() for check in self.checks]}
-
-
-def steady_coverage(config: Config, world: World, run: Run) -> SteadyCoverage:
+def steady_coverage(config: Config, world: World, run: Run) -> Study:
     """Drive grids without noise, repeat what is random, and count what the intervals cover."""
     geometry = world.robot.geometry
     with run.progress(f"a grid of {len(cells_of(config))} runs", config.duration) as report:
@@ -98,18 +49,68 @@ def steady_coverage(config: Config, world: World, run: Run) -> SteadyCoverage:
     draw = partial(_drawn, values=values, design=design, geometry=geometry, repeats=config.repeats)
     draws = [Trial(f"{name} {known}", given=(name, known)) for known in (True, False) for name in values]
     shares = run_trials(run, draw, draws, "coverage {case}", world.about)
-    laws = {known: {name: shares[f"{name} {known}"][0].numbers for name in values} for known in (True, False)}
+    known, unknown = ({name: shares[f"{name} {known}"][0].numbers for name in values} for known in (True, False))
     scan = partial(_scanned, config=config, design=design, geometry=geometry)
     grids = [Trial("grid", number) for number in range(config.grids)]
     scanned = run_trials(run, scan, grids, "coverage {case} {number}", world.about)["grid"]
     weights = [_repeats(config, number) for number in range(config.grids)]
 
-    def mean(kind: str) -> Values:
-        numbers = {name: [one.numbers[f"{kind} {name}"] for one in scanned] for name in FAMILIES[RUN_LAW].names}
-        return {name: float(np.average(found, weights=weights)) for name, found in numbers.items()}
+    def mean(kind: str) -> dict[str, float]:
+        found = {name: [one.numbers[kind][name] for one in scanned] for name in FAMILIES[RUN_LAW].names}
+        return {name: float(np.average(numbers, weights=weights)) for name, numbers in found.items()}
 
-    runs = RunCoverage(config.run_repeats, RUN_LAW, mean("noise"), mean("interval95"), mean("lean"))
-    return SteadyCoverage(config.repeats, values, laws[True], laws[False], runs)
+    noise, whole, lean = mean("noise"), mean("interval95"), mean("lean")
+    runs = {"repeats": config.run_repeats, "law": RUN_LAW, "noise": noise, "interval95": whole, "bias_by_lean": lean}
+    checks = [
+        *(
+            check
+            for law in values
+            for what, shares in (("known", known), ("unknown", unknown))
+            for check in _checks(f"{law}, errors {what}", shares[law], config.repeats)
+        ),
+        *_checks("grids, noise alone", noise, config.run_repeats, 0.94, 0.96),
+        *_checks("grids, 95 % interval", whole, config.run_repeats, 0.95, 1.0),
+    ]
+    bias = " and ".join(f"{SYMBOLS[key]} by {value:+.6f}" for key, value in lean.items())
+    shown: list[Table | str] = [
+        _law_table(values, known, unknown, config.repeats),
+        _run_table(noise, whole, config.run_repeats),
+        f"The true motion here is the plate's, which leans outwards with the robot. This changes {bias}.",
+        *(f"does not hold: {check.to_json()['name']}" for check in checks if not check.holds),
+    ]
+    summary = {"repeats": config.repeats, "laws": known, "laws_errors_unknown": unknown, "runs": runs}
+    return Study(summary, shown, checks)
+
+
+def _checks(case: str, shares: Values, repeats: int, low: float = 0.94, high: float = 0.98) -> Iterator[Check]:
+    """Shares near 95 %; intervals that allow for errors of the law may cover more often."""
+    bound = plausible_shares(low, high, repeats)
+    for name, share in shares.items():
+        yield Check(case, f"coverage of {name}", share, bound, "1")
+
+
+def _law_table(
+    values: Mapping[str, Values], known: Mapping[str, Values], unknown: Mapping[str, Values], repeats: int
+) -> Table:
+    rows = []
+    for law, drawn in values.items():
+        for k, (name, value) in enumerate(drawn.items()):
+            symbol = f"{SYMBOLS[name]} [{FAMILIES[law].parameters[name].unit or '-'}]"
+            both = (_share(shares[law][name], repeats) for shares in (known, unknown))
+            rows.append((law if k == 0 else "", symbol, f"{value:+.4f}", *both))
+    title = f"Share of {repeats} repeats whose 95 % interval covers the parameter"
+    return Table(title, ("law", "parameter", "drawn from", "errors known", "errors unknown"), rows, "lr")
+
+
+def _run_table(noise: Values, whole: Values, repeats: int) -> Table:
+    rows = [(SYMBOLS[name], *(_share(one[name], repeats) for one in (noise, whole))) for name in noise]
+    title = f"Share of {repeats} grids whose {RUN_LAW} interval covers the value fitted to the true motion"
+    return Table(title, ("parameter", "noise alone", "95 % interval"), rows)
+
+
+def _share(share: float, repeats: int) -> str:
+    low, high = share_interval(round(share * repeats), repeats)
+    return f"{share:.3f} ({low:.2f} to {high:.2f})"
 
 
 def _drawn(
@@ -139,8 +140,8 @@ def _scanned(
         fit_law(RUN_LAW, replace(design, twist=true.twist, slip=true.slip), geometry, bootstraps=0).values
         for true in (plate, robot)
     )
-    kinds = {"noise": noise, "interval95": whole, "lean": {name: of_plate[name] - of_robot[name] for name in of_plate}}
-    return Outcome(numbers={f"{kind} {name}": value for kind, found in kinds.items() for name, value in found.items()})
+    lean = {name: of_plate[name] - of_robot[name] for name in of_plate}
+    return Outcome(numbers={"noise": noise, "interval95": whole, "lean": lean})
 
 
 def _repeats(config: Config, number: int) -> int:

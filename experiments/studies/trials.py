@@ -8,12 +8,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 import scipy
 
+from experiments.measuring.check import Check
 from experiments.parallel import WorkersFailedError, processors, workers
+from experiments.report.table import Table
 from experiments.storage.manifest import digest, made_by
 from experiments.storage.plain_json import plain
 from sim.seeds import generator
@@ -40,16 +42,13 @@ class Trial:
     """What it starts from, such as a log, where that follows from the options."""
 
 
-@dataclass(frozen=True)
-class Estimate:
-    """A parameter estimated in a trial, in its unit."""
+class Estimate(NamedTuple):
+    """A parameter estimated in a trial, with its standard error by the model of the noise and its 95 % interval."""
 
     value: float
     stderr: float
-    """By the model of the noise."""
     low: float
     high: float
-    """The 95 % interval."""
 
     @staticmethod
     def of(fit: DriveFit) -> dict[str, Estimate]:
@@ -63,14 +62,15 @@ class Outcome:
     """The result of a trial."""
 
     estimates: Mapping[str, Estimate] = field(default_factory=dict)
-    numbers: Mapping[str, float] = field(default_factory=dict)
+    numbers: Mapping[str, Any] = field(default_factory=dict)
+    """Other numbers by name, or groups of them."""
     notes: tuple[str, ...] = ()
     """Why something could not be estimated; without estimates, why the fit failed."""
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> Self:
         """The outcome that was stored with `asdict`."""
-        estimates = {name: Estimate(**one) for name, one in content["estimates"].items()}
+        estimates = {name: Estimate(*one) for name, one in content["estimates"].items()}
         return cls(estimates, content["numbers"], tuple(content["notes"]))
 
 
@@ -145,28 +145,71 @@ def _read(lines: Iterable[str]) -> Iterable[tuple[Trial, Outcome]]:
 
 
 @dataclass(frozen=True)
-class Coverage:
-    """How often intervals contained the truth."""
+class Study:
+    """The results of a study."""
 
-    covered: int
-    trials: int
-
-    @property
-    def share(self) -> float:
-        """Covered over all [-]."""
-        return self.covered / self.trials
-
-    @property
-    def interval95(self) -> tuple[float, float]:
-        """The 95 % interval of the probability of covering, by Clopper and Pearson."""
-        k, n = self.covered, self.trials
-        low = scipy.special.betaincinv(k, n - k + 1, 0.025) if k else 0.0
-        high = scipy.special.betaincinv(k + 1, n - k, 0.975) if k < n else 1.0
-        return float(low), float(high)
+    summary: Mapping[str, Any]
+    """What is stored besides the checks; `failures` are the reasons why fits failed."""
+    shown: Sequence[Table | str]
+    """What is printed."""
+    checks: Sequence[Check]
 
     def to_json(self) -> dict[str, Any]:
-        """The share and its interval."""
-        return {"coverage": self.share, "coverage_interval95": self.interval95}
+        """The content of summary.json."""
+        return {**self.summary, "checks": [check.to_json() for check in self.checks]}
+
+    def print(self) -> None:
+        """Print the tables, why fits failed, and how many checks hold."""
+        for one in self.shown:
+            if isinstance(one, Table):
+                one.print()
+            else:
+                print(one)
+        for line in self.summary.get("failures", ()):
+            print(f"a fit failed: {line}")
+        print(f"{sum(check.holds for check in self.checks)} of {len(self.checks)} checks hold")
+
+
+@dataclass(frozen=True)
+class Estimates:
+    """The estimates of a parameter in n trials, NaN where it was not estimated."""
+
+    value: Array  # (n,)
+    stderr: Array  # (n,)
+    low: Array  # (n,)
+    high: Array  # (n,)
+
+    @classmethod
+    def of(cls, outcomes: Sequence[Outcome], name: str) -> Self:
+        """Gather the estimates of the parameter called `name`."""
+        missing = Estimate(*[np.nan] * 4)
+        found = [one.estimates.get(name, missing) for one in outcomes]
+        return cls(*np.array(found, float).reshape(-1, 4).T)
+
+    @property
+    def known(self) -> np.ndarray:
+        """(n,) bool: whether it was estimated."""
+        return ~np.isnan(self.value)
+
+    def errors(self, aim: float) -> Array:
+        """Errors (m,) of those that were estimated."""
+        return self.value[self.known] - aim
+
+    def cover(self, truth: Array | float) -> np.ndarray:
+        """(n,) bool: whether the intervals contain the truth, a number or (n,)."""
+        return (self.low <= truth) & (truth <= self.high)
+
+
+def failures_of(outcomes: Iterable[Outcome]) -> list[str]:
+    """Why fits failed, once each."""
+    return sorted({note for one in outcomes for note in one.notes})
+
+
+def share_interval(count: int, trials: int) -> tuple[float, float]:
+    """The 95 % interval of a probability, by Clopper and Pearson, after `count` of so many trials."""
+    low = scipy.special.betaincinv(count, trials - count + 1, 0.025) if count else 0.0
+    high = scipy.special.betaincinv(count + 1, trials - count, 0.975) if count < trials else 1.0
+    return float(low), float(high)
 
 
 def plausible_shares(low: float, high: float, trials: int) -> tuple[float, float]:
@@ -178,62 +221,13 @@ def plausible_shares(low: float, high: float, trials: int) -> tuple[float, float
     return float(ends[0]), float(ends[1])
 
 
-@dataclass(frozen=True)
-class Errors:
-    """Errors of an estimate over trials, in its unit."""
-
-    errors: Array  # (n,)
-
-    @property
-    def rms(self) -> float:
-        """Root mean square; NaN without errors."""
-        return rms(self.errors)
-
-    @property
-    def interval95(self) -> tuple[float, float]:
-        """The 95 % interval of the root mean square, for normal errors."""
-        n = len(self.errors)
-        if n == 0:
-            return np.nan, np.nan
-        low, high = (self.rms * np.sqrt(n / scipy.special.chdtri(n, tail)) for tail in (0.025, 0.975))
-        return float(low), float(high)
-
-    def to_json(self) -> dict[str, Any]:
-        """The root mean square and its interval."""
-        return {"rms": self.rms, "rms_interval95": self.interval95}
-
-
-@dataclass(frozen=True)
-class Results:
-    """The outcomes of a case against the truth."""
-
-    outcomes: Sequence[Outcome]
-    truths: Sequence[Values]
-    """For each outcome, the values that its intervals must cover."""
-    aim: Values | None = None
-    """Values that errors are measured from, if not the truths."""
-
-    @property
-    def failures(self) -> list[str]:
-        """Why fits failed, once each."""
-        return sorted({note for one in self.outcomes for note in one.notes})
-
-    def pairs(self, name: str) -> list[tuple[Estimate, float]]:
-        """The estimates of a parameter, and the values that errors are measured from."""
-        both = zip(self.outcomes, self.truths, strict=True)
-        return [(one.estimates[name], (self.aim or truth)[name]) for one, truth in both if name in one.estimates]
-
-    def errors(self, name: str) -> Errors:
-        """Errors of a parameter."""
-        return Errors(np.array([one.value - aim for one, aim in self.pairs(name)]))
-
-    def coverage(self, name: str, truth: Values | None = None) -> Coverage:
-        """How often the intervals of a parameter cover its own truth, or another; one not estimated covers nothing."""
-        covered = 0
-        for one, own in zip(self.outcomes, self.truths, strict=True):
-            if name in one.estimates:
-                covered += one.estimates[name].low <= (truth or own)[name] <= one.estimates[name].high
-        return Coverage(covered, len(self.outcomes))
+def rms_interval(errors: Array) -> tuple[float, float]:
+    """The 95 % interval of the root mean square of normal errors (n,), in their unit; NaN without errors."""
+    n = len(errors)
+    if n == 0:
+        return np.nan, np.nan
+    low, high = (rms(errors) * np.sqrt(n / scipy.special.chdtri(n, tail)) for tail in (0.025, 0.975))
+    return float(low), float(high)
 
 
 def sampling_error(count: int) -> float:

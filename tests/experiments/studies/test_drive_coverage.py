@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from experiments.driving.drives import KnownDrive
 from experiments.measuring.check import Check
-from experiments.studies.drive_cases import CASES, SIMULATED, TRUE_LAW, Case
-from experiments.studies.drive_coverage import checks_of, fitted_drive, steady_laws
-from experiments.studies.trials import Estimate, Outcome, Results, Trial
+from experiments.studies.drive_coverage import CASES, SIMULATED, TRUE_LAW, Case, checks_of, fitted_drive, steady_laws
+from experiments.studies.trials import Estimate, Outcome, Trial
+from sim.wander.motion import Motion
 from trackslip.kinematics import RobotGeometry
 from trackslip.logs.runlog import RunLog
 
@@ -33,8 +34,7 @@ def estimated(bias: float = 0.0, stderr: float = 0.001, count: int = 1000) -> li
 
 
 def checked(outcomes: list[Outcome], case: Case = CASE, aim: dict[str, float] | None = None) -> dict[str, Check]:
-    results = Results(outcomes, [TRUE_LAW] * len(outcomes), aim)
-    return {check.what: check for check in checks_of(case, results)}
+    return {check.what: check for check in checks_of(case, outcomes, aim or TRUE_LAW, TRUE_LAW)}
 
 
 def test_honest_estimates_hold():
@@ -61,7 +61,7 @@ def test_dishonest_ones_do_not(found, broken):
 
 
 def test_intervals_that_are_too_wide_are_found():
-    unlimited = {"offset": replace(EXACT, low=0.0, high=1.0)}
+    unlimited = {"offset": EXACT._replace(low=0.0, high=1.0)}
     wide = [Outcome(one.estimates | unlimited) for one in estimated()]
     assert not checked(wide)["half width of offset over the model's"].holds
 
@@ -91,7 +91,8 @@ def test_a_drive_by_the_law_is_fitted_within_its_bound():
 def test_a_drive_that_tells_nothing_is_recorded():
     time = np.arange(501) / 50
     rest = RunLog("rest", time, np.zeros((501, 2)), np.zeros((501, 3)))
-    outcome = fitted_drive(Trial(SIMULATED.name, given=rest), np.random.default_rng(0), GEOMETRY)
+    drive = KnownDrive(rest, Motion(rest.time, rest.pose))
+    outcome = fitted_drive(Trial(SIMULATED, given=drive), np.random.default_rng(0), GEOMETRY)
     assert outcome.estimates == {}
     assert len(outcome.notes) == 1
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.studies.plan_trials import MIN_REPEATS, PAPER, PLAN, PlanTrials, truth_of
+from experiments.studies.plan_trials import MIN_REPEATS, PAPER, PLAN, plan_study, truth_of
 from experiments.studies.trials import Estimate, Outcome
 from trackslip.kinematics import RobotGeometry
 from trackslip.odometry.uncertainty import LawErrors
@@ -31,7 +31,7 @@ def plan():
     return replace(found, expectation=Expectation(PREDICTED, ()))
 
 
-def trials(plan, size=1.0, paper=1.0, repeats=MIN_REPEATS, reach=0.9, speed=1.0):
+def trials(plan, size=1.0, paper=1.0, repeats=MIN_REPEATS, reach=0.9, speed=1.0, simulated=False, failed=0):
     """Estimates with errors of `size` times those predicted; the paper's runs are expected to have `paper` times."""
     errors = size * np.array([*PREDICTED.values()]) * np.random.default_rng(0).standard_normal((4 * repeats, 2))
     outcomes = [
@@ -45,21 +45,22 @@ def trials(plan, size=1.0, paper=1.0, repeats=MIN_REPEATS, reach=0.9, speed=1.0)
         for values in TRUTH + errors
     ]
     expected = Expectation({name: paper * value for name, value in PREDICTED.items()}, ())
-    both = {PLAN: outcomes, PAPER: outcomes[:repeats]}
-    return PlanTrials(plan, expected, dict(zip(PREDICTED, TRUTH, strict=True)), repeats, both, log=None)
+    of_plan = [replace(one, estimates={}, notes=("why",)) for one in outcomes[:failed]] + outcomes[failed:]
+    truth = None if simulated else dict(zip(PREDICTED, TRUTH.tolist(), strict=True))
+    return plan_study(plan, expected, truth, repeats, {PLAN: of_plan, PAPER: outcomes[:repeats]})
 
 
 def broken(found):
-    return {check.what.split(" of ")[0].split(",")[0] for check in found.checks() if not check.holds}
+    return {check.what.split(" of ")[0].split(",")[0] for check in found.checks if not check.holds}
 
 
 def test_honest_trials_hold(plan):
     found = trials(plan, paper=1.2)
     assert broken(found) == set()
-    assert len(found.checks()) == 3 + 2 + 2
-    assert found.to_json()["uncertainty_of_real"][PLAN] == pytest.approx(1 / np.sqrt(2 * 400))
+    assert len(found.checks) == 3 + 2 + 2
+    assert found.summary["uncertainty_of_real"][PLAN] == pytest.approx(1 / np.sqrt(2 * 400))
     for case in (PLAN, PAPER):
-        for name, (low, high) in found.to_json()["interval95_of_real"][case].items():
+        for name, (low, high) in found.summary["interval95_of_real"][case].items():
             assert low < PREDICTED[name] < high
 
 
@@ -78,21 +79,19 @@ def test_dishonest_ones_do_not(plan, change, what):
 
 
 def test_few_repeats_say_nothing_of_errors(plan):
-    assert len(trials(plan, repeats=MIN_REPEATS - 1).checks()) == 3
+    assert len(trials(plan, repeats=MIN_REPEATS - 1).checks) == 3
 
 
 def test_failed_fits_are_counted_and_named(plan):
-    found = trials(plan)
-    failed = [replace(found.outcomes[PLAN][0], estimates={}, notes=("why",)), *found.outcomes[PLAN][1:]]
-    found = replace(found, outcomes={PLAN: failed, PAPER: found.outcomes[PAPER]})
-    assert found.failures == ["plan: why"]
+    found = trials(plan, failed=1)
+    assert found.summary["failures"] == ["plan: why"]
     assert broken(found) >= {"fits that failed"}
 
 
 def test_in_mujoco_errors_are_deviations_from_the_mean(plan):
-    by_law = trials(plan)
-    simulated = replace(by_law, truth=None).errors(PLAN)["offset"]
-    assert simulated.rms == pytest.approx(by_law.errors(PLAN)["offset"].errors.std())
+    by_law, simulated = (trials(plan, simulated=one).summary for one in (False, True))
+    bias = by_law["mean"][PLAN]["offset"] - TRUTH[0]
+    assert simulated["real"][PLAN]["offset"] ** 2 == pytest.approx(by_law["real"][PLAN]["offset"] ** 2 - bias**2)
 
 
 def test_without_knowledge_the_truth_is_the_shipped_robot_s_to_scale(plan):

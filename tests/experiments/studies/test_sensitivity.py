@@ -9,8 +9,8 @@ from experiments.report.sensitivity import page
 from experiments.studies.sensitivity import (
     DISTURBANCES,
     Disturbance,
-    SensitivityRow,
     disturbed,
+    row_of,
     slip_errors,
 )
 from experiments.studies.trials import Trial
@@ -77,9 +77,8 @@ def test_where_nothing_can_be_seen_the_row_says_so(tmp_path):
     path.write_text("[[posts]]\nx = -1.5\ny = -1.1\nradius = 0.38\n")
     config = GridConfig(radii=(0.6, 1.5), speeds=(0.2,), duration=5.0)
     blind = Disturbance("blind", {"obstacles": str(path)})
-    row = SensitivityRow(blind, disturbed(Trial("blind", given=blind), np.random.default_rng(0), config))
-    found = row.to_json()
-    assert found["slip_error"] is None
-    assert found["runs"] == {"used": 0, "all": 2}
-    assert found["localization"]["valid_fraction"] == 0.0
+    row = row_of(blind, disturbed(Trial("blind", given=blind), np.random.default_rng(0), config))
+    assert row["slip_error"] is None
+    assert row["runs"] == {"used": 0, "all": 2}
+    assert row["localization"]["valid_fraction"] == 0.0
     assert "<li>blind: none of the 2 runs can be used" in page([row], {}, "trackslip sensitivity").html()

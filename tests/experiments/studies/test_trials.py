@@ -10,7 +10,17 @@ import numpy as np
 import pytest
 
 from experiments.run import Run
-from experiments.studies.trials import FILE, Coverage, Errors, Estimate, Outcome, Trial, forget_trials, run_trials
+from experiments.studies.trials import (
+    FILE,
+    Estimate,
+    Estimates,
+    Outcome,
+    Trial,
+    forget_trials,
+    rms_interval,
+    run_trials,
+    share_interval,
+)
 
 TRIALS = [Trial(case, number) for case in ("one", "two") for number in range(4)]
 KEY = "test {case} {number}"
@@ -97,19 +107,24 @@ def test_other_options_start_again(killed, change):
     assert len(count.done) == 8
 
 
+def test_a_parameter_that_was_not_estimated_has_no_error_and_covers_nothing():
+    found = Estimates.of([Outcome({"a": Estimate(1.0, 0.1, 0.8, 1.2)}), Outcome(notes=("why",))], "a")
+    np.testing.assert_allclose(found.errors(0.9), [0.1])
+    assert found.cover(np.array([1.1, 1.1])).tolist() == [True, False]
+
+
 def test_intervals_of_shares_cover():
     """Clopper and Pearson's cover at least as often as they say, whatever the probability."""
     for share in (0.5, 0.9, 0.95, 0.99):
         drawn = np.random.default_rng(0).binomial(200, share, 2000)
-        ends = {k: Coverage(k, 200).interval95 for k in set(drawn.tolist())}
+        ends = {k: share_interval(k, 200) for k in set(drawn.tolist())}
         covered = np.mean([ends[k][0] <= share <= ends[k][1] for k in drawn.tolist()])
         assert 0.94 < covered <= 1
-    assert Coverage(0, 5).interval95[0] == 0
-    assert Coverage(5, 5).interval95[1] == 1
-    assert Coverage(19, 20).share == 0.95
+    assert share_interval(0, 5)[0] == 0
+    assert share_interval(5, 5)[1] == 1
 
 
 def test_intervals_of_errors_cover():
     rng = np.random.default_rng(0)
-    ends = np.array([Errors(rng.normal(0, 2.0, 30)).interval95 for _ in range(2000)])
+    ends = np.array([rms_interval(rng.normal(0, 2.0, 30)) for _ in range(2000)])
     assert np.mean((ends[:, 0] <= 2.0) & (ends[:, 1] >= 2.0)) == pytest.approx(0.95, abs=0.015)
