@@ -180,17 +180,10 @@ class Config(Repeatable):
 
     def simulation(self) -> Simulation:
         """The world to drive in."""
-        return Simulation(
-            robot=self.robot,
-            radius_error=self.radius_error,
-            drive=self.drive,
-            scanner=LaserScanner(rate=self.encoder_rate),  # unused
-            rrd=self.rrd,
-            ground=self.ground,
-            pull=self.pull,
-            seed=self.seed,
-            threads=self.threads,
-        )
+        shared = {
+            option.name: getattr(self, option.name) for option in fields(Simulation) if hasattr(self, option.name)
+        }
+        return Simulation(**shared, scanner=LaserScanner(rate=self.encoder_rate))  # which is not used
 
 
 def run(config: Config) -> None:
@@ -219,9 +212,7 @@ def run(config: Config) -> None:
         if config.rrd:
             with run.busy("recording"):
                 record_all(run.folder, logs)
-    source = config.source.poses()
-    headings = "" if source.heading else ", without headings"
-    title = f"Drives, with poses of {config.source.source} at {source.rate:g} Hz{headings}"
+    title = f"Drives, with poses of {config.source.source} at {config.source.poses().rate:g} Hz"
     rows = [
         (
             *(one.run, str(one.readings), str(one.poses), f"{one.way:.1f}"),

@@ -2,30 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from experiments.driving.drives import driven_by_law, driven_in_mujoco
 from experiments.driving.lookup import REACH
 from experiments.driving.world import World
 from experiments.storage.plain_json import plain
 from sim.run_recorder import Description
-from sim.runs import Progress, drive_fleet
+from sim.runs import Progress
 from sim.scanner.scanner import LaserScanner
 from sim.seeds import generator
 from sim.wander.commands import Driver, track_commands
-from sim.wander.log import encoder_log, joined_log, quantised
 from sim.wander.motion import LASTING, WHITE, LawMotion, Motion, SlipVariation
 from sim.wander.pose_source import plate_scans
-from trackslip.errors import LogError
-from trackslip.kinematics import Array, RobotGeometry
+from trackslip.kinematics import Array
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.icr import ConstantIcr
 
 if TYPE_CHECKING:
-    from experiments.commands.wander import Config, LawOptions
+    from experiments.commands.wander import Config
 
 SLIPS: Mapping[str, SlipVariation] = {"white": WHITE, "lasting": LASTING, "none": SlipVariation()}
 """Slip that varies, by name."""
@@ -41,29 +40,30 @@ def wander(config: Config, world: World, progress: Progress = lambda seconds: No
     Raises:
         RunFailedError: when a robot tips over; its `logs` contain what was recorded until then.
     """
-    geometry = world.robot.geometry
-    names = [f"{config.driving} {k + 1}" for k in range(config.drives)]
+    geometry, rate, count = world.robot.geometry, config.encoder_rate, config.drives
+    names = [f"{config.driving} {k + 1}" for k in range(count)]
     driver = Driver(config.max_speed, config.acceleration, REACH * geometry.half_gauge)
-    omega = [
-        track_commands(config.driving, config.duration, config.encoder_rate, driver, _random(config, name, "commands"))
-        / geometry.sprocket_radius
-        for name in names
-    ]
-    metadata = {"driving": config.driving, "source": plain(config.source.poses()), "motion": config.motion}
+    commands = [(config.driving, config.duration, rate, driver, _random(config, name, "commands")) for name in names]
+    omega = [track_commands(*one) / geometry.sprocket_radius for one in commands]
+    source, start = config.source.poses(), _start(config, world)
+    metadata = {"driving": config.driving, "source": plain(source), "motion": config.motion}
     if config.motion == "law":
-        about_law = metadata | {"law": plain(config.law), "seed": config.seed}
-        moved = _by_law(config, geometry, _start(config, world), names, omega, about_law)
+        by, counts = config.law, config.drive.encoder_counts
+        icr = ConstantIcr(by.offset, geometry.half_gauge, by.radius_error)
+        law = LawMotion(icr, geometry, SLIPS[by.slip], by.turning_centre, by.drift, by.lag)
+        metadata |= {"law": plain(by), "seed": config.seed}
+        drives = [
+            driven_by_law(name, law, speeds, rate, _random(config, name, "motion"), start, counts, metadata)
+            for name, speeds in zip(names, omega, strict=True)
+        ]
     else:
-        about_world = world.metadata(config.source.source) | metadata
+        about = world.metadata(config.source.source) | metadata
         if config.source.source != "scanner":  # then there is none in the field
-            del about_world["lrf"], about_world["scanner"]
-        about = [Description(name, about_world) for name in names]
-        fleet = world.fleet(np.tile(_start(config, world), (config.drives, 1)))
-        share = config.drives
-        logs = drive_fleet(fleet, np.stack(omega, axis=1), config.encoder_rate, about, lambda s: progress(s * share))
-        moved = [(log, Motion(log.time, log.pose)) for log in logs]
-    source = config.source.poses()
-    return [joined_log(log, *source.measure(motion, _random(config, log.run, "poses"))) for log, motion in moved]
+            del about["lrf"], about["scanner"]
+        descriptions = [Description(name, about) for name in names]
+        fleet = world.fleet(np.tile(start, (count, 1)))
+        drives = driven_in_mujoco(fleet, omega, rate, descriptions, lambda seconds: progress(seconds * count))
+    return [drive.measured(source, _random(config, drive.log.run, "poses")) for drive in drives]
 
 
 def bag_contents(config: Config, world: World, log: RunLog) -> dict[str, Any]:
@@ -79,17 +79,17 @@ def bag_contents(config: Config, world: World, log: RunLog) -> dict[str, Any]:
         "poses": _POSE_MESSAGES.get(config.source.source, "PoseWithCovarianceStamped"),
         "covariance": np.diag(noise**2),
     }
-    if config.source.source == "scanner" and log.truth is not None:
-        scanner, robot, motion = LaserScanner(rate=source.rate), world.robot, Motion(log.time, log.truth.pose)
+    if config.source.source == "scanner":
+        scanner, robot, motion = LaserScanner(rate=source.rate), world.robot, Motion(log.time, true_pose(log))
         time, scan = plate_scans(scanner, robot.lrf_mount, robot.plate, motion, _random(config, log.run, "scans"))
         contents["scans"] = time + source.delay, scan
     return contents
 
 
-def law_motion(options: LawOptions, geometry: RobotGeometry) -> LawMotion:
-    """The motion by a law that options describe."""
-    law = ConstantIcr(options.offset, geometry.half_gauge, options.radius_error)
-    return LawMotion(law, geometry, SLIPS[options.slip], options.turning_centre, options.drift, options.lag)
+def true_pose(log: RunLog) -> Array:
+    """True poses (T, 3) of a simulated drive."""
+    assert log.truth is not None, "of a simulated drive"
+    return log.truth.pose
 
 
 def _start(config: Config, world: World) -> Array:
@@ -98,25 +98,6 @@ def _start(config: Config, world: World) -> Array:
         return np.zeros(3)
     x, y, heading = world.robot.lrf_mount
     return np.array([x + _IN_FRONT * np.cos(heading), y + _IN_FRONT * np.sin(heading), 0.0])
-
-
-def _by_law(
-    config: Config,
-    geometry: RobotGeometry,
-    start: Array,
-    names: Sequence[str],
-    omega: Sequence[Array],
-    metadata: Mapping[str, Any],
-) -> list[tuple[RunLog, Motion]]:
-    """What the encoders read, and the true motion from a start with heading 0."""
-    moves, rate = law_motion(config.law, geometry), config.encoder_rate
-    moved = []
-    for name, speeds in zip(names, omega, strict=True):
-        motion, twist = moves.drive(speeds, rate, _random(config, name, "motion"))
-        motion = replace(motion, pose=motion.pose + start)
-        log = encoder_log(name, rate, speeds, motion, twist, {"geometry": plain(geometry), **metadata})
-        moved.append((quantised(log, config.drive.encoder_counts), motion))
-    return moved
 
 
 def _random(config: Config, name: str, what: str) -> np.random.Generator:
@@ -144,10 +125,8 @@ class DriveContents:
 
     @classmethod
     def of(cls, log: RunLog) -> Self:
-        """Sum up a log with truth; raises LogError for one without."""
-        if log.truth is None:
-            raise LogError(f"run {log.run!r}: has no truth")
-        step = np.diff(log.truth.pose, axis=0)
+        """Sum up a simulated drive."""
+        step = np.diff(true_pose(log), axis=0)
         duration, turn = np.diff(log.time), step[:, 2]
         way = np.hypot(step[:, 0], step[:, 1])
         resting = (way + np.abs(turn)) < _AT_REST * duration

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
-import pytest
 
 from experiments.driving.wander import DriveContents
 from sim.wander.motion import Motion, arc_steps, joined
-from trackslip.errors import LogError
 from trackslip.logs.runlog import RunLog, Truth
 
 
@@ -25,5 +21,3 @@ def test_ways_turns_and_rests_are_summed():
     np.testing.assert_allclose(
         (found.way, found.turned_left, found.turned_right, found.standing), (0.5, 1.0, 1.0, 0.25), rtol=1e-4
     )
-    with pytest.raises(LogError, match="run 'drive': has no truth"):
-        DriveContents.of(replace(log, truth=None))
