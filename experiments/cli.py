@@ -118,9 +118,6 @@ def _check(arguments: Sequence[str]) -> None:
             raise InvalidValueError(option, argument, "valid UTF-8")
         if argument.startswith("--"):
             option = argument.partition("=")[0].replace("_", "-")
-            replaced = getattr(command_modules().get(arguments[0]), "REPLACED", {})
-            if option in replaced:
-                raise TrackslipError(f"{option} is now {replaced[option]}")
             switch = option.replace("--no-", "--", 1)
             if switch in given and not _repeatable(arguments[0], option):
                 raise TrackslipError(f"{option} is given twice; give it once, with all its values")

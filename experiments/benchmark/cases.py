@@ -1,4 +1,4 @@
-"""The runs of a benchmark: suites, names, ids, starts, and which of them are driven as one fleet."""
+"""The runs of a benchmark: suites, names, ids, starts."""
 
 from __future__ import annotations
 
@@ -27,12 +27,6 @@ if TYPE_CHECKING:
 
 FACTORS = ("controller", "compensation", "reference", "ground", "start", "seed")
 """What the runs of a benchmark differ in: the fields of a Case."""
-_OPTIONS = ("controllers", "compensations", "references", "grounds", "starts", "seeds")  # the values of FACTORS
-GROUP_SIZE = 32
-"""Robots in a fleet: larger fleets hardly gain speed, and smaller ones are shared better between processes."""
-MAX_GROUP = 3 * GROUP_SIZE
-"""Robots of one controller on one reference that are still driven as one fleet."""
-
 _PAPER = ("none", "published", "exponential", "icr_radius", "online")
 _THREE = ("none", "icr_radius", "online")
 _SUITES: Mapping[str, Sequence[Sequence[tuple[Any, ...]]]] = {
@@ -45,7 +39,6 @@ _SUITES: Mapping[str, Sequence[Sequence[tuple[Any, ...]]]] = {
 }
 """Suites by name, each the union of full factorial designs: the values of each of FACTORS, all combined."""
 _IN_COMMON = ("robot", "radius_error", "drive", "scanner", "obstacles", "localization", "preview", "laws")
-_SLOW = {"mpc": 4.0}  # how much longer a robot takes than under most controllers
 _PAPER_OFFSET = (-0.2, -0.3, -np.pi / 6)  # forward, left, heading: Sec. IV-C, (0.3, -0.2, pi/3) from (0, 0, pi/2)
 _MAX_OFFSET, _MAX_ROTATION = 0.15, np.radians(20)  # of a random start [m, rad]
 
@@ -66,7 +59,7 @@ class Case:
     @property
     def name(self) -> str:
         """The run's name."""
-        return " ".join(str(value) for value in self.factors.values())
+        return " ".join(map(str, self.factors.values()))
 
     @property
     def factors(self) -> dict[str, Any]:
@@ -74,13 +67,23 @@ class Case:
         return {name: getattr(self, name) for name in FACTORS}
 
     @property
+    def fleet(self) -> str:
+        """See Planned: robots on one reference are driven together."""
+        return self.reference
+
+    @property
     def duration(self) -> float:
         """Simulated time [s]."""
         return reference(self.reference).duration
 
+    @property
+    def key(self) -> str:
+        """What random numbers depend on besides the seed: the reference's name, without the folder of its file."""
+        return Path(self.reference).stem
+
     def start_pose(self) -> Array:
         """Start pose (3,) [m, m, rad]."""
-        offset, path = np.zeros(3), reference(self.reference)
+        offset = np.zeros(3)
         if self.start == "paper":
             offset = np.array(_PAPER_OFFSET)
         elif self.start == "random":
@@ -88,14 +91,9 @@ class Case:
             away, bearing = _MAX_OFFSET * np.sqrt(rng.uniform()), rng.uniform(-np.pi, np.pi)
             turn = rng.uniform(-_MAX_ROTATION, _MAX_ROTATION)
             offset = np.array([away * np.cos(bearing), away * np.sin(bearing), turn])
-        pose = path.pose(0.0)
+        pose = reference(self.reference).pose(0.0)
         cos, sin = np.cos(pose[2]), np.sin(pose[2])
         return pose + np.array([cos * offset[0] - sin * offset[1], sin * offset[0] + cos * offset[1], offset[2]])
-
-    @property
-    def key(self) -> str:
-        """What random numbers depend on besides the seed: the reference's name, without the folder of its file."""
-        return Path(self.reference).stem
 
 
 def cases_of(config: Config) -> tuple[list[Case], list[str]]:
@@ -103,7 +101,7 @@ def cases_of(config: Config) -> tuple[list[Case], list[str]]:
 
     A controller that is named by an option is not left out; looking it up refuses it.
     """
-    given = [getattr(config, name) for name in _OPTIONS]
+    given = (config.controllers, config.compensations, config.references, config.grounds, config.starts, config.seeds)
     found: dict[Case, None] = {}
     for design in _SUITES[config.suite]:
         chosen = [own or suites for own, suites in zip(given, design, strict=True)]
@@ -135,27 +133,3 @@ def identified(cases: Sequence[Case], config: Config, world: World) -> list[Case
         return {name: found for name in sorted(names) if (found := contents(name)) is not None}
 
     return [replace(case, id=digest([common, case.factors, files(case)])) for case in cases]
-
-
-def groups(cases: Sequence[Case], workers: int = 1) -> list[tuple[Case, ...]]:
-    """Fleets of cases on one reference, the longest first: whole controllers, up to about GROUP_SIZE robots."""
-    paths: dict[str, dict[str, list[Case]]] = {}
-    for case in cases:
-        paths.setdefault(case.reference, {}).setdefault(case.controller, []).append(case)
-    found = []
-    for controllers in paths.values():
-        group: tuple[Case, ...] = ()
-        for same in controllers.values():
-            if group and len(group) + len(same) > GROUP_SIZE:
-                found.append(group)
-                group = ()
-            group += tuple(same)
-            while len(group) > MAX_GROUP:
-                found.append(group[:GROUP_SIZE])
-                group = group[GROUP_SIZE:]
-        found.append(group)
-    return sorted(found, key=_work, reverse=True)
-
-
-def _work(group: Sequence[Case]) -> float:
-    return group[0].duration * sum(_SLOW.get(case.controller, 1.0) for case in group)

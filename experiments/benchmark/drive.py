@@ -5,23 +5,21 @@ from __future__ import annotations
 import contextlib
 import functools
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from experiments.benchmark.cases import Case
-from experiments.benchmark.rows import CaseRow
 from experiments.driving.closed_loop import ClosedLoopRun, drive_closed_loops
 from experiments.driving.lookup import compensation, controller, reference
 from experiments.driving.world import World
 from experiments.options.world import Simulation
 from experiments.recording import record_all
-from experiments.storage.plain_json import plain
 from experiments.storage.results import RUNS_FILE
-from experiments.sweep.engine import DrivenFleet, Outcome, failure_text
+from experiments.sweep.engine import Outcome, failure_text
 from experiments.sweep.parts import Row
 from sim.ground.ground import Ground
 from sim.ground.named import load_ground
@@ -29,7 +27,7 @@ from sim.runs import Progress
 from sim.stopwatch import Stopwatch
 from trackslip.controllers.base import Controller, SensesSprockets
 from trackslip.errors import InvalidValueError
-from trackslip.kinematics import Array, limit_sprocket_speeds
+from trackslip.kinematics import limit_sprocket_speeds
 from trackslip.localization.base import PoseEstimate
 from trackslip.logs.logfile import read_runs
 from trackslip.logs.runlog import RunLog
@@ -43,17 +41,39 @@ _STEPS = 200  # number timed, from the start of the run
 
 
 @dataclass(frozen=True)
-class Setup:
-    """A benchmark's names resolved to objects, in its world."""
+class ClosedLoops:
+    """Closed-loop runs by the names of what drives them."""
 
     config: Config
-    world: World
+    sizes: ClassVar[tuple[int, int]] = (32, 32)
+    """Larger fleets hardly gain speed, and smaller ones are shared better between processes."""
 
-    @classmethod
-    def of(cls, config: Config) -> Self:
-        """The setup of a configuration; raises TrackslipError for a file or name that does not exist."""
-        equipment = (config.robot, config.radius_error, config.drive, config.scanner, config.obstacles, config.pull)
-        return cls(config, World.of(Simulation(*equipment, threads=1)))
+    @property
+    def recorded(self) -> bool:
+        """Whether recordings are made."""
+        return self.config.rrd
+
+    @property
+    def world(self) -> World:
+        """Robot, scanner and drives; raises TrackslipError for a file or name that does not exist."""
+        return _world(self.config)
+
+    @property
+    def top_speed(self) -> float:
+        """Top speed of the sprockets [rad/s]."""
+        return self.config.drive.top_speed / self.world.robot.geometry.sprocket_radius
+
+    def ground(self, name: str) -> Ground:
+        """A ground by name or from a file; `robot` is the ground in the robot's file."""
+        return self.world.ground if name == "robot" else load_ground(name)
+
+    def controller(self, name: str) -> Controller:
+        """A new controller by name."""
+        return controller(name, self.world.robot.geometry, self.config.drive.top_speed)
+
+    def compensation(self, name: str) -> Compensation:
+        """A new compensation by name."""
+        return compensation(name, self.world.robot.geometry, self.config.laws)
 
     def check(self, cases: Sequence[Case]) -> None:
         """Raise TrackslipError for an unknown name, before anything is driven."""
@@ -68,25 +88,12 @@ class Setup:
                 try:
                     look_up(name)
                 except InvalidValueError as error:
-                    if error.field == factor:  # the options' names are plural
-                        raise InvalidValueError(f"{factor}s", error.value, error.allowed) from error
-                    raise
+                    option = f"{factor}s" if error.field == factor else error.field
+                    raise InvalidValueError(option, error.value, error.allowed) from error
 
-    def ground(self, name: str) -> Ground:
-        """A ground by name or from a file; `robot` is the ground in the robot's file."""
-        return self.world.ground if name == "robot" else load_ground(name)
-
-    def controller(self, name: str) -> Controller:
-        """A new controller by name."""
-        return controller(name, self.world.robot.geometry, self.config.drive.top_speed)
-
-    def compensation(self, name: str) -> Compensation:
-        """A new compensation by name."""
-        return compensation(name, self.world.robot.geometry, self.config.laws)
-
-    def drive(self, cases: Sequence[Case], progress: Progress = lambda seconds: None) -> list[RunLog]:
+    def drive(self, runs: Sequence[Case], watch: Stopwatch, progress: Progress | None) -> list[RunLog]:
         """Drive cases that share a reference, as one fleet."""
-        runs = [
+        loops = [
             ClosedLoopRun(
                 name=case.name,
                 key=f"benchmark {case.key}",
@@ -97,52 +104,50 @@ class Setup:
                 ground=self.ground(case.ground),
                 metadata={"reference": case.reference, "ground_name": case.ground, "start": case.start},
             )
-            for case in cases
+            for case in runs
         ]
-        path, config = reference(cases[0].reference), self.config
+        path, config = reference(runs[0].reference), self.config
+        progress = progress or (lambda seconds: None)
         return drive_closed_loops(
-            runs, self.world, path, config.localization, self.compensation, config.preview, progress
+            loops, self.world, path, config.localization, self.compensation, config.preview, progress
         )
 
-    def measure(self, cases: Sequence[Case], outcomes: Sequence[Outcome]) -> Iterator[CaseRow]:
-        """One row per case: its errors and expense, or why it failed; and its times per step.
+    def measure(self, runs: Sequence[Case], outcomes: Sequence[Outcome], watch: Stopwatch) -> list[Row]:
+        """One row per case: its errors and expense, or why it failed.
 
         Times per step are measured for the first of the cases that differ only in their seeds.
         """
-        timed: set[Case] = set()
-        for case, outcome in zip(cases, outcomes, strict=True):
+        rows: list[Row] = []
+        timed: set[tuple[str, ...]] = set()
+        for case, outcome in zip(runs, outcomes, strict=True):
+            row = {"run": case.name, "id": case.id, **case.factors, "error": None}
             if not isinstance(outcome, RunLog):
-                yield CaseRow(case, failure_text(outcome))
+                rows.append(row | {"error": failure_text(outcome)})
                 continue
-            row, alike = self._measured(case, outcome), replace(case, seed=0, id="")
+            row |= self._measured(case, outcome)
+            alike = tuple(str(value) for name, value in case.factors.items() if name != "seed")
             if alike not in timed:
                 timed.add(alike)
                 with contextlib.suppress(Exception, SystemExit):  # a user's controller may fail on a single robot
-                    times = np.round(1e3 * self._step_times(case, outcome), 4)
-                    row = replace(row, compute_ms=tuple(times.tolist()))
-            yield row
+                    row["compute_ms"] = np.round(1e3 * np.array(self._step_times(case, outcome)), 4)
+            rows.append(row)
+        return rows
 
-    def _measured(self, case: Case, log: RunLog) -> CaseRow:
+    def _measured(self, case: Case, log: RunLog) -> Row:
         assert log.truth is not None
-        top_speed = self.config.drive.top_speed / self.world.robot.geometry.sprocket_radius
-        errors = plain(tracking_errors(log.time, log.truth.pose, reference(case.reference)))
-        success = errors.pop("success")
-        offset, radius_error = (None, None) if log.icr is None else map(float, log.icr[-1])
-        more = {
-            "valid_fraction": float(log.is_valid.mean()),
-            "icr_offset": offset,
-            "icr_radius_error": radius_error,
-        }
-        return CaseRow(case, measures=errors | plain(expense(log, top_speed)) | more, success=success)
+        errors = tracking_errors(log.time, log.truth.pose, reference(case.reference))
+        row = vars(errors) | vars(expense(log, self.top_speed)) | {"valid_fraction": float(log.is_valid.mean())}
+        if log.icr is not None:
+            row["icr_offset"], row["icr_radius_error"] = map(float, log.icr[-1])
+        return row
 
-    def _step_times(self, case: Case, log: RunLog) -> Array:
-        """Times (K,) [s] from pose to set points, at the poses of a run, measured with a controller of its own."""
-        geometry, limit = self.world.robot.geometry, self.config.drive.top_speed
-        path, pilot = reference(case.reference), self.controller(case.controller)
-        compensation = self.compensation(case.compensation)
+    def _step_times(self, case: Case, log: RunLog) -> list[float]:
+        """Times [s] from pose to set points, at the poses of a run, measured with a controller of its own."""
+        pilot, law = self.controller(case.controller), self.compensation(case.compensation)
+        path, geometry, top_speed = reference(case.reference), self.world.robot.geometry, self.top_speed
         covariance = np.zeros((len(log.time), 3, 3)) if log.covariance is None else log.covariance
         pilot.reset()
-        compensation.reset(log.pose[:1])
+        law.reset(log.pose[:1])
         period = float(log.time[1] - log.time[0])
         times = []
         for k in range(min(_STEPS, len(log.time))):
@@ -150,26 +155,19 @@ class Setup:
             estimate = PoseEstimate(log.pose[row].copy(), covariance[row], log.is_valid[row])
             began = time.perf_counter()
             if k > 0:
-                compensation.observe(log.omega[row], period, estimate)
+                law.observe(log.omega[row], period, estimate)
             if isinstance(pilot, SensesSprockets):
                 pilot.sense(log.omega[row])
             twist = pilot.twist(float(log.time[k]), estimate.pose, path)
-            limit_sprocket_speeds(compensation.law().sprocket_speeds(twist, geometry), limit / geometry.sprocket_radius)
+            limit_sprocket_speeds(law.law().sprocket_speeds(twist, geometry), top_speed)
             times.append(time.perf_counter() - began)
-        return np.array(times[1:])  # the first call prepares what the others use
+        return times[1:]  # the first call prepares what the others use
 
 
-def drive_group(cases: Sequence[Case], config: Config, report: Progress | None = None) -> DrivenFleet:
-    """Drive and measure a fleet."""
-    setup, advance = _setup(config), report or (lambda seconds: None)
-
-    def drive(some: Sequence[Case]) -> list[RunLog]:
-        return setup.drive(some, lambda seconds: advance(seconds * len(some)))
-
-    def rows(outcomes: Sequence[Outcome]) -> Iterator[Row]:
-        return (row.to_part() for row in setup.measure(cases, outcomes))
-
-    return DrivenFleet.of(cases, drive, rows, Stopwatch(), config.rrd)
+@functools.lru_cache(maxsize=1)
+def _world(config: Config) -> World:
+    equipment = (config.robot, config.radius_error, config.drive, config.scanner, config.obstacles, config.pull)
+    return World.of(Simulation(*equipment, threads=1))
 
 
 def record_comparisons(folder: Path, cases: Sequence[Case], unfinished: Sequence[RunLog]) -> None:
@@ -181,12 +179,7 @@ def record_comparisons(folder: Path, cases: Sequence[Case], unfinished: Sequence
     compared: dict[str, list[RunLog]] = {}
     for case in cases:
         if case.seed == cases[0].seed and case.name in logs:
-            name = f"{Path(case.reference).stem} {Path(case.ground).stem} {case.start} seed {case.seed}"
+            name = f"{case.key} {Path(case.ground).stem} {case.start} seed {case.seed}"
             compared.setdefault(name, []).append(logs[case.name])
     order = [case.name for case in cases]
     record_all(folder, sorted(unfinished, key=lambda log: order.index(log.run)), compared)
-
-
-@functools.lru_cache(maxsize=1)
-def _setup(config: Config) -> Setup:
-    return Setup.of(config)

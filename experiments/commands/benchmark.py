@@ -67,61 +67,49 @@ class Config(Equipment):
 
 def run(config: Config) -> None:
     """Drive what is missing, gather, store and print."""
-    from functools import partial
-
-    from experiments.benchmark.cases import cases_of, groups, identified
-    from experiments.benchmark.drive import Setup, drive_group, record_comparisons
+    from experiments.benchmark.cases import cases_of, identified
+    from experiments.benchmark.drive import ClosedLoops, record_comparisons
     from experiments.benchmark.page import page
-    from experiments.benchmark.rows import CaseRow, board, losses, over_seeds
+    from experiments.benchmark.rows import board, case_row, losses, over_seeds
     from experiments.benchmark.table import board_table, leaderboard
     from experiments.report.formats import stages_text
-    from experiments.run import Run
-    from experiments.storage.manifest import command_line, relative
+    from experiments.storage.manifest import relative
     from experiments.storage.plain_json import plain
     from experiments.storage.results import LEADERBOARD_FILE, REPORT_FILE, RUNS_FILE
     from experiments.sweep.engine import drive_missing, resumable
     from experiments.sweep.parts import Parts
+    from sim.stopwatch import Stopwatch
 
-    parts = Parts(config.out, PARTS)
-    setup = Setup.of(config)
+    loops = ClosedLoops(config)
     named, notes = cases_of(config)
-    setup.check(named)
-    cases = identified(named, config, setup.world)
-    ids = {case.id for case in cases}
-    with resumable(cases, parts), Run(config, then=lambda: parts.discard(ids)) as run:
-        parts.take_current(ids)
-        drive = partial(drive_group, config=config)
+    loops.check(named)
+    cases = identified(named, config, loops.world)
+    parts = Parts(config.out, PARTS)
+    with resumable(config, cases, parts) as run:
+        parts.take_current({case.id for case in cases})
         with run.watch.stage("driving"):
-            unfinished = drive_missing(cases, parts, groups, drive, "processes", config.jobs)
+            unfinished = drive_missing(cases, parts, loops, "processes", config.jobs, Stopwatch())
         with run.watch.stage("gathering"):
-            runs = [CaseRow.from_part(case, parts[case.id].row) for case in cases]
+            runs = [parts[case.id].row for case in cases]
             rows = over_seeds(runs)
             entries, lost = board(rows), [*losses(rows), *notes]
             parts.gather([(case.id, case.name) for case in cases], run.folder / RUNS_FILE)
         if config.rrd:
             with run.watch.stage("recordings"):
                 record_comparisons(run.folder, cases, unfinished)
-        grounds = {relative(name): plain(setup.ground(name)) for name in dict.fromkeys(case.ground for case in cases)}
+        grounds = {relative(name): plain(loops.ground(name)) for name in dict.fromkeys(case.ground for case in cases)}
         seeds = sorted({case.seed for case in cases})
-        about = run.manifest(**setup.world.about | {"ground": grounds, "seed": seeds})
+        about = run.manifest(**loops.world.about | {"ground": grounds, "seed": seeds})
+        driven = [case for case, row in zip(cases, runs, strict=True) if row["error"] is None]
         with run.watch.stage("report"):
             (run.folder / LEADERBOARD_FILE).write_text(leaderboard(entries, lost, rows), encoding="utf-8")
-            report = page(run.folder / RUNS_FILE, entries, lost, rows, runs, about, command_line("benchmark"))
-            report.write(run.folder, config.pdf)
-        failures = [row for row in runs if row.error is not None]
-        summary = {
-            "rows": [row.to_json() for row in rows],
-            "cases": [row.to_json() for row in runs],
-            "failures": [{"run": row.case.name, "error": row.error} for row in failures],
-            "runs": len(runs),
-            "wall_s": run.wall,
-        }
-        run.write(summary, manifest=about)
+            page(run.folder / RUNS_FILE, entries, lost, rows, driven, about).write(run.folder, config.pdf)
+        failures = [{"run": row["run"], "error": row["error"]} for row in runs if row["error"] is not None]
+        summary = {"rows": rows, "cases": [case_row(one) for one in runs], "failures": failures, "runs": len(runs)}
+        run.write(summary | {"wall_s": run.wall}, manifest=about)
     board_table(entries).print()
-    for line in lost:
+    for line in [*lost, *(f"failed: {failure['run']}: {failure['error']}" for failure in failures)]:
         print(line)
-    for failure in failures:
-        print(f"failed: {failure.case.name}: {failure.error}")
     print(stages_text(run.watch.stages))
     told = f"{len(runs)} runs in {run.wall:.1f} s; all {len(rows)} rows in {LEADERBOARD_FILE}"
     print(f"{config.out / REPORT_FILE}: {told}")

@@ -20,8 +20,6 @@ EXAMPLES = (
     ("over any option", "trackslip grid --vary scanner.noise=0.005,0.02 robot.half_gauge=0.15,0.2"),
     ("on a Dask cluster", "trackslip grid --sweep sweep.toml --executor dask://host:8786"),
 )
-REPLACED = {"--friction-ratio": "--vary friction_ratio=VALUE,...", "--slope": "--vary slope=VALUE,..."}
-"""Options that are no more, and what to give instead."""
 PARTS = ".grid-parts"
 """Folder in OUT with the runs of a grid that isn't finished."""
 
@@ -65,12 +63,9 @@ class Config(GridConfig):
 
 def run(config: Config) -> None:
     """Drive what is missing, gather, store and print."""
-    from functools import partial
-
     from experiments.driving.world import World
     from experiments.recording import record_all
     from experiments.report.formats import stages_text
-    from experiments.run import Run
     from experiments.storage.results import (
         RECORDINGS_FOLDER,
         RUNS_FILE,
@@ -79,12 +74,12 @@ def run(config: Config) -> None:
         bags_text,
         write_bags,
     )
-    from experiments.sweep.drive import drive_fleet
+    from experiments.sweep.drive import GridRuns
     from experiments.sweep.engine import drive_missing, resumable
     from experiments.sweep.parts import Parts
-    from experiments.sweep.plan import fleets, plan
-    from experiments.sweep.summary import SweepSummary, all_failed
-    from experiments.sweep.table import RunRow, write_table
+    from experiments.sweep.plan import plan
+    from experiments.sweep.summary import all_failed, grids_of, in_full, print_sweep, summary_of
+    from experiments.sweep.table import renamed, write_table
     from trackslip.errors import TrackslipError
     from trackslip.logs.logfile import StoredRuns, read_runs
     from trackslip.ros.decode import require_rosbags
@@ -93,22 +88,23 @@ def run(config: Config) -> None:
         require_rosbags()
     runs = plan(config)
     world = World.of(config)  # before its files can change
+    ids = {one.id for one in runs}
     parts = Parts(config.out, PARTS)
-    command = "the same command" if config.resume else "the same command without --no-resume"
-    with resumable(runs, parts, command), Run(config, then=parts.discard) as run:
+    with resumable(config, runs, parts, "the same command" + " without --no-resume" * (not config.resume)) as run:
         if config.resume:
-            parts.take({run.id for run in runs}, config.force)
+            parts.take(ids, config.force)
         else:
-            parts.discard()
+            parts.discard(ids)
         taken, began, file = len(parts), run.wall, run.folder / RUNS_FILE
         simulated = sum(one.duration for one in runs if one.id not in parts)
-        drive = partial(drive_fleet, threads=config.threads)
-        unfinished = drive_missing(runs, parts, fleets, drive, config.executor, config.jobs, run.watch)
+        kind = GridRuns(config.threads, config.rrd)
+        unfinished = drive_missing(runs, parts, kind, config.executor, config.jobs, run.watch)
         timing = {"driving_s": run.wall - began, "driven": len(runs) - taken, "taken": taken}
-        rows = [RunRow.from_json(parts[one.id].row, one.name, one.axes) for one in runs]
-        driven = [row.run for row in rows if row.error is None]
-        if not driven and not unfinished:
-            raise TrackslipError(all_failed(rows))
+        rows = [renamed(parts[one.id].row, one.name, one.axes) for one in runs]
+        driven = [row["run"] for row in rows if row["error"] is None]
+        failure: dict[str, Any] = {} if driven else {"error": all_failed(rows)}
+        if failure and not unfinished:
+            raise TrackslipError(failure["error"])
         with run.watch.stage("gathering"):
             parts.gather([(one.id, one.name) for one in runs], file)
             if config.rrd:
@@ -119,12 +115,12 @@ def run(config: Config) -> None:
         if config.bag and driven:
             with run.watch.stage("bags"), run.progress("bags", len(driven), "bags") as done:
                 about["bags"] = write_bags(run.folder, driven, map(StoredRuns(file).log, driven), done=done)
-        summary = SweepSummary.of(runs, rows, lambda: map(StoredRuns(file).log, driven), run.watch)
-        failure: dict[str, Any] = {} if driven else {"error": all_failed(rows)}
-        run.write(summary.to_json() | about, simulated=simulated, **world.about, **failure)
-    if not driven:
-        raise TrackslipError(f"{all_failed(rows)}; see {config.out / RECORDINGS_FOLDER}")
-    summary.print()
+        grids = grids_of(runs, rows)
+        whole = in_full(runs, rows, lambda: map(StoredRuns(file).log, driven), run.watch)
+        run.write(summary_of(grids, whole, rows) | about, simulated=simulated, **world.about, **failure)
+    if failure:
+        raise TrackslipError(f"{failure['error']}; see {config.out / RECORDINGS_FOLDER}")
+    print_sweep(grids, rows, runs[0].duration)
     print(stages_text(run.watch.stages))
     if config.bag:
         print(bags_text(config.out, about["bags"]))

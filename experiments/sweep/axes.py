@@ -9,7 +9,7 @@ import math
 import re
 import types
 import typing
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,13 +20,25 @@ from experiments.options.grid import GridConfig
 from sim.robot.parameters import RobotParameters
 from sim.toml_file import read_toml
 from trackslip.errors import InvalidValueError, SettingsFileError, require_at_most, require_positive
-from trackslip.logs.schema import NO_UNIT, PURE
+from trackslip.logs.schema import NO_UNIT, PURE, Column
 
 if TYPE_CHECKING:
     from experiments.commands.grid import Config
 
 ALIASES = {"ground": "ground.source", "slope": "ground.slope"}
 """Options that are axes under a shorter name; `--vary` takes both."""
+AXES = {
+    column.name: column
+    for column in (
+        Column("radius", "m", "radius of the no-slip command"),
+        Column("speed", "m/s", "speed of the no-slip command"),
+        Column("friction_ratio", PURE, "friction across the track over friction along it"),
+        Column("slope", "rad", "angle of the ground to the horizontal"),
+        Column("ground", NO_UNIT, "name or file of the ground"),
+        Column("seed", NO_UNIT, "root of all random numbers"),
+    )
+}
+"""Axes with a meaning of their own; the others are options, described by their help."""
 MAX_RUNS = 1_000_000
 _POSITIVE = ("radius", "speed", "friction_ratio")  # axes that are no options
 _PARAMETERS = tuple(f"robot.{f.name}" for f in dataclasses.fields(RobotParameters) if f.name != "radius_error")
@@ -50,26 +62,27 @@ def axes_of(config: Config) -> dict[str, tuple[Any, ...]]:
     """
     given: dict[str, tuple[Any, ...]] = {}
 
-    def add(name: str, values: Iterable[Any], where: str, called: str) -> None:
+    def add(name: str, values: Iterable[Any], source: str, called: str) -> None:
         axis = next((short for short, long in ALIASES.items() if name == long), name)
         if axis in given:
-            raise InvalidValueError(where, name, "an axis that is given once")
+            raise InvalidValueError(source, name, "an axis that is given once")
         given[axis] = _checked(axis, tuple(values), called)
 
-    for axis, option_name in (("ground", "grounds"), ("seed", "seeds")):
-        if values := getattr(config, option_name):
-            add(axis, values, option_name, option_name)
+    for axis, named in (("ground", "grounds"), ("seed", "seeds")):
+        if values := getattr(config, named):
+            add(axis, values, named, named)
     for text in config.vary or ():
         name, equals, listed = text.partition("=")
         if not equals:
             raise InvalidValueError("vary", text, "NAME=VALUE,VALUE,...")
         add(name, (part.strip() for part in listed.split(",")), "vary", f"vary {name}")
-    from_file = {} if config.sweep is None else _flat(read_toml(config.sweep), str(config.sweep))
-    if config.sweep is not None and not from_file:
-        raise SettingsFileError(f"{config.sweep}: defines no axis")
-    for name, values in from_file.items():
+    if config.sweep is not None:
+        from_file = list(_flat(read_toml(config.sweep)))
+        if not from_file:
+            raise SettingsFileError(f"{config.sweep}: defines no axis")
         try:
-            add(name, values if isinstance(values, list) else (values,), "axis", name)
+            for name, values in from_file:
+                add(name, values if isinstance(values, list) else (values,), "axis", name)
         except InvalidValueError as error:
             raise SettingsFileError(f"{config.sweep}: {error}") from error
     _refuse_replaced(config, given)
@@ -84,12 +97,11 @@ def axes_of(config: Config) -> dict[str, tuple[Any, ...]]:
 def _refuse_replaced(config: Config, given: Mapping[str, Any]) -> None:
     """Raise InvalidValueError for an option whose value an axis replaces."""
     defaults = type(config)()
-    for name in given:
+    for name in (name for name in given if name not in ("friction_ratio", *_PARAMETERS)):
         replaced = {"radius": "radii", "speed": "speeds", **ALIASES}.get(name, name)
-        if name in ("friction_ratio", *_PARAMETERS) or option(config, replaced) == option(defaults, replaced):
-            continue
-        allowed = f"left out where {name} is an axis"
-        raise InvalidValueError(replaced.removesuffix(".source"), option(config, replaced), allowed)
+        if option(config, replaced) != option(defaults, replaced):
+            allowed = f"left out where {name} is an axis"
+            raise InvalidValueError(replaced.removesuffix(".source"), option(config, replaced), allowed)
     if "friction_ratio" in given and ("ground.across" in given or config.ground.across is not None):
         raise InvalidValueError("friction_ratio", given["friction_ratio"], "left out where ground.across is given")
 
@@ -107,34 +119,67 @@ def _checked(name: str, values: tuple[Any, ...], called: str) -> tuple[Any, ...]
     return taken
 
 
-def _flat(table: Mapping[str, Any], where: str, prefix: str = "") -> dict[str, Any]:
-    """A nested table with dotted names."""
-    found: dict[str, Any] = {}
+def _flat(table: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """The entries of a nested table, with dotted names."""
     for name, value in table.items():
-        inner = _flat(value, where, f"{prefix}{name}.") if isinstance(value, Mapping) else {prefix + name: value}
-        for axis in found.keys() & inner.keys():
-            raise InvalidValueError(where, axis, "an axis that is given once")
-        found |= inner
-    return found
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{name}.")
+        else:
+            yield prefix + name, value
+
+
+def axis_column(name: str) -> Column:
+    """Unit and meaning of an axis: the text that `--help` prints for the option, or of the robot's parameter."""
+    if name in AXES:
+        return AXES[name]
+    cls, field = _owner(name)
+    hint, text = _hints(cls)[field], _texts(cls)[field].removesuffix(".")
+    unit = _UNIT.search(text)
+    if unit is None:
+        return Column(name, PURE if {int, float} & {hint, *typing.get_args(hint)} else NO_UNIT, text)
+    about = " ".join(_UNIT.sub("", text).split())
+    return Column(name, PURE if unit[1] == "-" else unit[1], about or field)
 
 
 def hint_of(name: str) -> Any:
     """The type of an axis' values."""
     if name in _POSITIVE:
         return float
-    cls, last = _owner(name)
-    return _hints(cls)[last]
+    cls, field = _owner(name)
+    return _hints(cls)[field]
 
 
-def explained(name: str) -> tuple[str, str]:
-    """Unit and meaning of an axis: the text that `--help` prints for the option, or of the robot's parameter."""
-    cls, last = _owner(name)
-    hint, text = _hints(cls)[last], _texts(cls)[last].removesuffix(".")
-    unit = _UNIT.search(text)
-    if unit is None:
-        return (PURE if {int, float} & {hint, *typing.get_args(hint)} else NO_UNIT), text
-    about = " ".join(_UNIT.sub("", text).split())
-    return (PURE if unit[1] == "-" else unit[1]), about or last
+def _owner(name: str) -> tuple[Any, str]:
+    """The dataclass that has an axis as a field, and the field's name."""
+    cls: Any = GridConfig
+    if name.startswith("robot."):
+        cls, name = RobotParameters, name.removeprefix("robot.")
+    *path, field = ALIASES.get(name, name).split(".")
+    for part in path:
+        cls = _hints(cls)[part]
+    return cls, field
+
+
+def _leaves(cls: Any) -> list[str]:
+    """The dotted names of all fields of a dataclass and of the dataclasses in it."""
+    found = []
+    for name, hint in _hints(cls).items():
+        found += [f"{name}.{leaf}" for leaf in _leaves(hint)] if dataclasses.is_dataclass(hint) else [name]
+    return found
+
+
+@functools.cache
+def _hints(cls: Any) -> dict[str, Any]:
+    hints = typing.get_type_hints(cls)
+    return {field.name: hints[field.name] for field in dataclasses.fields(cls)}
+
+
+@functools.cache
+def _texts(cls: Any) -> dict[str, str]:
+    """The docstring of each field of a dataclass, read as tyro reads it for `--help`."""
+    documented = [docstring_parser.parse_from_object(own) for own in reversed(cls.__mro__[:-1])]  # without object
+    fields = (field for one in documented for field in one.params)
+    return {field.arg_name: " ".join((field.description or "").split()) for field in fields}
 
 
 def _converted(hint: Any, value: object, name: str) -> Any:
@@ -161,35 +206,3 @@ def _as(kind: Any, value: Any) -> Any:
         value.encode()  # an argument may contain surrogates, which can't be stored
         return kind(value)
     raise TypeError
-
-
-def _owner(name: str) -> tuple[Any, str]:
-    """The dataclass that has an axis as a field, and the field's name."""
-    cls: Any = GridConfig
-    if name.startswith("robot."):
-        cls, name = RobotParameters, name.removeprefix("robot.")
-    *path, last = ALIASES.get(name, name).split(".")
-    for part in path:
-        cls = _hints(cls)[part]
-    return cls, last
-
-
-def _leaves(cls: Any) -> list[str]:
-    found = []
-    for name, hint in _hints(cls).items():
-        found += [f"{name}.{leaf}" for leaf in _leaves(hint)] if dataclasses.is_dataclass(hint) else [name]
-    return found
-
-
-@functools.cache
-def _hints(cls: Any) -> dict[str, Any]:
-    hints = typing.get_type_hints(cls)
-    return {field.name: hints[field.name] for field in dataclasses.fields(cls)}
-
-
-@functools.cache
-def _texts(cls: Any) -> Mapping[str, str]:
-    """The docstring of each field of a dataclass, read as tyro reads it for `--help`."""
-    documented = [docstring_parser.parse_from_object(own) for own in reversed(cls.__mro__[:-1])]  # without object
-    fields = (field for one in documented for field in one.params)
-    return {field.arg_name: " ".join((field.description or "").split()) for field in fields}

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+import itertools
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from experiments.parallel import WorkersFailedError, processors, workers
 from experiments.report.terminal import progress
+from experiments.run import Run
 from experiments.sweep.parts import Part, Parts, Row
 from sim.runs import Progress
 from sim.stopwatch import Stopwatch
@@ -18,6 +20,11 @@ from trackslip.logs.runlog import RunLog
 
 Outcome = RunLog | BaseException
 """The log of a run, or the error that it failed with."""
+_EACH = 4
+"""Minimum number of fleets per worker, so that all end at about the same time, unless fleets would be too small."""
+_LONG = 2_000.0
+"""Time that a fleet drives, all robots together, from which on a worker of its own is worth its start [s]."""
+_AT_ONCE = 16_000.0  # longest time that a fleet drives, all robots together, for its logs to fit into memory [s]
 
 
 class Planned(Protocol):
@@ -32,13 +39,34 @@ class Planned(Protocol):
         """Hash of everything its numbers depend on, except code, models and libraries."""
 
     @property
+    def fleet(self) -> str:
+        """The same for runs that can be driven together; those last equally long."""
+
+    @property
     def duration(self) -> float:
         """Simulated time [s]."""
 
 
-RunT = TypeVar("RunT")
-PlannedT = TypeVar("PlannedT", bound=Planned)
-DrivenT = TypeVar("DrivenT", bound=Planned, contravariant=True)
+RunT = TypeVar("RunT", bound=Planned)
+KindRunT = TypeVar("KindRunT", bound=Planned, contravariant=True)
+
+
+class Kind(Protocol[KindRunT]):
+    """What the runs of a sweep are; goes to the workers."""
+
+    @property
+    def sizes(self) -> tuple[int, int]:
+        """Robots of the smallest and of the largest fleet worth driving."""
+
+    @property
+    def recorded(self) -> bool:
+        """Whether recordings are made of runs that fail, too."""
+
+    def drive(self, runs: Sequence[KindRunT], watch: Stopwatch, progress: Progress | None) -> Sequence[RunLog]:
+        """Drive runs as one fleet; `progress` is given in the command's own process, and takes seconds of the fleet."""
+
+    def measure(self, runs: Sequence[KindRunT], outcomes: Sequence[Outcome], watch: Stopwatch) -> list[Row]:
+        """A row for each run: its name (`run`), `id`, `error` (None unless it failed), and what was measured."""
 
 
 @dataclass(frozen=True)
@@ -54,32 +82,23 @@ class DrivenFleet:
     stages: dict[str, float]
     """Work by stage [s]."""
 
-    @classmethod
-    def of(
-        cls,
-        runs: Sequence[PlannedT],
-        drive: Callable[[Sequence[PlannedT]], Sequence[RunLog]],
-        measure: Callable[[Sequence[Outcome]], Iterable[Row]],
-        watch: Stopwatch,
-        recorded: bool,
-    ) -> DrivenFleet:
-        """Drive runs, isolating those that fail, and `measure` a row for each; keep what they `recorded` until then."""
-        outcomes = drive_isolating(runs, drive)
-        rows = list(measure(outcomes))
-        with watch.stage("storing"):
-            part = Part.of(rows, [one for one in outcomes if isinstance(one, RunLog)])
-        unfinished = [log for one in outcomes if recorded and isinstance(one, RunFailedError) for log in one.logs]
-        return cls(part, unfinished, sum(run.duration for run in runs), watch.stages)
+
+def drive_fleet(kind: Kind[RunT], runs: Sequence[RunT], report: Progress | None = None) -> DrivenFleet:
+    """Drive and measure a fleet; runs that fail are isolated. `report` takes simulated seconds of single robots."""
+    watch = Stopwatch()
+
+    def drive(some: Sequence[RunT]) -> Sequence[RunLog]:
+        return kind.drive(some, watch, report and (lambda seconds: report(seconds * len(some))))
+
+    outcomes = _isolating(runs, drive)
+    rows = kind.measure(runs, outcomes, watch)
+    with watch.stage("storing"):
+        part = Part.of(rows, [one for one in outcomes if isinstance(one, RunLog)])
+    failed = [one for one in outcomes if isinstance(one, RunFailedError)] if kind.recorded else []
+    return DrivenFleet(part, [log for one in failed for log in one.logs], sum(r.duration for r in runs), watch.stages)
 
 
-class Drive(Protocol[DrivenT]):
-    """Drives a fleet, in any process; `report` is given in the command's own, and takes simulated seconds."""
-
-    def __call__(self, runs: Sequence[DrivenT], /, report: Progress | None = None) -> DrivenFleet:
-        """The fleet, driven."""
-
-
-def drive_isolating(runs: Sequence[RunT], drive: Callable[[Sequence[RunT]], Sequence[RunLog]]) -> list[Outcome]:
+def _isolating(runs: Sequence[RunT], drive: Callable[[Sequence[RunT]], Sequence[RunLog]]) -> list[Outcome]:
     """Drive runs as one fleet; if it fails, drive its halves, until the runs that fail stand alone."""
     try:
         return list(drive(runs))
@@ -87,7 +106,7 @@ def drive_isolating(runs: Sequence[RunT], drive: Callable[[Sequence[RunT]], Sequ
         if len(runs) == 1:
             return [error]
     middle = len(runs) // 2
-    return drive_isolating(runs[:middle], drive) + drive_isolating(runs[middle:], drive)
+    return _isolating(runs[:middle], drive) + _isolating(runs[middle:], drive)
 
 
 def failure_text(error: BaseException) -> str:
@@ -96,22 +115,32 @@ def failure_text(error: BaseException) -> str:
     return " ".join(said.split())
 
 
+def fleets(runs: Sequence[RunT], workers: int, sizes: tuple[int, int]) -> list[tuple[RunT, ...]]:
+    """Runs that can be driven together, in fleets of suitable `sizes` for that many workers, the longest first."""
+    least, most = sizes
+    size = min(max(least, -(-len(runs) // (_EACH * workers))), most)
+    alike: dict[str, list[RunT]] = {}
+    for run in runs:
+        alike.setdefault(run.fleet, []).append(run)
+    found = []
+    for same in alike.values():
+        duration = same[0].duration
+        count = -(-len(same) // min(size, max(1, int(_AT_ONCE / duration))))
+        count = max(count, min(workers, int(len(same) * duration / _LONG)))
+        ends = [round(len(same) * k / count) for k in range(count + 1)]
+        found += [tuple(same[a:b]) for a, b in itertools.pairwise(ends)]
+    return sorted(found, key=lambda fleet: -len(fleet) * fleet[0].duration)
+
+
 def drive_missing(
-    runs: Sequence[PlannedT],
-    parts: Parts,
-    fleets: Callable[[Sequence[PlannedT], int], Sequence[Sequence[PlannedT]]],
-    drive: Drive[PlannedT],
-    executor: str,
-    jobs: int,
-    watch: Stopwatch | None = None,
+    runs: Sequence[RunT], parts: Parts, kind: Kind[RunT], executor: str, jobs: int, watch: Stopwatch
 ) -> list[RunLog]:
     """Drive the runs that `parts` lacks, and keep them there.
 
     Args:
         runs: all runs of the sweep.
         parts: the driven ones.
-        fleets: divides runs into fleets for a number of workers.
-        drive: drives a fleet; must be picklable.
+        kind: drives and measures a fleet.
         executor: name of an executor, as in `workers`.
         jobs: number of processes, 0 for one per processor.
         watch: takes the work of all workers together, by stage.
@@ -125,28 +154,28 @@ def drive_missing(
     unfinished: list[RunLog] = []
     total, left = (sum(run.duration for run in some) for some in (runs, missing))
     jobs = jobs or processors()
-    jobs = min(jobs, len(fleets(missing, jobs)))
-    with (
-        progress(f"{len(runs)} runs", total, done=total - left) as report,
-        workers(executor, jobs) as pool,
-    ):
-        here = pool.inline
-        for fleet in pool.each(partial(drive, report=report) if here else drive, fleets(missing, pool.count)):
+    jobs = min(jobs, len(fleets(missing, jobs, kind.sizes)))
+    with progress(f"{len(runs)} runs", total, done=total - left) as report, workers(executor, jobs) as pool:
+        drive = partial(drive_fleet, kind, report=report if pool.inline else None)
+        for fleet in pool.each(drive, fleets(missing, pool.count, kind.sizes)):
             parts.keep(fleet.part)
-            report(0.0 if here else fleet.duration)
+            report(0.0 if pool.inline else fleet.duration)
             unfinished += fleet.unfinished
-            if watch is not None:
-                watch.add(fleet.stages)
+            watch.add(fleet.stages)
     return unfinished
 
 
 @contextlib.contextmanager
-def resumable(runs: Iterable[Planned], parts: Parts, command: str = "the same command") -> Iterator[None]:
-    """Say what was kept of a sweep that is stopped in the block, and which command resumes it."""
+def resumable(config: Any, runs: Sequence[Planned], parts: Parts, again: str = "the same command") -> Iterator[Run]:
+    """The run of a command that sweeps; its parts are deleted when the results are complete.
+
+    Of a sweep that is stopped, the message says what was kept, and that the command `again` resumes.
+    """
+    ids = {run.id for run in runs}
     try:
-        yield
+        with Run(config, then=lambda: parts.discard(ids)) as run:
+            yield run
     except (KeyboardInterrupt, WorkersFailedError, OutputError) as stop:
-        ids = [run.id for run in runs]
-        driven, said = sum(id in parts for id in ids), str(stop) or "interrupted"
-        kept = f" with {driven} of {len(ids)} runs driven; {command} resumes" if driven else ""
+        driven, said = len(ids & parts.keys()), str(stop) or "interrupted"
+        kept = f" with {driven} of {len(runs)} runs driven; {again} resumes" if driven else ""
         raise type(stop)(said + kept) from None

@@ -7,7 +7,7 @@ everything its numbers depend on except code, models and libraries; those are re
 import contextlib
 import io
 import json
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
@@ -50,20 +50,10 @@ class Stored:
     """A run that has been driven, or has failed."""
 
     row: Row
-    file: Path
-    """Where its log is, unless it failed."""
+    logs: Path
+    """The file with its log, unless it failed."""
     made_by: dict[str, Any]
     """Code, models and libraries that drove it."""
-
-
-@dataclass(frozen=True)
-class _Record:
-    """The content of a JSON file of rows."""
-
-    logs: Path
-    rows: list[Row]
-    made_by: dict[str, Any]
-    """Code, models and libraries by their digest."""
 
 
 class Parts(dict[str, Stored]):
@@ -72,7 +62,7 @@ class Parts(dict[str, Stored]):
     def __init__(self, out: Path, name: str) -> None:
         """Parts go to the folder `name` in `out`."""
         super().__init__()
-        self._out, self._parts = out, out / name
+        self._out, self._folder = out, out / name
 
     def take(self, ids: Collection[str], force: bool) -> None:
         """Find which of the runs `ids` are among the results or the parts. Failed runs are not: they are driven again.
@@ -81,7 +71,13 @@ class Parts(dict[str, Stored]):
         results are damaged, or were written by a newer version.
         """
         self._require_readable()
-        self._find(ids, [*self._results(), *self._records()])
+        file = self._out / RUNS_FILE
+        if file.exists() and (self._out / MANIFEST_FILE).exists():
+            there = _wanted(_rows(self._out / SUMMARY_FILE, file), ids)
+            if there and not _is_whole(file, there):  # the user decides
+                raise LogError(f"{file}: damaged; --no-resume drives all runs again")
+            self.update(there)
+        self._take_parts(ids)
         now = made_by()
         stale = [one.made_by for one in self.values() if one.made_by != now]
         if stale and not force:
@@ -91,11 +87,17 @@ class Parts(dict[str, Stored]):
             )
 
     def take_current(self, ids: Collection[str]) -> None:
-        """Find which of the runs `ids` are among the parts; delete the parts driven by other code, and damaged ones."""
-        now = digest(made_by())
-        current = {record.logs.stem: record for record in self._records() if list(record.made_by) == [now]}
-        self._delete(lambda file: file.stem not in current)
-        self._find(ids, current.values())
+        """Find which of the runs `ids` the present code, models and libraries drove, among the parts."""
+        self._take_parts(ids)
+        now = made_by()
+        for id in [id for id, one in self.items() if one.made_by != now]:
+            del self[id]
+
+    def _take_parts(self, ids: Collection[str]) -> None:
+        for path, rows in self._parts():
+            there = _wanted(rows, ids)
+            if there and _is_whole(path.with_suffix(".parquet"), there):
+                self.update(there)
 
     def keep(self, part: Part) -> None:
         """Store a part: its logs first, its rows last, each whole or not at all. Failed runs alone aren't stored.
@@ -105,7 +107,7 @@ class Parts(dict[str, Stored]):
         now = made_by()
         if any(row["made_by"] != digest(now) for row in part.rows):
             raise TrackslipError("a worker has other code, models or libraries than this process")
-        path = self._parts / f"{digest([row['id'] for row in part.rows])}.json"
+        path = self._folder / f"{digest([row['id'] for row in part.rows])}.json"
         file = path.with_suffix(".parquet")
         if (logs := part.logs) is not None:
             rows = json.dumps({"made_by": {digest(now): now}, "runs": part.rows})
@@ -114,14 +116,14 @@ class Parts(dict[str, Stored]):
                 write_whole(path, lambda draft: draft.write_text(rows, encoding="utf-8"))
             except OSError:
                 with contextlib.suppress(OSError):  # there are other parts
-                    self._parts.rmdir()
+                    self._folder.rmdir()
                 raise
         self.update({row["id"]: Stored(row, file, now) for row in part.rows})
 
     def gather(self, runs: Iterable[tuple[str, str]], file: Path) -> None:
         """Write the logs of runs, (id, new name) each, in order, to one file; without any log there is no file."""
         there = [(self[id], name) for id, name in runs]
-        driven = [(one.file, one.row["run"], name) for one, name in there if one.row["error"] is None]
+        driven = [(one.logs, one.row["run"], name) for one, name in there if one.row["error"] is None]
         if driven:
             join_parquet(driven, file)
 
@@ -130,26 +132,16 @@ class Parts(dict[str, Stored]):
         """Code, models and libraries that drove the runs, by their digest."""
         return {one.row["made_by"]: one.made_by for one in sorted(self.values(), key=lambda one: one.row["made_by"])}
 
-    def discard(self, ids: Collection[str] | None = None) -> None:
-        """Delete all parts, or those that hold none but the runs `ids`, which are now among the results."""
-        done = {one.logs.stem for one in self._records() if ids and all(row["id"] in ids for row in one.rows)}
-        self._delete(lambda file: ids is None or file.stem in done)
-
-    def _delete(self, which: Callable[[Path], bool]) -> None:
+    def discard(self, ids: Collection[str]) -> None:
+        """Delete the parts, but those of the present code with runs other than `ids`: another sweep resumes them."""
+        now = made_by()
+        others = ((path, one) for path, runs in self._parts() for one in runs if one.row["id"] not in ids)
+        kept = {path.stem for path, one in others if one.made_by == now}
         with contextlib.suppress(OSError):
-            for file in self._parts.iterdir():
-                if which(file):
+            for file in self._folder.iterdir():
+                if file.stem not in kept:
                     file.unlink()
-            self._parts.rmdir()
-
-    def _find(self, ids: Collection[str], records: Iterable[_Record]) -> None:
-        for record in records:
-            there = [row for row in record.rows if row["id"] in ids and row["error"] is None]
-            if there and not _is_whole(record.logs, {row["run"] for row in there}):
-                if record.logs.parent == self._parts:
-                    continue
-                raise LogError(f"{record.logs}: damaged; --no-resume drives all runs again")  # the user decides
-            self.update({row["id"]: Stored(row, record.logs, record.made_by[row["made_by"]]) for row in there})
+            self._folder.rmdir()
 
     def _require_readable(self) -> None:
         """Raise LogError for results of a newer version, or with a damaged manifest or summary."""
@@ -163,34 +155,36 @@ class Parts(dict[str, Stored]):
         except (ValueError, RecursionError) as error:
             raise LogError(f"{file}: not JSON ({error}); --no-resume drives all runs again") from error
 
-    def _results(self) -> Iterable[_Record]:
-        if all((self._out / name).exists() for name in (MANIFEST_FILE, RUNS_FILE)):
-            yield from _record(self._out / SUMMARY_FILE, self._out / RUNS_FILE)
-
-    def _records(self) -> Iterable[_Record]:
-        for path in sorted(self._parts.glob("*.json")):
-            yield from _record(path, path.with_suffix(".parquet"))
+    def _parts(self) -> Iterator[tuple[Path, list[Stored]]]:
+        """The files of rows, and the runs in them."""
+        for path in sorted(self._folder.glob("*.json")):
+            yield path, _rows(path, path.with_suffix(".parquet"))
 
 
-def _record(path: Path, logs: Path) -> Iterable[_Record]:
-    """The content of a file, if a sweep left it."""
+def _rows(path: Path, logs: Path) -> list[Stored]:
+    """The runs in a file of rows; none if no sweep left it."""
     with contextlib.suppress(OSError, ValueError, RecursionError, LookupError, TypeError, AttributeError):
         content = json.loads(path.read_text(encoding="utf-8"))
         rows, by = content["runs"], content["made_by"]
-        known = [{*row} >= {"run", "id", "error"} and "versions" in by[row["made_by"]] for row in rows]
-        if all(known):
-            yield _Record(logs, rows, by)
+        if all({*row} >= {"run", "id", "error"} and "versions" in by[row["made_by"]] for row in rows):
+            return [Stored(row, logs, by[row["made_by"]]) for row in rows]
+    return []
 
 
-def _is_whole(file: Path, names: Iterable[str]) -> bool:
-    """Whether all of a file can be read, and it has the runs of these names."""
+def _wanted(rows: Iterable[Stored], ids: Collection[str]) -> dict[str, Stored]:
+    """Those of the runs `ids` that did not fail, by id."""
+    return {one.row["id"]: one for one in rows if one.row["id"] in ids and one.row["error"] is None}
+
+
+def _is_whole(file: Path, runs: dict[str, Stored]) -> bool:
+    """Whether all of a file can be read, and it has these runs."""
     try:
-        with pyarrow.parquet.ParquetFile(file, page_checksum_verification=True) as runs:
-            for group in range(runs.num_row_groups):
-                runs.read_row_group(group)
-        stored = StoredRuns(file)
-        for name in names:
-            stored.metadata(name)
+        with pyarrow.parquet.ParquetFile(file, page_checksum_verification=True) as stored:
+            for group in range(stored.num_row_groups):
+                stored.read_row_group(group)
+        names = StoredRuns(file)
+        for one in runs.values():
+            names.metadata(one.row["run"])
     except (OSError, pyarrow.ArrowException, LogError):
         return False
     return True

@@ -6,7 +6,7 @@ import dataclasses
 import functools
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -24,13 +24,6 @@ from trackslip.kinematics import RobotGeometry
 if TYPE_CHECKING:
     from experiments.commands.grid import Config
 
-_MIN_FLEET, _MAX_FLEET = 64, 128
-"""Robots in a fleet: smaller fleets are slow; larger ones hardly gain, and lose more when a worker is stopped."""
-_LONG = 2_000.0
-"""Time that a fleet drives, all robots together, from which on a worker of its own is worth its start [s]."""
-_EACH = 4
-"""Minimum number of fleets per worker, so that all end at about the same time, unless fleets would be too small."""
-_AT_ONCE = 16_000.0  # longest time that a fleet drives, all robots together, for its logs to fit into memory [s]
 _DRIVEN = ("radius", "speed")
 _OF_A_RUN = (*_DRIVEN, "seed")  # axes on which the runs of a setting differ
 _IN_COMMON = ("drive", "scanner", "duration", "localization", "motion", "random_phase")  # options that a fleet shares
@@ -44,7 +37,7 @@ class Setting:
     config: GridConfig
     """Its options, with all radii and speeds."""
     specification: Specification
-    kept: bool = False
+    kept: bool
     """Whether the logs have all ranges of the scans."""
 
     @functools.cached_property
@@ -63,12 +56,21 @@ class Setting:
         """Hash of what the runs of a fleet share; robots on ground that shears have other pads."""
         world = self.specification
         shape = replace(world.parameters, radius_error=0.0)
-        shared = (shape, world.obstacles, world.pull, world.ground.largest_shear > 0, *self._in_common.items())
-        return _digest_of_hashable(shared)
+        return digest([self._in_common, shape, world.obstacles, world.pull, world.ground.largest_shear > 0])
 
     @property
     def _in_common(self) -> dict[str, Any]:
         return {name: getattr(self.config, name) for name in _IN_COMMON}
+
+
+def _world_digest(config: GridConfig, specification: Specification) -> str:
+    return digest([config.drive, config.scanner, specification])
+
+
+@functools.cache
+def _shipped_world_digest() -> str:
+    """Of the shipped robot, ground and scanner, in which a grid meets the scans of `reproduce`."""
+    return _world_digest(GridConfig(), Specification.of(GridConfig()))
 
 
 @dataclass(frozen=True)
@@ -83,6 +85,11 @@ class PlannedRun:
     setting: Setting
     id: str
     """Hash of what the run is and of how much of it is recorded, however it was requested."""
+
+    @property
+    def fleet(self) -> str:
+        """See Planned."""
+        return self.setting.fleet
 
     @property
     def duration(self) -> float:
@@ -111,19 +118,6 @@ class PlannedRun:
         return tuple((name, value) for name, value in self.axes.items() if name not in _DRIVEN)
 
 
-def _world_digest(config: GridConfig, specification: Specification) -> str:
-    return digest([config.drive, config.scanner, specification])
-
-
-_digest_of_hashable = functools.lru_cache(digest)  # of what most settings have in common
-
-
-@functools.cache
-def _shipped_world_digest() -> str:
-    """Of the shipped robot, ground and scanner, in which a grid meets the scans of `reproduce`."""
-    return _world_digest(GridConfig(), Specification.of(GridConfig()))
-
-
 def plan(config: Config) -> list[PlannedRun]:
     """Every run; raises TrackslipError for invalid values, before anything is driven. Shows progress of many runs."""
     axes = axes_of(config)
@@ -148,23 +142,6 @@ def plan(config: Config) -> list[PlannedRun]:
     for radius in axes["radius"]:  # a radius too tight for only some of the robots is a run that fails
         require_radius(radius, RobotGeometry(narrowest.half_gauge, narrowest.sprocket_radius))
     return runs
-
-
-def fleets(runs: Sequence[PlannedRun], workers: int) -> list[tuple[PlannedRun, ...]]:
-    """Runs that can be driven as one fleet, sized for that many workers, in order."""
-    size = min(max(_MIN_FLEET, -(-len(runs) // (_EACH * workers))), _MAX_FLEET)
-    alike: dict[str, list[PlannedRun]] = {}
-    for run in runs:
-        alike.setdefault(run.setting.fleet, []).append(run)
-    found = []
-    for same in alike.values():
-        duration = same[0].duration  # which is the same for all
-        most = max(1, int(_AT_ONCE / duration))
-        count = -(-len(same) // min(size, most))
-        count = max(count, min(workers, int(len(same) * duration / _LONG)))
-        ends = [round(len(same) * k / count) for k in range(count + 1)]
-        found += [tuple(same[a:b]) for a, b in itertools.pairwise(ends)]
-    return found
 
 
 def _run(taken: Mapping[str, Any], usual: Mapping[str, Any], setting: Setting) -> PlannedRun:

@@ -1,4 +1,4 @@
-"""The numbers of a sweep: a few per grid, or all of them if there is only one grid."""
+"""What a sweep says: numbers of each of its grids, of radius x speed, warnings and failures."""
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -20,7 +20,7 @@ from experiments.report.table import Table
 from experiments.storage.plain_json import plain
 from experiments.storage.results import SUMMARY_FILE, TABLE_FILE
 from experiments.sweep.plan import PlannedRun
-from experiments.sweep.table import RunRow
+from experiments.sweep.table import Row
 from sim.stopwatch import Stopwatch
 from trackslip.identification.samples import SlipSamples
 from trackslip.kinematics import Array
@@ -47,12 +47,11 @@ class Grid:
     localization: PoseErrors
 
     @classmethod
-    def of(cls, axes: Mapping[str, Any], rows: Sequence[RunRow]) -> Self:
+    def of(cls, axes: Mapping[str, Any], rows: Sequence[Row]) -> Self:
         """Means over the speeds at every radius, errors over all runs."""
-        radius = np.array([row.axes["radius"] for row in rows])
+        radius = np.array([row["radius"] for row in rows])
         radii = tuple(dict.fromkeys(radius.tolist()))
         slip = _values(rows, "slip_l", "slip_r")
-        slip_error = slip - _values(rows, "true_slip_l", "true_slip_r")
         x, y, heading, valid = _values(rows, "rmse_x", "rmse_y", "rmse_heading", "valid_fraction").T
 
         def means(values: Array) -> Array:
@@ -63,10 +62,10 @@ class Grid:
         return cls(
             axes=axes,
             runs=len(rows),
-            failed=sum(row.error is not None for row in rows),
+            failed=len(_failed(rows)),
             radius=Radii(radii, 1 / curvature, published_radii(radii)),
             slip_by_radius=OuterInner.of(slip, means),
-            slip_error=OuterInner.of(slip_error, ErrorStatistics.of),
+            slip_error=OuterInner.of(slip - _values(rows, "true_slip_l", "true_slip_r"), ErrorStatistics.of),
             localization=PoseErrors(rms(_known(x)), rms(_known(y)), rms(_known(heading)), _mean(valid)),
         )
 
@@ -85,86 +84,69 @@ class Grid:
         return (*map(str, self.axes.values()), str(self.runs), str(self.failed), *tightest, f"{error:.5f}")
 
 
-@dataclass(frozen=True)
-class SweepSummary:
-    """The numbers of a sweep."""
-
-    runs: Sequence[PlannedRun]
-    rows: Sequence[RunRow]
-    """One for each run."""
-    grids: list[Grid]
-    in_full: GridSummary | None
-    """All numbers of a grid that is the only one, and not too large."""
-
-    @classmethod
-    def of(
-        cls,
-        runs: Sequence[PlannedRun],
-        rows: Sequence[RunRow],
-        logs: Callable[[], Iterable[RunLog]],
-        watch: Stopwatch,
-    ) -> Self:
-        """Summarise the rows of runs; `logs` gives the logs of those that did not fail, one by one."""
-        found: dict[tuple[tuple[str, Any], ...], list[RunRow]] = {}
-        for run, row in zip(runs, rows, strict=True):
-            found.setdefault(run.grid, []).append(row)
-        grids = [Grid.of(dict(axes), own) for axes, own in found.items()]
-        measured = [row for row in rows if row.v is not None]
-        in_full = None
-        if len(grids) == 1 and len(runs) <= IN_FULL and measured:
-            omega, twist, slip = (
-                _values(measured, *pair) for pair in (("omega_l", "omega_r"), ("v", "w"), ("slip_l", "slip_r"))
-            )
-            samples = SlipSamples(omega, twist, slip, tuple(row.run for row in measured))
-            config, geometry = runs[0].setting.config, runs[0].world(1).robot.geometry
-            with watch.stage("errors of all methods"):
-                in_full = grid_summary(config, [run.name for run in runs], logs(), samples, geometry, watch)
-        return cls(runs, rows, grids, in_full)
-
-    @property
-    def failures(self) -> list[RunRow]:
-        """The runs that failed."""
-        return [row for row in self.rows if row.error is not None]
-
-    @property
-    def warnings(self) -> list[str]:
-        """Saturated motors, and what could not be used of the runs."""
-        saturated = (row for row in self.rows if row.saturated)
-        limited = [f"run {row.run!r}: a motor is at its limit for {row.saturated:.1%} of the time" for row in saturated]
-        return limited + [row.note for row in self.rows if row.note]
-
-    def to_json(self) -> dict[str, Any]:
-        """The content of summary.json."""
-        content = {
-            "grids": self.grids,
-            "warnings": self.warnings,
-            **({} if self.in_full is None else self.in_full.to_json()),
-            "runs": [row.to_json() for row in self.rows],
-            "failures": [{"run": row.run, "error": row.error} for row in self.failures],
-        }
-        return plain(content)
-
-    def print(self) -> None:
-        """Print a single grid radius by radius, or one line for each of several."""
-        if len(self.grids) == 1:
-            title = f"{len(self.rows)} runs of {self.runs[0].duration:g} s"
-            header: tuple[str, ...] = ("commanded radius [m]", "observed [m]", "outer slip", "inner slip")
-            Table(title, header, self.grids[0].lines, align="r").print()
-        else:
-            numbers = ("runs", "failed", "tightest [m]", "observed [m]", "outer slip", "inner slip", "slip error, rms")
-            header = (*self.grids[0].axes, *numbers)
-            lines = [grid.line for grid in self.grids[:_MAX_LINES]]
-            Table(f"{len(self.rows)} runs in {len(self.grids)} grids", header, lines, align="r").print()
-            if len(self.grids) > _MAX_LINES:
-                print(f"and {len(self.grids) - _MAX_LINES} more grids; {TABLE_FILE} has a row for each run")
-        _print_some([f"warning: {warning}" for warning in self.warnings], f"warnings in {SUMMARY_FILE}")
-        _print_some([f"failed: {row.run}: {row.error}" for row in self.failures], f"failures in {TABLE_FILE}")
+def grids_of(runs: Sequence[PlannedRun], rows: Sequence[Row]) -> list[Grid]:
+    """The grids of a sweep, from the rows of its runs."""
+    found: dict[tuple[tuple[str, Any], ...], list[Row]] = {}
+    for run, row in zip(runs, rows, strict=True):
+        found.setdefault(run.grid, []).append(row)
+    return [Grid.of(dict(axes), own) for axes, own in found.items()]
 
 
-def all_failed(failures: Sequence[RunRow]) -> str:
+def in_full(
+    runs: Sequence[PlannedRun], rows: Sequence[Row], logs: Callable[[], Iterable[RunLog]], watch: Stopwatch
+) -> GridSummary | None:
+    """All numbers of a grid that is the only one of a sweep, and not too large; `logs` of runs that didn't fail."""
+    measured = [row for row in rows if row.get("v") is not None]
+    if len({run.grid for run in runs}) > 1 or len(runs) > IN_FULL or not measured:
+        return None
+    pairs = (("omega_l", "omega_r"), ("v", "w"), ("slip_l", "slip_r"))
+    omega, twist, slip = (_values(measured, *pair) for pair in pairs)
+    samples = SlipSamples(omega, twist, slip, tuple(row["run"] for row in measured))
+    config, geometry = runs[0].setting.config, runs[0].world(1).robot.geometry
+    with watch.stage("errors of all methods"):
+        return grid_summary(config, [run.name for run in runs], logs(), samples, geometry, watch)
+
+
+def summary_of(grids: Sequence[Grid], whole: GridSummary | None, rows: Sequence[Row]) -> dict[str, Any]:
+    """The content of summary.json; `whole` has all numbers of a single grid."""
+    failures = [{"run": row["run"], "error": row["error"]} for row in _failed(rows)]
+    content = {"grids": grids, "warnings": _warnings(rows), **({} if whole is None else whole.to_json())}
+    return plain(content | {"runs": rows, "failures": failures})
+
+
+def print_sweep(grids: Sequence[Grid], rows: Sequence[Row], duration: float) -> None:
+    """Print a single grid radius by radius, or one line for each of several; then warnings and failures."""
+    if len(grids) == 1:
+        header: tuple[str, ...] = ("commanded radius [m]", "observed [m]", "outer slip", "inner slip")
+        Table(f"{len(rows)} runs of {duration:g} s", header, grids[0].lines, align="r").print()
+    else:
+        numbers = ("runs", "failed", "tightest [m]", "observed [m]", "outer slip", "inner slip", "slip error, rms")
+        lines = [grid.line for grid in grids[:_MAX_LINES]]
+        Table(f"{len(rows)} runs in {len(grids)} grids", (*grids[0].axes, *numbers), lines, align="r").print()
+        if len(grids) > _MAX_LINES:
+            print(f"and {len(grids) - _MAX_LINES} more grids; {TABLE_FILE} has a row for each run")
+    _print_some([f"warning: {warning}" for warning in _warnings(rows)], f"warnings in {SUMMARY_FILE}")
+    _print_some([f"failed: {row['run']}: {row['error']}" for row in _failed(rows)], f"failures in {TABLE_FILE}")
+
+
+def all_failed(rows: Sequence[Row]) -> str:
     """Why a sweep has no run."""
-    first, *others = failures
-    return f"all {len(failures)} runs fail, the first, {first.run!r}: {first.error}" if others else str(first.error)
+    first, *others = rows
+    return f"all {len(rows)} runs fail, the first, {first['run']!r}: {first['error']}" if others else first["error"]
+
+
+def _warnings(rows: Sequence[Row]) -> list[str]:
+    """Saturated motors, and what could not be used of the runs."""
+    limited = [
+        f"run {row['run']!r}: a motor is at its limit for {row['saturated']:.1%} of the time"
+        for row in rows
+        if row.get("saturated")
+    ]
+    return limited + [row["note"] for row in rows if row.get("note")]
+
+
+def _failed(rows: Sequence[Row]) -> list[Row]:
+    return [row for row in rows if row["error"] is not None]
 
 
 def _print_some(lines: Sequence[str], where: str) -> None:
@@ -174,9 +156,9 @@ def _print_some(lines: Sequence[str], where: str) -> None:
         print(f"and {len(lines) - _MAX_LINES} more {where}")
 
 
-def _values(rows: Sequence[RunRow], *names: str) -> Array:
+def _values(rows: Sequence[Row], *names: str) -> Array:
     """Columns (n, len(names)) of the rows; NaN for None."""
-    return np.array([[getattr(row, name) for name in names] for row in rows], float)
+    return np.array([[row.get(name) for name in names] for row in rows], float)
 
 
 def _known(values: Array) -> Array:

@@ -1,96 +1,65 @@
 """The rows of a grid's runs, the table of them with units, and the choice of runs by the values of its axes."""
 
 import contextlib
-import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet
 
+from experiments.storage.plain_json import plain
 from experiments.storage.results import TABLE_FILE
-from experiments.sweep.axes import explained
+from experiments.sweep.axes import AXES, axis_column
 from trackslip.errors import InvalidValueError
 from trackslip.logs.logfile import read_table
 from trackslip.logs.schema import NO_UNIT, PURE, Column, markdown
 
-
-def _column(unit: str, meaning: str) -> Any:
-    return field(default=None, metadata={"unit": unit, "meaning": meaning})
-
-
-@dataclass(frozen=True)
-class RunRow:
-    """A run and what was measured of it, in left turns; None for what it doesn't have."""
-
-    run: str = field(metadata={"unit": NO_UNIT, "meaning": "name of the run: its log in runs.parquet"})
-    id: str = field(metadata={"unit": NO_UNIT, "meaning": "hash of all that the run is: options, robot, ground, seed"})
-    axes: Mapping[str, Any]
-    """What varies in the sweep, by name: the run's values."""
-    error: str | None = _column(NO_UNIT, "why there is no run; null where there is one")
-    omega_l: float | None = _column("rad/s", "measured speed of the left sprocket")
-    omega_r: float | None = _column("rad/s", "measured speed of the right sprocket")
-    v: float | None = _column("m/s", "measured forward speed")
-    w: float | None = _column("rad/s", "measured yaw rate")
-    observed_radius: float | None = _column("m", "measured radius, positive to the left")
-    slip_l: float | None = _column(PURE, "measured slip of the left track")
-    slip_r: float | None = _column(PURE, "measured slip of the right track")
-    true_slip_l: float | None = _column(PURE, "true slip of the left track")
-    true_slip_r: float | None = _column(PURE, "true slip of the right track")
-    note: str | None = _column(NO_UNIT, "what of the run could not be used, and why; null where all could")
-    rmse_x: float | None = _column("m", "root mean square error of the poses along x")
-    rmse_y: float | None = _column("m", "root mean square error of the poses along y")
-    rmse_heading: float | None = _column("rad", "root mean square error of the headings")
-    valid_fraction: float | None = _column(PURE, "share of the scans that gave a pose")
-    saturated: float | None = _column(PURE, "share of the time with a motor at its limit, the worse track")
-    made_by: str | None = _column(
-        NO_UNIT, "digest of the code, models and libraries that drove it, listed in summary.json"
-    )
-
-    def to_json(self) -> dict[str, Any]:
-        """As summary.json has it: the axes among the fields; of a run that failed, only what it is and why."""
-        row = {name: getattr(self, name) for name in COLUMNS if self.error is None or name in _OF_FAILED}
-        return {"run": row.pop("run"), "id": row.pop("id"), **self.axes, **row}
-
-    @classmethod
-    def from_json(cls, row: Mapping[str, Any], run: str, axes: Mapping[str, Any]) -> Self:
-        """A stored row of a run that may have had another name in another sweep; its note uses `run`, too."""
-        known: dict[str, Any] = {name: row.get(name) for name in COLUMNS} | {"run": run}
-        if known["note"]:
-            known["note"] = known["note"].replace(repr(row["run"]), repr(run))
-        return cls(axes=axes, **known)
-
-
+Row = dict[str, Any]
+"""A run and what was measured of it, by column; a run that failed has only its name, id, axes, error and origin."""
 COLUMNS = {
-    f.name: Column(f.name, f.metadata["unit"], f.metadata["meaning"]) for f in dataclasses.fields(RunRow) if f.metadata
-}
-"""Besides the axes of the sweep, which come after `id`."""
-AXES = {
     column.name: column
     for column in (
-        Column("radius", "m", "radius of the no-slip command"),
-        Column("speed", "m/s", "speed of the no-slip command"),
-        Column("friction_ratio", PURE, "friction across the track over friction along it"),
-        Column("slope", "rad", "angle of the ground to the horizontal"),
-        Column("ground", NO_UNIT, "name or file of the ground"),
-        Column("seed", NO_UNIT, "root of all random numbers"),
+        Column("run", NO_UNIT, "name of the run: its log in runs.parquet"),
+        Column("id", NO_UNIT, "hash of all that the run is: options, robot, ground, seed"),
+        Column("error", NO_UNIT, "why there is no run; null where there is one"),
+        Column("omega_l", "rad/s", "measured speed of the left sprocket"),
+        Column("omega_r", "rad/s", "measured speed of the right sprocket"),
+        Column("v", "m/s", "measured forward speed"),
+        Column("w", "rad/s", "measured yaw rate"),
+        Column("observed_radius", "m", "measured radius, positive to the left"),
+        Column("slip_l", PURE, "measured slip of the left track"),
+        Column("slip_r", PURE, "measured slip of the right track"),
+        Column("true_slip_l", PURE, "true slip of the left track"),
+        Column("true_slip_r", PURE, "true slip of the right track"),
+        Column("note", NO_UNIT, "what of the run could not be used, and why; null where all could"),
+        Column("rmse_x", "m", "root mean square error of the poses along x"),
+        Column("rmse_y", "m", "root mean square error of the poses along y"),
+        Column("rmse_heading", "rad", "root mean square error of the headings"),
+        Column("valid_fraction", PURE, "share of the scans that gave a pose"),
+        Column("saturated", PURE, "share of the time with a motor at its limit, the worse track"),
+        Column("made_by", NO_UNIT, "digest of the code, models and libraries that drove it, listed in summary.json"),
     )
 }
-"""Axes with a meaning of their own; the others are options, described by their help."""
-_OF_FAILED = ("run", "id", "error", "made_by")
+"""Besides the axes of the sweep, which come after `id`."""
 _SHOWN = 10  # values of an axis in a message
 _MAX_INTEGER = 2**63 - 1
 """Largest integer of a column; larger ones (seeds) become text."""
 
 
-def write_table(rows: Sequence[RunRow], axes: Sequence[str], path: Path) -> None:
+def renamed(row: Row, name: str, axes: Mapping[str, Any]) -> Row:
+    """The row of a run that may have had another name and other axes in another sweep."""
+    kept = {column: value for column, value in row.items() if column in COLUMNS}
+    if kept.get("note"):
+        kept["note"] = kept["note"].replace(repr(row["run"]), repr(name))
+    return {"run": name, "id": row["id"], **plain(axes)} | kept | {"run": name}
+
+
+def write_table(rows: Sequence[Row], axes: Sequence[str], path: Path) -> None:
     """Write the rows of a sweep to a Parquet file, with units and meanings in the columns' metadata."""
     run, id, *measured = COLUMNS.values()
-    columns = (run, id, *(AXES.get(axis) or Column(axis, *explained(axis)) for axis in axes), *measured)
-    cells = [row.to_json() for row in rows]
-    arrays = [_array([row.get(column.name) for row in cells], column) for column in columns]
+    columns = (run, id, *map(axis_column, axes), *measured)
+    arrays = [_array([row.get(column.name) for row in rows], column) for column in columns]
     pairs = zip(columns, arrays, strict=True)
     schema = pa.schema([pa.field(column.name, array.type, metadata=column.metadata) for column, array in pairs])
     pa.parquet.write_table(pa.table(arrays, schema=schema), path, write_page_checksum=True)
@@ -113,7 +82,7 @@ def chosen(folder: Path, where: Sequence[str]) -> set[str]:
 
     Raises InvalidValueError for an axis or a value that the sweep doesn't have, LogError for a folder without a table.
     """
-    rows: list[dict[str, Any]] = read_table(folder / TABLE_FILE).to_pylist()
+    rows: list[Row] = read_table(folder / TABLE_FILE).to_pylist()
     axes = [name for name in rows[0] if name not in COLUMNS] if rows else []
     for text in where:
         name, _, value = text.partition("=")

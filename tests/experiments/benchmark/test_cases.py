@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-from experiments.benchmark.cases import Case, cases_of, groups
-from experiments.benchmark.drive import Setup
+from experiments.benchmark.cases import Case, cases_of
+from experiments.benchmark.drive import ClosedLoops
 from experiments.commands.benchmark import Config
 from experiments.options.choices import CONTROLLER_NAMES, REFERENCE_NAMES
+from experiments.sweep.engine import fleets
+from sim.stopwatch import Stopwatch
 from trackslip.controllers.named import CONTROLLERS
 from trackslip.trajectory.named import REFERENCES
 
@@ -16,31 +18,30 @@ def test_suites_know_all_names():
     assert tuple(REFERENCES) == REFERENCE_NAMES
 
 
-@pytest.mark.parametrize("suite", ["paper", "quick", "full"])
-def test_runs_that_share_controller_and_reference_are_one_fleet(suite):
+@pytest.mark.parametrize(("suite", "runs"), [("paper", 75), ("quick", 60), ("full", 2160)])
+def test_fleets_are_of_one_reference_and_no_larger_than_worthwhile(suite, runs):
     cases, _ = cases_of(Config(suite=suite))
-    fleets = groups(cases)
-    assert sorted(map(repr, sum(fleets, ()))) == sorted(map(repr, set(cases)))
-    for fleet in fleets:
-        assert len({case.reference for case in fleet}) == 1
-    for key in {(case.controller, case.reference) for case in cases}:
-        assert sum(any((c.controller, c.reference) == key for c in fleet) for fleet in fleets) == 1
+    groups = fleets(cases, 2, ClosedLoops.sizes)
+    assert len({case for group in groups for case in group}) == sum(map(len, groups)) == len(cases) == runs
+    for group in groups:
+        assert len({case.reference for case in group}) == 1
+        assert len(group) <= 32
 
 
 def test_a_run_is_the_same_in_any_company(tmp_path):
     """Bit for bit, whichever controllers, compensations and grounds share its fleet."""
     path = tmp_path / "bow.csv"
     path.write_text("x,y\n-2,1\n-1.6,1.1\n-1.2,1.4\n")
-    setup = Setup.of(Config())
+    loops = ClosedLoops(Config())
     cases = [
         Case(controller, compensation, str(path), ground, "random", seed)
         for controller in ("linear", "feedforward")
         for compensation in ("online", "icr_radius")
         for ground, seed in (("stone", 0), ("ice", 1))
     ]
-    logs = {log.run: log for log in setup.drive(cases)}
+    logs = {log.run: log for log in loops.drive(cases, Stopwatch(), None)}
     for case in (cases[0], cases[5]):
-        (alone,) = setup.drive([case])
+        (alone,) = loops.drive([case], Stopwatch(), None)
         np.testing.assert_array_equal(alone.truth.pose, logs[case.name].truth.pose)
         np.testing.assert_array_equal(alone.pose, logs[case.name].pose)
         np.testing.assert_array_equal(alone.command, logs[case.name].command)
@@ -57,8 +58,8 @@ def test_starts_are_the_papers_or_random_and_the_same_for_all_controllers():
 def test_noise_is_the_same_for_all_controllers(tmp_path):
     path = tmp_path / "bow.csv"
     path.write_text("x,y\n-2,1\n-1.6,1.1\n-1.2,1.4\n")
-    setup = Setup.of(Config())
+    loops = ClosedLoops(Config())
     cases = [Case("feedforward", c, str(path), "stone", "zero", 0) for c in ("none", "icr_radius")]
-    logs = setup.drive(cases)
+    logs = loops.drive(cases, Stopwatch(), None)
     np.testing.assert_array_equal(logs[0].pose[0], logs[1].pose[0])
     assert np.any(logs[0].pose[0] != logs[0].truth.pose[0])

@@ -12,10 +12,11 @@ import pyarrow.parquet
 import pytest
 
 from experiments.benchmark.cases import Case, identified
-from experiments.benchmark.drive import Setup, drive_group
+from experiments.benchmark.drive import ClosedLoops
 from experiments.cli import main
 from experiments.commands.benchmark import PARTS, Config
 from experiments.storage.manifest import digest, made_by
+from experiments.sweep.engine import drive_fleet
 from experiments.sweep.parts import Parts
 
 SMALL = ("--controllers", "feedforward", "linear", "--compensations", "none", "online", "--grounds", "stone", "gravel")
@@ -56,11 +57,11 @@ def test_a_killed_benchmark_resumes(trackslip, short, tmp_path, monkeypatch):
     (tmp_path / "wait").unlink()
     driven = []
 
-    def counted(cases, **options):
+    def counted(kind, cases, **options):
         driven.extend(case.reference for case in cases)
-        return drive_group(cases, **options)
+        return drive_fleet(kind, cases, **options)
 
-    monkeypatch.setattr("experiments.benchmark.drive.drive_group", counted)
+    monkeypatch.setattr("experiments.sweep.engine.drive_fleet", counted)
     killed, undisturbed = (trackslip(*command, "--out", str(tmp_path / name)) for name in ("killed", "undisturbed"))
     assert driven[:2] == ["bend.csv"] * 2
     assert len(driven) == 2 + 4
@@ -78,9 +79,9 @@ def test_an_interrupted_benchmark_says_how_to_resume(short, tmp_path, monkeypatc
         if measured:
             raise KeyboardInterrupt
         measured.append(True)
-        return drive_group(*arguments, **options)
+        return drive_fleet(*arguments, **options)
 
-    monkeypatch.setattr("experiments.benchmark.drive.drive_group", interrupted)
+    monkeypatch.setattr("experiments.sweep.engine.drive_fleet", interrupted)
     options = ("benchmark", "--references", "bend.csv", "turn.csv", *short[2:], *SMALL, "--seeds", "0", "--out", "out")
     with pytest.raises(SystemExit) as stop:
         main([*options])
@@ -106,7 +107,7 @@ def test_parts_of_another_benchmark_are_left_but_not_those_of_other_code(tracksl
 
 def test_damaged_parts_are_driven_again(tmp_path, short):
     config = Config(references=("bend.csv",), localization="truth", out=tmp_path / "out")
-    cases = identified([Case("linear", "none", "bend.csv", "stone", "zero", 0)], config, Setup.of(config).world)
+    cases = identified([Case("linear", "none", "bend.csv", "stone", "zero", 0)], config, ClosedLoops(config).world)
 
     def there():
         parts = Parts(config.out, PARTS)
@@ -114,7 +115,7 @@ def test_damaged_parts_are_driven_again(tmp_path, short):
         return cases[0].id in parts
 
     assert not there()
-    Parts(config.out, PARTS).keep(drive_group(cases, config).part)
+    Parts(config.out, PARTS).keep(drive_fleet(ClosedLoops(config), cases).part)
     assert there()
     (rows,), (runs,) = ((config.out / PARTS).glob(f"*.{kind}") for kind in ("json", "parquet"))
     whole = {path: path.read_bytes() for path in (rows, runs)}
@@ -140,9 +141,9 @@ def test_parts_depend_on_what_a_users_modules_say(tmp_path, short, monkeypatch):
     (tmp_path / "gains_of_mine.py").write_text("K = 1.0")
     source = "import gains_of_mine\nfrom trackslip.controllers.linear import LinearTimeVarying as Mine"
     (tmp_path / "imports_gains.py").write_text(source)
-    setup = Setup.of(Config(localization="truth"))
+    loops = ClosedLoops(Config(localization="truth"))
     cases = (Case("imports_gains:Mine", "none", "bend.csv", "stone", "zero", 0),)
-    setup.check(cases)
-    before = identified(cases, setup.config, setup.world)
+    loops.check(cases)
+    before = identified(cases, loops.config, loops.world)
     (tmp_path / "gains_of_mine.py").write_text("K = 2.0")
-    assert identified(cases, setup.config, setup.world) != before
+    assert identified(cases, loops.config, loops.world) != before

@@ -4,25 +4,23 @@ import numpy as np
 import pytest
 
 from experiments.benchmark.cases import Case
-from experiments.benchmark.rows import CaseRow, board, bootstrap95, losses, over_seeds
+from experiments.benchmark.rows import board, bootstrap95, losses, over_seeds
 
 
 def run(controller, rms, success=True, error=None, seed=0):
-    case = Case(controller, "none", "paper", "stone", "zero", seed)
-    return (
-        CaseRow(case, error)
-        if error
-        else CaseRow(case, None, {"rms_position": rms, "rms_position_after_12s": rms}, success)
-    )
+    factors = Case(controller, "none", "paper", "stone", "zero", seed).factors
+    if error:
+        return factors | {"error": error}
+    return factors | {"error": None, "rms_position": rms, "rms_position_after_12s": rms, "success": success}
 
 
 def test_means_and_intervals_are_over_the_seeds_that_ran():
     (row,) = over_seeds([run("a", 1.0), run("a", 3.0, seed=1), run("a", 0.0, error="no", seed=2)])
-    assert row.means["rms_position"] == 2.0
-    assert row.intervals["rms_position"] == (1.0, 3.0)
-    assert (row.seeds, row.failed) == (3, 1)
-    assert row.success == pytest.approx(2 / 3)
-    assert row.means["final_position"] is None
+    assert row["rms_position"] == 2.0
+    assert row["rms_position_ci95"] == (1.0, 3.0)
+    assert (row["seeds"], row["failed"]) == (3, 1)
+    assert row["success"] == pytest.approx(2 / 3)
+    assert row["final_position"] is None
 
 
 def test_bootstrap_of_the_mean_covers_as_it_should():
@@ -35,7 +33,7 @@ def test_bootstrap_of_the_mean_covers_as_it_should():
 def test_who_keeps_the_path_stands_above_who_is_near_it():
     runs = [run("near", 0.001, success=False), run("kept", 0.1), run("better", 0.05), run("failed", 0, error="no")]
     rows = over_seeds(runs)
-    assert [entry.controller for entry in board(rows)] == ["better", "kept", "near", "failed"]
+    assert [entry["controller"] for entry in board(rows)] == ["better", "kept", "near", "failed"]
     lines = losses(rows)
     assert lines[0] == "near with none on stone loses the path in 1 of 1 runs: paper"
     assert lines[1] == "failed with none on stone loses the path in 1 of 1 runs, 1 of them failed: paper"

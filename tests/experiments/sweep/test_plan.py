@@ -3,8 +3,9 @@
 import pytest
 
 from experiments.cli import parse
-from experiments.sweep.plan import fleets, plan
-from sim.toml_file import read_toml
+from experiments.sweep.drive import GridRuns
+from experiments.sweep.engine import fleets
+from experiments.sweep.plan import plan
 
 
 def planned(*arguments):
@@ -45,61 +46,29 @@ def test_any_option_varies_and_only_equal_models_share_a_fleet(tmp_path):
     )
     runs = planned("--sweep", str(tmp_path / "sweep.toml"), "--vary", "random_phase=false,true")
     assert len(runs) == 32
-    assert len(fleets(runs, 2)) == 8
-    for fleet in fleets(runs, 2):
+    assert len(fleets(runs, 2, GridRuns.sizes)) == 8
+    for fleet in fleets(runs, 2, GridRuns.sizes):
         assert len({_shared(run.setting) for run in fleet}) == 1
     narrow = [run for run in runs if run.axes["robot.half_gauge"] == 0.15]
     assert {run.world(1).robot.geometry.half_gauge for run in narrow} == {0.15}
     assert len(narrow) == 16
 
 
-def test_each_file_is_read_once(tmp_path, monkeypatch):
-    for name, text in (("robot", "half_gauge = 0.17\n"), ("ground", "along = 0.5\n"), ("field", "")):
-        (tmp_path / f"{name}.toml").write_text(text)
-    read = []
-    for module in ("sim.robot.parameters.read_toml", "sim.toml_file.read_toml"):
-        monkeypatch.setattr(module, lambda path: read.append(path.name) or read_toml(path))
-    files = {name: str(tmp_path / f"{name}.toml") for name in ("robot", "ground", "field")}
-    runs = planned(
-        "--robot",
-        files["robot"],
-        "--obstacles",
-        files["field"],
-        "--grounds",
-        files["ground"],
-        "--vary",
-        "ground.slope=0,0.1",
-    )
-    assert len(runs) == 50
-    assert sorted(read) == ["field.toml", "ground.toml", "robot.toml"]
-
-
 @pytest.mark.parametrize(
-    ("workers", "count", "largest"), [(1, 8, 125), (2, 8, 125), (3, 12, 84), (4, 16, 63), (64, 16, 63)]
+    ("duration", "ratios", "workers", "count", "largest"),
+    [
+        *((30, 40, *rest) for rest in ((1, 8, 125), (2, 8, 125), (3, 12, 84), (4, 16, 63), (64, 16, 63))),
+        *((duration, 1, 2, count, 25) for duration, count in ((30, 1), (79, 1), (160, 2), (300, 2), (3600, 7))),
+        *((duration, 1, 1, -(-25 // most), most) for duration, most in ((120, 25), (1800, 8), (3600, 4))),
+    ],
 )
-def test_fleets_are_large_and_yet_every_worker_has_some(workers, count, largest):
-    runs = planned("--vary", f"friction_ratio={','.join(str(0.8 + 0.01 * k) for k in range(40))}")
-    parts = fleets(runs, workers)
-    assert [run for part in parts for run in part] == runs
+def test_fleets_are_large_but_every_worker_has_some_and_logs_fit_into_memory(duration, ratios, workers, count, largest):
+    ratio = f"friction_ratio={','.join(str(0.8 + 0.01 * k) for k in range(ratios))}"
+    runs = planned("--duration", str(duration), "--vary", ratio)
+    parts = fleets(runs, workers, GridRuns.sizes)
+    assert sorted(run.id for part in parts for run in part) == sorted(run.id for run in runs)
     assert len(parts) == count
-    assert max(map(len, parts)) == largest
-
-
-@pytest.mark.parametrize(("duration", "count"), [(30, 1), (79, 1), (160, 2), (300, 2), (3600, 7)])
-def test_every_worker_has_some_of_a_small_grid_if_its_runs_are_long(duration, count):
-    runs = planned("--duration", str(duration))
-    parts = fleets(runs, 2)
-    assert [run for part in parts for run in part] == runs
-    assert len(parts) == count
-
-
-@pytest.mark.parametrize(("duration", "largest"), [(120, 25), (1800, 8), (3600, 4)])
-def test_fleets_of_long_runs_are_small_enough_for_their_memory(duration, largest):
-    runs = planned("--duration", str(duration))
-    parts = fleets(runs, 1)
-    assert [run for part in parts for run in part] == runs
     assert max(map(len, parts)) <= largest
-    assert len(parts) == -(-len(runs) // largest)
 
 
 @pytest.mark.parametrize(
@@ -122,8 +91,6 @@ def test_fleets_of_long_runs_are_small_enough_for_their_memory(duration, largest
         (("--vary", "friction_ratio=0"), "vary friction_ratio = 0.0: must be a finite number > 0"),
         (("--vary", "ground.slope=0.1", "slope=0.2"), "vary = 'slope': must be an axis that is given once"),
         (("--vary", "slope=-0.1"), "ground.slope = -0.1: must be"),
-        (("--slope", "0", "0.1"), "--slope is now --vary slope=VALUE,..."),
-        (("--friction-ratio", "1.2"), "--friction-ratio is now --vary friction_ratio=VALUE,..."),
         (("--grounds", "\udcff.toml"), "must be valid UTF-8"),
         (("--grounds", "moon"), "ground = 'moon': must be one of stone"),
         (("--seeds", "-1"), "seed = -1: must be an integer >= 0"),

@@ -11,10 +11,9 @@ from experiments.cli import main
 from experiments.commands.grid import PARTS
 from experiments.parallel import WorkersFailedError
 from experiments.storage.manifest import made_by
-from experiments.storage.results import locked
-from experiments.sweep import drive
+from experiments.sweep import engine
 from experiments.sweep.parts import Part, Parts
-from trackslip.errors import OutputError, TrackslipError
+from trackslip.errors import TrackslipError
 
 
 def stop(*_):
@@ -55,22 +54,6 @@ def test_what_is_stored_is_not_driven_again(trackslip, monkeypatch):
     assert whole.summary["timing"]["taken"] == 2
     assert (whole.folder / "runs.parquet").read_bytes() == content
     assert not (whole.folder / PARTS).exists()
-
-
-def test_long_runs_are_driven_and_stored_a_few_at_a_time(trackslip, tmp_path, monkeypatch):
-    """So that memory grows neither with their number nor with their duration; the bits are those of one fleet."""
-    whole = trackslip("grid", *SWEEP, "--out", str(tmp_path / "whole")).folder
-    stored, real = [], drive.drive_fleet
-
-    def counted(runs, **options):
-        stored.append((len(runs), len(list((tmp_path / "parts" / PARTS).glob("*.parquet")))))
-        return real(runs, **options)
-
-    monkeypatch.setattr("experiments.sweep.plan._AT_ONCE", 8.0)  # [s], two of the runs
-    monkeypatch.setattr(drive, "drive_fleet", counted)
-    parts = trackslip("grid", *SWEEP, "--out", str(tmp_path / "parts")).folder
-    assert stored == [(2, 0), (2, 1), (2, 2), (2, 3)]
-    assert (parts / "runs.parquet").read_bytes() == (whole / "runs.parquet").read_bytes()
 
 
 def test_runs_of_other_code_are_refused_but_by_force(trackslip, refused, tmp_path, monkeypatch):
@@ -126,7 +109,7 @@ def test_what_fails_anew_is_not_taken_from_before(trackslip, monkeypatch):
 def test_an_interrupted_grid_goes_on(trackslip, tmp_path, monkeypatch, capsys):
     arguments = ("grid", *SHORT, "--vary", "scanner.noise=0.001,0.002,0.003,0.004")
     whole = trackslip(*arguments, "--out", str(tmp_path / "whole")).folder
-    real, driven = drive.drive_fleet, []
+    real, driven = engine.drive_fleet, []
 
     def twice(*arguments, **options):
         if len(driven) == 2:
@@ -134,13 +117,13 @@ def test_an_interrupted_grid_goes_on(trackslip, tmp_path, monkeypatch, capsys):
         driven.append(1)
         return real(*arguments, **options)
 
-    monkeypatch.setattr(drive, "drive_fleet", twice)
+    monkeypatch.setattr(engine, "drive_fleet", twice)
     with pytest.raises(SystemExit) as stop:
         main([*arguments, "--out", str(tmp_path / "part")])
     assert stop.value.code == 130
     assert "interrupted with 4 of 8 runs driven; the same command resumes" in capsys.readouterr().err
     assert not (tmp_path / "part" / "runs.parquet").exists()
-    monkeypatch.setattr(drive, "drive_fleet", real)
+    monkeypatch.setattr(engine, "drive_fleet", real)
     spoilt = min((tmp_path / "part" / PARTS).glob("*.parquet"))
     spoilt.write_bytes(spoilt.read_bytes()[:5000])
     result = trackslip(*arguments, "--out", str(tmp_path / "part"))
@@ -197,21 +180,6 @@ def test_a_grid_that_fails_leaves_the_parts_of_another(stopped, refused):
     assert contents(stopped) == before
 
 
-def test_parts_are_deleted_before_another_command_can_come(trackslip, tmp_path, monkeypatch):
-    real, seen, folder = Parts.discard, [], tmp_path / "grid"
-
-    def discard(parts):
-        with pytest.raises(OutputError, match="another command"), locked(folder):
-            pass
-        seen.append((folder / "manifest.json").exists())
-        real(parts)
-
-    monkeypatch.setattr(Parts, "discard", discard)
-    trackslip("grid", *SHORT, "--out", str(folder))
-    assert seen == [True]
-    assert not (folder / PARTS).exists()
-
-
 def test_a_run_that_is_taken_under_another_name_is_noted_under_it(trackslip):
     """A robot that stands still, nearly, gives no sample."""
     slow = ("grid", "--radii", "1.5", "--speeds", "0.001", *SHORT[-4:])
@@ -224,14 +192,14 @@ def test_a_run_that_is_taken_under_another_name_is_noted_under_it(trackslip):
 
 
 def test_files_that_change_while_it_drives_are_recorded_as_driven(trackslip, tmp_path, monkeypatch):
-    ground, real = tmp_path / "ground.toml", drive.drive_fleet
+    ground, real = tmp_path / "ground.toml", engine.drive_fleet
     ground.write_text("along = 0.5\nacross = 0.6\n")
 
     def without_file(*arguments, **options):
         ground.unlink()
         return real(*arguments, **options)
 
-    monkeypatch.setattr(drive, "drive_fleet", without_file)
+    monkeypatch.setattr(engine, "drive_fleet", without_file)
     assert trackslip("grid", *SHORT, "--ground", str(ground)).manifest["ground"]["along"] == 0.5
 
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pyarrow.parquet
 
-from experiments.sweep.axes import explained, hint_of, names
-from experiments.sweep.table import AXES, COLUMNS, RunRow, write_table
+from experiments.sweep.axes import AXES, axis_column, hint_of, names
+from experiments.sweep.table import COLUMNS, write_table
 from trackslip.logs.schema import markdown
 
 TABLE = markdown([*COLUMNS.values(), *AXES.values()])
@@ -17,7 +17,7 @@ def test_the_documented_table_is_the_codes():
 
 
 def test_every_column_that_is_written_is_documented(tmp_path):
-    row = RunRow("r", "0", {"radius": 0.5, "speed": 0.1, "ground": "ice"}, v=0.1)
+    row = {"run": "r", "id": "0", "radius": 0.5, "speed": 0.1, "ground": "ice", "v": 0.1}
     write_table([row], ["ground", "radius", "speed"], tmp_path / "table.parquet")
     schema = pyarrow.parquet.read_schema(tmp_path / "table.parquet")
     assert schema.names == ["run", "id", "ground", "radius", "speed", *list(COLUMNS)[2:]]
@@ -39,7 +39,7 @@ def test_options_that_vary_have_units_too(tmp_path):
         "random_phase": "",
         "motion": "",
     }
-    write_table([RunRow("r", "0", {})], list(units), tmp_path / "table.parquet")
+    write_table([{"run": "r", "id": "0"}], list(units), tmp_path / "table.parquet")
     schema = pyarrow.parquet.read_schema(tmp_path / "table.parquet")
     assert {name: schema.field(name).metadata[b"unit"].decode() for name in units} == units
     assert schema.field("duration").metadata[b"description"] == b"Length of each run"
@@ -47,8 +47,8 @@ def test_options_that_vary_have_units_too(tmp_path):
 
 def test_every_axis_has_a_unit_if_it_is_a_number():
     for name in {*names()} - {*AXES}:
-        unit, what = explained(name)
-        assert what
-        assert "[" not in what
+        column = axis_column(name)
+        assert column.description
+        assert "[" not in column.description
         if name.startswith("robot.") or hint_of(name) in (int, float, float | None):
-            assert unit
+            assert column.unit
