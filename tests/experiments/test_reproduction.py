@@ -1,8 +1,6 @@
 """`reproduce`: the numbers of its grid, and the same results with any number of threads."""
 
-import gc
 import json
-import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -36,21 +34,9 @@ def test_runs_that_were_measured_before_give_the_same(logs):
     assert known.steady_share == pytest.approx(fresh.steady_share)
     summary = [
         grid_summary(CONFIG, fresh.samples.run, given, fresh.samples, geometry, Stopwatch(), one).to_json()
-        for given, one in ((logs, {}), (logs, measured), (one_at_a_time(logs), {}))
+        for given, one in ((logs, {}), (logs, measured))
     ]
-    assert summary[0] == summary[1] == summary[2]
-
-
-def one_at_a_time(logs):
-    """Copies of logs, each of which must be forgotten before the next one is asked for, but for one."""
-    given = []
-    for log in logs:
-        gc.collect()
-        assert sum(one() is not None for one in given) <= 1
-        copy = replace(log)
-        given.append(weakref.ref(copy))
-        yield copy
-        del copy
+    assert summary[0] == summary[1]
 
 
 def test_pose_errors_and_bound_of_a_grid_are_those_of_all_its_poses_together(logs):
