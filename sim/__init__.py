@@ -16,85 +16,58 @@ import contextlib
 import importlib
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from sim.drive.drive import Drive
-    from sim.drive.pull import Pull
-    from sim.fleet import Fleet
-    from sim.ground.ground import Ground
-    from sim.ground.named import load_ground
-    from sim.robot.parameters import RobotParameters
-    from sim.robot.robot import load_robot
-    from sim.robot.tracked import Flipper, TrackedRobot, load_tracked
-    from sim.robot.tracked_model import TrackedModel, build_tracked
-    from sim.run_recorder import Description
-    from sim.runs import closed_loop, open_loop
-    from sim.scanner.feed import ScannerFeed
-    from sim.scanner.obstacles import load_obstacles
-    from sim.scanner.scanner import LaserScanner
-    from sim.steering import Pilot
-    from sim.traverse.outcome import Outcome
-    from sim.traverse.policy import Scripted
-    from sim.traverse.reflex import Reflex
-    from sim.traverse.world import Command, Traverse
-    from trackslip.errors import RunFailedError
+if TYPE_CHECKING:  # "X as X" marks a public name (PEP 484)
+    from sim.drive.drive import Drive as Drive
+    from sim.drive.pull import Pull as Pull
+    from sim.fleet import Fleet as Fleet
+    from sim.ground.ground import Ground as Ground
+    from sim.ground.named import load_ground as load_ground
+    from sim.robot.parameters import RobotParameters as RobotParameters
+    from sim.robot.robot import load_robot as load_robot
+    from sim.robot.tracked import Flipper as Flipper
+    from sim.robot.tracked import TrackedRobot as TrackedRobot
+    from sim.robot.tracked import load_tracked as load_tracked
+    from sim.robot.tracked_model import TrackedModel as TrackedModel
+    from sim.robot.tracked_model import build_tracked as build_tracked
+    from sim.run_recorder import Description as Description
+    from sim.runs import closed_loop as closed_loop
+    from sim.runs import open_loop as open_loop
+    from sim.scanner.feed import ScannerFeed as ScannerFeed
+    from sim.scanner.obstacles import load_obstacles as load_obstacles
+    from sim.scanner.scanner import LaserScanner as LaserScanner
+    from sim.steering import Pilot as Pilot
+    from sim.traverse.outcome import Outcome as Outcome
+    from sim.traverse.policy import Scripted as Scripted
+    from sim.traverse.reflex import Reflex as Reflex
+    from sim.traverse.world import Command as Command
+    from sim.traverse.world import Traverse as Traverse
+    from trackslip.errors import RunFailedError as RunFailedError
 
-__all__ = [
-    "Command",
-    "Description",
-    "Drive",
-    "Fleet",
-    "Flipper",
-    "Ground",
-    "LaserScanner",
-    "Outcome",
-    "Pilot",
-    "Pull",
-    "Reflex",
-    "RobotParameters",
-    "RunFailedError",
-    "ScannerFeed",
-    "Scripted",
-    "TrackedModel",
-    "TrackedRobot",
-    "Traverse",
-    "build_tracked",
-    "closed_loop",
-    "load_ground",
-    "load_obstacles",
-    "load_robot",
-    "load_tracked",
-    "open_loop",
-]
-
-_MODULE_OF = {
-    "Command": "traverse.world",
-    "Description": "run_recorder",
-    "Drive": "drive.drive",
-    "Fleet": "fleet",
-    "Flipper": "robot.tracked",
-    "Ground": "ground.ground",
-    "LaserScanner": "scanner.scanner",
-    "Outcome": "traverse.outcome",
-    "Pilot": "steering",
-    "Pull": "drive.pull",
-    "Reflex": "traverse.reflex",
-    "RobotParameters": "robot.parameters",
-    "RunFailedError": "run_recorder",
-    "ScannerFeed": "scanner.feed",
-    "Scripted": "traverse.policy",
-    "TrackedModel": "robot.tracked_model",
-    "TrackedRobot": "robot.tracked",
-    "Traverse": "traverse.world",
-    "build_tracked": "robot.tracked_model",
-    "closed_loop": "runs",
-    "load_ground": "ground.named",
-    "load_obstacles": "scanner.obstacles",
-    "load_robot": "robot.robot",
-    "load_tracked": "robot.tracked",
-    "open_loop": "runs",
+_NAMES = {
+    "drive.drive": ("Drive",),
+    "drive.pull": ("Pull",),
+    "fleet": ("Fleet",),
+    "ground.ground": ("Ground",),
+    "ground.named": ("load_ground",),
+    "robot.parameters": ("RobotParameters",),
+    "robot.robot": ("load_robot",),
+    "robot.tracked": ("Flipper", "TrackedRobot", "load_tracked"),
+    "robot.tracked_model": ("TrackedModel", "build_tracked"),
+    "run_recorder": ("Description", "RunFailedError"),
+    "runs": ("closed_loop", "open_loop"),
+    "scanner.feed": ("ScannerFeed",),
+    "scanner.obstacles": ("load_obstacles",),
+    "scanner.scanner": ("LaserScanner",),
+    "steering": ("Pilot",),
+    "traverse.outcome": ("Outcome",),
+    "traverse.policy": ("Scripted",),
+    "traverse.reflex": ("Reflex",),
+    "traverse.world": ("Command", "Traverse"),
 }
+_MODULE_OF = {name: module for module, names in _NAMES.items() for name in names}
 
 if not TYPE_CHECKING:
+    __all__ = sorted(_MODULE_OF)
 
     def __getattr__(name: str) -> object:
         if name not in _MODULE_OF:
@@ -104,7 +77,7 @@ if not TYPE_CHECKING:
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    return sorted({*globals(), *_MODULE_OF})
 
 
 with contextlib.suppress(ImportError):  # sim.tracks and sim.terrain do without gymnasium
@@ -117,6 +90,6 @@ with contextlib.suppress(ImportError):  # sim.tracks and sim.terrain do without 
     )
     gymnasium.register(
         id="trackslip/Traverse-v0",
-        entry_point="sim.traverse.env:TraverseEnv",
-        vector_entry_point="sim.traverse.env:TraverseVectorEnv",
+        entry_point="sim.env:TraverseEnv",
+        vector_entry_point="sim.env:TraverseVectorEnv",
     )
