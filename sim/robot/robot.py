@@ -11,7 +11,7 @@ import numpy as np
 
 import models
 from sim.robot.parameters import RobotParameters
-from sim.robot.spec import save_sensing, skip_idle_stages, split_pads
+from sim.robot.spec import skip_idle_stages, split_pads
 from trackslip.errors import TrackslipError
 from trackslip.kinematics import Array, RobotGeometry
 from trackslip.localization.scan import Plate
@@ -117,7 +117,6 @@ def load_robot(
                 spec.delete(geom)
         spec.compile()
         digest = hashlib.sha256(spec.to_xml().encode()).hexdigest()
-        save_sensing(spec)
         if contact_sensors:
             _add_contact_sensors(spec, 1 if single_contacts else CONTACT_POINTS)
         model = spec.compile()

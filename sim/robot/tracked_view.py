@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from sim.opengl import offscreen
-from sim.robot.tracked_model import SIDES, TrackedModel
+from sim.robot.tracked_model import TrackedModel
 from sim.tracks.looks import TrackLook, draw
 from trackslip.kinematics import Array
 
@@ -23,7 +23,7 @@ def track_looks(world: TrackedModel) -> list[tuple[int, TrackLook]]:
     hull = np.array(robot.hull)
     chassis = [(world.body, TrackLook(hull, sign * robot.half_gauge, robot.width)) for sign in (1.0, -1.0)]
     flippers = [(world.model.body(f.body).id, TrackLook(np.array(f.hull), f.y, f.width)) for f in robot.flippers]
-    return chassis[: len(SIDES)] + flippers
+    return chassis + flippers
 
 
 class TrackedView:
