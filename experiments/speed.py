@@ -25,7 +25,7 @@ from experiments.driving.lookup import locator
 from experiments.driving.world import World
 from experiments.measuring.check import Check, at_least
 from experiments.options.grid import GridConfig
-from sim.env import PathTrackingVectorEnv
+from sim.env import PathTrackingVectorEnv, TraverseVectorEnv
 from sim.fleet import SETTLING, Fleet
 from sim.path_tracking.config import PERIOD
 from sim.robot.robot import Robot
@@ -34,7 +34,6 @@ from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
 from sim.steering import Pilot
 from sim.stopwatch import Stopwatch
-from sim.traverse.env import TraverseVectorEnv
 from trackslip.controllers.linear import LinearTimeVarying
 from trackslip.kinematics import Array, sprocket_speeds
 from trackslip.slip.compensation import FixedLaw

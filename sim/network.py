@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import zipfile
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -47,34 +45,28 @@ class Network:
             np.savez(file, about=np.array(json.dumps(about)), **arrays)
 
 
-def load_network(path: Path, kind: str) -> tuple[Network, dict[str, Any]]:
-    """Read a file of the format `kind`, or policy.npz in a folder, without pickle.
+def load_network(path: Path, kind: str, *fields: str) -> tuple[Network, list[Any]]:
+    """Read a file of the format `kind`, or policy.npz in a folder, without pickle: its network and some more `fields`.
 
     Raises LogError for any other file.
     """
     file = policy_file(path)
-    with refusing(path), file.open("rb") as opened, np.load(opened, allow_pickle=False) as stored:
-        about = json.loads(str(stored["about"]))
-        if about["format"] != kind:
-            raise LogError(f"{file}: its format is {about['format']!r}, not {kind!r}")
-        layers = sum(name.startswith("weight_") for name in stored.files)
-        weights, biases = (tuple(stored[f"{part}_{k}"] for k in range(layers)) for part in ("weight", "bias"))
-        return Network(weights, biases), about
+    try:
+        with file.open("rb") as opened, np.load(opened, allow_pickle=False) as stored:
+            about = json.loads(str(stored["about"]))
+            if about["format"] != kind:
+                raise LogError(f"{file}: its format is {about['format']!r}, not {kind!r}")
+            layers = sum(name.startswith("weight_") for name in stored.files)
+            weights, biases = (tuple(stored[f"{part}_{k}"] for k in range(layers)) for part in ("weight", "bias"))
+            return Network(weights, biases), [about[name] for name in fields]
+    except LogError:
+        raise
+    except OSError as error:
+        raise LogError(f"{file}: {error.strerror or error}") from error
+    except _DAMAGED as error:
+        raise LogError(f"{file}: not a policy ({type(error).__name__}: {error})") from error
 
 
 def policy_file(path: Path) -> Path:
     """The file of a policy, given by its path or by the folder that `trackslip train` wrote."""
     return path / "policy.npz" if path.is_dir() else path
-
-
-@contextmanager
-def refusing(path: Path) -> Iterator[None]:
-    """Raise LogError for what goes wrong with a file that is not a policy."""
-    try:
-        yield
-    except LogError:
-        raise
-    except OSError as error:
-        raise LogError(f"{policy_file(path)}: {error.strerror or error}") from error
-    except _DAMAGED as error:
-        raise LogError(f"{policy_file(path)}: not a policy ({type(error).__name__}: {error})") from error

@@ -7,8 +7,11 @@ import os
 import sys
 import threading
 import warnings
-from collections.abc import Callable
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
 from typing import Any
+
+import numpy as np
 
 from trackslip.errors import TrackslipError
 
@@ -79,3 +82,57 @@ class Window:
         self.viewer.close()
         for thread in self._threads:
             thread.join(timeout=5.0)
+
+
+class TaskRenderer(ABC):
+    """Draws the robots of a task: pictures of each, and robot 0 in a window."""
+
+    data: Any
+    """The model with its looks, in the state of the robot that is drawn."""
+    window: Window | None = None
+
+    @abstractmethod
+    def begin(self, rows: Sequence[int]) -> None:
+        """Note that episodes of the robots `rows` have begun."""
+
+    @abstractmethod
+    def follow(self) -> None:
+        """Note that a control period has passed."""
+
+    @abstractmethod
+    def picture(self, row: int) -> np.ndarray:
+        """Image (480, 640, 3) uint8 of robot `row`; raises TrackslipError if OpenGL doesn't work."""
+
+    @abstractmethod
+    def pose(self, row: int) -> None:
+        """Put `data` into the state of robot `row`."""
+
+    @abstractmethod
+    def draw(self, scene: Any, row: int) -> None:
+        """Append to a scene what is drawn besides the model."""
+
+    def show(self) -> None:
+        """Show robot 0 in a window; raises TrackslipError if there is no display."""
+        self.pose(0)
+        if self.window is None:
+            self.window = Window(self.data)
+        viewer = self.window.viewer
+        with viewer.lock():
+            self.pose(0)
+            viewer.user_scn.ngeom = 0
+            self.draw(viewer.user_scn, 0)
+        viewer.sync()
+
+    def close(self) -> None:
+        """Close the window."""
+        if self.window is not None:
+            self.window.close()
+        self.window = None
+
+    def place(self, qpos: np.ndarray) -> None:
+        """Put `data` at positions (nq,) of all joints."""
+        import mujoco
+
+        self.data.qpos[:] = qpos
+        for compute in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight):
+            compute(self.data.model, self.data)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sim.network import Network, load_network, refusing
+from sim.network import Network, load_network
 from sim.path_tracking.config import PERIOD, EnvConfig
 from sim.path_tracking.observation import Layout
 from sim.task_env import from_options
@@ -61,10 +61,8 @@ class Policy:
     @classmethod
     def load(cls, path: Path) -> Policy:
         """Read a file written by `save`, or policy.npz in a folder; raises LogError for any other file."""
-        network, about = load_network(path, _FORMAT)
-        with refusing(path):
-            forward, turning = about["authority"]
-            return cls(network, (float(forward), float(turning)), about["options"])
+        network, (authority, options) = load_network(path, _FORMAT, "authority", "options")
+        return cls(network, tuple(authority), options)
 
 
 class PolicyController:

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import gymnasium
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
-from sim.env import PathTrackingVectorEnv
+from sim.env import PathTrackingVectorEnv, TraverseVectorEnv
 from sim.policy import corrected, features
 from sim.task_env import TaskVectorEnv
-from sim.traverse.env import TraverseVectorEnv
 from trackslip.errors import InvalidValueError, TrackslipError
 
 try:
@@ -24,9 +23,11 @@ except ImportError as error:
 class TaskVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
     """A vector environment with the interface of Stable-Baselines3, which resets in the same step."""
 
-    def __init__(self, env: TaskVectorEnv) -> None:
-        """Offer `env`, which must reset in the same step."""
-        self.env = env
+    kind: ClassVar[type[TaskVectorEnv]]
+
+    def __init__(self, num_envs: int = 1, threads: int = 0, **options: Any) -> None:
+        """Build the simulator of N robots; see the vector environment."""
+        self.env = env = self.kind(num_envs, autoreset_mode=AutoresetMode.SAME_STEP, threads=threads, **options)
         self.render_mode = env.render_mode
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
         self._actions: np.ndarray = np.zeros(env.action_space.shape or ())
@@ -85,21 +86,13 @@ class TaskVecEnv(VecEnv):  # type: ignore[misc, unused-ignore]
 class PathTrackingVecEnv(TaskVecEnv):
     """PathTrackingVectorEnv with the interface of Stable-Baselines3."""
 
-    def __init__(self, num_envs: int = 1, threads: int = 0, **options: Any) -> None:
-        """Build the simulator of N robots, with `options` of `EnvConfig`; see `PathTrackingVectorEnv`."""
-        super().__init__(
-            PathTrackingVectorEnv(num_envs, autoreset_mode=AutoresetMode.SAME_STEP, threads=threads, **options)
-        )
+    kind = PathTrackingVectorEnv
 
 
 class TraverseVecEnv(TaskVecEnv):
     """TraverseVectorEnv with the interface of Stable-Baselines3."""
 
-    def __init__(self, num_envs: int = 1, threads: int = 0, **options: Any) -> None:
-        """Build the simulator of N robots, with `options` of `TraverseConfig`; see `TraverseVectorEnv`."""
-        super().__init__(
-            TraverseVectorEnv(num_envs, autoreset_mode=AutoresetMode.SAME_STEP, threads=threads, **options)
-        )
+    kind = TraverseVectorEnv
 
 
 class Corrections(VecEnvWrapper):  # type: ignore[misc, unused-ignore]

@@ -13,6 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
+from sim.opengl import TaskRenderer
 from trackslip.errors import InvalidValueError, TrackslipError, require
 from trackslip.kinematics import Array
 
@@ -52,25 +53,6 @@ class Task(Protocol):
         """Further quantities by name, as arrays (N, ...), which may be the task's own; the keys are always the same."""
 
 
-class Renderer(Protocol):
-    """Draws the robots of a task."""
-
-    def begin(self, rows: Sequence[int]) -> None:
-        """Note that episodes of the robots `rows` have begun."""
-
-    def follow(self) -> None:
-        """Note that a control period has passed."""
-
-    def picture(self, row: int) -> np.ndarray:
-        """Image (480, 640, 3) uint8 of robot `row`."""
-
-    def show(self) -> None:
-        """Show robot 0 in a window."""
-
-    def close(self) -> None:
-        """Close the window and free the image buffers."""
-
-
 @dataclass(frozen=True)
 class TaskKind:
     """What the environments of a task are made of."""
@@ -79,7 +61,7 @@ class TaskKind:
     """Dataclass of the task's options."""
     task: Callable[[Any, int, int], Any]
     """Makes a Task from a configuration, the number of robots and the number of threads."""
-    renderer: Callable[[Any], Renderer]
+    renderer: Callable[[Any], TaskRenderer]
     """Makes what draws a task."""
 
 
@@ -279,6 +261,16 @@ class TaskVectorEnv(VectorEnv[Floats, Floats, np.ndarray]):
             own[others] = None if values.dtype == object else 0
             infos[name], infos[f"_{name}"] = own, whose.copy()
         return infos
+
+
+def clipped_actions(actions: ArrayLike, size: int, count: int) -> Array:
+    """Actions (N, A) in [-1, 1]; raises InvalidValueError unless they are finite, and of this shape."""
+    action = np.asarray(actions, float)
+    require(action.shape == (size, count), "action", f"an array of shape {action.shape}", f"of shape {(size, count)}")
+    if np.count_nonzero(np.isfinite(action)) < action.size:
+        row = int(np.flatnonzero(~np.isfinite(action).all(axis=1))[0])
+        raise InvalidValueError("action", action[row].tolist(), f"finite (robot {row})")
+    return np.minimum(np.maximum(action, -1.0), 1.0)
 
 
 def require_render_mode(mode: str | None) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from numbers import Integral
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from trackslip.logs.runlog import RunLog
@@ -88,6 +89,13 @@ def require_finite(field: str, value: float) -> None:
     """Raise InvalidValueError unless `value` is finite."""
     if not _true(lambda: -float("inf") < value < float("inf")):
         raise InvalidValueError(field, value, "a finite number")
+
+
+def require_whole(field: str, value: Any, low: int, high: float = float("inf")) -> None:
+    """Raise InvalidValueError unless `value` is a whole number, Python's or NumPy's, from `low` to `high`."""
+    whole = isinstance(value, Integral) and not isinstance(value, bool)
+    allowed = f"from {low} to {high}" if high < float("inf") else f">= {low}"
+    require(whole and low <= value <= high, field, value, f"a whole number {allowed}")
 
 
 def _true(comparison: Callable[[], object]) -> bool:

@@ -9,7 +9,7 @@ from sim.drive.drive import Drive
 from sim.ground.named import load_ground
 from sim.path_tracking.randomization import Randomization
 from sim.robot.parameters import RobotParameters
-from trackslip.errors import require, require_at_most, require_non_negative, require_positive
+from trackslip.errors import require, require_at_most, require_non_negative, require_positive, require_whole
 from trackslip.slip.base import SlipLaw
 
 PERIOD = 0.05
@@ -108,8 +108,7 @@ class EnvConfig:
         require(len(self.twist_scale) == 2, "twist_scale", self.twist_scale, "two numbers")
         for scale in self.twist_scale:
             require_positive("twist_scale", scale)
-        allowed = f"an integer from 0 to {_MAX_PREVIEWS}"
-        require(self.previews in range(_MAX_PREVIEWS + 1), "previews", self.previews, allowed)
+        require_whole("previews", self.previews, 0, _MAX_PREVIEWS)
         spacing = self.preview_spacing
         require_positive("preview_spacing", spacing)
         require(abs(self.stride * PERIOD - spacing) <= 1e-9, "preview_spacing", spacing, f"a multiple of {PERIOD} s")

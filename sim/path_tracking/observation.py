@@ -38,10 +38,8 @@ class Layout:
         self._scale = np.array([[*of_pose, *of_twists, top_speed, top_speed, 1.0, 1.0]])  # (1, n)
         self.bound = np.array([_BOUND, _BOUND, 1.0, *[_BOUND] * (2 * previews + 4), 1.0, 1.0], np.float32)
         """Bounds (n,) of the observations."""
-        self._most = self.bound[None]
-        self._least = -self._most
 
     def observation(self, error: Array, twist: Array, omega: Array, action: Array) -> Array:
         """Observations (N, n) of errors (N, 3), twists (N, K + 1, 2), sprocket speeds (N, 2) and actions (N, 2)."""
         whole = np.concatenate([error, twist.reshape(len(error), -1), omega, action], axis=1) / self._scale
-        return np.minimum(np.maximum(whole.astype(np.float32), self._least), self._most)
+        return np.minimum(np.maximum(whole.astype(np.float32), -self.bound), self.bound)

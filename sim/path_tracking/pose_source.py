@@ -79,8 +79,8 @@ class ScannedPose(TruePose):
     def pose(self, k: Index, omega: Array, true: Array) -> Array:
         """Tracked poses (N, 3)."""
         predicted = self._tracker.predict(omega, PERIOD)
-        scan = self._feed.measure(self._feed.true_ranges()[:, None, :])
-        return self._tracker.update(self._locator.locate(self._feed.scan(scan.ranges[:, 0]), predicted)).pose
+        ranges = self._feed.measure(self._feed.true_ranges()[:, None])[:, 0]
+        return self._tracker.update(self._locator.locate(self._feed.scan(ranges), predicted)).pose
 
 
 def pose_source(config: EnvConfig, fleet: Fleet) -> TruePose:

@@ -9,7 +9,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from sim.opengl import Window, offscreen
+from sim.opengl import TaskRenderer, offscreen
 from sim.path_tracking.tracking import PathTracking
 from sim.robot.robot import FIELD
 from trackslip.kinematics import Array
@@ -21,14 +21,13 @@ _PATH, _TRAIL = (0.004, 0.012, (0.10, 0.36, 0.85, 1.0)), (0.014, 0.008, (0.95, 0
 _DISTANCE, _AZIMUTH, _ELEVATION = 2.6, 140.0, -35.0  # of the camera that follows a robot [m, deg, deg]
 
 
-class Renderer:
+class Renderer(TaskRenderer):
     """Draws a robot with its visuals, its reference path (blue) and its trail (orange)."""
 
     def __init__(self, tracking: PathTracking) -> None:
+        self.data: Any = None
         self._tracking = tracking
-        self._data: Any = None
         self._renderer: Any = None
-        self._window: Window | None = None
         self._trails: list[list[Array]] = [[] for _ in range(tracking.size)]
 
     def begin(self, rows: Sequence[int]) -> None:
@@ -44,46 +43,34 @@ class Renderer:
                 trail.append(position)
 
     def picture(self, row: int) -> np.ndarray:
-        """Image (HEIGHT, WIDTH, 3) uint8 of robot `row`; raises TrackslipError if OpenGL doesn't work."""
-        data = self._posed(row)
+        """See TaskRenderer."""
+        self.pose(row)
         if self._renderer is None:
-            self._renderer = offscreen(data.model, WIDTH, HEIGHT)
+            self._renderer = offscreen(self.data.model, WIDTH, HEIGHT)
         camera = mujoco.MjvCamera()
-        camera.lookat[:] = (*data.qpos[:2], 0.2)
+        camera.lookat[:] = (*self.data.qpos[:2], 0.2)
         camera.distance, camera.azimuth, camera.elevation = _DISTANCE, _AZIMUTH, _ELEVATION
-        self._renderer.update_scene(data, camera=camera)
-        self._draw(self._renderer.scene, row)
+        self._renderer.update_scene(self.data, camera=camera)
+        self.draw(self._renderer.scene, row)
         return np.array(self._renderer.render())
-
-    def show(self) -> None:
-        """Show robot 0 in a window; raises TrackslipError if there is no display."""
-        if self._window is None:
-            self._window = Window(self._posed(0))
-        viewer = self._window.viewer
-        with viewer.lock():
-            self._posed(0)
-            viewer.user_scn.ngeom = 0
-            self._draw(viewer.user_scn, 0)
-        viewer.sync()
 
     def close(self) -> None:
         """Close the window and free the image buffers."""
-        for opened in filter(None, (self._renderer, self._window)):
-            opened.close()
-        self._renderer = self._window = None
+        super().close()
+        if self._renderer is not None:
+            self._renderer.close()
+        self._renderer = None
 
-    def _posed(self, row: int) -> Any:
-        """Data of the model with visuals, which is compiled when first needed, in the state of robot `row`."""
-        if self._data is None:
+    def pose(self, row: int) -> None:
+        """See TaskRenderer; the model is compiled when it is first needed."""
+        if self.data is None:
             spec = mujoco.MjSpec.from_file(str(FIELD))
             self._tracking.config.robot.apply(spec)
-            self._data = mujoco.MjData(spec.compile())
-        self._data.qpos[:] = self._tracking.fleet.batch.qpos[row]
-        for compute in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight):
-            compute(self._data.model, self._data)
-        return self._data
+            self.data = mujoco.MjData(spec.compile())
+        self.place(self._tracking.fleet.batch.qpos[row])
 
-    def _draw(self, scene: mujoco.MjvScene, row: int) -> None:
+    def draw(self, scene: mujoco.MjvScene, row: int) -> None:
+        """Append the path and the trail."""
         path, kind = self._tracking.path(row)[:, :2], mujoco.mjtGeom.mjGEOM_CAPSULE
         for points, (height, width, colour) in ((_thinned(path), _PATH), (self._trails[row], _TRAIL)):
             for start, end in pairwise(points):

@@ -15,7 +15,8 @@ from sim.path_tracking.observation import Layout
 from sim.path_tracking.pose_source import pose_source
 from sim.path_tracking.randomization import MAX_LATENCY
 from sim.robot.robot import load_robot
-from trackslip.errors import InvalidValueError, require
+from sim.task_env import clipped_actions
+from trackslip.errors import require
 from trackslip.kinematics import Array, column, columns, left_and_right, limit_sprocket_speeds
 from trackslip.metrics import LOST, body_errors
 from trackslip.slip.base import SlipLaw
@@ -104,13 +105,7 @@ class PathTracking:
 
         Raises InvalidValueError for actions that aren't finite or have another shape.
         """
-        action = np.asarray(actions, float)
-        if action.shape != (self.size, 2):
-            raise InvalidValueError("action", f"an array of shape {action.shape}", f"of shape {(self.size, 2)}")
-        if not np.isfinite(action).all():
-            row = int(np.flatnonzero(~np.isfinite(action).all(axis=1))[0])
-            raise InvalidValueError("action", action[row].tolist(), f"finite (robot {row})")
-        action = np.minimum(np.maximum(action, -1.0), 1.0)
+        action = clipped_actions(actions, self.size, self.actions)
         self._line[:, 1:] = self._line[:, :-1].copy()
         self._line[:, 0] = self._to_omega(action)
         self.fleet.drive.command(self._line[self._rows, self._latency])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sim.network import Network, load_network, refusing
+from sim.network import Network, load_network
 from sim.traverse.reflex import Reflex
 from sim.traverse.world import Command, Traverse
 from trackslip.errors import require_non_negative, require_positive
@@ -40,9 +40,8 @@ class CrossingPolicy:
     @classmethod
     def load(cls, path: Path) -> CrossingPolicy:
         """Read a file written by `save`, or policy.npz in a folder; raises LogError for any other file."""
-        network, about = load_network(path, _FORMAT)
-        with refusing(path):
-            return cls(network, dict(about["options"]))
+        network, (options,) = load_network(path, _FORMAT, "options")
+        return cls(network, options)
 
 
 @dataclass(frozen=True)

@@ -50,8 +50,7 @@ class States:
     @property
     def rotation(self) -> Array:
         """Axes of the chassis in the world, the columns of matrices (N, 3, 3)."""
-        first = self._tracked.free[0] + 3
-        w, x, y, z = self.qpos[:, first : first + 4].T
+        w, x, y, z = self.quaternion.T
         rows = (
             (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
             (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sim.task_env import clipped_actions
 from sim.terrain import Course, load_course
 from sim.traverse.config import RANDOM, SAMPLE, Reward, TraverseConfig, require_range
 from sim.traverse.courses import MAX_BOXES, draw_course
 from sim.traverse.observation import Layout
 from sim.traverse.outcome import Outcome, Outcomes
 from sim.traverse.world import Command, Traverse
-from trackslip.errors import InvalidValueError, require, require_finite
+from trackslip.errors import require, require_finite
 from trackslip.kinematics import Array
 
 TERMS = ("progress", "energy", "change", "end")
@@ -142,12 +143,7 @@ class Crossing:
 
         Raises InvalidValueError for actions that aren't finite or have another shape.
         """
-        action = np.asarray(actions, float)
-        wanted = (self.size, self.actions)
-        require(action.shape == wanted, "action", f"an array of shape {action.shape}", f"of shape {wanted}")
-        for row in np.flatnonzero(~np.isfinite(action).all(axis=1)):
-            raise InvalidValueError("action", action[row].tolist(), f"finite (robot {row})")
-        action = np.clip(action, -1.0, 1.0)
+        action = clipped_actions(actions, self.size, self.actions)
         running = self.outcome == Outcome.DRIVING
         before = self.world.way
         self.world.step(self._command(action))

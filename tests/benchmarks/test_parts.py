@@ -6,11 +6,11 @@ from slip_data import grid
 from wandered import GEOMETRY, LAW, wandered
 
 from experiments.driving.grid_runs import before_scanner
+from sim.env import TraverseVectorEnv
 from sim.fleet import Fleet
 from sim.ground.named import load_ground
 from sim.scanner.feed import ScannerFeed
 from sim.scanner.scanner import LaserScanner
-from sim.traverse.env import TraverseVectorEnv
 from trackslip.identification.comparison import compare_laws
 from trackslip.identification.drive.estimate import fit_drives, prepare
 from trackslip.localization.plate import PlateLocator

@@ -6,10 +6,9 @@ import pytest
 from gymnasium.utils.env_checker import check_env, data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
-from sim.env import PathTrackingVectorEnv
+from sim.env import PathTrackingVectorEnv, TraverseVectorEnv
 from sim.path_tracking.randomization import Randomization
 from sim.terrain import Course, Flat, Step
-from sim.traverse.env import TraverseVectorEnv
 from sim.traverse.outcome import Limits
 from trackslip.errors import InvalidValueError, TrackslipError
 from trackslip.slip.exponential import PUBLISHED

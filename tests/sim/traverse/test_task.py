@@ -34,7 +34,7 @@ def test_difficulty_and_courses_may_be_given():
         with pytest.raises(InvalidValueError, match=message):
             env.reset(options=options)
     with pytest.raises(InvalidValueError, match="difficulty"):
-        env.set_difficulty(0.5, 0.2)
+        env.task.set_difficulty(0.5, 0.2)
 
 
 def test_the_observation_is_what_it_says():
