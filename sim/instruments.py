@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from sim.fleet import Fleet
-from sim.robot.robot import CONTACT_WIDTH, Robot
+from sim.robot.robot import CONTACT_WIDTH
 from trackslip.kinematics import Array
 
 
@@ -58,13 +58,8 @@ def pad_forces(fleet: Fleet) -> Array:
     return at_points.reshape(fleet.size, -1, points, 3).sum(axis=2)
 
 
-def use_default_contact(robot: Robot) -> None:
-    """Replace the contact parameters by MuJoCo's defaults, except the friction coefficients."""
-    default_contact(robot.model)
-
-
-def default_contact(model: mujoco.MjModel) -> None:
-    """The same for the pairs of a model."""
+def use_default_contact(model: mujoco.MjModel) -> None:
+    """Replace the contact parameters of a model by MuJoCo's defaults, except the friction coefficients."""
     plain = mujoco.MjSpec().option
     model.pair_solref[:] = [0.02, 1.0]
     model.pair_solreffriction[:] = 0.0

@@ -163,7 +163,7 @@ def closed_loop(
 
 def _next_scans(feed: ScannerFeed, record: RunRecorder) -> Array:
     """The ranges (N, B) of the next scan of each robot [m], which are recorded if they are kept."""
-    ranges = feed.measured(feed.true_ranges()[:, None, :])
+    ranges = feed.measure(feed.true_ranges()[:, None, :])
     if feed.kept:
         record.scanned(ranges)
     return ranges[:, 0]

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import TypeVar
-
-T = TypeVar("T")
 
 
 @dataclass
@@ -31,11 +28,3 @@ class Stopwatch:
         """Add times [s] that another stopwatch measured."""
         for name, time_spent in stages.items():
             self.stages[name] = self.stages.get(name, 0.0) + time_spent
-
-
-def timed(stage: str, do: Callable[..., T], *arguments: object) -> tuple[T, dict[str, float]]:
-    """What a call returns, and the time that it took [s] by stage: for calls in other processes."""
-    watch = Stopwatch()
-    with watch.stage(stage):
-        result = do(*arguments)
-    return result, watch.stages

@@ -64,7 +64,7 @@ def loads(parameters: RobotParameters, ground: Ground, threads: int, default_con
     """Measure loads in the paper's 25 turns."""
     robot = load_robot(parameters=parameters, contact_sensors=True)
     if default_contact:
-        use_default_contact(robot)
+        use_default_contact(robot.model)
     radii = np.array(COMMANDED_RADII) * parameters.half_gauge / RobotParameters().half_gauge
     radius, speed = np.array(list(itertools.product(radii, SPEEDS))).T
     fleet = Fleet(robot, np.zeros((len(radius), 3)), ground, parameters.radius_error, tireless(), threads)

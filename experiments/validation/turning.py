@@ -86,7 +86,7 @@ def variants(parameters: RobotParameters) -> Iterator[RobotParameters]:
 def _turn_variant(parameters: RobotParameters, ground: Ground, threads: int, default_contact: bool) -> Turns:
     robot = load_robot(parameters=parameters)
     if default_contact:
-        use_default_contact(robot)
+        use_default_contact(robot.model)
     along, ratios = ground.along, sorted({*RATIOS, ground.across / ground.along})
     radii = np.array(COMMANDED_RADII) * parameters.half_gauge / _SHIPPED.half_gauge
     ratio, radius, speed = np.array(list(itertools.product(ratios, radii, SPEEDS))).T

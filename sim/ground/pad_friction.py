@@ -57,10 +57,6 @@ class PadFriction:
         self._corners = np.pad(self._corners, ((0, 0), (0, more), (0, 0), (0, 0)), constant_values=np.nan)
         self._patch = np.pad(self._patch, ((0, 0), (0, more), (0, 0)))
 
-    def at(self, time: ArrayLike, position: Array, heading: Array) -> Array:
-        """Friction (N, P, 2) along and across the tracks [-]; arguments as for `surface`."""
-        return self.surface(time, position, heading)[..., :2]
-
     def surface(self, time: ArrayLike, position: Array, heading: Array) -> Array:
         """Friction along and across the tracks [-] and shear modulus [m], (N, P, 3).
 

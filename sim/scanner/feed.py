@@ -121,12 +121,8 @@ class ScannerFeed:
         distance[distance > self._scanner.max_range] = np.nan
         return distance
 
-    def measure(self, true_ranges: Array) -> Scan:
-        """Add measurement errors to true ranges (N, T, B) [m]: the next T scans of each robot."""
-        return self.scan(self.measured(true_ranges))
-
-    def measured(self, true_ranges: Array) -> Array:
-        """The ranges (N, T, B) of these scans alone [m]."""
+    def measure(self, true_ranges: Array) -> Array:
+        """Ranges (N, T, B) [m] of the next T scans of each robot: true ranges with measurement errors."""
         scanner, scans = self._scanner, true_ranges.shape[1:]
         ranges = np.empty(true_ranges.shape)
         for of_robot, noise in zip(ranges, self._noise, strict=True):  # each robot has its own random numbers

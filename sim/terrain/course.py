@@ -16,7 +16,7 @@ import numpy as np
 import models
 from sim.seeds import generator
 from sim.terrain.fields import Mesh, Picture, Rough
-from sim.terrain.limits import MAX_COURSE, is_whole, require_length
+from sim.terrain.limits import require_length
 from sim.terrain.loose import Beams, Pallets
 from sim.terrain.pieces import Flat, Gap, Piece, Placed, Ramp, SideSlope, Site, Stairs, Step
 from sim.terrain.solids import ROUNDING, Base, Level, Solid, look
@@ -28,10 +28,11 @@ from trackslip.errors import (
     require_at_most,
     require_finite,
     require_positive,
+    require_whole,
 )
 from trackslip.kinematics import Array
 
-_MAX_SOLIDS = 2000
+_MAX_SOLIDS, _MAX_COURSE = 2000, 1000.0  # and its length [m]
 _CLEARANCE = 0.3  # of the floor below the lowest point of the course [m]
 _CELL = 0.02  # of the table that `elevation` looks up, for courses of moderate size [m]
 _MAX_CELLS = 2_000_000
@@ -82,8 +83,8 @@ class Course:
             require_length(name, getattr(self, name))
         require_positive("friction", self.friction)
         require_at_most("friction", self.friction, 10.0)
-        require(is_whole(self.seed) and self.seed >= 0, "seed", self.seed, "a whole number >= 0")
-        require_at_most("length of the course", self.placed[-1].x + self.start_length, MAX_COURSE, "m")
+        require_whole("seed", self.seed, 0)
+        require_at_most("length of the course", self.placed[-1].x + self.start_length, _MAX_COURSE, "m")
 
     @cached_property
     def placed(self) -> tuple[Placed, ...]:

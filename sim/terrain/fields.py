@@ -10,23 +10,17 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from sim.terrain.limits import (
-    MAX_LENGTH,
-    MAX_LOOKED_AT,
-    MAX_SAMPLES,
-    MAX_SIDE,
-    require_between,
-    require_height,
-    require_length,
-)
+from sim.terrain.limits import MAX_LENGTH, require_between, require_height, require_length
 from sim.terrain.pieces import Placed, Site, smooth_step
 from sim.terrain.solids import Grid
 from trackslip.errors import InvalidValueError, SettingsFileError, first_line, require, require_at_most
 from trackslip.kinematics import Array
 
-_MIN_CELL = 0.005  # [m]
 _MAX_EXPONENT = 8.0
 _CHUNK = 200_000  # pairs of a triangle and a sample that are looked at together
+_MAX_SAMPLES = 1_000_000  # of a height field
+_MAX_SIDE = 2000  # samples along a side of rough ground, whose spectrum takes four times its square
+_MAX_LOOKED_AT = 100_000_000  # samples near triangles of a mesh, each triangle's counted
 _MESHES = (".obj", ".stl", ".msh")
 _MIN_CELL, _MAX_CELL = 0.005, 1.0  # [m]
 _EDGE = 1e-9  # by which a sample may lie outside of a triangle, as a share of its size
@@ -57,8 +51,8 @@ class Rough:
     def place(self, site: Site) -> Placed:
         """See `Piece`."""
         columns, rows = (max(2, round(size / self.cell)) + 1 for size in (self.length, site.width))
-        require_at_most("cells along a side of rough ground", max(rows, columns), MAX_SIDE)
-        require_at_most("samples of rough ground", rows * columns, MAX_SAMPLES)
+        require_at_most("cells along a side of rough ground", max(rows, columns), _MAX_SIDE)
+        require_at_most("samples of rough ground", rows * columns, _MAX_SAMPLES)
         waves = _noise(rows, columns, self.exponent, site.rng)
         if self.blend > 0:
             x = np.linspace(0.0, self.length, columns)
@@ -115,7 +109,7 @@ def require_heights(heights: Array) -> None:
     except ValueError:
         raise InvalidValueError("heights", heights, "rows of equal lengths") from None
     require(len(shape) == 2 and min(shape) >= 2, "shape of heights", shape, "(rows, columns), at least (2, 2)")
-    require_at_most("samples of heights", int(np.prod(shape)), MAX_SAMPLES)
+    require_at_most("samples of heights", int(np.prod(shape)), _MAX_SAMPLES)
     values = np.ravel(heights)
     wrong = values[~np.isfinite(values)] if values.dtype.kind in "iuf" else values
     require(len(wrong) == 0, "heights", wrong[:1].tolist(), "finite numbers")
@@ -185,7 +179,7 @@ class Mesh:
         require_length("length of the mesh", length)
         require_length("width of the mesh", width)
         columns, rows = (max(1, round(size / self.cell)) + 1 for size in (length, width))
-        require_at_most("samples of the mesh", rows * columns, MAX_SAMPLES)
+        require_at_most("samples of the mesh", rows * columns, _MAX_SAMPLES)
         cells = np.array([length / (columns - 1), width / (rows - 1), 1.0])
         heights = highest((vertices - low) / cells, faces, (rows, columns))
         require_heights(heights)
@@ -208,7 +202,7 @@ def highest(vertices: Array, faces: np.ndarray, shape: tuple[int, int]) -> Array
     end = np.clip(np.floor(corners[..., :2].max(axis=1) + _EDGE), -1, last).astype(int) + 1
     size = np.maximum(end - begin, 0)
     samples = size.prod(axis=1)
-    require_at_most("samples near the mesh's triangles", int(samples.sum()), MAX_LOOKED_AT)
+    require_at_most("samples near the mesh's triangles", int(samples.sum()), _MAX_LOOKED_AT)
     chunk = np.cumsum(samples) // _CHUNK
     for k in np.unique(chunk):
         some = chunk == k

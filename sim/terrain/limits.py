@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from numbers import Integral
 
-from trackslip.errors import require
+from trackslip.errors import require, require_whole
 
 MAX_LENGTH = 200.0
 """Largest length and width of anything on a course [m]."""
@@ -19,14 +18,6 @@ MAX_ANGLE = 1.2
 """Largest angle of a ramp or a side slope [rad]."""
 MAX_NUMBER = 500
 """Largest number of stairs, beams or pallets in a piece."""
-MAX_COURSE = 1000.0
-"""Largest length of a course [m]."""
-MAX_SAMPLES = 1_000_000
-"""Largest number of samples of a height field."""
-MAX_SIDE = 2000
-"""Largest number of samples along a side of rough ground, whose spectrum takes four times its square."""
-MAX_LOOKED_AT = 100_000_000
-"""Largest number of samples near triangles of a mesh, each triangle's counted."""
 
 
 def require_between(field: str, value: float, low: float, high: float, unit: str = "") -> None:
@@ -57,9 +48,4 @@ def require_angle(field: str, value: float) -> None:
 
 def require_number(field: str, value: int) -> None:
     """Raise InvalidValueError unless `value` is how many of something a piece may have."""
-    require(is_whole(value) and 1 <= value <= MAX_NUMBER, field, value, f"a whole number from 1 to {MAX_NUMBER}")
-
-
-def is_whole(value: object) -> bool:
-    """Whether `value` is a whole number, Python's or NumPy's."""
-    return isinstance(value, Integral) and not isinstance(value, bool)
+    require_whole(field, value, 1, MAX_NUMBER)

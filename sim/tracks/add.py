@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from numbers import Integral
 
 import mujoco
 
@@ -20,6 +19,7 @@ from trackslip.errors import (
     require_at_most,
     require_finite,
     require_positive,
+    require_whole,
 )
 
 SENSED = 1 << 0 | 1 << 1 | 1 << 3 | 1 << 5 | 1 << 6 | 1 << 7
@@ -82,8 +82,7 @@ def add_tracks(
     require_friction(friction)
     shape, recipe = Hull.from_wheels(hull), load_preset(preset)
     count = segments if segments is not None else (recipe.segments if side == "both" else 1)
-    whole = _is_whole(count) and 1 <= count <= _MAX_SEGMENTS
-    require(whole, "segments", segments, f"a whole number from 1 to {_MAX_SEGMENTS}")
+    require_whole("segments", count, 1, _MAX_SEGMENTS)
     prefix = name or carrier.name
     require(prefix, "name", name, "given: the body has no name")
     names = tuple("_".join(filter(None, (prefix, which))) for which, _ in _SIDES[side])
@@ -95,11 +94,10 @@ def add_tracks(
         require(not taken, "name", prefix, f"another: the spec has a {track} already")
     if spec.option.timestep != mujoco.MjSpec().option.timestep:
         require_stable(spec.option.timestep, recipe)
-    offsets = tuple(sign * half_gauge for _, sign in _SIDES[side])
     anisotropic = friction[0] != friction[1]
     parts = track_parts(shape, count, anisotropic)
-    for track, offset in zip(bodies, offsets, strict=True):
-        frame = carrier.add_body(name=track, pos=[0.0, offset, 0.0])
+    for track, (_, sign) in zip(bodies, _SIDES[side], strict=True):
+        frame = carrier.add_body(name=track, pos=[0.0, sign * half_gauge, 0.0])
         for part in parts:
             frame.add_geom(name=f"{track}_{part.name}", mass=0, contype=0, conaffinity=0, group=3, **part.shape)
         spec.add_sensor(
@@ -113,7 +111,6 @@ def add_tracks(
         names,
         bodies,
         shape,
-        offsets,
         recipe,
         (float(friction[0]), float(friction[1])),
         load,
@@ -134,10 +131,6 @@ def add_tracks(
                 spec.delete(spec.body(track))
             raise
     return tracks
-
-
-def _is_whole(value: object) -> bool:
-    return isinstance(value, Integral) and not isinstance(value, bool)
 
 
 def _body(spec: mujoco.MjSpec, body: str | mujoco.MjsBody) -> mujoco.MjsBody:

@@ -27,8 +27,6 @@ class TrackParts:
     """Name of each track's body and sensor, and the beginning of the names of its geoms: NAME_track."""
     hull: Hull
     """The hull of each track."""
-    offsets: tuple[float, ...]
-    """Position of each track to the left on the body [m]."""
     preset: Preset
     """The contact recipe."""
     friction: tuple[float, float]

@@ -8,7 +8,7 @@ import numpy as np
 
 from experiments.validation.terrain.subjects import STAIRS, Box, Subject
 from experiments.validation.terrain.trial import Trial
-from sim.instruments import default_contact
+from sim.instruments import use_default_contact
 from sim.terrain import Course, Rough, Stairs
 from trackslip.kinematics import Array
 
@@ -78,7 +78,7 @@ def stairs(subject: Subject, preset: str, threads: int, by_default: bool = False
     course = stairs_course(rise)
     stand = climber(subject).stand(course, preset, flippers=STAIRS)
     if by_default:
-        default_contact(stand.model)
+        use_default_contact(stand.model)
     trial = Trial(stand, len(_YAW), threads)
     trial.position[:] += np.array(course.start[:3])
     trial.turn_to(np.array(_YAW))

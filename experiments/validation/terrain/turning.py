@@ -9,7 +9,7 @@ import numpy as np
 from experiments.validation.terrain.grounds import Level
 from experiments.validation.terrain.subjects import Stand, Subject
 from experiments.validation.terrain.trial import Trial
-from sim.instruments import default_contact
+from sim.instruments import use_default_contact
 from trackslip.kinematics import Array
 from trackslip.skid_theory import steady_twist
 
@@ -69,7 +69,7 @@ def turning(subject: Subject, preset: str, boxed: bool, threads: int, by_default
     def turned(belts: tuple[tuple[float, float], ...], shift: float) -> Turns:
         stand = subject.stand(Level(FRICTION, boxed), preset, shift)
         if by_default:
-            default_contact(stand.model)
+            use_default_contact(stand.model)
         return _turns(stand, np.array(belts), threads)
 
     half_length = subject.stand(Level(FRICTION, boxed), preset).half_length

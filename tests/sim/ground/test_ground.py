@@ -16,12 +16,14 @@ def test_patches_act_under_the_pads_that_are_on_them():
     friction = PadFriction([Ground(0.5, 0.6), Ground(0.5, 0.6, patches=(patch, upper))], PADS)
     assert friction.varies
     at = np.array([[0.2, 0.1], [0.2, 0.1]])
-    first, second = friction.at(0.0, at, np.zeros(2))
+    first, second = friction.surface(0.0, at, np.zeros(2))[..., :2]
     np.testing.assert_allclose(first, [[0.5, 0.6], [0.5, 0.6]])
     np.testing.assert_allclose(second, [[0.2, 0.3], [0.5, 0.6]])  # the right pad is at y = -0.1
-    turned = friction.at(0.0, at, np.full(2, np.pi))[1]  # now the left pad is at y = -0.1, the right at (0.1, 0.3)
+    turned = friction.surface(0.0, at, np.full(2, np.pi))[
+        1, :, :2
+    ]  # now the left pad is at y = -0.1, the right at (0.1, 0.3)
     np.testing.assert_allclose(turned, [[0.5, 0.6], [0.2, 0.3]])
-    on_both = friction.at(0.0, np.add(at, [0.4, 0.0]), np.zeros(2))[1]
+    on_both = friction.surface(0.0, np.add(at, [0.4, 0.0]), np.zeros(2))[1][..., :2]
     np.testing.assert_allclose(on_both[0], [0.9, 0.8])  # the last counts
 
 
@@ -38,7 +40,7 @@ def test_of_many_patches_the_last_under_each_pad_counts():
     position, heading = rng.uniform(-2, 2, (robots, 2)), rng.uniform(-np.pi, np.pi, robots)
     for _ in range(100):
         position, heading = position + rng.uniform(-0.1, 0.1, (robots, 2)), heading + 0.1
-        found = friction.at(0.0, position, heading)
+        found = friction.surface(0.0, position, heading)[..., :2]
         for i, ground in enumerate(grounds):
             cos, sin = np.cos(heading[i]), np.sin(heading[i])
             for j, (a, b) in enumerate(PADS):
@@ -58,7 +60,7 @@ def test_changes_take_effect_at_their_times_outside_patches():
     ground = Ground(0.5, 0.6, patches=(patch,), changes=(Change(1.0, 0.7, 0.8), Change(2.0, 0.1, 0.1)))
     friction = PadFriction([ground, Ground()], PADS)
     for time, right in ((0.0, (0.5, 0.6)), (0.99, (0.5, 0.6)), (1.0, (0.7, 0.8)), (2.5, (0.1, 0.1))):
-        found = friction.at(time, np.zeros((2, 2)), np.zeros(2))
+        found = friction.surface(time, np.zeros((2, 2)), np.zeros(2))[..., :2]
         np.testing.assert_allclose(found[0], [(0.2, 0.3), right])
         np.testing.assert_allclose(found[1], [(0.7, 0.778)] * 2)
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from tracked import HULL, add_flipper, add_robot, built, plane, slab
 
-from sim.instruments import default_contact
+from sim.instruments import use_default_contact
 from sim.tracks import PRESETS, add_tracks, bind
 
 WEIGHT = 25 * 9.81
@@ -97,7 +97,7 @@ def test_the_contact_that_is_compared_with_has_no_cores():
     add_robot(spec)
     add_tracks(spec, "robot", half_gauge=0.2, hull=HULL, terrain="ground")
     model = spec.compile()
-    default_contact(model)
+    use_default_contact(model)
     data = mujoco.MjData(model)
     data.qpos[2] = -0.006
     mujoco.mj_forward(model, data)
