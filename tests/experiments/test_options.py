@@ -5,16 +5,20 @@ The cases are generated from the options' fields: a new command or option is tes
 
 import ast
 import dataclasses
+import functools
+import re
 import shlex
 import typing
 from pathlib import Path
 
+import docstring_parser
 import pytest
+import tyro
 
 import experiments
 import sim
 import trackslip
-from experiments.cli import command_modules, parse
+from experiments.cli import command_modules, main, parse
 from experiments.options.base import (
     Distinct,
     Excludes,
@@ -41,14 +45,27 @@ EXCLUDED = [
 ]
 
 
-def leaves(options):
-    """Class and field of each option, nested ones included."""
+def leaves(options, prefix=""):
+    """Dotted name, class and field of each option, nested ones included."""
     hints = typing.get_type_hints(options)
     for field in dataclasses.fields(options):
         if dataclasses.is_dataclass(hints[field.name]):
-            yield from leaves(hints[field.name])
+            yield from leaves(hints[field.name], f"{prefix}{field.name}.")
         else:
-            yield options, field
+            yield f"{prefix}{field.name}", options, field
+
+
+@functools.cache
+def texts_of(cls):
+    """The docstrings of a class's own fields, by name."""
+    return {field.arg_name: field.description for field in docstring_parser.parse_from_object(cls).params}
+
+
+OPTIONS = [
+    (name, option, owner, field, next(texts_of(c)[field.name] for c in owner.__mro__ if field.name in texts_of(c)))
+    for name, config in CONFIGS.items()
+    for option, owner, field in leaves(config)
+]
 
 
 def example(name):
@@ -139,5 +156,34 @@ def checks_options(node):
 
 def test_every_option_is_used():
     used = set(read_names())
-    unused = {(name, field.name) for name, config in CONFIGS.items() for _, field in leaves(config)}
-    assert {(name, option) for name, option in unused if option not in used} == set()
+    assert {(name, field.name) for name, _, _, field, _ in OPTIONS if field.name not in used} == set()
+
+
+def test_help_lists_every_option_with_its_default(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "100")
+    shown = {}
+    for name in CONFIGS:
+        with pytest.raises(SystemExit):
+            main([name, "--help"])
+        shown[name] = capsys.readouterr().out.split("examples:")[0]
+    for name, option, owner, field, text in OPTIONS:
+        hint = typing.get_type_hints(owner, include_extras=True)[field.name]
+        if tyro.conf.Positional in getattr(hint, "__metadata__", ()):
+            continue
+        flag = "--" + option.removesuffix(".source").removesuffix(".force").removeprefix("bag.").replace("_", "-")
+        about = re.split(rf"\n[│ ] +{re.escape(flag)}[ ,]", shown[name], maxsplit=1)
+        assert len(about) == 2, (name, flag)
+        in_help, words = ("".join(some.replace("│", "").split()) for some in (about[1], text))
+        assert words in in_help, (name, flag)
+        default = re.search(r"\(default:([^)]+)", in_help.split(words, 1)[1])
+        assert default, (name, flag)
+        assert default[1] != "None", (name, flag)
+
+
+def test_help_texts_are_a_line_each_with_the_unit_of_numbers():
+    """tyro would break a line of help where the source does; a number without a unit has [-]."""
+    for _, option, owner, field, text in OPTIONS:
+        assert text.endswith((".", "]")), option
+        assert "\n" not in text, option
+        if "float" in str(typing.get_type_hints(owner)[field.name]):
+            assert re.search(r"\[[^]]+\]", text), option
