@@ -118,24 +118,17 @@ MISTAKES = [
         f"along = 0x{'f' * 6000}",
         "along = a huge number: must be a number of moderate size",
     ),  # and to write
-    (load_ground, f"along = {list(range(10_000))}", "along = [0, 1, 2,"),
     (load_ground, "a = " + "[" * 5000, "not TOML (maximum recursion"),
     (load_ground, "along" + ".x" * 5000 + " = 1", "nested too deeply, at most 20 levels are allowed"),
-    (load_ground, "along = 1979-05-27", "along = datetime.date(1979, 5, 27): must be a number"),
     (load_ground, "along = true", "along = True: must be a number"),
-    (load_ground, "along = 1\nalong = 2", "not TOML (Cannot overwrite"),
     (load_ground, "grip = 1.0", "grip is unknown; known are along, across"),
     # grounds
     (load_ground, "across = 99", "across = 99.0: must be at most 10"),
-    (load_ground, "slope = 2.0", "slope = 2.0: must be at most 1.5 rad"),
     (load_ground, "base = 'mud'", "base = 'mud': must be one of stone"),
-    (load_ground, "[base]\nx = 1", "base = {'x': 1}: must be one of stone"),
     (load_ground, "patches = 3", "patches = 3: must be a list"),
     (load_ground, "patches = [3]", "patches[0]: 3 is not a table"),
     (load_ground, PIECE, "patches[0]: x is missing"),
-    (load_ground, PIECE + "x = [false, true]", "patches[0]: x = False: must be a number"),
     (load_ground, PIECE + "x = [[0], [1]]", "patches[0]: x = [0]: must be a number"),
-    (load_ground, PIECE + "x = [0, 1, 2]", "patches[0]: x = (0.0, 1.0, 2.0): must be two ascending numbers"),
     (load_ground, PIECE + "x = [nan, 1]", "patches[0]: x = (nan, 1.0): must be two ascending numbers"),
     (load_ground, "[[changes]]\ntime = inf\nalong = 1\nacross = 1", "changes[0]: time = inf: must be a finite number"),
     (
@@ -145,7 +138,6 @@ MISTAKES = [
     ),
     # robots
     (load_robot, "half_gauge = 'wide'", "half_gauge = 'wide': must be a number"),
-    (load_robot, "com_x = 0.1", "com_x = 0.1: must be between"),
     (load_robot, "ground = 3", "ground: 3 is not a table"),
     (load_robot, "[ground]\nalong = -1", "ground: along = -1.0: must be a finite number > 0"),
     # obstacles
@@ -156,15 +148,11 @@ MISTAKES = [
     (load_course, "pieces = 3", "pieces = 3: must be a list of tables"),
     (load_course, "pieces = [3]", "pieces[0]: 3 is not a table"),
     (load_course, "[[pieces]]\nangle = 1", "pieces[0]: kind = None: must be one of flat, ramp, step, stairs"),
-    (load_course, "[[pieces]]\nkind = [1]", "pieces[0]: kind = [1]: must be one of flat, ramp"),
     (load_course, RAMP + "slope = 1", "pieces[0]: slope is unknown; known are angle, length"),
-    (load_course, RAMP + "angle = nan", "pieces[0]: angle = nan: must be from -1.2 to 1.2 rad"),
     (load_course, STAIRS + "number = 3.0", "pieces[0]: number = 3.0: must be a whole number"),
-    (load_course, STAIRS + "number = true", "pieces[0]: number = True: must be a whole number"),
     (load_course, PICTURE, "pieces[0]: file is missing"),
     (load_course, PICTURE + "file = 3", "pieces[0]: file = 3: must be a text"),
     (load_course, PICTURE + 'file = "none.png"', "none.png: "),
-    (load_course, "seed = -1\n" + RAMP, "seed = -1: must be a whole number >= 0"),
     (
         load_course,
         "width = 200\n[[pieces]]\nkind = 'rough'\ncell = 0.005",

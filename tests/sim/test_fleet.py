@@ -88,16 +88,6 @@ def test_traction_on_straight_ground_is_what_accelerates(robot):
     assert impulse == pytest.approx(robot.mass * fleet.twist()[0, 0], rel=0.02)
 
 
-def test_a_weak_drive_takes_its_time_but_gets_there(robot):
-    fleet = Fleet(robot, np.zeros((1, 3)), drive=Drive(torque_limit=1.0))
-    fleet.command([3.0, 3.0])
-    for _ in range(400):
-        fleet.advance(fleet.period)
-        assert np.abs(fleet.drive.torque).max() <= 1.0
-    np.testing.assert_allclose(fleet.drive.omega, 3.0, rtol=0.05)
-    assert fleet.twist()[0, 0] == pytest.approx(3.0 * 0.06 * 1.0067, rel=0.05)
-
-
 def test_default_drives_do_not_saturate_in_the_grid(robot):
     fleet = Fleet(robot, np.zeros((25, 3)))
     fleet.command(grid_commands(robot))

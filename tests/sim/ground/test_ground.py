@@ -65,10 +65,6 @@ def test_changes_take_effect_at_their_times_outside_patches():
         np.testing.assert_allclose(found[1], [(0.7, 0.778)] * 2)
 
 
-def test_even_ground_never_varies():
-    assert not PadFriction([Ground(), Ground(slope=0.1)], PADS).varies
-
-
 def test_gravity_points_downhill():
     np.testing.assert_allclose(
         Ground(slope=0.3, uphill=0.0).gravity(9.81), 9.81 * np.array([-np.sin(0.3), 0, -np.cos(0.3)])

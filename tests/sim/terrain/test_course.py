@@ -186,10 +186,6 @@ def test_elevation_is_height_but_for_edges():
     np.testing.assert_allclose(course.elevation(corners), 0.0, atol=1e-12)
 
 
-def test_whole_numbers_may_be_numpys():
-    assert Course((Stairs(number=np.int64(3)),), seed=np.int32(4)) == Course((Stairs(number=3),), seed=4)
-
-
 def test_two_courses_in_one_model():
     spec = mujoco.MjSpec()
     courses = Course((Ramp(0.3, 1.0), Rough())), Course((Stairs(),))

@@ -41,25 +41,6 @@ def test_a_picture_of_one_shade_is_level(tmp_path):
     assert course.height(2.0, 0.3) == 0.0
 
 
-def test_wrong_pictures_are_one_line(tmp_path):
-    junk, folder, thin = tmp_path / "junk.png", tmp_path / "folder.png", tmp_path / "thin.png"
-    junk.write_text("junk")
-    folder.mkdir()
-    write_png(thin, np.zeros((1, 5), np.uint8))
-    for path, message in (
-        (junk, "decoding PNG"),
-        (folder, "empty PNG"),
-        (thin, "at least 2"),
-        (tmp_path / "none.png", "opening file"),
-    ):
-        with pytest.raises(SettingsFileError, match=message) as error:
-            Picture(str(path))
-        assert "\n" not in str(error.value)
-        assert str(error.value).startswith(str(path))
-    with pytest.raises(InvalidValueError, match=r"file = 'hills.jpg': must be a .png file"):
-        Picture("hills.jpg")
-
-
 def write_obj(path, vertices, faces):
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in vertices.tolist()] + [f"f {a} {b} {c}" for a, b, c in faces + 1]
     path.write_text("\n".join(lines) + "\n")
@@ -109,13 +90,29 @@ def test_meshes_in_other_units_with_undersides_and_holes(tmp_path):
     assert heights[-1, -1] - heights[0, 0] == pytest.approx(0.5)
 
 
-def test_many_small_triangles_are_taken_in_parts(monkeypatch):
-    vertices, faces = surface(np.random.default_rng(1), 30, 40)
-    vertices = (vertices - vertices.min(axis=0)) / np.ptp(vertices, axis=0) * [60.0, 50.0, 1.0]
-    whole = highest(vertices, faces, (51, 61))
-    monkeypatch.setattr("sim.terrain.fields._CHUNK", 100)
-    assert (highest(vertices, faces, (51, 61)) == whole).all()
-    assert (whole > 0).mean() > 0.99
+ONE_SIDED = "v 0 0 0\nv 1 0 0\nf 1 2 9\n"
+NOT_FINITE = "v nan 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n"
+
+
+@pytest.mark.parametrize(
+    ("load", "name", "text"),
+    [
+        (Picture, "junk.png", "junk"),
+        (Picture, "none.png", None),
+        (Mesh, "junk.obj", "junk"),
+        (Mesh, "mesh.obj", ONE_SIDED),
+        (Mesh, "mesh.obj", NOT_FINITE),
+        (Mesh, "none.obj", None),
+    ],
+)
+def test_wrong_files_are_one_line(tmp_path, load, name, text):
+    path = tmp_path / name
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(SettingsFileError) as error:
+        load(str(path))
+    assert str(error.value).startswith(str(path))
+    assert "\n" not in str(error.value)
 
 
 def test_too_much_work_is_refused():
@@ -124,15 +121,3 @@ def test_too_much_work_is_refused():
         InvalidValueError, match=r"samples near the mesh's triangles = 120000000: must be at most 1e\+08"
     ):
         highest(vertices, np.tile([0, 1, 2], (120, 1)), (1000, 1000))
-
-
-@pytest.mark.parametrize(
-    "text", ["junk", "", "v 0 0 0\nv 1 0 0\nf 1 2 9\n", "v nan 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\n"]
-)
-def test_wrong_meshes_are_one_line(tmp_path, text):
-    path = tmp_path / "mesh.obj"
-    path.write_text(text)
-    with pytest.raises(SettingsFileError) as error:
-        Mesh(str(path))
-    assert str(error.value).startswith(str(path))
-    assert "\n" not in str(error.value)

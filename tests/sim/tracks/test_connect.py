@@ -3,10 +3,9 @@
 import mujoco
 import numpy as np
 import pytest
-from tracked import HULL, add_flipper, add_robot, built, plane, slab
+from tracked import add_robot, built, plane, slab
 
-from sim.instruments import use_default_contact
-from sim.tracks import PRESETS, add_tracks, bind
+from sim.tracks import PRESETS
 
 WEIGHT = 25 * 9.81
 """Of the robot [N]."""
@@ -57,49 +56,3 @@ def test_a_robot_that_turns_on_the_spot_does_not_touch_with_its_cores(preset, gr
         mujoco.mj_step(model, data)
         assert not touching_cores(data)
     assert data.qvel[5] > 0.5
-
-
-def test_flippers_and_height_fields_have_no_cores():
-    spec = plane()
-    spec.add_hfield(name="flat", nrow=2, ncol=2, size=[5, 5, 0.1, 0.1], userdata=np.zeros(4))
-    spec.worldbody.add_geom(name="field", type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname="flat", pos=[20, 0, 0])
-    body = add_robot(spec)
-    add_flipper(spec, body, "arm", 0.25, 0.25)
-    main = add_tracks(spec, "robot", half_gauge=0.2, hull=HULL, terrain=["ground", "field"])
-    add_tracks(
-        spec, "arm", half_gauge=0.0, side="left", hull=[(0, 0, 0.08), (0.25, 0, 0.05)], load=0.2, terrain=["ground"]
-    )
-    model = spec.compile()
-    cored = {model.geom(model.pair_geom2[k]).name for k in np.flatnonzero(model.pair_dim == 1)}
-    grounds = {model.geom(model.pair_geom1[k]).name for k in np.flatnonzero(model.pair_dim == 1)}
-    below = [name for names in main.geoms for name, cores in zip(names, main.cored, strict=True) if cores]
-    assert cored == {f"{name}_core" for name in below}
-    assert grounds == {"ground"}
-
-
-def test_cores_follow_a_robot_that_is_attached_and_connected_twice():
-    robot = mujoco.MjSpec()
-    add_robot(robot)
-    tracks = add_tracks(robot, "robot", half_gauge=0.2, hull=HULL)
-    scene = plane()
-    scene.worldbody.add_geom(name="block", type=mujoco.mjtGeom.mjGEOM_BOX, size=[1, 1, 0.1], pos=[9, 0, 0])
-    scene.attach(robot, prefix="first/", frame=scene.worldbody.add_frame())
-    tracks = tracks.prefixed("first/")
-    for ground in ("ground", "block"):
-        tracks.connect(scene, [ground])
-    model = scene.compile()
-    assert (model.pair_dim == 1).sum() == 2 * 2 * sum(tracks.cored)
-    assert bind(model, tracks).names == tracks.names
-
-
-def test_the_contact_that_is_compared_with_has_no_cores():
-    spec = slab()
-    add_robot(spec)
-    add_tracks(spec, "robot", half_gauge=0.2, hull=HULL, terrain="ground")
-    model = spec.compile()
-    use_default_contact(model)
-    data = mujoco.MjData(model)
-    data.qpos[2] = -0.006
-    mujoco.mj_forward(model, data)
-    assert data.ncon
-    assert not touching_cores(data)

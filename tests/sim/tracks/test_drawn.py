@@ -6,7 +6,6 @@ import pytest
 from tracked import HULL, add_robot, plane
 
 from sim.tracks import DrawnTracks, add_tracks, bind
-from trackslip.errors import InvalidValueError
 
 
 @pytest.fixture
@@ -61,16 +60,3 @@ def test_they_go_with_their_body(robot):
     drawn.draw(scene, data)
     turned = before @ np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]) + [1.0, 2.0, 0.5]
     np.testing.assert_allclose(places(scene), turned, atol=1e-6)
-
-
-def test_a_full_scene_takes_no_more(robot):
-    model, tracks = robot
-    data, scene = mujoco.MjData(model), mujoco.MjvScene(model, 7)
-    mujoco.mj_forward(model, data)
-    DrawnTracks(model, tracks).draw(scene, data)
-    assert scene.ngeom == 7
-
-
-def test_widths_are_positive(robot):
-    with pytest.raises(InvalidValueError, match=r"width = 0: must be a finite number > 0"):
-        DrawnTracks(*robot, width=0)

@@ -16,8 +16,6 @@ LISTED = [
     Course((Rough(2.0, 0.1, cell=0.2),), friction=0.7, seed=4, **SHORT),
 ]
 OTHER = Course((Beams(0.1, 0.6, 2, yaw=0.3),), friction=0.9, **SHORT)
-GEOMS = ("type", "pos", "quat", "size", "rbound", "aabb", "friction", "condim", "contype", "conaffinity")
-GEOMS += ("solref", "solimp", "margin", "gap", "priority", "solmix")
 
 
 @pytest.fixture(scope="module")
@@ -27,34 +25,11 @@ def world():
     return world
 
 
-@pytest.mark.parametrize("row", range(4))
-def test_what_the_engine_sees_is_the_compiled_course(world, row):
-    slots, own = world.batch.get_model(row), Traverse(load_tracked("box"), [world.course[row]], threads=1).tracked.model
-    used = [k for k in range(slots.ngeom) if slots.geom_bodyid[k] == 0 and slots.geom_pos[k, 2] > -100]
-    ground = [k for k in range(own.ngeom) if own.geom_bodyid[k] == 0 and own.geom_contype[k]]
-    assert len(used) == len(ground)
-    used, ground = (
-        [k for _, k in sorted((m.geom_type[k], k) for k in ids)] for m, ids in ((slots, used), (own, ground))
-    )
-    for name in GEOMS:
-        field = f"geom_{name}"
-        np.testing.assert_array_equal(getattr(slots, field)[used], getattr(own, field)[ground], err_msg=name)
-    for one, other in zip(used, ground, strict=True):
-        if own.geom_type[other] == mujoco.mjtGeom.mjGEOM_HFIELD:
-            fields = [(m, m.geom_dataid[k]) for m, k in ((slots, one), (own, other))]
-            np.testing.assert_array_equal(*(m.hfield_size[k] for m, k in fields))
-            heights = [m.hfield_data[m.hfield_adr[k] :][: m.hfield_nrow[k] * m.hfield_ncol[k]] for m, k in fields]
-            np.testing.assert_array_equal(*heights)
-    paired = own.pair_geom1[0] if own.geom_bodyid[own.pair_geom1[0]] == 0 else own.pair_geom2[0]
-    assert paired in ground
-    np.testing.assert_array_equal(np.unique(slots.pair_friction[:, :2]), [world.course[row].friction])
-
-
 def test_robots_drive_on_slots_as_on_the_course(world):
     speed = np.full((5, 2), 0.5)
     for _ in range(25):
         world.step(Command(speed, np.zeros((5, 0))))
-    for row in (1, 2, 3):
+    for row in range(4):
         alone = Traverse(load_tracked("box"), [world.course[row]], threads=1)
         alone.batch.expand("opt.disableflags")[:] |= int(mujoco.mjtDisableBit.mjDSBL_MIDPHASE)
         for _ in range(25):

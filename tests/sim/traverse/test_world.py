@@ -100,14 +100,6 @@ def test_rear_flippers_reach_for_lower_ground_and_never_give_way():
     assert rear[2] == 0
 
 
-def test_the_geometry_of_the_rescue_robots_flippers(rescue):
-    shape = rescue.flippers
-    np.testing.assert_array_equal(shape.front, [True, True, False, False])
-    np.testing.assert_allclose(np.abs(shape.hinge[:, 0]), 0.22)
-    np.testing.assert_allclose(shape.length, 0.245)
-    np.testing.assert_allclose(shape.rest, 0.0, atol=1e-12)
-
-
 def test_the_scripted_controller_comes_back_to_the_middle():
     world = Traverse(load_tracked("rescue"), [Course((Flat(3.0),))], 2, threads=1)
     world.begin([0, 1], start=[[-1.0, 0.3, 0.3], [-1.0, -0.3, -0.3]])
@@ -117,20 +109,15 @@ def test_the_scripted_controller_comes_back_to_the_middle():
     np.testing.assert_allclose(world.state.position[0, :2], world.state.position[1, :2] * [1, -1], atol=1e-6)
 
 
-def test_commands_that_make_no_sense_are_refused(rescue):
+def test_commands_and_starts_that_make_no_sense_are_refused(rescue):
     fine, flippers = np.zeros((1, 2)), np.zeros((1, 4))
     for command, message in (
         (Command(np.array([[0.1, np.nan]]), flippers), r"speed = \[\[0.1, nan\]\]: must be finite, of shape \(1, 2\)"),
         (Command(np.zeros(2), flippers), "speed"),
         (Command(fine, np.zeros((1, 3))), "flippers"),
-        (Command(fine, np.full((1, 4), np.inf)), "flippers"),
     ):
         with pytest.raises(InvalidValueError, match=message):
             rescue.step(command)
-
-
-def test_starts_that_are_not_finite_are_refused():
-    world = Traverse(load_tracked("box"), [LEVEL], threads=1)
     for start in ([[0.0, np.nan, 0.0]], [[0.0, 0.0]], np.zeros((2, 3))):
         with pytest.raises(InvalidValueError, match="start"):
-            world.begin([0], start=start)
+            rescue.begin([0], start=start)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-import scipy
 
 from sim.wander.commands import Driver, track_commands
 from sim.wander.motion import LASTING, WHITE, LawMotion, SlipVariation, arc_steps, joined, steps_between
@@ -70,17 +69,3 @@ def test_lateral_speed_follows_turning_centre_and_drift():
     _, twist = moved.drive(omega, RATE, np.random.default_rng(0))
     v, lateral, w = twist.T
     np.testing.assert_allclose(lateral, -0.03 * w - 0.02 * v * w, atol=1e-15)
-
-
-def test_the_turning_centre_stands_still_on_the_spot():
-    omega = np.r_[0.0, np.full(200, 3.0)][:, None] * [-1.0, 1.0]
-    motion, _ = LawMotion(LAW, GEOMETRY, EXACT, turning_centre=0.03).drive(omega, RATE, np.random.default_rng(0))
-    x, y, phi = motion.pose.T
-    np.testing.assert_allclose(x + 0.03 * np.cos(phi), 0.03, atol=1e-12)
-    np.testing.assert_allclose(y + 0.03 * np.sin(phi), 0.0, atol=1e-12)
-
-
-def test_white_slip_is_normal():
-    omega = np.r_[0.0, np.full(2000, 3.0)][:, None] * np.ones(2)
-    moved, _ = LawMotion(LAW, GEOMETRY, WHITE).drive(omega, RATE, np.random.default_rng(3))
-    assert scipy.stats.kstest(scipy.stats.zscore(steps_between(moved.pose)[:, 2]), "norm").pvalue > 1e-3

@@ -7,10 +7,8 @@ import pytest
 
 from sim.wander.commands import Driver, track_commands
 from sim.wander.log import encoder_log, joined_log, quantised
-from sim.wander.motion import LawMotion, Motion
-from sim.wander.pose_source import SOURCES
+from sim.wander.motion import LawMotion
 from trackslip.kinematics import RobotGeometry
-from trackslip.logs.logfile import read_runs, write_csv, write_parquet
 from trackslip.logs.runlog import RunLog
 from trackslip.slip.icr import ConstantIcr
 
@@ -53,21 +51,6 @@ def test_the_truth_is_kept_between_rows(encoders):
     np.testing.assert_allclose(log.truth.twist[rows], encoders.truth.twist, atol=1e-12)
     steps = np.hypot(*np.diff(log.truth.pose[:, :2], axis=0).T)
     assert steps.max() < 0.3 * 0.02 * 1.2
-
-
-@pytest.mark.parametrize("ending", ["parquet", "csv"])
-def test_a_log_is_stored_and_read(encoders, tmp_path, ending):
-    stamps, poses = SOURCES["slam"].measure(Motion(encoders.time, encoders.pose), np.random.default_rng(2))
-    log = joined_log(encoders, stamps, poses)
-    file = tmp_path / f"runs.{ending}"
-    (write_parquet if ending == "parquet" else write_csv)([log], file)
-    (again,) = read_runs(file)
-    np.testing.assert_array_equal(again.time, log.time)
-    np.testing.assert_array_equal(again.omega, log.omega)
-    np.testing.assert_array_equal(again.valid, log.valid)
-    np.testing.assert_allclose(again.pose[again.valid], log.pose[log.valid], atol=1e-12)
-    np.testing.assert_array_equal(again.truth.twist, log.truth.twist)
-    assert again.truth.traction is None
 
 
 def test_counts_round_angles_not_speeds(encoders):
